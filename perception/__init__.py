@@ -1,1 +1,1 @@
-"""From colour and depth to beliefs: what stands where, what hides, what nothing known explains."""
+"""Perception: beliefs about items, hidden objects and unknown obstacles from colour and depth images."""

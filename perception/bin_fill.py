@@ -1,4 +1,4 @@
-"""How high the heap in a bin is."""
+"""Bin fill: height map of the heap in a bin, from one picture."""
 
 from __future__ import annotations
 
@@ -15,21 +15,22 @@ CELLS = 3
 HIGHEST = 0.9
 """Quantile of the heights in a cell that counts as its height."""
 LIKELY = 1.28
-"""Sigmas of depth noise that this percentile lies above an even surface."""
+"""Sigmas of depth noise by which that quantile lies above an even surface."""
 MARGIN = 0.006
-"""Points nearer to a wall than this may be the wall, m."""
+"""Distance from a wall below which a point may belong to the wall, m."""
 ABOVE = 0.2
-"""A heap may stand this much above the rim, m."""
+"""Greatest height of a heap above the rim, m."""
 STRIDE = 2
-"""Of every so many rows and columns of the picture one is used."""
+"""Step between the rows, and between the columns, of the picture that are used."""
 LEAST = 8
-"""Fewer pixels than this in a cell say nothing."""
+"""Least number of pixels for the height of a cell; with fewer it stays unknown."""
 
 
 def bin_height_map(
     picture: SegmentationInput, blocked: NDArray[np.bool_], bin_: Bin, noise: float, cells: int = CELLS
 ) -> BinView:
-    """Height map of a bin. `blocked` (h, w) is what the robot hides; `noise` is the depth's at 0.7 m."""
+    """Compute the height map of a bin. `blocked` (h, w) marks pixels of the robot; `noise` is the depth's
+    standard deviation at 0.7 m."""
     heights = np.full((cells, cells), np.nan)
     low, high = bin_.inside()
     reach = np.array([high[0], high[1], high[2] + ABOVE])

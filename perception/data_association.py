@@ -1,4 +1,5 @@
-"""From view to view: which detection is which believed object, what is gone, what is merely hidden."""
+"""Data association: detections of a view are matched to believed objects; objects are added, moved, kept as
+hidden or removed."""
 
 from __future__ import annotations
 
@@ -16,26 +17,28 @@ from .fitting.view import Detection, PerceivedView, UnexplainedPatch
 from .voxels.obstacle_volumes import update_volumes
 
 NEAR = 0.04
-"""A detection this close to a belief of its colour is taken for it, m; what is unsure reaches further."""
+"""Distance within which a detection is matched to a believed object of its colour, m. Uncertain positions
+widen it."""
 NEAR_IN_BIN = 0.10
-"""The same for what lies in one bin: heaps settle."""
+"""The same distance inside one bin, m: heaps settle."""
 FAR = 0.50
-"""An object whose place is seen empty is looked for among the other detections of its kind, m."""
+"""Distance within which an object whose place is seen empty is matched to another detection of its kind, m.
+"""
 OTHER_KIND = 0.02
-"""Distance that a difference in kind is worth, m: what was half hidden may have been misjudged."""
+"""Cost of a difference in kind, as a distance, m. A half hidden object may have been misjudged before."""
 CLEARLY = 0.8
-"""A detection whose confidence is below this share of the belief's sees the object worse than before."""
+"""Share of the belief's confidence below which a detection sees the object worse than before."""
 IN_HAND = 0.06
-"""What has the held object's colour this near to it, is it, m."""
+"""Distance from the held object within which a detection of its colour is the held object, m."""
 CERTAIN = 0.6
-"""With this confidence a detection is an object of its own, whatever is believed hidden around it."""
+"""Confidence from which a detection is an object of its own, even next to hidden objects."""
 
 Cost: TypeAlias = Callable[[BeliefObject, Detection], float]
 
 
 @dataclass(frozen=True, slots=True)
 class ObservationSummary:
-    """What one view changed in the belief: ids."""
+    """Changes of the belief by one view, as ids of objects."""
 
     seen: tuple[ObjectId, ...]
     """Items in the view, whether known before or new."""
@@ -44,18 +47,18 @@ class ObservationSummary:
     hidden: tuple[ObjectId, ...]
     """Believed items that were neither recognised nor seen missing."""
     unexplained: int
-    """Obstacles in the view."""
+    """Number of obstacles in the view."""
 
 
 def update_belief(
     scene: PlanningScene, view: PerceivedView, now: float, held_at: Pose | None = None
 ) -> ObservationSummary:
-    """Bring the items and obstacles of `scene` up to date with what `view` showed at time `now`.
+    """Update the items and obstacles of `scene` with what `view` showed at time `now`, s.
 
-    `held_at`: where what the hand holds was in the world then, if it has moved on since.
+    `held_at` is the held object's pose in the world at that time; None: it has not moved since.
 
-    Ids stay with their objects: first by place, then by kind for those that left their place. What is
-    attached to the gripper is not touched. A belief goes only when its place is clearly seen to be empty.
+    Ids stay with their objects: matched first by place, then by kind for objects that left their place. An
+    attached object is not touched. An item is removed only when its place is clearly seen to be empty.
     """
     held = scene.held
     if held is not None and held_at is not None:
@@ -91,7 +94,7 @@ def update_belief(
 def _assigned(
     items: Sequence[BeliefObject], detections: Sequence[Detection], cost: Cost
 ) -> dict[ObjectId, Detection]:
-    """The cheapest pairing of items with detections among the pairs whose cost is finite."""
+    """Assign detections to items at the least total cost, among the pairs whose cost is finite."""
     if not items or not detections:
         return {}
     costs = np.array([[cost(o, d) for d in detections] for o in items])
@@ -107,7 +110,7 @@ def _others(detections: Sequence[Detection], matched: dict[ObjectId, Detection])
 
 
 def _nearness(item: BeliefObject, detection: Detection) -> float:
-    """Distance on the table or in the same bin, m; inf when too far or of another colour."""
+    """Distance on the table or in the same bin, m; inf beyond the gate or for another colour."""
     if item.colour != detection.colour:
         return math.inf
     same_bin = detection.place != "table" and item.place == detection.place
@@ -117,7 +120,8 @@ def _nearness(item: BeliefObject, detection: Detection) -> float:
 
 
 def _moved(item: BeliefObject, detection: Detection) -> float:
-    """Distance to something of the same kind and colour; inf when too far or another."""
+    """Distance to a detection of the same kind and colour, m; inf beyond FAR or for another kind or
+    colour."""
     if (item.colour, item.kind) != (detection.colour, detection.kind):
         return math.inf
     distance = item.pose.distance(detection.pose)
@@ -133,7 +137,7 @@ def _gone(view: PerceivedView, item: BeliefObject) -> bool:
 
 
 def _part_of_known(detection: Detection, hidden: Sequence[BeliefObject]) -> bool:
-    """Whether it may be a piece of something that is believed there already, seen badly."""
+    """Whether the detection may be a badly seen piece of a hidden object."""
     in_bin = detection.place != "table"
     if detection.confidence >= CERTAIN and not in_bin:
         return False
@@ -143,7 +147,7 @@ def _part_of_known(detection: Detection, hidden: Sequence[BeliefObject]) -> bool
 
 
 def _is_known(unexplained: UnexplainedPatch, items: Sequence[BeliefObject]) -> bool:
-    """Whether the box stands about an item that is believed there but was not recognised."""
+    """Whether the box surrounds a believed item that was not recognised."""
     return any(
         o.colour == unexplained.colour and o.pose.distance(unexplained.pose) < max(unexplained.shape.size)
         for o in items
@@ -158,9 +162,11 @@ def _believed(object_id: ObjectId, d: Detection, now: float) -> BeliefObject:
 
 
 def _seen(item: BeliefObject, detection: Detection, view: PerceivedView, now: float) -> BeliefObject:
-    """The belief after its object was seen. What was known better before is kept while the view bears it
-    out: of an object that is half hidden only the visible half speaks. What was given up is so where it lay:
-    elsewhere it may be had."""
+    """Return the belief after its object was seen.
+
+    A better earlier estimate is kept while the view bears it out: of a half hidden object only the visible
+    half counts. An item that was given up stays so where it lay. Found elsewhere, it may be handled again.
+    """
     given_up = item.place == "aside" and detection.place == "table"
     stayed = item.pose.distance(detection.pose) < NEAR + 3.0 * min(item.sigma_position, 0.03)
     place = item.place if given_up and stayed else detection.place
@@ -172,7 +178,7 @@ def _seen(item: BeliefObject, detection: Detection, view: PerceivedView, now: fl
 
 
 def _likest(detection: Detection, before: Pose) -> Pose:
-    """The detection's pose, or one that looks the same, with the orientation nearest to `before`."""
+    """Return the detection's pose, or one that looks the same, with the orientation nearest to `before`."""
     if not detection.turn:
         return detection.pose
     position, pose = detection.pose.position, detection.pose
@@ -182,5 +188,5 @@ def _likest(detection: Detection, before: Pose) -> Pose:
 
 
 def _times(turn: float) -> int:
-    """How often an angle goes into a full turn."""
+    """Number of times that an angle goes into a full turn."""
     return max(1, round(2 * math.pi / turn))

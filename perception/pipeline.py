@@ -1,4 +1,5 @@
-"""From one picture to a view: mask, segment, fit, and say what is left over."""
+"""Perception pipeline: one RGB-D image is masked, segmented and fitted to the catalogue. What no fit explains
+is reported as unexplained."""
 
 from __future__ import annotations
 
@@ -27,12 +28,20 @@ from .expectation.backdrop import (
 from .expectation.hand_camera_pose import register_hand_camera
 from .expectation.robot_mask import HIGH, RobotMask, RobotShape, with_what_hangs_on
 from .fitting.blob_splitting import split_blob
-from .fitting.item_fitting import GOOD, HOVER, MODEL_SIGMA, Hypothesis, ItemFitter
+from .fitting.item_fitting import (
+    GOOD,
+    HOVER,
+    MODEL_SIGMA,
+    POOR,
+    Hypothesis,
+    ItemFitter,
+    detection_from,
+    is_clear,
+)
 from .fitting.known_object_fitting import ROUGH, TrackedSighting, track_objects
 from .fitting.view import BinView, BodyVisibility, Detection, PerceivedView, UnexplainedPatch
 from .geometry.camera_geometry import PosedCamera
 from .geometry.resting_poses import HoleMouths, stable_poses
-from .geometry.silhouette_fitting import StandingPose
 from .segmentation import blobs
 from .segmentation.blobs import (
     Blob,
@@ -48,43 +57,37 @@ from .voxels.space_carving import RAISED, bounding_box_of, points_of, unexplaine
 __all__ = ["BinView", "BodyVisibility", "Detection", "PerceivedView", "Perception", "UnexplainedPatch"]
 
 LEAST = 10
-"""Pixels of a patch of colour."""
+"""Least number of pixels of a patch of colour."""
 FLAT = 0.002
-"""A patch of colour whose top is lower than this over its support is paint, m."""
+"""Height of a patch's top over its support below which the patch is paint, m."""
 PAINT = 0.0035
-"""Colour that is painted there needs this much height to be something else, m."""
-SUBPIXEL = 0.12
-"""What the grid of pixels costs however many of them an outline has, pixels: along an edge that lies with
-the grid they all err alike."""
-FRAGMENT = 0.4
-"""A blob that fills less of the silhouette than this may be a part of anything."""
+"""Height over a painted surface above which its colour belongs to something else, m."""
 OVER_RIM, OVER_HEAP = 0.03, 0.10
-"""Depth over a bin that is not higher than this over its rim is of its heap, grey or of an item's colour:
-items may lean over the rim, m."""
+"""Heights over a bin's rim up to which depth belongs to the heap in the bin, m: grey, and of an item's
+colour. Items may lean over the rim."""
 TALLER = 0.015
-"""What is higher than the tallest item by this is none, m."""
+"""Height above the tallest item from which a blob cannot be an item, m."""
 BEYOND = 0.02
-"""So far beyond what never moves a ray is taken to go on, so that it clears what touches that, m."""
+"""Length by which a ray is taken to go on beyond what never moves, m. It thereby clears volumes that touch
+such a surface."""
 OFF, FAR_OFF = 0.006, 0.8
-"""A camera whose correction moves what it sees by more than this hangs elsewhere than believed, at a distance
-of so much, m."""
+"""Displacement at the distance of the second value above which a corrected camera counts as misplaced, m. Its
+background is then computed again."""
 DOWNWARDS = 0.1
-"""A moving camera may look to the horizon, where nothing lies that is to be recognised: rays fall at least by
-so much for each m of depth."""
+"""Least descent of a ray of a moving camera for each m of depth. Flatter rays go to the horizon, where no
+item lies."""
 GOOD_CUT, SHOWN_CUT = 2.5, 0.75
-"""What the hand, or the border of its camera's picture, cuts through is recognised with a misfit below this
-and so much of its silhouette; else it is nothing, for another picture shows it better."""
+"""Greatest misfit and least visible share of a blob that the hand or the picture's border cuts through. Other
+cut blobs are ignored: another picture shows them better."""
 VAGUE = 0.012
-"""A position that is less certain than this is none, m."""
-POOR = 4.0
-"""A misfit above this explains nothing."""
+"""Standard deviation of a position from which on a fit is no detection, m."""
 POOR_IN_BIN = 2.6
-"""The same in a bin, where leaning items are not forced into a shape."""
+"""Greatest misfit of a detection in a bin, where leaning items are not forced into a shape."""
 
 
 class Perception:
-    """Knows the scene's fixtures, bins, cameras and catalogue, and the robot's shape; keeps nothing from
-    picture to picture but what the cameras would see of an empty scene."""
+    """Perception of one scene: its fixtures, bins, cameras and catalogue, and the robot's shape. Between
+    pictures it keeps nothing but the cameras' views of the empty scene."""
 
     def __init__(
         self, description: SceneDescription, robot: RobotShape, table_z: float | None = None
@@ -98,7 +101,7 @@ class Perception:
         )
         self.rests = tuple(rest for entry in description.catalogue for rest in stable_poses(entry))
         self.tallest = max((rest.height for rest in self.rests), default=0.0)
-        """Height of the tallest item as it stands, m."""
+        """Height of the tallest item in its tallest stable pose, m."""
         self._floors = SupportSurfaces(description.fixtures, description.bins)
         self.mouths = HoleMouths(description.fixtures, description.catalogue)
         self._noise = {c.name: max(c.depth_noise, 2e-4) for c in description.cameras}
@@ -107,9 +110,10 @@ class Perception:
         self._backdrops: dict[tuple[object, Pose], BackgroundModel] = {}
 
     def detect(self, image: RgbdImage, joints: Array, width: float, scene: PlanningScene) -> PerceivedView:
-        """What the picture shows, taken with the arm at `joints` (n,) rad and the fingers `width` m open.
+        """Return what the picture shows, taken with the arm at `joints` (n,) rad and the fingers `width` m
+        open.
 
-        The belief in `scene` only says what the hand holds; it is not changed.
+        The belief in `scene` serves only to know the held object; it is not changed.
         """
         shot = self._shot(image, joints, width, scene)
         picture = shot.picture
@@ -139,8 +143,8 @@ class Perception:
         scene: PlanningScene,
         objects: Sequence[BeliefObject],
     ) -> tuple[TrackedSighting, ...]:
-        """Where the picture shows the objects that are believed to be in it, given what they are: see
-        `following`. Cheaper and surer than `detect`, for nothing has to be recognised."""
+        """Locate objects that are believed to be in the picture; see `known_object_fitting`. It is cheaper
+        and surer than `detect`, because nothing has to be recognised."""
         shot = self._shot(image, joints, width, scene)
         fitter = ItemFitter(self.rests, shot.picture.sight, shot.noise, shot.rough)
         return track_objects(shot.picture, fitter, objects)
@@ -164,7 +168,7 @@ class Perception:
         else:
             sight = level_camera(believed, depth, backdrop, self._table_z)
         if believed.apart(sight, FAR_OFF) > OFF:
-            # What is seen of walls and table is to be compared with where they are from there.
+            # What is seen of walls and table is compared with where they are, seen from the corrected camera.
             believed = sight
             backdrop = BackgroundModel.of(self._description, sight, self._table, self._table_z)
         height = sight.heights(depth)
@@ -172,7 +176,7 @@ class Perception:
         if moving:
             robot |= self._robot.nearby(believed, depth, joints, width, in_hand)
         else:
-            # A camera that hangs elsewhere than believed sees a rim of the robot beside the model.
+            # A camera that is mounted elsewhere than believed sees a rim of the robot next to the model.
             high = np.where(~robot & (height > self._table_z + HIGH), depth, 0.0)
             if high.any():
                 robot |= self._robot.nearby(believed, high, joints, width, in_hand, math.inf) & (high > 0)
@@ -186,8 +190,7 @@ class Perception:
         return _Shot(picture, backdrop, robot, self._noise.get(image.camera, 0.002), moving)
 
     def _beside_hand(self, sight: PosedCamera, image: RgbdImage, joints: Array, width: float) -> PosedCamera:
-        """The levelled sight of a camera on the hand, corrected by the fingers that the whole picture
-        shows."""
+        """Correct the levelled pose of a hand camera by the fingers that the whole picture shows."""
         fine = PosedCamera.along(image.intrinsics, sight.origin, sight.rotation)
         found = register_hand_camera(fine, image.depth.astype(np.float64), self._robot.fingers(joints, width))
         return PosedCamera.along(sight.intrinsics, found.origin, found.rotation)
@@ -201,7 +204,8 @@ class Perception:
         return self._backdrops[key]
 
     def in_heap(self, points: Array, over: float = OVER_RIM) -> NDArray[np.bool_]:
-        """Which points (n, 3) of the world belong to what lies in a bin: no higher than `over` m over it."""
+        """Select the points (n, 3) of the world that belong to a heap in a bin: at most `over` m above its
+        rim."""
         return self._floors.in_heap(points, over)
 
     def floor(self, x: float, y: float, below: float) -> SupportSurface:
@@ -210,24 +214,24 @@ class Perception:
 
 @dataclass(frozen=True, eq=False)
 class _Shot:
-    """One picture, masked."""
+    """One masked picture."""
 
     picture: SegmentationInput
     backdrop: BackgroundModel
     robot: NDArray[np.bool_]
     noise: float
-    """Of the depth at 0.7 m."""
+    """Standard deviation of the depth at 0.7 m, m."""
     moving: bool
-    """Whether the camera is on the hand, so that hand and border may cut through what it sees."""
+    """Whether the camera is on the hand. Then hand and border may cut through items in the picture."""
 
     @property
     def rough(self) -> float:
-        """What is added to the noise of a depth, m."""
+        """Part of the depth's standard deviation that does not depend on the distance, m."""
         return ROUGH if self.moving else MODEL_SIGMA
 
 
 class _Finding:
-    """The work on one picture."""
+    """Recognition of items and unexplained patches in one picture."""
 
     def __init__(self, perception: Perception, shot: _Shot) -> None:
         self.perception = perception
@@ -240,7 +244,7 @@ class _Finding:
         self.unexplained: list[UnexplainedPatch] = []
 
     def items(self) -> None:
-        """Find the coloured patches and fit them; those that fit nothing become boxes."""
+        """Fit the coloured patches. Patches that fit nothing become boxes."""
         picture = self.picture
         usable = (picture.label > 0) & ~picture.blocked
         if self.backdrop.label.any():
@@ -256,8 +260,11 @@ class _Finding:
                 self._item(patch)
 
     def _is_more_than_paint(self) -> NDArray[np.bool_]:
-        """Pixels of another colour than what is painted behind them, and those that stand out from it as
-        far as their neighbours do; noise is as large as a plate is thick."""
+        """Select pixels that are more than paint: of another colour than the background, or raised from it.
+
+        Pixels count as raised with their neighbours only, because depth noise is as large as a plate is
+        thick.
+        """
         picture, behind = self.picture, self.backdrop
         known = picture.depth > 0
         out = np.where(known, behind.depth - picture.depth, 0.0)
@@ -267,7 +274,7 @@ class _Finding:
         return clean.astype(np.bool_) | (picture.label != behind.label)
 
     def things(self) -> None:
-        """Find the grey depth that nothing known explains. In bins it is a part of the heap."""
+        """Collect the grey depth that nothing known explains. In bins it belongs to the heap."""
         picture = self.picture
         for rows, columns in unexplained_patches(
             picture, self.backdrop.depth, self.robot, self.perception.in_heap
@@ -275,7 +282,7 @@ class _Finding:
             self._box(rows, columns)
 
     def reach(self) -> NDArray[np.float32]:
-        """See `PerceivedView`."""
+        """Compute how far each ray passes through free space, see `PerceivedView.reach`."""
         picture, behind = self.picture, self.backdrop
         explained = behind.depth - picture.depth <= RAISED
         explained |= np.isfinite(behind.guard) & (picture.depth > behind.guard - SURFACE)
@@ -304,38 +311,39 @@ class _Finding:
         misfit = hypotheses[0].misfit if hypotheses else 9.0
         cut = cut_off(patch.rows, patch.columns, *self.picture.depth.shape) or self._beside_robot(blob)
         if self.moving and cut:
-            if hypotheses and _clear(hypotheses[0], GOOD_CUT) and hypotheses[0].shown > SHOWN_CUT:
+            if hypotheses and is_clear(hypotheses[0], GOOD_CUT) and hypotheses[0].shown > SHOWN_CUT:
                 self._settle(blob, hypotheses, floor)
             return
         if misfit > GOOD and not floor.in_bin:
             parts = split_blob(self.picture, self.fitter, blob, floor.height, misfit)
-            if parts is not None and (misfit >= POOR or all(_clear(part.hypotheses[0]) for part in parts)):
+            if parts is not None and (misfit >= POOR or all(is_clear(part.hypotheses[0]) for part in parts)):
                 for part in parts:
                     self._settle(part.blob, part.hypotheses, floor)
                 return
         self._settle(blob, hypotheses, floor)
 
     def _seated(self, blob: Blob) -> _Seated | None:
-        """The item of which the blob is what stands out of a hole; None when it is none that is clear."""
+        """Return the item whose protruding part the blob is. None when no hole is near, or no item fits
+        clearly."""
         x, y = self.picture.sight.at_height(blob.middle, blob.top)
         mouth = self.perception.mouths.near(float(x), float(y))
         if mouth is None or not mouth.stubs:
             return None
         found = replace(self.fitter, rests=mouth.rests).explain(blob, mouth.height)
         stub = mouth.stub(found[0].stand.rest) if found else None
-        if stub is None or not _clear(found[0]):
+        if stub is None or not is_clear(found[0]):
             return None
-        seen = _detection(self.picture.sight, blob, found, SupportSurface(mouth.id, mouth.height, False))
-        # What the board hides of its outline leaves open where it is, and the hole tells.
+        seen = detection_from(self.picture.sight, blob, found, SupportSurface(mouth.id, mouth.height, False))
+        # The board hides a part of the outline. Where that leaves the place uncertain, the hole gives it.
         at = seen.pose.position if seen.sigma_position < mouth.sigma else (*mouth.at, seen.pose.position[2])
         pose = Pose(at, seen.pose.orientation).shifted((0.0, 0.0, -stub.sunk))
         sigma = min(seen.sigma_position, mouth.sigma)
         return _Seated(found[0], replace(seen, shape=stub.entry.shape, pose=pose, sigma_position=sigma))
 
     def _settle(self, blob: Blob, hypotheses: list[Hypothesis], floor: SupportSurface) -> None:
-        """Take the best hypothesis for true, or box the blob."""
-        if hypotheses and _clear(hypotheses[0], POOR_IN_BIN if floor.in_bin else POOR):
-            detection = _detection(self.picture.sight, blob, hypotheses, floor)
+        """Accept the best hypothesis as a detection, or box the blob."""
+        if hypotheses and is_clear(hypotheses[0], POOR_IN_BIN if floor.in_bin else POOR):
+            detection = detection_from(self.picture.sight, blob, hypotheses, floor)
             if detection.sigma_position < VAGUE:
                 self.detections.append(detection)
                 return
@@ -343,21 +351,21 @@ class _Finding:
             self._box(blob.patch.rows, blob.patch.columns, floor if floor.in_bin else None)
 
     def _beside_robot(self, blob: Blob) -> bool:
-        """Whether the robot may hide a part of it, so that it cannot be expected to fit."""
+        """Whether the robot may hide a part of the blob, which then cannot be expected to fit."""
         rows, columns = blob.patch.rows, blob.patch.columns
         y0, y1 = max(int(rows.min()) - 2, 0), int(rows.max()) + 3
         x0, x1 = max(int(columns.min()) - 2, 0), int(columns.max()) + 3
         return bool(self.robot[y0:y1, x0:x1].any()) and not blob.whole
 
     def _too_large(self, blob: Blob, floor: SupportSurface) -> bool:
-        """Whether it cannot be a part of any item, however much of that the robot hides."""
+        """Whether the blob is too high to be a part of any item, even of one that the robot hides in part."""
         return blob.top - floor.height > self.perception.tallest + TALLER
 
     def _box(
         self, rows: NDArray[np.intp], columns: NDArray[np.intp], heap: SupportSurface | None = None
     ) -> None:
-        """Take the patch for something unknown; of one that seems to lie in a `bin_height_map` what is far
-        above it."""
+        """Add the box of a patch to the unexplained. Pixels that belong to a heap are left out; with a `heap`
+        only those far above its rim stay."""
         known = self.picture.depth[rows, columns] > 0
         points = points_of(self.picture, rows, columns)
         known &= ~self.perception.in_heap(points, OVER_RIM if heap is None else OVER_HEAP)
@@ -372,52 +380,7 @@ class _Finding:
 
 @dataclass(frozen=True, eq=False)
 class _Seated:
-    """An item that stands in a hole."""
+    """Item that stands in a hole."""
 
     best: Hypothesis
     detection: Detection
-
-
-def _clear(hypothesis: Hypothesis, poor: float = POOR) -> bool:
-    """Whether it explains its blob, and the blob is enough to go by."""
-    return hypothesis.misfit < poor and hypothesis.shown >= FRAGMENT
-
-
-def _detection(
-    sight: PosedCamera, blob: Blob, hypotheses: list[Hypothesis], floor: SupportSurface
-) -> Detection:
-    best = hypotheses[0]
-    rest = best.stand.rest
-    entry = rest.entry
-    turn = rest.turn
-    yaw = best.stand.yaw if not turn else (best.stand.yaw + turn / 2) % turn - turn / 2
-    stand = StandingPose(rest, best.stand.centre, yaw if turn else 0.0)
-    loose = math.sqrt(max(1.0, best.misfit)) / max(0.3, best.shown)
-    variance = best.covariance
-    position = math.sqrt(max(float(variance[0, 0]), float(variance[1, 1]))) * loose
-    angle = math.pi if not turn else min(math.pi, math.sqrt(float(variance[2, 2])) * loose)
-    pixel = float((stand.centre - sight.origin) @ sight.rotation[:, 2]) / sight.intrinsics.fx
-    position = math.hypot(position, SUBPIXEL * pixel)
-    return Detection(
-        entry.kind,
-        entry.form,
-        entry.shape,
-        blobs.NAMES[blob.patch.label],
-        Pose.from_rotation(stand.centre, stand.turned),
-        position + (0.0 if best.supported else 1e-3),
-        max(angle, 2e-3),
-        _confidence(hypotheses),
-        turn,
-        floor.place,
-    )
-
-
-def _confidence(hypotheses: list[Hypothesis]) -> float:
-    """High when the best explains the blob well, is seen whole, and no other kind does nearly as well."""
-    best = hypotheses[0]
-    fit = float(np.clip((POOR - best.misfit) / (POOR - 1.2), 0.05, 1.0))
-    others = [h.cost for h in hypotheses if h.stand.rest.entry.kind != best.stand.rest.entry.kind]
-    lead = min(others, default=math.inf) - best.cost
-    certain = 1.0 / (1.0 + math.exp(-min(lead, 60.0) / 4.0))
-    seen = 0.4 + 0.6 * best.shown
-    return round(fit * certain * seen * (1.0 if best.supported else 0.7), 4)

@@ -1,4 +1,4 @@
-"""What must hold on the whole way, as numbers: by how much it is broken, and the nearest place where not."""
+"""Path constraints as numbers: by how much a configuration violates them, and its projection onto them."""
 
 from __future__ import annotations
 
@@ -13,30 +13,32 @@ from ..world.values import Array, Pose
 from .requests import BoxConstraint, Constraint, UprightConstraint
 
 LEAST_TILT = 0.002
-"""A smaller tilt than this is taken as this: joints move on straight segments, poses turn on arcs, rad."""
+"""Least tilt that is used instead of a smaller one, rad: joints move on straight segments, poses turn on
+arcs."""
 LEAST_BOX = 0.0005
-"""The same for half the extent of a box, m."""
+"""Least half extent of a box that is used instead of a smaller one, m."""
 RESERVE = 0.1
-"""Share of its room that a projection keeps from a constraint's border, so that edges beside it keep it."""
+"""Share of its room that a projection keeps from a constraint's border, so that edges nearby keep the
+constraint."""
 STEPS = 20
-"""Newton steps of a projection at most."""
+"""Greatest number of Newton steps of a projection."""
 FARTHEST = 0.3
-"""Greatest change of a joint in one of them, rad."""
+"""Greatest change of a joint in one Newton step, rad."""
 DAMPING = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
 class ConstraintViolation:
-    """A constraint that does not hold: which, and by how much (rad for a tilt, m for a box)."""
+    """Constraint that does not hold, and by how much (rad for a tilt, m for a box)."""
 
     constraint: Constraint
     by: float
     is_at: float
-    """The tilt that is, rad; for a box the same as `by`."""
+    """Actual tilt, rad; for a box the same as `by`."""
 
 
 class PathConstraints:
-    """The constraints of one request, on one robot. Empty ones hold everywhere."""
+    """Constraints of one request, on one robot. An empty set holds everywhere."""
 
     def __init__(self, model: RobotModel, constraints: Sequence[Constraint]) -> None:
         self.constraints = tuple(constraints)
@@ -46,15 +48,15 @@ class PathConstraints:
         self._frame = model.tcp_frame
         self._rows = [_Tilt(c) if isinstance(c, UprightConstraint) else _Box(c) for c in self.constraints]
         self.projections = 0
-        """How many configurations had to be moved; each costs about as much as an IK descent."""
+        """Number of configurations that had to be moved; each costs about as much as an IK descent."""
 
     @property
     def room(self) -> float:
-        """The narrowest room that a constraint leaves to either side, rad or m; infinite without any."""
+        """Narrowest room that a constraint leaves to either side, rad or m; inf without constraints."""
         return min((row.room for row in self._rows), default=np.inf)
 
     def hold(self, q: Array) -> bool:
-        """Whether all hold at q (n,)."""
+        """Whether all constraints hold at q (n,)."""
         if not self._rows:
             return True
         pin.forwardKinematics(self._arm, self._data, q)
@@ -62,16 +64,17 @@ class PathConstraints:
         return all(float(row.excess(pose, 0.0).max()) <= 0.0 for row in self._rows)
 
     def broken(self, q: Array) -> tuple[ConstraintViolation, ...]:
-        """Those that do not hold at q (n,)."""
+        """Return the constraints that do not hold at q (n,)."""
         return self.broken_by(self._model.tcp(q))
 
     def broken_by(self, tcp_in_world: Pose) -> tuple[ConstraintViolation, ...]:
-        """Those that do not hold with the TCP at a pose: they say nothing of the arm behind it."""
+        """Return the constraints that do not hold with the TCP at a pose, whatever the arm's
+        configuration."""
         pose = pin.SE3(tcp_in_world.rotation(), np.array(tcp_in_world.position))
         told: list[ConstraintViolation] = []
         for row, constraint in zip(self._rows, self.constraints, strict=True):
             excess = float(row.excess(pose, 0.0).max())
-            # Inverse kinematics ends a little beside its pose.
+            # Inverse kinematics ends a little away from its pose.
             if excess > 1e-4:
                 told.append(
                     ConstraintViolation(
@@ -81,11 +84,13 @@ class PathConstraints:
         return tuple(told)
 
     def project(self, q: Array, lower: Array, upper: Array, reserve: float = RESERVE) -> Array | None:
-        """A configuration near q (n,) where all hold with some reserve (a share of their room), or None.
+        """Move q (n,) to a near configuration where all constraints hold with some reserve (a share of their
+        room).
 
-        Within the limits of the joints `lower` and `upper` (n,), rad, also where q lies beyond them.
-        Newton's method on the constraints that are broken, by the damped pseudoinverse, as in Berenson,
-        Srinivasa, Ferguson and Kuffner, "Manipulation planning on constraint manifolds", ICRA 2009.
+        None when that fails. The result is within the joints' limits `lower` and `upper` (n,), rad, also
+        where q is beyond them. Newton's method on the violated constraints, by the damped pseudoinverse, as
+        in Berenson, Srinivasa, Ferguson and Kuffner, "Manipulation planning on constraint manifolds", ICRA
+        2009.
         """
         q = np.minimum(np.maximum(q, lower), upper)
         if not self._rows:
@@ -115,7 +120,7 @@ class PathConstraints:
 
 
 class _Tilt:
-    """The angle between an axis of the tool and the vertical."""
+    """Angle between an axis of the tool and the vertical, rad."""
 
     def __init__(self, upright: UprightConstraint) -> None:
         axis = np.array(upright.axis, dtype=np.float64)
@@ -127,14 +132,15 @@ class _Tilt:
         return np.array([np.arctan2(np.hypot(x, y), z) - self.room * (1 - reserve)])
 
     def gradient(self, pose: pin.SE3) -> Array:
-        """(1, 6), by the TCP's twist in the world's axes: turning about `axis × up` lessens the angle."""
+        """Gradient (1, 6) over the TCP's twist in the world's axes: turning about `axis × up` lessens the
+        angle."""
         x, y, _ = pose.rotation @ self._axis
         across = max(float(np.hypot(x, y)), 1e-12)
         return np.array([[0.0, 0.0, 0.0, -y / across, x / across, 0.0]])
 
 
 class _Box:
-    """The TCP's distance from a box, along each axis and to either side."""
+    """Distance of the TCP from a box, m, along each axis and to either side."""
 
     def __init__(self, within: BoxConstraint) -> None:
         low, high = np.array(within.box.min, dtype=np.float64), np.array(within.box.max, dtype=np.float64)
@@ -144,10 +150,10 @@ class _Box:
 
     def excess(self, pose: pin.SE3, reserve: float) -> Array:
         off = np.abs(pose.translation - self._middle)
-        # Of a large box no tenth is given away.
+        # A large box keeps a fixed reserve instead of a tenth of its extent.
         return off - self._half + np.minimum(reserve * self._half, 0.005 * (reserve > 0))
 
     def gradient(self, pose: pin.SE3) -> Array:
-        """(3, 6), by the twist of the TCP in the world's axes."""
+        """Gradient (3, 6) over the TCP's twist in the world's axes."""
         signs = np.where(pose.translation >= self._middle, 1.0, -1.0)
         return np.hstack([np.diag(signs), np.zeros((3, 3))])

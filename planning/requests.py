@@ -1,4 +1,4 @@
-"""What can be asked of the planner and what it answers, as values."""
+"""Requests to the planner and its answers, as values."""
 
 from __future__ import annotations
 
@@ -9,61 +9,64 @@ from ..world.trajectory import Trajectory
 from ..world.values import Array, Bounds, ObjectId, Pose, Vector3
 
 Direction: TypeAlias = Literal["out", "back", "up", "inwards", "left", "right", "outwards", "down"]
-"""`out`: where the depths shrink fastest; `back`: against the tool; `inwards`, `outwards`: towards the axis
-of the base and away from it; `left`, `right`: about that axis."""
+"""Direction of an escape path.
+
+`out`: where the penetration depths shrink fastest. `back`: against the tool. `inwards`, `outwards`: towards
+the axis of the base and away from it. `left`, `right`: about that axis.
+"""
 DIRECTIONS: tuple[Direction, ...] = get_args(Direction)
 
 
 BUDGET = 20000
-"""Collision checks that a request may spend unless it says otherwise."""
+"""Collision checks that a request may spend by default."""
 
 
 @dataclass(frozen=True, slots=True)
 class NamedGoal:
-    """A named configuration of the robot file."""
+    """Named configuration of the robot file."""
 
     name: str
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class JointGoal:
-    """A configuration (n,), rad."""
+    """Configuration (n,), rad."""
 
     position: Array
 
 
 @dataclass(frozen=True, slots=True)
 class PoseGoal:
-    """The TCP at any of these poses in the world; several IK solutions of each are goals at once."""
+    """TCP at any of these poses in the world; several IK solutions of each are goals at once."""
 
     tcp_in_world: tuple[Pose, ...]
 
 
 @dataclass(frozen=True, slots=True)
 class RegionGoal:
-    """The TCP near a pose in the world: turned, tilted and moved within limits. Near ones are tried first."""
+    """TCP near a pose in the world: turned, tilted and moved within limits. Near ones are tried first."""
 
     tcp_in_world: Pose
     yaw: float = 0.0
     """Greatest turn about the pose's own z axis, either way, rad; pi: free."""
     tilt: float = 0.0
-    """Half of the opening of a cone about the pose's z axis in which the TCP's z axis lies, rad."""
+    """Half opening of the cone about the pose's z axis in which the TCP's z axis lies, rad."""
     reach: Vector3 = (0.0, 0.0, 0.0)
     """Greatest distance of the TCP from the pose along each of the pose's axes, either way, m."""
 
 
 @dataclass(frozen=True, slots=True)
 class LineGoal:
-    """The TCP straight to a pose, keeping or interpolating its orientation (slerp)."""
+    """Straight motion of the TCP to a pose; its orientation is kept or interpolated (slerp)."""
 
     tcp_in_world: Pose
     least_fraction: float = 1.0
-    """A line that is free for less than this share is a failure."""
+    """Least share of the line that must be free, 0 … 1. Less is a failure."""
 
 
 @dataclass(frozen=True, slots=True)
 class OffsetGoal:
-    """The TCP straight by `by` (3,) m in the world, orientation kept."""
+    """Straight motion of the TCP by `by` (3,) m in the world, orientation kept."""
 
     by: Vector3
     least_fraction: float = 1.0
@@ -75,20 +78,20 @@ Target: TypeAlias = Goal | LineGoal | OffsetGoal
 
 @dataclass(frozen=True, slots=True)
 class UprightConstraint:
-    """On the whole way an axis of the tool points up in the world, within a tilt.
+    """Path constraint: an axis of the tool points up in the world, within a tilt.
 
-    With the axis (0, 0, -1) the hand looks down: so a full glass is carried that was grasped from above.
+    With the axis (0, 0, -1) the hand points down: a full glass that was grasped from above is carried level.
     """
 
     tilt: float
     """Greatest angle between the axis and the vertical, rad."""
     axis: Vector3 = (0.0, 0.0, -1.0)
-    """In the TCP's frame; any length."""
+    """Axis in the TCP's frame; any length."""
 
 
 @dataclass(frozen=True, slots=True)
 class BoxConstraint:
-    """On the whole way the TCP stays in a box of the world."""
+    """Path constraint: the TCP stays in a box of the world."""
 
     box: Bounds
 
@@ -98,8 +101,10 @@ Constraint: TypeAlias = UprightConstraint | BoxConstraint
 
 @dataclass(frozen=True, slots=True)
 class HeldObject:
-    """Suppose for this request that the gripper holds this object of the scene, at this pose in the TCP's
-    frame, wherever it is believed to be now."""
+    """Supposition of a request that the gripper holds an object of the scene, wherever it is believed to be.
+
+    `object_in_tcp` is the object's pose in the TCP's frame.
+    """
 
     object: ObjectId
     object_in_tcp: Pose
@@ -115,57 +120,57 @@ class Scaling:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Request:
-    """One motion that is wanted, with everything that its answer depends on but the belief."""
+    """Motion request: everything that its answer depends on but the belief."""
 
     target: Target
     start: Array | None = None
-    """Configuration (n,) rad; None: where the arm is."""
+    """Start configuration (n,), rad; None: that of the arm."""
     width: float | None = None
-    """Opening of the fingers, m; None: as it is."""
+    """Opening of the fingers, m; None: the present one."""
     holding: HeldObject | None = None
-    """None: what the belief says is in the hand."""
+    """Supposed held object; None: the one that the belief has in the hand."""
     allowed: tuple[tuple[str, str], ...] = ()
-    """Pairs of names that may touch on this motion, beside those that the scene allows now."""
+    """Pairs of names that may touch on this motion, in addition to those that the scene allows."""
     constraints: tuple[Constraint, ...] = ()
-    """What must hold on the whole way, its ends included."""
+    """Constraints on the whole path, its ends included."""
     clearance: float = 0.0
-    """Added to the margins that the motion keeps from what may not be touched, m."""
+    """Addition to the margins that the motion keeps from forbidden contacts, m."""
     scaling: Scaling = Scaling()
     budget: int = BUDGET
-    """Collision checks that it may spend."""
+    """Collision checks that the request may spend."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MotionPlan:
-    """An answer that can be executed. `path` (m, n) rad are the corners before time parameterisation."""
+    """Executable motion plan. `path` (m, n) rad has the corners before time parameterisation."""
 
     trajectory: Trajectory
     path: Array
     planner: str
-    """`direct`, `RRTConnect`, `line` or `chain`."""
+    """Planner that found it: `direct`, `RRTConnect`, `CBiRRT`, `line` or `chain`."""
     checks: int
-    """Collision checks of configurations that were spent."""
+    """Number of spent collision checks of configurations."""
     goal_index: int = 0
-    """Which of the goal's poses was reached."""
+    """Index of the goal's pose that was reached."""
     fraction: float = 1.0
-    """Of a straight line: the share that is free and reachable."""
+    """Share of a straight line that is free and reachable, 0 … 1."""
     passes: tuple[float, ...] = ()
-    """Of a chain: when the trajectory passes the end of each leg, s."""
+    """Times at which a chain's trajectory passes the end of each leg, s; () without a chain."""
     legs: tuple[MotionPlan, ...] = ()
-    """Of a chain: the plan of each leg by itself, from rest to rest."""
+    """Plans of a chain's legs, each from rest to rest; () without a chain."""
     request: Request | None = None
-    """What it was planned for, its start filled in; a chain's legs have one each."""
+    """Request that was planned for, with its start filled in. The legs of a chain have one each."""
     version: int = 0
-    """Of the belief that it was planned in."""
+    """Belief version that was planned in."""
 
 
 @dataclass(frozen=True, slots=True)
 class ContactPair:
-    """A pair of bodies that touch or come closer than the margin: names and distance (negative: depth), m."""
+    """Pair of bodies that touch or come closer than the margin: names and distance (negative: depth), m."""
 
     a: str
     b: str
     distance: float
     point: Vector3 = field(default=(0.0, 0.0, 0.0))
     margin: float = 0.0
-    """What the two should keep between them, m, where that is known."""
+    """Margin between the two, m; 0 where it is not known."""

@@ -1,1 +1,1 @@
-"""What a picture should show of all that is known: background, robot, hand."""
+"""Expected image of everything known: background, robot, hand."""

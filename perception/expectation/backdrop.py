@@ -1,4 +1,5 @@
-"""What the camera would see if nothing movable were there: fixtures and bins, from the scene file."""
+"""Background model: expected depth of fixtures and bins without any item, support surfaces, and levelling of
+cameras by the table."""
 
 from __future__ import annotations
 
@@ -16,35 +17,36 @@ from ..geometry.resting_poses import spread
 from ..segmentation import blobs
 
 WALL = 0.012
-"""What is nearer than this to a bin's wall cannot be told from it, m."""
+"""Distance from a bin's wall within which depth cannot be told from the wall, m."""
 FIXTURE = 0.006
-"""The same for the sides of fixtures, m."""
+"""The same distance for the sides of fixtures, m."""
 BELOW = 0.005
-"""What lies on a surface may be measured this much below it, m."""
+"""Depth error by which an item on a surface may be measured below it, m."""
 SURFACE = 0.004
-"""Depth that lies this far in front of a wall or fixture is something else, m."""
+"""Distance in front of a wall or fixture from which depth belongs to something else, m."""
 
 
 @dataclass(frozen=True, eq=False)
 class BackgroundModel:
-    """Arrays (h, w)."""
+    """Expected image of the empty scene, as arrays (h, w)."""
 
     depth: NDArray[np.float64]
-    """Of fixtures and bins, m; elsewhere of the plane of the table; inf above the horizon."""
+    """Depth of fixtures and bins, m; elsewhere that of the plane of the table; inf above the horizon."""
     guard: NDArray[np.float64]
-    """Depth of walls and of fixtures other than the table, swollen by their margins; inf elsewhere."""
+    """Depth of walls and of fixtures other than the table, swollen by their margins, m; inf elsewhere."""
     label: NDArray[np.uint8]
-    """Colour that is painted there, see `hues`."""
+    """Label of the painted colour, see `blobs.NAMES`."""
     table: NDArray[np.bool_]
-    """Where the table top is seen."""
+    """Pixels where the table top is seen."""
     in_bin: NDArray[np.bool_]
-    """Where the floor of a bin is seen, or its walls."""
+    """Pixels where the floor or the walls of a bin are seen."""
 
     @classmethod
     def of(
         cls, description: SceneDescription, sight: PosedCamera, table: Fixture | None, table_z: float
     ) -> BackgroundModel:
-        """`table_z` is the height of the ground where there is no fixture."""
+        """Render the model for a camera. `table_z` is the height of the ground where no fixture is seen,
+        m."""
         scene = _Scene(sight)
         belts = {belt.id for belt in description.belts}
         for fixture in description.fixtures:
@@ -62,12 +64,12 @@ class BackgroundModel:
 
 
 def _where_it_may_be(fixture: Fixture) -> tuple[Shape, Pose]:
-    """The fixture's shape grown by all that is not known of where it stands."""
+    """Grow the fixture's shape by the uncertainty of its pose."""
     if not isinstance(fixture.shape, Box) or fixture.uncertainty == CERTAIN:
         return fixture.shape, fixture.pose
     x, y, z = fixture.shape.size
     aside, up = spread(fixture), fixture.uncertainty.angle * float(np.hypot(x, y)) / 2
-    # Its underside stays: what it stands on hides that.
+    # The underside stays: its support hides it.
     grown = Box((x + 2 * aside, y + 2 * aside, z + up))
     return grown, fixture.pose @ Pose((0.0, 0.0, up / 2))
 
@@ -76,7 +78,7 @@ _NOTHING, _TABLE, _FIXTURE, _BIN = range(4)
 
 
 class _Scene:
-    """Arrays (h, w) that shapes are painted into."""
+    """Arrays (h, w) into which shapes are rendered."""
 
     def __init__(self, sight: PosedCamera) -> None:
         self._sight = sight
@@ -95,7 +97,8 @@ class _Scene:
         self.owner[window][nearer] = owner
 
     def shield(self, shape: Shape, pose: Pose, margin: float, *, belt: bool = False) -> None:
-        """`belt`: the top is left open but for its rim, for items lie there, and leave, as on a table."""
+        """Add a shape to the guard. With `belt` only the rim of its top is kept: items lie on a belt as on a
+        table."""
         swollen = shape
         if isinstance(shape, Box):
             x, y, z = shape.size
@@ -112,7 +115,7 @@ class _Scene:
         np.minimum(self.guard[window], depth, out=self.guard[window])
 
     def _cast(self, shape: Shape, pose: Pose) -> tuple[tuple[slice, slice], Array]:
-        """Depths of the shape in a window of the picture that contains it."""
+        """Compute the depths of the shape in a window of the picture that contains it."""
         height, width = self._sight.intrinsics.height, self._sight.intrinsics.width
         points = pose.apply(corners(shape))
         window = (slice(0, 0), slice(0, 0))
@@ -128,7 +131,8 @@ class _Scene:
         return window, depth.reshape(rays.shape[:2])
 
     def ground(self, height: float) -> None:
-        """Where no fixture is seen, whatever lies below this height is no concern of ours."""
+        """Set the depth to a level plane at `height` where no fixture is seen: anything below it is
+        irrelevant."""
         falling = self._rays[:, :, 2]
         down = falling < -1e-6
         plane = np.where(down, (height - self._sight.origin[2]) / np.where(down, falling, -1.0), np.inf)
@@ -137,17 +141,17 @@ class _Scene:
 
 @dataclass(frozen=True, slots=True)
 class SupportSurface:
-    """A level surface on which things can lie."""
+    """Level surface on which things can lie."""
 
     place: str
     """`table` or a bin's id."""
     height: float
-    """In the world, m."""
+    """Height in the world, m."""
     in_bin: bool
 
 
 class SupportSurfaces:
-    """Finds what is under a point."""
+    """Support surfaces of a scene: tops of fixtures, floors of bins."""
 
     def __init__(self, fixtures: tuple[Fixture, ...], bins: tuple[Bin, ...]) -> None:
         self._bins = [(b, _Footprint(b.pose, b.size[0], b.size[1])) for b in bins]
@@ -158,8 +162,8 @@ class SupportSurfaces:
         ]
 
     def under(self, x: float, y: float, below: float) -> SupportSurface:
-        """The bin whose outside contains (x, y), else the highest fixture there whose top is not above
-        `below`; the height 0 where there is none."""
+        """Return the bin whose outside contains (x, y), else the highest fixture there whose top is not above
+        `below`. Without either the height is 0."""
         for bin_, outside in self._bins:
             if outside.contains(x, y):
                 return SupportSurface(bin_.id, bin_.pose.position[2] + bin_.wall, True)
@@ -167,8 +171,10 @@ class SupportSurfaces:
         return SupportSurface("table", max(tops, default=0.0), False)
 
     def supports(self, points: Array) -> Array:
-        """How far down something at each point (n, 3) of the world may reach unseen (n,), m: to the rim of a
-        bin, to the highest fixture below it, else to the height 0."""
+        """Compute how far down something at each point (n, 3) of the world may reach unseen, (n,), m.
+
+        That is the rim of a bin, the highest fixture below the point, or else the height 0.
+        """
         x, y, z = points.T
         heights = np.full(len(points), -np.inf)
         for height, area in self._tops:
@@ -180,7 +186,7 @@ class SupportSurfaces:
         return heights
 
     def in_heap(self, points: Array, over: float) -> NDArray[np.bool_]:
-        """Which points (n, 3) of the world lie over a bin, but not higher than `over` m over its rim."""
+        """Select the points (n, 3) of the world that lie over a bin, at most `over` m above its rim."""
         x, y, z = points.T
         found = np.zeros(len(points), dtype=np.bool_)
         for bin_, outside in self._bins:
@@ -189,7 +195,7 @@ class SupportSurfaces:
 
 
 class _Footprint:
-    """An upright rectangle, seen from above."""
+    """Upright rectangle, seen from above."""
 
     def __init__(self, pose: Pose, long: float, wide: float) -> None:
         self._x, self._y = pose.position[:2]
@@ -204,14 +210,14 @@ class _Footprint:
         )
 
     def covers(self, x: Array, y: Array) -> NDArray[np.bool_]:
-        """`contains` for many points, (n,) each."""
+        """Whether each of many points (n,), (n,) lies inside."""
         dx, dy = x - self._x, y - self._y
         along = np.abs(dx * self._xx + dy * self._yx) <= self._half[0]
         return along & (np.abs(dx * self._xy + dy * self._yy) <= self._half[1])
 
 
 def table_of(description: SceneDescription) -> Fixture | None:
-    """The fixture with the largest level top."""
+    """Return the fixture with the largest level top; None without a box."""
     boxes = [f for f in description.fixtures if isinstance(f.shape, Box)]
     return max(
         boxes,
@@ -221,11 +227,13 @@ def table_of(description: SceneDescription) -> Fixture | None:
 
 
 LEVEL_PIXELS = 400
-"""Fewer table pixels than this say nothing about the camera."""
+"""Least number of table pixels for a correction of the camera."""
 LEVEL_EVERY, LEVEL_WIDTH = 5, 320
-"""Of every so many rows and columns one is used in a picture so wide, of more in a smaller one."""
+"""Step between the rows and columns that are used, and width of the picture for which it holds. Smaller
+pictures use more of them."""
 LEVEL_SHIFT, LEVEL_TILT = 0.03, 0.052
-"""A correction beyond this is no error of the mounting, and is not made: m, rad."""
+"""Greatest correction of height and tilt, m and rad. A larger one is no error of the mounting and is not
+applied."""
 
 
 def level_camera(
@@ -235,10 +243,11 @@ def level_camera(
     table_z: float,
     clutter: NDArray[np.bool_] | None = None,
 ) -> PosedCamera:
-    """The camera moved and tilted so that the table, as measured, lies where the scene file says. `clutter`
-    (h, w): pixels that are known to show something else.
+    """Move and tilt the camera so that the measured table lies where the scene file says.
 
-    Only height and tilt show on a plane; they are what shifts every height above the table.
+    `clutter` (h, w) marks pixels that are known to show something else. Only height and tilt show on a plane;
+    they shift every height above the table. Without enough table, or beyond the limits, the camera is
+    returned unchanged.
     """
     picked = np.zeros(depth.shape, dtype=np.bool_)
     every = max(1, min(LEVEL_EVERY, depth.shape[1] // (LEVEL_WIDTH // LEVEL_EVERY)))
@@ -271,7 +280,7 @@ def level_camera(
 
 
 def _turning(a: Array, b: Array) -> Array:
-    """The smallest rotation (3, 3) that takes the unit vector a to b (not opposite)."""
+    """Compute the smallest rotation (3, 3) that takes the unit vector a to b (not opposite)."""
     axis = np.cross(a, b)
     skew = np.array([[0, -axis[2], axis[1]], [axis[2], 0, -axis[0]], [-axis[1], axis[0], 0]])
     return np.eye(3) + skew + skew @ skew / (1.0 + float(a @ b))

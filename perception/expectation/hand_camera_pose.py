@@ -1,8 +1,8 @@
-"""Where a camera on the hand really is, by the fingers in its own picture.
+"""Pose of a camera on the hand, registered by the fingers in its own picture.
 
-Height and tilt show on the table (`backdrop.levelled`); what is left, a shift along the table and a turn
-about the vertical, shows on the sides of the fingers, which stand where the encoders say. So an error of the
-mounting is seen in each picture by itself, and nothing has to be remembered from one to the next.
+Height and tilt show on the table (`backdrop.level_camera`). A shift along the table and a turn about the
+vertical remain. They show on the sides of the fingers, whose poses follow from the encoders. An error of the
+mounting is thus seen in each picture by itself; nothing is remembered between pictures.
 
 The fit is iterated closest points, point to plane (Chen & Medioni 1992), with Tukey's weights.
 """
@@ -19,42 +19,47 @@ from ...world.values import Array
 from ..geometry.camera_geometry import PosedCamera
 
 NEAR = 0.016
-"""Points within this distance of a finger's believed surface may be of it, m."""
+"""Distance from a finger's believed surface within which a point may belong to it, m."""
 LEAST = 60
-"""Fewer points of a finger than this say nothing."""
+"""Least number of points of each finger."""
 ROUNDS = 25
 FINE = 4e-4
-"""Residuals of this size are noise, m."""
+"""Residual that is put down to noise, m."""
 GOOD = 8e-4
-"""With a median residual above this the fit is not believed, m."""
+"""Median residual above which the fit is rejected, m."""
 MOST, MOST_TURN = 0.02, math.radians(5)
-"""A correction beyond this is no error of a mounting, m and rad."""
+"""Greatest correction, m and rad. A larger one is no error of a mounting."""
 EVERY, SPOTS = 2, 600
-"""Of every so many rows and columns one is looked at, and so many points of a finger are used at most."""
+"""Step between the rows and columns that are used; greatest number of points of a finger."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ConvexFacets:
-    """A convex body in the world: inside is `normals @ p <= offsets`; (k, 3) and (k,) m."""
+    """Convex body in the world: inside is `normals @ p <= offsets`; (k, 3) and (k,) m."""
 
     normals: Array
     offsets: Array
     middle: Array
-    """(3,)"""
+    """Centre of the bounding sphere in the world (3,), m."""
     radius: float
-    """Of a sphere about the middle that contains it, m."""
+    """Radius of the sphere about the middle that contains the body, m."""
 
     def outside(self, points: Array) -> tuple[Array, Array]:
-        """How far points (n, 3) are beyond the face that they are furthest beyond (n,), m, negative inside,
-        and that face's normal (n, 3)."""
+        """Compute signed distances (n,) of points (n, 3), m, and the normals (n, 3) of their faces.
+
+        The face of a point is the one that it is furthest beyond. Distances are negative inside.
+        """
         beyond = points @ self.normals.T - self.offsets
         face = beyond.argmax(axis=1)
         return beyond[np.arange(len(points)), face], self.normals[face]
 
 
 def register_hand_camera(sight: PosedCamera, depth: Array, fingers: Sequence[ConvexFacets]) -> PosedCamera:
-    """The camera moved along the level and turned about the vertical so that the fingers, as measured, are
-    where they are believed to be. As it was where they are not both in view, or do not fit."""
+    """Move the camera along the level and turn it about the vertical until the measured fingers match their
+    believed poses.
+
+    The camera is returned unchanged when a finger is hardly in view or the fit is poor or too large.
+    """
     clouds = [_cloud(sight, depth, finger) for finger in fingers]
     if len(clouds) < 2 or min(len(cloud) for cloud in clouds) < LEAST:
         return sight
@@ -82,7 +87,7 @@ def register_hand_camera(sight: PosedCamera, depth: Array, fingers: Sequence[Con
 
 
 def _cloud(sight: PosedCamera, depth: Array, finger: ConvexFacets) -> Array:
-    """Measured points (n, 3) that may be the finger's."""
+    """Select the measured points (n, 3) that may belong to the finger."""
     picked = np.zeros(depth.shape, dtype=np.bool_)
     picked[::EVERY, ::EVERY] = True
     away = float((finger.middle - sight.origin) @ sight.rotation[:, 2])
@@ -97,7 +102,7 @@ def _cloud(sight: PosedCamera, depth: Array, finger: ConvexFacets) -> Array:
 
 
 def _linear(cloud: Array, finger: ConvexFacets, middle: Array, move: Array) -> tuple[Array, Array]:
-    """Residuals (n,) after a move, and how they change with it (n, 3)."""
+    """Compute residuals (n,) after a move, and their derivatives (n, 3) by x, y and yaw."""
     arm = (cloud - middle) @ _about_vertical(float(move[2])).T
     off, normals = finger.outside(arm + middle + np.array([move[0], move[1], 0.0]))
     by_yaw = normals[:, 1] * arm[:, 0] - normals[:, 0] * arm[:, 1]

@@ -1,4 +1,4 @@
-"""Where the robot is in the picture, from its own model: the hull of each link at the measured joints."""
+"""Robot mask: pixels of the robot in a picture, from the hull of each link at the measured joints."""
 
 from __future__ import annotations
 
@@ -24,21 +24,21 @@ from .hand_camera_pose import ConvexFacets
 GROWN = 3
 """Pixels by which the mask is larger than the model."""
 DIRECTIONS = 96
-"""A link's hull is represented by its furthest points in so many directions."""
+"""Number of directions; the furthest point in each represents a link's hull."""
 HANGS = 16
-"""What hangs on the robot in the picture belongs to it so far from the model, pixels."""
+"""Distance from the model within which connected pixels belong to the robot, pixels."""
 MOUNTING = 0.015
-"""How far off the hand may seem to a camera, by an error of its mounting, m."""
+"""Greatest apparent displacement of the hand by an error of a camera's mounting, m."""
 REACHES = 0.4
-"""What is further from the TCP than this is not near the hand, m."""
+"""Distance from the TCP beyond which nothing belongs to the hand, m."""
 SOLID = 0.98
-"""A link that fills this share of its hull is convex."""
+"""Least share of its hull that a convex link fills."""
 HIGH = 0.15
-"""What hangs together with the robot in the picture above this height belongs to it, m over the table."""
+"""Height over the table above which connected pixels belong to the robot, m."""
 
 
 class RobotShape(Protocol):
-    """What perception needs of the robot's model."""
+    """Robot model as perception uses it."""
 
     @property
     def finger_links(self) -> tuple[str, ...]: ...
@@ -49,7 +49,7 @@ class RobotShape(Protocol):
 
 
 class _Hull:
-    """A link's hull in the link's frame: points (n, 3), and inside is `normals @ x <= offsets`."""
+    """Hull of a link in the link's frame: points (n, 3), and inside is `normals @ x <= offsets`."""
 
     def __init__(self, points: Array) -> None:
         equations = ConvexHull(points).equations
@@ -60,14 +60,15 @@ class _Hull:
         self.radius = float(np.linalg.norm(points - self.middle, axis=1).max())
 
     def facets(self, pose: Pose) -> ConvexFacets:
-        """In the world, with the link's frame there."""
+        """Return the hull in the world, for a link at this pose."""
         normals = self.normals @ pose.rotation().T
         offsets = self.offsets + normals @ np.array(pose.position)
         return ConvexFacets(normals, offsets, pose.apply(self.middle), self.radius)
 
 
 class RobotMask:
-    """Loads the links once; `paint` costs one projection and one filled polygon a link."""
+    """Masks of the robot in pictures. The links are loaded once; `paint` costs one projection and one filled
+    polygon a link."""
 
     def __init__(self, robot: RobotShape) -> None:
         self._robot = robot
@@ -85,7 +86,7 @@ class RobotMask:
     def paint(
         self, sight: PosedCamera, joints: Array, width: float, held: tuple[Shape, Pose] | None
     ) -> NDArray[np.bool_]:
-        """(h, w): pixels of the robot at `joints` (n,) and opening `width`, and of what it holds.
+        """Return the pixels (h, w) of the robot at `joints` (n,) and opening `width`, and of the held object.
 
         `held` is a shape with its pose in the TCP frame.
         """
@@ -103,10 +104,12 @@ class RobotMask:
         held: tuple[Shape, Pose] | None,
         reach: float = REACHES,
     ) -> NDArray[np.bool_]:
-        """(h, w): pixels that show something within `MOUNTING` of the robot or what it holds, `reach` m from
-        the TCP at most. A camera on the
-        hand sees the fingers from so near that an error of its mounting shifts them far beyond `paint`, and
-        so does one overhead where the arm is high."""
+        """Return the pixels (h, w) that show something within MOUNTING of the robot or the held object, at
+        most `reach` m from the TCP.
+
+        A hand camera sees the fingers from so near that an error of its mounting shifts them far beyond
+        `paint`. The same happens overhead where the arm is high.
+        """
         rows, columns = np.nonzero(depth > 0)
         pixels = np.stack([columns, rows], axis=1).astype(np.float64)
         points = sight.origin + sight.directions(pixels) * depth[rows, columns][:, None]
@@ -124,18 +127,19 @@ class RobotMask:
             of_robot[near] |= inside(shape, tcp @ in_tcp, points[near], MOUNTING)
         found = np.zeros(depth.shape, dtype=np.uint8)
         found[rows[of_robot], columns[of_robot]] = 1
-        # Edges of what is so near are often lost.
+        # Depth is often lost at the edges of near bodies.
         return found.astype(np.bool_) | (_grown(found, 2) & (depth <= 0))
 
     def fingers(self, joints: Array, width: float) -> tuple[ConvexFacets, ...]:
-        """The fingers in the world; none where their hulls are not all that there is of them."""
+        """Return the fingers in the world; none when a finger is not convex."""
         poses = self._robot.link_poses(joints, width)
         return tuple(hull.facets(poses[link]) for link, hull in self._fingers)
 
     def _placed(
         self, sight: PosedCamera, joints: Array, width: float, held: tuple[Shape, Pose] | None
     ) -> Iterator[Array]:
-        """Points (n, 3) in the world of what is before the camera, of each link and of what is held."""
+        """Yield the points (n, 3) in the world of each link and of the held object, as far as they are before
+        the camera."""
         poses = self._robot.link_poses(joints, width)
         bodies = [poses[link].apply(hull.points) for link, hull in self._hulls]
         if held is not None:
@@ -160,8 +164,11 @@ def fill(mask: NDArray[np.uint8], pixels: Array) -> None:
 def with_what_hangs_on(
     robot: NDArray[np.bool_], height: Array, known: NDArray[np.bool_], above: float
 ) -> NDArray[np.bool_]:
-    """The mask and what is higher than `above`, touches it and is not far from it: cables, and what the model
-    lacks. What goes on beyond that may be something that stands behind the robot."""
+    """Add to the mask what is connected to it, higher than `above` m and at most HANGS pixels away.
+
+    These are cables, and parts that the model lacks. Anything that goes on beyond may be a body behind the
+    robot.
+    """
     high = known & (height > above) & ~robot
     if not robot.any() or int(high.sum()) < 4:
         return robot
@@ -179,13 +186,14 @@ class _Outline:
     """Outside of a mesh file, scaled."""
 
     points: Array
-    """The few vertices (k, 3) whose hull is nearly that of all, m; read-only."""
+    """Few vertices (k, 3) whose hull is nearly that of all, m; read-only."""
     convex: bool
-    """The hull is about all that there is of the mesh."""
+    """Whether the mesh fills nearly all of its hull."""
 
 
 def _outline(mesh: UrdfMesh) -> _Outline:
-    """Outline of the file as it is now. A process reads each file once, unless it was changed since."""
+    """Return the outline of the file's present content. A process reads each file once, unless it has
+    changed."""
     file = Path(mesh.path).stat()
     return _read(mesh.path, mesh.scale, file.st_mtime_ns, file.st_size)
 
@@ -205,7 +213,7 @@ def _read(path: str, scale: Vector3, changed: int, size: int) -> _Outline:
 
 
 def _furthest(points: Array) -> Array:
-    """The few of these points (n, 3) of a hull whose hull is nearly that of all."""
+    """Select a few of these points (n, 3) of a hull whose hull is nearly that of all."""
     k = np.arange(DIRECTIONS) + 0.5
     polar, turn = np.arccos(1 - 2 * k / DIRECTIONS), np.pi * (1 + 5**0.5) * k
     sphere = np.stack([np.sin(polar) * np.cos(turn), np.sin(polar) * np.sin(turn), np.cos(polar)], axis=1)

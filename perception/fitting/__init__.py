@@ -1,1 +1,1 @@
-"""Which known item explains what is seen."""
+"""Fits of catalogue items and holes to what a picture shows."""

@@ -1,5 +1,5 @@
-"""Blobs that are several touching items of one colour: cut, fit, hand each pixel to the item that
-explains it, fit again."""
+"""Blob splitting: a blob of several touching items of one colour is cut, fitted, and its pixels are
+reassigned between fits."""
 
 from __future__ import annotations
 
@@ -16,24 +16,24 @@ from ..segmentation.blobs import Blob, Pixels, SegmentationInput, outline_patch
 from .item_fitting import Hypothesis, ItemFitter
 
 MOST = 4
-"""Items that one blob is split into at most."""
+"""Greatest number of items that one blob is split into."""
 BETTER = 0.7
-"""A split must lower the misfit to this share of the whole's."""
+"""Greatest misfit of a split, as a share of the whole blob's."""
 FINE = 1.3
-"""A misfit below this ends the search for more parts."""
+"""Misfit below which the search for more parts ends."""
 STACKED = 2.2
-"""A part that stands on the table with a misfit below this is not lifted onto others."""
+"""Misfit below which a part that stands on the table is not lifted onto others."""
 HOPELESS = 5.5
-"""A cut with a part that fits as badly as this is given up."""
+"""Misfit of a part above which its cut is given up."""
 LEAST = 8
-"""Pixels of a part."""
+"""Least number of pixels of a part."""
 APART = 0.010
-"""Centres of two parts are at least this far from each other, m."""
+"""Least distance between the centres of two parts, m."""
 
 
 @dataclass(frozen=True, eq=False)
 class BlobPart:
-    """A piece of a blob and what explains it, best first."""
+    """Piece of a blob with its hypotheses, best first."""
 
     blob: Blob
     hypotheses: list[Hypothesis]
@@ -42,7 +42,7 @@ class BlobPart:
 def split_blob(
     picture: SegmentationInput, fitter: ItemFitter, blob: Blob, support: float, misfit: float
 ) -> list[BlobPart] | None:
-    """The parts of the blob, or None when no split explains it clearly better than `misfit`."""
+    """Split the blob into items. None when no split explains it clearly better than `misfit`."""
     patch = blob.patch
     best: tuple[float, list[BlobPart]] | None = None
     for count in range(2, min(MOST, fitter.at_most(blob)) + 1):
@@ -64,7 +64,7 @@ def split_blob(
 
 
 def _cuts(picture: SegmentationInput, blob: Blob, count: int) -> list[NDArray[np.intp]]:
-    """Ways to share out the blob's pixels: a part number for each pixel (n,)."""
+    """Propose cuts of the blob: for each a part number of every pixel (n,)."""
     rows, columns = blob.patch.rows, blob.patch.columns
     spots = np.stack([columns, rows], axis=1).astype(np.float64)
     centred = spots - spots.mean(axis=0)
@@ -79,7 +79,7 @@ def _cuts(picture: SegmentationInput, blob: Blob, count: int) -> list[NDArray[np
 
 
 def _smooth(picture: SegmentationInput, rows: Pixels, columns: Pixels) -> Array:
-    """Heights of the pixels (n,), averaged over their neighbours of known depth, m."""
+    """Return the heights of the pixels (n,), averaged over their neighbours of known depth, m."""
     y, x = int(rows.min()), int(columns.min())
     window = (slice(y, int(rows.max()) + 1), slice(x, int(columns.max()) + 1))
     known = (picture.depth[window] > 0).astype(np.float64)
@@ -88,7 +88,7 @@ def _smooth(picture: SegmentationInput, rows: Pixels, columns: Pixels) -> Array:
 
 
 def _clusters(values: Array, order: Array, count: int) -> NDArray[np.intp]:
-    """Lloyd's algorithm on values (n, d), begun with equal shares along `order` (n,)."""
+    """Cluster values (n, d) by Lloyd's algorithm, started with equal shares along `order` (n,)."""
     part = np.empty(len(values), dtype=np.intp)
     part[np.argsort(order, kind="stable")] = np.arange(len(values)) * count // len(values)
     for _ in range(8):
@@ -120,7 +120,7 @@ def _explained(
 def _fitted(
     picture: SegmentationInput, fitter: ItemFitter, blob: Blob, support: float, cut: NDArray[np.intp]
 ) -> list[BlobPart] | None:
-    """Each part's best explanations; None when a part is too small or fits nothing."""
+    """Return each part's hypotheses; None when a part is too small or fits nothing."""
     rows, columns = blob.patch.rows, blob.patch.columns
     members = [cut == k for k in range(int(cut.max()) + 1)]
     if any(int(m.sum()) < LEAST for m in members):
@@ -139,7 +139,7 @@ def _fitted(
 def _shared(
     fitter: ItemFitter, blob: Blob, parts: list[BlobPart], picture: SegmentationInput
 ) -> NDArray[np.intp]:
-    """The part (n,) whose item explains each pixel of the blob best."""
+    """Return the part (n,) whose item explains each pixel of the blob best."""
     rows, columns = blob.patch.rows, blob.patch.columns
     pixels = np.stack([columns, rows], axis=1).astype(np.float64)
     depths = picture.depth[rows, columns]

@@ -1,9 +1,9 @@
-"""The mouth of a hole in a depth picture: where the rays go on below the face that it is cut into.
+"""Hole detection: the mouth of a hole in a depth picture, where rays go on below the face around it.
 
 The face is a plane through what is measured around the hole. A ray whose depth goes beyond that plane passed
-through the mouth, and was still between the walls a little below it. What of the picture does so has an
-outline of known form and size: its place and turn on the face are fitted to all pixels at once, those beyond
-the outline and those within it.
+through the mouth, and was still between the walls a little below it. These rays have an outline of known form
+and size. Its place and turn on the face are fitted to all pixels at once, those beyond the outline and those
+within it.
 """
 
 from __future__ import annotations
@@ -21,43 +21,44 @@ from ...world.values import Array, Pose
 from ..geometry.camera_geometry import PosedCamera
 
 AROUND = 0.015
-"""Of the face around the mouth that tells its plane, beyond how far the mouth may be off, m."""
+"""Half width of the ring around the mouth whose points give the plane of the face, m."""
 BESIDE = 0.005
-"""The same that takes part in the fit, m: further away is another hole."""
+"""Width of the ring around the mouth that takes part in the fit, m: further away is another hole."""
 FACE = 0.012
-"""What is further from where the face should be than this is not taken for it at first, m."""
+"""Distance from the believed face beyond which points are not taken for it, m."""
 BELOW = 0.003
 """Depth below the face that is beyond noise, m."""
 ABOVE = 0.004
-"""What stands out from the face by more hides it: fingers, what they hold, m."""
+"""Height above the face from which a body hides it, m: fingers, held objects."""
 SOFT = (0.002, 0.0006)
-"""Width of the outline in the fits, one after the other, m: to be caught from afar, then to be exact."""
+"""Widths of the outline in the two fits, m: first wide, to converge from afar, then narrow, to be exact."""
 SEGMENTED = 1.0016
-"""Radius of the circle that has as much area as a regular polygon of 32 sides around one of radius 1."""
+"""Radius of the circle with the area of a regular polygon of 32 sides around a circle of radius 1."""
 LEAST = 60
-"""Pixels within the mouth."""
+"""Least number of pixels within the mouth."""
 SEEN = 0.6
-"""Share of the mouth that must be in view."""
+"""Least share of the mouth that must be in view."""
 AGREES = 0.95
-"""Share of pixels that must be on the side of the outline on which they should be."""
+"""Least share of pixels on the correct side of the outline."""
 TURN = math.radians(10.0)
-"""Greatest turn from what is believed."""
+"""Greatest turn from the believed pose, rad."""
 
 
 @dataclass(frozen=True, slots=True)
 class DetectedHole:
-    """A hole as one picture shows it, through the camera pose that the picture states."""
+    """Hole as one picture shows it, through the camera pose that the picture states."""
 
     pose: Pose
-    """Of the middle of its mouth in the world: z out of the hole, x along a slot."""
+    """Pose of the mouth's middle in the world: z out of the hole, x along a slot."""
     agreement: float
-    """Share of pixels that are on the right side of its outline."""
+    """Share of pixels that are on the correct side of the outline."""
     pixels: int
-    """Within the mouth."""
+    """Number of pixels within the mouth."""
 
 
 def detect_hole(image: RgbdImage, hole: Hole, believed: Pose, off: float) -> DetectedHole | None:
-    """The hole whose mouth is `believed` to be there in the world, to `off` m; None when that is not told."""
+    """Locate the hole whose mouth is `believed` there in the world, to `off` m. None when the picture does
+    not show it clearly."""
     sight = PosedCamera.at(image.intrinsics, image.camera_in_world)
     camera = believed.inverse() @ image.camera_in_world
     rows, columns = np.nonzero(image.depth > 0)
@@ -68,7 +69,7 @@ def detect_hole(image: RgbdImage, hole: Hole, believed: Pose, off: float) -> Det
     face = _face(points, reach, off)
     if face is None:
         return None
-    # From here on in a frame on the measured face, with the believed mouth's directions.
+    # All that follows is in a frame on the measured face, with the believed mouth's directions.
     turn = face.rotation()
     rays, points = rays @ turn, face.inverse().apply(points)
     eye = face.inverse().apply(np.array(camera.position))
@@ -97,8 +98,11 @@ def detect_hole(image: RgbdImage, hole: Hole, believed: Pose, off: float) -> Det
 
 
 def _face(points: Array, reach: float, off: float) -> Pose | None:
-    """A frame on the plane through what is measured around the mouth, in the believed mouth's frame, straight
-    above or below which its origin is. None when there is too little of it."""
+    """Fit the plane of the face around the mouth. None when too little of it is seen, or it is too far off.
+
+    The result is a frame on the plane, given in the believed mouth's frame; its origin is straight above or
+    below the mouth's.
+    """
     aside = np.hypot(points[:, 0], points[:, 1])
     around = (aside > reach) & (aside < reach + 2 * AROUND) & (np.abs(points[:, 2]) < FACE)
     if int(around.sum()) < LEAST:
@@ -123,19 +127,24 @@ def _face(points: Array, reach: float, off: float) -> Pose | None:
 
 
 class _Fit:
-    """Place (x, y) and turn of an outline so that it parts what lies below the face from what does not."""
+    """Fit of an outline's place (x, y) and turn, so that it separates rays that go below the face from the
+    others."""
 
     def __init__(self, hole: Hole, there: Array, slant: Array, below: NDArray[np.bool_], deep: float) -> None:
-        """`there` (n, 2): where rays meet the face; `slant` (n, 2): how far they go aside for each metre
-        below it; `below` (n,): which of them go `deep` m below it."""
+        """Precompute the rays' points at the upper and lower end of the walls.
+
+        `there` (n, 2): where rays meet the face. `slant` (n, 2): their sideways travel for each metre below
+        it. `below` (n,): which of them go `deep` m below it.
+        """
         self._hole = hole
-        # The walls begin below the chamfer; a ray counts as below when it is between them from there on.
+        # The walls begin below the chamfer. A ray counts as below when it is between them from the chamfer
+        # on.
         self._upper = there + slant * hole.chamfer
         self._lower = there + slant * deep
         self._below = below.astype(np.float64)
 
     def solved(self, off: float) -> Array | None:
-        """(x, y, yaw), or None when that is further off than it may be."""
+        """Return (x, y, yaw), or None when that is further from the belief than allowed."""
         inside = self._below > 0.5
         first = np.array([*((self._upper + self._lower) / 2)[inside].mean(axis=0), 0.0])
         place = first
@@ -159,13 +168,13 @@ class _Fit:
         return np.concatenate([expected - self._below, [0.1 * held]])
 
     def _depth(self, place: Array) -> Array:
-        """How far within the outline (n,) both points of each ray are, m; negative outside."""
+        """Return how far within the outline both points of each ray are (n,), m; negative outside."""
         return np.minimum(_within(self._hole, self._upper, place), _within(self._hole, self._lower, place))
 
 
 def _within(hole: Hole, points: Array, place: Array) -> Array:
-    """How far points (n, 2) of the face are within the walls of a hole at (x, y, yaw), m: (n,), negative
-    outside."""
+    """Return how far points (n, 2) of the face are within the walls of a hole at (x, y, yaw), (n,), m;
+    negative outside."""
     aside = points - place[:2]
     if hole.form == "round":
         return SEGMENTED * hole.size[0] / 2 - np.hypot(aside[:, 0], aside[:, 1])
@@ -176,7 +185,7 @@ def _within(hole: Hole, points: Array, place: Array) -> Array:
 
 
 def _pixels_of(hole: Hole, image: RgbdImage, eye: Array) -> float:
-    """How many pixels the mouth would fill when seen whole, about."""
+    """Estimate the number of pixels that the mouth fills when it is seen whole."""
     area = math.pi / 4 * hole.size[0] ** 2 if hole.form == "round" else hole.size[0] * hole.size[1]
     distance = float(np.linalg.norm(eye))
     slant = abs(float(eye[2])) / distance

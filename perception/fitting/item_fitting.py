@@ -1,4 +1,5 @@
-"""Which item explains a blob: each entry on each face is fitted to the outline and judged by the depth."""
+"""Item fitting: each catalogue entry in each stable pose is fitted to a blob's outline and compared with its
+depth."""
 
 from __future__ import annotations
 
@@ -8,48 +9,57 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...world.raycasting import cast
-from ...world.values import Array
+from ...world.values import Array, Pose
+from ..expectation.backdrop import SupportSurface
 from ..geometry.camera_geometry import PosedCamera
 from ..geometry.resting_poses import StablePose
 from ..geometry.silhouette_fitting import OUTLIER, StandingPose, fit_outline, likely_turns, silhouette
-from ..segmentation.blobs import Blob
+from ..segmentation.blobs import NAMES, Blob
+from .view import Detection
 
 HEIGHT_GATE = 0.009
-"""A rest whose top is further than this from the blob's is not tried, m."""
+"""Difference between the tops of a stable pose and of the blob above which the pose is not tried, m."""
 HOVER = 0.025
-"""On a table an item that leans or lies on another is at most so far above it, m: what is believed to hover
-higher is a part of something else."""
+"""Greatest height above the table of an item that leans or lies on another, m. A higher blob is a part of
+something else."""
 OUTLINE_GATE = 2.5
-"""A start whose support function is further off than this is not tried, pixels (root mean square)."""
+"""Error of a start's support function above which the start is not tried, pixels (root mean square)."""
 LARGE_GATE = 0.06
-"""The same for large blobs, as a share of their size: starts are 10° apart."""
+"""The same gate for large blobs, as a share of their size: starts are 10° apart."""
 STARTS = 12
-"""Starts whose depth is compared; the fit begins with the best of them."""
+"""Number of starts whose depth is compared; the fit begins with the best of them."""
 COARSE = 3
-"""Starts are ranked by every third of the depths."""
+"""Step between the depths that rank the starts."""
 SUNK = 0.002
-"""A height that is this far off is not what was believed, m."""
+"""Median depth error above which the believed height is corrected, m."""
 MODEL_SIGMA = 0.0004
-"""What depth adds to its noise where surfaces are steep or edges rounded, m."""
+"""Part of the depth's standard deviation for steep surfaces and rounded edges, m."""
 GOOD = 1.5
-"""A misfit below this needs no other explanation; a perfect one is about 0.8."""
+"""Misfit below which no other explanation is needed; a perfect one is about 0.8."""
+POOR = 4.0
+"""Misfit above which a hypothesis explains nothing."""
+FRAGMENT = 0.4
+"""Share of the silhouette below which a blob may be a part of anything."""
+SUBPIXEL = 0.12
+"""Error of a position from the pixel grid, pixels. More outline points do not reduce it: along an edge
+parallel to the grid all err alike."""
 
 
 @dataclass(frozen=True, eq=False)
 class Hypothesis:
-    """One item at one place, and how badly it explains a blob."""
+    """One item at one pose, and how badly it explains a blob."""
 
     stand: StandingPose
     misfit: float
     """Mean square of outline and depth residuals in sigmas, each capped at OUTLIER²; ≈ 0.8 is perfect."""
     weight: float
-    """Number of residuals in it: half of weight × misfit is a negative log-likelihood."""
+    """Number of residuals in the misfit: half of weight × misfit is a negative log-likelihood."""
     covariance: Array
-    """Of x, y, yaw (3, 3)."""
+    """Covariance of x, y, yaw (3, 3); m², m·rad, rad²."""
     shown: float
     """Share of the silhouette that the blob fills."""
     supported: bool
-    """Whether it stands on the support, or floats at the height that was measured."""
+    """Whether the item stands on the support; else it floats at the measured height."""
 
     @property
     def cost(self) -> float:
@@ -58,8 +68,8 @@ class Hypothesis:
 
 @dataclass(frozen=True, eq=False)
 class ItemFitter:
-    """Fits rests to blobs. `noise` is the depth's standard deviation at 0.7 m, `model` what is added to
-    it."""
+    """Fits of stable poses to blobs. `noise` is the depth's standard deviation at 0.7 m, m; `model` is added
+    to it."""
 
     rests: tuple[StablePose, ...]
     sight: PosedCamera
@@ -69,10 +79,10 @@ class ItemFitter:
     def explain(
         self, blob: Blob, support: float, content: float = GOOD, hover: float = HOVER
     ) -> list[Hypothesis]:
-        """Hypotheses for the blob, best first, at most one for each entry and manner of support.
+        """Return hypotheses for the blob, best first, at most one for each entry and manner of support.
 
-        `support` is the height under it in the world, m. Items that lie on others, up to `hover` m
-        above the support, are tried when none on it has a misfit below `content`.
+        `support` is the height under the blob in the world, m. When no item on the support has a misfit below
+        `content`, items that lie on others are tried, too, up to `hover` m above it.
         """
         found = self._fits(blob, support, True, hover)
         if all(f.misfit > content for f in found):
@@ -84,8 +94,8 @@ class ItemFitter:
         return list(best.values())
 
     def judged(self, blob: Blob, start: StandingPose, rounds: int) -> Hypothesis:
-        """How well one body explains the blob, fitted from a start near to where it stands. It is lifted, or
-        lowered, only where its depth clearly says so."""
+        """Fit one body to the blob from a start near its pose. The height changes only where the depth
+        clearly demands it."""
         known = self._judge(blob, start, True, rounds)
         _, off = self._off(blob, known.stand)
         if not len(off) or abs(float(np.median(off))) < SUNK:
@@ -94,7 +104,8 @@ class ItemFitter:
         return moved if moved.misfit < known.misfit else known
 
     def at_most(self, blob: Blob) -> int:
-        """How many items may make up the blob, by its area and that of the smallest rest."""
+        """Return the greatest number of items that may make up the blob, by its area and that of the smallest
+        stable pose."""
         depth = float(blob.depths.mean()) if len(blob.depths) else 1.0
         least = min(rest.footprint for rest in self.rests) * (self.sight.intrinsics.fx / depth) ** 2
         return int(blob.area / (0.6 * least))
@@ -114,7 +125,7 @@ class ItemFitter:
         return self._best(blob, starts, supported)
 
     def _fits_in_size(self, blob: Blob, stand: StandingPose) -> bool:
-        """Whether the area of the blob can be that of the rest's silhouette there."""
+        """Whether the area of the blob can be that of the silhouette at this pose."""
         rest, away = stand.rest, self.sight.origin - stand.centre
         depth = abs(float(away @ self.sight.rotation[:, 2]))
         pixels = (self.sight.intrinsics.fx / (depth - rest.height / 2)) ** 2
@@ -125,7 +136,7 @@ class ItemFitter:
     def _best(
         self, blob: Blob, starts: list[tuple[float, StandingPose]], supported: bool
     ) -> list[Hypothesis]:
-        """Fit the starts, the likeliest first, until what follows cannot be better."""
+        """Fit the starts, the likeliest first, until the remaining ones cannot be better."""
         if blob.whole:
             gate = max(OUTLINE_GATE, LARGE_GATE * math.sqrt(blob.area))
             starts = [s for s in starts if s[0] < gate**2]
@@ -173,8 +184,11 @@ class ItemFitter:
         return Hypothesis(fitted.stand, misfit, weight, fitted.covariance, shown, supported)
 
     def _off(self, blob: Blob, stand: StandingPose, every: int = 1) -> tuple[float, Array]:
-        """Mean square of the depth residuals in sigmas, capped; and by how much what is measured is
-        nearer than the model, for the rays that meet it (k,), m."""
+        """Return the mean square of the depth residuals in sigmas, capped, and the residuals (k,), m.
+
+        A residual is positive where the measured surface is nearer than the model. Only rays that meet the
+        model count in the second.
+        """
         rays, depths = blob.rays[::every], blob.depths[::every]
         if not len(depths):
             return 1.0, depths
@@ -186,5 +200,51 @@ class ItemFitter:
 
 
 def _rank(one: Hypothesis) -> float:
-    """Lower is better: the cost, with a handicap for what floats and for unlikely faces."""
+    """Sort key, lower is better: the cost, with a handicap for floating items and unlikely faces."""
     return one.cost + (0.0 if one.supported else 12.0) + 10.0 * one.stand.rest.unlikely
+
+
+def is_clear(hypothesis: Hypothesis, poor: float = POOR) -> bool:
+    """Whether the hypothesis explains its blob, and the blob shows enough of the item."""
+    return hypothesis.misfit < poor and hypothesis.shown >= FRAGMENT
+
+
+def detection_from(
+    sight: PosedCamera, blob: Blob, hypotheses: list[Hypothesis], floor: SupportSurface
+) -> Detection:
+    best = hypotheses[0]
+    rest = best.stand.rest
+    entry = rest.entry
+    turn = rest.turn
+    yaw = best.stand.yaw if not turn else (best.stand.yaw + turn / 2) % turn - turn / 2
+    stand = StandingPose(rest, best.stand.centre, yaw if turn else 0.0)
+    loose = math.sqrt(max(1.0, best.misfit)) / max(0.3, best.shown)
+    variance = best.covariance
+    position = math.sqrt(max(float(variance[0, 0]), float(variance[1, 1]))) * loose
+    angle = math.pi if not turn else min(math.pi, math.sqrt(float(variance[2, 2])) * loose)
+    pixel = float((stand.centre - sight.origin) @ sight.rotation[:, 2]) / sight.intrinsics.fx
+    position = math.hypot(position, SUBPIXEL * pixel)
+    return Detection(
+        entry.kind,
+        entry.form,
+        entry.shape,
+        NAMES[blob.patch.label],
+        Pose.from_rotation(stand.centre, stand.turned),
+        position + (0.0 if best.supported else 1e-3),
+        max(angle, 2e-3),
+        _confidence(hypotheses),
+        turn,
+        floor.place,
+    )
+
+
+def _confidence(hypotheses: list[Hypothesis]) -> float:
+    """Return a confidence 0 … 1: high for a good fit to a whole blob that no other kind explains nearly as
+    well."""
+    best = hypotheses[0]
+    fit = float(np.clip((POOR - best.misfit) / (POOR - 1.2), 0.05, 1.0))
+    others = [h.cost for h in hypotheses if h.stand.rest.entry.kind != best.stand.rest.entry.kind]
+    lead = min(others, default=math.inf) - best.cost
+    certain = 1.0 / (1.0 + math.exp(-min(lead, 60.0) / 4.0))
+    seen = 0.4 + 0.6 * best.shown
+    return round(fit * certain * seen * (1.0 if best.supported else 0.7), 4)

@@ -1,7 +1,9 @@
-"""Following what is known: where a picture shows objects whose kind, and how they lie, is believed already.
+"""Known object fitting: locates objects in a picture whose kind and stable pose are believed already.
 
-Nothing has to be recognised, so a fit begins where the outline of the right colour is, with the believed face
-down and the believed heading: it is sure from so near that half of an object's outline is its side face."""
+Nothing has to be recognised. A fit begins where the outline of the correct colour is, with the believed face
+down and the believed heading. It is reliable even from so near that half of an object's outline is its side
+face.
+"""
 
 from __future__ import annotations
 
@@ -20,16 +22,17 @@ from ..segmentation.blobs import Blob, Pixels, SegmentationInput, connected_patc
 from .item_fitting import Hypothesis, ItemFitter
 
 STEP = 0.008
-"""Depth of neighbouring pixels that differs by more than this is of two bodies, m."""
+"""Difference in depth of neighbouring pixels from which they belong to two bodies, m."""
 LEAST = 24
-"""Fewer pixels than this are no body's."""
+"""Least number of pixels of a body."""
 GROWTH = 6
-"""Pixels by which the parts take back what was cut away between them."""
+"""Number of pixels by which the parts regain what was cut away between them."""
 _SIDES = ((0, 1), (0, -1), (1, 0), (-1, 0))
 
 
 def split_at_depth_steps(depth: Array, rows: Pixels, columns: Pixels) -> list[tuple[Pixels, Pixels]]:
-    """Rows and columns of the parts of a patch; the patch itself where it has no step from side to side."""
+    """Return rows and columns of the parts of a patch. A patch that no step in depth divides is returned
+    whole."""
     y, x = int(rows.min()) - 1, int(columns.min()) - 1
     size = (int(rows.max()) - y + 2, int(columns.max()) - x + 2)
     inside = np.zeros(size, dtype=np.bool_)
@@ -54,7 +57,7 @@ def split_at_depth_steps(depth: Array, rows: Pixels, columns: Pixels) -> list[tu
 
 
 def _grown(owner: NDArray[np.int32], depth: Array, inside: NDArray[np.bool_]) -> NDArray[np.int32]:
-    """Each free pixel joins the part beside it whose depth is nearest to its own."""
+    """Join each free pixel to the neighbouring part whose depth is nearest to its own."""
     grown, best = owner.copy(), np.full(owner.shape, np.inf)
     for side in _SIDES:
         part, other = np.roll(owner, side, (0, 1)), np.roll(depth, side, (0, 1))
@@ -65,41 +68,41 @@ def _grown(owner: NDArray[np.int32], depth: Array, inside: NDArray[np.bool_]) ->
 
 
 REACH = 0.045
-"""An object is looked for so far from where it is believed, m."""
-"""Fewer pixels of its colour than this say nothing."""
+"""Greatest distance from its believed place at which an object is located, m."""
 ROUGH = 0.0012
-"""What is added to the noise of a depth, m: from near it shows that round things are not quite round."""
+"""Part of the depth's standard deviation in pictures from near, m: round items are not quite round there."""
 ROUNDS = 8
-"""Steps of a fit at most."""
+"""Greatest number of steps of a fit."""
 TURNED = math.radians(20)
-"""A heading that differs more than this from the believed one is another's."""
+"""Greatest difference from the believed heading, rad. Beyond it the patch is another object."""
 MISFIT = 3.0
-"""A fit worse than this shows something else."""
+"""Greatest misfit; a worse fit shows something else."""
 SHOWN = 0.55
-"""With less than this share of its silhouette in sight an object is not located."""
+"""Least share of its silhouette in sight at which an object is located."""
 BESIDE = 0.3
-"""How much more than the silhouette a patch may cover, as a share: more is two objects that touch."""
+"""Greatest area of a patch beyond the silhouette, as a share of it. A larger patch is two touching
+objects."""
 GRID = 2.5e-4
-"""What the grid of pixels costs however many an outline has, m."""
+"""Error of a position from the pixel grid, m. More outline points do not reduce it."""
 FLAT = math.radians(12)
-"""An object that leans more than this from every face of its kind is not followed."""
+"""Greatest lean from every stable pose of its kind at which an object is located, rad."""
 
 
 @dataclass(frozen=True, slots=True)
 class TrackedSighting:
-    """One patch that may be one object: where the object is if it is."""
+    """One patch that may be one object, with the pose that the object then has."""
 
     object: ObjectId
     patch: int
     """Number of the patch; the same for all objects that it may be."""
     pose: Pose
-    """In the world."""
+    """Pose in the world."""
     sigma_position: float
-    """m along each axis"""
+    """Standard deviation of the position along each axis, m."""
     sigma_angle: float
-    """rad about the vertical"""
+    """Standard deviation of the angle about the vertical, rad."""
     misfit: float
-    """As of a `Hypothesis`; infinite for a patch of the right colour and place that the object does not
+    """Misfit as in `Hypothesis`; inf for a patch of matching colour and place that the object does not
     fit."""
     shown: float
     """Share of the silhouette in sight."""
@@ -108,8 +111,10 @@ class TrackedSighting:
 def track_objects(
     picture: SegmentationInput, fitter: ItemFitter, objects: Sequence[BeliefObject]
 ) -> tuple[TrackedSighting, ...]:
-    """For each object all patches that it may be. Patches of its colour within reach that it does not fit are
-    told, too: with an infinite misfit."""
+    """Return for each object all patches that it may be.
+
+    Patches of its colour within reach that it does not fit are included, with a misfit of inf.
+    """
     labels = {label_of(o.colour) for o in objects} - {0}
     usable = ~picture.blocked
     patches = [
@@ -131,7 +136,7 @@ def track_objects(
 
 
 def _lies_on(rests: Sequence[StablePose], one: BeliefObject) -> StablePose | None:
-    """The face on which it is believed to lie."""
+    """Return the stable pose in which the object is believed to lie; None when it leans too much."""
     rotation = one.pose.rotation()
     leaning = [
         (float((rotation @ rest.rotation.T)[2, 2]), -n) for n, rest in enumerate(rests) if _is_of(rest, one)
@@ -195,8 +200,8 @@ def _two(picture: SegmentationInput, blob: Blob, best: Hypothesis) -> bool:
 
 
 def _turned(stand: StandingPose, one: BeliefObject, yaw: float) -> Array:
-    """Its orientation: as believed, turned about the vertical by what was seen. What has no heading keeps
-    its."""
+    """Return its orientation: the believed one, turned about the vertical by the seen difference. A body
+    without heading keeps its own."""
     rotation = one.pose.rotation()
     if not stand.rest.turn:
         return rotation

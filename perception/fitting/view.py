@@ -1,4 +1,5 @@
-"""What perception makes of one picture."""
+"""Perceived view: detections, unexplained patches and bin heights of one picture, with free space and
+visibility of bodies."""
 
 from __future__ import annotations
 
@@ -19,91 +20,91 @@ from ..geometry.resting_poses import body_points
 from ..segmentation import blobs
 
 BEHIND = 0.010
-"""Depth beyond a body's believed surface by more than this shows that the body is not there, m."""
+"""Depth beyond a body's believed surface from which the body is not there, m."""
 
 
 @dataclass(frozen=True, slots=True)
 class Detection:
-    """One item that was recognised."""
+    """One recognised item."""
 
     kind: str
     form: Form
     shape: Shape
     colour: str
     pose: Pose
-    """In the world."""
+    """Pose in the world."""
     sigma_position: float
-    """m along each axis"""
+    """Standard deviation of the position along each axis, m."""
     sigma_angle: float
-    """rad about the vertical; π for what looks the same from all sides."""
+    """Standard deviation of the angle about the vertical, rad; π for a body of revolution."""
     confidence: float
-    """0 … 1"""
+    """Confidence, 0 … 1."""
     turn: float = 0.0
-    """Turned by this about the vertical it looks the same, rad; 0 for what has no heading."""
+    """Turn about the vertical that looks the same, rad; 0 for a body without heading."""
     place: str = "table"
-    """`table` or the id of the bin that it lies in."""
+    """`table`, or the id of the bin or hole that it lies in."""
 
 
 @dataclass(frozen=True, slots=True)
 class UnexplainedPatch:
-    """A patch of depth that no known thing explains, and the upright box about it, from its support up."""
+    """Patch of depth that no known body explains, with its upright bounding box from the support up."""
 
     shape: Box
     pose: Pose
     colour: str
     rows: NDArray[np.intp] = field(repr=False, compare=False)
-    """Of its pixels (n,); all of them have a depth."""
+    """Rows of its pixels (n,); all of them have a depth."""
     columns: NDArray[np.intp] = field(repr=False, compare=False)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BinView:
-    """What was seen inside a bin. Cells count along the bin's x (rows) and y (columns)."""
+    """Heights seen inside a bin. Cells count along the bin's x (rows) and y (columns)."""
 
     cells: Array
     """Height of the heap above the bin's floor (n, n), m; NaN where it was not seen."""
 
     def over(self, former: BinView | None) -> BinView:
-        """This, and in the cells that it does not show what was seen there before."""
+        """Fill the unseen cells with those of a former view."""
         if former is None:
             return self
         return BinView(np.where(np.isfinite(self.cells), self.cells, former.cells))
 
     def highest(self) -> float:
-        """Of all seen cells, m; 0 when none was seen."""
+        """Return the greatest height of all seen cells, m; 0 when none was seen."""
         return float(np.nanmax(self.cells)) if np.isfinite(self.cells).any() else 0.0
 
 
 @dataclass(frozen=True, slots=True)
 class BodyVisibility:
-    """What the picture shows where a body is believed: counts of its pixels."""
+    """Pixel counts of a picture where a body is believed."""
 
     total: int
-    """Pixels of its silhouette, inside the picture or not."""
+    """Pixels of the silhouette, inside the picture or not."""
     visible: int
-    """Of these: neither masked, nor behind something nearer, nor without depth."""
+    """Number of these that are neither masked, nor behind something nearer, nor without depth."""
     empty: int
-    """Of the visible: they show something behind it, or another colour."""
+    """Number of visible pixels that show something behind the body, or another colour."""
 
     @property
     def seen_empty(self) -> bool:
-        """Whether it clearly is not there."""
+        """Whether the body clearly is not there."""
         return self.visible >= max(6, 0.3 * self.total) and self.empty >= 0.7 * self.visible
 
     @property
     def borne_out(self) -> bool:
-        """Whether what can be seen of its place looks as if it were there."""
+        """Whether the visible part of the place looks as if the body were there."""
         return self.visible >= 6 and self.empty <= 0.1 * self.visible
 
     @property
     def hidden(self) -> bool:
-        """Whether too little of it could be seen to say anything."""
+        """Whether too little of the place was visible for a statement."""
         return self.visible < max(6, 0.3 * self.total)
 
 
 @dataclass(frozen=True, eq=False)
 class PerceivedView:
-    """The findings of one picture, and the picture's own answer to "is it still there?"."""
+    """Findings of one picture, and the picture itself for later questions about believed bodies."""
 
     camera: str
     stamp: float
@@ -112,19 +113,22 @@ class PerceivedView:
     bins: Mapping[ObjectId, BinView]
     sight: PosedCamera = field(repr=False)
     depth: Array = field(repr=False)
-    """(h, w) m, 0 where unknown."""
+    """Depth of each pixel (h, w), m; 0 where unknown."""
     label: NDArray[np.uint8] = field(repr=False)
-    """Colour of each pixel, see `hues` (h, w)."""
+    """Label of each pixel's colour (h, w), see `blobs.NAMES`."""
     blocked: NDArray[np.bool_] = field(repr=False)
-    """Pixels that tell nothing: robot, held object, walls (h, w)."""
+    """Pixels without information (h, w): robot, held object, walls."""
     reach: NDArray[np.float32] = field(repr=False)
-    """How far each pixel's ray is known to pass through free space (h, w), m: to what is seen there, or a
-    little beyond what never moves; 0 where the robot is in the way, inf where the depth is unknown."""
+    """Length of each pixel's ray through free space (h, w), m: to the seen surface, or a little beyond what
+    never moves.
+
+    0 where the robot is in the way, inf where the depth is unknown.
+    """
     supports: Callable[[Array], Array] = field(repr=False)
-    """See `backdrop.Floors.supports`."""
+    """Support heights below points, see `backdrop.SupportSurfaces.supports`."""
 
     def look(self, shape: Shape, pose: Pose, colour: str) -> BodyVisibility:
-        """What is seen where the body should be."""
+        """Count what the picture shows where the body should be."""
         rows, columns, total = self._silhouette(shape, pose)
         if not len(rows):
             return BodyVisibility(total, 0, 0)
@@ -144,14 +148,15 @@ class PerceivedView:
         return BodyVisibility(total, int(visible.sum()), int((visible & ~there).sum()))
 
     def _silhouette(self, shape: Shape, pose: Pose) -> tuple[NDArray[np.intp], NDArray[np.intp], int]:
-        """Rows and columns of the pixels that the body covers, and how many there would be in all."""
+        """Return rows and columns of the pixels that the body covers, and their number without the picture's
+        borders."""
         if isinstance(shape, Sphere):
             side = shape.radius
             points = np.array(pose.position) + body_points(Box((2 * side, 2 * side, 2 * side)))
         else:
             points = pose.apply(body_points(shape))
         if len(self.sight.before(points)) != len(points):
-            # A part of it is beside or behind the camera: too near to judge.
+            # A part of it is next to or behind the camera: too near for a statement.
             nothing = np.zeros(0, dtype=np.intp)
             return nothing, nothing, 0
         hull = cv2.convexHull(self.sight.pixels(points).astype(np.float32))

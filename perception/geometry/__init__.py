@@ -1,1 +1,1 @@
-"""The geometry of pictures, and of items at rest in them."""
+"""Geometry of cameras, silhouettes and items at rest."""

@@ -1,4 +1,4 @@
-"""The geometry of one picture: pixels, rays and heights, through the camera pose that is believed."""
+"""Camera geometry: pixels, rays and heights of one picture, through the believed camera pose."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from ...world.protocols import Intrinsics
 from ...world.values import Array, Pose
 
 FRONT = 0.02
-"""What is nearer than this to the plane of the camera is not before it, m."""
+"""Distance from the camera's plane below which a point is not before the camera, m."""
 
 
 @lru_cache(maxsize=16)
 def rays_of(intrinsics: Intrinsics) -> Array:
-    """Directions (h, w, 3) in the camera's frame with z = 1: depth times direction is the point."""
+    """Return directions (h, w, 3) in the camera's frame with z = 1: depth times direction is the point."""
     u = (np.arange(intrinsics.width) - intrinsics.cx) / intrinsics.fx
     v = (np.arange(intrinsics.height) - intrinsics.cy) / intrinsics.fy
     rays = np.ones((intrinsics.height, intrinsics.width, 3))
@@ -28,7 +28,7 @@ def rays_of(intrinsics: Intrinsics) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class PosedCamera:
-    """A pinhole camera at a pose: world to pixels and back."""
+    """Pinhole camera at a pose: world to pixels and back."""
 
     intrinsics: Intrinsics
     origin: Array
@@ -36,7 +36,7 @@ class PosedCamera:
     rotation: Array
     """Camera axes in the world, as columns (3, 3)."""
     projection: Array
-    """(3, 3): homogeneous pixel = projection @ (point - origin)."""
+    """Projection matrix (3, 3): homogeneous pixel = projection @ (point - origin)."""
 
     @classmethod
     def at(cls, intrinsics: Intrinsics, camera_in_world: Pose) -> PosedCamera:
@@ -49,30 +49,34 @@ class PosedCamera:
         return cls(intrinsics, origin, rotation, matrix @ rotation.T)
 
     def apart(self, other: PosedCamera, distance: float) -> float:
-        """How far, at most, the two place what one pixel shows at that distance from each other, m."""
+        """Bound the distance between the points at which two cameras place one pixel's surface at that
+        distance, m."""
         turn = float(np.linalg.norm(self.rotation - other.rotation, 2))
         return float(np.linalg.norm(self.origin - other.origin)) + turn * distance
 
     def before(self, points: Array) -> Array:
-        """Points (m, 3) whose hull is the part of the hull of `points` (n, 3) that is before the camera; none
-        when there is no such part."""
+        """Clip the hull of `points` (n, 3) at the camera's plane. Returns points (m, 3) of the part before
+        the camera; none without one."""
         depth = (points - self.origin) @ self.rotation[:, 2] - FRONT
         behind = depth < 0.0
         if not behind.any():
             return points
-        # Where the edges between the two sides cross the plane; what is no edge crosses it further inside.
+        # Points where the edges between the two sides cross the plane. Segments that are no edges cross it
+        # further inside.
         a, b = points[~behind], points[behind]
         share = depth[~behind][:, None] / (depth[~behind][:, None] - depth[behind][None])
         crossing = a[:, None] + share[:, :, None] * (b[None] - a[:, None])
         return np.concatenate([a, crossing.reshape(-1, 3)])
 
     def pixels(self, points: Array) -> Array:
-        """Pixel coordinates (n, 2) of world points (n, 3); points behind the camera are held at 2 cm."""
+        """Project world points (n, 3) to pixel coordinates (n, 2); points behind the camera are held at 2
+        cm."""
         h = (points - self.origin) @ self.projection.T
         return h[:, :2] / np.maximum(h[:, 2:], 0.02)
 
     def directions(self, pixels: Array) -> Array:
-        """Rays in the world (n, 3) through pixels (n, 2), scaled so that depth times ray is the point."""
+        """Return rays in the world (n, 3) through pixels (n, 2), scaled so that depth times ray is the
+        point."""
         i = self.intrinsics
         rays = np.ones((len(pixels), 3))
         rays[:, 0] = (pixels[:, 0] - i.cx) / i.fx
@@ -80,14 +84,14 @@ class PosedCamera:
         return rays @ self.rotation.T
 
     def all_directions(self) -> Array:
-        """Rays in the world of every pixel (h, w, 3)."""
+        """Return the rays of all pixels in the world (h, w, 3)."""
         return rays_of(self.intrinsics) @ self.rotation.T
 
     def heights(self, depth: Array) -> Array:
-        """Height in the world (h, w) of what is seen at `depth` (h, w), m."""
+        """Return the height in the world (h, w) of what is seen at `depth` (h, w), m."""
         return self.origin[2] + depth * (rays_of(self.intrinsics) @ self.rotation[2])
 
     def at_height(self, pixel: Array, height: float) -> Array:
-        """World x, y (2,) where the ray of a pixel (2,) crosses the horizontal plane at `height`."""
+        """Return world x, y (2,) where the ray of a pixel (2,) crosses the horizontal plane at `height`."""
         ray = self.directions(pixel[None])[0]
         return (self.origin + ray * ((height - self.origin[2]) / ray[2]))[:2]

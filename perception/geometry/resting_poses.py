@@ -1,4 +1,4 @@
-"""How the catalogue's items can lie: each entry on each face on which it stays."""
+"""Stable poses of the catalogue's items on a level support, and upright in the holes of a scene."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from ...world.shapes import Box, ConvexMesh, Cylinder, Shape, Sphere, top
 from ...world.values import Array, ObjectId
 
 ALIKE = 2e-4
-"""Corners that fall this near to others look the same, m."""
+"""Distance between corners below which they look the same, m."""
 RING = 16
-"""Corners of the polygon that stands for a circle."""
+"""Number of corners of the polygon that stands for a circle."""
 
 
 @dataclass(frozen=True, eq=False)
 class StablePose:
-    """An entry lying on one of its faces. Turned about the vertical by `yaw` it stands in the world."""
+    """Catalogue entry lying on one of its faces, up to a turn `yaw` about the vertical."""
 
     entry: CatalogueEntry
     rotation: Array
@@ -33,19 +33,20 @@ class StablePose:
     below: float
     """Distance from the centre down to the support, m."""
     height: float
-    """From the support to the top, m."""
+    """Height from the support to the top, m."""
     turn: float
-    """Turning by this about the vertical looks the same, rad; 0 for a body of revolution."""
+    """Turn about the vertical that looks the same, rad; 0 for a body of revolution."""
     reach: float
-    """Radius of the circle about the vertical axis that holds it, m."""
+    """Radius of the circle about the vertical axis that contains the body, m."""
     footprint: float
-    """Area of its shadow under light from straight above, m²."""
+    """Area of the shadow under light from straight above, m²."""
     unlikely: float = 0.0
-    """Added to the misfit: resting faces on which items are seldom found."""
+    """Addition to the misfit, for faces on which items are seldom found."""
 
 
 def stable_poses(entry: CatalogueEntry) -> tuple[StablePose, ...]:
-    """All stable ways in which the entry can lie on a level support, up to a turn about the vertical."""
+    """Return all stable ways in which the entry can lie on a level support, up to a turn about the
+    vertical."""
     shape = entry.shape
     match shape:
         case Sphere(radius):
@@ -77,7 +78,8 @@ def _rest(entry: CatalogueEntry, rotation: Array, turn: float, unlikely: float) 
 
 
 def body_points(shape: Shape) -> Array:
-    """Points (n, 3) whose hull is the shape; a circle by a polygon of its area. None for a sphere."""
+    """Return points (n, 3) whose hull is the shape; a circle becomes a polygon of its area. A sphere has
+    none."""
     match shape:
         case Box(size):
             signs = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
@@ -98,7 +100,8 @@ def body_points(shape: Shape) -> Array:
 
 
 def _boxes(entry: CatalogueEntry, size: tuple[float, float, float]) -> list[StablePose]:
-    """One rest for each different edge length that can stand upright, the longer side along x."""
+    """Return one stable pose for each different edge length that can stand upright, the longer side along
+    x."""
     found: list[StablePose] = []
     heights: list[float] = []
     for up in (2, 0, 1):
@@ -118,7 +121,7 @@ def _boxes(entry: CatalogueEntry, size: tuple[float, float, float]) -> list[Stab
 
 
 def _mesh(entry: CatalogueEntry, mesh: ConvexMesh) -> list[StablePose]:
-    """One rest for each face over which the centroid stands."""
+    """Return one stable pose for each face above which the centroid is, alike ones once."""
     normals, offsets = half_spaces(mesh)
     points = np.array(mesh.vertices)
     found: list[StablePose] = []
@@ -133,13 +136,13 @@ def _mesh(entry: CatalogueEntry, mesh: ConvexMesh) -> list[StablePose]:
 
 
 def _turn(points: Array) -> float:
-    """The smallest turn about the vertical that takes the corners (n, 3) to one another, rad."""
+    """Return the smallest turn about the vertical that takes the corners (n, 3) to one another, rad."""
     turns = (2 * math.pi / times for times in (12, 10, 8, 6, 5, 4, 3, 2))
     return next((t for t in turns if _alike(_turned(points, t), points)), 2 * math.pi)
 
 
 def _looks_like(one: StablePose, other: StablePose) -> bool:
-    """Whether both are the same to the eye, on equal faces of a symmetric body."""
+    """Whether both look the same, as on equal faces of a symmetric body."""
     if abs(one.height - other.height) > ALIKE or abs(one.below - other.below) > ALIKE:
         return False
     far = one.outline[int(np.hypot(one.outline[:, 0], one.outline[:, 1]).argmax())]
@@ -160,7 +163,7 @@ def _alike(a: Array, b: Array) -> bool:
 
 
 def _down(normal: Array) -> Array:
-    """A rotation that turns `normal` to (0, 0, -1)."""
+    """Return a rotation that turns `normal` to (0, 0, -1)."""
     z = -normal
     x = np.eye(3)[int(np.abs(z).argmin())]
     x = x - z * float(x @ z)
@@ -175,38 +178,38 @@ def _holds(face: Array) -> bool:
 
 
 OFF = 0.012
-"""The middle of what is seen of an item, its sides included, is this much off the hole in which it stands at
-most, beside what is not known of where the hole is, m."""
+"""Greatest distance between the middle of an item's visible part, sides included, and its hole, m. The
+uncertainty of the hole's place is added."""
 SHOWS = 0.004
-"""What stands out by less than this is not recognised, m."""
+"""Least protruding height that is recognised, m."""
 
 
 @dataclass(frozen=True, slots=True)
 class ProtrudingPart:
-    """What stands out of a hole of an item that stands in it."""
+    """Part of an item in a hole that protrudes from it."""
 
     entry: CatalogueEntry
-    """Of the whole item."""
+    """Catalogue entry of the whole item."""
     rest: StablePose
     sunk: float
-    """How far the item's centre is below that of what stands out, m."""
+    """Depth of the item's centre below that of the protruding part, m."""
 
 
 @dataclass(frozen=True, eq=False)
 class HoleMouth:
-    """A hole as perception believes it to be."""
+    """Hole of the believed scene, with the items that fit."""
 
     id: ObjectId
     at: tuple[float, float]
-    """In the world, m."""
+    """Position x, y in the world, m."""
     height: float
-    """Of the face around it, in the world, m."""
+    """Height of the surrounding face in the world, m."""
     reach: float
-    """An item whose visible middle is nearer than this to the mouth's may stand in it, m."""
+    """Distance from the mouth within which an item's visible middle may belong to an item in the hole, m."""
     sigma: float
-    """Standard deviation of where it is, along each axis, m."""
+    """Standard deviation of the position along each axis, m."""
     stubs: tuple[ProtrudingPart, ...]
-    """Of all kinds that fit."""
+    """Protruding parts of all kinds that fit."""
 
     @property
     def rests(self) -> tuple[StablePose, ...]:
@@ -217,14 +220,14 @@ class HoleMouth:
 
 
 class HoleMouths:
-    """The holes of a scene, as it is believed to stand."""
+    """Holes of a believed scene."""
 
     def __init__(self, fixtures: Iterable[Fixture], catalogue: Iterable[CatalogueEntry]) -> None:
         entries = tuple(catalogue)
         self._mouths = [_mouth(fixture, hole, entries) for fixture in fixtures for hole in fixture.holes]
 
     def near(self, x: float, y: float) -> HoleMouth | None:
-        """The hole over which something is seen, if there is one."""
+        """Return the nearest hole within whose reach (x, y) is; None without one."""
         away = [(math.dist((x, y), mouth.at), n) for n, mouth in enumerate(self._mouths)]
         if not away:
             return None
@@ -233,7 +236,7 @@ class HoleMouths:
 
 
 def spread(fixture: Fixture) -> float:
-    """How far a point of the fixture may be from where it is believed to be, m."""
+    """Return how far a point of the fixture may be from its believed place, m."""
     most = fixture.uncertainty
     if not isinstance(fixture.shape, Box):
         return most.position
@@ -245,7 +248,7 @@ def _mouth(fixture: Fixture, hole: Hole, entries: Iterable[CatalogueEntry]) -> H
     x, y, _ = (fixture.pose @ hole.pose).position
     stubs = tuple(stub for entry in entries if (stub := _stub(entry, hole)) is not None)
     away = spread(fixture)
-    # It is anywhere within its bounds, and nowhere else.
+    # It is anywhere within its bounds with equal probability, and nowhere else.
     sigma = max(1e-3, away / math.sqrt(3.0))
     return HoleMouth(hole.id, (x, y), top(fixture.shape, fixture.pose), OFF + away, sigma, stubs)
 
@@ -263,6 +266,6 @@ def _stub(entry: CatalogueEntry, hole: Hole) -> ProtrudingPart | None:
             return None
     if left < SHOWS:
         return None
-    # The first way in which it can lie is upright, as the catalogue has it.
+    # The first stable pose is upright, as in the catalogue.
     rest = stable_poses(replace(entry, shape=shape))[0]
     return ProtrudingPart(entry, rest, hole.depth / 2)

@@ -1,4 +1,5 @@
-"""Fitting a lying body to the outline of a blob: catalogue shapes are convex, so their pictures are hulls."""
+"""Silhouette fitting: a lying body is fitted to the outline of a blob. Catalogue shapes are convex, so their
+pictures are hulls."""
 
 from __future__ import annotations
 
@@ -13,9 +14,9 @@ from .camera_geometry import PosedCamera
 from .resting_poses import RING, StablePose
 
 PIXEL_SIGMA = 0.33
-"""Spread of an outline point about the true edge, pixels: it lies half way between two pixels."""
+"""Standard deviation of an outline point from the true edge, pixels: it is half way between two pixels."""
 OUTLIER = 3.0
-"""A point further off than this many sigmas counts no more."""
+"""Number of sigmas at which the residual of a point is capped."""
 _CIRCLE = np.array([(np.cos(a), np.sin(a)) for a in np.arange(RING) * (2 * np.pi / RING)])
 _ROUND = np.sqrt((2 * np.pi / RING) / np.sin(2 * np.pi / RING))
 _FAN = np.array([(np.cos(a), np.sin(a)) for a in np.arange(36) * (2 * np.pi / 36)])
@@ -23,8 +24,10 @@ _FAN = np.array([(np.cos(a), np.sin(a)) for a in np.arange(36) * (2 * np.pi / 36
 
 @dataclass(frozen=True, eq=False)
 class BlobOutline:
-    """Points (m, 2) between the pixels of a blob and its surroundings; `real` (m,) is False where the
-    blob may go on behind what hides it."""
+    """Points (m, 2) between the pixels of a blob and its surroundings.
+
+    `real` (m,) is False where the blob may go on behind a body that hides it.
+    """
 
     points: Array
     real: NDArray[np.bool_]
@@ -32,7 +35,7 @@ class BlobOutline:
 
 @dataclass(frozen=True, eq=False)
 class StandingPose:
-    """Where a rest stands: centre in the world (3,) and turn about the vertical, rad."""
+    """Pose of an item in a stable pose: centre in the world (3,), m, and turn about the vertical, rad."""
 
     rest: StablePose
     centre: Array
@@ -51,14 +54,16 @@ class SilhouetteFit:
     misfit: float
     """Mean squared distance of the outline's points from the model's, in sigmas², each capped."""
     covariance: Array
-    """Of x, y, yaw (3, 3); m², m·rad, rad²."""
+    """Covariance of x, y, yaw (3, 3); m², m·rad, rad²."""
     area: float
-    """Of the silhouette, pixels."""
+    """Area of the silhouette, pixels."""
 
 
 def silhouette(sight: PosedCamera, stand: StandingPose) -> Array:
-    """Corners (k, 2) of the hull of the picture of a standing body, pixels; its inside lies to the
-    left of each edge for an eye that sees y point up."""
+    """Return the corners (k, 2) of the silhouette's hull, pixels.
+
+    Its inside lies to the left of each edge for an eye that sees y point up.
+    """
     hull = cv2.convexHull(sight.pixels(_body(sight, stand)).astype(np.float32))
     return hull[:, 0].astype(np.float64)
 
@@ -72,7 +77,7 @@ def _body(sight: PosedCamera, stand: StandingPose) -> Array:
 
 
 def _tangent_circle(sight: PosedCamera, stand: StandingPose) -> Array:
-    """Where the camera's rays graze a sphere: a polygon of the circle's area (RING, 3)."""
+    """Return the polygon (RING, 3) of the circle's area where the camera's rays graze a sphere."""
     radius = stand.rest.below
     away = stand.centre - sight.origin
     squared = float(away @ away)
@@ -87,7 +92,7 @@ def _tangent_circle(sight: PosedCamera, stand: StandingPose) -> Array:
 def fit_outline(
     sight: PosedCamera, outline: BlobOutline, start: StandingPose, rounds: int = 5
 ) -> SilhouetteFit:
-    """Gauss–Newton over x, y and yaw of the signed distances between outline and silhouette.
+    """Fit x, y and yaw by Gauss–Newton on the signed distances between outline and silhouette.
 
     A point on a hidden border pulls only when it lies outside the model.
     """
@@ -116,17 +121,20 @@ def fit_outline(
 
 
 CLOSE, CLOSE_TURN = 3e-4, 6e-3
-"""A step below this is the last one, m and rad: what it leaves is of second order."""
+"""Step below which the fit ends, m and rad: the rest is of second order."""
 _DAMPING = np.diag([0.1, 0.1, 1e-3])
-"""Keeps the normal equations regular where the outline says nothing: pixels²/m², pixels²/rad²."""
+"""Regularisation of the normal equations where the outline determines nothing: pixels²/m², pixels²/rad²."""
 
 
 def _distances(
     sight: PosedCamera, stand: StandingPose, corners: Array, points: Array, free: int
 ) -> tuple[Array, Array]:
-    """Signed distance (m,) of each point from the silhouette, outside positive, pixels, and how it
-    changes with x, y and, if `free` is 3, yaw (m, free). The image is taken as affine about the centre
-    for the changes only."""
+    """Return the signed distance (m,) of each point from the silhouette, pixels, outside positive, and its
+    derivatives.
+
+    The derivatives are by x, y and, if `free` is 3, yaw (m, free). For them only, the image is taken as
+    affine about the centre.
+    """
     edge = _next(corners) - corners
     out = np.empty_like(edge)
     out[:, 0], out[:, 1] = edge[:, 1], -edge[:, 0]
@@ -146,18 +154,22 @@ def _distances(
 
 
 def _turning(by_place: Array) -> Array:
-    """(2, 2): a pixel offset (row) times it is the offset's change by yaw, for the affine map (2, 2) from
-    the level plane to the image: M·Q·M⁻¹ transposed, Q a quarter turn."""
+    """Return the matrix (2, 2) that maps a pixel offset (row) to its change by yaw: M·Q·M⁻¹ transposed, Q a
+    quarter turn.
+
+    M is the affine map (2, 2) from the level plane to the image.
+    """
     (a, b), (c, d) = by_place.tolist()
     determinant = a * d - b * c
     return np.array([[b * d + a * c, d * d + c * c], [-a * a - b * b, -a * c - b * d]]) / determinant
 
 
 def support(points: Array) -> tuple[Array, Array]:
-    """The support function (36,) of the hull of points (n, 2) about its Steiner point, and that point (2,).
+    """Compute the support function (36,) of the hull of points (n, 2) about its Steiner point, and that point
+    (2,).
 
-    The Steiner point turns and moves with the hull, and falls out of the support function's first
-    harmonic (Schneider, Convex Bodies, 1.7).
+    The Steiner point turns and moves with the hull, and falls out of the support function's first harmonic
+    (Schneider, Convex Bodies, 1.7).
     """
     reach = (points @ _FAN.T).max(axis=0)
     middle = reach @ _FAN / 18.0
@@ -167,8 +179,10 @@ def support(points: Array) -> tuple[Array, Array]:
 def likely_turns(
     sight: PosedCamera, stand: StandingPose, seen: tuple[Array, Array], keep: int
 ) -> list[tuple[float, StandingPose]]:
-    """Starts for the fit, best first: the stand turned and shifted so that its silhouette's support
-    function fits the one `seen`; with the mean square that is left over, pixels²."""
+    """Return starts for the fit, best first, with the mean square that remains, pixels².
+
+    The pose is turned and shifted so that its silhouette's support function fits the one `seen`.
+    """
     model, at = support(sight.pixels(_body(sight, stand)))
     count = max(1, round(36 * stand.rest.turn / (2 * np.pi))) if stand.rest.turn else 1
     left = ((model[_SHIFTED[:count]] - seen[0]) ** 2).sum(axis=1) / 36.0
@@ -186,7 +200,7 @@ _SHIFTED = (np.arange(36)[None, :] - np.arange(36)[:, None]) % 36
 
 
 def _minima(values: list[float]) -> list[tuple[float, int]]:
-    """The local minima of a periodic row with their indices, lowest first."""
+    """Return the local minima of a periodic row with their indices, lowest first."""
     return sorted(
         (v, k) for k, v in enumerate(values) if v <= values[k - 1] and v <= values[(k + 1) % len(values)]
     )

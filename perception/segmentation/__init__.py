@@ -1,1 +1,1 @@
-"""Patches of one colour."""
+"""Segmentation of pictures into patches of one colour."""

@@ -1,4 +1,4 @@
-"""Patches of one colour: their outline, their depth, and which borders are real."""
+"""Blobs: connected pixels of one colour with outline and depth, and which parts of the outline are real."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from ..geometry.camera_geometry import PosedCamera
 from ..geometry.silhouette_fitting import BlobOutline, support
 
 SATURATED = 128
-"""Of 255: items are more saturated than this, fixtures and robot less."""
+"""Saturation (of 255) above which a pixel is coloured. Items are above, fixtures and robot below."""
 BRIGHT = 24
-"""Of 255: below it a hue means nothing."""
+"""Brightness (of 255) below which a hue means nothing."""
 
 NAMES: tuple[str, ...] = ("", *ITEM_COLOURS)
 """Name of each label; label 0 is no colour."""
@@ -36,23 +36,24 @@ _LABEL_OF_HUE = _table()
 
 
 def labels(colour: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """Index into NAMES for each pixel (h, w) of an RGB picture (h, w, 3)."""
+    """Return the index into NAMES of each pixel (h, w) of an RGB picture (h, w, 3)."""
     hsv = np.asarray(cv2.cvtColor(colour, cv2.COLOR_RGB2HSV_FULL), dtype=np.uint8)
     coloured = (hsv[:, :, 1] > SATURATED) & (hsv[:, :, 2] > BRIGHT)
     return np.where(coloured, _LABEL_OF_HUE[hsv[:, :, 0]], 0).astype(np.uint8)
 
 
 def label_of(name: str) -> int:
-    """Label of a named colour; 0 for one that perception does not tell (grey, unknown)."""
+    """Return the label of a named colour; 0 for a colour that perception does not distinguish (grey,
+    unknown)."""
     return NAMES.index(name) if name in ITEM_COLOURS else 0
 
 
 WHOLE = 0.12
-"""A blob counts as whole while no more than this share of its border may be hidden."""
+"""Greatest share of possibly hidden border at which a blob counts as whole."""
 SAMPLES = 80
-"""Pixels of a blob whose depth is kept for judging."""
+"""Number of pixels of a blob whose depth is kept for fits."""
 HIDES = 0.006
-"""A neighbour that is higher by this hides what lies behind it, m."""
+"""Height above a blob from which a neighbour hides what lies behind it, m."""
 TOP = 0.8
 """Quantile of the heights that stands for the top: most of what is seen from above is top."""
 
@@ -61,23 +62,23 @@ Pixels = NDArray[np.intp]
 
 @dataclass(frozen=True, eq=False)
 class SegmentationInput:
-    """What blobs are cut from; all arrays (h, w). The owners are filled in while patches are found."""
+    """Input of the segmentation; all arrays (h, w). Owners are filled in while patches are found."""
 
     sight: PosedCamera
     depth: Array
-    """m along the optical axis, 0 where unknown."""
+    """Depth along the optical axis, m; 0 where unknown."""
     height: Array
-    """In the world, m; meaningless where the depth is unknown."""
+    """Height in the world, m; meaningless where the depth is unknown."""
     label: NDArray[np.uint8]
-    """Colour of each pixel, see `hues`; 0 for grey."""
+    """Label of each pixel's colour, see NAMES; 0 for grey."""
     blocked: NDArray[np.bool_]
-    """Behind the robot, the held object, walls and their margins: nothing is known there."""
+    """Pixels behind the robot, the held object, or walls and their margins: nothing is known there."""
     owner: NDArray[np.int32]
-    """Number of the patch that has the pixel, 0 for none."""
+    """Number of the patch that owns the pixel, 0 for none."""
     patches: list[PixelPatch]
 
     def claim(self, rows: Pixels, columns: Pixels, label: int) -> PixelPatch:
-        """A new patch of these pixels, which it takes from whoever had them."""
+        """Create a patch of these pixels. Former owners lose them."""
         depths = self.depth[rows, columns]
         heights = np.sort(self.height[rows, columns][depths > 0])
         top = float(heights[int(TOP * len(heights))]) if len(heights) else float("nan")
@@ -89,7 +90,7 @@ class SegmentationInput:
 
 @dataclass(frozen=True, eq=False)
 class PixelPatch:
-    """Pixels that hang together."""
+    """Connected pixels of one colour."""
 
     number: int
     label: int
@@ -98,27 +99,27 @@ class PixelPatch:
     top: float
     """Height of its upper parts in the world, m; NaN when no pixel has a depth."""
     measured: int
-    """How many pixels have a depth."""
+    """Number of pixels that have a depth."""
 
 
 @dataclass(frozen=True, eq=False)
 class Blob:
-    """A patch with its outline, ready to be fitted."""
+    """Patch with its outline, ready to be fitted."""
 
     patch: PixelPatch
     outline: BlobOutline
     hull: Array
-    """Convex hull of its outline (k, 2), pixels."""
+    """Convex hull of the outline (k, 2), pixels."""
     middle: Array
-    """Centroid of its pixels (2,)."""
+    """Centroid of the pixels (2,)."""
     reach: tuple[Array, Array]
-    """Support function of the hull and the point that it is about, see `silhouettes.support`."""
+    """Support function of the hull and its reference point, see `silhouette_fitting.support`."""
     hidden_side: Array
-    """Unit vector (2,) in the image towards where it may go on unseen; zero when nowhere."""
+    """Unit vector (2,) in the image towards the hidden border, where the item may go on; zero without one."""
     rays: Array
     """World directions (s, 3) of sampled inner pixels, scaled so that depth × ray is the point."""
     depths: Array = field(repr=False)
-    """Their depths (s,), m."""
+    """Depths of the sampled pixels (s,), m."""
 
     @property
     def area(self) -> int:
@@ -134,12 +135,12 @@ class Blob:
 
     @cached_property
     def whole(self) -> bool:
-        """Whether (nearly) all of its border is real."""
+        """Whether (nearly) all of the border is real."""
         return float(1.0 - self.outline.real.mean()) <= WHOLE
 
 
 def connected_patches(mask: NDArray[np.bool_], least: int) -> list[tuple[Pixels, Pixels]]:
-    """Rows and columns of each connected patch of `mask` (h, w) with at least so many pixels."""
+    """Return rows and columns of each connected patch of `mask` (h, w) with at least `least` pixels."""
     pixels = mask.view(np.uint8)
     left, upper, wide, high = (int(n) for n in cv2.boundingRect(pixels))
     pixels = pixels[upper : upper + high, left : left + wide]
@@ -156,7 +157,7 @@ def connected_patches(mask: NDArray[np.bool_], least: int) -> list[tuple[Pixels,
 
 
 def outline_patch(picture: SegmentationInput, patch: PixelPatch) -> Blob:
-    """The patch with its outline. All neighbours must have been claimed before."""
+    """Trace the outline of the patch. All neighbours must have been claimed before."""
     y, x = int(patch.rows.min()) - 1, int(patch.columns.min()) - 1
     h, w = int(patch.rows.max()) + 2 - y, int(patch.columns.max()) + 2 - x
     inside = np.zeros((h, w), dtype=np.bool_)
@@ -182,7 +183,7 @@ def outline_patch(picture: SegmentationInput, patch: PixelPatch) -> Blob:
 def _hiding(
     picture: SegmentationInput, patch: PixelPatch, y: int, x: int, h: int, w: int
 ) -> NDArray[np.bool_]:
-    """Which pixels of the window (h, w) may hide a part of the patch."""
+    """Select the pixels of the window (h, w) that may hide a part of the patch."""
     hidden = np.ones((h, w), dtype=np.bool_)
     rows, columns = picture.owner.shape
     y0, x0, y1, x1 = max(y, 0), max(x, 0), min(y + h, rows), min(x + w, columns)
@@ -224,12 +225,12 @@ def _towards(outline: BlobOutline, middle: Array) -> Array:
 
 
 PITCH = 0.002
-"""Distance of two pixels on what is seen that recognising was made for, m: finer outlines cost more, and show
-what models lack."""
+"""Distance of two pixels on the observed surface for which recognition was made, m. Finer outlines cost more
+and show details that models lack."""
 
 
 def downsample(image: RgbdImage) -> RgbdImage:
-    """Every so many rows and columns of a picture that was taken from near; the picture itself from afar."""
+    """Thin a picture that was taken from near to the usual pixel distance; return it unchanged from afar."""
     known = image.depth[image.depth > 0]
     if not len(known):
         return image
@@ -244,7 +245,7 @@ def downsample(image: RgbdImage) -> RgbdImage:
 
 
 def cut_off(rows: Pixels, columns: Pixels, height: int, width: int) -> bool:
-    """Whether these pixels go up to the border of a picture of that size, and may go on beyond."""
+    """Whether these pixels touch the border of a picture of that size, and may go on beyond."""
     return bool(
         (rows == 0).any()
         or (columns == 0).any()

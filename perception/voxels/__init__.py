@@ -1,1 +1,1 @@
-"""Space that nothing known explains, as voxels."""
+"""Voxel grid of unknown obstacles."""

@@ -1,8 +1,9 @@
-"""What nothing known explains, as volumes of the belief: they grow with what is seen, clear where rays pass,
-and keep what is hidden.
+"""Unknown obstacles as voxel volumes of the belief: unexplained depth adds cells, rays that pass remove them,
+hidden cells stay.
 
-A cell is taken up when something unexplained was seen in it or above it, and no ray has passed it since. What
-the picture does not tell of stays: behind the robot, behind what is nearer, out of the view."""
+A cell is occupied when something unexplained was seen in it or above it, and no ray has passed it since.
+Cells stay where the picture shows nothing of them: behind the robot, behind nearer bodies, out of the view.
+"""
 
 from __future__ import annotations
 
@@ -31,18 +32,18 @@ from .voxel_grid import (
 )
 
 MOST = 24
-"""Boxes of one obstacle at most; beyond it the pairs are joined that waste least."""
+"""Greatest number of boxes of one obstacle. Beyond it the pairs that waste least are joined."""
 
 Grid = NDArray[np.bool_]
 Span = tuple[Indices, Indices]
-"""The first cell of a box and the one after its last, (3,) each."""
+"""First cell of a box and the one after its last, (3,) each."""
 
 
 def merge_cells(packed: Keys, most: int = MOST) -> list[Span]:
-    """Boxes that cover the cells, and nothing else unless there would be more than `most`.
+    """Cover the cells with boxes. They contain nothing else unless there would be more than `most`.
 
-    Greedy: from the first cell that is not covered yet the larger of two boxes is taken, one grown upwards
-    and then along x and y, the other along y and x. Boxes may overlap, which makes them fewer.
+    Greedy: from the first cell that is not covered yet the larger of two boxes is taken. One grows upwards
+    and then along x and y, the other along y and x. Boxes may overlap, which reduces their number.
     """
     cells = cell_indices(packed)
     origin = cells.min(axis=0)
@@ -61,7 +62,7 @@ def merge_cells(packed: Keys, most: int = MOST) -> list[Span]:
 
 
 def _grown(filled: Grid, seed: Indices, order: tuple[int, ...]) -> Span:
-    """The box about one cell after growing it along the axes in this order as far as all of it is filled."""
+    """Grow the box about one cell along the axes in this order, as long as all of it is filled."""
     low, high = seed.copy(), seed + 1
     for axis in order:
         sides = [slice(a, b) for a, b in zip(low.tolist(), high.tolist(), strict=True)]
@@ -81,7 +82,7 @@ def _volume(span: Span) -> int:
 
 
 def _join(spans: list[Span]) -> None:
-    """Replace the two boxes by the box about both where that adds least."""
+    """Replace two boxes by the box about both, where that adds least."""
     low = np.array([span[0] for span in spans])
     high = np.array([span[1] for span in spans])
     about = np.maximum(high[:, None], high[None]) - np.minimum(low[:, None], low[None])
@@ -94,15 +95,16 @@ def _join(spans: list[Span]) -> None:
 
 
 LEAST = 6
-"""Fewer cells than this that hang together are noise."""
+"""Least number of connected cells; fewer are noise."""
 NEAR = 0.05
-"""Something unexplained this near to a former obstacle, which went, is the same, m."""
+"""Distance to a former obstacle that left its place, within which an unexplained body is the same obstacle,
+m."""
 ITEM_MARGIN = 0.003
-"""Cells whose middles lie this near to a recognised item are its own, m."""
+"""Distance from a recognised item within which the middles of cells belong to it, m."""
 SKIN = 0.03
-"""A change of less than this share of the cells, at the surface, is noise."""
+"""Greatest share of new cells at the surface that is put down to noise."""
 WAS_ITEM = 0.4
-"""An obstacle with this share of its cells in a recognised item was that item."""
+"""Least share of an obstacle's cells in a recognised item at which the obstacle was that item."""
 
 FIRST = "depth that nothing explains"
 AGAIN = "seen again"
@@ -114,7 +116,7 @@ GONE = "its place was seen without it"
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Seen:
-    """The cells that hang together, and what the view shows of them."""
+    """Connected cells, and the patches of the view that show them."""
 
     cells: Keys
     patches: tuple[UnexplainedPatch, ...]
@@ -127,8 +129,8 @@ def update_volumes(
     items: Sequence[BeliefObject],
     now: float,
 ) -> list[ObjectId]:
-    """Bring the obstacles of `scene` up to date; `items` are those that the view shows. Answers the ids of
-    those that are gone."""
+    """Update the obstacles of `scene` with a view; `items` are those that the view shows. Returns the ids of
+    removed obstacles."""
     former = {o.id: cells_of(o) for o in scene.objects if o.role == "obstacle" and not o.attached}
     if not former and not patches:
         return []
@@ -154,7 +156,7 @@ def _without(cells: Keys, items: Sequence[BeliefObject]) -> Keys:
 
 
 def _unless_item(cells: Keys, items: Sequence[BeliefObject]) -> Keys:
-    """No cells when they were a recognised item: what it hides now is not to stay."""
+    """Return no cells when they were a recognised item: cells that it hides now are not kept."""
     points = cell_centres(cells)
     for item in items:
         if inside(item.shape, item.pose, points, float(CELL[0])).mean() > WAS_ITEM:
@@ -163,7 +165,7 @@ def _unless_item(cells: Keys, items: Sequence[BeliefObject]) -> Keys:
 
 
 def _components(cells: Keys, view: PerceivedView, patches: Sequence[UnexplainedPatch]) -> list[_Seen]:
-    """Cells that hang together as seen from above, the largest first."""
+    """Group cells that are connected as seen from above, the largest group first."""
     if not len(cells):
         return []
     columns = cell_indices(cells)[:, :2]
@@ -183,8 +185,10 @@ def _components(cells: Keys, view: PerceivedView, patches: Sequence[UnexplainedP
 
 
 def _named(seen: Sequence[_Seen], former: dict[ObjectId, Keys]) -> list[ObjectId | None]:
-    """For each the id of the former obstacle that it shares most cells with, else of one close by that shares
-    none with any; None for a new one."""
+    """Match each group to the id of a former obstacle; None for a new one.
+
+    The former obstacle that shares most cells comes first, then one close by that shares none with any.
+    """
     shared = [
         (len(np.intersect1d(each.cells, cells)), -n, name)
         for n, each in enumerate(seen)
@@ -214,7 +218,7 @@ def _put(scene: PlanningScene, name: ObjectId, seen: _Seen, before: Keys, now: f
     cells = seen.cells
     if known is not None:
         gone = np.setdiff1d(before, cells, assume_unique=True)
-        # Edges come and go with the noise: what is next to what is there goes on being blocked.
+        # Edges come and go with the noise: cells next to occupied ones stay occupied.
         cells = np.union1d(cells, gone[adjacent_cells(gone, cells)])
         if _alike(cells, before):
             if seen.patches:
@@ -230,7 +234,7 @@ def _put(scene: PlanningScene, name: ObjectId, seen: _Seen, before: Keys, now: f
 
 
 def _alike(cells: Keys, before: Keys) -> bool:
-    """Whether nothing is gone, and nothing new but a little at the surface, as noise makes it."""
+    """Whether nothing is gone and, apart from noise at the surface, nothing is new."""
     new = np.setdiff1d(cells, before, assume_unique=True)
     if len(new) > SKIN * len(cells) or len(cells) - len(new) < len(before):
         return False
@@ -246,6 +250,6 @@ def _reason(cells: Keys, before: Keys) -> str:
 
 
 def _colour(patches: Sequence[UnexplainedPatch]) -> str | None:
-    """Of the largest patch."""
+    """Colour of the largest patch; None without patches."""
     largest = max(patches, key=lambda patch: len(patch.rows), default=None)
     return None if largest is None else largest.colour

@@ -1,4 +1,5 @@
-"""What one view says of cells: where something unknown stands, where rays pass, what stays unseen."""
+"""Space carving: unexplained patches of one view, the cells that they occupy, and the cells that no ray
+clears."""
 
 from __future__ import annotations
 
@@ -17,15 +18,16 @@ from ..segmentation.blobs import Pixels, SegmentationInput, connected_patches
 from .voxel_grid import CELL, HALF_DIAGONAL, NONE, Indices, Keys, cell_centres, cell_keys
 
 RAISED = 0.012
-"""Grey depth must stand out by this to be something, m."""
+"""Least distance of grey depth in front of the background that counts as something, m."""
 LEAST = 20
-"""Fewer pixels than this are noise."""
+"""Least number of pixels of a patch; fewer are noise."""
 LOW = 0.004
-"""What is flatter than this is a mark on the table, m."""
+"""Least height of an obstacle over its support, m. Anything flatter is a mark on the table."""
 ALIKE, BACKING = 0.02, 3
-"""So many of the eight neighbours must have the same depth within so much, m."""
+"""Difference in depth within which pixels back each other, m, and least number of such neighbours among
+eight."""
 BESIDE_ARM = 60
-"""A patch beside the robot needs so many pixels: the model's edge leaves slivers."""
+"""Least number of pixels of a patch next to the robot: the model's edge leaves slivers."""
 
 
 def unexplained_patches(
@@ -34,8 +36,10 @@ def unexplained_patches(
     robot: NDArray[np.bool_],
     in_heap: Callable[[Array], NDArray[np.bool_]],
 ) -> list[tuple[Pixels, Pixels]]:
-    """Patches of unsaturated depth in front of the `backdrop` (h, w) that are nothing known; points
-    (n, 3) of the world that are `in_heap`, in a bin, are none."""
+    """Find patches of unsaturated depth in front of the `backdrop` (h, w) that nothing known explains.
+
+    Points (n, 3) of the world that are `in_heap`, in a bin, are left out.
+    """
     raised = (picture.depth > 0) & np.isfinite(backdrop) & (picture.label == 0)
     raised &= backdrop - picture.depth > RAISED
     raised &= ~picture.blocked
@@ -58,8 +62,8 @@ def unexplained_patches(
 
 
 def _backed(depth: Array, raised: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Pixels with enough neighbours of their own depth: at edges a sensor may mix near and far, and such a
-    pixel hangs alone between the two."""
+    """Select pixels with enough neighbours of their own depth. At edges a sensor may mix near and far; such a
+    pixel is isolated between the two."""
     h, w = depth.shape
     padded = np.pad(np.where(raised, depth, 0.0), 1)
     backing = np.zeros(depth.shape, dtype=np.int8)
@@ -73,8 +77,8 @@ def _backed(depth: Array, raised: NDArray[np.bool_]) -> NDArray[np.bool_]:
 def bounding_box_of(
     picture: SegmentationInput, rows: Pixels, columns: Pixels, support: float
 ) -> UnexplainedPatch | None:
-    """What a patch shows, with the upright box about it, from its support up; None when it is as flat as the
-    support."""
+    """Return the unexplained patch with its upright bounding box, from its support up; None when it is as
+    flat as the support."""
     depths = picture.depth[rows, columns]
     seen = depths > 0
     if int(seen.sum()) < 4:
@@ -95,26 +99,28 @@ def bounding_box_of(
 
 
 def points_of(picture: SegmentationInput, rows: Pixels, columns: Pixels) -> Array:
-    """What the pixels show in the world (n, 3), m."""
+    """Return the points (n, 3) of the world that the pixels show, m."""
     rays = picture.sight.directions(np.stack([columns, rows], axis=1).astype(np.float64))
     return picture.sight.origin + rays * picture.depth[rows, columns][:, None]
 
 
 PAD = 2.0
-"""Each pixel stands for what lies within so many pixels of its middle: at edges every second one is lost."""
+"""Half width of the square that each pixel stands for, pixels: at edges every second pixel is lost."""
 SIGMAS = 2.5
-"""A ray passes a cell only if what it meets is so many sigmas of its depth beyond."""
+"""Sigmas of depth noise by which the surface must lie beyond a cell, so that the ray passes the cell."""
 NOISE = 0.002
 """Standard deviation of the depth at 0.7 m, m; it grows with the square."""
 WHOLE, ANY = 0.3, 0.01
-"""Less than this share of pixels with a depth says nothing of a cell as a whole, and of its middle."""
+"""Least share of pixels with a depth for a statement about a whole cell, and about its middle."""
 SMOOTH = 5
-"""Depth is the median over so many pixels square: tops that noise makes uneven are many boxes."""
+"""Width of the median filter of the depth, pixels: tops that noise makes uneven would become many boxes."""
 
 
 def occupied_cells(view: PerceivedView, patches: Sequence[UnexplainedPatch]) -> Keys:
-    """The cells of what the patches show, from what is seen down to what it may stand on, but for those that
-    rays pass through as a whole: below a bar that hangs."""
+    """Return the cells that the patches occupy, from the seen surface down to its possible support.
+
+    Cells that rays pass through as a whole are left out, as below a suspended bar.
+    """
     surface = [_surface(view, patch) for patch in patches]
     if not surface:
         return NONE
@@ -123,24 +129,24 @@ def occupied_cells(view: PerceivedView, patches: Sequence[UnexplainedPatch]) -> 
 
 
 def retained_cells(view: PerceivedView, known: Keys) -> Keys:
-    """Of cells that were taken up before those that no ray passes: hidden, out of the view, or seen again."""
+    """Return the known cells that no ray passes: hidden, out of the view, or seen again."""
     return known[~_passed(view, known, 0.0, window=False)] if len(known) else known
 
 
 def surface_of(view: PerceivedView, patch: UnexplainedPatch) -> Keys:
-    """The cells in which the patch's surface lies."""
+    """Return the cells in which the patch's surface lies."""
     return cell_keys(np.floor(_surface(view, patch) / CELL).astype(np.int64))
 
 
 def _surface(view: PerceivedView, patch: UnexplainedPatch) -> Array:
-    """Points (n, 3) on the patch's surface, each pixel's corners."""
+    """Return points (n, 3) on the patch's surface: the middle and the corners of each pixel."""
     rows, columns = patch.rows, patch.columns
     y, x = int(rows.min()), int(columns.min())
     window = np.zeros((int(rows.max()) - y + 1, int(columns.max()) - x + 1), dtype=np.float32)
     window[rows - y, columns - x] = view.depth[rows, columns]
     smooth = np.asarray(cv2.medianBlur(window, SMOOTH), dtype=np.float64)[rows - y, columns - x]
     raw = view.depth[rows, columns]
-    # At borders the median is one of the emptiness around.
+    # At borders the median takes the background's depth.
     depth = np.where(np.abs(smooth - raw) < 4 * SIGMAS * NOISE, smooth, raw)
     middle = np.stack([columns, rows], axis=1).astype(np.float64)
     offsets = np.array([(0.0, 0.0), (-PAD, -PAD), (-PAD, PAD), (PAD, -PAD), (PAD, PAD)])
@@ -149,11 +155,11 @@ def _surface(view: PerceivedView, patch: UnexplainedPatch) -> Array:
 
 
 def _columns(points: Array, view: PerceivedView) -> Keys:
-    """The cells that hold the points (n, 3), and those below them down to the supports."""
+    """Return the cells that hold the points (n, 3), and those below them down to the supports."""
     supports = view.supports(points)
     upper = points[:, 2] > supports
     cells = np.floor(points[upper] / CELL).astype(np.int64)
-    # A cell that holds the support belongs to what stands there.
+    # A cell that holds the support belongs to the obstacle on it.
     lowest = np.floor(supports[upper] / CELL[2] + 1e-6).astype(np.int64)
     places, column = np.unique(cells[:, :2], axis=0, return_inverse=True)
     column = column.reshape(-1)
@@ -170,8 +176,10 @@ def _columns(points: Array, view: PerceivedView) -> Keys:
 
 
 def _passed(view: PerceivedView, cells: Keys, clear: float, *, window: bool) -> NDArray[np.bool_]:
-    """Which cells (n,) rays pass through, to what lies more than `clear` m behind their middles: the rays
-    of the whole cell with `window`, else those through its middle."""
+    """Select the cells (n,) that rays pass, to surfaces more than `clear` m behind their middles.
+
+    With `window` all rays of a cell must pass, else those through its middle.
+    """
     points = cell_centres(cells)
     depth = (points - view.sight.origin) @ view.sight.rotation[:, 2]
     pixels = np.round(view.sight.pixels(points)).astype(np.int64)
@@ -188,7 +196,7 @@ def _passed(view: PerceivedView, cells: Keys, clear: float, *, window: bool) -> 
     for r in np.unique(radius[inside]).tolist():
         of = inside & (radius == r)
         u, v = pixels[of].T
-        # Only the part of the picture that these cells are in.
+        # Only the part of the picture with these cells is filtered.
         y0, y1 = max(int(v.min()) - r, 0), min(int(v.max()) + r + 1, h)
         x0, x1 = max(int(u.min()) - r, 0), min(int(u.max()) + r + 1, w)
         size = (2 * r + 1, 2 * r + 1)

@@ -1,7 +1,7 @@
-"""Space in cells: sets of them as sorted keys, and the bodies of the belief that they are kept in.
+"""Voxel grid: sets of cells as sorted keys, and the obstacles of the belief that store them.
 
-The belief holds blocks alone; cells are read back from them exactly, so that there is no second memory that
-could differ from it.
+The belief holds blocks only. Cells are read back from them exactly, so that no second memory can differ from
+it.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ from ...world.values import Array, Pose
 CELL: Array = np.array([0.01, 0.01, 0.02])
 """Edge lengths of a cell, m; the world's origin is a corner of one."""
 TIGHT = 1.25
-"""A hull with at most so many times the volume of the cells stands for them."""
+"""Greatest volume of a hull that stands for the cells, as a multiple of theirs."""
 HALF_DIAGONAL = float(np.linalg.norm(CELL)) / 2
 
 Keys: TypeAlias = NDArray[np.int64]
-"""Cells, each packed into one number; sorted, none twice."""
+"""Cells, each packed into one number; sorted, without duplicates."""
 Indices: TypeAlias = NDArray[np.int64]
 """Cells (n, 3) as numbers of cells from the origin along x, y, z."""
 
@@ -46,19 +46,19 @@ def cell_indices(packed: Keys) -> Indices:
 
 
 def cell_centres(packed: Keys) -> Array:
-    """In the world (n, 3), m."""
+    """Centres of the cells in the world (n, 3), m."""
     return (cell_indices(packed) + 0.5) * CELL
 
 
 def adjacent_cells(packed: Keys, others: Keys) -> NDArray[np.bool_]:
-    """Which cells (n,) are among the others or next to one of them."""
+    """Select the cells (n,) that are among the others or next to one of them."""
     around = cell_indices(packed)[:, None, :] + _AROUND[None] + _OFFSET
     near = (around[..., 0] << (2 * _BITS)) | (around[..., 1] << _BITS) | around[..., 2]
     return np.any(np.isin(near, others), axis=1)
 
 
 def cells_in_body(shape: Shape, pose: Pose) -> Keys:
-    """The cells whose centres lie in a body."""
+    """Return the cells whose centres lie in a body."""
     low, high = extents(shape, pose.rotation())
     first = np.floor((np.array(pose.position) + low) / CELL).astype(np.int64)
     last = np.ceil((np.array(pose.position) + high) / CELL).astype(np.int64)
@@ -67,14 +67,14 @@ def cells_in_body(shape: Shape, pose: Pose) -> Keys:
 
 
 def cells_of(o: BeliefObject) -> Keys:
-    """What an obstacle of the belief takes up."""
+    """Return the cells of an obstacle of the belief."""
     if not o.blocks:
         return cells_in_body(o.shape, o.pose)
     return cell_keys(np.concatenate([_cells(block, np.array(o.pose.position)) for block in o.blocks]))
 
 
 def _cells(block: ObstacleBlock, origin: Array) -> Indices:
-    """The cells of a block of a body at `origin` (3,)."""
+    """Return the cells of a block of a body at `origin` (3,)."""
     middle, half = origin + block.at, np.array(block.size) / 2
     first = np.round((middle - half) / CELL).astype(np.int64)
     last = np.round((middle + half) / CELL).astype(np.int64)
@@ -84,11 +84,12 @@ def _cells(block: ObstacleBlock, origin: Array) -> Indices:
 def obstacle_from_cells(
     boxes: Sequence[tuple[Indices, Indices]],
 ) -> tuple[Shape, Pose, tuple[ObstacleBlock, ...]]:
-    """What is about all, its place in the world, and each box as a block in it. A box is its first cell and
-    the one after its last, (3,) each.
+    """Build an obstacle from boxes: the enclosing shape, its pose in the world, and each box as a block in
+    it.
 
-    What is about all is their convex hull where that wastes little, so that a check of collisions meets one
-    body for many boxes; else the box about them.
+    A box is its first cell and the one after its last, (3,) each. The enclosing shape is the convex hull
+    where that wastes little: a collision check then meets one body instead of many boxes. Otherwise it is the
+    bounding box.
     """
     first = np.min([low for low, _ in boxes], axis=0)
     last = np.max([high for _, high in boxes], axis=0)
@@ -116,7 +117,7 @@ def _about(blocks: Sequence[ObstacleBlock]) -> Shape:
 
 
 def _span(first: Indices, last: Indices) -> Indices:
-    """All cells from `first` (3,) to `last` (3,), that one excluded."""
+    """Return all cells from `first` (3,) to `last` (3,), `last` excluded."""
     x, y, z = (max(0, int(n)) for n in last - first)
     return first + np.argwhere(np.ones((x, y, z), dtype=np.bool_)).astype(np.int64)
 

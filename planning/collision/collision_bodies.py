@@ -1,6 +1,5 @@
-"""What stands around the robot, as one list of named convex bodies for every collision checker.
-
-How close bodies may come to each other, by what they are. One place for all margins.
+"""Collision bodies and margins: everything around the robot as one list of named convex bodies for every
+checker.
 
 Measured: with 5 mm at an edge resolution of 0.03 rad no planned path grazed anything; without, 7 % did.
 Fingers must reach flat items on the table, and a held object stands on it when its motion begins.
@@ -23,7 +22,7 @@ from ...world.values import Array, Pose
 
 
 class GeometryOwner(Enum):
-    """What a geometry is a part of."""
+    """Part of robot or scene that a geometry belongs to."""
 
     BASE = auto()
     """Links of the robot that no joint moves."""
@@ -41,7 +40,7 @@ AROUND = (GeometryOwner.SUPPORT, GeometryOwner.OBSTACLE)
 
 @dataclass(frozen=True, slots=True)
 class CollisionMargins:
-    """Least distances, m; negative: depth that is tolerated."""
+    """Least distances between bodies, m; negative: tolerated depth."""
 
     arm: float = 0.005
     gripper: float = 0.003
@@ -49,7 +48,7 @@ class CollisionMargins:
     held_support: float = -0.002
 
     def between(self, a: GeometryOwner, b: GeometryOwner) -> float:
-        """The least distance of two parts, in either order."""
+        """Return the least distance of two parts, in either order, m."""
         parts = {a, b}
         if GeometryOwner.ARM in parts or GeometryOwner.BASE in parts:
             return self.arm
@@ -60,7 +59,7 @@ class CollisionMargins:
         return self.gripper
 
     def table(self) -> Array:
-        """`between` for all parts: rows and columns by the parts' values."""
+        """Return `between` for all parts as a table: rows and columns by the parts' values."""
         table = np.zeros((len(GeometryOwner) + 1, len(GeometryOwner) + 1))
         for a in GeometryOwner:
             for b in GeometryOwner:
@@ -69,11 +68,11 @@ class CollisionMargins:
 
 
 KEPT = 512
-"""Shapes remembered at once: perceived obstacles have ever new sizes."""
+"""Greatest number of shapes in memory: perceived obstacles have ever new sizes."""
 
 
 class CoalShapes:
-    """Geometries by shape, made once: they are immutable and shared by geometry models."""
+    """Geometries by shape, created once: they are immutable and shared by geometry models."""
 
     def __init__(self) -> None:
         self._made: dict[Shape, coal.CollisionGeometry] = {}
@@ -90,11 +89,13 @@ class CoalShapes:
 
 
 def distance_request(geometry: pin.GeometryModel) -> pin.GeometryData:
-    """Scratch memory for distances that depend on no earlier query: by default each begins where the last one
-    of its pair ended, which moves the answer by up to 2 µm."""
+    """Create scratch memory for distances that do not depend on earlier queries.
+
+    By default each query starts where the last one of its pair ended, which moves the answer by up to 2 µm.
+    """
     data = pin.GeometryData(geometry)
     with warnings.catch_warnings():
-        # What is said to replace the old switch does not switch this off.
+        # The documented replacement of the old switch does not switch this off.
         warnings.simplefilter("ignore", DeprecationWarning)
         for request in data.distanceRequests:
             request.enable_cached_gjk_guess = False
@@ -102,7 +103,7 @@ def distance_request(geometry: pin.GeometryModel) -> pin.GeometryData:
 
 
 def hull(geometry: coal.CollisionGeometry) -> coal.CollisionGeometry:
-    """The convex hull of a triangle mesh; a primitive as it is."""
+    """Return the convex hull of a triangle mesh; a primitive is returned as it is."""
     if isinstance(geometry, coal.BVHModelOBBRSS):
         geometry.buildConvexHull(True, "Qt")
         geometry = geometry.convex
@@ -127,26 +128,27 @@ def _make(shape: Shape) -> coal.CollisionGeometry:
 
 @dataclass(frozen=True, slots=True)
 class CollisionBody:
-    """One convex part of what a name stands for: a bin has five, an obstacle often one, else its blocks."""
+    """Convex part of a named body: a bin has five, an obstacle one, or one for each of its blocks."""
 
     name: str
     """Id of the fixture, bin or object; the name that `PlanningScene.allow` takes."""
     shape: Shape
     pose: Pose
-    """In the world."""
+    """Pose in the world."""
     support: bool = False
-    """A level board to put things on: held objects and finger tips may come very close to it."""
+    """Whether it is a level board on which things are put: held objects and finger tips may come very close
+    to it."""
 
 
 def is_board(shape: Shape, pose: Pose) -> bool:
-    """Whether its vertical extent is the least of the three: a table top, a shelf, a bin's floor."""
+    """Whether the vertical extent is the least of the three: a table top, a shelf, a bin's floor."""
     low, high = extents(shape, pose.rotation())
     x, y, z = (float(d) for d in high - low)
     return z < x and z < y
 
 
 def fixed_bodies(scene: PlanningScene) -> tuple[CollisionBody, ...]:
-    """Fixtures and the parts of the bins."""
+    """Return fixtures and the parts of the bins."""
     fixtures = [
         CollisionBody(f.id, f.shape, f.pose, is_board(f.shape, f.pose)) for f in scene.fixtures.values()
     ]
@@ -159,12 +161,12 @@ def fixed_bodies(scene: PlanningScene) -> tuple[CollisionBody, ...]:
 
 
 def movable_bodies(objects: Iterable[BeliefObject]) -> tuple[CollisionBody, ...]:
-    """Objects that are not in the hand."""
+    """Return the bodies of objects that are not in the hand."""
     return tuple(body for o in objects if not o.attached for body in bodies_of(o))
 
 
 def bodies_of(o: BeliefObject) -> tuple[CollisionBody, ...]:
-    """The convex parts of one object, all under its name: a hull stands for its blocks."""
+    """Return the convex parts of one object, all under its name: a hull stands for its blocks."""
     if not o.blocks or isinstance(o.shape, ConvexMesh):
         return (CollisionBody(o.id, o.shape, o.pose),)
     return tuple(CollisionBody(o.id, Box(block.size), o.pose @ Pose(block.at)) for block in o.blocks)

@@ -1,4 +1,5 @@
-"""Is a configuration free? Arm, gripper and what it holds against the scene, by pinocchio and coal."""
+"""Collision checker: tests configurations of arm, gripper and held object against the believed scene, by
+pinocchio and coal."""
 
 from __future__ import annotations
 
@@ -40,14 +41,14 @@ INSIDE = 0.002
 
 
 NANOMETRES = 9
-"""Decimals of distances, m."""
+"""Number of decimals to which distances in m are rounded."""
 KEPT = 6
-"""Geometries that are remembered: of the belief as it is, and with other things supposed."""
+"""Greatest number of geometry models in memory: for the belief as it is, and with suppositions."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Seen:
-    """What was taken over last."""
+    """Part of the belief that a geometry model was built from."""
 
     fixtures: Mapping[str, Fixture]
     bins: Mapping[str, Bin]
@@ -56,7 +57,8 @@ class _Seen:
     clearance: float
 
     def same_room(self, other: _Seen) -> bool:
-        """Fixtures and bins are never changed in place; a scene that is supposed shares them."""
+        """Whether fixtures and bins are the same. They are never changed in place; a supposed scene shares
+        them."""
         return self.fixtures is other.fixtures and self.bins is other.bins
 
     def same_belief(self, other: _Seen) -> bool:
@@ -66,11 +68,14 @@ class _Seen:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Separation:
-    """Two bodies that are near each other: their names, signed distance and margin, m, and the gradient (n,)
-    of the distance over the arm's joints, m/rad."""
+    """Two bodies near each other: names, signed distance and margin, m, and the distance's gradient (n,),
+    m/rad.
+
+    The gradient is over the arm's joints.
+    """
 
     key: tuple[int, str]
-    """The part of the robot, by its number, and the body: an obstacle of many blocks is one body."""
+    """Number of the robot's part, and name of the body: an obstacle of many blocks is one body."""
     a: str
     b: str
     distance: float
@@ -79,13 +84,12 @@ class Separation:
 
 
 class CollisionChecker:
-    """The robot in the believed scene. Call `update` before asking; `checks` counts what was asked.
+    """Collision checker of one robot in the believed scene. Call `update` first; `checks` counts queries.
 
     With a `workspace` (in the world) a configuration is free only if the TCP is INSIDE m within it.
 
     Margins: see `CollisionMargins`. Names that a scene may allow to touch: object, fixture and bin ids,
-    `arm`, and
-    `gripper` (hand, fingers and what they hold).
+    `arm`, and `gripper` (hand, fingers and held object).
     """
 
     def __init__(
@@ -108,7 +112,7 @@ class CollisionChecker:
     # ---- following the scene
 
     def update(self, scene: PlanningScene, width: float, *, clearance: float = 0.0) -> None:
-        """Take over what the scene believes now, and the opening of the fingers, m.
+        """Take over the present belief of the scene, and the opening of the fingers, m.
 
         `clearance` m are added to all margins that are positive; tolerated depths stay as they are.
         """
@@ -133,7 +137,8 @@ class CollisionChecker:
         self._now.place(bodies, None if held is None else held.object_in_tcp)
 
     def _built(self, content: CollisionModelKey) -> CollisionModel:
-        """The geometry of that content: one that was made for it before, or a new one. Both answer alike."""
+        """Return the geometry model of that content: a remembered one, or a new one. Both give the same
+        answers."""
         for index, built in enumerate(self._kept):
             if built.content == content:
                 self._kept.insert(0, self._kept.pop(index))
@@ -154,13 +159,15 @@ class CollisionChecker:
         return not hit and (self._room is None or self._inside(checker))
 
     def nearly_free(self, q: Array) -> bool:
-        """The same with positive margins halved: for what lies between configurations found free."""
+        """Whether the arm at q keeps halved positive margins: for samples between configurations found
+        free."""
         self.checks += 1
         checker = self._now.halved
         return checker.free(self._at(q)) and self._inside(checker)
 
     def excusing(self, contacts: tuple[ContactPair, ...], slack: float) -> MarginChecker:
-        """A checker in which the pairs of `contacts` may come as close as they are, and `slack` m closer."""
+        """Return a checker in which the pairs of `contacts` may come as close as they are, and `slack` m
+        closer."""
         margins = self._now.least.copy()
         for contact in contacts:
             for i, j in self._indices(contact.a, contact.b):
@@ -169,7 +176,8 @@ class CollisionChecker:
         return self._now.checker(margins)
 
     def asked(self, checker: MarginChecker, q: Array, *, within: bool = False) -> bool:
-        """Ask another checker of this robot about q, and count it; `within`: and the workspace."""
+        """Whether q is free by another checker of this robot, counted. `within`: the workspace counts,
+        too."""
         self.checks += 1
         return checker.free(self._at(q)) and not (within and not self._inside(checker))
 
@@ -179,12 +187,13 @@ class CollisionChecker:
         return self._inside(self._now.full)
 
     def believed(self, name: str) -> BeliefObject | None:
-        """The object of that id as it was last taken over; None for fixtures, bins and links."""
+        """Return the object of that id as last taken over; None for fixtures, bins and links."""
         objects = () if self._seen is None else self._seen.objects
         return next((o for o in objects if o.id == name), None)
 
     def contacts(self, q: Array) -> tuple[ContactPair, ...]:
-        """Every pair that is closer than its margin at q, the deepest first. Slow: for explanations."""
+        """Return every pair that is closer than its margin at q, the deepest first. Slow: for
+        explanations."""
         self.checks += 1
         geometry, least, pieces = self._now.geometry, self._now.least, self._now.pieces
         data, geometry_data = self._now.distances
@@ -195,7 +204,7 @@ class CollisionChecker:
             margin = float(least[pair.first, pair.second])
             if distance.min_distance < margin:
                 a, b = pieces[pair.first], pieces[pair.second]
-                # In the last bits answers depend on where in memory things lie.
+                # The last bits of results depend on memory addresses.
                 x, y, z = (round(float(c), NANOMETRES) for c in distance.getNearestPoint2())
                 point: Vector3 = (x, y, z)
                 depth = round(float(distance.min_distance), NANOMETRES)
@@ -203,13 +212,16 @@ class CollisionChecker:
         return tuple(sorted(found, key=lambda contact: contact.distance))
 
     def nearest(self, q: Array, within: float = np.inf, *, itself: bool = False) -> ContactPair | None:
-        """The pair that is nearest at q, of all that may not touch, if nearer than `within` m: with what is
-        around, or with `itself` among the robot's own links. Not counted: nothing is planned with it."""
+        """Return the nearest of all pairs that may not touch at q, None when none is nearer than `within` m.
+
+        Pairs are of the robot and its surroundings, or with `itself` of the robot's own links. Not counted:
+        nothing is planned with it.
+        """
         return self._now.gaps.nearest(self._at(q), within, itself=itself)
 
     def separations(self, q: Array, within: float) -> tuple[Separation, ...]:
-        """Every pair that may not touch and comes within `within` m of its margin or is closer, with the
-        gradient of its distance over the arm's joints. Counted as one check."""
+        """Return every pair that may not touch and whose distance is below its margin plus `within` m.
+        Counted as one check."""
         self.checks += 1
         least, pieces = self._now.least, self._now.pieces
         found: list[Separation] = []
@@ -222,7 +234,7 @@ class CollisionChecker:
         return tuple(found)
 
     def penetrates(self, contact: ContactPair, tolerance: float) -> bool:
-        """Whether a contact is deeper than `tolerance` m and than what is tolerated of its pair anyway."""
+        """Whether a contact is deeper than `tolerance` m below the tolerated depth of its pair."""
         allowed = min(
             (float(self._now.least[i, j]) for i, j in self._indices(contact.a, contact.b)), default=0.0
         )
@@ -233,7 +245,7 @@ class CollisionChecker:
         return [(i, j) for i, p in pieces for j, q in pieces[i + 1 :] if (p.name, q.name) == (a, b)]
 
     def _inside(self, checker: MarginChecker) -> bool:
-        """Whether the tool is within the workspace at the configuration that `checker` saw last."""
+        """Whether the tool is within the workspace at the configuration that `checker` tested last."""
         if self._room is None:
             return True
         tool = checker.tool_joint.act(self._tcp_offset)
@@ -247,11 +259,11 @@ class CollisionChecker:
 
 
 _MESHES: Final = coal.CachedMeshLoader()
-"""Meshes of links as they were read last; it reads a file again that has changed since."""
+"""Meshes of links as last read; a file that has changed since is read again."""
 
 
 def robot_geometry(model: RobotModel) -> tuple[pin.GeometryObject, ...]:
-    """The URDF's collision geometry on the joints of `model.full`; meshes as their convex hulls."""
+    """Return the URDF's collision geometry on the joints of `model.full`; meshes as their convex hulls."""
     urdf = resolved_urdf(model.description.urdf)
     loaded = pin.buildGeomFromUrdfString(model.full, urdf, pin.COLLISION, mesh_loader=_MESHES)
     for o in loaded.geometryObjects:
@@ -304,7 +316,7 @@ def _robot(model: RobotModel, margins: CollisionMargins) -> RobotCollisionGeomet
 
 
 def _narrowed(room: Bounds) -> tuple[Vector3, Vector3]:
-    """The corners of the room in which the tool may be."""
+    """Return the corners of the box in which the tool may be."""
     (left, front, low), (right, back, high) = room.min, room.max
     return (left + INSIDE, front + INSIDE, low + INSIDE), (right - INSIDE, back - INSIDE, high - INSIDE)
 
@@ -318,7 +330,7 @@ def _v_index(model: pin.Model, joint: str) -> int:
 
 
 def _run(indices: list[int]) -> slice | list[int]:
-    """Indices as a slice where they are a run: writing through it is four times as fast."""
+    """Return indices as a slice where they are consecutive: writing through a slice is four times as fast."""
     first, count = indices[0], len(indices)
     return slice(first, first + count) if indices == list(range(first, first + count)) else indices
 

@@ -1,4 +1,4 @@
-"""Straight edges in joint space: cut into small steps and asked about from the middle outwards."""
+"""Straight edges in joint space: cut into small steps that are checked from the middle outwards."""
 
 from __future__ import annotations
 
@@ -14,41 +14,46 @@ from ...world.values import Array
 RESOLUTION = 0.03
 """Greatest step along an edge, rad (Euclidean over the joints)."""
 SWEEP = 0.1
-"""Greatest way of any point of the arm in a step of a `EdgeSteps`, m, by an upper bound; the hand really
-moves
-about half of that. A path is checked far more finely when it has been timed: one in thirty then grazes and is
-searched again in smaller steps, which costs less than smaller steps for all."""
+"""Greatest travel of any point of the arm in a step of `EdgeSteps`, m, by an upper bound. The hand really
+travels about half of that.
+
+A path is checked far more finely after timing. One in thirty then grazes and is searched again in smaller
+steps, which costs less than smaller steps for all.
+"""
 TURN = 0.2
-"""Greatest step of a `EdgeSteps` in joint space, rad (Euclidean)."""
+"""Greatest step of `EdgeSteps` in joint space, rad (Euclidean)."""
 BEYOND = 0.1
-"""How far hand and held object reach beyond the tool centre point, m."""
+"""Reach of hand and held object beyond the tool centre point, m."""
 
 Free = Callable[[Array], bool]
 
 
 class EdgeSteps:
     """Edges in steps that are equally fine for every point of the arm: the wrist may turn further than the
-    shoulder. `share` scales the steps."""
+    shoulder.
+
+    `share` scales the steps.
+    """
 
     def __init__(self, model: RobotModel, share: float = 1.0) -> None:
         self._levers: Array = joint_levers(model) / (SWEEP * share)
         self._turns = 1.0 / (TURN * share)
 
     def count(self, along: Array) -> int:
-        """Into how many steps an edge along (n,) is cut."""
+        """Return the number of steps into which an edge along (n,) is cut."""
         turned = math.sqrt(float(along @ along)) * self._turns
         return max(1, math.ceil(max(turned, float(np.abs(along) @ self._levers))))
 
     def free(self, free: Free, a: Array, b: Array, *, ends_free: bool = False) -> bool:
-        """Whether all steps from a (exclusive) to b (n,) are free; b itself is asked about, too, unless
-        `ends_free` says that it is known to be."""
+        """Whether all steps from a (exclusive) to b (n,) are free. With `ends_free` b is known to be free."""
         along = b - a
         shares = _column(self.count(along))
         return all(map(free, a + along * (shares[1:] if ends_free else shares)))
 
 
 def joint_levers(model: RobotModel) -> Array:
-    """(n,): how far any point of the arm moves at most when a joint does, m/rad; m/m for one that slides."""
+    """Return upper bounds (n,) of the travel of any point of the arm by each joint, m/rad; m/m for a
+    slider."""
     arm = model.arm
     tool = float(np.linalg.norm(arm.frames[model.tcp_frame].placement.translation)) + BEYOND
     lengths = [float(np.linalg.norm(arm.jointPlacements[k].translation)) for k in range(2, model.n + 1)]
@@ -66,7 +71,7 @@ def edge_free(free: Free, a: Array, b: Array, resolution: float = RESOLUTION) ->
 
 @lru_cache(maxsize=512)
 def bisection_order(count: int) -> tuple[int, ...]:
-    """`count`, then the numbers below as halves, quarters, …, because collisions come in stretches."""
+    """Return `count`, then the numbers below as halves, quarters, …: collisions come in stretches."""
     order, spans = [count], [(0, count)]
     for low, high in spans:
         if high - low > 1:
@@ -78,12 +83,12 @@ def bisection_order(count: int) -> tuple[int, ...]:
 
 @lru_cache(maxsize=512)
 def _shares(count: int) -> tuple[float, ...]:
-    """1/count … 1 in the order of `bisection_order`."""
+    """Return 1/count … 1 in the order of `bisection_order`."""
     return tuple(k / count for k in bisection_order(count))
 
 
 @lru_cache(maxsize=512)
 def _column(count: int) -> Array:
-    """(count, 1): the same."""
+    """Return the shares of `_shares` as a column (count, 1)."""
     column: Array = np.array(bisection_order(count))[:, None] / count
     return column

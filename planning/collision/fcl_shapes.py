@@ -1,4 +1,4 @@
-"""Our shapes as python-fcl's geometries, and the signed distance of two placed ones."""
+"""Shapes as python-fcl geometries, and the signed distance of two placed ones."""
 
 from __future__ import annotations
 
@@ -12,31 +12,31 @@ from ...world.shapes import Box, ConvexMesh, Cylinder, Shape, Sphere, corners
 from ...world.values import Array, Pose, Vector3
 from .collision_bodies import CoalShapes
 
-# Without its signed distance: where bodies touch, the search for the depth throws where no Python can catch
-# it, and the process is gone (flexible-collision-library/fcl, issue 529).
+# No signed distance: where bodies touch, the search for the depth throws an exception that Python cannot
+# catch, and the process dies (flexible-collision-library/fcl, issue 529).
 _REQUEST = fcl.DistanceRequest(enable_nearest_points=True)
 
 
 @dataclass(frozen=True, slots=True)
 class FclSolid:
-    """A convex geometry in its own frame with the corners (m, 3) of a hull around it, for bounding boxes."""
+    """Convex geometry in its own frame with the corners (m, 3) of a hull around it, for bounding boxes."""
 
     geometry: fcl.CollisionGeometry
     corners: Array
     shape: Shape
-    """What it is, for whoever measures the depth of an overlap."""
+    """Shape that it was made from, for measuring the depth of an overlap."""
 
 
 @dataclass(frozen=True, slots=True)
 class FclMovedSolid:
-    """A solid where python-fcl has put it."""
+    """Solid at the pose that its python-fcl object has now."""
 
     solid: FclSolid
     object: fcl.CollisionObject
 
 
 class FclPlacedSolid:
-    """A solid at a pose in the world, with its axis-aligned bounds."""
+    """Solid at a pose in the world, with its axis-aligned bounds."""
 
     def __init__(self, solid: FclSolid, rotation: Array, position: Array) -> None:
         points = solid.corners @ rotation.T + position
@@ -60,8 +60,8 @@ def solid(shape: Shape) -> FclSolid:
 
 
 def hull(points: Array) -> FclSolid:
-    """The convex hull of points (m, 3)."""
-    # Imported here: it takes 0.3 s, and who only checks a mission needs no hulls.
+    """Return the convex hull of points (m, 3)."""
+    # Imported here: it takes 0.3 s, and a check of a mission needs no hulls.
     import trimesh
 
     mesh = trimesh.Trimesh(points, process=False).convex_hull
@@ -87,7 +87,7 @@ class FclDistance:
 
 
 def distance_between(a: FclPlacedSolid | FclMovedSolid, b: FclPlacedSolid | FclMovedSolid) -> FclDistance:
-    """By python-fcl where they are apart; how deep they are in each other is measured by coal."""
+    """Measure the distance by python-fcl where the bodies are apart; the depth of an overlap by coal."""
     result = fcl.DistanceResult()
     fcl.distance(a.object, b.object, _REQUEST, result)
     if result.min_distance > 0.0:
@@ -103,7 +103,7 @@ def _overlap(a: FclPlacedSolid | FclMovedSolid, b: FclPlacedSolid | FclMovedSoli
     (ax, ay, az), (bx, by, bz) = (
         tuple(float(c) for c in p) for p in (result.getNearestPoint1(), result.getNearestPoint2())
     )
-    # The two disagree by rounding about bodies that just touch.
+    # The two libraries differ by rounding for bodies that just touch.
     return FclDistance(min(float(depth), 0.0), (ax, ay, az), (bx, by, bz))
 
 
@@ -116,5 +116,5 @@ _SHAPES = CoalShapes()
 
 
 def bounds_apart(a: FclPlacedSolid, b: FclPlacedSolid, margin: float) -> bool:
-    """Whether the bounding boxes are further apart than `margin`: then the bodies are, too."""
+    """Whether the bounding boxes are further apart than `margin`, m: then the bodies are, too."""
     return bool(np.any(a.low > b.high + margin) or np.any(b.low > a.high + margin))

@@ -1,4 +1,4 @@
-"""The robot among one set of bodies as pinocchio's geometry, with the checkers made of it."""
+"""Collision geometry of the robot among one set of bodies in pinocchio, its checkers and body distances."""
 
 from __future__ import annotations
 
@@ -27,12 +27,13 @@ class NearPair:
 
 
 class BodyDistances:
-    """Distances between the pairs of one geometry model; bodies that are moved in it are followed."""
+    """Distances between the pairs of one geometry model. Moved bodies are followed."""
 
     def __init__(
         self, model: pin.Model, geometry: pin.GeometryModel, names: Sequence[str], around: int
     ) -> None:
-        """`around`: the number of the first body that is not of the robot nor in its hand."""
+        """Precompute the bounding boxes. `around` is the number of the first body that is neither of the
+        robot nor in its hand."""
         self._model = model
         self._geometry = geometry
         self._names = names
@@ -47,8 +48,12 @@ class BodyDistances:
         self._itself = self._second < around
 
     def nearest(self, full_q: Array, within: float = np.inf, *, itself: bool = False) -> ContactPair | None:
-        """The nearest pair, if one is nearer than `within` m: of the robot (with what it holds) and what is
-        around, or with `itself` of two of its own. Names, signed distance and the point on `b`."""
+        """Return the nearest pair: names, signed distance and the point on `b`. None when none is nearer than
+        `within` m.
+
+        Pairs are of the robot (with the held object) and its surroundings, or with `itself` of the robot's
+        own links.
+        """
         pin.updateGeometryPlacements(self._model, self._data, self._geometry, self._geometry_data, full_q)
         apart = np.where(self._itself == itself, self._apart(), np.inf)
         best: ContactPair | None = None
@@ -64,7 +69,7 @@ class BodyDistances:
         return best
 
     def near(self, full_q: Array, within: float) -> list[NearPair]:
-        """Every pair nearer than `within` m, with how its distance changes with the joints."""
+        """Return every pair nearer than `within` m, with the gradient of its distance over the joints."""
         model, data = self._model, self._data
         pin.computeJointJacobians(model, data, full_q)
         pin.updateGeometryPlacements(model, data, self._geometry, self._geometry_data, full_q)
@@ -76,7 +81,7 @@ class BodyDistances:
             distance = float(measured.min_distance)
             if distance >= within:
                 continue
-            # coal's normal points from the first body to the second.
+            # The normal of coal points from the first body to the second.
             normal, gradient = np.asarray(measured.normal), np.zeros(model.nv)
             points = measured.getNearestPoint1(), measured.getNearestPoint2()
             for body, point, sign in zip((pair.first, pair.second), points, (-1.0, 1.0), strict=True):
@@ -89,7 +94,8 @@ class BodyDistances:
         return found
 
     def _apart(self) -> Array:
-        """Distances of the bounding boxes of all pairs: what the bodies are apart at least, m."""
+        """Return the distances of the bounding boxes of all pairs, m: lower bounds of the bodies'
+        distances."""
         placements = self._geometry_data.oMg
         turned = np.array([placement.rotation for placement in placements])
         at = np.array([placement.translation for placement in placements])
@@ -101,8 +107,10 @@ class BodyDistances:
 
 
 FAINT = 1e-5
-"""The least margin there is, m. Without any, coal's GJK now and then takes bodies that lie deep in each other
-for apart: it stops a micrometre from contact and looks no further (one of 2,000 configurations)."""
+"""Least margin, m. Without any, coal's GJK sometimes reports bodies that lie deep in each other as apart.
+
+It stops a micrometre from contact and looks no further (one of 2,000 configurations).
+"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,19 +124,19 @@ class CollisionGeometry:
 
 @dataclass(frozen=True, slots=True)
 class CollisionModelKey:
-    """All that the pairs and margins of a geometry model follow from; its bodies can be moved."""
+    """Everything that the pairs and margins of a geometry model follow from; its bodies can be moved."""
 
     bodies: tuple[tuple[str, Shape, bool], ...]
-    """Name, shape, whether it is a support."""
+    """Name, shape, and whether it is a support, of each body."""
     held: tuple[str, Shape] | None
-    """Id and shape."""
+    """Id and shape of the held object; None: the hand is empty."""
     allowed: frozenset[frozenset[str]]
     clearance: float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RobotCollisionGeometry:
-    """What is the same in every scene."""
+    """Part of the collision geometry that is the same in every scene."""
 
     model: pin.Model
     geometry: pin.GeometryModel
@@ -137,21 +145,23 @@ class RobotCollisionGeometry:
     tcp_joint: int
     tcp_in_joint: pin.SE3
     margins: Array
-    """By the parts' values."""
+    """Margins (parts, parts) by the parts' values, m."""
 
 
 class MarginChecker:
-    """One set of margins over the geometry. Broad phase and answers do not depend on earlier queries."""
+    """Checker with one set of margins over the geometry. Broad phase and answers do not depend on earlier
+    queries."""
 
     def __init__(self, robot: RobotCollisionGeometry, geometry: pin.GeometryModel, margins: Array) -> None:
         self.model = robot.model
         self.data = robot.model.createData()
         self.tool_joint = self.data.oMi[robot.tcp_joint]
-        """In the world, at the configuration that was asked about last: a view of what pinocchio writes."""
+        """Pose in the world at the last tested configuration: a view of what pinocchio writes."""
         self._geometry_data = pin.GeometryData(geometry)
         self._geometry_data.setSecurityMargins(geometry, margins, True, False)
-        # It compares the bounding boxes of all pairs: up to 200 bodies that costs less than keeping a tree of
-        # them, half at 30. SaP and AABBTreeArray miss collisions; this one was compared with the naive test.
+        # The naive manager compares the bounding boxes of all pairs. Up to 200 bodies that costs less than
+        # keeping a tree of them, half at 30. SaP and AABBTreeArray miss collisions; this one was compared
+        # with the naive test.
         self.manager = pin.BroadPhaseManager_NaiveCollisionManager(self.model, geometry, self._geometry_data)
 
     def free(self, full_q: Array) -> bool:
@@ -159,7 +169,7 @@ class MarginChecker:
 
 
 class CollisionModel:
-    """A geometry model for one content; `place` moves the bodies and what is held."""
+    """Geometry model for one content; `place` moves the bodies and the held object."""
 
     def __init__(self, robot: RobotCollisionGeometry, content: CollisionModelKey, shapes: CoalShapes) -> None:
         self.content = content
@@ -191,7 +201,7 @@ class CollisionModel:
         self._gaps: BodyDistances | None = None
 
     def place(self, bodies: Sequence[CollisionBody], held_in_tcp: Pose | None) -> None:
-        """Where the bodies of the content stand, in the world, and what is held in the hand."""
+        """Set the poses of the content's bodies in the world, and of the held object in the hand."""
         objects = self.geometry.geometryObjects
         for index, body in enumerate(bodies):
             if self._poses[index] != body.pose:
@@ -202,19 +212,19 @@ class CollisionModel:
             objects[self._first - 1].placement = self._robot.tcp_in_joint * se3(held_in_tcp)
 
     def checker(self, margins: Array) -> MarginChecker:
-        """With margins of its own for each pair of pieces."""
+        """Return a checker with a margin of its own for each pair of pieces."""
         return MarginChecker(self._robot, self.geometry, margins)
 
     @property
     def halved(self) -> MarginChecker:
-        """With positive margins halved."""
+        """Checker with positive margins halved."""
         if self._halved is None:
             self._halved = self.checker(np.where(self.least > 0, self.least / 2, self.least))
         return self._halved
 
     @property
     def distances(self) -> tuple[pin.Data, pin.GeometryData]:
-        """Scratch memory to measure distances with."""
+        """Scratch memory for distance measurements."""
         if self._distances is None:
             self._distances = (self._robot.model.createData(), distance_request(self.geometry))
         return self._distances
@@ -227,13 +237,13 @@ class CollisionModel:
         return self._gaps
 
     def _pairs(self) -> NDArray[np.bool_]:
-        """(all, all), above the diagonal: the pairs that are checked."""
+        """Return the checked pairs as a mask (all, all), above the diagonal."""
         robots = len(self._robot.pieces)
         pairs = np.zeros((len(self.pieces), len(self.pieces)), dtype=np.bool_)
         pairs[:robots, :robots] = self._robot.self_pairs
         for i, piece in enumerate(self.pieces[: self._first]):
             if i < robots and self._first > robots:
-                # What is held meets the arm, but for the link that carries the hand.
+                # The held object can meet the arm, but not the link that carries the hand.
                 carried = piece.joint == self._robot.tcp_joint
                 pairs[i, robots] = piece.part in (GeometryOwner.BASE, GeometryOwner.ARM) and not carried
             if piece.part is not GeometryOwner.BASE:
@@ -241,7 +251,8 @@ class CollisionModel:
         return pairs
 
     def _may_not_touch(self, a: CollisionGeometry) -> NDArray[np.bool_]:
-        """(bodies,): the bodies around which `a`, of the robot or held, is checked against."""
+        """Return the mask (bodies,) of the surrounding bodies that `a`, of the robot or held, is checked
+        against."""
         allowed = self.content.allowed
         checked = np.ones(len(self.content.bodies), dtype=np.bool_)
         if allowed:

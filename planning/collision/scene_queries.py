@@ -1,4 +1,4 @@
-"""What the scene can be asked without the arm: is a spot free, what would the hand touch, how near is it."""
+"""Scene queries without the arm: whether a spot is free, what the hand would touch, and the nearest body."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from .fcl_shapes import FclDistance, FclPlacedSolid, bounds_apart, distance_betw
 
 @dataclass(frozen=True, slots=True)
 class Clearance:
-    """The nearest body: its name, signed distance in m, nearest points on the asking shape and on it."""
+    """Nearest body: its name, signed distance in m, nearest points on the queried shape and on the body."""
 
     name: str
     distance: float
@@ -29,7 +29,8 @@ class Clearance:
 class SceneQueries:
     """Distances in the believed scene, by python-fcl. Objects in the hand are not part of it.
 
-    Follows the scene by itself; contacts come nearest first, `a` names the asker, `b` the scene's id.
+    It follows the scene by itself. Contacts come nearest first; `a` names the queried body, `b` the scene's
+    id.
     """
 
     def __init__(self, model: RobotModel, scene: PlanningScene) -> None:
@@ -49,9 +50,10 @@ class SceneQueries:
     def hand_contacts(
         self, tcp_in_world: Pose, width: float, ignore: Collection[str] = (), margin: float = 0.003
     ) -> list[ContactPair]:
-        """What hand and fingers, opened by `width` m, would come closer to than `margin` at that pose.
+        """Return contacts of hand and fingers, opened by `width` m, that are closer than `margin` at that
+        pose.
 
-        Fingers may come to 0.5 mm of a level board, unless a wider margin than the usual 3 mm is asked for.
+        Fingers may come to 0.5 mm of a level board, unless `margin` is wider than the usual 3 mm.
         """
         usual = margin <= self._margins.gripper
         finger_support = min(margin, self._margins.finger_support) if usual else margin
@@ -69,7 +71,8 @@ class SceneQueries:
     def free(
         self, shape: Shape, pose: Pose, ignore: Collection[str] = (), margin: float = 0.0
     ) -> list[ContactPair]:
-        """What a shape at a pose in the world would come closer to than `margin`; empty: it is free."""
+        """Return contacts of a shape at a pose in the world that are closer than `margin`; empty: it is
+        free."""
         placed = place(solid(shape), pose)
         found = [
             ContactPair("shape", body.name, near.distance, near.point_b)
@@ -79,7 +82,7 @@ class SceneQueries:
         return sorted(found, key=lambda contact: contact.distance)
 
     def clearance(self, shape: Shape, pose: Pose, ignore: Collection[str] = ()) -> Clearance | None:
-        """The body nearest to a shape at a pose in the world; None when there is no body."""
+        """Return the body nearest to a shape at a pose in the world; None when there is no body."""
         placed = place(solid(shape), pose)
         nearest: tuple[CollisionBody, FclDistance] | None = None
         self._follow()
@@ -99,7 +102,7 @@ class SceneQueries:
     def _near(
         self, part: FclPlacedSolid, ignore: Collection[str], margin: float
     ) -> list[tuple[CollisionBody, FclDistance]]:
-        """Bodies whose bounding boxes come within `margin` of the part's, with the exact gap."""
+        """Return bodies whose bounding boxes come within `margin` of the part's, with the exact distance."""
         self._follow()
         reach = max(0.0, margin)
         touched = np.all(self._low <= part.high + reach, axis=1) & np.all(
@@ -109,7 +112,7 @@ class SceneQueries:
         return [(body, distance_between(part, other)) for body, other in bodies if body.name not in ignore]
 
     def _follow(self) -> None:
-        """Take over what the scene believes now; what did not change is kept."""
+        """Take over the present belief of the scene; unchanged bodies are kept."""
         objects = self._scene.objects
         if self._objects == objects:
             return

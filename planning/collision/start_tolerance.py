@@ -1,4 +1,5 @@
-"""The collision test of one plan: its start may lie within the margins, because that is where the arm is."""
+"""Start tolerance: the collision test of one plan, whose start may be within the margins because the arm is
+there."""
 
 from __future__ import annotations
 
@@ -10,26 +11,28 @@ from .collision_checker import CollisionChecker
 from .robot_geometry import MarginChecker
 
 TOLERANCE = 0.001
-"""Penetration at the start that is put down to errors of the belief whatever is touched, m."""
+"""Penetration at the start that is put down to errors of the belief, for all bodies, m."""
 DEVIATIONS = 3.0
-"""Standard deviations of an object's believed place that are put down to errors of the belief, too: where the
-arm is, the object is not."""
+"""Standard deviations of an object's believed place that are put down to errors of the belief, too.
+
+The object cannot be where the arm is.
+"""
 DEEPEST = 0.006
-"""More than this is never put down to them, m."""
+"""Greatest penetration that is put down to errors of the belief, m."""
 ZONE = 0.1
-"""Around the start, where it may come no closer to what it is too close to already, rad in each joint."""
+"""Size of the zone around the start in which excused pairs may come no closer, rad in each joint."""
 LEAVING = 0.3
-"""The same for objects that are not held, rad: the hand goes up beside them before it comes clear."""
+"""Size of that zone for objects that are not held, rad: the hand rises next to them before it comes clear."""
 SLACK = 0.0005
-"""How much closer it may come in there, m."""
+"""Greatest further approach of an excused pair in the zone, m."""
 
 
 class StartTolerance:
-    """Free or not, for configurations of a plan from `start` (n,).
+    """Collision check of one plan's configurations (n,), rad. Contacts that exist at its `start` are excused
+    near it.
 
-    Pairs that are closer than their margin at the start are excused near it: they may not come closer, and
-    further away they must have come apart. `stuck` holds those that penetrate by more than the belief may be
-    wrong: from there no plan may start.
+    Excused pairs may not come closer near the start, and must have come apart further away. `stuck` has the
+    pairs that penetrate by more than the belief may be wrong: from there no plan may start.
     """
 
     def __init__(self, collision: CollisionChecker, start: Array) -> None:
@@ -49,14 +52,14 @@ class StartTolerance:
         self.stuck = tuple(c for c in self.excused if collision.penetrates(c, self._tolerated(c)))
 
     def free(self, q: Array) -> bool:
-        """With the full margins."""
+        """Whether q keeps the full margins."""
         checker = self._near_start(q) if self._zones else None
         if checker is not None:
             return self._collision.asked(checker, q, within=self._within)
         return self._collision.free(q)
 
     def nearly_free(self, q: Array) -> bool:
-        """With halved margins: for re-checking between configurations that were found free."""
+        """Whether q keeps halved margins: for samples between configurations that were found free."""
         checker = self._near_start(q) if self._zones else None
         if checker is not None:
             return self._collision.asked(checker, q, within=self._within)
@@ -72,7 +75,7 @@ class StartTolerance:
         return any(o is not None and not o.attached for o in objects)
 
     def _tolerated(self, contact: ContactPair) -> float:
-        """Depth at the start that may be an error of the belief, m."""
+        """Return the depth at the start that may be an error of the belief, m."""
         objects = (self._collision.believed(contact.a), self._collision.believed(contact.b))
         sigma = sum(o.sigma_position for o in objects if o is not None)
         return min(TOLERANCE + DEVIATIONS * sigma, DEEPEST)

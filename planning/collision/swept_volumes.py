@@ -1,4 +1,4 @@
-"""Solids of a robot all along a trajectory, and how far apart they are at each moment of it."""
+"""Swept volumes: solids of a robot along a trajectory, and their distances at each moment."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ from ...world.values import Array, Pose
 from .fcl_shapes import FclDistance, FclMovedSolid, FclPlacedSolid, FclSolid, distance_between
 
 STEP = 0.005
-"""Greatest way of the TCP between two moments, m."""
+"""Greatest travel of the TCP between two moments, m."""
 TURN = 0.03
-"""Greatest way in joint space between them, rad: the elbow may move while the TCP does not."""
+"""Greatest distance in joint space between two moments, rad: the elbow may move while the TCP does not."""
 
 Pairs = NDArray[np.intp]
 _TURNS = tuple(Pose.from_rpy((0.0, 0.0, 0.0), rpy).rotation() for rpy in ((0.7, 1.1, 2.3), (-1.3, 0.4, 0.9)))
 
 
 class LinkSolid:
-    """A solid on a joint of the whole robot (0: what no joint moves), at a pose in that joint's frame."""
+    """Solid on a joint of the whole robot (0: fixed part), at a pose in that joint's frame."""
 
     def __init__(self, solid: FclSolid, joint: int, pose_in_joint: Pose) -> None:
         self.solid = solid
@@ -39,14 +39,14 @@ class LinkSolid:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TrajectorySamples:
-    """Where a trajectory is looked at: times (t,) s and configurations (t, n) rad."""
+    """Samples of a trajectory: times (t,) s and configurations (t, n) rad."""
 
     times: Array
     configurations: Array
 
 
 def moments_of(model: RobotModel, trajectory: Trajectory) -> TrajectorySamples:
-    """Evenly along the way, at most STEP of the TCP and TURN of the joints apart, from start to end."""
+    """Sample a trajectory evenly, at most STEP of the TCP and TURN of the joints apart, from start to end."""
     q = trajectory.position
     data, frame = model.arm.createData(), model.tcp_frame
     points: Array = np.empty((len(q), 3))
@@ -59,14 +59,14 @@ def moments_of(model: RobotModel, trajectory: Trajectory) -> TrajectorySamples:
     )
     along = np.concatenate([[0.0], np.cumsum(ways)])
     total = float(along[-1])
-    # Between samples the way is taken to be even in time, which it is not quite.
+    # Between samples the travel is taken to be even in time, which is not exact.
     marks: Array = np.linspace(0.0, total, max(2, int(np.ceil(1.1 * total)) + 1))
     times: Array = np.interp(marks, along, trajectory.times)
     return TrajectorySamples(times, _at(trajectory, times))
 
 
 def _at(trajectory: Trajectory, times: Array) -> Array:
-    """Where the arm is at those times, (t, n): between samples it follows their polynomials."""
+    """Return the configurations (t, n) at those times: between samples the arm follows their polynomials."""
     q = trajectory.position
     k = np.clip(np.searchsorted(trajectory.times, times, side="right") - 1, 0, len(q) - 2)
     u = (times - trajectory.times[k])[:, None]
@@ -79,9 +79,9 @@ def _at(trajectory: Trajectory, times: Array) -> Array:
 
 
 class RobotSweep:
-    """What a robot carries at each of some moments, among bodies that stand still.
+    """Solids on a robot at a number of moments, among bodies that stand still.
 
-    Pairs (p, 2) are numbers: of what is carried and, from its count on, of the bodies around.
+    Pairs (p, 2) are numbers: of carried solids and, from their count on, of the bodies around.
     """
 
     def __init__(
@@ -107,7 +107,7 @@ class RobotSweep:
         self._moved = [FclMovedSolid(c.solid, fcl.CollisionObject(c.solid.geometry)) for c in carried]
 
     def _travelled(self, centre: Array, half: Array) -> Array:
-        """(moments, carried): the way that the fastest point of each has made up to each moment, m.
+        """Return (moments, carried): the travel of the fastest point of each solid up to each moment, m.
 
         The displacement of a rigid motion is affine in the point: over a box it is greatest at a corner.
         """
@@ -118,18 +118,18 @@ class RobotSweep:
         return np.concatenate([np.zeros((1, len(centre))), np.cumsum(ways, axis=0)])
 
     def near(self, pairs: Pairs, reach: float) -> Pairs:
-        """Those pairs whose bounding boxes over the whole motion come within `reach` m of each other."""
+        """Select the pairs whose bounding boxes over the whole motion come within `reach` m of each other."""
         low = np.concatenate([self._low.min(axis=0), self._around_low])
         high = np.concatenate([self._high.max(axis=0), self._around_high])
         a, b = pairs[:, 0], pairs[:, 1]
         return pairs[((low[a] <= high[b] + reach) & (low[b] <= high[a] + reach)).all(axis=1)]
 
     def bounds(self, pairs: Pairs) -> Array:
-        """(moments, pairs): the distance that bounding boxes prove, m; -inf where they overlap."""
+        """Return lower bounds (moments, pairs) of distances by bounding boxes, m; -inf where they overlap."""
         return self._bounds(slice(None), pairs)
 
     def bounds_at(self, moment: int, pairs: Pairs) -> Array:
-        """(pairs,): the same at one moment."""
+        """Return the bounds (pairs,) at one moment."""
         return self._bounds(slice(moment, moment + 1), pairs)[0]
 
     def _bounds(self, when: slice, pairs: Pairs) -> Array:
@@ -142,19 +142,24 @@ class RobotSweep:
         return np.where(distance > 0.0, distance, -np.inf)
 
     def travel(self, pairs: Pairs) -> Array:
-        """(moments, pairs): the way that both of a pair have made up to each moment, m. Between two moments
-        their distance changes by no more than the difference."""
+        """Return (moments, pairs): the sum of both bodies' travel up to each moment, m.
+
+        Between two moments their distance changes by no more than the difference.
+        """
         still = np.zeros((len(self._travel), len(self._around)))
         ways = np.concatenate([self._travel, still], axis=1)
         return ways[:, pairs[:, 0]] + ways[:, pairs[:, 1]]
 
     def gap(self, moment: int, i: int, j: int) -> FclDistance:
-        """The signed distance of a pair at a moment, by python-fcl."""
+        """Return the signed distance of a pair at a moment, by python-fcl."""
         return distance_between(self._body(moment, i), self._body(moment, j))
 
     def again(self, moment: int, i: int, j: int) -> tuple[float, ...]:
-        """The same distance measured in other ways, m: the other way round, and with both bodies turned about
-        the origin. Each is the distance of two points of the bodies: what is too large shows in the least."""
+        """Measure the same distance in other ways, m: in reverse order, and with both bodies turned about the
+        origin.
+
+        Each is the distance of two points of the bodies, so that the least shows an error upwards.
+        """
         a, b = self._body(moment, i), self._body(moment, j)
         found = [distance_between(b, a).distance]
         for turn in _TURNS:
@@ -176,7 +181,7 @@ def _turned_copy(body: FclPlacedSolid | FclMovedSolid, turn: Array) -> FclMovedS
 
 
 def _of(moving: Array, still: Array, numbers: NDArray[np.intp]) -> Array:
-    """(moments, numbers, 3)"""
+    """Select the rows of numbered bodies: (moments, numbers, 3)."""
     picked: Array = np.empty((len(moving), len(numbers), 3))
     moves = numbers < moving.shape[1]
     picked[:, moves] = moving[:, numbers[moves]]
@@ -187,7 +192,7 @@ def _of(moving: Array, still: Array, numbers: NDArray[np.intp]) -> Array:
 def _joints(
     model: RobotModel, wanted: Sequence[int], configurations: Array, width: float
 ) -> tuple[Array, Array]:
-    """Rotations (moments, wanted, 3, 3) and positions (moments, wanted, 3) of joints in the world."""
+    """Return rotations (moments, wanted, 3, 3) and positions (moments, wanted, 3) of joints in the world."""
     joints = sorted(set(wanted))
     full, data = model.full, model.full.createData()
     whole = model.full_q(configurations[0], width)
@@ -203,5 +208,5 @@ def _joints(
 
 
 def _turned(rotations: Array, points: Array) -> Array:
-    """(t, c, 3): points (c, 3) turned by rotations (t, c, 3, 3)."""
+    """Turn points (c, 3) by rotations (t, c, 3, 3): (t, c, 3)."""
     return np.einsum("tcij,cj->tci", rotations, points)

@@ -1,4 +1,5 @@
-"""A timed trajectory is checked again before it counts as a plan, and when the belief has changed."""
+"""Trajectory check: a timed trajectory is checked again before it counts as a plan, and when the belief has
+changed."""
 
 from __future__ import annotations
 
@@ -14,16 +15,17 @@ from ...world.values import Array
 from .edges import bisection_order
 
 STEP = 0.005
-"""Greatest way of the TCP between two configurations that are checked, m."""
+"""Greatest travel of the TCP between two checked configurations, m."""
 TURN = 0.03
-"""Greatest way in joint space between them, rad (Euclidean): the elbow may move while the TCP does not."""
+"""Greatest distance in joint space between them, rad (Euclidean): the elbow may move while the TCP does
+not."""
 ROUNDING = 1e-6
-"""By how much a trajectory may leave the joints' limits, rad."""
+"""Greatest excess over the joints' limits on a trajectory, rad."""
 
 
 class ConfigurationCheck(Protocol):
-    """What a trajectory is checked with: a `Way`, or a `CollisionChecker`, which excuses nothing at the
-    start."""
+    """Collision check of configurations: a `StartTolerance`, or a `CollisionChecker`, which excuses nothing
+    at the start."""
 
     @property
     def model(self) -> RobotModel: ...
@@ -36,27 +38,29 @@ class ConfigurationCheck(Protocol):
 def is_trajectory_free(kept: ConfigurationCheck, trajectory: Trajectory) -> bool:
     """Whether a timed trajectory keeps the joints' limits and, at every step, at least half of the margins.
 
-    Corners were cut, and its steps fall elsewhere than those of the path it was made from.
+    Corners were cut, and its steps are elsewhere than those of the path that it was made from.
     """
     return first_collision(kept, trajectory) is None
 
 
 def first_collision(kept: ConfigurationCheck, trajectory: Trajectory) -> Array | None:
-    """A configuration (n,) of the trajectory that is not free or beyond a limit; None: there is none."""
+    """Return a configuration (n,) of the trajectory that is not free or beyond a limit; None: there is
+    none."""
     model, q = kept.model, trajectory.position
-    # A start or an end that is given beyond a limit may be left or reached, but not exceeded.
+    # The start or end may be given beyond a limit. It may be left or reached, but not exceeded.
     lower = np.minimum(model.lower, np.minimum(q[0], q[-1])) - ROUNDING
     upper = np.maximum(model.upper, np.maximum(q[0], q[-1])) + ROUNDING
     outside = np.flatnonzero(((q < lower) | (q > upper)).any(axis=1))
     if outside.size:
         return q[int(outside[0])].copy()
     checked = sampled_configurations(model, trajectory)
-    # What is closer than the full margins is rare: the checker of the halved ones is then asked, too.
+    # The half-margin check runs only for the few configurations that fail the full margins.
     return next((at for at in _spread(checked) if not kept.free(at) and not kept.nearly_free(at)), None)
 
 
 def sampled_configurations(model: RobotModel, trajectory: Trajectory) -> Array:
-    """Configurations (m, n) along a trajectory, start and end included, at most STEP and TURN apart."""
+    """Sample configurations (m, n) along a trajectory, start and end included, at most STEP and TURN
+    apart."""
     q = trajectory.position
     tool = _tool_way(model, q)
     moved: Array = np.linalg.norm(np.diff(tool, axis=0), axis=1) / STEP
@@ -69,7 +73,7 @@ def sampled_configurations(model: RobotModel, trajectory: Trajectory) -> Array:
 
 
 def _tool_way(model: RobotModel, q: Array) -> Array:
-    """(m, 3): the TCP in the world at configurations (m, n)."""
+    """Return the TCP's positions in the world (m, 3), m, at configurations (m, n)."""
     arm, data, frame = model.arm, model.arm.createData(), model.tcp_frame
     points = np.empty((len(q), 3))
     for k, at in enumerate(q):
@@ -79,7 +83,7 @@ def _tool_way(model: RobotModel, q: Array) -> Array:
 
 
 def _spread(checked: Array) -> Iterator[Array]:
-    """The end first, then halves, quarters, …: what is hit, is hit over a stretch."""
+    """Yield the start, the end, then halves, quarters, …: collisions come in stretches."""
     yield checked[0]
     count = len(checked) - 1
     for k in bisection_order(count):

@@ -1,4 +1,4 @@
-"""The second, independent judge of whole trajectories: python-fcl on geometry that it builds itself."""
+"""Trajectory verifier: an independent check of whole trajectories with python-fcl, on geometry of its own."""
 
 from __future__ import annotations
 
@@ -21,13 +21,15 @@ from .swept_volumes import LinkSolid, Pairs, RobotSweep, moments_of
 TOLERANCE = 0.0001
 """Penetration that is put down to rounding, m."""
 SLOP = 0.0015
-"""By how much python-fcl may call a distance too large, m. Of 3019 pairs at their margin its search ended
-early in 27, by 0.02 to 1.3 mm; exact distances show it. Whether bodies touch it says rightly."""
+"""Greatest error upwards of a python-fcl distance, m. Whether bodies touch is reported correctly.
+
+Of 3019 pairs at their margin its search ended early in 27, by 0.02 to 1.3 mm; exact distances show it.
+"""
 
 
 @dataclass(frozen=True, slots=True)
 class _Thing:
-    """A body of the robot or of the scene, wherever it is."""
+    """Body of the robot or of the scene, without its pose."""
 
     name: str
     part: GeometryOwner
@@ -35,39 +37,39 @@ class _Thing:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ClosestApproach:
-    """Where a trajectory comes nearest to anything that it may not touch."""
+    """Point at which a trajectory comes nearest to a body that it may not touch."""
 
     a: str
-    """A link, or what is held."""
+    """Name of a link, or id of the held object."""
     b: str
     distance: float
-    """m; negative: depth."""
+    """Signed distance, m; negative: depth."""
     time: float
-    """From the start of the trajectory, s."""
+    """Time from the start of the trajectory, s."""
     configuration: Array
-    """(n,) rad"""
+    """Configuration (n,), rad."""
     point_a: Vector3
-    """On `a`, in the world."""
+    """Point on `a` in the world, m."""
     point_b: Vector3
 
 
 @dataclass(frozen=True, slots=True)
 class TightestPair:
-    """The pair of one configuration that is closest to its margin, or deepest within it."""
+    """Pair of one configuration that is closest to its margin, or deepest within it."""
 
     a: str
     b: str
     distance: float
-    """m; negative: depth."""
+    """Signed distance, m; negative: depth."""
     margin: float
-    """What the pair must keep, m."""
+    """Least distance that the pair must keep, m."""
 
 
 class TrajectoryVerifier:
-    """Judges trajectories of one robot; the hulls of its links are made once.
+    """Independent verifier of trajectories of one robot. The hulls of its links are built once.
 
-    It looks at a trajectory every 5 mm of the TCP. How far two bodies are apart is measured at few of these
-    moments: between them a distance changes by no more than the way that the bodies make.
+    A trajectory is sampled every 5 mm of the TCP. Distances are measured at few of these moments: between
+    them a distance changes by no more than the travel of both bodies.
     """
 
     def __init__(self, model: RobotModel) -> None:
@@ -94,12 +96,12 @@ class TrajectoryVerifier:
             (i, j)
             for i, a in enumerate(self._things)
             for j, b in enumerate(self._things[i + 1 :], i + 1)
-            # What one joint carries does not move against itself.
+            # Bodies on one joint do not move against each other.
             if self._limbs[i].joint != self._limbs[j].joint
             and frozenset((a.name, b.name)) not in disabled
             and not (a.part in gripper and b.part in gripper)
         ]
-        # What the hand holds cannot reach the links that carry the hand.
+        # The held object cannot reach the links that carry the hand.
         carriers = _carriers(model)
         self._held_against = [
             k for k, a in enumerate(self._things) if a.part not in gripper and a.name not in carriers
@@ -110,10 +112,10 @@ class TrajectoryVerifier:
     def judge(
         self, trajectory: Trajectory, scene: PlanningScene, width: float, *, excuse_start: bool = True
     ) -> tuple[ContactPair, ...]:
-        """Every pair that penetrates on the way, at its deepest. Empty: the trajectory is free.
+        """Return every pair that penetrates on the way, at its deepest. Empty: the trajectory is free.
 
-        Pairs that the scene allows to touch, and what a held object may sink into a board, do not count;
-        with `excuse_start` nor does what touches already at the start, near it, unless it gets deeper.
+        Pairs that the scene allows to touch, and what a held object may sink into a board, do not count. With
+        `excuse_start` contacts at the start do not count near it, unless they get deeper.
         """
         view = self._view(trajectory, scene, width)
         from_start = np.abs(view.configurations - trajectory.start).max(axis=1)
@@ -123,7 +125,7 @@ class TrajectoryVerifier:
         at_start: dict[tuple[str, str], float] = {}
 
         def look(column: int, moment: int) -> float:
-            """How far the pair is from what it may do at that moment, m; a contact is noted."""
+            """Return the distance beyond what the pair may do at that moment, m, and note a contact."""
             i, j = (int(k) for k in pairs[column])
             a, b = view.things[i], view.things[j]
             between = view.sweep.gap(moment, i, j)
@@ -137,7 +139,8 @@ class TrajectoryVerifier:
                 worst[key] = ContactPair(a.name, b.name, between.distance, between.point_b)
             return between.distance - usual
 
-        # First the start: what touches there is excused near it. Then halves of what is not proven free.
+        # The start comes first: contacts there are excused near it. Then the unproven rest is halved
+        # repeatedly.
         unknown = bounds < 0.0
         for column in np.flatnonzero(unknown[0]):
             look(int(column), 0)
@@ -152,17 +155,18 @@ class TrajectoryVerifier:
         return tuple(sorted(worst.values(), key=lambda contact: contact.distance))
 
     def clearance(self, trajectory: Trajectory, scene: PlanningScene, width: float) -> ClosestApproach | None:
-        """Where the robot, with what it holds, comes nearest to itself or to anything that the scene does not
-        allow to touch; None when there is nothing.
+        """Return the closest approach of the robot and the held object to themselves or to any body they may
+        not touch.
 
-        Branch and bound: a pair is measured where it may be nearer than what was found so far.
+        None when there is no such pair. Branch and bound: a pair is measured where it may be nearer than the
+        best so far.
         """
         view = self._view(trajectory, scene, width)
         if not len(view.pairs):
             return None
         sweep, last = view.sweep, len(view.configurations) - 1
         best, answer = np.inf, (0, 0, 0)
-        # Something near to begin with: at three moments the pair whose boxes are nearest.
+        # A first bound: at three moments the pair whose boxes are nearest.
         for moment in (0, last // 2, last):
             column = int(sweep.bounds_at(moment, view.pairs).argmin())
             i, j = (int(k) for k in view.pairs[column])
@@ -196,8 +200,10 @@ class TrajectoryVerifier:
         margins: CollisionMargins | None = None,
         reach: float = 0.001,
     ) -> list[TightestPair | None]:
-        """For each configuration (m, n) the pair that keeps its margin by least; None where every pair is
-        further than that by more than `reach` m."""
+        """Return for each configuration (m, n) the pair that keeps its margin by least.
+
+        None where every pair is further away than its margin plus `reach` m.
+        """
         view = self._among(configurations, scene, width)
         asked = (margins or self._margins).between
         parts = [thing.part for thing in view.things]
@@ -242,7 +248,7 @@ class TrajectoryVerifier:
         return LinkSolid(solid(held.shape), self._tcp_joint, self._tcp_in_joint @ held.object_in_tcp)
 
     def _pairs(self, scene: PlanningScene, things: list[_Thing], robots: int) -> Pairs:
-        """(pairs, 2): those that may not touch."""
+        """Return the pairs (pairs, 2) that may not touch."""
         pairs = list(self._self_pairs)
         if robots > len(self._limbs):
             pairs += [(k, robots - 1) for k in self._held_against]
@@ -258,7 +264,7 @@ class TrajectoryVerifier:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _View:
-    """One trajectory in one scene, ready to be looked at."""
+    """One trajectory in one scene, prepared for measurements."""
 
     times: Array
     configurations: Array
@@ -270,7 +276,7 @@ class _View:
 def verify_trajectory(
     trajectory: Trajectory, scene: PlanningScene, model: RobotModel, width: float
 ) -> tuple[ContactPair, ...]:
-    """One trajectory judged; see `TrajectoryVerifier.judge`."""
+    """Verify one trajectory; see `TrajectoryVerifier.judge`."""
     return TrajectoryVerifier(model).judge(trajectory, scene, width)
 
 
@@ -282,7 +288,7 @@ def _solid_of(element: UrdfMesh | UrdfPrimitive) -> FclSolid:
 
 
 def _links_beyond(model: RobotModel) -> set[str]:
-    """Links that hang on the flange joint."""
+    """Return the links beyond the flange joint."""
     frames = model.full.frames
     beyond = {model.full.getFrameId(model.description.flange_joint)}
     for index, frame in enumerate(frames):
@@ -292,6 +298,6 @@ def _links_beyond(model: RobotModel) -> set[str]:
 
 
 def _carriers(model: RobotModel) -> set[str]:
-    """Links that do not move against the hand."""
+    """Return the links that do not move against the hand."""
     flange = model.full.frames[model.full.getFrameId(model.description.flange_joint)]
     return {frame.name for frame in model.full.frames if frame.parentJoint == flange.parentJoint}

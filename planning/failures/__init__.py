@@ -1,1 +1,1 @@
-"""Why there is no plan: sentences and evidence."""
+"""Planning failures: causes, sentences and evidence."""

@@ -1,4 +1,5 @@
-"""Why a configuration that reaches the goal is no goal: what it touches, leaves or breaks."""
+"""Goal rejections: why a configuration that reaches the goal is no goal. It touches something, leaves the
+workspace or violates a constraint."""
 
 from __future__ import annotations
 
@@ -15,8 +16,11 @@ from ..requests import ContactPair
 
 @dataclass(frozen=True, slots=True)
 class WorkspaceExcess:
-    """The tool is outside of where planning may bring it: by how much it is beyond the workspace along which
-    axis, m (less than nothing: within it, but nearer to its edge than planning goes), and where it is."""
+    """Excess of the tool over the space in which planning may bring it: axis, excess over the workspace, m,
+    and position.
+
+    A negative excess: the tool is within the workspace, but nearer to its edge than planning goes.
+    """
 
     axis: str
     by: float
@@ -25,10 +29,11 @@ class WorkspaceExcess:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class GoalRejection:
-    """Of one configuration. All empty: it is at the very edge of a margin, where it may not come nearer."""
+    """Reasons against one configuration. All empty: it is at the very edge of a margin, where it may not come
+    nearer."""
 
     q: Array
-    """(n,)"""
+    """Configuration (n,), rad."""
     contacts: tuple[ContactPair, ...] = ()
     """Pairs that are closer than their margin, the deepest first."""
     outside: WorkspaceExcess | None = None
@@ -36,7 +41,7 @@ class GoalRejection:
 
 
 class GoalInspection:
-    """Says of configurations why they are not free. Slow: for explanations."""
+    """Reasons why configurations are not free. Slow: for explanations."""
 
     def __init__(
         self,
@@ -51,12 +56,12 @@ class GoalInspection:
         self._workspace = workspace
 
     def rejection(self, q: Array) -> GoalRejection:
-        """What is wrong with q (n,)."""
+        """Return the reasons against q (n,)."""
         tool = self._model.tcp(q).position
         return GoalRejection(q, self._collision.contacts(q), self.outside(tool), self._constraints.broken(q))
 
     def outside(self, tool: Vector3) -> WorkspaceExcess | None:
-        """How far a point in the world is outside of where planning may bring the tool."""
+        """Return how far a point in the world is outside the planned workspace; None: it is inside."""
         if self._workspace is None:
             return None
         low = np.array(self._workspace.min) + INSIDE - np.array(tool)

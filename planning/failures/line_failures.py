@@ -1,4 +1,4 @@
-"""What stopped a straight line: which joint, how near to a singularity, which pair, and where."""
+"""Line failures: the joint, singularity or shortfall that ended a straight line other than by a collision."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from ..kinematics.inverse_kinematics import InverseKinematics
 from .planning_failures import describe_shortfall, format_joint_value
 
 AT_LIMIT = 0.002
-"""A joint this near to where planning ends stands there, rad."""
+"""Distance to the planned limit within which a joint counts as being at it, rad."""
 SINGULAR = 0.03
-"""Smallest singular value of the Jacobian below which the arm stands in a singularity."""
+"""Smallest singular value of the Jacobian below which the arm is in a singularity."""
 
 
 @dataclass(frozen=True, slots=True)
 class LineStop:
-    """In words, with the joint that is at its limit (or empty) and the smallest singular value there."""
+    """Reason in words, with the joint at its limit (or empty) and the smallest singular value there."""
 
     why: str
     joint: str
@@ -30,7 +30,7 @@ class LineStop:
 def explain_line_stop(
     model: RobotModel, ik: InverseKinematics, found: LineResult, tcp_in_world: Pose
 ) -> LineStop:
-    """Why a line towards that pose went no further, where it was no collision that ended it."""
+    """Explain why a line towards that pose ended, where no collision ended it."""
     last = found.path[-1]
     singular = float(np.linalg.svd(model.jacobian(last), compute_uv=False)[-1])
     stands = _at_limit(model, last)
@@ -54,7 +54,7 @@ def explain_line_stop(
 
 
 def _at_limit(model: RobotModel, q: Array) -> tuple[int, float] | None:
-    """The joint that stands where planning ends, and the limit beyond, rad or m."""
+    """Return the joint at its planned limit, and the limit beyond, rad or m; None: no joint is."""
     low, high = q - model.planned_lower, model.planned_upper - q
     room = np.minimum(low, high)
     joint = int(np.argmin(room))

@@ -1,4 +1,4 @@
-"""Why no path was found: what stands between, and whether start or goal can be left at all."""
+"""Obstructions: why no path was found. The bodies in between, and whether start or goal is enclosed."""
 
 from __future__ import annotations
 
@@ -16,19 +16,19 @@ from ..collision.start_tolerance import StartTolerance
 from ..path_constraints import PathConstraints
 
 TRIES = 240
-"""Extensions of a local search."""
+"""Number of extensions of a local search."""
 STRIDE = 0.3
-"""Its greatest extension, rad."""
+"""Greatest extension of a local search, rad."""
 STEP = 0.06
-"""Between two configurations of an extension, rad."""
+"""Step between two configurations of an extension, rad."""
 FAR = 1.0
-"""A search that comes this far from where it begins has left, rad."""
+"""Distance from its root at which a local search counts as having left, rad."""
 CHECKS = 2500
-"""That a local search may spend."""
+"""Collision checks that a local search may spend."""
 CONSTRAINT = "the constraint"
-"""Named among the bodies where it is what stops the arm."""
+"""Name among the blocking bodies for configurations that a constraint forbids."""
 LOOKED_AT = 40
-"""Blocked configurations that are looked at for what blocks them."""
+"""Greatest number of blocked configurations that are examined."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,12 +37,12 @@ class BlockingBodies:
 
     by: tuple[str, ...] = ()
     share: float = 0.0
-    """Of the configurations looked at: at the first of them."""
+    """Share of the examined configurations that the first body blocks, 0 … 1."""
 
 
 @dataclass(frozen=True, slots=True)
 class Enclosure:
-    """A local search from `where` (`start` or `goal`) that never came farther than `radius` rad."""
+    """Local search from `where` (`start` or `goal`) that never came farther than `radius` rad."""
 
     where: str
     radius: float
@@ -50,7 +50,7 @@ class Enclosure:
 
 
 class ObstructionSearch:
-    """Looks into one request that found no path. Deterministic; its checks count as others do."""
+    """Obstructions of one request that found no path. Deterministic; its checks count as others do."""
 
     def __init__(
         self,
@@ -59,14 +59,15 @@ class ObstructionSearch:
         way: StartTolerance,
         constraints: PathConstraints,
     ) -> None:
-        """`way` and `constraints`: what the search was done with."""
+        """Use `way` and `constraints` of the search that failed."""
         self._model = model
         self._collision = collision
         self._way = way
         self._constraints = constraints
 
     def between(self, start: Array, goals: Sequence[Array]) -> BlockingBodies:
-        """What blocks the straight ways in joint space from start to the goals (the first three)."""
+        """Return the bodies that block the straight edges in joint space from start to the goals (the first
+        three)."""
         hit: list[Array] = []
         for goal in goals[:3]:
             count = max(2, int(np.ceil(float(np.linalg.norm(goal - start)) / (2 * RESOLUTION))))
@@ -75,8 +76,11 @@ class ObstructionSearch:
         return self._blocked(hit)
 
     def enclosure(self, where: str, root: Array) -> Enclosure | None:
-        """Whether a search from a configuration remains near it: a tree that grows towards configurations
-        anywhere. None: it leaves, or comes so far within its checks that nothing can be said."""
+        """Return the enclosure of a configuration; None: a search from it leaves, or its checks are spent too
+        early to tell.
+
+        The search grows a tree towards random configurations.
+        """
         rng = np.random.default_rng(0)
         lower = np.minimum(self._model.planned_lower, root)
         upper = np.maximum(self._model.planned_upper, root)
@@ -86,7 +90,7 @@ class ObstructionSearch:
         for attempt in range(TRIES):
             if self._collision.checks >= end:
                 return None
-            # Ways out of narrow places begin with small moves: every second target lies nearby.
+            # Paths out of narrow places begin with small moves: every second target is near.
             if attempt % 2:
                 target = np.clip(root + rng.normal(0.0, STRIDE, len(root)), lower, upper)
             else:
@@ -116,7 +120,7 @@ class ObstructionSearch:
         return self._constraints.hold(q) and self._way.free(q)
 
     def _blocked(self, hit: Sequence[Array]) -> BlockingBodies:
-        """By the deepest contact of each of some of these configurations."""
+        """Count the deepest contact of each of some of these configurations."""
         if not hit:
             return BlockingBodies()
         picked = np.unique(np.linspace(0, len(hit) - 1, min(len(hit), LOOKED_AT)).astype(int))

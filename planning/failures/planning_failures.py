@@ -31,14 +31,14 @@ from .obstructions import BlockingBodies, Enclosure
 
 
 def format_joint_value(model: RobotModel, joint: int, value: float) -> str:
-    """A joint's position or a part of it: in deg, of one that slides in mm."""
+    """Format a joint's position or a part of it: in deg, for a slider in mm."""
     if is_hinge(model.arm.joints[joint + 1]):
         return f"{degrees(value):.1f} deg"
     return f"{value * 1000:.1f} mm"
 
 
 def beyond_limits(model: RobotModel, q: Array) -> list[str]:
-    """Of each joint that is beyond its limit at q (n,): where it is, by how much, and the limit."""
+    """Describe each joint beyond its limit at q (n,): its position, the excess, and the limit."""
     told: list[str] = []
     for joint, (name, at) in enumerate(zip(model.description.joints, q.tolist(), strict=True)):
         low, high = float(model.lower[joint]), float(model.upper[joint])
@@ -50,7 +50,7 @@ def beyond_limits(model: RobotModel, q: Array) -> list[str]:
 
 
 def describe_shortfall(model: RobotModel, nearest: NearestReach) -> str:
-    """What keeps the arm from a pose, in words that go on after `out of reach:`."""
+    """Describe what keeps the arm from a pose, in words that go on after `out of reach:`."""
     match nearest.obstacle:
         case "position":
             return f"the tool ends {nearest.distance * 1000:.0f} mm short of it"
@@ -73,7 +73,7 @@ def describe_shortfall(model: RobotModel, nearest: NearestReach) -> str:
 
 @dataclass(frozen=True, slots=True)
 class LineStopPoint:
-    """Where a line stopped: the TCP's point in the world, what would be touched, the joint at its limit."""
+    """Point where a line stopped: TCP in the world, m, contacts, joint at its limit."""
 
     point: Vector3
     contacts: tuple[ContactPair, ...] = ()
@@ -82,7 +82,7 @@ class LineStopPoint:
 
 
 def describe_goal(target: Target) -> str:
-    """What is asked for in a few words, for the record."""
+    """Describe the goal in a few words, for the record."""
     match target:
         case NamedGoal(name):
             return f"to {name}"
@@ -101,7 +101,7 @@ def describe_goal(target: Target) -> str:
 
 
 def describe_request(request: Request) -> str:
-    """The same with what is asked for beside the goal."""
+    """Describe the goal with constraints and clearance."""
     words = [describe_goal(request.target)]
     for constraint in request.constraints:
         match constraint:
@@ -115,17 +115,18 @@ def describe_request(request: Request) -> str:
 
 
 def contact_lines(contacts: Sequence[ContactPair]) -> list[str]:
-    """Contacts as evidence: one line each, the first ten."""
+    """Format contacts as evidence: one line each, the first ten."""
     return [f"{c.a} {how_near(c)} {c.b}{_kept(c)}" for c in contacts[:10]]
 
 
 def _kept(contact: ContactPair) -> str:
-    """The margin, where that alone is broken."""
+    """Format the margin, where only the margin is violated."""
     return f" ({contact.margin * 1000:.1f} mm to keep)" if 0 <= contact.distance < contact.margin else ""
 
 
 def start_in_collision(q: Array, contacts: Sequence[ContactPair], *, believed: bool = True) -> Failure:
-    """`believed`: the start q (n,) is where the arm is, not one that the request gave."""
+    """Build the failure of a start in collision. `believed`: the start q (n,) is the arm's, not one that the
+    request gave."""
     worst = contacts[0]
     return Failure(
         planning.START_IN_COLLISION,
@@ -137,7 +138,7 @@ def start_in_collision(q: Array, contacts: Sequence[ContactPair], *, believed: b
 
 
 def outside_limits(model: RobotModel, q: Array) -> Failure:
-    """A configuration that is asked for, with joints beyond their limits."""
+    """Build the failure of a requested configuration with joints beyond their limits."""
     beyond = beyond_limits(model, q)
     more = f" (and {len(beyond) - 1} more)" if len(beyond) > 1 else ""
     return Failure(
@@ -149,7 +150,7 @@ def outside_limits(model: RobotModel, q: Array) -> Failure:
 
 
 def out_of_reach(model: RobotModel, poses: Sequence[Pose], solves: int, nearest: NearestReach) -> Failure:
-    """`nearest`: to the first pose."""
+    """Build the failure of poses out of reach; `nearest` belongs to the first pose."""
     count = len(poses)
     begun = "the pose is out of reach" if count == 1 else f"all {count} poses are out of reach, the first one"
     return Failure(
@@ -168,7 +169,7 @@ def out_of_reach(model: RobotModel, poses: Sequence[Pose], solves: int, nearest:
 
 
 def outside_workspace(where: str, outside: WorkspaceExcess, poses: int = 1) -> Failure:
-    """`where`: as `at the goal`."""
+    """Build the failure of a tool outside the workspace; `where`: as `at the goal`."""
     return Failure(
         planning.WORKSPACE,
         f"{where} the tool is {how_outside(outside)}",
@@ -180,7 +181,10 @@ def outside_workspace(where: str, outside: WorkspaceExcess, poses: int = 1) -> F
 
 
 def goal_rejected(each: Sequence[GoalRejection], poses: int) -> Failure:
-    """`each`: what is wrong with every configuration that was found; the least bad one is told."""
+    """Build the failure of a goal whose configurations were all rejected; `each` has one rejection for each.
+
+    The sentence names the least bad one.
+    """
     best = "" if len(each) == 1 else f" (the best of {len(each)} solutions)"
     rejected = [f"{k + 1}: {how_rejected(one)}" for k, one in enumerate(each[:10])]
     touching = [one for one in each if one.contacts]
@@ -200,7 +204,7 @@ def goal_rejected(each: Sequence[GoalRejection], poses: int) -> Failure:
 
 
 def how_rejected(rejection: GoalRejection, verb: str = "is") -> str:
-    """In words, beginning with what is wrong."""
+    """Describe a rejection, beginning with what is wrong."""
     if rejection.contacts:
         worst = rejection.contacts[0]
         return f"{worst.a} {verb} {how_near(worst)} {worst.b}{_kept(worst)}"
@@ -213,7 +217,7 @@ def how_rejected(rejection: GoalRejection, verb: str = "is") -> str:
 
 
 def how_outside(outside: WorkspaceExcess) -> str:
-    """In words, with the axis."""
+    """Describe the excess, with the axis."""
     at = dict(zip("xyz", outside.at, strict=True))[outside.axis]
     where = f"{outside.axis} = {at * 1000:.0f} mm"
     if outside.by <= 0:
@@ -222,14 +226,14 @@ def how_outside(outside: WorkspaceExcess) -> str:
 
 
 def constraint_violated(where: str, broken: Sequence[ConstraintViolation]) -> Failure:
-    """`where`: the beginning of the sentence, as `at the goal`."""
+    """Build the failure of violated constraints; `where` begins the sentence, as `at the goal`."""
     return Failure(
         planning.CONSTRAINT, f"{where} {how_broken(broken[0])}", constraints=[how_broken(b) for b in broken]
     )
 
 
 def line_breaks(broken: Sequence[ConstraintViolation], fraction: float) -> Failure:
-    """`fraction`: of the line's time, when it breaks a constraint."""
+    """Build the failure of a line that violates a constraint at `fraction` of its time."""
     return Failure(
         planning.CONSTRAINT,
         f"on the line, at {fraction:.0%} of its time, {how_broken(broken[0])}",
@@ -239,7 +243,7 @@ def line_breaks(broken: Sequence[ConstraintViolation], fraction: float) -> Failu
 
 
 def how_broken(broken: ConstraintViolation) -> str:
-    """In words, with what is and what may be."""
+    """Describe a violation, with the actual and the allowed value."""
     match broken.constraint:
         case UprightConstraint(tilt):
             return f"the tool tilts by {degrees(broken.is_at):.1f} deg, {degrees(tilt):.1f} deg are allowed"
@@ -255,7 +259,10 @@ def not_found(
     between: BlockingBodies,
     enclosed: Enclosure | None,
 ) -> Failure:
-    """`spent`: checks (and projections) of the search. What is in the way was looked for afterwards."""
+    """Build the failure of a search without a path; `spent` counts its checks and projections.
+
+    The obstructions were searched for afterwards.
+    """
     used_up = spent >= budget
     sentence = (
         f"no path within {budget} collision checks"
@@ -284,7 +291,8 @@ def not_found(
 
 
 def line_ended(found: LineResult, least: float, length: float, why: str, at: LineStopPoint) -> Failure:
-    """`why`: what stopped the line, in words; `length` of the whole line, m."""
+    """Build the failure of a line that ended early; `why`: its end in words; `length`: of the whole line,
+    m."""
     where = f" (after {found.fraction * length * 1000:.0f} of {length * 1000:.0f} mm)" if length > 0 else ""
     return Failure(
         planning.NO_PATH,
@@ -300,7 +308,8 @@ def line_ended(found: LineResult, least: float, length: float, why: str, at: Lin
 
 
 def line_grazes(fraction: float, contacts: Sequence[ContactPair] = ()) -> Failure:
-    """The line is free, its timing is not: what the first sample that is not touches."""
+    """Build the failure of a free line whose timing is not free, with the contacts of its first sample that
+    is not."""
     why = f": {contacts[0].a} would be {how_near(contacts[0])} {contacts[0].b}" if contacts else ""
     return Failure(
         planning.NO_PATH,
@@ -312,13 +321,13 @@ def line_grazes(fraction: float, contacts: Sequence[ContactPair] = ()) -> Failur
 
 
 def how_near(contact: ContactPair) -> str:
-    """In words, to go between the two names."""
+    """Describe the distance, to go between the two names."""
     depth = -contact.distance * 1000
     return f"{depth:.1f} mm deep in" if depth > 0 else f"only {-depth:.1f} mm from"
 
 
 def join_words(names: Sequence[str]) -> str:
-    """`a, b and c`"""
+    """Join names as `a, b and c`."""
     return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
 
 

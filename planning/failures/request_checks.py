@@ -1,4 +1,4 @@
-"""What makes no sense to ask for: said before anything is planned, as bad input and not as a failure."""
+"""Request checks: senseless requests are reported as bad input before planning, not as failures."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from ..requests import (
 
 
 def check_request(model: RobotModel, request: Request) -> None:
-    """Raises PicktreeError with what is wrong and what would be right."""
+    """Raise PicktreeError for a senseless request, with what is wrong and what would be right."""
     _configuration(model, "the start", request.start)
     if isinstance(request.target, JointGoal):
         _configuration(model, "the goal", request.target.position)

@@ -1,4 +1,4 @@
-"""Straight lines of the TCP: small steps, each solved from the one before."""
+"""Cartesian lines: straight motion of the TCP in small steps, each solved from the one before."""
 
 from __future__ import annotations
 
@@ -14,30 +14,30 @@ from ..collision.start_tolerance import StartTolerance
 from .inverse_kinematics import InverseKinematics
 
 STEP = 0.005
-"""m"""
+"""Greatest travel of the TCP in a step, m."""
 TURN = 0.05
-"""rad"""
+"""Greatest turn of the TCP in a step, rad."""
 JUMP = 0.2
-"""Greatest change of a joint in one step: more means another branch of the kinematics, rad."""
+"""Greatest change of a joint in one step, rad: more means another branch of the kinematics."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LineResult:
-    """How far a line got: `path` (m, n) rad up to there, and what ended it before its end."""
+    """Result of a line: `path` (m, n) rad up to its end, and what ended it early."""
 
     path: Array
     fraction: float
     ended_by: str
-    """"" or `reach`, `jump`, `collision`."""
+    """"" for a whole line, or `reach`, `jump`, `collision`."""
     blocked: Array | None = None
-    """Configuration (n,) that was not free."""
+    """Configuration (n,), rad, that was not free; None unless a collision ended the line."""
     ended_at: Pose | None = None
-    """Pose of the TCP that was to come next, where the line ended before its end."""
+    """Next pose of the TCP where the line ended early; None for a whole line."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LineFromStart:
-    """A line from one of several starts, by its number."""
+    """Line from one of several starts, by the start's number."""
 
     start: int
     found: LineResult
@@ -46,7 +46,7 @@ class LineFromStart:
 def plan_line(
     model: RobotModel, ik: InverseKinematics, way: StartTolerance, start: Array, tcp_in_world: Pose
 ) -> LineResult:
-    """From start (n,) straight to a pose, its orientation turned evenly (slerp).
+    """Plan a line from start (n,) straight to a pose, its orientation turned evenly (slerp).
 
     Steps of the TCP are at most STEP and TURN; each is solved from the one before.
     """
@@ -80,11 +80,11 @@ def plan_line_from_any(
     starts: Sequence[Array],
     tcp_in_world: Pose,
 ) -> LineFromStart | None:
-    """The same line from the first of several starts (n,) from which it is free to its end; else the one
-    that gets furthest. None when there is no start.
+    """Plan a line from the first of several starts (n,) from which it is free to its end.
 
-    For who leaves the posture at the start open: an arm with a joint more than it needs, or with its elbow
-    on the other side, gets through where this one meets a limit. `way` makes the collision test of a start.
+    Else return the line that gets furthest; None when there is no start. It serves callers that leave the
+    arm's posture at the start open. A redundant arm, or one with its elbow on the other side, passes where
+    this posture meets a limit. `way` makes the start tolerance of a start.
     """
     best: LineFromStart | None = None
     for index, start in enumerate(starts):
@@ -97,13 +97,14 @@ def plan_line_from_any(
 
 
 def interpolate_pose(a: Pose, b: Pose, share: float) -> Pose:
-    """The pose at `share` (0 … 1) of the way: straight for the position, slerp for the orientation."""
+    """Return the pose at `share` (0 … 1) between two: straight for the position, slerp for the
+    orientation."""
     x, y, z = (p + (q - p) * share for p, q in zip(a.position, b.position, strict=True))
     return Pose((x, y, z), slerp(a.orientation, b.orientation, share))
 
 
 def slerp(a: Quaternion, b: Quaternion, share: float) -> Quaternion:
-    """Shoemake's interpolation on the shorter great arc (SIGGRAPH 1985)."""
+    """Interpolate on the shorter great arc (Shoemake, SIGGRAPH 1985)."""
     if a == b:
         return a
     dot = sum(p * q for p, q in zip(a, b, strict=True))

@@ -1,4 +1,4 @@
-"""How well a configuration suits what comes after it: not at a joint's limit, not near a singularity."""
+"""Configuration cost: a penalty near joint limits and singularities, for the motions that follow."""
 
 from __future__ import annotations
 
@@ -14,13 +14,15 @@ if TYPE_CHECKING:
 NEAR_LIMIT = 0.5
 """Distance to a joint's limit below which a configuration becomes uncomfortable, rad."""
 NEAR_SINGULAR = 0.12
-"""The same for the smallest singular value of the Jacobian (m and rad mixed, as it comes)."""
+"""Smallest singular value of the Jacobian (m and rad mixed) below which a configuration becomes
+uncomfortable."""
 WEIGHT = 2.0
-"""What standing at one limit, or in a singularity, is worth as a detour, rad."""
+"""Cost of being at one limit, or in a singularity, as a detour, rad."""
 
 
 def configuration_cost(model: RobotModel, q: Array) -> float:
-    """0 for a comfortable configuration (n,), growing towards limits and singularities; in rad of detour."""
+    """Return 0 for a comfortable configuration (n,), growing towards limits and singularities; in rad of
+    detour."""
     room = np.minimum(q - model.lower, model.upper - q)
     limits = np.clip(1.0 - room / NEAR_LIMIT, 0.0, 1.0)
     least = float(np.linalg.svd(model.jacobian(q), compute_uv=False)[-1])

@@ -1,4 +1,4 @@
-"""Where to begin: configurations spread over the joint space, found again by the pose that they reach."""
+"""IK seeds: configurations spread over the joint space, looked up by the pose that they reach."""
 
 from __future__ import annotations
 
@@ -10,29 +10,31 @@ from ...world.values import Array
 from .levenberg_marquardt import IkDescent
 
 SIZE = 2048
-"""Configurations. Finding the nearest takes as long as two steps of a descent; twice as many save no step."""
+"""Number of configurations. Finding the nearest takes as long as two steps of a descent; twice as many save
+no step."""
 LEVER = 0.3
-"""What a turn counts beside a way, m/rad."""
+"""Weight of a turn relative to a travel, m/rad."""
 
 
 class IkSeeds:
-    """Made from the robot alone, in 10 ms; the same in each process."""
+    """IK seeds of one robot, computed from it alone in 10 ms; the same in each process."""
 
     def __init__(self, model: RobotModel, descent: IkDescent) -> None:
         shares = np.random.default_rng(0).uniform(size=(SIZE, model.n))
         self.configurations: Array = model.planned_lower + shares * (
             model.planned_upper - model.planned_lower
         )
-        """(SIZE, n), rad."""
+        """Configurations (SIZE, n), rad."""
         self._keys: Array = np.array([pose_key(descent.place(q)) for q in self.configurations])
         self._half_squares: Array = 0.5 * np.einsum("ij,ij->i", self._keys, self._keys)
 
     def nearest(self, wanted: Array) -> int:
-        """Which configuration's pose is nearest to the one with that key (12,)."""
+        """Return the index of the configuration whose pose is nearest to the one with that key (12,)."""
         return int(self._nearness(wanted).argmax())
 
     def around(self, wanted: Array, count: int) -> Array:
-        """The `count` configurations (count, n) whose poses are nearest to the one with that key (12,)."""
+        """Return the `count` configurations (count, n) whose poses are nearest to the one with that key
+        (12,)."""
         nearness = self._nearness(wanted)
         some = np.argpartition(nearness, -count)[-count:]
         return self.configurations[some[np.argsort(-nearness[some], kind="stable")]]
@@ -43,7 +45,8 @@ class IkSeeds:
 
 
 def pose_key(place: pin.SE3) -> Array:
-    """A pose as a point (12,): equal distances (m) for equal ways and, for small turns, equal arcs."""
+    """Return a pose as a point (12,): equal distances (m) for equal travels and, for small turns, equal
+    arcs."""
     point: Array = np.empty(12)
     point[:3] = place.translation
     # Two rotations that differ by a small angle a are 2^½ a apart in the Frobenius norm.

@@ -1,4 +1,4 @@
-"""Inverse kinematics: descents from where the arm is and from configurations known to reach nearby poses."""
+"""Inverse kinematics: descents from the arm's configuration and from seeds that reach nearby poses."""
 
 from __future__ import annotations
 
@@ -17,31 +17,36 @@ from .unreachable_poses import LimitExcess, NearestReach, ReachExplainer
 __all__ = ["ANGLE", "APART", "POSITION", "RESTARTS", "InverseKinematics", "LimitExcess", "NearestReach"]
 
 RESTARTS = 40
-"""Descents in vain after which a pose is taken to be out of reach: of a thousand poses that can be reached
-one takes more than twenty."""
+"""Number of failed descents after which a pose counts as out of reach.
+
+Of a thousand reachable poses one takes more than twenty.
+"""
 NO_MORE = 10
-"""Descents in vain after which what was found is taken to be all: an arm of six joints has eight at most."""
+"""Number of failed descents after which the found solutions count as all: an arm of six joints has eight at
+most."""
 AROUND = 48
-"""Configurations of the atlas that are looked at."""
+"""Number of IK seeds near a pose that are tried."""
 APART = 0.1
-"""Solutions whose joints all differ by less are the same one, rad."""
+"""Difference of all joints below which two solutions are the same, rad."""
 OTHER = 0.7
-"""A seed whose joints all differ by less from a solution that is known would lead there again, rad."""
+"""Difference of all joints below which a seed would lead to a known solution again, rad."""
 PATIENT = (5, 0.9)
-"""A descent that somebody asked for by its seed is given up later than one of many: steps, gain."""
+"""Steps and gain of the stall test for a descent from a requested seed. It is given up later than one of
+many."""
 
 GAP = 0.2
-"""A hinge that can turn all the way round but for this counts as one that can, on the way, rad."""
+"""Greatest gap of a hinge's range that still counts as endless during a descent, rad."""
 ENDLESS = 1e3
-"""rad"""
+"""Limits of a hinge that counts as endless, rad."""
 SPARING = 6
-"""Joints of an arm that has none to spare: its first one must turn towards the pose."""
+"""Number of joints of an arm without redundancy: its first joint must turn towards the pose."""
 FACED = 0.05
-"""Nearer to the axis of its first joint a point has no direction from it, m."""
+"""Distance to the axis of the first joint below which a point has no direction from it, m."""
 
 
 class InverseKinematics:
-    """Solutions for the TCP of a robot. `solves` counts descents; answers depend on the arguments alone."""
+    """Inverse kinematics for the TCP of a robot. `solves` counts descents; answers depend on the arguments
+    alone."""
 
     def __init__(self, model: RobotModel) -> None:
         self.model = model
@@ -58,15 +63,15 @@ class InverseKinematics:
         self._open_lower[open_joints], self._open_upper[open_joints] = -ENDLESS, ENDLESS
 
     def descend(self, tcp_in_world: Pose, seed: Array) -> Array | None:
-        """The solution (n,) that the seed leads to, within the limits that are planned with, or None."""
+        """Return the solution (n,) that the seed leads to, within the planned limits, or None."""
         return self._descend(target_of(tcp_in_world), seed, *PATIENT)
 
     def solutions(
         self, tcp_in_world: Pose, rng: np.random.Generator, near: Array, want: int = 4
     ) -> list[Array]:
-        """Up to `want` different solutions, sorted by their distance in joint space to `near` (n,).
+        """Return up to `want` different solutions, sorted by their distance in joint space to `near` (n,).
 
-        A joint that may turn more than once round stands as few turns from `near` as its limits allow. A pose
+        A joint that may turn more than once round is as few turns from `near` as its limits allow. A pose
         that is further away than the arm is long is answered without a descent.
         """
         if math.dist(tcp_in_world.position, self._first_joint) > self._length:
@@ -86,7 +91,7 @@ class InverseKinematics:
         return found if len(found) < 2 else sorted(found, key=lambda q: float(np.linalg.norm(q - near)))
 
     def unwound(self, q: Array, near: Array) -> Array:
-        """The same configuration (n,) with joints turned by whole turns towards `near`, within the limits."""
+        """Turn joints by whole turns towards `near`, within the limits; the pose of q (n,) stays."""
         if not self._winding:
             return q
         angles = q.tolist()
@@ -95,13 +100,13 @@ class InverseKinematics:
             turns = round((float(near[joint]) - angle) / TURN)
             if not low <= angle + TURN * turns <= high:
                 fewest, most = math.ceil((low - angle) / TURN), math.floor((high - angle) / TURN)
-                # Between the limits there may be a gap that no number of turns leads out of.
+                # The limits may have a gap that no number of turns leads out of.
                 turns = min(max(turns, fewest), most) if fewest <= most else fewest
             angles[joint] = angle + TURN * turns
         return np.array(angles)
 
     def _found(self, target: pin.SE3, seed: Array, near: Array) -> Array | None:
-        """What a seed leads to when joints that turn (almost) all the way round may do so on the way."""
+        """Descend from a seed; joints that turn (almost) all the way round may do so during the descent."""
         if not self._winding:
             return self._descend(target, seed)
         self.solves += 1
@@ -115,12 +120,14 @@ class InverseKinematics:
         return q
 
     def nearest(self, tcp_in_world: Pose, near: Array) -> NearestReach:
-        """How near the arm comes to a pose that it cannot reach, and what keeps it from it; `near` (n,) is
-        one of the configurations to begin with. For explanations: some ten milliseconds, not counted."""
+        """Explain how near the arm comes to an unreachable pose, and what keeps it from the pose.
+
+        `near` (n,) is one of the seeds. For explanations: some ten milliseconds, not counted.
+        """
         return ReachExplainer(self.model, self._descent, self._known()).nearest(tcp_in_world, near)
 
     def _known(self) -> IkSeeds:
-        # Made when it is first needed: from the robot alone, so that no answer depends on when.
+        # Created on first use from the robot alone, so that no answer depends on the time of creation.
         if self._atlas is None:
             self._atlas = IkSeeds(self.model, self._descent)
         return self._atlas
@@ -135,9 +142,12 @@ class InverseKinematics:
     def _seeds(
         self, target: pin.SE3, rng: np.random.Generator, near: Array, found: list[Array]
     ) -> Iterator[Array]:
-        """Endless. First `near` (its first joint turned, where none is to spare). Then of the atlas what
-        reaches nearby poses: by turns the nearest to `near` and any, passing over what would lead to what is
-        `found` already. Then anything."""
+        """Yield seeds without end.
+
+        First `near` (its first joint turned, for an arm without redundancy). Then IK seeds of nearby poses,
+        alternately the nearest to `near` and a random one, without those near solutions in `found`. Then
+        random configurations.
+        """
         yield near if self._facing is None else self._facing.turned(near, target)
         around = self._known().around(pose_key(target), AROUND)
         far = np.abs(around - near).max(axis=1)
@@ -154,7 +164,7 @@ class InverseKinematics:
 
 
 class _Facing:
-    """Turns the first joint so that the TCP comes into the plane of that joint's axis and the target."""
+    """Turn of the first joint that brings the TCP into the plane of that joint's axis and the target."""
 
     def __init__(self, model: RobotModel, descent: IkDescent) -> None:
         self._model = model
@@ -183,7 +193,7 @@ class _Facing:
 
 
 def _length(model: RobotModel) -> float:
-    """No pose of the TCP is further from the first joint, m."""
+    """Return an upper bound of the distance of any TCP pose from the first joint, m."""
     arm = model.arm
     links = sum(float(np.linalg.norm(placement.translation)) for placement in arm.jointPlacements[2:])
     slides = [k for k, joint in enumerate(arm.joints[1:]) if not is_hinge(joint)]
@@ -192,7 +202,8 @@ def _length(model: RobotModel) -> float:
 
 
 def _winding(model: RobotModel) -> list[tuple[int, float, float]]:
-    """Hinges that can turn all the way round, but for a small gap: number, lower and upper limit."""
+    """Return the hinges that can turn all the way round, but for a small gap: number, lower and upper
+    limit."""
     limits = zip(
         model.arm.joints[1:], model.planned_lower.tolist(), model.planned_upper.tolist(), strict=True
     )

@@ -1,7 +1,8 @@
-"""One descent of inverse kinematics: Levenberg-Marquardt with joint limits as an active set.
+"""IK descent: Levenberg-Marquardt with joint limits as an active set.
 
-Damping after Sugihara, "Solvability-unconcerned inverse kinematics by the Levenberg-Marquardt method",
-IEEE Transactions on Robotics 27 (2011)."""
+Damping after Sugihara, "Solvability-unconcerned inverse kinematics by the Levenberg-Marquardt method", IEEE
+Transactions on Robotics 27 (2011).
+"""
 
 from __future__ import annotations
 
@@ -16,37 +17,42 @@ from ...robots.model import RobotModel
 from ...world.values import Array, Pose
 
 POSITION = 1e-5
-"""Accuracy, m."""
+"""Accuracy of the position, m."""
 ANGLE = 1e-4
-"""Accuracy, rad."""
+"""Accuracy of the orientation, rad."""
 STEPS = 60
 STALL = 4
-"""Steps without an improvement after which a descent is given up."""
+"""Number of steps without an improvement after which a descent is given up."""
 GAIN = 0.7
-"""An improvement: the squared error falls to this share of the least so far."""
+"""Share of the least squared error so far that counts as an improvement."""
 DAMPING = 1e-2
-"""Of the squared error that is left; fewer steps than with a tenth or ten times as much."""
+"""Damping as a share of the remaining squared error; fewer steps than with a tenth or ten times as much."""
 LONGEST = 1.5
-"""Length of a step in joint space, rad."""
+"""Greatest length of a step in joint space, rad."""
 PULL = 0.1
-"""Longest way that is aimed at at once where the target need not be reached, m. After Buss and Kim,
-"Selectively damped least squares for inverse kinematics", Journal of Graphics Tools 10 (2005)."""
+"""Greatest travel that a step aims at where the target need not be reached, m.
+
+After Buss and Kim, "Selectively damped least squares for inverse kinematics", Journal of Graphics Tools 10
+(2005).
+"""
 TURN = 2 * math.pi
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class IkResult:
-    """The best configuration (n,) of a descent; `solved`: it reaches the target within the accuracy."""
+    """Best configuration (n,) of a descent; `solved`: it reaches the target within the accuracy."""
 
     q: Array
     solved: bool
     square: float
-    """What is left: squared (weighted) distance and angle together, m² + rad²."""
+    """Remaining squared (weighted) distance and angle together, m² + rad²."""
 
 
 class IkDescent:
-    """Descends for one robot; holds scratch memory only. A step costs about ten bare forward kinematics:
-    most of it is the price of calling numpy, so calls are few and work on arrays that stand ready."""
+    """IK descents for one robot, with scratch memory only. A step costs about ten bare forward kinematics.
+
+    Most of that is the overhead of numpy calls, so calls are few and work on preallocated arrays.
+    """
 
     def __init__(self, model: RobotModel) -> None:
         self._arm = model.arm
@@ -56,7 +62,7 @@ class IkDescent:
         self._diagonal: Array = self._hessian.ravel()[::7]
 
     def place(self, q: Array) -> pin.SE3:
-        """The TCP in the world at q (n,): a live view, until the next call."""
+        """Return the TCP in the world at q (n,): a live view, until the next call."""
         pin.forwardKinematics(self._arm, self._data, q)
         return pin.updateFramePlacement(self._arm, self._data, self._frame)
 
@@ -72,10 +78,10 @@ class IkDescent:
         gain: float = GAIN,
         steps: int = STEPS,
     ) -> IkResult:
-        """From a seed (n,) within the limits (n,) towards the TCP's target in the world.
+        """Descend from a seed (n,) within the limits (n,) towards the TCP's target in the world.
 
-        `weights` (6,) scale the error's three linear and three angular parts, in the TCP's axes: 0 leaves
-        one free.
+        `weights` (6,) scale the error's three linear and three angular parts, in the TCP's axes: 0 leaves one
+        free.
         """
         arm, data, frame, hessian, diagonal = (
             self._arm,
@@ -96,13 +102,13 @@ class IkDescent:
             if weights is None:
                 error = pin.log6(offset).vector
             else:
-                # Taken apart, because the logarithm's linear part is the way along a screw.
+                # Taken apart, because the logarithm's linear part is the travel along a screw.
                 error = np.concatenate([offset.translation, pin.log3(offset.rotation)]) * weights
             x, y, z, a, b, c = error.tolist()
             position, angle = x * x + y * y + z * z, a * a + b * b + c * c
             left = position + angle
             if weights is not None and position > PULL**2:
-                # What is out of reach would pull the arm to and fro.
+                # A target out of reach would pull the arm to and fro.
                 error[:3] *= PULL / math.sqrt(position)
             if position < POSITION**2 and angle < ANGLE**2:
                 return IkResult(q, True, left)
@@ -116,7 +122,7 @@ class IkDescent:
             if weights is not None:
                 jacobian *= weights[:, None]
             if at_limit:
-                # Joints that stand at a limit and would go on leave the set that moves.
+                # Joints at a limit that would go on beyond it leave the set that moves.
                 slopes = error.dot(jacobian).tolist()
                 for joint, (at, low, high) in enumerate(zip(angles, lows, highs)):  # noqa: B905  it costs
                     if (at <= low and slopes[joint] < 0.0) or (at >= high and slopes[joint] > 0.0):
@@ -141,11 +147,11 @@ class IkDescent:
 
 
 def target_of(pose: Pose) -> pin.SE3:
-    """A pose as pinocchio's rigid transform, made in one call."""
+    """Return a pose as pinocchio's rigid transform, made in one call."""
     return pin.XYZQUATToSE3(np.array((*pose.position, *pose.orientation)))
 
 
 def is_hinge(joint: pin.JointModel) -> bool:
-    """Whether it turns (else it slides): pinocchio has a type for each axis."""
+    """Whether the joint turns (else it slides): pinocchio has a type for each axis."""
     name = joint.shortname()
     return "Prismatic" not in name and not name.startswith("JointModelP")

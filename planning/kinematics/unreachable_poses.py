@@ -1,4 +1,4 @@
-"""Why a pose cannot be reached, and how near the arm comes to it."""
+"""Unreachable poses: how near the arm comes to them, and what keeps it from them."""
 
 from __future__ import annotations
 
@@ -15,22 +15,23 @@ from .ik_seeds import IkSeeds, pose_key
 from .levenberg_marquardt import TURN, IkDescent, IkResult, is_hinge, target_of
 
 SEEDS = 12
-"""Configurations from which each question is answered; the best answer counts."""
+"""Number of seeds for each answer; the best result counts."""
 POINT = np.array([1.0, 1.0, 1.0, 0.0, 0.0, 0.0])
 """Weights of the position alone."""
 MOSTLY_POINT = np.array([1.0, 1.0, 1.0, 0.03, 0.03, 0.03])
-"""The orientation as near as possible where the position is nearly right."""
+"""Weights of position and orientation, for the orientation as near as possible where the position is nearly
+reached."""
 THERE = 1e-4
-"""A position that is missed by less is reached, m."""
+"""Position error below which a position is reached, m."""
 AT_LIMIT = 1e-6
-"""rad or m"""
+"""Distance to a limit within which a joint is at it, rad or m."""
 
 Obstacle = Literal["", "position", "orientation", "limits"]
 
 
 @dataclass(frozen=True, slots=True)
 class LimitExcess:
-    """A joint that would have to go beyond a limit: where to, and the limit; rad (m for one that slides)."""
+    """Joint that would have to go beyond a limit: its position and the limit, rad (m for a slider)."""
 
     joint: str
     wanted: float
@@ -39,29 +40,31 @@ class LimitExcess:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class NearestReach:
-    """How near the arm comes to a pose of the TCP, with the limits that are planned with."""
+    """Nearest approach of the arm to a pose of the TCP, within the planned limits."""
 
     q: Array
-    """(n,)"""
+    """Configuration (n,), rad."""
     tcp_in_world: Pose
-    """Reached there."""
+    """Pose of the TCP in that configuration."""
     distance: float
-    """From the wanted position, m."""
+    """Distance from the wanted position, m."""
     angle: float
-    """From the wanted orientation, rad."""
+    """Angle from the wanted orientation, rad."""
     obstacle: Obstacle
-    """What keeps it from the pose: "" (nothing), `position` (no configuration brings the TCP to the point,
-    however it is turned), `limits` (it could but for the limits of `beyond`), `orientation` (the point can be
-    reached, but not turned like that)."""
+    """Obstacle that keeps the arm from the pose; "": none.
+
+    `position`: no configuration brings the TCP to the point, in any orientation. `limits`: only the limits of
+    `beyond` forbid it. `orientation`: the point can be reached, but not in that orientation.
+    """
     at_limit: tuple[str, ...] = ()
-    """Joints that stand at a limit in q."""
+    """Joints at a limit in q."""
     beyond: tuple[LimitExcess, ...] = ()
-    """With the obstacle `limits`: the joints that would have to go beyond them, in the configuration that
-    needs the least of it."""
+    """Joints that would have to exceed their limits, in the configuration that needs the least excess; ()
+    unless the obstacle is `limits`."""
 
 
 class ReachExplainer:
-    """Answers for one robot."""
+    """Explanations of unreachable poses for one robot."""
 
     def __init__(self, model: RobotModel, descent: IkDescent, atlas: IkSeeds) -> None:
         self._model = model
@@ -73,7 +76,8 @@ class ReachExplainer:
         self._hinge = hinge
 
     def nearest(self, tcp_in_world: Pose, near: Array) -> NearestReach:
-        """How near the arm comes to a pose: depends on the pose, on `near` (n,) and the robot alone."""
+        """Return how near the arm comes to a pose; it depends on the pose, on `near` (n,) and the robot
+        alone."""
         model, target = self._model, target_of(tcp_in_world)
         lower, upper = model.planned_lower, model.planned_upper
         seeds: list[Array] = [np.clip(near, lower, upper), *self._atlas.around(pose_key(target), SEEDS - 1)]
@@ -97,7 +101,8 @@ class ReachExplainer:
         return self._descent.run(target, seed, lower, upper, weights=weights, stall=8, gain=0.9999, steps=150)
 
     def _beyond(self, target: pin.SE3, seeds: list[Array]) -> tuple[LimitExcess, ...]:
-        """What the limits forbid, in the solution that breaks them least; () when there is none at all."""
+        """Return the joints beyond their limits in the solution that violates them least; () when there is no
+        solution."""
         model = self._model
         lower, upper = model.planned_lower, model.planned_upper
         best, least = None, math.inf

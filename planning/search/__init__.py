@@ -1,1 +1,1 @@
-"""Search for paths: RRT-Connect, constraints, goals, ways out of penetration."""
+"""Path search: RRT-Connect, constrained RRT, goal configurations, escape from penetration."""

@@ -1,4 +1,5 @@
-"""Paths on which constraints hold: bidirectional RRT whose steps are projected onto them.
+"""Constrained RRT: paths on which constraints hold, by a bidirectional RRT whose steps are projected onto
+them.
 
 Berenson, Srinivasa, Ferguson and Kuffner, "Manipulation planning on constraint manifolds", ICRA 2009
 (CBiRRT); Berenson, Srinivasa and Kuffner, "Task Space Regions", IJRR 30 (2011).
@@ -27,22 +28,23 @@ NAME = "CBiRRT"
 STRIDE = 0.3
 """Greatest step of a tree between two projections, rad."""
 STEPS = 1
-"""Of the tree that grows towards a sample; the other one then comes to meet it as far as it gets."""
+"""Number of steps of the tree that grows towards a sample. The other tree then extends towards it as far as
+it gets."""
 WITHIN = (0.1, 0.9)
-"""Share of their room that samples keep from the constraints' borders, at least and at most: else all of
-them would lie on the borders."""
+"""Range of the share of their room that samples keep from the constraints' borders. Without it all samples
+would be on the borders."""
 CURVATURE = 8.0
-"""A step s rad leaves a constraint between its ends by about s² / CURVATURE."""
+"""Divisor of the estimate s² / CURVATURE of how far a step of s rad leaves a constraint between its ends."""
 SHORTEN = 60
-"""Attempts to shorten a path."""
+"""Number of attempts to shorten a path."""
 MANY = 8
-"""A path with more corners is also tried as a spline through all of them."""
+"""Number of corners above which a path is also tried as a spline through all of them."""
 ATTEMPTS = 3
-"""Searches, each with finer steps, when what was found cannot be timed."""
+"""Number of searches, each with finer steps, when the found path cannot be timed."""
 
 
 class ConstrainedPlanner:
-    """One request's search under constraints; the same questions as `JointPlanner`.
+    """Constrained search of one request, with the interface of `JointPlanner`.
 
     The trees' projections count against the budget together with the collision checks.
     """
@@ -57,7 +59,7 @@ class ConstrainedPlanner:
         checks: int,
         constraints: PathConstraints,
     ) -> None:
-        """`checks`: of `collision`, and projections, that it may spend."""
+        """Set the budget: `checks` of `collision`, and projections, that the search may spend."""
         self._model = model
         self._way = way
         self._start = start
@@ -67,7 +69,8 @@ class ConstrainedPlanner:
         self._end = collision.checks + constraints.projections + checks
 
     def direct(self, goals: Sequence[Array]) -> TimedPath | None:
-        """Straight in joint space to one of the goals, where the constraints hold on that."""
+        """Plan a straight edge in joint space to one of the goals, where the constraints hold on it; None: no
+        edge is free."""
 
         def effort(k: int) -> float:
             return float(np.linalg.norm(goals[k] - self._start)) + configuration_cost(self._model, goals[k])
@@ -81,7 +84,8 @@ class ConstrainedPlanner:
         return None
 
     def around(self, goals: Sequence[Array], seed: int) -> TimedPath | None:
-        """By projected trees to any of the goals. None: the budget is spent, or no timing keeps to it all."""
+        """Plan by projected trees to any of the goals. None: the budget is spent, or no timing keeps margins
+        and constraints."""
         lower: Array = np.min([self._model.planned_lower, self._start, *goals], axis=0)
         upper: Array = np.max([self._model.planned_upper, self._start, *goals], axis=0)
         stride = min(STRIDE, float(np.sqrt(CURVATURE * self._constraints.room / 2)))
@@ -99,7 +103,7 @@ class ConstrainedPlanner:
         return None
 
     def project(self, q: Array, lower: Array, upper: Array, reserve: float = RESERVE) -> Array | None:
-        """A configuration near q where the constraints hold with a reserve."""
+        """Return a configuration near q where the constraints hold with a reserve, or None."""
         return self._constraints.project(q, lower, upper, reserve)
 
     @property
@@ -115,7 +119,7 @@ class ConstrainedPlanner:
         return edge_free(self._free, a, b, resolution)
 
     def _timed(self, path: Array) -> Trajectory | None:
-        """The fastest of the timings that stay free and keep the constraints."""
+        """Return the fastest of the timings that stay free and keep the constraints; None: there is none."""
         found: list[Trajectory] = []
         for radius in RADII if len(path) > 2 else RADII[:1]:
             trajectory = time_corners(self._model, path, self._scaling, radius)
@@ -159,7 +163,7 @@ class _Tree:
         return int(np.argmin(np.einsum("ij,ij->i", off, off)))
 
     def branch(self, index: int) -> list[Array]:
-        """From a root to that configuration."""
+        """Return the branch from a root to that configuration."""
         back: list[Array] = []
         while index >= 0:
             back.append(self.at(index))
@@ -168,7 +172,7 @@ class _Tree:
 
 
 class _Search:
-    """One pair of trees, with its steps."""
+    """Pair of trees with their step sizes."""
 
     def __init__(
         self,
@@ -186,7 +190,7 @@ class _Search:
         self._rng = rng
 
     def connect(self, start: Array, goals: Sequence[Array]) -> Array | None:
-        """A path (m, n) from start to one of the goals, or None when the budget is spent."""
+        """Return a path (m, n) from start to one of the goals, or None when the budget is spent."""
         trees = [_Tree([start]), _Tree(goals)]
         target: Array = goals[0]
         turn = 0
@@ -210,14 +214,15 @@ class _Search:
         return q if projected is None else projected
 
     def _extend(self, tree: _Tree, index: int, target: Array, most: int | None = None) -> int:
-        """From a configuration of a tree towards the target, as far as it goes or so many steps; the last
-        one's index."""
+        """Extend a tree from a configuration towards the target, by at most `most` steps. Returns the last
+        index."""
         for q in self._walk(tree.at(index), target, most):
             index = tree.add(q, index)
         return index
 
     def _walk(self, q: Array, target: Array, most: int | None = None) -> list[Array]:
-        """Projected steps from q (exclusive) towards the target, which is the last where it is reached."""
+        """Return projected steps from q (exclusive) towards the target, which is the last where it is
+        reached."""
         steps: list[Array] = []
         left = float(np.linalg.norm(target - q))
         while left > 1e-9 and not self._planner.spent and (most is None or len(steps) < most):
@@ -235,7 +240,7 @@ class _Search:
         return steps
 
     def shortened(self, path: Array) -> Array:
-        """The same with detours cut off: straight where the constraints allow it, else by projected steps."""
+        """Cut detours off a path: straight where the constraints allow it, else by projected steps."""
         points = list(path)
         for _ in range(SHORTEN):
             if len(points) < 3 or self._planner.spent:
@@ -251,14 +256,14 @@ class _Search:
         return np.array(self._fewer(points))
 
     def _between(self, a: Array, b: Array) -> list[Array] | None:
-        """What lies between the ends of a shorter way; None: none was found."""
+        """Return the inner points of a shorter connection; None: none was found."""
         if self._planner.edge(a, b, self._resolution):
             return []
         steps = self._walk(a, b)
         return steps[:-1] if steps and steps[-1] is b else None
 
     def _fewer(self, points: list[Array]) -> list[Array]:
-        """Without corners that can be left out."""
+        """Remove corners that can be left out."""
         k = 1
         while k < len(points) - 1 and not self._planner.spent:
             if self._planner.edge(points[k - 1], points[k + 1], self._resolution):

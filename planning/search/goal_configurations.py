@@ -1,4 +1,5 @@
-"""The configurations that reach what is asked for, and why others that would reach it are rejected."""
+"""Goal configurations: free configurations that reach a goal, samples of goal regions, and rejections of the
+others."""
 
 from __future__ import annotations
 
@@ -22,14 +23,15 @@ from ..path_constraints import PathConstraints
 from ..requests import Goal, JointGoal, NamedGoal, PoseGoal, RegionGoal
 
 SAMPLES = 64
-"""Poses that are tried of a region, beside its middle."""
+"""Number of poses of a region that are tried, besides its middle."""
 
 
 def region_poses(region: RegionGoal, count: int = SAMPLES) -> tuple[Pose, ...]:
-    """The pose itself, then `count` others, spread evenly over the region and sorted by how far they are off.
+    """Return the pose itself, then `count` others, spread evenly over the region and sorted by their distance
+    from it.
 
-    A turn, a tilt or a shift counts by the share of what is allowed of it. Additive recurrence on powers of
-    the generalised golden ratio: Roberts, "The unreasonable effectiveness of quasirandom sequences" (2018).
+    A turn, a tilt or a shift counts by its share of the allowed one. Additive recurrence on powers of the
+    generalised golden ratio: Roberts, "The unreasonable effectiveness of quasirandom sequences" (2018).
     """
     freedoms = _freedoms(region)
     if not any(freedoms):
@@ -43,13 +45,13 @@ def region_poses(region: RegionGoal, count: int = SAMPLES) -> tuple[Pose, ...]:
 
 
 def _freedoms(region: RegionGoal) -> tuple[bool, ...]:
-    """Of turn, tilt, the direction of the tilt, x, y and z: which are free."""
+    """Return which of turn, tilt, direction of the tilt, x, y and z are free."""
     tilts = region.tilt > 0
     return (region.yaw > 0, tilts, tilts, *(r > 0 for r in region.reach))
 
 
 def _spread(count: int, dimensions: int) -> Array:
-    """(count, dimensions) in [0, 1), evenly spread for any count."""
+    """Return points (count, dimensions) in [0, 1), evenly spread for any count."""
     ratio = 2.0
     for _ in range(40):  # the positive root of x^(d+1) = x + 1
         ratio = (1 + ratio) ** (1 / (dimensions + 1))
@@ -77,25 +79,25 @@ def _pose(region: RegionGoal, unit: Array) -> Pose:
 
 HOME = "home"
 UNCOMFORTABLE = 0.3
-"""See `posture.discomfort`, rad."""
+"""Cost above which the solution from home is tried, too, see `configuration_cost`, rad."""
 SOLUTIONS = 4
-"""IK solutions that are looked for, for each pose."""
+"""Number of IK solutions that are searched for each pose."""
 NEAR = (1, 8, 16)
-"""Poses of a region that are tried together by their near solutions, in this order."""
+"""Numbers of a region's poses that are tried together by their near solutions, in this order."""
 ENOUGH = 8
-"""Free configurations in a region with which a search begins."""
+"""Number of free configurations in a region with which a search begins."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class GoalConfiguration:
-    """A configuration (n,) that reaches pose number `index` of the goal."""
+    """Configuration (n,), rad, that reaches pose number `index` of the goal."""
 
     q: Array
     index: int
 
 
 class GoalSet:
-    """What one request's goal means for the arm."""
+    """Goal configurations of one request."""
 
     def __init__(
         self,
@@ -117,9 +119,12 @@ class GoalSet:
         self._home = model.named(HOME)
 
     def near(self) -> Iterator[list[GoalConfiguration]]:
-        """For each pose the solution that the start itself leads to, where it is free; those of a region in
-        parts, near ones first. Where that one is uncomfortable, also the one that home leads to: else the
-        arm would wander into its limits."""
+        """Yield for each pose the free solution that the start itself leads to; those of a region in parts,
+        near ones first.
+
+        Where that solution is uncomfortable, the one from home is added. Otherwise the arm would wander into
+        its limits.
+        """
         match self._goal:
             case PoseGoal():
                 yield self._near(self._possible(self._goal.tcp_in_world))
@@ -131,7 +136,7 @@ class GoalSet:
                 return
 
     def all(self, seed: int) -> list[GoalConfiguration]:
-        """Free configurations for all poses of the goal, for a region until there are enough.
+        """Return free configurations for all poses of the goal, for a region until there are enough.
 
         Fails with planning.no_ik, .goal_in_collision or .constraint when there is none.
         """
@@ -144,7 +149,7 @@ class GoalSet:
                 return [GoalConfiguration(self._joints(self._goal), 0)]
 
     def _possible(self, wanted: tuple[Pose, ...]) -> list[tuple[int, Pose]]:
-        """Those in the workspace at which the constraints hold, numbered."""
+        """Return the numbered poses in the workspace at which the constraints hold."""
         return [
             (k, pose)
             for k, pose in enumerate(wanted)
@@ -188,7 +193,8 @@ class GoalSet:
         raise planning_failures.goal_rejected(each, len(wanted))
 
     def _impossible(self, wanted: tuple[Pose, ...]) -> Failure:
-        """All poses are excluded before the arm is thought of: by the workspace, or by a constraint."""
+        """Build the failure of poses that workspace or constraints exclude, whatever the arm's
+        configuration."""
         off = [outside for pose in wanted if (outside := self._inspection.outside(pose.position)) is not None]
         if len(off) == len(wanted):
             return planning_failures.outside_workspace(

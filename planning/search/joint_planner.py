@@ -1,4 +1,5 @@
-"""From a configuration to any of several others: the direct edge first, RRT-Connect when none is free."""
+"""Joint planner: from a configuration to any of several others, by the direct edge first, else by
+RRT-Connect."""
 
 from __future__ import annotations
 
@@ -21,13 +22,13 @@ from .rrt_connect import EdgeFree, Rooted, rrt_connect, shortcut_path
 from .start_retreat import retreat_path
 
 RADII = (0.1, 0.05, 0.02, 0.005)
-"""How far corners are cut, tried in this order until the timed path is free, rad."""
+"""Distances at which corners are cut, tried in this order until the timed path is free, rad."""
 SHARES = (1.0, 0.5, 0.25)
-"""Of the greatest steps of an edge, in this order, for as long as paths graze."""
+"""Shares of the greatest step of an edge, tried in this order while paths graze."""
 ON_PATH = 1e-4
-"""A configuration this close to a path lies on a straight part of it, rad."""
+"""Distance from a path below which a configuration is on a straight part of it, rad."""
 ROOTS = 4
-"""Goals, the nearest first, of which a way out is looked for."""
+"""Number of goals, the nearest first, for which a retreat path is planned."""
 
 
 class CheckBudget:
@@ -43,7 +44,7 @@ class CheckBudget:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TimedPath:
-    """A timed answer: its corners (m, n) rad, how it was found, and which goal it reached."""
+    """Timed answer: its corners (m, n) rad, its planner, and the index of the reached goal."""
 
     trajectory: Trajectory
     path: Array
@@ -52,7 +53,7 @@ class TimedPath:
 
 
 class JointPlanner:
-    """One request's search from the start of `way` (n,) to goals; edges and budget are shared."""
+    """Search of one request from the start of `way` (n,) to goals; edges and budget are shared."""
 
     def __init__(
         self, model: RobotModel, way: StartTolerance, start: Array, scaling: Scaling, budget: CheckBudget
@@ -65,7 +66,11 @@ class JointPlanner:
         self._strides = EdgeSteps(model)
 
     def direct(self, goals: Sequence[Array]) -> TimedPath | None:
-        """Straight in joint space to one of the goals: the nearest first, uncomfortable ones as detours."""
+        """Plan a straight edge in joint space to one of the goals: the nearest first, with discomfort as a
+        detour.
+
+        None: no edge is free.
+        """
 
         def effort(k: int) -> float:
             return float(np.linalg.norm(goals[k] - self._start)) + configuration_cost(self._model, goals[k])
@@ -79,8 +84,9 @@ class JointPlanner:
         return None
 
     def around(self, goals: Sequence[Array], seed: int) -> TimedPath | None:
-        """By RRT-Connect to any of the goals. None: the budget is spent, or no timing keeps the margins."""
-        # Start and goals may lie nearer to the limits than what is planned between them.
+        """Plan by RRT-Connect to any of the goals. None: the budget is spent, or no timing keeps the
+        margins."""
+        # Start and goals may be nearer to the limits than the planned configurations between them.
         lower, upper = self._model.planned_lower, self._model.planned_upper
         # A path that grazes between its steps is searched again with smaller ones.
         for attempt, share in enumerate(SHARES):
@@ -127,13 +133,13 @@ class JointPlanner:
             if hit is None:
                 return trajectory
             if _apart(path, hit) < ON_PATH:
-                # Where it is straight, cutting less of the corners helps nothing.
+                # On a straight part, cutting less of the corners helps nothing.
                 return None
         return None
 
 
 def _apart(path: Array, q: Array) -> float:
-    """Distance of q (n,) to a polyline (m, n), rad."""
+    """Return the distance of q (n,) to a polyline (m, n), rad."""
     along = np.diff(path, axis=0)
     squared = np.maximum(np.einsum("ij,ij->i", along, along), 1e-12)
     share = np.clip(np.einsum("ij,ij->i", q - path[:-1], along) / squared, 0.0, 1.0)

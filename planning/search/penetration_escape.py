@@ -1,4 +1,5 @@
-"""Ways out of what the arm is believed to be in or next to, by the gradients of the whole arm's distances."""
+"""Escape paths: out of believed penetration and narrow places, by the gradients of the whole arm's
+distances."""
 
 from __future__ import annotations
 
@@ -14,54 +15,55 @@ from ..collision.collision_checker import CollisionChecker, Separation
 from ..requests import Direction
 
 STEP = 0.005
-"""Way of whatever moves most in a step, m."""
+"""Greatest travel of the tool in a step, m."""
 TURN = 0.04
-"""Of a joint in a step, rad."""
+"""Greatest turn of a joint in a step, rad."""
 BAND = 0.02
-"""What is so far beyond its margin is looked at in a step, m."""
+"""Distance beyond its margin up to which a pair is watched in a step, m."""
 KEPT = 0.0005
-"""Beyond its margin a pair counts as out, m."""
+"""Distance beyond its margin at which a pair counts as out, m."""
 SHARES = (1.0, 0.4, 0.15)
-"""Of a step, in this order, for as long as it would bring something closer."""
+"""Shares of a step, tried in this order while it would bring something closer."""
 LEAST = 2e-4
-"""A step of less is none, rad."""
+"""Change of the joints below which a step is none, rad."""
 SLACK = 0.0005
-"""By how much what is too close already may come closer on the way, m: it happens in steps."""
+"""Greatest further approach of a pair that is too close already, m: escape happens in steps."""
 STEPS = 120
 DAMPING = 1e-3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class EscapePath:
-    """A way in one direction: configurations (m, n) from where it began, and how it ended."""
+    """Escape path in one direction: configurations (m, n) from its start, and how it ended."""
 
     direction: str
     path: Array
     free: bool
-    """All margins are kept at its end."""
+    """Whether all margins are kept at its end."""
     length: float
-    """Way of the tool, m."""
+    """Travel of the tool, m."""
     depth: float
-    """The greatest that is left of what it was too close to: below the margin, m."""
+    """Greatest remaining violation of a margin at its end, m."""
     ended_by: str
-    """What ended it before it was free, in words; nothing where it got as far as was asked."""
+    """Reason in words why it ended before it was free; "" where it got as far as requested."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class StepConstraints:
-    """G x ≥ h over a step x (n,) of the joints."""
+    """Linear constraints G x ≥ h on a step x (n,) of the joints."""
 
     g: Array
     h: Array
 
 
 class EscapeSearch:
-    """Walks out of the belief that `collision` has taken over last, from one configuration.
+    """Search for escape paths from one configuration, in the belief that `collision` has taken over last.
 
-    A step is the least change of the joints that goes where it is asked to, while every pair that is too
-    close comes no closer and every other keeps its margin: least distance programming (Lawson and Hanson,
-    "Solving least squares problems", 1974, chapter 23). Each step is measured, not only its gradient: what is
-    too close may not come closer, and nothing else may be touched. The answer follows from belief and start.
+    A step is the least change of the joints towards the requested direction under two constraints. Every pair
+    that is too close comes no closer, and every other keeps its margin. This is least distance programming
+    (Lawson and Hanson, "Solving least squares problems", 1974, chapter 23). Each step is measured, not only
+    its gradient: pairs that are too close may not come closer, and nothing else may be touched. The answer
+    follows from belief and start.
     """
 
     def __init__(self, model: RobotModel, collision: CollisionChecker, start: Array) -> None:
@@ -72,8 +74,11 @@ class EscapeSearch:
         self._upper = np.maximum(model.planned_upper, start)
 
     def way(self, direction: Direction, reach: float, *, until_free: bool = True) -> EscapePath:
-        """In that direction until it is free, or, without `until_free`, for `reach` m of the tool; at most
-        that far in either case."""
+        """Search in that direction until the arm is free, or, without `until_free`, for `reach` m of the
+        tool.
+
+        The travel is at most `reach` m in either case.
+        """
         model, q = self._model, self._start
         path, length = [q], 0.0
         near = self._collision.separations(q, BAND)
@@ -109,8 +114,10 @@ class EscapeSearch:
         return EscapePath(direction, np.array(path), free, length, depth, ended_by)
 
     def along(self, name: str, path: Array) -> EscapePath:
-        """Along configurations (m, n), the first where it begins, as far as nothing comes closer than it may.
-        `name`: what that direction is called."""
+        """Follow configurations (m, n) from the first one, as long as no pair comes closer than it may.
+
+        `name` is the direction's name in the result.
+        """
         near = self._collision.separations(path[0], BAND)
         allowed = _closest(near)
         length, ended_by, end = 0.0, "", 1
@@ -129,15 +136,18 @@ class EscapeSearch:
         return EscapePath(name, path[:end], free, length, depth, ended_by)
 
     def heading(self, direction: Direction) -> Array:
-        """Where the tool goes in that direction: unit vector (3,) in the world; zero for `out`."""
+        """Return the unit vector (3,) in the world along which the tool moves in that direction; zero for
+        `out`."""
         return np.zeros(3) if direction == "out" else self._along(self._start, direction)
 
     def _free(self, q: Array) -> bool:
         return self._collision.free(q)
 
     def _steps(self, q: Array, near: tuple[Separation, ...], direction: Direction) -> Iterator[Array]:
-        """Steps to try, in this order: the wanted one, smaller ones, and for `out` along the gradient of all
-        depths and of the deepest alone."""
+        """Yield the steps to try: the wanted one, then smaller ones.
+
+        For `out` steps along the gradient of all depths, and of the deepest alone, follow.
+        """
         steps = [self._step(q, near, direction)]
         if direction == "out":
             violated = sorted(_violated(near), key=lambda s: s.distance - s.margin)
@@ -163,8 +173,11 @@ class EscapeSearch:
         return least_distance(bounds, wanted)
 
     def _wanted(self, q: Array, direction: Direction) -> Array:
-        """Change (n,) of the joints for a step in that direction, the tool keeping its orientation where that
-        costs little; zero for `out`, which the depths alone lead."""
+        """Return the change (n,) of the joints for a step in that direction; zero for `out`, which the depths
+        alone lead.
+
+        The tool keeps its orientation where that costs little.
+        """
         if direction == "out":
             return np.zeros(len(q))
         model = self._model
@@ -176,7 +189,7 @@ class EscapeSearch:
         return jacobian.T @ np.asarray(np.linalg.solve(square, twist), np.float64)
 
     def _along(self, q: Array, direction: Direction) -> Array:
-        """Unit vector (3,) in the world."""
+        """Return the direction as a unit vector (3,) in the world."""
         tcp = self._model.tcp(q)
         base = np.array(self._model.description.base_in_world.position)
         outwards = np.array(tcp.position) - base
@@ -199,13 +212,13 @@ class EscapeSearch:
                 return np.array([0.0, 0.0, 1.0])
 
     def _moves(self, q: Array, step: Array) -> float:
-        """How far the tool moves by a step, with its turn at a hand's length, m."""
+        """Return how far the tool moves by a step, with its turn at a hand's length, m."""
         six = self._model.jacobian(q) @ step
         return max(float(np.linalg.norm(six[:3])) + 0.1 * float(np.linalg.norm(six[3:])), 1e-9)
 
 
 def least_distance(bounds: StepConstraints, wanted: Array) -> Array | None:
-    """The x nearest to `wanted` (n,) with G x ≥ h; None when there is none."""
+    """Return the x nearest to `wanted` (n,) with G x ≥ h; None when there is none."""
     h = bounds.h - bounds.g @ wanted
     if float(h.max(initial=0.0)) <= 1e-12:
         return wanted
@@ -222,7 +235,8 @@ def least_distance(bounds: StepConstraints, wanted: Array) -> Array | None:
 
 
 def _shrinking(pairs: Sequence[Separation]) -> Array | None:
-    """Along the gradient of the sum of these distances, where they cannot all grow at once."""
+    """Return a step along the gradient of the sum of these distances, for pairs that cannot all come apart at
+    once."""
     if not pairs:
         return None
     total: Array = np.sum([s.gradient for s in pairs], axis=0)
@@ -235,7 +249,7 @@ def _violated(near: tuple[Separation, ...]) -> list[Separation]:
 
 
 def _closest(near: tuple[Separation, ...]) -> dict[tuple[int, str], float]:
-    """How close each part of the robot is to each body, m; at most the margin."""
+    """Return the least distance of each part of the robot to each body, m; at most the margin."""
     closest: dict[tuple[int, str], float] = {}
     for s in near:
         closest[s.key] = min(closest.get(s.key, s.margin), s.distance)
@@ -243,7 +257,7 @@ def _closest(near: tuple[Separation, ...]) -> dict[tuple[int, str], float]:
 
 
 def _worse(near: tuple[Separation, ...], allowed: dict[tuple[int, str], float]) -> Separation | None:
-    """A pair that has come closer than it may."""
+    """Return a pair that has come closer than it may; None: there is none."""
     for s in near:
         if s.distance < allowed.get(s.key, s.margin) - SLACK:
             return s
@@ -251,6 +265,6 @@ def _worse(near: tuple[Separation, ...], allowed: dict[tuple[int, str], float]) 
 
 
 def _between(near: tuple[Separation, ...]) -> str:
-    """What leaves no room, in words."""
+    """Describe the pairs that leave no room."""
     names = dict.fromkeys(f"{s.a} at {s.b}" for s in sorted(near, key=lambda s: s.distance - s.margin))
     return "no room: " + ", ".join(list(names)[:3]) if names else "a joint is at its limit"

@@ -1,8 +1,8 @@
-"""RRT-Connect between a start and any of several goals, and shorter paths afterwards.
+"""RRT-Connect between a start and any of several goals, and shortcuts of the found path.
 
 Kuffner and LaValle, "RRT-Connect: an efficient approach to single-query path planning", ICRA 2000. The
 nearest node is found by comparing all: in trees of some hundred nodes that costs less than a collision check.
-Both trees may begin with a way out of the place where they are rooted, see `retreat`.
+Both trees may begin with a retreat path from their roots, see `start_retreat`.
 """
 
 from __future__ import annotations
@@ -18,16 +18,17 @@ from ...world.values import Array
 RANGE = 1.0
 """Greatest extension of a tree, rad."""
 ATTEMPTS = 120
-"""To shorten a path between two random points."""
+"""Number of attempts to shorten a path between two random points."""
 IN_VAIN = 20
-"""Attempts in vain one after the other that end shortening."""
+"""Number of failed attempts in a row after which shortening ends."""
 GAIN = 0.02
-"""Share of a path's length below which a shortcut is not worth its checks."""
+"""Share of a path's length below which a shortcut is not tried."""
 
 EdgeFree = Callable[[Array, Array], bool]
-"""Whether all between two configurations is free, and the second one, where that is not known before."""
+"""Whether everything between two configurations is free, and the second one, where that is not known
+before."""
 Rooted = tuple[Array, Sequence[Array]]
-"""A root (n,) and a chain of configurations that leads away from it by free edges."""
+"""Root (n,) and a chain of configurations that leads away from it by free edges."""
 
 
 def rrt_connect(
@@ -40,9 +41,9 @@ def rrt_connect(
     give_up: Callable[[], bool],
     rng: np.random.Generator,
 ) -> list[Array] | None:
-    """A path, each (n,), from start to one of the goals, or None when `give_up` came true first.
+    """Search a path, each (n,), from start to one of the goals. None when `give_up` came true first.
 
-    `edge` asks about the second configuration, too, `between` does not.
+    `edge` checks the second configuration, too; `between` does not.
     """
     ours, theirs = _Tree([start]), _Tree(goals)
     forward = True
@@ -51,7 +52,7 @@ def rrt_connect(
             if between(ours.points[end], theirs.points[other]):
                 return ours.back(end)[::-1] + theirs.back(other)
     while not give_up():
-        # The smaller tree grows: the one that sits in a narrow place is not left behind.
+        # The smaller tree grows, so that a tree in a narrow place is not left behind.
         if ours.count > theirs.count:
             ours, theirs, forward = theirs, ours, not forward
         new = _extended(ours, rng.uniform(lower, upper), edge)
@@ -65,7 +66,7 @@ def rrt_connect(
 
 
 def shortcut_path(path: list[Array], between: EdgeFree, rng: np.random.Generator) -> list[Array]:
-    """A path with the same ends and free edges that is no longer; `between` is asked about free ends only."""
+    """Return a path with the same ends and free edges that is no longer; `between` gets free ends only."""
     known: dict[tuple[bytes, bytes], bool] = {}
 
     def asked_once(a: Array, b: Array) -> bool:
@@ -85,7 +86,7 @@ class _Tree:
         self._parents: list[int] = []
         self.count = 0
         self.ends: list[int] = []
-        """The last node of each root's chain."""
+        """Last node of each root's chain."""
         for root, _ in roots:
             self.add(root, -1)
         for k, (_, chain) in enumerate(roots):
@@ -103,14 +104,14 @@ class _Tree:
         return self.count - 1
 
     def nearest(self, q: Array) -> tuple[int, float]:
-        """The node and its distance, rad."""
+        """Return the nearest node and its distance, rad."""
         apart = self.points[: self.count] - q
         squared: Array = np.einsum("ij,ij->i", apart, apart)
         k = int(squared.argmin())
         return k, math.sqrt(float(squared[k]))
 
     def back(self, k: int) -> list[Array]:
-        """From a node to its root; copies."""
+        """Return the branch from a node to its root; copies."""
         path = list[Array]()
         while k >= 0:
             path.append(self.points[k].copy())
@@ -119,7 +120,7 @@ class _Tree:
 
 
 def _extended(tree: _Tree, towards: Array, edge: EdgeFree) -> int | None:
-    """The new node, at most RANGE from the nearest one, if the edge is free."""
+    """Add a node at most RANGE from the nearest one, if the edge is free. Returns its number, else None."""
     k, distance = tree.nearest(towards)
     near = tree.points[k]
     q = towards if distance <= RANGE else near + (towards - near) * (RANGE / distance)
@@ -127,7 +128,8 @@ def _extended(tree: _Tree, towards: Array, edge: EdgeFree) -> int | None:
 
 
 def _met(tree: _Tree, target: Array, edge: EdgeFree, between: EdgeFree) -> int | None:
-    """The tree grows towards the target for as long as edges are free; the node from which it is reached."""
+    """Grow the tree towards the target while edges are free. Returns the node from which the target is
+    reached, else None."""
     k, distance = tree.nearest(target)
     while distance > RANGE:
         near = tree.points[k]
@@ -139,7 +141,7 @@ def _met(tree: _Tree, target: Array, edge: EdgeFree, between: EdgeFree) -> int |
 
 
 def _skipped(path: list[Array], between: EdgeFree) -> list[Array]:
-    """From each point on the furthest that can be reached straight."""
+    """Skip corners: from each point go straight to the furthest reachable one."""
     kept, k = [path[0]], 0
     while k < len(path) - 1:
         k = next(j for j in range(len(path) - 1, k, -1) if j == k + 1 or between(path[k], path[j]))
@@ -148,8 +150,10 @@ def _skipped(path: list[Array], between: EdgeFree) -> list[Array]:
 
 
 def _cut(path: list[Array], between: EdgeFree, rng: np.random.Generator) -> list[Array]:
-    """Shortcuts between random points. Geraerts and Overmars, "Creating high-quality paths for motion
-    planning", IJRR 26 (2007)."""
+    """Cut a path short between random points.
+
+    Geraerts and Overmars, "Creating high-quality paths for motion planning", IJRR 26 (2007).
+    """
     failed, along = 0, _lengths(path)
     for low, high in np.sort(rng.random((ATTEMPTS, 2)), axis=1).tolist():
         if len(path) < 3 or failed == IN_VAIN:
@@ -171,6 +175,6 @@ def _cut(path: list[Array], between: EdgeFree, rng: np.random.Generator) -> list
 
 
 def _lengths(path: list[Array]) -> list[float]:
-    """Up to each point, rad."""
+    """Return the length of the path up to each point, rad."""
     steps: Array = np.diff(np.array(path), axis=0)
     return [0.0, *np.cumsum(np.sqrt(np.einsum("ij,ij->i", steps, steps))).tolist()]

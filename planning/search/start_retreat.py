@@ -1,4 +1,4 @@
-"""Backing out of a narrow place: from a configuration as the hand came in, for as long as that is free."""
+"""Start retreat: a path out of a narrow place, back along the tool for as long as that is free."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from ...robots.model import RobotModel
 from ...world.values import Array
 
 STEP = 0.03
-"""Way of the TCP in a step, m."""
+"""Travel of the TCP in a step, m."""
 REACH = 0.45
-"""Greatest way in one direction, m."""
+"""Greatest travel in one direction, m."""
 ENOUGH = 3
-"""Steps with which a way out is content before it tries other directions."""
+"""Number of steps from which on no other directions are tried."""
 SWING = 0.5
 """Greatest change of a joint in a step, rad: more means a singularity."""
 DAMPING = 1e-4
@@ -23,11 +23,11 @@ EdgeFree = Callable[[Array, Array], bool]
 
 
 def retreat_path(model: RobotModel, edge: EdgeFree, q: Array) -> list[Array]:
-    """Configurations (n,) behind q, one after the other with free edges; no nearer to the limits than is
-    planned, or than q is.
+    """Return configurations (n,) behind q, one after the other with free edges.
 
-    The TCP goes back against the direction in which the tool points, its orientation kept. Where that ends
-    soon, it goes up and then towards the axis of the base, turning as it comes.
+    They are no nearer to the limits than planned ones, or than q. The TCP goes back against the direction in
+    which the tool points, its orientation kept. Where that ends soon, it goes up and then towards the axis of
+    the base, turning on the way.
     """
     lower, upper = np.minimum(model.planned_lower, q), np.maximum(model.planned_upper, q)
     walk = _Walk(model, edge, lower, upper)
@@ -48,8 +48,10 @@ class _Walk:
         self._upper = upper
 
     def along(self, q: Array, direction: Array, *, upright: bool) -> list[Array]:
-        """As far as it is free in that direction (3,) of the world; `upright`: without turning the tool.
-        Damped least squares of first order: the line is roughly straight, which is enough to get out."""
+        """Walk as far as it is free in that direction (3,) of the world; `upright`: without turning the tool.
+
+        Damped least squares of first order: the line is roughly straight, which is enough for a retreat.
+        """
         rows = 6 if upright else 3
         wanted: Array = np.zeros(rows)
         wanted[:3] = direction * STEP

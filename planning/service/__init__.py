@@ -1,1 +1,1 @@
-"""The planner as skills meet it."""
+"""Plan service: the interface of the planner for skills."""

@@ -1,4 +1,4 @@
-"""What the arm would touch next, for motions that nobody has planned."""
+"""Contact look-ahead: what the arm would touch next, for motions without a plan."""
 
 from __future__ import annotations
 
@@ -11,17 +11,18 @@ from .plan_service import PlanService
 
 
 class JogCollisionCheck:
-    """Asks the fast checker about the next configurations of an arm that is moving, in the belief as it is.
+    """Collision check of the next configurations of a moving arm, in the present belief.
 
-    What the arm is too close to already may be left. The checks are not charged: they are made while the arm
-    moves, and who asks counts on their answer coming a tick late (2,000 checks take a tick of 0.05 s).
+    Contacts that exist already may be left. The checks are not charged, because they run while the arm moves.
+    The caller expects their answer a tick late (2,000 checks take a tick of 0.05 s).
     """
 
     def __init__(self, plans: PlanService) -> None:
         self._plans = plans
 
     def __call__(self, path: Array) -> tuple[str, ...]:
-        """Names of what is met on configurations (k, n) and halfway between them; nothing: it is free."""
+        """Return the names of bodies that are touched on configurations (k, n) and halfway between them; ():
+        it is free."""
         solver = self._plans.solver
         solver.look()
         collision = solver.collision
@@ -34,7 +35,8 @@ class JogCollisionCheck:
 
 
 def _names(contacts: tuple[ContactPair, ...], excused: tuple[ContactPair, ...]) -> tuple[str, ...]:
-    """The other bodies, or the robot's own links, that are met, without those that it was near already."""
+    """Return the names of touched bodies or links of the robot, without those that the arm was near
+    already."""
     left = {(c.a, c.b): c.distance for c in excused}
     met = [c for c in contacts if c.distance < left.get((c.a, c.b), 1.0)]
     return tuple(dict.fromkeys(c.b for c in met)) or ("the edge of the workspace",)

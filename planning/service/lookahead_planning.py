@@ -1,4 +1,8 @@
-"""Planning the next motion while one goes on: computed at once, ready at a fixed simulated time."""
+"""Look-ahead planning: the next motion is planned while the present one runs. It is computed at once and
+ready at a fixed simulated time.
+
+Plan provenance records what each trajectory was planned for, so that it can be checked again.
+"""
 
 from __future__ import annotations
 
@@ -24,34 +28,36 @@ SAME_WIDTH = 0.002
 
 @dataclass(frozen=True, slots=True)
 class CheckedBelief:
-    """The belief and the hand for which a trajectory was found free."""
+    """Belief and hand for which a trajectory was found free."""
 
     version: int
     allowed: frozenset[frozenset[str]]
-    """Pairs that the scene allowed to touch, beside those of the requests."""
+    """Pairs that the scene allowed to touch, in addition to those of the requests."""
     width: float
     """Opening of the fingers, m."""
 
     def covers(self, now: CheckedBelief, *, width_matters: bool) -> bool:
-        """Whether what was free then is free now: nothing new is believed, and nothing allowed then is
-        forbidden now."""
+        """Whether a trajectory that was free then is free now.
+
+        The belief is unchanged, and no pair that was allowed then is forbidden now.
+        """
         same_hand = not width_matters or abs(self.width - now.width) <= SAME_WIDTH
         return self.version == now.version and self.allowed <= now.allowed and same_hand
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PlanProvenance:
-    """What a trajectory was planned for, and the belief in which it was found free last."""
+    """Requests that a trajectory was planned for, and the belief in which it was found free last."""
 
     requests: tuple[Request, ...]
-    """One motion's, or those of a chain's legs."""
+    """Request of one motion, or those of a chain's legs."""
     passes: tuple[float, ...]
-    """When each of them ends, s."""
+    """Time at which the motion of each request ends, s."""
     seen: CheckedBelief
 
 
 class PlanProvenanceStore:
-    """Remembers plans for as long as somebody keeps their trajectory. Nothing of it outlives a checkpoint,
+    """Provenance of plans, for as long as their trajectories are referenced. None outlives a checkpoint,
     because no plan does."""
 
     def __init__(self, scene: PlanningScene, width: Callable[[], float]) -> None:
@@ -60,7 +66,7 @@ class PlanProvenanceStore:
         self._made: WeakKeyDictionary[Trajectory, PlanProvenance] = WeakKeyDictionary()
 
     def note(self, plan: MotionPlan) -> None:
-        """The plan's trajectory was just found free."""
+        """Record a plan whose trajectory was just found free."""
         requests = [leg.request for leg in plan.legs or (plan,)]
         passes = plan.passes or (plan.trajectory.duration,)
         known = tuple(request for request in requests if request is not None)
@@ -68,7 +74,7 @@ class PlanProvenanceStore:
             self._made[plan.trajectory] = PlanProvenance(known, passes, self.now())
 
     def renew(self, trajectory: Trajectory) -> None:
-        """The trajectory, which need be no plan of ours, was found free in the belief as it is now."""
+        """Record that a trajectory was found free in the present belief. It need not be a recorded plan."""
         made = self._made.get(trajectory)
         if made is None:
             request = Request(JointGoal(trajectory.end), trajectory.start)
@@ -76,7 +82,7 @@ class PlanProvenanceStore:
         self._made[trajectory] = replace(made, seen=self.now())
 
     def of(self, trajectory: Trajectory) -> PlanProvenance | None:
-        """None: no plan of ours, and never found free."""
+        """Return the provenance of a trajectory; None: it is no recorded plan, and was never found free."""
         return self._made.get(trajectory)
 
     def now(self) -> CheckedBelief:
@@ -89,27 +95,28 @@ T = TypeVar("T")
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LookaheadResult(Generic[T]):
-    """What planning ahead came to. `PlanService.take` hands it out, not before `ready`."""
+    """Result of planning ahead. `PlanService.take` returns it, not before `ready`."""
 
     answer: T | Failure
     ready: float
-    """Simulated time at which it may be known, s."""
+    """Simulated time from which it may be used, s."""
     cost: float
-    """Simulated seconds of thinking that it took."""
+    """Simulated thinking time that it took, s."""
     version: int
-    """Of the belief that it was computed for."""
+    """Belief version that it was computed for."""
     generation: int
-    """Which checkpoints it has seen: those that come later drop it."""
+    """Number of checkpoints before it; any later checkpoint drops it."""
 
 
 class LookaheadPlanner:
-    """A second line of thought beside the one that skills wait for. It does one thing after the other.
+    """Look-ahead planner: a second line of computation next to the one that skills wait for. It does one
+    thing at a time.
 
-    Nothing of it is kept in a checkpoint: what was prepared before is forgotten there.
+    Checkpoints keep nothing of it: earlier results are forgotten there.
     """
 
     def __init__(self, thinking: ComputeTimeAccount, now: Callable[[], float]) -> None:
-        """`now`: simulated seconds."""
+        """Use `now` as the clock, simulated s."""
         self._thinking = thinking
         self._now = now
         self._free = 0.0
@@ -160,9 +167,9 @@ class LookaheadPlanner:
 
 
 def is_plan_free(solver: RequestSolver, plan: MotionPlan) -> bool:
-    """Whether a plan's trajectory is free in the belief as it is now, by the fast checker.
+    """Whether a plan's trajectory is free in the present belief, by the fast checker.
 
-    What is held now is taken as it is believed to be, where the plan supposed that object in the hand.
+    An object that the plan supposed in the hand is taken as it is believed to be, once it is held.
     """
     trajectories = split_into_legs(plan) if plan.legs else [plan.trajectory]
     for leg, trajectory in zip(plan.legs or (plan,), trajectories, strict=True):

@@ -1,4 +1,5 @@
-"""Several motions, each from where the one before ends, as one trajectory without a stop between them."""
+"""Motion chain: several motions, each from the end of the one before, as one trajectory without a stop in
+between."""
 
 from __future__ import annotations
 
@@ -31,20 +32,20 @@ from ..timing.toppra_profile import ScaledStretch
 from .solver import RequestSolver
 
 ROUNDED = 0.02
-"""How much of a straight line may be rounded at each of its ends unless the caller says otherwise, m."""
+"""Length of a straight line that may be rounded at each of its ends by default, m."""
 BETWEEN = (0.4, 0.2, 0.1, 0.05, 0.02)
-"""How far the corner between two legs is cut on either side, tried in this order, rad."""
+"""Distances at which the corner between two legs is cut on either side, tried in this order, rad."""
 SHARE = 0.45
-"""Of a leg that may be rounded at each of its ends."""
+"""Share of a leg that may be rounded at each of its ends."""
 TURN = -0.9
-"""Cosine of the turn between two legs beyond which the arm stops: it goes back the way it came."""
+"""Cosine of the turn between two legs below which the arm stops: the path goes back on itself."""
 STEP = 0.02
 """Distance of the configurations at which a rounded corner is checked, rad."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Leg:
-    """One planned leg and its path, as long as it moves at all."""
+    """Planned leg with its path, if it moves at all."""
 
     index: int
     request: Request
@@ -57,15 +58,15 @@ class _Leg:
 
 
 class MotionChain:
-    """The legs of one request to `PlanService.through`."""
+    """Solution of the legs of one request to `PlanService.through`."""
 
     def __init__(self, solver: RequestSolver, rounded: float = ROUNDED) -> None:
-        """`rounded`: how much of a straight line may be rounded at each of its ends, m."""
+        """Set the length of a straight line that may be rounded at each of its ends, m."""
         self._solver = solver
         self._rounded = rounded
 
     def solve(self, legs: Sequence[Request], seeds: Sequence[int]) -> MotionPlan:
-        """The chain's plan. Fails as the leg that fails does, and says which it is."""
+        """Plan the chain. Fails as the leg that fails does, and names that leg."""
         plans: list[MotionPlan] = []
         requests: list[Request] = []
         for k, (leg, seed) in enumerate(zip(legs, seeds, strict=True)):
@@ -113,7 +114,7 @@ class MotionChain:
         )
 
     def _way(self, request: Request) -> StartTolerance:
-        """The leg's own test of collision. The checker follows its supposition from now on."""
+        """Return the leg's start tolerance. The checker follows the leg's suppositions from this call on."""
         self._solver.look(request)
         assert request.start is not None
         return StartTolerance(self._solver.collision, request.start)
@@ -135,7 +136,7 @@ class MotionChain:
         return spline_through(distinct(plan.trajectory.position[:: max(1, len(plan.trajectory.times) // 60)]))
 
     def _corner(self, before: _Leg, after: _Leg) -> float | None:
-        """How far the corner between two legs is cut, rad; None: the arm stops there."""
+        """Return the distance at which the corner between two legs is cut, rad; None: the arm stops there."""
         if float(_end(before.curve) @ after.curve.at(0.0, 1)) < TURN:
             return None
         room = min(self._room(before, at_end=True), self._room(after, at_end=False))
@@ -153,14 +154,14 @@ class MotionChain:
         return all(way.free(q) for q in configurations) and all(constraints.hold(q) for q in configurations)
 
     def _room(self, leg: _Leg, *, at_end: bool) -> float:
-        """How far a corner may reach into a leg, rad."""
+        """Return how far a corner may reach into a leg, rad."""
         whole = leg.curve.length
         if not leg.line:
             return SHARE * whole
         begin = np.array(self._solver.model.tcp(leg.plan.path[0]).position)
         end = np.array(self._solver.model.tcp(leg.plan.path[-1]).position)
         length = float(np.linalg.norm(end - begin))
-        # The joints' way along a line is not even: the nearer part is asked about by itself.
+        # The joints' travel along a line is uneven: the part near the corner is measured by itself.
         share = SHARE if length < 1e-6 else min(SHARE, self._rounded / length)
         index = round(share * (len(leg.plan.path) - 1))
         part = leg.plan.path[-1 - index :] if at_end else leg.plan.path[: index + 1]
@@ -169,7 +170,8 @@ class MotionChain:
     def _timed(
         self, legs: Sequence[_Leg], corners: Sequence[float | None]
     ) -> tuple[Trajectory, list[float]] | None:
-        """The trajectory with these corners, and when it passes the end of each leg; None: not free."""
+        """Return the trajectory with these corners, and the time at which it passes the end of each leg;
+        None: not free."""
         model = self._solver.model
         parts: list[TimedTrajectory] = []
         passed: list[float] = []
@@ -203,13 +205,14 @@ class MotionChain:
 
 
 def split_into_legs(plan: MotionPlan) -> list[Trajectory]:
-    """A chain's trajectory cut where it passes from one leg to the next."""
+    """Cut a chain's trajectory at the ends of its legs."""
     begins = (0.0, *plan.passes[:-1])
     return [slice_trajectory(plan.trajectory, a, b) for a, b in zip(begins, plan.passes, strict=True)]
 
 
 def slice_trajectory(trajectory: Trajectory, begin: float, end: float) -> Trajectory:
-    """The samples from the last one not after `begin` to the first one not before `end`, s; moving."""
+    """Return the samples from the last one not after `begin` to the first one not before `end`, s. The ends
+    may move."""
     low = max(0, int(np.searchsorted(trajectory.times, begin, side="right")) - 1)
     high = min(len(trajectory.times), int(np.searchsorted(trajectory.times, end, side="left")) + 1)
     part = slice(low, max(high, low + 1))
@@ -227,7 +230,7 @@ def _of_leg(failure: Failure, index: int, leg: Request, count: int) -> Failure:
 
 
 def _passes(indices: Sequence[int], passed: Sequence[float], count: int) -> list[float]:
-    """For every leg, those that do not move included, when it ends."""
+    """Return the end time of every leg, those that do not move included."""
     ends: list[float] = []
     latest = 0.0
     found = dict(zip(indices, passed, strict=True))
@@ -238,7 +241,7 @@ def _passes(indices: Sequence[int], passed: Sequence[float], count: int) -> list
 
 
 def _runs(legs: Sequence[_Leg], corners: Sequence[float | None]) -> list[list[tuple[_Leg, float | None]]]:
-    """The legs between two stops, each with the cut of the corner behind it."""
+    """Group the legs between two stops, each with the cut of the corner after it."""
     runs: list[list[tuple[_Leg, float | None]]] = [[]]
     for leg, corner in zip(legs, [*corners, None], strict=True):
         runs[-1].append((leg, corner))
@@ -248,7 +251,8 @@ def _runs(legs: Sequence[_Leg], corners: Sequence[float | None]) -> list[list[tu
 
 
 def _run(run: Sequence[tuple[_Leg, float | None]]) -> tuple[JointCurve, list[float]]:
-    """The path of one run, and its parameter at the end of each leg: there, in the middle of the corner."""
+    """Return the path of one run, and its parameter at the end of each leg: the middle of the corner
+    there."""
     pieces: list[JointCurve] = []
     ends: list[float] = []
     done, begin = 0.0, 0.0

@@ -1,4 +1,4 @@
-"""How good a plan is: how long, how near to anything, how near to singularities and limits of joints."""
+"""Plan quality: lengths, duration, clearance, and distance to singularities and joint limits of a plan."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from ..collision.collision_checker import CollisionChecker
 from ..requests import ContactPair
 
 STEP = 0.05
-"""Greatest way in joint space between two configurations that are measured, rad."""
+"""Greatest distance in joint space between two measured configurations, rad."""
 FAR = 0.5
-"""Distances beyond this are not told apart, m."""
+"""Distance beyond which bodies are not measured, m."""
 
 
 @dataclass(frozen=True, slots=True)
 class NearestBody:
-    """What comes nearest on the way: names, distance in m, and when, s."""
+    """Nearest pair of bodies on a trajectory: names, distance in m, and time, s."""
 
     contact: ContactPair
     at: float
@@ -29,7 +29,7 @@ class NearestBody:
 
 @dataclass(frozen=True, slots=True)
 class JointMargin:
-    """The joint that comes nearest to one of its limits: how near (rad, m for a slider), and when, s."""
+    """Joint that comes nearest to one of its limits: its distance (rad, m for a slider), and time, s."""
 
     joint: str
     room: float
@@ -38,35 +38,36 @@ class JointMargin:
 
 @dataclass(frozen=True, slots=True)
 class PlanQuality:
-    """Measured along the timed trajectory, every STEP rad."""
+    """Quality of a plan, measured along the timed trajectory every STEP rad."""
 
     length: float
-    """Way in joint space, rad."""
+    """Length in joint space, rad."""
     way: float
-    """Way of the TCP, m."""
+    """Travel of the TCP, m."""
     duration: float
-    """s"""
+    """Duration, s."""
     nearest: NearestBody | None
-    """Of robot (and what it holds) and surroundings, what may touch left out; None: nothing within FAR."""
+    """Nearest pair of robot (with the held object) and surroundings that may not touch; None: nothing within
+    FAR."""
     itself: NearestBody | None
-    """The same of the robot's own links (and what it holds)."""
+    """Nearest pair of the robot's own links (with the held object); None: nothing within FAR."""
     singular: float
-    """Smallest singular value of the TCP's Jacobian (rows in m/rad and rad/rad, as they come); 0 where the
-    arm cannot move the tool in some direction."""
+    """Smallest singular value of the TCP's Jacobian (rows in m/rad and rad/rad). 0 where the arm cannot move
+    the tool in some direction."""
     singular_at: float
-    """When that is, s."""
+    """Time of that singular value, s."""
     joint: JointMargin
 
 
 class PlanQualityMeter:
-    """Qualities of plans for one robot. It asks a collision checker, whose scene is up to the caller."""
+    """Meter of plan qualities for one robot. It uses a collision checker, whose scene the caller sets."""
 
     def __init__(self, model: RobotModel, collision: CollisionChecker) -> None:
         self._model = model
         self._collision = collision
 
     def quality(self, trajectory: Trajectory) -> PlanQuality:
-        """Of a whole trajectory, in the scene that the checker was updated with last."""
+        """Measure a whole trajectory, in the scene of the checker's last update."""
         picked = list(_picked(trajectory))
         least = smallest_singular_values(self._model, trajectory.position[picked])
         worst = int(np.argmin(least))
@@ -102,13 +103,13 @@ class PlanQualityMeter:
 
 
 def smallest_singular_values(model: RobotModel, path: Array) -> Array:
-    """Smallest singular value of the TCP's Jacobian at each configuration of a path (m, n)."""
+    """Return the smallest singular value of the TCP's Jacobian at each configuration of a path (m, n)."""
     jacobians = np.array([model.jacobian(q) for q in path])
     return np.asarray(np.linalg.svd(jacobians, compute_uv=False), np.float64)[:, -1]
 
 
 def combine_qualities(parts: Sequence[PlanQuality]) -> PlanQuality:
-    """Of several motions, one after the other, as one; times from the beginning of the first."""
+    """Combine the qualities of several motions in a row; times from the beginning of the first."""
     whole = parts[0]
     for part in parts[1:]:
         since = whole.duration
@@ -136,12 +137,12 @@ def _nearer(a: NearestBody | None, b: NearestBody | None, since: float) -> Neare
 
 
 def length(path: Array) -> float:
-    """Of a polyline (m, n), in the units of its points."""
+    """Return the length of a polyline (m, n), in the units of its points."""
     return float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())
 
 
 def _picked(trajectory: Trajectory) -> Iterator[int]:
-    """Samples at most about STEP apart; the first and the last among them."""
+    """Yield samples at most about STEP apart; the first and the last among them."""
     q = trajectory.position
     since = np.inf
     for k in range(len(q)):

@@ -1,4 +1,5 @@
-"""The planner as skills meet it: requests in, timed trajectories or typed failures out, thinking charged."""
+"""Plan service: the planner's interface for skills. Requests become timed trajectories or typed failures, and
+thinking is charged."""
 
 from __future__ import annotations
 
@@ -41,18 +42,18 @@ T = TypeVar("T")
 
 @dataclass(frozen=True, slots=True)
 class VerifierDisagreement:
-    """The judge found penetration in a trajectory that the planner called free."""
+    """Penetration that the verifier found in a trajectory that the planner called free."""
 
     request: str
     contacts: tuple[ContactPair, ...]
 
 
 class PlanService:
-    """Plans for one robot in one believed scene.
+    """Plan service of one robot in one believed scene.
 
-    A request computes at once when its generator is first advanced, notes a `PlanEntry`, and then yields the
-    ticks that its collision checks and IK descents cost; what is left below a tick stays in the thinking
-    account. With `verify` each trajectory is judged a second time, which changes `disagreements` only.
+    A request computes at once when its generator is first advanced and notes a `PlanEntry`. It then yields
+    the ticks that its collision checks and IK descents cost. The remainder below a tick stays in the thinking
+    account. With `verify` each trajectory is verified a second time, which changes `disagreements` only.
     """
 
     def __init__(
@@ -72,9 +73,9 @@ class PlanService:
         verify: bool = False,
         stopwatch: Stopwatch | None = None,
     ) -> None:
-        """`cost`: simulated seconds of one collision check. `configuration` and `width` say where arm
-        (n,) rad and fingers (m) are when a request gives no start, `now` the simulated time, s; without
-        it, what is planned ahead is ready at once."""
+        """Arguments: `cost`, the simulated seconds of one collision check. `configuration` and `width` return
+        the state of arm (n,) rad and fingers (m) for requests without a start. `now` returns the simulated
+        time, s; by default results of look-ahead planning are ready at once."""
         self.queries = queries
         self._scene = scene
         self._model = model
@@ -92,12 +93,13 @@ class PlanService:
         self._disagreements: list[VerifierDisagreement] = []
         self.made = PlanProvenanceStore(scene, width)
         self.finds_nothing: Callable[[], bool] | None = None
-        """Asked for each request whether no way is found, whatever there is; None: never."""
+        """Callback for each request: whether no path is found, whatever there is; None: never. For injected
+        faults."""
         self._manner = PlannerOverrides()
 
     @contextmanager
     def in_manner(self, manner: PlannerOverrides) -> Generator[None]:
-        """What is asked meanwhile is asked in that manner, besides the one in force."""
+        """Apply planner overrides to the requests within the block, in addition to those in force."""
         before = self._manner
         self._manner = before & manner
         try:
@@ -107,11 +109,11 @@ class PlanService:
 
     @property
     def disagreements(self) -> tuple[VerifierDisagreement, ...]:
-        """What the judge found against the planner, with `verify`."""
+        """Trajectories in which the verifier contradicts the planner, with `verify`."""
         return tuple(self._disagreements)
 
     def solve(self, request: Request, *, node: str = "") -> Generator[None, None, MotionPlan]:
-        """The trajectory that a request asks for; `node` keys the planner's randomness.
+        """Plan the trajectory of a request; `node` keys the planner's randomness.
 
         Fails with planning.no_ik, .goal_in_collision, .start_in_collision, .constraint, .budget or .no_path.
         """
@@ -143,7 +145,8 @@ class PlanService:
         node: str = "",
         budget: int = BUDGET,
     ) -> Generator[None, None, MotionPlan]:
-        """A trajectory from `start` (n,) rad (default: where the arm is) to the goal; see `solve`."""
+        """Plan a trajectory from `start` (n,) rad (default: the arm's configuration) to the goal; see
+        `solve`."""
         request = Request(goal, start, scaling=scaling or Scaling(), budget=budget)
         return (yield from self.solve(request, node=node))
 
@@ -155,23 +158,25 @@ class PlanService:
         start: Array | None = None,
         node: str = "",
     ) -> Generator[None, None, MotionPlan]:
-        """The TCP straight to a pose or by an offset; as much of it as is free and reachable.
+        """Plan a straight motion of the TCP to a pose or by an offset; as much of it as is free and
+        reachable.
 
         Fails with planning.no_path when that is less than `least_fraction`, or .start_in_collision. A line
-        draws nothing at random: `node` is taken so that all requests are called alike.
+        draws nothing at random: `node` exists so that all requests are called alike.
         """
         return (yield from self.solve(Request(line, start, scaling=scaling or Scaling()), node=node))
 
     def through(
         self, legs: Sequence[Request], *, node: str = "", rounded: float = ROUNDED
     ) -> Generator[None, None, MotionPlan]:
-        """One trajectory through several motions, each from where the one before ends, without a stop
-        between them; `MotionPlan.passes` says when each ends.
+        """Plan one trajectory through several motions, each from the end of the one before, without a stop in
+        between.
 
-        Each leg keeps its own scaling, allowed pairs, width and what it supposes to be held; only the first
-        may say where it starts. The corner between two legs is rounded as far as that is free, of a straight
-        line at most `rounded` m at each end; where nothing else is free, the arm stops at the corner. When a
-        leg fails the chain does, with the leg's cause, as in `solve`.
+        `MotionPlan.passes` has the time at which each ends. Each leg keeps its own scaling, allowed pairs,
+        width and supposed held object; only the first may give its start. The corner between two legs is
+        rounded as far as that is free, of a straight line at most `rounded` m at each end. Where no rounding
+        is free, the arm stops at the corner. When a leg fails the chain does, with the leg's cause, as in
+        `solve`.
         """
         if not legs or any(leg.start is not None for leg in legs[1:]):
             raise PicktreeError("a chain needs legs, of which only the first may say where it starts")
@@ -197,18 +202,21 @@ class PlanService:
         return answer
 
     def ahead(self, steps: Generator[None, None, T]) -> LookaheadResult[T]:
-        """Plan while something else goes on: `steps`, as `to(…)` or `through(…)` give them, are computed at
-        once and charged to no one; `take` hands out what they come to when that time has passed. What is
-        begun second waits for the first."""
+        """Plan while something else goes on.
+
+        `steps`, such as the generator of `to(…)` or `through(…)`, are computed at once and not charged.
+        `take` returns their result once that time has passed. Results are computed one after the other: a
+        second one waits for the first.
+        """
         return self._ahead.prepare(steps, self._scene.version)
 
     def take(
         self, prepared: LookaheadResult[T], holds: Callable[[T], bool] | None = None
     ) -> Generator[None, None, T | None]:
-        """What was planned ahead, as soon as it is ready; raises the failure that it came to.
+        """Return what was planned ahead, as soon as it is ready; raises the failure that it ended with.
 
         When the belief has changed since, a plan is checked again, which is charged, and other answers are
-        asked about with `holds`. None: it holds no longer, or a checkpoint came between; plan again:
+        tested with `holds`. None: it holds no longer, or a checkpoint came in between; plan again:
 
             plan = (yield from world.plan.take(prepared)) or (yield from world.plan.to(goal))
         """
@@ -232,8 +240,8 @@ class PlanService:
         return answer if held else None
 
     def still_free(self, plan: MotionPlan) -> bool:
-        """Whether a plan is free of collision in the belief as it is now. Answers at once; the cost is owed
-        to the thinking account."""
+        """Whether a plan is free of collision in the present belief. Answers at once; the thinking account
+        owes the cost."""
         with self._stopwatch.measure("planning"), self._meter.measure():
             free = is_plan_free(self.solver, plan)
         if free:
@@ -242,7 +250,7 @@ class PlanService:
 
     @contextmanager
     def checking(self) -> Generator[None]:
-        """What is asked of the checker meanwhile is owed to the thinking account."""
+        """Charge the checker's queries within the block to the thinking account."""
         with self._stopwatch.measure("planning"), self._meter.measure():
             yield
 
@@ -251,9 +259,9 @@ class PlanService:
         self._ahead.forget()
 
     def reachable(self, tcp_in_world: Pose, *, near: Array | None = None) -> Array | None:
-        """A configuration free of collision for the pose, close to `near` (n,); None: none was found.
+        """Return a configuration free of collision for the pose, close to `near` (n,); None: none was found.
 
-        Answers at once; the cost is owed to the thinking account.
+        Answers at once; the thinking account owes the cost.
         """
         with self._stopwatch.measure("planning"), self._meter.measure():
             solver = self.solver
@@ -267,19 +275,21 @@ class PlanService:
             return next((q for q in solutions if solver.collision.free(q)), None)
 
     def reached(self, request: Request) -> ReachResult:
-        """Whether the arm gets to the first pose of a request's goal, near the request's start, in the scene
-        as the request supposes it, and if not, what is in the way. Nothing is planned.
+        """Test whether the arm reaches the first pose of a request's goal, and if not, what is in the way.
+        Nothing is planned.
 
-        Answers at once; the cost is owed to the thinking account.
+        The search starts near the request's start, in the scene as the request supposes it. Answers at once;
+        the thinking account owes the cost.
         """
         with self._stopwatch.measure("planning"), self._meter.measure():
             return check_reach(self.solver, self._manner.of(request), self._streams.at("ik", 0))
 
     def quality(self, plan: MotionPlan) -> PlanQuality:
-        """How long a plan is, how near it comes to anything, to singularities and to joints' limits, in the
-        belief as it is now with what the plan supposed. Not charged: it decides nothing.
+        """Measure a plan's length, clearance, and distance to singularities and joint limits. Not charged: it
+        decides nothing.
 
-        It takes as long as planning a simple motion; so it is not part of every plan.
+        The belief is the present one, with the plan's suppositions. It takes as long as planning a simple
+        motion; so it is not part of every plan.
         """
         measured: list[PlanQuality] = []
         pieces = split_into_legs(plan) if plan.legs else [plan.trajectory]
@@ -289,27 +299,28 @@ class PlanService:
         return combine_qualities(measured)
 
     def contacts(self, q: Array | None = None) -> tuple[ContactPair, ...]:
-        """What the arm at q (n,) (default: where it is) is closer to than its margins; not charged."""
+        """Return the pairs of the arm at q (n,) (default: its configuration) that are closer than their
+        margins; not charged."""
         self.solver.look()
         return self.solver.collision.contacts(self._configuration() if q is None else q)
 
     def outward(self) -> EscapeSearch:
-        """Ways out of what the arm is believed to be in or next to, from where it is. What is asked of it
-        within `checking` is owed to the thinking account."""
+        """Return the search for escape paths from the arm's configuration. Only its queries within `checking`
+        are charged."""
         self.solver.look()
         return EscapeSearch(self._model, self.solver.collision, self._configuration())
 
     def charge(self) -> Generator[None, None, None]:
-        """Let the simulated time pass that computing has cost so far."""
+        """Yield ticks until the simulated time that computing has cost so far has passed."""
         yield from self._thinking.charge()
 
     def _seed(self, request: Request, node: str) -> int:
-        """Keyed by the node; a line draws nothing at random."""
+        """Return a seed keyed by the node; a line draws nothing at random."""
         line = isinstance(request.target, LineGoal | OffsetGoal)
         return 0 if line else self._streams.number(self._manner.stream(f"planner {node}"))
 
     def verify(self, request: Request, trajectory: Trajectory) -> None:
-        """Let the second judge look at what the planner calls free, where that was asked for."""
+        """Verify a trajectory that the planner calls free, where verification is on."""
         if self._judge is None:
             return
         with self._stopwatch.measure("verifying"):

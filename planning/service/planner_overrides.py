@@ -1,4 +1,4 @@
-"""In which manner motions are planned for a while: another seed, more checks, more room."""
+"""Planner overrides: another seed, more collision checks, or more clearance for a part of a mission."""
 
 from __future__ import annotations
 
@@ -9,22 +9,22 @@ from ..requests import LineGoal, OffsetGoal, Request
 
 @dataclass(frozen=True, slots=True)
 class PlannerOverrides:
-    """Changes what is asked of the planner; as it stands it changes nothing."""
+    """Overrides of requests to the planner; the defaults change nothing."""
 
     seed: int = 0
-    """Another one draws other random numbers."""
+    """Seed of other random numbers; 0: the usual ones."""
     budget: float = 1.0
-    """How many times the collision checks that a request would get."""
+    """Factor on the collision checks that a request may spend."""
     clearance: float = 0.0
-    """Added to the room that free motions keep, m. A straight line goes close to things on purpose."""
+    """Addition to the clearance of free motions, m. A straight line goes close to bodies on purpose."""
 
     def __and__(self, inner: PlannerOverrides) -> PlannerOverrides:
-        """Both at once, the other within this one."""
+        """Combine two overrides, the other within this one."""
         seed = inner.seed or self.seed
         return PlannerOverrides(seed, self.budget * inner.budget, self.clearance + inner.clearance)
 
     def of(self, request: Request) -> Request:
-        """The request as it is asked in this manner."""
+        """Return the request with the overrides applied."""
         if self.budget == 1.0 and not self.clearance:
             return request
         budget = max(1, round(request.budget * self.budget))
@@ -33,5 +33,5 @@ class PlannerOverrides:
         return replace(request, budget=budget, clearance=clearance)
 
     def stream(self, name: str) -> str:
-        """The stream of random numbers that takes the place of the one of that name."""
+        """Return the stream of random numbers that replaces the one of that name."""
         return f"{name} seed {self.seed}" if self.seed else name

@@ -1,4 +1,4 @@
-"""What computing costs in simulated time: each collision check and each IK descent counts as one."""
+"""Planning costs in simulated time: each collision check and each IK descent counts as one."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from ..kinematics.inverse_kinematics import InverseKinematics
 
 @dataclass(slots=True)
 class MeasuredCost:
-    """Filled in when the measured block ends."""
+    """Cost of a measured block, filled in when it ends: collision checks and simulated s."""
 
     checks: int = 0
     seconds: float = 0.0
 
 
 class CostMeter:
-    """Owes to the thinking account what is asked of `collision` and `ik` within `measure`."""
+    """Meter that charges the use of `collision` and `ik` within `measure` to the thinking account."""
 
     def __init__(
         self, collision: CollisionChecker, ik: InverseKinematics, thinking: ComputeTimeAccount, cost: float

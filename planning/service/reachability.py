@@ -1,4 +1,5 @@
-"""Whether the arm gets to a pose at all, and what keeps it from there: the cheap test before any planning."""
+"""Reachability: whether a free configuration for a pose exists, as the cheap test before planning, and the
+obstacle if not."""
 
 from __future__ import annotations
 
@@ -12,17 +13,19 @@ from ..requests import ContactPair, PoseGoal, Request
 from .solver import RequestSolver
 
 HOME = "home"
-"""Pose of the robot file from which a comfortable solution is likely."""
+"""Configuration of the robot file from which a comfortable solution is likely."""
 UNCOMFORTABLE = 0.3
-"""See `posture.discomfort`, rad: above it the solution that home leads to is looked for, too."""
+"""Cost above which the solution from home is tried, too, see `configuration_cost`, rad."""
 SOLUTIONS = 4
-"""IK solutions that are looked for."""
+"""Number of IK solutions that are searched."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ReachResult:
-    """`q` (n,) rad reaches the pose and is free; None: `contact` is what is in the way at the best of so many
-    `solutions`, or the pose is out of reach."""
+    """Result of a reachability test: `q` (n,) rad reaches the pose and is free.
+
+    If `q` is None, `contact` is in the way at the best of `solutions` solutions, or the pose is out of reach.
+    """
 
     q: Array | None
     solutions: int
@@ -30,7 +33,7 @@ class ReachResult:
 
     @property
     def why_not(self) -> str:
-        """In a few words; empty when it is reached."""
+        """Reason in a few words; empty when the pose is reached."""
         if self.q is not None:
             return ""
         if self.contact is None:
@@ -41,8 +44,10 @@ class ReachResult:
 
 
 def check_reach(solver: RequestSolver, request: Request, rng: np.random.Generator) -> ReachResult:
-    """A free configuration for the first pose of a request's goal, near the request's start, in the scene
-    as the request supposes it. What lies between is not looked at."""
+    """Find a free configuration for the first pose of a request's goal, near the request's start.
+
+    The scene is as the request supposes it. The path in between is not checked.
+    """
     assert isinstance(request.target, PoseGoal), "a pose is asked for"
     pose = request.target.tcp_in_world[0]
     near = solver.start(request)
@@ -69,8 +74,8 @@ def check_reach(solver: RequestSolver, request: Request, rng: np.random.Generato
 
 
 def _of_the_hand(solver: RequestSolver, request: Request, contact: ContactPair) -> bool:
-    """Whether it is the hand, or what it holds, that touches something around: then it does so at this pose
-    however the arm stands."""
+    """Whether the hand or the held object touches a surrounding body. It then does so at this pose in any
+    posture of the arm."""
     description, scene = solver.model.description, solver.scene(request)
     held = scene.held
     hand = (*description.gripper.fingers, description.tcp_link, *(() if held is None else (held.id,)))

@@ -1,4 +1,5 @@
-"""From one request to one plan or one typed failure: no charging, no noting, no judging."""
+"""Request solver: one plan or one typed failure for one request, without charges, records and
+verification."""
 
 from __future__ import annotations
 
@@ -32,9 +33,9 @@ from ..timing.time_parameterization import time_smooth
 
 
 class RequestSolver:
-    """Answers requests for one robot in one believed scene.
+    """Request solver for one robot in one believed scene.
 
-    The answer depends on the request, the belief, where arm and fingers are, and the seed.
+    The answer depends on the request, the belief, the state of arm and fingers, and the seed.
     """
 
     def __init__(
@@ -47,19 +48,19 @@ class RequestSolver:
         workspace: Bounds | None = None,
         margins: CollisionMargins | None = None,
     ) -> None:
-        """`configuration` and `width` say where arm (n,) rad and fingers (m) are when a request does not."""
+        """Use `configuration` and `width` for arm (n,) rad and fingers (m) where a request gives none."""
         self.model = model
         self.collision = CollisionChecker(model, margins, workspace=workspace)
         self.ik = InverseKinematics(model)
         self.finds_nothing = False
-        """A request is answered as if no way was found: for faults that are planted."""
+        """Whether each request is answered as if no path was found: for injected faults."""
         self._scene = scene
         self._configuration = configuration
         self._width = width
         self._workspace = workspace
 
     def solve(self, request: Request, seed: int) -> MotionPlan:
-        """The plan for a request. Fails with planning.*, see `PlanService.solve`."""
+        """Plan a request. Fails with planning.*, see `PlanService.solve`."""
         check_request(self.model, request)
         self.look(request)
         begun = self._begun(request)
@@ -70,23 +71,23 @@ class RequestSolver:
         return replace(plan, request=replace(request, start=begun.start), version=self._scene.version)
 
     def start(self, request: Request) -> Array:
-        """Where a request begins (n,), rad; a copy."""
+        """Return the start of a request (n,), rad; a copy."""
         q = self._configuration() if request.start is None else request.start
         return np.array(q, dtype=np.float64)
 
     def scene(self, request: Request) -> PlanningScene:
-        """The belief with what the request supposes."""
+        """Return the belief with the request's suppositions."""
         held = request.holding
         if held is not None:
             return self._scene.supposing(held.object, held.object_in_tcp, allowed=request.allowed)
         return self._scene.supposing(allowed=request.allowed) if request.allowed else self._scene
 
     def width(self, request: Request) -> float:
-        """Opening of the fingers on the way, m."""
+        """Return the opening of the fingers on the motion, m."""
         return self._width() if request.width is None else request.width
 
     def look(self, request: Request | None = None) -> None:
-        """Bring the collision checker up to date with the belief, and with what a request supposes."""
+        """Update the collision checker with the belief, and with a request's suppositions."""
         if request is None:
             self.collision.update(self._scene, self._width())
         else:
@@ -129,7 +130,7 @@ class RequestSolver:
     def _found(
         self, planner: JointPlanner | ConstrainedPlanner, goals: GoalSet, seed: int
     ) -> tuple[TimedPath | None, list[GoalConfiguration]]:
-        """What the planner found, and the configurations that it looked for."""
+        """Return the planner's path, and the goal configurations that it planned for."""
         for near in goals.near():
             found = planner.direct([target.q for target in near])
             if found is not None:
@@ -139,7 +140,7 @@ class RequestSolver:
         return planner.direct(ends) or planner.around(ends, seed), targets
 
     def _not_found(self, begun: _Begun, ends: Sequence[Array]) -> Failure:
-        """The failure, with what is in the way: looked for now, and charged, but not to the budget."""
+        """Build the failure with its obstructions. Their search is charged, but not to the budget."""
         spent = self.collision.checks - begun.checks + begun.constraints.projections
         way = begun.way
         looked = ObstructionSearch(self.model, self.collision, way, begun.constraints)
@@ -188,7 +189,7 @@ class RequestSolver:
         )
 
     def _first_contacts(self, way: StartTolerance, trajectory: Trajectory) -> tuple[ContactPair, ...]:
-        """What the first sample of a trajectory that is too close to something touches."""
+        """Return the contacts of a trajectory's first sample that is too close to a body."""
         for q in trajectory.position:
             if not way.nearly_free(q):
                 return self.collision.contacts(q)
@@ -197,7 +198,7 @@ class RequestSolver:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Begun:
-    """A request with what it begins with; `checks`: what the checker had counted by then."""
+    """Request with its start; `checks`: the checker's count at the start."""
 
     request: Request
     start: Array

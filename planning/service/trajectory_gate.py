@@ -1,4 +1,4 @@
-"""What every trajectory passes before the arm starts it, whoever made it."""
+"""Trajectory gate: the last check of every trajectory before the arm starts it."""
 
 from __future__ import annotations
 
@@ -20,26 +20,27 @@ from .motion_chain import slice_trajectory
 from .plan_service import PlanService
 
 TOLERANCE = 0.02
-"""By how much a speed or an acceleration may exceed its limit, as a share of it."""
+"""Greatest excess of a speed or an acceleration over its limit, as a share of the limit."""
 ROUNDING = 1e-6
-"""By how much a joint may exceed its soft limit, rad."""
+"""Greatest excess of a joint over its soft limit, rad."""
 WITHIN = (0.0, 0.25, 0.5, 0.75, 1.0)
-"""Where between two samples a motion is looked at, as shares of the time between them."""
+"""Shares of the time between two samples at which a motion is checked."""
 
 
 class TrajectoryGate:
-    """Refuses a trajectory that must not be followed: the arm stays where it is, and the failure says why.
+    """Trajectory gate: it rejects a trajectory that must not be followed. The arm then stays, and the failure
+    gives the reason.
 
-    Always: numbers and times are sound; between the samples, too, joints keep their soft limits and their
-    limits of speed and acceleration; the tool stays in the workspace. What is violated at the start may be
-    left, and not be made worse.
+    Always: numbers and times are sound. Joints keep their soft limits and their limits of speed and
+    acceleration, also between the samples. The tool stays in the workspace. A violation at the start may be
+    left, but not increased.
 
-    Collisions are checked at 5 mm of the tool by the fast checker, with what the trajectory supposes: the
-    objects held, pairs allowed and opening of the fingers of its plan, leg by leg. A plan has passed that
-    check when it was made; it is checked again, and the checks are charged, when the belief, the hand or
-    what may be touched has changed since, and so is each trajectory that no planner of ours made. Time alone
-    changes nothing: the answer depends on the belief and the trajectory. With `verify` python-fcl judges what
-    is checked again, as it judges each plan.
+    Collisions are checked at 5 mm of the tool by the fast checker, with the trajectory's suppositions. They
+    are the held object, allowed pairs and opening of the fingers of its plan, leg by leg. A plan has passed
+    that check when it was made. It is checked again, and charged, when the belief, the hand or the allowed
+    pairs have changed since. So is each trajectory without provenance. Time alone changes nothing: the answer
+    depends on the belief and the trajectory. With `verify` python-fcl verifies what is checked again, as it
+    verifies each plan.
     """
 
     def __init__(self, model: RobotModel, plans: PlanService, workspace: Bounds) -> None:
@@ -65,9 +66,12 @@ class TrajectoryGate:
             made = self._plans.made.of(trajectory)
 
     def blocked(self, trajectory: Trajectory, done: float) -> Failure | None:
-        """Asked while the arm follows a trajectory, `done` s of it: what stands on the rest of the way when
-        the belief has changed since it passed. What was allowed to touch when it began still is; checks are
-        owed to the thinking account."""
+        """Return the failure of a trajectory that changes of the belief have blocked, `done` s after its
+        start; None: it is free.
+
+        Only the rest is checked. Pairs that were allowed to touch at its start still are. The thinking
+        account owes the checks.
+        """
         plans = self._plans
         made = plans.made.of(trajectory)
         if made is None or made.seen.version == plans.made.now().version:
@@ -119,7 +123,7 @@ class TrajectoryGate:
         path = sampled_configurations(self._model, trajectory)
         tool = np.array([self._model.tcp(q).position for q in path])
         outside = np.maximum(low - tool, tool - high).max(axis=1)
-        # From outside it may come back, but not go further out.
+        # From outside the tool may come back, but not go further out.
         beyond = outside - max(0.0, float(outside[0])) - ROUNDING
         worst = int(beyond.argmax())
         if beyond[worst] <= 0.0:
@@ -163,7 +167,7 @@ class TrajectoryGate:
             self._plans.verify(supposed, part)
 
     def _supposed(self, request: Request) -> Request:
-        """What a plan supposed to be held is by now, perhaps, and as it is felt to be."""
+        """Drop the supposition of a held object that is held by now: the measured pose in the hand counts."""
         solver = self._plans.solver
         held = solver.scene(replace(request, holding=None)).held
         if held is not None and request.holding is not None and held.id == request.holding.object:
@@ -173,7 +177,7 @@ class TrajectoryGate:
     def _refuse(
         self, trajectory: Trajectory, part: Trajectory, way: StartTolerance, begin: float, found: Array
     ) -> None:
-        """`found` (n,): some configuration that is hit; the earliest one is told."""
+        """Raise the failure of the earliest configuration that is hit; `found` (n,) is any one."""
         collision = self._plans.solver.collision
         path = sampled_configurations(self._model, part)
         hit = next((q for q in path if not way.free(q) and not way.nearly_free(q)), found)
@@ -196,14 +200,14 @@ def _still_holds(made: PlanProvenance, plans: PlanService) -> bool:
 
 
 def _pieces(trajectory: Trajectory, made: PlanProvenance | None) -> list[tuple[Request, float]]:
-    """What each stretch of a trajectory supposes, and when it ends, s."""
+    """Return the suppositions of each stretch of a trajectory, and the time at which it ends, s."""
     if made is None:
         return [(Request(JointGoal(trajectory.end), trajectory.start), trajectory.duration)]
     return list(zip(made.requests, made.passes, strict=True))
 
 
 def _sound(trajectory: Trajectory, joints: int) -> None:
-    """Shapes, finite numbers, rising times. Raises Failure(safety.trajectory)."""
+    """Check shapes, finite numbers and rising times. Raises Failure(safety.trajectory)."""
     times = trajectory.times
     rows = (trajectory.position, trajectory.velocity, trajectory.acceleration)
     wrong = ""
@@ -221,7 +225,7 @@ def _sound(trajectory: Trajectory, joints: int) -> None:
 
 
 def _between(trajectory: Trajectory) -> tuple[Array, Array, Array, Array]:
-    """Times (k,), and position, velocity, acceleration (k, n) at the samples and between them."""
+    """Return times (k,), and position, velocity, acceleration (k, n) at the samples and between them."""
     c, h = trajectory.polynomials(), np.diff(trajectory.times)
     if not len(h):
         return trajectory.times, trajectory.position, trajectory.velocity, trajectory.acceleration
@@ -239,7 +243,7 @@ def _between(trajectory: Trajectory) -> tuple[Array, Array, Array, Array]:
 
 
 def _time_of(trajectory: Trajectory, q: Array) -> float:
-    """When a trajectory is nearest to a configuration (n,), s."""
+    """Return the time at which a trajectory is nearest to a configuration (n,), s."""
     return float(trajectory.times[int(np.abs(trajectory.position - q).max(axis=1).argmin())])
 
 

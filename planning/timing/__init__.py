@@ -1,1 +1,1 @@
-"""From paths to trajectories within the joints' limits."""
+"""Timing: trajectories from paths, within the joints' limits."""

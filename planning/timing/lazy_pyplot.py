@@ -1,7 +1,7 @@
-"""Import of a library that draws with matplotlib, without matplotlib.
+"""Lazy import of pyplot, for a library that draws with matplotlib.
 
-toppra imports `matplotlib.pyplot` at its top for three methods that draw, and none of them is called here.
-It takes 0.6 s of CPU to import.
+toppra imports `matplotlib.pyplot` at its top for three methods that draw, and none of them is called here. It
+takes 0.6 s of CPU to import.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ _PYPLOT = "matplotlib.pyplot"
 
 
 class _Pyplot(ModuleType):
-    """Name `plt` of a module that was imported below: any attribute is the real pyplot's."""
+    """Name `plt` of a module that was imported in `lazy_pyplot`: any attribute is the real pyplot's."""
 
     def __getattr__(self, name: str) -> Any:
         return getattr(import_module(_PYPLOT), name)

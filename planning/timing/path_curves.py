@@ -1,8 +1,8 @@
-"""Joint-space paths as polynomial pieces with continuous first and second derivatives.
+"""Path curves: joint-space paths as polynomial pieces with continuous first and second derivatives.
 
-Their parameter is about the arc length in rad, so that pieces of different origin fit together: straight
-segments whose corners are rounded, splines through the dense waypoints of a Cartesian line, and blends
-between the two.
+Their parameter is about the arc length in rad, so that pieces of different origin fit together. The pieces
+are straight segments with rounded corners, splines through the dense waypoints of a Cartesian line, and
+blends.
 """
 
 from __future__ import annotations
@@ -18,23 +18,24 @@ from ...world.values import Array
 
 DEGREE = 5
 SAME = 1e-6
-"""Waypoints closer than this are one, rad."""
+"""Distance below which two waypoints are the same, rad."""
 _FACTORS = [
     np.array([float(math.perm(power, order)) for power in range(order, DEGREE + 1)]) for order in range(4)
 ]
-"""What the powers are multiplied with in the derivative of each order."""
+"""Factors of the powers in the derivative of each order."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class JointCurve:
-    """breaks (k + 1,) ascending from 0; coefficients (k, 6, n) of the powers of s - breaks[i]."""
+    """Piecewise polynomial: breaks (k + 1,) ascending from 0; coefficients (k, 6, n) of the powers of s -
+    breaks[i]."""
 
     breaks: Array
     coefficients: Array
 
     @property
     def length(self) -> float:
-        """Of the parameter, about rad."""
+        """Length of the parameter, about rad."""
         return float(self.breaks[-1])
 
     @property
@@ -42,12 +43,12 @@ class JointCurve:
         return len(self.coefficients) == 1 and not self.coefficients[0, 2:].any()
 
     def at(self, s: Array | float, order: int = 0) -> Array:
-        """The derivative of that order (m, n) at parameters (m,); (n,) for a single one."""
+        """Return the derivative of that order (m, n) at parameters (m,); (n,) for a single one."""
         value = self.derivatives(np.atleast_1d(np.asarray(s, dtype=np.float64)), order, order)[0]
         return value if np.ndim(s) else value[0]
 
     def derivatives(self, s: Array, last: int, first: int = 0) -> list[Array]:
-        """The derivatives (m, n) of the orders from `first` to `last` at parameters (m,)."""
+        """Return the derivatives (m, n) of the orders from `first` to `last` at parameters (m,)."""
         piece = np.clip(np.searchsorted(self.breaks, s, side="right") - 1, 0, len(self.breaks) - 2)
         powers = np.vander(s - self.breaks[piece], DEGREE + 1, increasing=True)
         c = self.coefficients[piece]
@@ -57,7 +58,7 @@ class JointCurve:
         ]
 
     def piece(self, low: float, high: float) -> JointCurve:
-        """The part between two parameters, its own parameter from 0."""
+        """Return the part between two parameters, its own parameter from 0."""
         inner = self.breaks[(self.breaks > low + 1e-12) & (self.breaks < high - 1e-12)]
         breaks: Array = np.concatenate([[low], inner, [high]])
         index = np.clip(np.searchsorted(self.breaks, breaks[:-1], side="right") - 1, 0, len(self.breaks) - 2)
@@ -69,7 +70,7 @@ class JointCurve:
 
 
 def concatenate(curves: list[JointCurve]) -> JointCurve:
-    """One after the other: each must begin where the one before ends."""
+    """Concatenate curves: each must begin where the one before ends."""
     breaks, begin = [np.zeros(1)], 0.0
     for curve in curves:
         breaks.append(curve.breaks[1:] + begin)
@@ -78,7 +79,7 @@ def concatenate(curves: list[JointCurve]) -> JointCurve:
 
 
 def rounded_polyline(points: Array, radius: float) -> JointCurve:
-    """A polyline (m, n), m > 1, no two in a row the same, its corners rounded.
+    """Round the corners of a polyline (m, n), m > 1, no two in a row the same.
 
     Each arc begins and ends at most `radius` rad from its corner; two arcs share a segment. On an arc the
     direction turns as 3x² - 2x³, so the curvature is 0 at both ends, and the arc stays within the triangle.
@@ -102,7 +103,7 @@ def rounded_polyline(points: Array, radius: float) -> JointCurve:
 
 
 def spline_through(points: Array) -> JointCurve:
-    """The natural cubic spline through points (m, n), m > 2, no two in a row the same."""
+    """Return the natural cubic spline through points (m, n), m > 2, no two in a row the same."""
     along = np.diff(points, axis=0)
     h: Array = np.linalg.norm(along, axis=1)[:, None]
     slopes = along / h
@@ -121,8 +122,10 @@ def spline_through(points: Array) -> JointCurve:
 
 
 def blend_curves(before: JointCurve, after: JointCurve, radius: float) -> JointCurve:
-    """From `radius` before the end of one to `radius` behind the beginning of the other: the polynomial of
-    the fifth degree that agrees with both in its first and second derivatives."""
+    """Blend two curves, from `radius` before the end of one to `radius` after the beginning of the other.
+
+    The blend is the polynomial of the fifth degree that agrees with both in its first and second derivatives.
+    """
     span = 2.0 * radius
     a, b = before.length - radius, radius
     p0, v0, w0 = (value[0] for value in before.derivatives(np.array([a]), 2))
@@ -131,7 +134,7 @@ def blend_curves(before: JointCurve, after: JointCurve, radius: float) -> JointC
 
 
 def distinct(path: Array) -> Array:
-    """The points (m, n) without repetitions; begin and end stay exactly what they are."""
+    """Remove repeated points (m, n); begin and end stay exactly the same."""
     kept = [path[0]]
     for point in path[1:]:
         if float(np.abs(point - kept[-1]).max()) > SAME:
@@ -157,7 +160,7 @@ def _arc(corner: Array, before: Array, after: Array, cut: float) -> Array:
 
 
 def _shifted(coefficients: Array, by: float) -> Array:
-    """The polynomial in u - by instead of u (Taylor)."""
+    """Return the polynomial in u - by instead of u (Taylor)."""
     shifted = coefficients.copy()
     for low in range(DEGREE):
         for k in range(DEGREE - 1, low - 1, -1):

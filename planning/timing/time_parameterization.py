@@ -1,9 +1,12 @@
-"""From a path to a timed trajectory within the joints' limits of velocity, acceleration, jerk and torque.
+"""Time parameterisation: from a path to a trajectory within the joints' limits of velocity, acceleration,
+jerk and torque.
 
-The fastest profile of the path's speed comes from TOPP-RA (Pham and Pham, "A new approach to time-optimal
-path parameterization based on reachability analysis", IEEE Transactions on Robotics 34, 2018). Its
-acceleration jumps; so the time law s(t), not the joints, is averaged over a short window. The path stays what
-was checked, and the acceleration becomes continuous.
+The fastest profile of the path's speed comes from TOPP-RA. Its acceleration jumps. Therefore the time law
+s(t), not the joints, is averaged over a short window. The path stays what was checked, and the acceleration
+becomes continuous.
+
+Pham and Pham, "A new approach to time-optimal path parameterization based on reachability analysis", IEEE
+Transactions on Robotics 34 (2018).
 """
 
 from __future__ import annotations
@@ -21,41 +24,41 @@ from .path_curves import JointCurve, distinct, rounded_polyline, spline_through
 from .toppra_profile import PathLimits, ScaledStretch, TimeLaw, least_ratio, time_optimal_law
 
 PERIOD = 0.01
-"""Between two samples of a trajectory, at most, s."""
+"""Greatest time between two samples of a trajectory, s."""
 RESERVE = 0.9
-"""Share of the acceleration limits that is planned with: between grid points it overshoots."""
+"""Share of the acceleration limits in the plan: between grid points the profile overshoots."""
 HEAVY = 0.95
-"""Share of what is left of the torques that the profile is planned with, for the same reason."""
+"""Share of the remaining torques in the plan of the profile, for the same reason."""
 WINDOW = 0.045
-"""Over which the time law is averaged, s: from full acceleration to full braking at the jerk limit."""
+"""Window over which the time law is averaged, s: from full acceleration to full braking at the jerk limit."""
 BEND = 0.5
 """Share of the jerk limit that the path's own bends may take at a constant speed."""
 PASSES = 3
-"""How often a profile is planned, slower where the averaged one exceeded a limit."""
+"""Greatest number of plans of a profile, each slower where the averaged one exceeded a limit."""
 ENOUGH = 1.01
-"""A motion that exceeds no limit by more than this is not planned again: all of it goes slower."""
+"""Excess over a limit, as a factor, up to which a profile is not planned again: all of it goes slower."""
 GRID = 0.1
 """Distance of TOPP-RA's grid points along the path, rad."""
 STEPS = 12
-"""The least number of its steps, rounded up on each piece of the path."""
+"""Least number of grid steps, rounded up on each piece of the path."""
 TURN = 0.25
-"""The greatest turn of the path's direction between two of them, rad."""
+"""Greatest turn of the path's direction between two grid points, rad."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TimedTrajectory:
-    """A trajectory, and the path's parameter (m,) at each of its samples."""
+    """Trajectory with the path's parameter (m,) at each of its samples."""
 
     trajectory: Trajectory
     parameter: Array
 
     def when(self, s: float) -> float:
-        """The time at which the parameter is reached, s."""
+        """Return the time at which the parameter is reached, s."""
         return float(np.interp(s, self.parameter, self.trajectory.times))
 
 
 def time_corners(model: RobotModel, path: Array, scaling: Scaling, radius: float) -> Trajectory | None:
-    """Along a polyline (m, n) with its corners cut by at most `radius` rad. None when no timing is found."""
+    """Time a polyline (m, n) with its corners cut by at most `radius` rad. None when no timing is found."""
     points = distinct(path)
     if len(points) < 2:
         return stationary_trajectory(path[-1])
@@ -63,7 +66,8 @@ def time_corners(model: RobotModel, path: Array, scaling: Scaling, radius: float
 
 
 def time_smooth(model: RobotModel, path: Array, scaling: Scaling) -> Trajectory | None:
-    """Along a cubic spline through dense waypoints (m, n), as those of a Cartesian line."""
+    """Time a cubic spline through dense waypoints (m, n), as those of a Cartesian line. None when no timing
+    is found."""
     points = distinct(path)
     if len(points) < 2:
         return stationary_trajectory(path[-1])
@@ -73,7 +77,7 @@ def time_smooth(model: RobotModel, path: Array, scaling: Scaling) -> Trajectory 
 
 
 def stationary_trajectory(q: Array) -> Trajectory:
-    """No motion at all, for one period."""
+    """Return a trajectory without motion, for one period."""
     still = np.zeros((2, len(q)))
     return Trajectory(np.array([0.0, PERIOD]), np.array([q, q]), still, still)
 
@@ -81,12 +85,15 @@ def stationary_trajectory(q: Array) -> Trajectory:
 def time_curve(
     model: RobotModel, curve: JointCurve, stretches: Sequence[ScaledStretch]
 ) -> TimedTrajectory | None:
-    """Along a curve from rest to rest, each stretch of it with its own scaling; the last one ends where the
-    curve does. None when no timing is found, or when the curve leaves the joints' limits."""
+    """Time a curve from rest to rest, each stretch with its own scaling; the last one ends where the curve
+    does.
+
+    None when no timing is found, or when the curve leaves the joints' limits.
+    """
     limits = PathLimits(model, stretches)
     grid = _grid(curve, stretches)
     at, first, second, third = curve.derivatives(grid, 3)
-    # The averaged law is where the profile was a moment ago.
+    # The averaged law lags behind the profile.
     speed = limits.speed(grid, first, WINDOW)
     acceleration = RESERVE * limits.kinematic(grid, limits.around(grid, first, WINDOW))[1]
     # At a constant speed the joints still jerk, where the path's bend changes.
@@ -115,10 +122,12 @@ def _trajectory(model: RobotModel, curve: JointCurve, scaling: Scaling) -> Traje
 
 
 def _followed(limits: PathLimits, curve: JointCurve, law: TimeLaw) -> tuple[TimedTrajectory, Array, Array]:
-    """The averaged law's motion, stretched as a whole until it keeps all limits; by how much each sample
-    (m,) exceeded them before, and when it was (m,), s."""
+    """Stretch the averaged law's motion as a whole until it keeps all limits.
+
+    Returns it with the excess (m,) of each sample before, as a factor, and the samples' times (m,), s.
+    """
     duration = float(law.times[-1]) + WINDOW
-    # Limits are looked at between the samples, too.
+    # Limits are checked between the samples, too.
     times: Array = np.linspace(0.0, duration, 2 * max(1, int(np.ceil(duration / PERIOD))) + 1)
     s, ds, dds = law.averaged(times, WINDOW)
     s = np.clip(s, 0.0, curve.length)
@@ -133,7 +142,8 @@ def _followed(limits: PathLimits, curve: JointCurve, law: TimeLaw) -> tuple[Time
 
 
 def _where(law: TimeLaw, grid: Array, times: Array, excess: Array) -> Array:
-    """By what factor (k,) to go slower at each grid point: the greatest of the samples it has a part in."""
+    """Return the factor (k,) of slowing at each grid point: the greatest of the samples that it contributes
+    to."""
     slower = np.ones(len(grid))
     for k in np.flatnonzero(excess > 1.0):
         low, high = np.interp([times[k] - WINDOW, times[k]], law.times, law.parameter)
@@ -144,7 +154,7 @@ def _where(law: TimeLaw, grid: Array, times: Array, excess: Array) -> Array:
 
 
 def _grid(curve: JointCurve, stretches: Sequence[ScaledStretch]) -> Array:
-    """Every break and end of a stretch, and more between them: see GRID, STEPS and TURN."""
+    """Return every break and end of a stretch, and more between them: see GRID, STEPS and TURN."""
     marks = np.unique(np.concatenate([curve.breaks, [stretch.end for stretch in stretches[:-1]]]))
     marks = marks[np.concatenate([[True], np.diff(marks) > 1e-9])]
     spans = np.diff(marks)
@@ -158,8 +168,10 @@ def _grid(curve: JointCurve, stretches: Sequence[ScaledStretch]) -> Array:
 
 
 def _within(model: RobotModel, curve: JointCurve, q: Array) -> bool:
-    """Whether configurations (m, n) on the curve keep the joints' limits, and where its own corners lie
-    beyond them, those."""
+    """Whether configurations (m, n) on the curve keep the joints' limits.
+
+    Where the curve's own corners are beyond the limits, the corners are the limits.
+    """
     corners = curve.coefficients[:, 0]
     lower = np.minimum(model.lower, np.minimum(corners.min(axis=0), q[-1]))
     upper = np.maximum(model.upper, np.maximum(corners.max(axis=0), q[-1]))

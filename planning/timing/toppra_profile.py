@@ -1,4 +1,5 @@
-"""The fastest speed profile along a curve, by TOPP-RA, and the time law that follows from it."""
+"""Speed profile by TOPP-RA: the fastest one along a curve, its limits, and the time law that follows from
+it."""
 
 from __future__ import annotations
 
@@ -14,23 +15,23 @@ from ..requests import Scaling
 from .lazy_pyplot import lazy_pyplot
 
 TORQUE = 0.7
-"""Share of the torque limits that is planned with: the servo and a held object need the rest."""
+"""Share of the torque limits in the plan: the servo and a held object need the rest."""
 RISE = 0.025
-"""The jerk limit of a joint is its acceleration limit over this time, s."""
+"""Time in which a joint may reach its acceleration limit, s; it defines the jerk limit."""
 APART = 4
-"""Torques are looked at at every so many samples of a motion: they cost more than the rest."""
+"""Step between the samples whose torques are checked: torques cost more than the rest."""
 
 
 @dataclass(frozen=True, slots=True)
 class ScaledStretch:
-    """How fast the path may be followed up to parameter `end`, rad."""
+    """Scaling of the path up to parameter `end`, rad."""
 
     end: float
     scaling: Scaling
 
 
 class PathLimits:
-    """Of one robot along one path. A stretch scales velocity and acceleration, not jerk and torque."""
+    """Limits of one robot along one path. A stretch scales velocity and acceleration, not jerk and torque."""
 
     def __init__(self, model: RobotModel, stretches: Sequence[ScaledStretch]) -> None:
         self.jerk: Array = model.acceleration_limit / RISE
@@ -41,23 +42,30 @@ class PathLimits:
         self._acceleration = np.array([stretch.scaling.acceleration for stretch in stretches])
 
     def speed(self, s: Array, first: Array, window: float) -> Array:
-        """The greatest speed (m,) of the parameter with which no joint is too fast, and from where none
-        would be within `window` s; `first` (m, n) is the path's derivative at s (m,)."""
+        """Return the greatest speed (m,) of the parameter at s (m,) with which no joint is too fast.
+
+        The limits of every stretch that is reached within `window` s apply; `first` (m, n) is the path's
+        derivative.
+        """
         here = least_ratio(self.kinematic(s)[0], first)
         around = self.around(s, first, window)
         return here if around is None else least_ratio(self.kinematic(s, around)[0], first)
 
     def around(self, s: Array, first: Array, window: float) -> Array | None:
-        """How far the slower of two stretches reaches into the faster one, rad at each s (m,): the way that
-        is done in `window` s. None where there is one stretch only."""
+        """Return how far the slower of two stretches reaches into the faster one, rad, at each s (m,).
+
+        That is the travel in `window` s. None where there is only one stretch.
+        """
         if not len(self._ends):
             return None
         slowest = 2.0 * float(self._velocity.min()) * least_ratio(self._model.velocity_limit, first)
         return window * np.minimum(least_ratio(self.kinematic(s)[0], first), slowest)
 
     def kinematic(self, s: Array, around: Array | None = None) -> tuple[Array, Array]:
-        """Of velocity and acceleration (m, n) at parameters (m,); less than `around` rad (m,) from where two
-        stretches meet, the lower ones."""
+        """Return the limits of velocity and acceleration (m, n) at parameters (m,).
+
+        Less than `around` rad (m,) from where two stretches meet, the lower limits apply.
+        """
         reach = np.full(len(s), 1e-9) if around is None else around
         first = np.searchsorted(self._ends, s - reach, side="left")
         last = np.searchsorted(self._ends, s + reach, side="right")
@@ -70,14 +78,18 @@ class PathLimits:
         return velocity[:, None] * model.velocity_limit, acceleration[:, None] * model.acceleration_limit
 
     def torques(self, q: Array, first: Array, second: Array) -> tuple[Array, Array]:
-        """What the parameter's acceleration and its squared speed take of the joints' torques that gravity
-        leaves, as shares (m, n) of those; q, first, second (m, n): the path and its derivatives."""
+        """Return the torques of the parameter's acceleration and of its squared speed, as shares (m, n).
+
+        They are shares of the torques that gravity leaves; q, first, second (m, n) are the path and its
+        derivatives.
+        """
         weight, along = self._weight(q), self._rnea(q, np.zeros_like(q), first)
         left = self._left(weight)
         return (along - weight) / left, (self._rnea(q, first, second) - weight) / left
 
     def excess(self, times: Array, s: Array, q: Array, v: Array, a: Array) -> Array:
-        """By what factor (m,) time would have to be stretched at each sample of a motion to keep all limits.
+        """Return the factor (m,) by which each sample of a motion must be stretched in time to keep all
+        limits.
 
         Stretched by k, the torques of inertia, Coriolis and centrifugal forces fall by k²; gravity stays.
         """
@@ -85,7 +97,7 @@ class PathLimits:
         dt = np.diff(times)[:, None]
         factor = (np.abs(v) / velocity).max(axis=1)
         squared = (np.abs(a) / acceleration).max(axis=1)
-        # What the servo sees between samples are these differences.
+        # The servo sees these differences between samples.
         steps = (np.abs(np.diff(v, axis=0)) / (dt * acceleration[1:])).max(axis=1)
         squared[1:] = np.maximum(squared[1:], steps)
         some = slice(None, None, APART)
@@ -111,7 +123,7 @@ class PathLimits:
 
 
 def least_ratio(limit: Array, each: Array) -> Array:
-    """The greatest factor (m,) with which all joints of each row (m, n) stay within their limits."""
+    """Return the greatest factor (m,) with which all joints of each row (m, n) stay within their limits."""
     return (limit / np.maximum(np.abs(each), 1e-9)).min(axis=1)
 
 
@@ -125,7 +137,7 @@ ROUNDED = 0.9999
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TimeLaw:
-    """The path's parameter over the time: a constant acceleration between two marks.
+    """Time law: the path's parameter over the time, with a constant acceleration between two marks.
 
     times, parameter, speed (k + 1,) in s, rad, rad/s; from rest to rest.
     """
@@ -135,18 +147,19 @@ class TimeLaw:
     speed: Array
 
     def averaged(self, times: Array, window: float) -> tuple[Array, Array, Array]:
-        """Parameter, speed and acceleration (m,) at `times`, of the law averaged over `window` s.
+        """Return parameter, speed and acceleration (m,) at `times`, of the law averaged over `window` s.
 
-        It ends `window` s later. The acceleration is continuous and changes by at most the greatest jump of
-        the law's own in `window` s. What is averaged is known in closed form: the mean of the parameter over
-        the window is the difference of its integral at both ends.
+        The averaged law ends `window` s later. Its acceleration is continuous and changes by at most the
+        greatest jump of the law's own in `window` s. The average is known in closed form: the mean of the
+        parameter over the window is the difference of its integral at both ends.
         """
         now, before = self._integrals(times), self._integrals(times - window)
         s, ds, dds = ((a - b) / window for a, b in zip(now, before, strict=True))
         return s, ds, dds
 
     def _integrals(self, times: Array) -> tuple[Array, Array, Array]:
-        """The parameter's integral over the time, the parameter and the speed (m,), also before and after."""
+        """Return the parameter's integral over the time, the parameter and the speed (m,), also before and
+        after the law."""
         steps = np.diff(self.times)
         acceleration = np.diff(self.speed) / steps
         areas = self.parameter[:-1] * steps + self.speed[:-1] * steps**2 / 2 + acceleration * steps**3 / 6
@@ -171,12 +184,13 @@ def time_optimal_law(
     acceleration: Array,
     torques: tuple[Array, Array],
 ) -> TimeLaw | None:
-    """From rest to rest along a path with these derivatives (m, n) at grid points (m,).
+    """Compute the time-optimal law from rest to rest along a path with these derivatives (m, n) at grid
+    points (m,).
 
-    `speed` (m,): greatest speed of the parameter at each; `acceleration` (m, n): the joints' limits;
-    `torques` (m, n) each: what the parameter's acceleration and its squared speed take of the joints'
-    torques, as shares. None when rounding makes it unsolvable. Without lower limits of the speed, standing
-    still is possible everywhere, so of the sets of controllable speeds only the upper ends are asked for.
+    `speed` (m,): greatest speed of the parameter at each. `acceleration` (m, n): the joints' limits.
+    `torques` (m, n) each: joint torques of the parameter's acceleration and of its squared speed, as shares.
+    None when rounding makes it unsolvable. Without lower limits of the speed, standing still is possible
+    everywhere. Of the sets of controllable speeds only the upper ends are therefore needed.
     """
     rows = _Rows(grid, first / acceleration, second / acceleration, torques, speed**2)
     solver = seidelWrapper([rows], rows, grid, solve_lp1d=True)
@@ -213,8 +227,10 @@ def time_optimal_law(
 
 
 class _Rows(LinearConstraint):
-    """The limits of acceleration and torque at both ends of each step of the grid (TOPP-RA's interpolation
-    scheme), and those of the speed, as the solver's rows."""
+    """Limits of acceleration, torque and speed as the solver's rows.
+
+    Acceleration and torque count at both ends of each grid step (TOPP-RA's interpolation scheme).
+    """
 
     def __init__(
         self, grid: Array, first: Array, second: Array, torques: tuple[Array, Array], squared_speed: Array
@@ -224,7 +240,7 @@ class _Rows(LinearConstraint):
         self.dof = first.shape[1]
         a = np.concatenate([first, torques[0]], axis=1)
         b = np.concatenate([second, torques[1]], axis=1)
-        # Those of a step's end too; at the last point there is no step.
+        # The limits at a step's end count, too; at the last point there is no step.
         ahead = 2.0 * np.diff(grid, append=grid[-1])[:, None]
         b_next = np.concatenate([b[1:], b[-1:]])
         a = np.concatenate([a, np.concatenate([a[1:], a[-1:]]) + ahead * b_next], axis=1)
