@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...control.contact.hole_search import BelievedHole, HeldPeg
+from ...control.contact.peg_motion import BelievedHole, HeldPeg
 from ...world.belief.hole_matching import find_hole, hole_clearance
 from ...world.scene.description import Fixture, Hole
 from ...world.shapes import Box, Cylinder, Shape, bottom, extents
