@@ -14,6 +14,7 @@ from ...world.journal import Journal, JournalEvent
 from ...world.protocols import SensorStamps
 from ...world.scene.description import SafetyLimits
 from ...world.values import Array, JointState, Vector3
+from .sensor_silence import STALE, check_silence
 from .stop_latch import Latch, LatchState
 
 TRACKING = 0.05
@@ -36,12 +37,6 @@ UNEXPLAINED = 0.15
 insertions and pushes: up to 0.06."""
 UNEXPLAINED_TIME = 0.1
 """Time constant of the mean of what is not explained, s."""
-JOINTS_SILENT = 0.05
-"""Longest silence of the encoders, s: at full speed the arm goes 0.1 rad meanwhile, unseen."""
-WRENCH_SILENT = 0.1
-"""Of the wrist sensor, s: a guarded move goes 3 to 10 mm meanwhile, unfelt."""
-GRIPPER_SILENT = 0.5
-"""Of the gripper, s: grippers tell their opening some ten times a second; fingers are slow."""
 LOAD_TOLERANCE = 0.1
 """By which the hand may seem to carry more than it may, kg: what the wrist weighs at rest is off by up to
 half of that."""
@@ -53,12 +48,7 @@ FORCE_SLACK, TOOL_SLACK, JOINT_SLACK = 5.0, 0.005, 0.01
 TORQUE_SLACK, MASS_SLACK = 0.1, 0.1
 """The same of efforts, as a share of the joint's limit, and of what is carried, kg."""
 
-STALE, OVERLOADED = safety.STALE_SENSOR.name, safety.TORQUE_LIMIT.name
-_SENSORS = (
-    ("joints", "the encoders of the joints have", JOINTS_SILENT),
-    ("gripper", "the gripper has", GRIPPER_SILENT),
-    ("wrench", "the wrist sensor has", WRENCH_SILENT),
-)
+OVERLOADED = safety.TORQUE_LIMIT.name
 
 
 @dataclass(frozen=True, slots=True)
@@ -224,28 +214,8 @@ class SafetyMonitor:
     def check_sensors(self, now: float, stamps: SensorStamps, repeats_since: float | None = None) -> bool:
         """Whether each sensor has spoken lately; True when a stop was latched. `repeats_since`: from when on
         the wrist sensor, which is known to be noisy, says the same numbers bit by bit."""
-        repeating = repeats_since is not None and now - repeats_since > WRENCH_SILENT
-        if (
-            now - stamps.joints <= JOINTS_SILENT
-            and now - stamps.wrench <= WRENCH_SILENT
-            and now - stamps.gripper <= GRIPPER_SILENT
-            and not repeating
-            and not self._latch.busy
-        ):
+        if not check_silence(self._latch, now, stamps, repeats_since):
             return False
-        for (sensor, words, longest), stamp in zip(
-            _SENSORS, (stamps.joints, stamps.gripper, stamps.wrench), strict=True
-        ):
-            name, what, since = f"{STALE}/{sensor}", "given no new reading", stamp
-            if sensor == "wrench" and repeating and repeats_since is not None and repeats_since < stamp:
-                what, since = "repeated itself bit by bit", repeats_since
-            if now - since > longest:
-                message = f"{words} {what} since {since:.2f} s"
-                self._latch.violated(
-                    name, safety.STALE_SENSOR, 1.0, 0.0, message, sensor=sensor, since=since, longest=longest
-                )
-            elif self._latch.busy:
-                self._latch.within(name, 1.0, 0.0)
         if not self.blind:
             self._allowed[1] = self._speed
         return self._latch.take_fresh()
