@@ -12,7 +12,7 @@ from ..retreat.clearing import escape_contact
 
 if TYPE_CHECKING:
     from ...cell.world import World
-    from ...control.execution.motions import Watch
+    from ...control.execution.trajectory_motion import Watch
 
 T = TypeVar("T")
 Doing = Generator[None, None, T]

@@ -32,7 +32,7 @@ from .transfer_requests import descend_requests
 
 if TYPE_CHECKING:
     from ...cell.world import World
-    from ...control.execution.motions import Watch
+    from ...control.execution.trajectory_motion import Watch
     from ...perception.fitting.known_object_fitting import TrackedSighting
 
 
