@@ -1,8 +1,6 @@
-"""Courses that find a hole by feeling and put a peg into it, from the air above it to its bottom.
+"""Insertion of a held peg into a hole: touch, search by contact, press to the bottom.
 
-One course does all of it, so that what the wrist felt before it touched anything stays the zero. Forces act
-at the foot of the peg, not at the TCP: with its centre of compliance there a peg that rubs over a surface
-stays upright (Whitney 1982).
+One motion does all of it, so that the wrist reading before the first contact stays the zero.
 """
 
 from __future__ import annotations
@@ -33,93 +31,94 @@ Outcome: TypeAlias = Literal["under way", "in", "not found", "jammed", "no botto
 
 @dataclass(frozen=True, slots=True)
 class InsertionParameters:
-    """How firmly and how patiently: N, m, s, rad."""
+    """Forces, lengths, speeds and angles of an insertion: N, m, m/s, rad."""
 
     contact: float = 4.0
-    """Force that tells a contact."""
+    """Force above which the peg touches the surface, N."""
     press: float = 8.0
-    """While searching."""
+    """Force on the surface during the search, N."""
     push: float = 15.0
-    """Into the hole."""
+    """Force into the hole, N."""
     drop: float = 0.003
-    """Depth below the surface at which the hole counts as found."""
+    """Depth below the surface at which the hole counts as found, m."""
     pitch: float = 0.001
-    """Between two turns of the spiral."""
+    """Distance between two turns of the spiral, m."""
     speed: float = 0.012
-    """Along the spiral, m/s."""
+    """Speed along the spiral, m/s."""
     lean: float = math.radians(8.0)
     aside: float = 6.0
-    """Force to the side of a leaning peg, towards the wall of the hole."""
+    """Sideways force of a leaning peg towards the wall of the hole, N."""
     wiggle: float = math.radians(1.2)
     yaw: float = math.radians(3.0)
-    """Turned so far either way, where it fits at some turns about its axis only."""
+    """Amplitude of the rotation about the peg's axis, rad. Only for pegs that do not fit at every angle."""
     pulls: int = 2
-    """How often it is pulled back from a jam to be pressed again."""
+    """Maximum number of pulls back from a jam before the peg counts as jammed."""
     attempts: int = 3
-    """How often the search may begin anew."""
+    """Maximum number of searches."""
 
 
 DESCENT = 0.03
-"""Speed of the way down to the surface, m/s."""
+"""Speed of the descent to the surface, m/s."""
 ROUGH = 0.006
-"""How far off its believed height the surface may be: tilt of the fixture, height in the hand, m."""
+"""Greatest error of the surface's believed height, m: tilt of the fixture and height of the peg in the
+hand."""
 RISING = 0.2
-"""Of the leaning peg, rad/s."""
+"""Angular speed at which the leaning peg is raised, rad/s."""
 UPRIGHT = math.radians(2.5)
-"""A peg that leans less counts as upright: no more is known of how it is held."""
+"""Lean below which the peg counts as upright, rad. Its angle in the hand is not known more precisely."""
 AROUND = 0.0025
-"""Radius searched where the peg was raised against the wall and has not dropped, m."""
+"""Radius of the spiral when the peg was raised against the wall and has not dropped, m."""
 SLIDING = 0.02
-"""Of the leaning peg to the side, m/s."""
+"""Speed of the leaning peg along the surface, m/s."""
 SLIDING_PRESS = 0.75
-"""Of the force on the surface while searching, pressed meanwhile."""
+"""Force on the surface while the leaning peg slides, as a share of `press`."""
 LEAST_RUBBING = 0.5
-"""A slide that is held back by no more than this at any place tells nothing of walls, N."""
+"""Least resistance that shows a wall, N. A slide with less says nothing about walls."""
 AIMS = 3
-"""How often a leaning peg slides over about the same place, each time beginning from what was felt before."""
+"""Maximum number of slides of a leaning peg around one grid point; each begins at the wall found before."""
 RUBBING = 0.35
-"""Share of the force on the surface that is pushed along a spiral: rubbing takes about as much."""
+"""Force along the spiral, as a share of the force on the surface. Friction takes about as much."""
 FIRMER = 1500.0
-"""Stiffness with which the foot is held on the spiral beyond that of the spring, N/m."""
+"""Stiffness that holds the foot on the spiral, in addition to the spring's, N/m."""
 BLOCKED_TIME, BLOCKED = 0.15, 0.0006
-"""A tool that comes no further than this in that time is blocked, s, m."""
+"""Time, s, and travel, m: a tool that moves less than this in that time is blocked."""
 STALL_TIME, STALL = 0.5, 0.0003
-"""A peg that goes no deeper than this in that time stands, s, m."""
+"""Time, s, and depth, m: a peg that sinks less than this in that time stands."""
 BOTTOM_TIME = 0.12
-"""At the bottom it need not stand longer than this, s: it would only be pressed against the walls."""
+"""Time after which a peg at the bottom stands, s. A longer one would only press it against the walls."""
 SHORT = 0.0025
-"""So much less deep than it should be it may stand at the bottom, m."""
+"""Depth that may be missing at the bottom, m."""
 WIGGLES, YAWS = 1.2, 0.8
-"""Turns of the wiggle, and sweeps of the yaw, a second."""
+"""Frequencies of the wiggle and of the yaw sweep, Hz."""
 ALIGNING = 0.4
-"""Time constant with which a peg in its hole may turn as the walls want it, s."""
+"""Time constant with which the walls may turn the peg in its hole, s."""
 ALIGNED = math.radians(2.5)
-"""Greatest turn away from where it began, rad."""
+"""Greatest rotation of the peg away from its initial orientation, rad."""
 
 
 class InsertionMotion(PegMotion):
-    """Down from the air above a hole's mouth into it: touch, search, press.
+    """Insertion from the air above a hole's mouth: touch, search, press.
 
-    It begins with the peg upright over the believed middle. It ends with the peg at the bottom, at rest in
-    the hand, or out of the hole and above it again; `outcome` says which.
+    It begins with the peg upright over the believed middle. It ends with the peg at rest at the bottom, or
+    out of the hole and above it; `outcome` says which.
     """
 
     def __init__(
         self, peg: HeldPeg, mouth: BelievedHole, touch: InsertionParameters, search: Search, linear: float
     ) -> None:
-        """`linear`: stiffness of the spring that the course is run with, N/m."""
+        """`linear`: stiffness of the spring that the motion runs with, N/m."""
         super().__init__(peg, mouth, linear)
         self._touch = touch
         self._search: Search = search
         self._steps: Generator[None, ContactState, None] | None = None
         self.outcome: Outcome = "under way"
         self.searched = 0.0
-        """How far from the believed middle the foot was while it searched, m."""
+        """Greatest distance of a searched point from the believed middle, m."""
         self.tried: list[str] = []
-        """The ways in which it has searched, the last one that of the end."""
+        """Search methods so far, in order; the last one was in use at the end."""
         self._side = 1.0
         self.pulled = 0
-        """How often it was pulled back from a jam."""
+        """Number of pulls back from a jam."""
 
     def step(self, felt: ContactState) -> None:
         if self._steps is None:
@@ -153,8 +152,8 @@ class InsertionMotion(PegMotion):
             yield from self._leave(felt)
 
     def _way(self, number: int) -> str:
-        """How to search next. A spiral after a tilt that has found nothing; one that jams leans the other way
-        next time."""
+        """Return the next search method. A spiral follows a tilt that found nothing; after a jam the peg
+        leans the other way."""
         if self._search == "none":
             return "straight down"
         if self._search == "spiral" or self.outcome == "not found":
@@ -162,7 +161,7 @@ class InsertionMotion(PegMotion):
         return "tilt back" if number % 2 else "tilt"
 
     def _by(self, way: str, felt: ContactState) -> Part:
-        """One search; none is needed where the peg is in the hole already."""
+        """Run one search; skip it when the peg is in the hole already."""
         if self.depth >= self._touch.drop:
             return felt
         self._side = -1.0 if way == "tilt back" else 1.0
@@ -173,7 +172,7 @@ class InsertionMotion(PegMotion):
         return (yield from self._tilt(felt))
 
     def _again(self, felt: ContactState) -> Part:
-        """Up, over the believed middle, and down until the surface is felt again."""
+        """Lift the peg, move it over the believed middle, and descend until the surface is touched again."""
         up = self._mouth.up
         felt = yield from self._leave(felt)
         away = self._foot(felt) - self._mouth.middle
@@ -182,7 +181,7 @@ class InsertionMotion(PegMotion):
         return (yield from self._descend(felt))
 
     def _descend(self, felt: ContactState) -> Part:
-        """Straight down until the surface is felt, or the peg is in the hole at once."""
+        """Move straight down until the surface is touched, or the peg is in the hole at once."""
         up, most = self._mouth.up, self._touch.contact
         self.velocity = -DESCENT * up
         while True:
@@ -198,7 +197,7 @@ class InsertionMotion(PegMotion):
         return felt
 
     def _straight(self, felt: ContactState) -> Part:
-        """No search: it goes in here or not at all."""
+        """Press straight down without a search, until the peg drops or `STALL_TIME` is over."""
         begun = felt.elapsed
         while felt.elapsed - begun < STALL_TIME:
             self._act(felt, -self._touch.press * self._mouth.up)
@@ -208,7 +207,7 @@ class InsertionMotion(PegMotion):
         return felt
 
     def _spiral(self, felt: ContactState, radius: float | None = None) -> Part:
-        """Over the surface along an Archimedean spiral, pressing, until the peg drops."""
+        """Press and follow an Archimedean spiral over the surface until the peg drops."""
         touch, up, upright = self._touch, self._mouth.up, self.turn
         x, y = perpendicular_axes(up)
         begin = self._foot(felt)
@@ -232,7 +231,8 @@ class InsertionMotion(PegMotion):
         return felt
 
     def _tilt(self, felt: ContactState) -> Part:
-        """With the peg leaning, its lowest point in the hole first: against the wall, then upright."""
+        """Search with the leaning peg: its lowest point enters the hole, meets the wall, then the peg is
+        raised."""
         x, y = perpendicular_axes(self._mouth.up)
         for a, b in grid(0.7 * self._mouth.across, self._mouth.slack):
             self.searched = max(self.searched, math.hypot(a, b))
@@ -242,7 +242,7 @@ class InsertionMotion(PegMotion):
                 felt, blocked, wall = yield from self._against_wall(felt)
                 if blocked or wall is None:
                     break
-                # It has passed a wall that it was beside the middle of: there the hole is.
+                # The peg has slid past the middle of a wall: the hole is there.
                 aim = wall - self._towards * (self._mouth.across / 2)
             else:
                 continue
@@ -256,7 +256,7 @@ class InsertionMotion(PegMotion):
         return felt
 
     def _lean(self, felt: ContactState, aim: Array) -> Part:
-        """Up, and down again leaning, the lowest point at `aim` (3,), until it touches."""
+        """Lift the peg, lean it, and descend with its lowest point over `aim` (3,) until it touches."""
         up, touch, tip = self._mouth.up, self._touch, self._tip
         leaning = rotation_about(np.cross(up, self._towards), touch.lean) @ self.turn
         above = aim + up * (self.surface + LIFTED / 2) - leaning @ tip
@@ -274,8 +274,11 @@ class InsertionMotion(PegMotion):
     def _against_wall(
         self, felt: ContactState
     ) -> Generator[None, ContactState, tuple[ContactState, bool, Array | None]]:
-        """Push to the side; whether something blocks the way, as the wall of the hole does, and where (3,)
-        the lowest point was when most was felt of one; None: nothing was felt."""
+        """Push the leaning peg sideways until something blocks it, as the wall of the hole does.
+
+        Returns the last state, whether it is blocked, and the place (3,) of the lowest point at the greatest
+        resistance. None: there was no resistance.
+        """
         touch, towards, begin = self._touch, self._towards, felt.position
         stand = SettlingDetector(BLOCKED_TIME, BLOCKED)
         press, most, lead = -SLIDING_PRESS * touch.press * self._mouth.up, touch.aside / self._linear, 0.0
@@ -316,8 +319,8 @@ class InsertionMotion(PegMotion):
                 return felt
 
     def _press(self, felt: ContactState) -> Part:
-        """Down to the bottom, wiggling; pulled back a bit and pressed again, more strongly, where it stands
-        before."""
+        """Press the peg to the bottom with a wiggle. Where it stands before, pull it back and press
+        harder."""
         touch, mouth = self._touch, self._mouth
         x, y = perpendicular_axes(mouth.up)
         base, begun = self.rotation, felt.elapsed
@@ -367,12 +370,12 @@ class InsertionMotion(PegMotion):
 
     @property
     def _reach(self) -> float:
-        """From the middle of the underside to the point that goes first, m."""
+        """Distance from the middle of the underside to the leading point of the rim, m."""
         return float(np.linalg.norm(self._peg.tip))
 
     @property
     def _towards(self) -> Array:
-        """(3,) unit vector along the surface to which the peg leans."""
+        """Unit vector (3,) along the surface, in the direction of the lean."""
         up = self._mouth.up
         along = self._side * (self.turn @ self._peg.lean)
         along = along - up * float(up @ along)

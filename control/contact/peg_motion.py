@@ -1,4 +1,4 @@
-"""Motion of a held peg at a hole: peg and hole, forces at the peg's foot, and the way out again."""
+"""Motions of a held peg at a hole: peg and hole as values, forces at the foot of the peg, extraction."""
 
 from __future__ import annotations
 
@@ -15,52 +15,54 @@ from ..cartesian.compliant_motion import CompliantMotion, ContactState
 from .search_patterns import rotation_about, rotation_axis
 
 Part: TypeAlias = Generator[None, ContactState, ContactState]
-"""A part of a course: sent what is felt in each control period, it ends with the last of it."""
+"""Part of a motion: a generator that receives the contact state of each control period and returns the last
+one."""
 
 LIFTED = 0.008
-"""Of the foot above the surface, where the peg is out of the way, m."""
+"""Height of the foot above the surface where the peg is clear of it, m."""
 TURNING = 0.4
-"""Of the tool when it leans, rad/s."""
+"""Angular speed of the tool when it leans, rad/s."""
 LEAVING = 0.02
-"""Out of the hole, m/s."""
+"""Speed out of the hole, m/s."""
 MOVING = 0.05
-"""Of the tool in the air, m/s."""
+"""Speed of the tool in the air, m/s."""
 SINKING = 0.04
-"""Speed of the peg into the hole at which nothing presses any more, m/s."""
+"""Speed of the peg into the hole at which the pressing force has faded to zero, m/s."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class HeldPeg:
-    """What of a held peg a search has to know. It may really sit a little beside, and lean, in the hand."""
+    """Geometry of a held peg. Its real position and lean in the hand may differ a little."""
 
     foot: Array
-    """(3,) the middle of its underside in the TCP's frame, m."""
+    """Middle (3,) of the underside in the TCP frame, m."""
     lean: Array
-    """(3,) unit vector in the TCP's frame, across the peg: to where it leans."""
+    """Unit vector (3,) across the peg in the TCP frame: the direction of its lean."""
     tip: Array
-    """(3,) from the foot to the point of its rim that goes first then, in the TCP's frame, m."""
+    """Vector (3,) in the TCP frame, m: from the foot to the point of the rim that leads when the peg
+    leans."""
     round: bool
-    """Whether it fits at any turn about its axis."""
+    """Whether the peg fits at every angle about its axis."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BelievedHole:
-    """What is believed of the hole."""
+    """Believed geometry of a hole."""
 
     middle: Array
-    """(3,) of its mouth in the world, m."""
+    """Middle (3,) of the hole's mouth in the world, m."""
     up: Array
-    """(3,) unit vector out of it, in the world."""
+    """Unit vector (3,) out of the hole, in the world."""
     across: float
     """Least width of the opening, m."""
     depth: float
-    """How deep the peg is to go, m."""
+    """Depth to which the peg is inserted, m."""
     slack: float
-    """How far beside the middle it may really be, m."""
+    """Greatest distance of the real middle from the believed one, m."""
 
 
 class PegMotion(CompliantMotion):
-    """Motion of a held peg at a hole: forces act at its foot, and the depth of the foot is measured.
+    """Motion of a held peg at a hole: it exerts forces at the foot and measures the foot's depth.
 
     With the centre of compliance at the foot a peg that rubs over a surface stays upright (Whitney 1982).
     """
@@ -73,21 +75,21 @@ class PegMotion(CompliantMotion):
         self._depths: deque[tuple[float, float]] = deque(maxlen=10)
         self._sinking = 0.0
         self.surface = 0.0
-        """Height of the felt surface over the believed mouth, m."""
+        """Height of the touched surface above the believed mouth, m."""
         self.depth = 0.0
-        """Of the foot below that surface now, m."""
+        """Depth of the foot below the touched surface, m."""
         self.deepest = 0.0
 
     @property
     def up(self) -> Array:
-        """(3,) unit vector out of the hole."""
+        """Unit vector (3,) out of the hole, in the world."""
         return self._mouth.up
 
     def _foot(self, felt: ContactState) -> Array:
         return felt.position + felt.rotation @ self._peg.foot
 
     def _note(self, felt: ContactState) -> float:
-        """The depth of the foot below the surface, kept."""
+        """Update and return the depth of the foot below the surface, m."""
         away = self._foot(felt) - self._mouth.middle
         self.depth = self.surface - float(self._mouth.up @ away)
         self.deepest = max(self.deepest, self.depth)
@@ -97,7 +99,7 @@ class PegMotion(CompliantMotion):
         return self.depth
 
     def _act(self, felt: ContactState, force: Array, aside: Array | None = None) -> None:
-        """Exert a force (3,) at the foot, and pull it by `aside` (3,) m with the spring."""
+        """Exert a force (3,) at the foot, N, and pull the foot by `aside` (3,) m with the spring."""
         lever = felt.rotation @ self._peg.foot
         up = self._mouth.up
         force = force + up * min(0.0, float(up @ force)) * -min(1.0, max(0.0, self._sinking / SINKING))
@@ -107,13 +109,13 @@ class PegMotion(CompliantMotion):
         self.wrench = np.concatenate([force, np.cross(lever, whole)])
 
     def _relax(self, felt: ContactState) -> None:
-        """Nothing is exerted where the tool is."""
+        """Exert no force at the present pose."""
         self.position, self.rotation = felt.position, felt.rotation
         self.velocity, self.wrench = np.zeros(3), np.zeros(6)
         self.spin = np.zeros(3)
 
     def _go(self, felt: ContactState, position: Array, rotation: Array, speed: float = MOVING) -> Part:
-        """The anchor straight to a pose of the TCP."""
+        """Move the anchor straight to a pose of the TCP."""
         start, turn = felt.position, self.rotation
         between = rotation @ turn.T
         angle = math.acos(min(1.0, max(-1.0, (float(np.trace(between)) - 1.0) / 2.0)))
@@ -135,14 +137,14 @@ class PegMotion(CompliantMotion):
         return felt
 
     def _leave(self, felt: ContactState) -> Part:
-        """Out of the hole and above it, upright."""
+        """Move the peg out of the hole and above it, upright."""
         up = self._mouth.up
         rise = up * (max(0.0, self._note(felt)) + LIFTED)
         return (yield from self._go(felt, felt.position + rise, self.turn, speed=LEAVING))
 
 
 class ExtractionMotion(CompliantMotion):
-    """Straight out of a hole, for as long as it is deep, and a bit further."""
+    """Straight motion out of a hole: by the peg's depth and `LIFTED` more."""
 
     def __init__(self, up: Array, depth: float) -> None:
         super().__init__()

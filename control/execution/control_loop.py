@@ -1,4 +1,4 @@
-"""The control loop: sensors → monitor → controller → command, each control period."""
+"""Control loop: sensors → monitor → controller → command, in each control period."""
 
 from __future__ import annotations
 
@@ -26,23 +26,22 @@ from ..wrist.wrist_wrench import WristWrench
 from .control_loop_state import ControlLoopState
 
 REST_SPEED = 0.02
-"""Below this, over all joints, the arm counts as standing, rad/s."""
+"""Speed over all joints below which the arm counts as standing, rad/s."""
 TOOL_CHECK = 4
 """Control periods between two checks of the TCP against the workspace."""
 REST_TIME = 0.1
-"""At rest before they count, s."""
+"""Time at rest before a tare or a load is read, s."""
 CONTACT_RATE = 500
-"""Of physics and control in contact, Hz."""
+"""Rate of physics and control in contact, Hz."""
 FELT = 20.0
-"""Force above which something is touched rather than carried, N."""
+"""Force above which the wrist counts as touched, not only loaded, N."""
 CARRIED_TIME = 0.05
-"""At rest before what the hand carries is known, s."""
+"""Time at rest over which the load of the hand is averaged, s."""
 EFFORTS_EVERY = 0.05
-"""Time between two looks at whether the joints' efforts are explained, s: one costs as much as a control step
-does by itself."""
+"""Time between two checks of the joints' efforts, s. One check costs as much as a control step by itself."""
 BESIDE = 0.01
-"""An arm that stands so far from where it was told to be when its motion ends is held where it is, rad: what
-kept it from there may let go at any time."""
+"""Joint error at the end of a motion above which the arm holds its actual configuration, rad. The obstruction
+may give way at any time."""
 SETTLED = 0.5
 """Standard deviation of the wrist force below which nothing vibrates, N."""
 SETTLE_LIMIT = 1.0
@@ -50,7 +49,7 @@ SETTLE_LIMIT = 1.0
 
 
 class ControlLoop:
-    """Runs one controller at a time and hands out the lease on the arm.
+    """Loop that runs one controller at a time and issues the lease on the arm.
 
     After a lease is acquired or released, and after a safety stop, it brakes by itself, then holds.
     """
@@ -91,19 +90,19 @@ class ControlLoop:
 
     @property
     def now(self) -> float:
-        """Simulated seconds."""
+        """Simulated time, s."""
         return self._clock.now
 
     @property
     def period(self) -> float:
-        """Of control now, s; shorter while in `contact`."""
+        """Length of a control period, s; shorter within `contact`."""
         return self.hardware.period
 
     @contextmanager
     def contact(self, rate: int = CONTACT_RATE) -> Generator[None]:
-        """Meanwhile sensors, control and physics go `rate` times a second: 240, 500, 1000, …
+        """Run sensors, control and physics `rate` times a second inside the context: 240, 500, 1000, …
 
-        It begins and ends between two ticks, while the arm is held: after a halt once it has braked. Raises
+        The rate changes between two ticks, while the arm is held; after a halt once it has braked. Raises
         PicktreeError for a rate that the hardware does not have.
         """
         self._rates.append(rate)
@@ -119,61 +118,62 @@ class ControlLoop:
 
     @property
     def state(self) -> JointState:
-        """What the encoders said last."""
+        """Last encoder reading."""
         return self._state
 
     @property
     def reference(self) -> Array | None:
-        """Configuration (n,) where the servo was told to be when `state` was read; None under torque
-        control."""
+        """Commanded configuration (n,) of the servo when `state` was read, rad. None: torque control."""
         return self._reference
 
     @property
     def controller(self) -> str:
-        """What commands the arm: `Hold`, `Track`, `Brake`, …"""
+        """Name of the active controller: `Hold`, `Track`, `Brake`, …"""
         return self._controller.name
 
     @property
     def tcp(self) -> Pose:
-        """Tool centre point in the world, by the encoders."""
+        """TCP pose in the world, by the encoders."""
         return self.model.tcp(self._state.position)
 
     @property
     def at_rest(self) -> bool:
-        """The arm is held, stands still, and nothing waits to be braked."""
+        """Whether the arm is held, stands still, and no motion waits to be braked."""
         return isinstance(self._controller, HoldController) and self._standing >= 2
 
     @property
     def held_position(self) -> Array:
-        """Configuration (n,) that the servo was told last; at rest it is where the next motion begins."""
+        """Last commanded configuration (n,) of the servo, rad. At rest the next motion begins there."""
         return self._setpoint.position.copy()
 
     def acquire(self, owner: str) -> Lease:
-        """Take the arm over at once, from whoever has it; its motion starts braking."""
+        """Take the arm from the present holder at once, brake its motion, and return the new lease."""
         self._holder = Lease(self, owner)
         self._brake_motion()
         return self._holder
 
     def take_over(self, owner: str, controller: Controller) -> Lease | None:
-        """The lease on a motion that was handed over, without braking it; None: it no longer goes on."""
+        """Return the lease on a motion that was handed over, without braking it. None: the motion has
+        ended."""
         if not self.unattended(controller):
             return None
         self._holder = Lease(self, owner)
         return self._holder
 
     def unattended(self, controller: Controller) -> bool:
-        """Whether `controller` moves the arm while nobody holds the lease."""
+        """Return whether `controller` moves the arm while there is no holder of the lease."""
         return self._holder is None and self._controller is controller
 
     def tare(self, window: float = WINDOW) -> None:
-        """What the hand feels now counts as nothing, for `load` and `wrench_external`."""
+        """Take the present wrist reading as zero for `load` and `wrench_external`."""
         self.wrist.tare(window, self._state.position)
 
     def zero(self) -> bool:
-        """Learn the wrist sensor's bias, the arm being at rest with an empty hand that nothing touches, and
-        tare: the hand carries nothing. False when what is felt cannot be a bias (see `WristWrench.zero`):
-        then the
-        known one goes on."""
+        """Learn the wrist sensor's bias, and tare: the hand carries nothing.
+
+        The arm is at rest, and nothing touches the empty hand. False: the reading cannot be a bias (see
+        `WristWrench.zero`), and the known one stays.
+        """
         state = self._state
         self.wrist.carry(None)
         learnt = self._standing * self.period >= REST_TIME - 1e-9 and self._plausibility.learn_bias(state)
@@ -184,16 +184,20 @@ class ControlLoop:
         return learnt
 
     def load(self, window: float = WINDOW) -> float:
-        """Weight on the hand relative to the tare, N, mean over the last `window` s."""
+        """Return the weight on the hand relative to the tare, N, mean over the last `window` s."""
         return self.wrist.load(window)
 
     def wrench_external(self, window: float = 0.05) -> Wrench:
-        """External wrench on the hand relative to the tare, world axes, about the wrist sensor, mean over
-        the last `window` s. The tool's own weight is not in it; a held object's is, unless it was tared."""
+        """Return the external wrench on the hand relative to the tare, mean over the last `window` s.
+
+        World axes, about the wrist sensor. It lacks the tool's weight, and contains a held object's unless
+        that was tared.
+        """
         return self.wrist.external(window, self._state.position)
 
     def settle(self) -> Generator[None, None, None]:
-        """Yield until the arm rests without vibration and readings at rest fill a tare or a load."""
+        """Yield until the arm rests without vibration and readings at rest fill a tare or a load; at most
+        `SETTLE_LIMIT` s."""
         until = self._clock.now + SETTLE_LIMIT
         while self._clock.now < until:
             quiet = self._standing * self.period >= REST_TIME - 1e-9 and self.wrist.unrest(WINDOW) < SETTLED
@@ -202,7 +206,7 @@ class ControlLoop:
             yield
 
     def step_tick(self, tick: float) -> None:
-        """Let one tick pass, in whole control periods."""
+        """Simulate one tick of `tick` s, in whole control periods."""
         self._keep_pace()
         moving = (
             self._holder is not None
@@ -225,12 +229,12 @@ class ControlLoop:
             self._stopwatch.move(self._stepping, "physics")
 
     def step(self) -> None:
-        """One control period."""
+        """Run one control period."""
         self._state = state = self._arm.read()
         self.wrist.sample()
         force = self.wrist.force
         v = state.velocity
-        # The slow end of a motion does not count: what brakes there is still felt at the wrist.
+        # The slow end of a motion does not count: the wrist still feels the braking.
         still = isinstance(self._controller, HoldController) and float(v @ v) < REST_SPEED * REST_SPEED
         self._standing = self._standing + 1 if still else 0
         if self._standing == round(REST_TIME / self.period):
@@ -264,7 +268,7 @@ class ControlLoop:
         self._stepping += perf_counter() - before
 
     def _look_around(self, state: JointState) -> bool:
-        """What need not be looked at in each period; whether a stop was latched."""
+        """Run the checks that are not needed in each period, and return whether a stop was latched."""
         monitor, wrist, now = self.monitor, self.wrist, self._clock.now
         tool = self.model.tcp(state.position)
         wrist.turned(tool)
@@ -281,7 +285,7 @@ class ControlLoop:
         return stopped
 
     def save(self) -> ControlLoopState:
-        """Only while the arm is held at rest."""
+        """Return the state for a checkpoint. Raises PicktreeError unless the arm is held at rest."""
         if not isinstance(self._controller, HoldController):
             raise PicktreeError("the control loop can only be saved while the arm is held at rest")
         readings, tare = self.wrist.state()
@@ -300,7 +304,7 @@ class ControlLoop:
         )
 
     def restore(self, saved: ControlLoopState) -> None:
-        """Continue from `saved` on hardware that was restored before; every lease is stale afterwards."""
+        """Continue from `saved` on hardware that was restored before. Every earlier lease is stale."""
         self._holder = self._guard = None
         self._rates.clear()
         self._standing, self._periods = saved.standing, saved.periods
@@ -318,14 +322,17 @@ class ControlLoop:
         self.monitor.restore(saved.monitor)
 
     def holds(self, lease: Lease) -> bool:
-        """Whoever asks looks after its motion: it is the sign that the watchdog waits for."""
+        """Return whether `lease` is valid. The call is the sign of attention that the watchdog waits for."""
         holds = self._holder is lease
         self._watchdog.attended = self._watchdog.attended or holds
         return holds
 
     def run(self, controller: Controller, guard: ForceGuard | None) -> None:
-        """For the lease only. Raises Failure(safety.stale_sensor) for a motion by feel while the wrist is
-        silent."""
+        """Start `controller`; only a lease calls this.
+
+        Raises Failure(safety.stale_sensor) for a motion under Cartesian impedance while the wrist sensor is
+        silent.
+        """
         if self.monitor.blind and isinstance(controller, CartesianImpedance):
             raise Failure(
                 safety.STALE_SENSOR,
@@ -342,12 +349,12 @@ class ControlLoop:
         self._begin(controller)
 
     def brake(self) -> None:
-        """For the lease only: its holder gives the arm back."""
+        """Take the lease back and brake; only a lease calls this."""
         self._holder = None
         self._brake_motion()
 
     def leave(self) -> None:
-        """For the lease only: its holder gives the arm back while it moves on."""
+        """Take the lease back while the arm moves on; only a lease calls this."""
         self._holder = None
 
     def _begin(self, controller: Controller) -> None:
@@ -368,8 +375,8 @@ class ControlLoop:
             self._begin(braking)
 
     def _stands_beside(self) -> bool:
-        """Whether the arm stands, but not where the servo was told to be: it would jump there as soon as
-        what keeps it away lets go."""
+        """Whether the arm stands away from the servo's set-point. It would jump there as soon as the
+        obstruction gives way."""
         if not self._servo or float(np.abs(self._setpoint.velocity).max()) > REST_SPEED:
             return False
         state = self._state
@@ -378,13 +385,16 @@ class ControlLoop:
 
     @property
     def _off_its_way(self) -> bool:
-        """Whether the safety stop that was just latched says that the arm is not where it was told to be, or
-        is pushed: then braking on the path would go on with what is wrong."""
+        """Whether the stop just latched is a tracking error, a force or a torque.
+
+        The arm is then off its commanded configuration or is pushed, and braking on the path would prolong
+        that.
+        """
         stop = self.monitor.stopped
         return stop is not None and stop.cause in (control.TRACKING, safety.FORCE_LIMIT, safety.TORQUE_LIMIT)
 
     def _stop_at_once(self) -> None:
-        """After a contact comply with it; else brake as fast as the joints allow, from where they are."""
+        """Comply after a contact; otherwise brake as fast as the joints allow, from the present state."""
         self._guard = None
         self._braking = True
         self._servo = False

@@ -10,10 +10,10 @@ from ..safety.safety_monitor import MonitorState
 
 @dataclass(frozen=True, slots=True)
 class ControlLoopState:
-    """The loop at a quiescent moment, for checkpoints."""
+    """State of the control loop at rest, for checkpoints."""
 
     hold: tuple[float, ...]
-    """Commanded configuration, rad."""
+    """Commanded configuration (n,), rad."""
     readings: tuple[Wrench, ...]
     tare: tuple[float, ...]
     standing: int
@@ -23,8 +23,8 @@ class ControlLoopState:
     stamps: tuple[float, ...] = ()
     """Times of the readings, s; empty in older logs."""
     bias: tuple[float, ...] = ()
-    """Of the wrist sensor as it was learnt, (6,), in the tool's axes; empty when it was not."""
+    """Learnt bias (6,) of the wrist sensor, N and Nm, TCP axes; empty: none was learnt."""
     noisy: bool = False
-    """Whether the wrist sensor is known never to say the same twice."""
+    """Whether the wrist sensor is known to be noisy: it never repeats a reading."""
     doubts_wrist: bool = False
-    """Whether the joints' efforts speak against what the wrist says."""
+    """Whether the joints' efforts contradict the wrist reading."""

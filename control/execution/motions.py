@@ -1,4 +1,5 @@
-"""Motions as generators: each yield is one tick, the return is the arrival, halting brakes."""
+"""Motions of the arm for skills, as generators: each yield is one tick, the return is the arrival, a halt
+brakes."""
 
 from __future__ import annotations
 
@@ -25,11 +26,12 @@ from .soft_motion import JointImpedanceMotion, slowed_trajectory
 from .trajectory_motion import Doing, TrajectoryCheck, TrajectoryMotion
 
 JOG_GUARD = 25.0
-"""Contact force that stops a jog unless the caller says otherwise, N."""
+"""Contact force that stops a jog by default, N."""
 
 
 class ArmMotion(TrajectoryMotion):
-    """What skills move the arm with. One motion at a time: starting one takes the arm from the other."""
+    """Motions of the arm that skills use. One motion at a time: a motion that starts takes the arm from the
+    one before."""
 
     def __init__(
         self,
@@ -41,8 +43,11 @@ class ArmMotion(TrajectoryMotion):
         lookout: Lookout | None = None,
         tick: float = 0.05,
     ) -> None:
-        """`gate`: what trajectories must pass; without one the arm follows whatever begins where it is.
-        `lookout`: what is asked about the way ahead of a jog, each `tick` s."""
+        """`gate`: check that trajectories must pass. None: the arm follows any trajectory that begins at its
+        configuration.
+
+        `lookout`: collision query for the path ahead of a jog, in each `tick` s.
+        """
         super().__init__(loop, model, clock, gate)
         self._jogging = JogMotion(loop, model, lookout, tick)
         self._touching = CompliantMotionRunner(loop, model, clock)
@@ -60,13 +65,15 @@ class ArmMotion(TrajectoryMotion):
         press: float = 0.0,
         stiffness: CartesianStiffness = FIRM,
     ) -> Doing[GuardedMoveResult]:
-        """Straight along `direction` (3,) in the world for `distance` m at `speed` m/s, orientation kept,
-        until more than `force` N act against it. The one way to make contact.
+        """Move the arm straight along `direction` (3,) in the world, orientation kept, until more than
+        `force` N act against it.
 
-        The force is relative to what the hand feels at rest just before, so it works with an object in
-        the hand. While standing at the contact the tool presses with `press` N. It ends, at rest, with
-        safety.workspace or safety.joint_limit where the line leaves the workspace or a joint comes to its
-        limit before there was a contact.
+        It travels at most `distance` m at `speed` m/s. Guarded moves are the one way to make contact.
+
+        The force is relative to the wrist reading at rest just before, so it works with an object in the
+        hand. At the contact the standing tool presses with `press` N. It ends at rest. Raises
+        safety.workspace or safety.joint_limit where the line leaves the workspace or a joint reaches its
+        limit before a contact.
         """
         self._refuse_if_stopped()
         size = float(np.linalg.norm(direction))
@@ -91,12 +98,13 @@ class ArmMotion(TrajectoryMotion):
         stiffness: CartesianStiffness = FIRM,
         zero: Array | None = None,
     ) -> Doing[CompliantMotionResult]:
-        """Let the tool follow a course as a damped spring, for contacts: until the course is finished, or
-        for `limit` s. The arm is held at rest then, where it is.
+        """Move the tool along a compliant motion as a damped spring, until that is finished or for `limit` s.
 
-        `zero` (6,): what the wrist feels without a contact, from an earlier result; measured at rest before
-        the course begins unless given, and then the tool must not touch anything yet. Failures: safety.*
-        (safety.joint_limit where a joint stops the course), control.timeout.
+        The arm is then held at rest where it is.
+
+        `zero` (6,): wrist wrench without a contact, from an earlier result. None: it is measured at rest
+        before the motion begins, and the tool must not touch anything yet. Failures: safety.*
+        (safety.joint_limit where a joint stops the motion), control.timeout.
         """
         self._refuse_if_stopped()
         if not limit > 0.0:
@@ -115,12 +123,14 @@ class ArmMotion(TrajectoryMotion):
         node: str = "",
         leaving: bool = False,
     ) -> Doing[JointImpedanceResult]:
-        """Follow `trajectory` as a soft spring that feels contacts at any part of the arm, and gives way to
-        the first. `carried` (3,): what hangs on the tool, N in the world. The result says how it ended, at
-        rest; a contact is no failure.
+        """Move the arm along `trajectory` under joint impedance, and give way to the first contact at any
+        part of it.
 
-        `leaving`: the way leads out of what the arm is believed to be in, and whoever calls has looked at it;
-        else it passes the gate as in `along`. Failures: those of the gate, control.timeout, safety.*.
+        `carried` (3,): weight on the tool, N in the world. The result says how it ended, at rest; a contact
+        is no failure.
+
+        `leaving`: the path leads out of a believed collision, and the caller has checked it. Otherwise it
+        passes the gate as in `along`. Failures: those of the gate, control.timeout, safety.*.
         """
         self._refuse_if_stopped()
         with self._loop.acquire(node) as lease:
@@ -142,15 +152,21 @@ class ArmMotion(TrajectoryMotion):
             )
 
     def pressed(self, carried: Vector3 = (0.0, 0.0, 0.0)) -> float:
-        """External torques on the arm at rest, wherever they act, but for what hangs on the tool, (3,) N in
-        the world: Euclidean norm over the joints, Nm."""
+        """Return the external torque on the arm at rest, without the load, Euclidean norm over the joints,
+        Nm.
+
+        It shows contacts at any part of the arm. `carried` (3,): weight on the tool, N in the world.
+        """
         return self._soft.pressed(carried)
 
     def give_way(
         self, carried: Vector3 = (0.0, 0.0, 0.0), limit: float = 1.0, *, node: str = ""
     ) -> Doing[float]:
-        """Stop pressing at whatever touches the arm, and drift a little where it pushes, for at most `limit`
-        s. Answers the external torque that is left, Nm. Failures: safety.*, control.timeout."""
+        """Let the arm drift away from whatever presses on it, for at most `limit` s, and return the remaining
+        torque, Nm.
+
+        `carried` (3,): weight on the tool, N in the world. Failures: safety.*, control.timeout.
+        """
         self._refuse_if_stopped()
         with self._loop.acquire(node) as lease:
             yield from self._until_rest(lease)
@@ -165,12 +181,13 @@ class ArmMotion(TrajectoryMotion):
         duration: float = math.inf,
         distance: float = math.inf,
     ) -> Doing[JogResult]:
-        """Move the tool by twists: one that stays, or who is asked for one each tick until he says None.
+        """Move the tool by twists: a constant one, or a callable that returns one each tick until it returns
+        None.
 
-        A twist that stays ends after `duration` s or `distance` m of the TCP, or where something stops it: a
-        contact of more than `guard` N, a joint limit, a singularity, the edge of the workspace, or what it
-        would touch; the result says which. It slows down for all of them, and ends at rest. Failures:
-        safety.*, control.timeout when the skill was not ticked for a while.
+        A constant twist ends after `duration` s or `distance` m of TCP travel, or where something stops it.
+        That is a contact of more than `guard` N, a joint limit, a singularity, the edge of the workspace, or
+        a predicted collision; the result says which. The jog slows down for all of them, and ends at rest.
+        Failures: safety.*, control.timeout when the skill was not ticked for a while.
         """
         self._refuse_if_stopped()
         if not (guard > 0.0 and duration > 0.0 and distance > 0.0):
@@ -187,9 +204,10 @@ class ArmMotion(TrajectoryMotion):
             )
 
     def settle(self) -> Doing[None]:
-        """Yield until vibrations have decayed; gives up waiting after a second."""
+        """Yield until vibrations have decayed; at most one second."""
         return self._loop.settle()
 
     def slowed(self, trajectory: Trajectory, speed: float) -> Trajectory:
-        """The same way, slower where need be: no part of the arm goes faster than `speed` m/s."""
+        """Return the trajectory on the same path, slowed down so that no part of the arm exceeds `speed`
+        m/s."""
         return slowed_trajectory(self._model, trajectory, speed)

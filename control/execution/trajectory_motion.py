@@ -23,7 +23,7 @@ from .control_loop import ControlLoop
 T = TypeVar("T")
 Doing: TypeAlias = Generator[None, None, T]
 Watch: TypeAlias = Callable[[], Failure | None]
-"""Asked each tick while the arm moves; a failure brakes it and is then raised."""
+"""Callable for each tick of a motion. A failure that it returns brakes the arm and is then raised."""
 
 REST_LIMIT = 3.0
 """Longest wait for the arm to come to rest, s."""
@@ -37,7 +37,7 @@ ARRIVAL_LIMIT = 1.0
 
 @dataclass(frozen=True, slots=True)
 class FollowedPath:
-    """A trajectory (see `Trajectory`; a row for each sample), and how much of it was followed, s."""
+    """Trajectory (see `Trajectory`; one row for each sample) and the followed part of it, s."""
 
     times: tuple[float, ...]
     position: tuple[tuple[float, ...], ...]
@@ -48,15 +48,15 @@ class FollowedPath:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class OngoingMotion:
-    """A motion that a skill has handed over while the arm moves: whoever is next may `finish` it."""
+    """Motion that a skill has handed over while the arm moves. The next skill may `finish` it."""
 
     trajectory: Trajectory
     elapsed: float
-    """Seconds of the trajectory that were commanded."""
+    """Commanded part of the trajectory, s."""
     node: str
-    """Who began it."""
+    """Node that began the motion."""
     guard: float | None
-    """The contact force that stops it, N."""
+    """Contact force that stops the motion, N. None: no guard."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -67,14 +67,15 @@ class _HandedOver:
 
 
 class TrajectoryCheck(Protocol):
-    """What every trajectory passes before the arm starts it."""
+    """Check that every trajectory passes before the arm starts it, and during the motion."""
 
     def passes(self, trajectory: Trajectory) -> Generator[None, None, None]:
-        """Return when it may begin; raise a Failure that says why it may not."""
+        """Return when the trajectory may begin. Raises the Failure that says why it may not."""
         ...
 
     def blocked(self, trajectory: Trajectory, done: float) -> Failure | None:
-        """Asked each tick on the way, `done` s of it: why it must not go on."""
+        """Return why the motion must not go on, `done` s into the trajectory. None: it may. Called in each
+        tick."""
         ...
 
 
@@ -94,7 +95,7 @@ class TrajectoryMotion:
 
     @property
     def ongoing(self) -> OngoingMotion | None:
-        """What was handed over and still waits for somebody who finishes it."""
+        """Motion that was handed over and can still be finished. None: there is none."""
         over = self._handed_over
         if over is None or over.track.braking or not self._loop.unattended(over.track):
             return None
@@ -110,14 +111,15 @@ class TrajectoryMotion:
         watch: Watch | None = None,
         hand_over: float | None = None,
     ) -> Doing[None]:
-        """Follow `trajectory` to its end and arrive.
+        """Move the arm along `trajectory` to its end.
 
-        `guard`: a contact force in N that stops the motion with world.disturbed. `watch` is asked each tick;
-        a failure from it brakes, and is raised at rest. With `hand_over` it returns at the first tick at
-        which that many seconds of the trajectory are done, while the arm moves on; `ongoing` says so, and
-        `finish` goes on with it. When nobody does within two ticks, the arm brakes on its path.
+        `guard`: contact force in N that stops the motion with world.disturbed. `watch` is called in each
+        tick; a failure from it brakes the arm, and is raised at rest. With `hand_over` the generator returns
+        at the first tick at which that many seconds of the trajectory are done, while the arm moves on.
+        `ongoing` is then set, and `finish` continues the motion. Unless that happens within two ticks, the
+        arm brakes on its path.
 
-        Other failures: control.tracking when the arm is not where the trajectory starts, control.timeout,
+        Other failures: control.tracking when the arm is not at the start of the trajectory, control.timeout,
         safety.*; those of the gate, before the arm moves.
         """
         self._refuse_if_stopped()
@@ -141,11 +143,11 @@ class TrajectoryMotion:
         watch: Watch | None = None,
         hand_over: float | None = None,
     ) -> Doing[None]:
-        """Take the motion over that another skill handed over, without braking, and follow it to its end.
+        """Take over the motion that another skill handed over, without braking, and follow it to its end.
 
-        `guard` replaces the limit of the contact force that began with the motion, N, if it had one; None
-        keeps it. The rest as in `along`. Where the motion has ended since (see `ongoing`), the failure says
-        by what: world.disturbed, safety.*, or control.timeout when nobody took it over in time.
+        `guard` replaces the force limit that the motion began with, N, if it had one; None keeps it. The
+        other arguments are as in `along`. When the motion has ended before (see `ongoing`), the failure says
+        why: world.disturbed, safety.*, or control.timeout when no skill took it over in time.
         """
         over = self._handed_over
         if over is None:
@@ -205,7 +207,7 @@ class TrajectoryMotion:
                 )
 
     def _ended(self, over: _HandedOver, node: str) -> Doing[None]:
-        """Bring the arm to rest, and say why what was handed over does not go on."""
+        """Bring the arm to rest, and raise why the motion that was handed over has ended."""
         self._handed_over = None
         with self._loop.acquire(node) as lease:
             yield from self._until_rest(lease)
@@ -226,8 +228,8 @@ class TrajectoryMotion:
             yield from self._until_rest(lease)
 
     def way_back(self) -> Trajectory | None:
-        """The last followed trajectory, as far as it was followed, back to its start; None when the arm
-        has been moved otherwise since."""
+        """Return the last followed trajectory back to its start, as far as it was followed. None: the arm has
+        moved otherwise since."""
         if self._last is None:
             return None
         back = reversed_trajectory(self._last.trajectory, self._last.progress)
@@ -236,7 +238,7 @@ class TrajectoryMotion:
         return back
 
     def state(self) -> FollowedPath | None:
-        """What `reversed_trajectory` depends on, for a checkpoint."""
+        """Return the followed path for a checkpoint: the input of `reversed_trajectory`."""
         last = self._last
         if last is None:
             return None

@@ -1,4 +1,4 @@
-"""Silence of the sensors: violation of the safety monitor when a sensor gives no new reading."""
+"""Silence of the sensors: a violation when a sensor gives no new reading."""
 
 from __future__ import annotations
 
@@ -7,11 +7,12 @@ from ...world.protocols import SensorStamps
 from .stop_latch import Latch
 
 JOINTS_SILENT = 0.05
-"""Longest silence of the encoders, s: at full speed the arm goes 0.1 rad meanwhile, unseen."""
+"""Longest silence of the encoders, s. At full speed the arm moves 0.1 rad in that time."""
 WRENCH_SILENT = 0.1
-"""Of the wrist sensor, s: a guarded move goes 3 to 10 mm meanwhile, unfelt."""
+"""Longest silence of the wrist sensor, s. A guarded move travels 3 to 10 mm in that time."""
 GRIPPER_SILENT = 0.5
-"""Of the gripper, s: grippers tell their opening some ten times a second; fingers are slow."""
+"""Longest silence of the gripper, s. Grippers send their opening some ten times a second; fingers are
+slow."""
 
 STALE = safety.STALE_SENSOR.name
 _SENSORS = (
@@ -22,9 +23,11 @@ _SENSORS = (
 
 
 def check_silence(latch: Latch, now: float, stamps: SensorStamps, repeats_since: float | None) -> bool:
-    """Report to `latch` which sensors are silent at `now`, s. False: none is, and the latch is not busy.
+    """Report silent sensors at `now`, s, to the latch. Returns False when none is silent and the latch is not
+    busy.
 
-    `repeats_since`: time since which the noisy wrist sensor repeats its reading exactly, s; None: it varies.
+    `repeats_since`: time since which the noisy wrist sensor repeats its reading exactly, s. None: it does
+    not.
     """
     repeating = repeats_since is not None and now - repeats_since > WRENCH_SILENT
     if (

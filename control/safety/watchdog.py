@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 WATCHDOG = 0.2
-"""So long the arm may move without a sign of whoever commands it, s: four ticks. A jog and a motion that was
-handed over brake by themselves before."""
+"""Longest motion without attention of its holder, s: four ticks. A jog and a motion that was handed over
+brake by themselves before."""
 
 
 class Watchdog:
-    """Timer that a holder of the lease restarts when it looks after its motion."""
+    """Timer of the motion without attention. The holder of the lease restarts it in each tick."""
 
     def __init__(self) -> None:
         self.attended = False
-        """Whether the holder has given a sign since the last tick."""
+        """Whether the holder has attended to its motion since the last tick."""
         self._alone = 0.0
 
     def expired(self, tick: float, moving: bool) -> bool:

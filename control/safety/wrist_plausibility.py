@@ -1,4 +1,4 @@
-"""Plausibility of the wrist sensor: the joints' efforts check its bias, the carried load and contacts."""
+"""Plausibility of the wrist sensor: the joints' efforts check its bias, the payload and contacts."""
 
 from __future__ import annotations
 
@@ -37,9 +37,11 @@ class WristPlausibility:
     def contact(
         self, state: JointState, velocity: Array, period: float, force: Vector3, guard: ForceGuard
     ) -> Vector3:
-        """What may touch the hand, of the force that the wrist feels, N: where that is more than the guard
-        lets pass, without what hand and load exert because they are accelerated. Drives that stand still all
-        at once are no contact."""
+        """Return the contact force on the hand, N: the wrist force without the inertia of hand and payload.
+
+        It is computed only where the wrist force exceeds the guard's limit. Drives that stop abruptly are no
+        contact.
+        """
         if guard.size(force) <= guard.limit or not self._feels_effort:
             return force
         payload = self._wrist.payload
@@ -52,16 +54,18 @@ class WristPlausibility:
         return (x, y, z)
 
     def come_to_rest(self, state: JointState) -> None:
-        """The arm rests since just now."""
+        """Learn the bias when the arm has just come to rest, if there is none or it is in doubt."""
         if not self._wrist.zeroed:
-            # A run begins with an empty hand in the open.
+            # A run begins with an empty hand in free space.
             self._wrist.zero(WINDOW, state.position)
         elif self._monitor.pressed or self.doubts_wrist:
             self.doubts_wrist = not self.learn_bias(state)
 
     def learn_bias(self, state: JointState) -> bool:
-        """As `WristWrench.zero`. What the wrist says against what the joints carry is its bias, however
-        large."""
+        """Learn the bias as `WristWrench.zero`.
+
+        A wrench that the joints do not carry is bias, however large.
+        """
         before = self._wrist.force
         anew = self._wrist.zeroed
         learnt = self._wrist.zero(WINDOW, state.position, partial(self._borne, state))
@@ -75,12 +79,13 @@ class WristPlausibility:
         return learnt
 
     def _borne(self, state: JointState, claimed: Array) -> bool:
-        """Whether the joints, at rest, bear a wrench (6,) that the wrist claims to feel beyond what the hand
-        carries."""
+        """Return whether the joints, at rest, carry the wrench (6,) that the wrist reads beyond the
+        payload."""
         return self._efforts.believes(state, claimed, self._known_load(state))
 
     def check_load(self, state: JointState) -> bool:
-        """At rest; whether a stop was latched. A sensor whose bias has just jumped is heard out first."""
+        """Check the payload at rest, and return whether a stop was latched. A bias that has jumped is learnt
+        first."""
         mass = -self._wrist.force[2] / GRAVITY
         doubtful = self._monitor.overburdened(mass) and self._feels_effort
         if doubtful and (self._wrist.unrest(WINDOW) > QUIET or self.learn_bias(state)):
@@ -89,7 +94,7 @@ class WristPlausibility:
 
     def check_efforts(self, state: JointState, acceleration: Array, elapsed: float) -> bool:
         if self._monitor.blind:
-            # A retreat goes slowly: what accelerates the hand is little beside the limit.
+            # A retreat is slow: the hand's inertial force is small against the limit.
             left = self._without_wrist(state, acceleration)
             return self._monitor.check_efforts(self._monitor.explained(left, elapsed))
         turn = self._model.tcp(state.position).rotation()
@@ -100,17 +105,16 @@ class WristPlausibility:
         return self._monitor.check_efforts(explained)
 
     def _without_wrist(self, state: JointState, acceleration: Array) -> Array:
-        """What is left of the efforts (n,) where nothing but what the hand carries acts on it, Nm."""
+        """Return the unexplained efforts (n,), Nm, if nothing but the payload acts on the hand."""
         return self._efforts.without_wrist(state, acceleration, self._known_load(state))
 
     def _known_load(self, state: JointState) -> Array:
-        """(6,) what the hand is known to carry does to the wrist at rest, world axes."""
+        """Return the wrench (6,) of the known payload on the wrist at rest, world axes."""
         payload, turn = self._wrist.payload, self._model.tcp(state.position).rotation()
         return np.zeros(6) if payload is None else payload.wrench(turn, self._wrist.sensor_in_tool)
 
     def _doubtful(self, state: JointState, acceleration: Array, left: Array) -> bool:
-        """Whether the efforts are explained better if the wrist felt nothing but what the hand carries: then
-        it is the wrist that is wrong."""
+        """Return whether the efforts fit better without the wrist reading: then the wrist sensor is wrong."""
         otherwise = self._without_wrist(state, acceleration)
         limit = self._model.torque_limit
         return float(np.linalg.norm(otherwise / limit)) < EXPLAINED * float(np.linalg.norm(left / limit))
