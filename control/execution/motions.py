@@ -181,8 +181,7 @@ class ArmMotion(TrajectoryMotion):
         duration: float = math.inf,
         distance: float = math.inf,
     ) -> Doing[JogResult]:
-        """Move the tool by twists: a constant one, or a callable that returns one each tick until it returns
-        None.
+        """Move the tool by a constant twist, or by a callable that returns the twist of each tick, or None to end.
 
         A constant twist ends after `duration` s or `distance` m of TCP travel, or where something stops it.
         That is a contact of more than `guard` N, a joint limit, a singularity, the edge of the workspace, or

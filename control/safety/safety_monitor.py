@@ -24,8 +24,8 @@ JOINT_TOLERANCE = 0.01
 SPEED_TOLERANCE = 1.15
 """Greatest speed of a joint, as a share of its speed limit."""
 SMOOTHING = 0.0375
-"""Time constant of the force's mean, s. A rigid contact at 0.1 m/s hits with 500 N for one control period
-even when the arm gives way at once; a lasting force counts."""
+"""Time constant of the force's mean, s. A rigid contact at 0.1 m/s hits with 500 N for one control period,
+even when the arm gives way at once. Only a lasting force counts."""
 OVERLOAD = 0.95
 """Effort from which a joint is overloaded, as a share of its torque limit. Plans take at most 0.7 of it;
 measured over sorts, insertions and pushes: 0.83 for some milliseconds."""
@@ -137,8 +137,8 @@ class SafetyMonitor:
     def acknowledge(self, by: str = "") -> bool:
         """Allow motion again, and return False when that is impossible.
 
-        Only a safe retreat may call this, with its node path `by`: persisting violations are tolerated for its own
-        motions alone.
+        Only a safe retreat may call this, with its node path `by`: persisting violations are tolerated for
+        its own motions alone.
         """
         if self._latch.stands(f"{STALE}/joints"):
             return False
