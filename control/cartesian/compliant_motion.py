@@ -111,7 +111,7 @@ class ContactState:
 
 
 class CompliantMotion:
-    """Motion for `ArmMotion.comply`. Subclasses override `step`, which sets the spring's anchor in each period.
+    """Motion for `ArmMotion.comply`. Subclasses override `step`, which sets the anchor in each period.
 
     `step` may move the anchor's `position` (3,) and `rotation` (3, 3) in the world. It may set their rates:
     `velocity` and `acceleration` (3,), `spin` (3,) rad/s, all zero by default. The tool exerts `wrench`

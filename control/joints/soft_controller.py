@@ -46,11 +46,12 @@ FADING = 0.6
 
 
 class JointImpedanceController(TrajectoryController):
-    """Joint impedance along a trajectory: τ = K (q_d − q) + D (v_d − v) + M a_d + h(q, v) − Jᵀ w.
+    """Joint impedance along a trajectory.
 
-    w is the load's wrench. An exact model leaves no error without a contact. A contact is more than `torque` Nm of external torque
-    (Euclidean norm over the joints), or more than `force` N at the wrist, beyond the usual readings. The arm
-    then gives way, soft and damped about the contact, and is done.
+    τ = K (q_d − q) + D (v_d − v) + M a_d + h(q, v) − Jᵀ w, with the load's wrench w. An exact model leaves no
+    error without a contact. A contact is more than `torque` Nm of external torque, or more than `force` N at
+    the wrist, beyond the usual readings. The torque is the Euclidean norm over the joints. The arm then gives
+    way, soft and damped about the contact, and is done.
     """
 
     name: ClassVar[str] = "SoftTrack"

@@ -37,12 +37,11 @@ TURNS = (0.0, 0.5, -0.5, 1.0, -1.0, 1.57, -1.57, 2.2, -2.2, 3.14)
 
 
 def look_at_hole(world: World, hole_id: ObjectId, node: str) -> Generator[None, None, Pose | None]:
-    """Return the pose of a hole's mouth in the world, as a camera on the hand sees it: z out of the hole, x
-    along a slot.
+    """Return the pose of a hole's mouth in the world, as a camera on the hand sees it.
 
-    None: the mouth is not recognised, or there is no such camera. The arm moves: it holds the camera over the
-    hole so that fingers and held object are out of the way. Failures: those of motions; world.unknown_object
-    when there is no such hole.
+    z points out of the hole, x along a slot. None: the mouth is not recognised, or there is no such camera.
+    The arm moves: it holds the camera over the hole so that fingers and held object are out of the way.
+    Failures: those of motions; world.unknown_object when there is no such hole.
     """
     camera = next((c for c in world.description.cameras if c.on == "hand"), None)
     fixture, hole = find_hole(world.scene, hole_id)

@@ -1,9 +1,9 @@
 """Position-based visual servoing: the camera on the hand corrects the grasp from the pre-grasp pose.
 
 A distant camera has the error of its mounting; the camera on the hand sees the object next to its own
-fingers. So only the pose relative to the tool counts. The belief is corrected to agree with it: for the
-target, for the objects around it in the picture, and, by the same shift, for objects seen in the same earlier
-picture. It is the look-then-move form of visual servoing (Chaumette & Hutchinson, "Visual servo control, part
+fingers. So only the pose relative to the tool counts. The belief is corrected to agree with it, for the
+target and for the objects around it in the picture. Objects seen in the same earlier picture get the same
+shift. It is the look-then-move form of visual servoing (Chaumette & Hutchinson, "Visual servo control, part
 I", 2006).
 
 Association of patches: objects seen through one camera with a mounting error are shifted alike. So every
