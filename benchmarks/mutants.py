@@ -38,8 +38,7 @@ from _mutant_runs import Job, Outcome, Runner
 from _mutant_table import NOTICED, TARGET, Arguments, Kept, Result, entry, table, to_page, to_text
 
 LOOP = (
-    "step", "run", "holds", "_contact", "_come_to_rest", "_look_around", "_check_load", "_check_efforts",
-    "_without_wrist", "_doubtful", "_look_after", "_brake_motion", "_stands_beside", "_off_its_way",
+    "step_tick", "step", "run", "holds", "_look_around", "_brake_motion", "_stands_beside", "_off_its_way",
     "_stop_at_once",
 )  # fmt: skip
 """Methods of the control loop that decide about a stop."""

@@ -1,1 +1,1 @@
-"""picktree."""
+"""Control of the arm: controllers, control loop, safety, wrist sensing, motions in contact."""

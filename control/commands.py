@@ -1,4 +1,4 @@
-"""What a controller may command, and what every controller can do."""
+"""Commands of a controller, and the protocol that every controller implements."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from ..world.values import Array, JointState
 
 @dataclass(frozen=True, slots=True, eq=False)
 class JointCommand:
-    """Where the stiff servo shall be at the end of the period: (n,) rad, (n,) rad/s."""
+    """Set-point of the stiff servo for the end of the period: position (n,) rad and velocity (n,) rad/s."""
 
     position: Array
     velocity: Array
@@ -27,7 +27,7 @@ Command: TypeAlias = JointCommand | TorqueCommand
 
 
 class Controller(Protocol):
-    """Answers each control period with a command. One instance serves one motion."""
+    """Source of commands for one motion: one command for each control period."""
 
     name: ClassVar[str]
     """Name in `/control` records and messages, each controller's own. A renamed class keeps it: logs and the
@@ -35,16 +35,17 @@ class Controller(Protocol):
 
     @property
     def done(self) -> bool:
-        """Nothing is left to do: from now on its last joint command may simply be held."""
+        """Whether the motion has ended. The loop may simply hold the last joint command from then on."""
         ...
 
     def start(self, now: float, state: JointState, setpoint: JointCommand) -> None:
-        """Called once, before the first update. `setpoint`: what the servo was told last; after a torque
-        command, what the encoders say. Starting there starts without a step."""
+        """Prepare the first update; called once. `setpoint`: last command of the servo, or after a torque
+        command the encoder reading. A motion that starts there starts without a step."""
         ...
 
     def update(self, now: float, state: JointState) -> Command: ...
 
     def brake(self) -> Controller:
-        """Who brings this motion to rest: this controller itself or another, which is then started."""
+        """Return the controller that brings this motion to rest: this one, or another that is then
+        started."""
         ...

@@ -1,1 +1,1 @@
-"""What a hand does with an object: how to grasp it, where to put it, whether it is held."""
+"""Manipulation of objects: grasp, carry, place, insert, push, and retreat."""

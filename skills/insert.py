@@ -6,7 +6,8 @@ import math
 from typing import TYPE_CHECKING, Literal
 
 from ..control.cartesian.compliant_motion import CartesianStiffness
-from ..control.contact.hole_search import ExtractionMotion, InsertionMotion, InsertionParameters
+from ..control.contact.hole_search import InsertionMotion, InsertionParameters
+from ..control.contact.peg_motion import ExtractionMotion
 from ..manipulation.carry.hold_check import GripCheck, check_held_object, fail_as_slipped, is_released
 from ..manipulation.grasp.straight_lines import withdraw
 from ..manipulation.insert.insertion import ABOVE, InsertionTask, fit, inserted_pose, mouth, peg, poses_over

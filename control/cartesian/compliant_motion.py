@@ -1,4 +1,5 @@
-"""Where the anchor of a compliant tool goes, decided in each control period by what is felt."""
+"""Compliant motion: reference pose (anchor) of a compliant tool, set in each control period, and its
+stiffness."""
 
 from __future__ import annotations
 
@@ -11,37 +12,43 @@ import numpy as np
 from ...world.values import Array, Pose, Quaternion, Vector3
 
 Frame: TypeAlias = Literal["world", "tool"] | Quaternion
-"""Whose axes are meant: the world's, those of the TCP as it turns, or of a frame turned so in the world."""
+"""Axes of a stiffness: the world's, those of the turning TCP, or of a frame with this orientation in the
+world."""
 LEAST = (200.0, 5.0)
-"""Stiffness whose damping an axis has at least, N/m and Nm/rad."""
+"""Least stiffness for which an axis is damped, N/m and Nm/rad."""
 
 
 @dataclass(frozen=True, slots=True)
 class CartesianStiffness:
-    """Of the spring between the tool and its anchor, N/m and Nm/rad, and share of the critical damping: one
-    number each, or one for each axis of `frame`. An axis without stiffness is moved by the course's wrench
-    alone; one that is softer than `LEAST` is damped as if it had that."""
+    """Stiffness of the spring between tool and anchor, N/m and Nm/rad, and its damping ratio.
+
+    Each is one number, or one for each axis of `frame`. An axis without stiffness follows the motion's wrench
+    alone. An axis softer than `LEAST` is damped as if it had that stiffness.
+    """
 
     linear: float | Vector3 = 1500.0
     angular: float | Vector3 = 40.0
     damping: float | Vector3 = 0.9
-    """Along and about each axis."""
+    """Damping ratio along and about each axis."""
     frame: Frame = "world"
 
     def along(self, direction: Array, rotation: Array) -> float:
-        """Against a shift along a unit vector (3,) of the world, the tool being turned by (3, 3), N/m."""
+        """Return the stiffness against a shift along a unit vector (3,) of the world, N/m.
+
+        `rotation` (3, 3): tool in the world.
+        """
         in_frame = self._axes(rotation).T @ direction
         return float((np.broadcast_to(self.linear, 3) * in_frame) @ in_frame)
 
     def matrix(self, rotation: Array) -> Array:
-        """(6, 6) in the world's axes, the tool being turned by (3, 3)."""
+        """Return the stiffness (6, 6) in world axes; `rotation` (3, 3): tool in the world."""
         return self._blocks(self._six(), rotation)
 
     def damping_matrix(self, inertia: Array, rotation: Array) -> Array:
-        """(6, 6) N·s/m and Nm·s/rad for a tool with `inertia` (6, 6) in the world's axes.
+        """Return the damping (6, 6), N·s/m and Nm·s/rad, of a tool with `inertia` (6, 6), both in world axes.
 
-        By double diagonalisation of stiffness and inertia (Albu-Schäffer et al., "Cartesian impedance control
-        of redundant robots", ICRA 2003); shares that differ scale its axes.
+        Double diagonalisation of stiffness and inertia (Albu-Schäffer et al., "Cartesian impedance control of
+        redundant robots", ICRA 2003). Damping ratios that differ scale its axes.
         """
         stiff = self._blocks(np.maximum(self._six(), np.repeat(LEAST, 3)), rotation)
         lower = np.linalg.cholesky(inertia)
@@ -60,7 +67,7 @@ class CartesianStiffness:
         )
 
     def _blocks(self, six: Array, rotation: Array) -> Array:
-        """A diagonal (6,) in the frame as a matrix in the world's axes."""
+        """Return a diagonal (6,) of the frame as a matrix (6, 6) in world axes."""
         axes, both = self._axes(rotation), np.zeros((6, 6))
         both[:3, :3] = (axes * six[:3]) @ axes.T
         both[3:, 3:] = (axes * six[3:]) @ axes.T
@@ -80,46 +87,49 @@ SOFT = CartesianStiffness(linear=400.0, angular=20.0, damping=1.0)
 
 STANDING_TIME = 0.05
 STANDING = 1.2e-4
-"""Way of the tool in that time, s, below which it stands, m: more than the encoders' noise."""
+"""Time, s, and travel of the tool in it, m, below which the tool stands; the travel exceeds the encoders'
+noise."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ContactState:
-    """What is known of the tool in one control period."""
+    """State of the tool in one control period: time, external wrench, pose."""
 
     elapsed: float
-    """Since the course began, s."""
+    """Time since the motion began, s."""
     period: float
-    """Since it was asked last, s."""
+    """Time since the last step, s."""
     force: Array
-    """(3,) external force on the hand beyond what it felt before it touched anything, mean of the last
-    readings, in the world, N."""
+    """External force (3,) on the hand beyond its reading without contact, N in the world; mean of the last
+    readings."""
     torque: Array
-    """(3,) likewise, about the TCP, Nm."""
+    """External torque (3,) about the TCP, likewise, Nm."""
     position: Array
-    """(3,) of the TCP in the world by the encoders, m."""
+    """Position (3,) of the TCP in the world by the encoders, m."""
     rotation: Array
-    """(3, 3) of the tool in the world."""
+    """Rotation (3, 3) of the tool in the world."""
 
 
 class CompliantMotion:
-    """A course for `ArmMotion.comply`. Write `step`: it may move `position` (3,) and `rotation` (3, 3), where
-    the spring is anchored in the world, say how they move (`velocity` and `acceleration` (3,), `spin` (3,)
-    rad/s, all zero unless said), set `wrench` (6,), which the tool exerts beyond its spring (N and Nm, world
-    axes, about the TCP; with no stiffness along an axis that is force control), and end by `finished`.
+    """Motion for `ArmMotion.comply`. Subclasses override `step`, which sets the anchor in each period.
 
-    `origin` (3,) and `turn` (3, 3) are the tool's pose where the course began.
+    `step` may move the anchor's `position` (3,) and `rotation` (3, 3) in the world. It may set their rates:
+    `velocity` and `acceleration` (3,), `spin` (3,) rad/s, all zero by default. The tool exerts `wrench`
+    (6,) in addition to the spring, N and Nm, world axes, about the TCP. Along an axis without stiffness that
+    is force control. `finished` ends the motion.
+
+    `origin` (3,) and `turn` (3, 3) are the tool's pose where the motion began.
     """
 
     def __init__(self) -> None:
         self.finished = False
-        """The anchor stays where it is."""
+        """Whether the motion has ended; the anchor then stays."""
         self.peak = 0.0
-        """Greatest contact force that was met, N."""
+        """Greatest contact force so far, N."""
         self._recent: deque[tuple[float, float, float, float]] = deque()
 
     def start(self, position: Array, rotation: Array) -> None:
-        """Called once with the tool's pose, so that the motion begins with zero error."""
+        """Take the tool's initial pose, so that the motion begins with zero error. Called once."""
         self.origin, self.turn = position, rotation
         self.position: Array = position.copy()
         self.rotation: Array = rotation.copy()
@@ -129,10 +139,10 @@ class CompliantMotion:
         self.wrench: Array = np.zeros(6)
 
     def step(self, felt: ContactState) -> None:
-        """One control period passes."""
+        """Set the anchor for one control period."""
 
     def advance(self, felt: ContactState) -> None:
-        """For the controller: one control period passes."""
+        """Advance by one control period; called by the controller."""
         self.peak = max(self.peak, float(np.sqrt(felt.force @ felt.force)))
         if self.finished:
             x, y, z = felt.position.tolist()
@@ -144,7 +154,7 @@ class CompliantMotion:
 
     @property
     def standing(self) -> bool:
-        """The course is finished, and the tool has stopped, too."""
+        """Whether the motion is finished and the tool has stopped."""
         recent = self._recent
         if not recent or recent[-1][0] - recent[0][0] < 0.8 * STANDING_TIME:
             return False
@@ -152,13 +162,13 @@ class CompliantMotion:
 
     @property
     def direction(self) -> Array:
-        """Unit vector (3,) along which the anchor moves, or zero: there joints that come to their limits
-        slow it down."""
+        """Unit vector (3,) along which the anchor moves, or zero. Along it, joints near their limits slow the
+        anchor down."""
         return np.zeros(3)
 
     def limit(self, speed: float) -> None:
-        """From now on no faster than `speed` m/s along `direction`: the joints could not follow."""
+        """Limit the speed along `direction` to `speed` m/s: the joints cannot follow a faster anchor."""
 
 
 class HoldPose(CompliantMotion):
-    """The pose at which it began."""
+    """Compliant motion that keeps the initial pose."""

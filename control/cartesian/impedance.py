@@ -17,16 +17,15 @@ from .compliant_motion import FIRM, SOFT, CartesianStiffness, CompliantMotion, C
 from .soft_limits import SoftJointLimits
 
 REFRESH = 0.05
-"""Time between two computations of what depends on the inertia, s."""
+"""Time between two computations of the terms that depend on the inertia, s."""
 JOINT_SPEED = 0.4
 """Share of the joints' speed limits that following the anchor may take."""
 TORQUE_RATE = 1000.0
-"""Nm/s"""
+"""Greatest rate of a joint torque, Nm/s."""
 LIMIT_ROOM = 0.2
-"""The posture keeps so far from the joints' limits, rad, where the task leaves it room."""
+"""Distance that the null-space posture keeps from the joints' limits, rad."""
 BESIDE, TURNED = 0.004, 0.03
-"""Where a joint is at its limit and the tool is so far beside its line or turned away, it goes no further: m,
-rad."""
+"""Offset from the line, m, and rotation, rad, of the tool at which a joint at its limit ends the motion."""
 POSTURE = 25.0
 """Stiffness of the null-space posture over inertia, 1/s²; critically damped."""
 
@@ -38,9 +37,9 @@ COMPLY_TIME = 0.3
 class CartesianImpedance:
     """τ = Jᵀ(K e + D ė + Λ ẍ + f) + N M (posture) + bias(q, v), limited in size and rate.
 
-    K and D: see `CartesianStiffness`; Λ is the tool's inertia. `preload`
-    (6,): a constant wrench f that the hand exerts, such as what carries a held object; world axes, about
-    the TCP. Joints keep their soft limits (`SoftJointLimits`), and the anchor slows down for them.
+    K and D: see `CartesianStiffness`; Λ is the tool's inertia. `preload` (6,): constant wrench f that the
+    hand exerts, for example to carry an object; world axes, about the TCP. Joints keep their soft limits
+    (`SoftJointLimits`), and the anchor slows down for them.
     """
 
     name: ClassVar[str] = "CartesianImpedance"
@@ -55,7 +54,7 @@ class CartesianImpedance:
         torque_rate: float = TORQUE_RATE,
         feeling: TcpWrench | None = None,
     ) -> None:
-        """`feeling`: what the course is told of contacts; without it nothing."""
+        """`feeling`: source of the contact wrench for the motion. None: it is zero."""
         self._model = model
         self._period = period
         self.course = course
@@ -70,7 +69,7 @@ class CartesianImpedance:
         self._age = 0.0
         self._bounds = SoftJointLimits(model)
         self.blocked_by = ""
-        """The joint whose limit has stopped the anchor."""
+        """Name of the joint whose limit has stopped the anchor; empty: none."""
         self.done = False
 
     def start(self, now: float, state: JointState, setpoint: JointCommand) -> None:
@@ -127,13 +126,13 @@ class CartesianImpedance:
         return ContactState(self._elapsed, self._period, force, torque, position.copy(), rotation.copy())
 
     def _strayed(self) -> bool:
-        """Whether the tool is beside the line of its anchor, or turned: contacts push it along the line."""
+        """Return whether contacts have pushed the tool off the line of its anchor, or turned it."""
         direction, off = self.course.direction, self._error[:3]
         beside = off - direction * float(direction @ off)
         return float(beside @ beside) > BESIDE**2 or float(self._error[3:] @ self._error[3:]) > TURNED**2
 
     def _refresh(self, q: Array, jacobian: Array, rotation: Array) -> None:
-        """Spring, damping and null-space projector at q, the tool being turned by (3, 3)."""
+        """Update spring, damping and null-space projector at q (n,); `rotation` (3, 3): tool in the world."""
         self._age = 0.0
         mass = self._model.mass_matrix(q)
         by_mass = np.linalg.solve(mass, jacobian.T)
@@ -150,9 +149,9 @@ class CartesianImpedance:
 
 
 class ContactReflex(CartesianImpedance):
-    """The reflex to a contact: soft and damped about the pose where it was felt, for a moment.
+    """Reflex to a contact: soft and damped about the pose of the contact, for `COMPLY_TIME`.
 
-    The stiff servo would go on pressing (165 N at 0.5 mm) while it brakes.
+    The stiff servo would keep pressing while it brakes: 165 N at 0.5 mm.
     """
 
     name: ClassVar[str] = "Comply"

@@ -1,4 +1,4 @@
-"""Soft limits where no plan has seen to them: joints under torque control, the tool on a straight line."""
+"""Soft limits for motions without a plan: joints under torque control, the tool on a straight line."""
 
 from __future__ import annotations
 
@@ -12,40 +12,40 @@ from ...robots.model import RobotModel
 from ...world.values import Array, Bounds, Vector3
 
 ROOM = 0.005
-"""A joint under torque control stops so far before its soft limit, rad."""
+"""Distance to its soft limit at which a joint under torque control stops, rad."""
 BRAKING = 0.5
-"""Share of the acceleration limit that stopping before a limit counts on: gravity and contact take some."""
+"""Share of the acceleration limit that is available to stop before a limit. Gravity and contact take some."""
 CALM = 0.7
-"""Share of the speed from which it can stop up to which a joint is left alone."""
+"""Share of the fastest stoppable speed up to which a joint is left alone."""
 RESPONSE = 0.02
-"""Time in which a joint that is faster than it may be is brought back to that, s."""
+"""Time in which a joint that exceeds its speed is slowed down, s."""
 RETURN = 0.1
-"""Time in which a joint that is beyond its limit comes back, s."""
+"""Time in which a joint beyond its limit comes back, s."""
 APPROACH = 0.25
-"""A target drives a joint towards its limit no faster than the room that is left in this time, s."""
+"""Least time in which a target may use up a joint's distance to its limit, s."""
 STUCK = 1e-3
 """Speed of a target below which a joint at its limit has ended the motion, m/s."""
 STRAY = 0.05
-"""Greatest deviation of a motion that does without a joint, as a share of its speed (rad/s count as m/s)."""
+"""Greatest deviation of a motion without one joint, as a share of its speed; rad/s count as m/s."""
 INSIDE = 0.002
-"""A straight line ends so far before the edge of the workspace, m."""
+"""Distance to the edge of the workspace at which a straight line ends, m."""
 
 
 @dataclass(frozen=True, slots=True)
 class CartesianSpeedLimit:
-    """How fast the target of a Cartesian motion may go, m/s, and the joint at its limit that ends it."""
+    """Speed limit of a Cartesian target, m/s, and the joint whose limit ends the motion; empty: none."""
 
     most: float
     blocked_by: str
 
 
 class SoftJointLimits:
-    """Keeps joints under torque control within their soft limits and speeds.
+    """Limiter that keeps joints under torque control within their soft limits and speeds.
 
-    A joint may be as fast towards its limit as it can stop before it, v² = 2 a r; the acceleration that a
-    torque would cause is cut where it breaks that, and nothing else is changed. After Prete, "Joint position
-    and velocity bounds in discrete-time acceleration/torque control of robot manipulators", IEEE Robotics
-    and Automation Letters 3 (2018).
+    A joint may move towards its limit as fast as it can stop before it: v² = 2 a r. An acceleration that
+    breaks this is cut; nothing else changes. After Prete, "Joint position and velocity bounds in
+    discrete-time acceleration/torque control of robot manipulators", IEEE Robotics and Automation Letters 3
+    (2018).
     """
 
     def __init__(self, model: RobotModel) -> None:
@@ -57,9 +57,9 @@ class SoftJointLimits:
         self._slow: Array = CALM * model.velocity_limit
 
     def held(self, q: Array, v: Array, torque: Array) -> Array:
-        """The torques (n,) that keep the limits, as near as can be to those that are wanted, Nm."""
+        """Return the torques (n,) that keep the limits and are closest to the wanted ones, Nm."""
         room = np.minimum(self._upper - q, q - self._lower)
-        # What is far from its limits, whichever way it moves, needs no more than this.
+        # Joints far from their limits pass this quick test, whichever way they move.
         if bool(((v * v < self._calm * room) & (np.abs(v) < self._slow)).all()):
             return torque
         up, down = self._fastest(self._upper - q), self._fastest(q - self._lower)
@@ -79,12 +79,14 @@ class SoftJointLimits:
     def target_speed(
         self, q: Array, mass: Array, jacobian: Array, direction: Array, share: float
     ) -> CartesianSpeedLimit:
-        """How fast a target may go along a unit vector (3,), the tool being pulled after it against the
-        inertia `mass` (n, n); `share` of the joints' speed limits is never exceeded.
+        """Return the speed limit of a target along a unit vector (3,) for a tool with joint-space inertia
+        `mass` (n, n).
 
-        A joint that comes to its limit stays there, and the motion counts on the others, as far as they can
-        do without it. After Flacco, De Luca and Khatib, "Control of redundant robots under hard joint
-        constraints: saturation in the null space", IEEE Transactions on Robotics 31 (2015).
+        `share` of the joints' speed limits is never exceeded.
+
+        A joint that reaches its limit stays there, and the motion continues with the others as far as they
+        suffice. After Flacco, De Luca and Khatib, "Control of redundant robots under hard joint constraints:
+        saturation in the null space", IEEE Transactions on Robotics 31 (2015).
         """
         free = np.ones(self._model.n, dtype=np.bool_)
         fastest = share * self._model.velocity_limit
@@ -106,19 +108,21 @@ class SoftJointLimits:
         return CartesianSpeedLimit(best, self._model.description.joints[held] if blocked else "")
 
     def at_limit(self, q: Array) -> str:
-        """The joint that stands at its limit; empty when none does."""
+        """Return the name of the joint that stands at its limit; empty: none does."""
         room = np.minimum(self._upper - q, q - self._lower)
         k = int(room.argmin())
         return self._model.description.joints[k] if float(room[k]) < ROOM else ""
 
     def _fastest(self, room: Array) -> Array:
-        """Speed (n,) towards a limit from which each joint can stop before it; beyond it: back, rad/s."""
+        """Return the speed (n,) towards a limit from which each joint can stop before it, rad/s. Beyond the
+        limit: backwards."""
         inside = np.sqrt(2.0 * self._deceleration * np.maximum(room, 0.0))
         return np.where(room > 0.0, np.minimum(inside, self._model.velocity_limit), room / RETURN)
 
 
 def _rates(mass: Array, jacobian: Array, direction: Array, free: NDArray[np.bool_]) -> Array:
-    """Joint speeds (n,), rad/s, when the free joints alone move the tool along (3,) at 1 m/s, unturned."""
+    """Return joint speeds (n,), rad/s, when only the free joints move the tool along (3,) at 1 m/s without
+    rotation."""
     some = jacobian[:, free]
     by_mass: Array = np.asarray(np.linalg.solve(mass[np.ix_(free, free)], some.T), np.float64)
     inertia = np.linalg.inv(some @ by_mass + 1e-6 * np.eye(6))
@@ -128,9 +132,9 @@ def _rates(mass: Array, jacobian: Array, direction: Array, free: NDArray[np.bool
 
 
 def distance_to_workspace_edge(workspace: Bounds, tool: Vector3, direction: Array) -> float:
-    """How far the tool may go from a point along a unit vector (3,) until it leaves the workspace, m.
+    """Return the distance from a point along a unit vector (3,) to the edge of the workspace, m.
 
-    A side beyond which it already is counts only for going further out: then the answer is 0.
+    A side that the point is already beyond counts only for motion further out: the result is then 0.
     """
     way = math.inf
     for low, at, high, along in zip(workspace.min, tool, workspace.max, direction.tolist(), strict=True):

@@ -1,4 +1,4 @@
-"""A Cartesian velocity command, as a value."""
+"""Cartesian velocity command."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from ...world.values import Vector3
 Frame: TypeAlias = Literal["world", "tool"]
 
 FASTEST, FASTEST_TURN = 0.5, 2.0
-"""Of a commanded twist: the look ahead of a jog sees as far as it brakes from there, m/s and rad/s."""
+"""Greatest commanded twist, m/s and rad/s. The look-ahead of a jog covers braking from these speeds."""
 
 
 @dataclass(frozen=True, slots=True)
 class Twist:
-    """How the tool shall move, m/s and rad/s about the TCP, in the world's axes or the tool's own."""
+    """Velocity of the tool, m/s and rad/s about the TCP, in world axes or the tool's own."""
 
     linear: Vector3 = (0.0, 0.0, 0.0)
     angular: Vector3 = (0.0, 0.0, 0.0)
@@ -24,12 +24,12 @@ class Twist:
 
     @property
     def speed(self) -> float:
-        """Of the TCP, m/s."""
+        """Speed of the TCP, m/s."""
         return math.hypot(*self.linear)
 
     @property
     def size(self) -> float:
-        """0 when nothing is to move: m/s, or rad/s where it only turns."""
+        """Size of the twist: m/s, or rad/s when it only turns; 0: no motion."""
         return max(self.speed, math.hypot(*self.angular))
 
     def scaled(self, share: float) -> Twist:

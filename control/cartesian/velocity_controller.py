@@ -1,9 +1,10 @@
-"""Cartesian velocity commands on the stiff joint servo: twists in, joint set-points out.
+"""Cartesian velocity control on the stiff joint servo: twists in, joint set-points out.
 
-What it does is what MoveIt Servo (`moveit_servo` of MoveIt 2) does: damped inverse kinematics, slowing down
-towards singularities, joint limits, the edge of the workspace and what is in the way, a stop when commands
-stay away. Damping: Nakamura and Hanafusa, "Inverse kinematic solutions with singularity robustness for robot
-manipulator control", Journal of Dynamic Systems, Measurement, and Control 108 (1986).
+The same functions as MoveIt Servo (`moveit_servo` of MoveIt 2). Damped inverse kinematics; slowing down near
+singularities, joint limits, the edge of the workspace and obstacles; a stop when commands stay away.
+
+Damping: Nakamura and Hanafusa, "Inverse kinematic solutions with singularity robustness for robot manipulator
+control", Journal of Dynamic Systems, Measurement, and Control 108 (1986).
 """
 
 from __future__ import annotations
@@ -22,31 +23,30 @@ from .soft_limits import ROOM, distance_to_workspace_edge
 from .twist import Twist
 
 GAIN, LOSS = (1.0, 4.0), (2.0, 8.0)
-"""How fast a twist may grow, and how fast it may shrink: m/s² and rad/s²."""
+"""Greatest growth and greatest decrease of a twist, each m/s² and rad/s²."""
 JOINT_SPEED = 0.8
-"""Share of the joints' speed limits."""
+"""Greatest joint speeds, as a share of their limits."""
 STOPPING = 0.5
-"""Share of the joints' acceleration limits that stopping before a limit counts on."""
+"""Share of the joints' acceleration limits that is available to stop before a limit."""
 APPROACH = 0.25
-"""A joint goes towards its limit no faster than the room that is left in this time, s; so does the tool
-towards the edge of the workspace."""
+"""Least time in which a joint uses up the distance to its limit, and the tool that to the workspace's edge,
+s."""
 SLOW, STOP = 0.08, 0.02
-"""Smallest singular values of the Jacobian (m and rad mixed): from the first on it goes slower, and at the
-second it stops."""
+"""Smallest singular values of the Jacobian (m and rad mixed) below which a jog slows down, and stops."""
 DAMPED, DAMPING = 0.05, 0.04
-"""Smallest singular value from which the inverse is damped, and its greatest damping."""
+"""Smallest singular value below which the inverse is damped, and its greatest damping."""
 NUDGE = 0.02
-"""How far ahead it is asked whether a motion leads towards a singularity, rad."""
+"""Joint travel of the look-ahead to a singularity, rad."""
 AHEAD_STEPS = 120
-"""Of the look ahead, at most."""
+"""Maximum number of steps of the look-ahead."""
 COMMAND_TIME = 0.15
-"""After this time without a new command it brakes, s."""
+"""Longest time without a new command before a jog brakes, s."""
 
 
 @dataclass(slots=True, eq=False)
 class JogState:
-    """Where the set-point is: (n,) rad, (n,) rad/s, the twist (6,) in the world that it follows, and the way
-    of the TCP that it may still go, m."""
+    """Set-point of a jog: joints (n,) rad and (n,) rad/s, the followed twist (6,) in the world, remaining TCP
+    travel, m."""
 
     q: Array
     v: Array
@@ -58,7 +58,7 @@ class JogState:
 
 
 class JogSetpointGenerator:
-    """One step of the set-point under a twist. Every limit only makes it slower: its direction is kept."""
+    """Generator of the jog's set-points. Every limit only slows the twist down and keeps its direction."""
 
     def __init__(self, model: RobotModel, workspace: Bounds) -> None:
         self._model = model
@@ -67,13 +67,13 @@ class JogSetpointGenerator:
         self._lower: Array = model.lower + ROOM
         self._upper: Array = model.upper - ROOM
         self.held_by = ""
-        """What made the last step slower than it was told: `joint_limit panda_joint1`, `singularity`,
-        `workspace`, or nothing."""
+        """Reason why the last step was slower than commanded: `joint_limit panda_joint1`, `singularity`,
+        `workspace`, or empty."""
 
     def step(self, state: JogState, wanted: Twist, dt: float) -> None:
         """Move `state` on by `dt` s."""
         q = state.q
-        # Halfway through the step, or the tool would drift off its line.
+        # The Jacobian halfway through the step keeps the tool on its line.
         jacobian, rotation, tool = self._kinematics(q + (0.5 * dt) * state.v)
         least = _least(jacobian)
         self.held_by = ""
@@ -82,7 +82,8 @@ class JogSetpointGenerator:
             target = np.concatenate([rotation @ target[:3], rotation @ target[3:]])
         speed = float(np.linalg.norm(target[:3]))
         if speed > 0.0 and state.left < math.inf:
-            # Braking before the end counts on a little less than there is: it is done in steps.
+            # The steps brake a little late, so braking before the end counts on less than the remaining
+            # travel.
             target = target * min(1.0, math.sqrt(1.6 * LOSS[0] * max(state.left, 0.0)) / speed)
         target = target * self._singular(q, jacobian, least, target)
         target = target * self._inside(tool, target)
@@ -98,7 +99,7 @@ class JogSetpointGenerator:
         state.v, state.twist = v, twist
 
     def tool_speed(self, state: JogState) -> tuple[float, float]:
-        """Of the set-point: m/s of the TCP, rad/s."""
+        """Return the speed of the set-point's TCP, m/s, and its angular speed, rad/s."""
         twist = self._kinematics(state.q)[0] @ state.v
         return float(np.linalg.norm(twist[:3])), float(np.linalg.norm(twist[3:]))
 
@@ -132,7 +133,7 @@ class JogSetpointGenerator:
         return most / speed
 
     def _share(self, q: Array, v: Array) -> float:
-        """Of the joints' speeds that their limits leave."""
+        """Return the share of the joints' speeds that their limits allow, 0 … 1."""
         room = np.maximum(np.where(v > 0.0, self._upper - q, q - self._lower), 0.0)
         stopping = np.sqrt(2.0 * STOPPING * self._model.acceleration_limit * room)
         near = np.minimum(stopping, room / APPROACH)
@@ -145,19 +146,20 @@ class JogSetpointGenerator:
         return min(1.0, share)
 
     def _span(self, q: Array) -> tuple[Array, Array]:
-        """A joint that begins beyond its limit may stay there, and not go further."""
+        """Return the joint ranges. A joint that begins beyond its limit may stay there, and not go
+        further."""
         return np.minimum(self._model.lower, q), np.maximum(self._model.upper, q)
 
 
 class JogController:
-    """A controller that follows twists as they come, and brakes when they stay away."""
+    """Controller that follows twist commands and brakes when they stay away."""
 
     name: ClassVar[str] = "Jog"
 
     def __init__(
         self, model: RobotModel, period: float, workspace: Bounds, distance: float = math.inf
     ) -> None:
-        """`distance`: way of the TCP after which it stops, m."""
+        """`distance`: TCP travel after which the jog stops, m."""
         self.law = JogSetpointGenerator(model, workspace)
         self.done = False
         self._period = period
@@ -166,7 +168,7 @@ class JogController:
         self._until = -math.inf
         self._braking = False
         self.late = False
-        """No command came in time."""
+        """Whether the jog brakes because no command came in time."""
 
     def start(self, now: float, state: JointState, setpoint: JointCommand) -> None:
         self._now = now
@@ -174,7 +176,7 @@ class JogController:
         self.state = JogState(setpoint.position.copy(), setpoint.velocity.copy(), np.zeros(6), self._distance)
 
     def command(self, wanted: Twist) -> None:
-        """From now on, and for COMMAND_TIME."""
+        """Follow the twist `wanted` for `COMMAND_TIME`."""
         self._wanted = wanted
         self._until = self._now + COMMAND_TIME
 
@@ -194,7 +196,7 @@ class JogController:
         return self
 
     def ahead(self, wanted: Twist, time: float, step: float) -> Array:
-        """Configurations (k, n), one each `step` s, when it follows a twist for `time` s and brakes then."""
+        """Return configurations (k, n), one each `step` s, for `time` s of a twist and braking after it."""
         state = self.state.copy()
         held_by = self.law.held_by
         path = [state.q]
@@ -208,7 +210,7 @@ class JogController:
 
 
 def _ramped(now: Array, target: Array, dt: float) -> Array:
-    """The twist (6,) after dt s on its way from one to another."""
+    """Return the twist (6,) after `dt` s on its way to another."""
     change = target - now
     share = 1.0
     for part, k in ((slice(0, 3), 0), (slice(3, 6), 1)):
@@ -224,7 +226,7 @@ def _least(jacobian: Array) -> float:
 
 
 def _inverse(jacobian: Array, least: float) -> Array:
-    """(n, 6): damped where it would be large."""
+    """Return the inverse (n, 6) of the Jacobian, damped near singularities."""
     damping = 0.0 if least >= DAMPED else (1.0 - (least / DAMPED) ** 2) * DAMPING**2
     square: Array = jacobian @ jacobian.T
     square[np.diag_indices(6)] += damping + 1e-12

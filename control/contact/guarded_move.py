@@ -1,4 +1,4 @@
-"""The course of a guarded move: straight on until something pushes back."""
+"""Guarded move as a compliant motion: a straight line that ends at a given contact force."""
 
 from __future__ import annotations
 
@@ -10,33 +10,33 @@ from ...world.values import Array, Pose
 from ..cartesian.compliant_motion import CompliantMotion, ContactState
 
 ACCELERATION = 0.5
-"""Of the anchor along its line, m/s²."""
+"""Acceleration of the anchor along its line, m/s²."""
 
 
 @dataclass(frozen=True, slots=True)
 class GuardedMoveResult:
-    """How a guarded move ended."""
+    """Result of a guarded move."""
 
     contact: bool
     travelled: float
-    """Along the direction, by the encoders, m."""
+    """Distance travelled along the direction, by the encoders, m."""
     force: float
-    """Contact force against the direction: at the contact, else the greatest that was met, N."""
+    """Contact force against the direction, N: at the contact, else the greatest during the move."""
     pose: Pose
-    """TCP in the world where the arm came to rest."""
+    """TCP pose in the world where the arm came to rest."""
 
 
 class GuardedMove(CompliantMotion):
-    """Moves along a unit vector (3,) until `force` N act against it or the distance is done.
+    """Straight motion along a unit vector (3,) until `force` N act against it or the distance is done.
 
-    At the contact the anchor goes back to where the tool is (plus what makes it press with `press` N), so
-    that nothing remains of the spring's tension.
+    At the contact the anchor moves back to the tool, plus the offset that presses with `press` N. So the
+    spring keeps no other tension.
     """
 
     def __init__(
         self, direction: Array, distance: float, *, force: float, speed: float, press: float, stiffness: float
     ) -> None:
-        """`stiffness`: of the spring along the direction, N/m."""
+        """`stiffness`: stiffness of the spring along the direction, N/m."""
         super().__init__()
         self._direction = direction
         self._distance = distance
@@ -47,7 +47,7 @@ class GuardedMove(CompliantMotion):
         self._way = 0.0
         self.contact = False
         self.pushed = 0.0
-        """Against the direction: at the contact, else the greatest that was met, N."""
+        """Contact force against the direction, N: at the contact, else the greatest so far."""
 
     @property
     def direction(self) -> Array:

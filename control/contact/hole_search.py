@@ -1,14 +1,11 @@
-"""Courses that find a hole by feeling and put a peg into it, from the air above it to its bottom.
+"""Insertion of a held peg into a hole: touch, search by contact, press to the bottom.
 
-One course does all of it, so that what the wrist felt before it touched anything stays the zero. Forces act
-at the foot of the peg, not at the TCP: with its centre of compliance there a peg that rubs over a surface
-stays upright (Whitney 1982).
+One motion does all of it, so that the wrist reading before the first contact stays the zero.
 """
 
 from __future__ import annotations
 
 import math
-from collections import deque
 from collections.abc import Generator
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
@@ -16,161 +13,112 @@ from typing import Literal, TypeAlias
 import numpy as np
 
 from ...world.values import Array
-from ..cartesian.compliant_motion import CompliantMotion, ContactState
+from ..cartesian.compliant_motion import ContactState
+from .peg_motion import LIFTED, BelievedHole, HeldPeg, Part, PegMotion
 from .search_patterns import (
     SettlingDetector,
     grid,
     perpendicular_axes,
     rotated_towards,
     rotation_about,
-    rotation_axis,
     skew,
     spiral,
 )
 
-Part: TypeAlias = Generator[None, ContactState, ContactState]
-"""A part of a course: sent what is felt in each control period, it ends with the last of it."""
 Search: TypeAlias = Literal["tilt", "spiral", "none"]
 Outcome: TypeAlias = Literal["under way", "in", "not found", "jammed", "no bottom"]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class HeldPeg:
-    """What of a held peg a search has to know. It may really sit a little beside, and lean, in the hand."""
-
-    foot: Array
-    """(3,) the middle of its underside in the TCP's frame, m."""
-    lean: Array
-    """(3,) unit vector in the TCP's frame, across the peg: to where it leans."""
-    tip: Array
-    """(3,) from the foot to the point of its rim that goes first then, in the TCP's frame, m."""
-    round: bool
-    """Whether it fits at any turn about its axis."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class BelievedHole:
-    """What is believed of the hole."""
-
-    middle: Array
-    """(3,) of its mouth in the world, m."""
-    up: Array
-    """(3,) unit vector out of it, in the world."""
-    across: float
-    """Least width of the opening, m."""
-    depth: float
-    """How deep the peg is to go, m."""
-    slack: float
-    """How far beside the middle it may really be, m."""
-
-
 @dataclass(frozen=True, slots=True)
 class InsertionParameters:
-    """How firmly and how patiently: N, m, s, rad."""
+    """Forces, lengths, speeds and angles of an insertion: N, m, m/s, rad."""
 
     contact: float = 4.0
-    """Force that tells a contact."""
+    """Force above which the peg touches the surface, N."""
     press: float = 8.0
-    """While searching."""
+    """Force on the surface during the search, N."""
     push: float = 15.0
-    """Into the hole."""
+    """Force into the hole, N."""
     drop: float = 0.003
-    """Depth below the surface at which the hole counts as found."""
+    """Depth below the surface at which the hole counts as found, m."""
     pitch: float = 0.001
-    """Between two turns of the spiral."""
+    """Distance between two turns of the spiral, m."""
     speed: float = 0.012
-    """Along the spiral, m/s."""
+    """Speed along the spiral, m/s."""
     lean: float = math.radians(8.0)
     aside: float = 6.0
-    """Force to the side of a leaning peg, towards the wall of the hole."""
+    """Sideways force of a leaning peg towards the wall of the hole, N."""
     wiggle: float = math.radians(1.2)
     yaw: float = math.radians(3.0)
-    """Turned so far either way, where it fits at some turns about its axis only."""
+    """Amplitude of the rotation about the peg's axis, rad. Only for pegs that do not fit at every angle."""
     pulls: int = 2
-    """How often it is pulled back from a jam to be pressed again."""
+    """Maximum number of pulls back from a jam before the peg counts as jammed."""
     attempts: int = 3
-    """How often the search may begin anew."""
+    """Maximum number of searches."""
 
 
 DESCENT = 0.03
-"""Speed of the way down to the surface, m/s."""
+"""Speed of the descent to the surface, m/s."""
 ROUGH = 0.006
-"""How far off its believed height the surface may be: tilt of the fixture, height in the hand, m."""
-LIFTED = 0.008
-"""Of the foot above the surface, where the peg is out of the way, m."""
-TURNING = 0.4
-"""Of the tool when it leans, rad/s."""
-LEAVING = 0.02
-"""Out of the hole, m/s."""
-MOVING = 0.05
-"""Of the tool in the air, m/s."""
+"""Greatest error of the surface's believed height, m: tilt of the fixture and height of the peg in the
+hand."""
 RISING = 0.2
-"""Of the leaning peg, rad/s."""
+"""Angular speed at which the leaning peg is raised, rad/s."""
 UPRIGHT = math.radians(2.5)
-"""A peg that leans less counts as upright: no more is known of how it is held."""
+"""Lean below which the peg counts as upright, rad. Its angle in the hand is not known more precisely."""
 AROUND = 0.0025
-"""Radius searched where the peg was raised against the wall and has not dropped, m."""
+"""Radius of the spiral when the peg was raised against the wall and has not dropped, m."""
 SLIDING = 0.02
-"""Of the leaning peg to the side, m/s."""
+"""Speed of the leaning peg along the surface, m/s."""
 SLIDING_PRESS = 0.75
-"""Of the force on the surface while searching, pressed meanwhile."""
+"""Force on the surface while the leaning peg slides, as a share of `press`."""
 LEAST_RUBBING = 0.5
-"""A slide that is held back by no more than this at any place tells nothing of walls, N."""
+"""Least resistance that shows a wall, N. A slide with less says nothing about walls."""
 AIMS = 3
-"""How often a leaning peg slides over about the same place, each time beginning from what was felt before."""
+"""Maximum number of slides of a leaning peg around one grid point; each begins at the wall found before."""
 RUBBING = 0.35
-"""Share of the force on the surface that is pushed along a spiral: rubbing takes about as much."""
+"""Force along the spiral, as a share of the force on the surface. Friction takes about as much."""
 FIRMER = 1500.0
-"""Stiffness with which the foot is held on the spiral beyond that of the spring, N/m."""
+"""Stiffness that holds the foot on the spiral, in addition to the spring's, N/m."""
 BLOCKED_TIME, BLOCKED = 0.15, 0.0006
-"""A tool that comes no further than this in that time is blocked, s, m."""
+"""Time, s, and travel, m: a tool that moves less than this in that time is blocked."""
 STALL_TIME, STALL = 0.5, 0.0003
-"""A peg that goes no deeper than this in that time stands, s, m."""
+"""Time, s, and depth, m: a peg that sinks less than this in that time stands."""
 BOTTOM_TIME = 0.12
-"""At the bottom it need not stand longer than this, s: it would only be pressed against the walls."""
+"""Time after which a peg at the bottom stands, s. A longer one would only press it against the walls."""
 SHORT = 0.0025
-"""So much less deep than it should be it may stand at the bottom, m."""
-SINKING = 0.04
-"""Speed of the peg into the hole at which nothing presses any more, m/s."""
+"""Depth that may be missing at the bottom, m."""
 WIGGLES, YAWS = 1.2, 0.8
-"""Turns of the wiggle, and sweeps of the yaw, a second."""
+"""Frequencies of the wiggle and of the yaw sweep, Hz."""
 ALIGNING = 0.4
-"""Time constant with which a peg in its hole may turn as the walls want it, s."""
+"""Time constant with which the walls may turn the peg in its hole, s."""
 ALIGNED = math.radians(2.5)
-"""Greatest turn away from where it began, rad."""
+"""Greatest rotation of the peg away from its initial orientation, rad."""
 
 
-class InsertionMotion(CompliantMotion):
-    """Down from the air above a hole's mouth into it: touch, search, press.
+class InsertionMotion(PegMotion):
+    """Insertion from the air above a hole's mouth: touch, search, press.
 
-    It begins with the peg upright over the believed middle. It ends with the peg at the bottom, at rest in
-    the hand, or out of the hole and above it again; `outcome` says which.
+    It begins with the peg upright over the believed middle. It ends with the peg at rest at the bottom, or
+    out of the hole and above it; `outcome` says which.
     """
 
     def __init__(
         self, peg: HeldPeg, mouth: BelievedHole, touch: InsertionParameters, search: Search, linear: float
     ) -> None:
-        """`linear`: stiffness of the spring that the course is run with, N/m."""
-        super().__init__()
-        self._peg, self._mouth, self._touch = peg, mouth, touch
+        """`linear`: stiffness of the spring that the motion runs with, N/m."""
+        super().__init__(peg, mouth, linear)
+        self._touch = touch
         self._search: Search = search
-        self._linear = linear
         self._steps: Generator[None, ContactState, None] | None = None
-        self._depths: deque[tuple[float, float]] = deque(maxlen=10)
-        self._sinking = 0.0
         self.outcome: Outcome = "under way"
-        self.surface = 0.0
-        """Height of the felt surface over the believed mouth, m."""
-        self.depth = 0.0
-        """Of the foot below that surface now, m."""
-        self.deepest = 0.0
         self.searched = 0.0
-        """How far from the believed middle the foot was while it searched, m."""
+        """Greatest distance of a searched point from the believed middle, m."""
         self.tried: list[str] = []
-        """The ways in which it has searched, the last one that of the end."""
+        """Search methods so far, in order; the last one was in use at the end."""
         self._side = 1.0
         self.pulled = 0
-        """How often it was pulled back from a jam."""
+        """Number of pulls back from a jam."""
 
     def step(self, felt: ContactState) -> None:
         if self._steps is None:
@@ -204,8 +152,8 @@ class InsertionMotion(CompliantMotion):
             yield from self._leave(felt)
 
     def _way(self, number: int) -> str:
-        """How to search next. A spiral after a tilt that has found nothing; one that jams leans the other way
-        next time."""
+        """Return the next search method. A spiral follows a tilt that found nothing; after a jam the peg
+        leans the other way."""
         if self._search == "none":
             return "straight down"
         if self._search == "spiral" or self.outcome == "not found":
@@ -213,7 +161,7 @@ class InsertionMotion(CompliantMotion):
         return "tilt back" if number % 2 else "tilt"
 
     def _by(self, way: str, felt: ContactState) -> Part:
-        """One search; none is needed where the peg is in the hole already."""
+        """Run one search; skip it when the peg is in the hole already."""
         if self.depth >= self._touch.drop:
             return felt
         self._side = -1.0 if way == "tilt back" else 1.0
@@ -224,7 +172,7 @@ class InsertionMotion(CompliantMotion):
         return (yield from self._tilt(felt))
 
     def _again(self, felt: ContactState) -> Part:
-        """Up, over the believed middle, and down until the surface is felt again."""
+        """Lift the peg, move it over the believed middle, and descend until the surface is touched again."""
         up = self._mouth.up
         felt = yield from self._leave(felt)
         away = self._foot(felt) - self._mouth.middle
@@ -232,65 +180,8 @@ class InsertionMotion(CompliantMotion):
         felt = yield from self._go(felt, back, self.turn)
         return (yield from self._descend(felt))
 
-    # What is felt
-
-    def _foot(self, felt: ContactState) -> Array:
-        return felt.position + felt.rotation @ self._peg.foot
-
-    def _note(self, felt: ContactState) -> float:
-        """The depth of the foot below the surface, kept."""
-        away = self._foot(felt) - self._mouth.middle
-        self.depth = self.surface - float(self._mouth.up @ away)
-        self.deepest = max(self.deepest, self.depth)
-        self._depths.append((felt.elapsed, self.depth))
-        (before, then), (now, last) = self._depths[0], self._depths[-1]
-        self._sinking = (last - then) / (now - before) if now > before else 0.0
-        return self.depth
-
-    # What is done
-
-    def _act(self, felt: ContactState, force: Array, aside: Array | None = None) -> None:
-        """Exert a force (3,) at the foot, and pull it by `aside` (3,) m with the spring."""
-        lever = felt.rotation @ self._peg.foot
-        up = self._mouth.up
-        force = force + up * min(0.0, float(up @ force)) * -min(1.0, max(0.0, self._sinking / SINKING))
-        self.velocity = np.zeros(3)
-        self.position = felt.position if aside is None else felt.position + aside
-        whole = force if aside is None else force + self._linear * aside
-        self.wrench = np.concatenate([force, np.cross(lever, whole)])
-
-    def _relax(self, felt: ContactState) -> None:
-        """Nothing is exerted where the tool is."""
-        self.position, self.rotation = felt.position, felt.rotation
-        self.velocity, self.wrench = np.zeros(3), np.zeros(6)
-        self.spin = np.zeros(3)
-
-    def _go(self, felt: ContactState, position: Array, rotation: Array, speed: float = MOVING) -> Part:
-        """The anchor straight to a pose of the TCP."""
-        start, turn = felt.position, self.rotation
-        between = rotation @ turn.T
-        angle = math.acos(min(1.0, max(-1.0, (float(np.trace(between)) - 1.0) / 2.0)))
-        axis = rotation_axis(between)
-        way = position - start
-        time = max(float(np.linalg.norm(way)) / speed, angle / TURNING, 1e-3)
-        begun = felt.elapsed
-        self.wrench = np.zeros(6)
-        while felt.elapsed - begun < time:
-            share = (felt.elapsed - begun) / time
-            smooth = share * share * (3.0 - 2.0 * share)
-            self.position = start + smooth * way
-            rate = 6.0 * share * (1.0 - share) / time
-            self.velocity, self.spin = way * rate, axis * (angle * rate)
-            self.rotation = rotation_about(axis, smooth * angle) @ turn
-            felt = yield
-        self.position, self.rotation = position, rotation
-        self.velocity = self.spin = np.zeros(3)
-        return felt
-
-    # The parts
-
     def _descend(self, felt: ContactState) -> Part:
-        """Straight down until the surface is felt, or the peg is in the hole at once."""
+        """Move straight down until the surface is touched, or the peg is in the hole at once."""
         up, most = self._mouth.up, self._touch.contact
         self.velocity = -DESCENT * up
         while True:
@@ -306,7 +197,7 @@ class InsertionMotion(CompliantMotion):
         return felt
 
     def _straight(self, felt: ContactState) -> Part:
-        """No search: it goes in here or not at all."""
+        """Press straight down without a search, until the peg drops or `STALL_TIME` is over."""
         begun = felt.elapsed
         while felt.elapsed - begun < STALL_TIME:
             self._act(felt, -self._touch.press * self._mouth.up)
@@ -316,7 +207,7 @@ class InsertionMotion(CompliantMotion):
         return felt
 
     def _spiral(self, felt: ContactState, radius: float | None = None) -> Part:
-        """Over the surface along an Archimedean spiral, pressing, until the peg drops."""
+        """Press and follow an Archimedean spiral over the surface until the peg drops."""
         touch, up, upright = self._touch, self._mouth.up, self.turn
         x, y = perpendicular_axes(up)
         begin = self._foot(felt)
@@ -340,7 +231,8 @@ class InsertionMotion(CompliantMotion):
         return felt
 
     def _tilt(self, felt: ContactState) -> Part:
-        """With the peg leaning, its lowest point in the hole first: against the wall, then upright."""
+        """Search with the leaning peg: its lowest point enters the hole, meets the wall, then the peg is
+        raised."""
         x, y = perpendicular_axes(self._mouth.up)
         for a, b in grid(0.7 * self._mouth.across, self._mouth.slack):
             self.searched = max(self.searched, math.hypot(a, b))
@@ -350,7 +242,7 @@ class InsertionMotion(CompliantMotion):
                 felt, blocked, wall = yield from self._against_wall(felt)
                 if blocked or wall is None:
                     break
-                # It has passed a wall that it was beside the middle of: there the hole is.
+                # The peg has slid past the middle of a wall: the hole is there.
                 aim = wall - self._towards * (self._mouth.across / 2)
             else:
                 continue
@@ -364,7 +256,7 @@ class InsertionMotion(CompliantMotion):
         return felt
 
     def _lean(self, felt: ContactState, aim: Array) -> Part:
-        """Up, and down again leaning, the lowest point at `aim` (3,), until it touches."""
+        """Lift the peg, lean it, and descend with its lowest point over `aim` (3,) until it touches."""
         up, touch, tip = self._mouth.up, self._touch, self._tip
         leaning = rotation_about(np.cross(up, self._towards), touch.lean) @ self.turn
         above = aim + up * (self.surface + LIFTED / 2) - leaning @ tip
@@ -382,8 +274,11 @@ class InsertionMotion(CompliantMotion):
     def _against_wall(
         self, felt: ContactState
     ) -> Generator[None, ContactState, tuple[ContactState, bool, Array | None]]:
-        """Push to the side; whether something blocks the way, as the wall of the hole does, and where (3,)
-        the lowest point was when most was felt of one; None: nothing was felt."""
+        """Push the leaning peg sideways until something blocks it, as the wall of the hole does.
+
+        Returns the last state, whether it is blocked, and the place (3,) of the lowest point at the greatest
+        resistance. None: there was no resistance.
+        """
         touch, towards, begin = self._touch, self._towards, felt.position
         stand = SettlingDetector(BLOCKED_TIME, BLOCKED)
         press, most, lead = -SLIDING_PRESS * touch.press * self._mouth.up, touch.aside / self._linear, 0.0
@@ -424,8 +319,8 @@ class InsertionMotion(CompliantMotion):
                 return felt
 
     def _press(self, felt: ContactState) -> Part:
-        """Down to the bottom, wiggling; pulled back a bit and pressed again, more strongly, where it stands
-        before."""
+        """Press the peg to the bottom with a wiggle. Where it stands before, pull it back and press
+        harder."""
         touch, mouth = self._touch, self._mouth
         x, y = perpendicular_axes(mouth.up)
         base, begun = self.rotation, felt.elapsed
@@ -469,45 +364,19 @@ class InsertionMotion(CompliantMotion):
             felt = yield
         return felt
 
-    def _leave(self, felt: ContactState) -> Part:
-        """Out of the hole and above it, upright."""
-        up = self._mouth.up
-        rise = up * (max(0.0, self._note(felt)) + LIFTED)
-        return (yield from self._go(felt, felt.position + rise, self.turn, speed=LEAVING))
-
-    @property
-    def up(self) -> Array:
-        """(3,) unit vector out of the hole."""
-        return self._mouth.up
-
     @property
     def _tip(self) -> Array:
         return self._peg.foot + self._side * self._peg.tip
 
     @property
     def _reach(self) -> float:
-        """From the middle of the underside to the point that goes first, m."""
+        """Distance from the middle of the underside to the leading point of the rim, m."""
         return float(np.linalg.norm(self._peg.tip))
 
     @property
     def _towards(self) -> Array:
-        """(3,) unit vector along the surface to which the peg leans."""
+        """Unit vector (3,) along the surface, in the direction of the lean."""
         up = self._mouth.up
         along = self._side * (self.turn @ self._peg.lean)
         along = along - up * float(up @ along)
         return along / float(np.linalg.norm(along))
-
-
-class ExtractionMotion(CompliantMotion):
-    """Straight out of a hole, for as long as it is deep, and a bit further."""
-
-    def __init__(self, up: Array, depth: float) -> None:
-        super().__init__()
-        self._up, self._way = up, max(0.0, depth) + LIFTED
-        self._done = 0.0
-
-    def step(self, felt: ContactState) -> None:
-        self._done = min(self._way, self._done + LEAVING * felt.period)
-        self.position = self.origin + self._up * self._done
-        self.finished = self._done >= self._way
-        self.velocity = np.zeros(3) if self.finished else LEAVING * self._up

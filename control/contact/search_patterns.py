@@ -1,4 +1,4 @@
-"""Ways over a surface on which something is searched, and when what moves there stands."""
+"""Search patterns over a surface, the rotations that they need, and detection of standstill."""
 
 from __future__ import annotations
 
@@ -12,21 +12,21 @@ from ...world.values import Array
 
 
 def rotation_about(axis: Array, angle: float) -> Array:
-    """Rotation matrix (3, 3) about a unit vector (3,) by an angle, rad (Rodrigues)."""
+    """Return the rotation matrix (3, 3) about a unit vector (3,) by an angle, rad (Rodrigues)."""
     x, y, z = axis.tolist()
     cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
     return np.eye(3) + math.sin(angle) * cross + (1.0 - math.cos(angle)) * (cross @ cross)
 
 
 def perpendicular_axes(up: Array) -> tuple[Array, Array]:
-    """Two unit vectors (3,) that span the plane across `up`."""
+    """Return two unit vectors (3,) that span the plane perpendicular to `up`."""
     x = np.cross(np.array([0.0, 1.0, 0.0]) if abs(up[1]) < 0.9 else np.array([1.0, 0.0, 0.0]), up)
     x = x / float(np.linalg.norm(x))
     return x, np.cross(up, x)
 
 
 def rotation_axis(rotation: Array) -> Array:
-    """Unit axis (3,) of a rotation by less than half a turn; any where there is none."""
+    """Return the unit axis (3,) of a rotation by less than half a turn; z for the identity."""
     r = rotation
     axis = np.array([r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1]])
     size = float(np.linalg.norm(axis))
@@ -34,7 +34,7 @@ def rotation_axis(rotation: Array) -> Array:
 
 
 def rotated_towards(rotation: Array, towards: Array, share: float, about: Array, most: float) -> Array:
-    """`rotation` (3, 3) turned a share of the way to `towards`, no further than `most` rad from `about`."""
+    """Return `rotation` (3, 3) turned by a share of the way to `towards`, at most `most` rad from `about`."""
     between = towards @ rotation.T
     angle = math.asin(min(1.0, float(np.linalg.norm(skew(between)))))
     moved = rotation_about(rotation_axis(between), share * angle) @ rotation
@@ -44,19 +44,20 @@ def rotated_towards(rotation: Array, towards: Array, share: float, about: Array,
 
 
 def skew(r: Array) -> Array:
-    """(3,) the axis of a rotation by less than a quarter turn, as long as the sine of its angle."""
+    """Return the rotation vector (3,) whose length is the sine of the angle; less than a quarter turn."""
     return 0.5 * np.array([r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1]])
 
 
 class SettlingDetector:
-    """Whether something has changed little for a while."""
+    """Detector of standstill: a value that has changed little for a given time."""
 
     def __init__(self, time: float, little: float) -> None:
         self._time, self._little = time, little
         self._recent: deque[tuple[float, float]] = deque()
 
     def since(self, now: float, value: float) -> bool:
-        """`value` at the time `now`, s: whether all values of the last while are this near to each other."""
+        """Add `value` at time `now`, s, and return whether all values of the last `time` s lie within
+        `little`."""
         recent = self._recent
         recent.append((now, value))
         while now - recent[0][0] > self._time:
@@ -68,7 +69,7 @@ class SettlingDetector:
 
 
 def spiral(pitch: float, radius: float, step: float) -> Iterator[tuple[float, float]]:
-    """Points of an Archimedean spiral out to a radius, `step` m apart along it."""
+    """Yield points (x, y) of an Archimedean spiral out to `radius`, m, spaced by `step` m along it."""
     rise, angle = pitch / (2 * math.pi), 0.0
     while rise * angle <= radius:
         r = rise * angle
@@ -77,8 +78,10 @@ def spiral(pitch: float, radius: float, step: float) -> Iterator[tuple[float, fl
 
 
 def grid(spacing: float, radius: float) -> Iterator[tuple[float, float]]:
-    """The middle, then rings around it within the radius, so many that no point of it is further than about
-    0.6 of the spacing from one of them."""
+    """Yield the middle and rings of points around it within the radius, m.
+
+    No point of the disc is further than about 0.6 of the spacing from one of them.
+    """
     yield 0.0, 0.0
     beyond = radius - 0.5 * spacing
     rings = math.ceil(max(0.0, beyond) / spacing)

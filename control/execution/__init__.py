@@ -1,1 +1,1 @@
-"""The control loop, and motions as generators on it."""
+"""Control loop, and the arm's and gripper's motions as generators on it."""

@@ -1,4 +1,4 @@
-"""Making contact: guarded moves and compliant courses, each from rest to rest."""
+"""Guarded moves and compliant motions of the arm, each from rest to rest."""
 
 from __future__ import annotations
 
@@ -26,31 +26,32 @@ T = TypeVar("T")
 Doing: TypeAlias = Generator[None, None, T]
 
 SLOWED = 4.0
-"""How much longer a guarded move may take near a singularity, where it goes slower."""
+"""Longest duration of a guarded move over its nominal one. Near a singularity it goes slower."""
 ZERO_TIME = 0.05
-"""Of readings at rest that count as what is felt without a contact, s."""
+"""Time over which readings at rest are averaged as the wrench without contact, s."""
 CONTACT_TIME = 1.5
-"""Longest wait for the arm to stand after a course, s."""
+"""Longest wait for the arm to stand after a compliant motion, s."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CompliantMotionResult:
-    """How a compliant course ended."""
+    """Result of a compliant motion."""
 
     finished: bool
-    """By itself, and the tool stood then; else its time was over."""
+    """Whether the motion finished by itself and the tool stood; else its time was over."""
     pose: Pose
-    """TCP in the world where the arm came to rest."""
+    """TCP pose in the world where the arm came to rest."""
     force: float
-    """Greatest contact force that was met, N."""
+    """Greatest contact force, N."""
     seconds: float
     zero: Array
-    """(6,) what the wrist felt without a contact, world axes, about the sensor: for a course that begins
-    where this one has left the tool in contact."""
+    """Wrench (6,) without contact, N and Nm, world axes, about the sensor. It is the zero of a motion that
+    begins in contact where this one ended."""
 
 
 class CompliantMotionRunner:
-    """Moves the arm of a loop under Cartesian impedance; who calls holds the lease, and the arm rests."""
+    """Motions of a loop's arm under Cartesian impedance. The caller holds the lease, and the arm is at
+    rest."""
 
     def __init__(self, loop: ControlLoop, model: RobotModel, clock: Clock) -> None:
         self._loop = loop
@@ -68,7 +69,7 @@ class CompliantMotionRunner:
         stiffness: CartesianStiffness,
         check: Callable[[Lease], None],
     ) -> Doing[GuardedMoveResult]:
-        """See `ArmMotion.guarded`; `along` is a unit vector (3,)."""
+        """Move the arm as `ArmMotion.guarded`; `along` is a unit vector (3,)."""
         loop = self._loop
         yield from loop.settle()
         check(lease)
@@ -114,7 +115,7 @@ class CompliantMotionRunner:
         zero: Array | None,
         check: Callable[[Lease], None],
     ) -> Doing[CompliantMotionResult]:
-        """See `ArmMotion.comply`."""
+        """Move the arm as `ArmMotion.comply`."""
         if zero is None:
             yield from self._loop.settle()
             check(lease)
@@ -139,8 +140,11 @@ class CompliantMotionRunner:
         zero: Array | None,
         check: Callable[[Lease], None],
     ) -> Doing[tuple[CartesianImpedance, Array]]:
-        """Until the course is finished and the tool stands, its time is over, or a joint is at its limit;
-        then the arm is held where it is."""
+        """Move the arm until the motion is finished and the tool stands, its time is over, or a joint is at
+        its limit.
+
+        The arm is then held where it is.
+        """
         loop, q = self._loop, self._loop.state.position
         if zero is None:
             zero = loop.wrist.over(ZERO_TIME, q)
@@ -165,7 +169,7 @@ class CompliantMotionRunner:
         return spring, zero
 
     def _carrying(self, felt: Array) -> Array:
-        """Wrench (6,) about the TCP that balances what is felt at the wrist sensor's origin."""
+        """Return the wrench (6,) about the TCP that balances `felt` (6,) at the wrist sensor's origin."""
         q = self._loop.state.position
         lever = np.array(self._model.flange(q).position) - np.array(self._model.tcp(q).position)
         return -np.concatenate([felt[:3], felt[3:] + np.cross(lever, felt[:3])])

@@ -1,11 +1,10 @@
-"""The control loop: sensors → monitor → controller → command, each control period."""
+"""Control loop: sensors → monitor → controller → command, in each control period."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Generator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from time import perf_counter
 
 import numpy as np
@@ -13,71 +12,44 @@ import numpy as np
 from ...errors import PicktreeError
 from ...robots.model import RobotModel
 from ...world.causes import Failure, control, safety
-from ...world.journal import JournalEvent
 from ...world.protocols import Hardware
 from ...world.stopwatch import Stopwatch
-from ...world.values import GRAVITY, Array, JointState, Pose, Vector3, Wrench
+from ...world.values import Array, JointState, Pose, Wrench
 from ..cartesian.impedance import CartesianImpedance, ContactReflex
 from ..commands import Controller, JointCommand
-from ..joints.external_torque import EXPLAINED, EffortCheck
 from ..joints.joint_controllers import BrakeController, HoldController
 from ..safety.motion_lease import ForceGuard, Lease
-from ..safety.safety_monitor import MonitorState, SafetyMonitor
-from ..wrist.wrist_wrench import LARGEST_STEP, QUIET, WristWrench
+from ..safety.safety_monitor import SafetyMonitor
+from ..safety.watchdog import Watchdog
+from ..safety.wrist_plausibility import WINDOW, WristPlausibility
+from ..wrist.wrist_wrench import WristWrench
+from .control_loop_state import ControlLoopState
 
 REST_SPEED = 0.02
-"""Below this, over all joints, the arm counts as standing, rad/s."""
+"""Speed over all joints below which the arm counts as standing, rad/s."""
 TOOL_CHECK = 4
 """Control periods between two checks of the TCP against the workspace."""
-WINDOW = 0.1
-"""Time over which the wrist is read for a tare or a load, s."""
 REST_TIME = 0.1
-"""At rest before they count, s."""
+"""Time at rest before a tare or a load is read, s."""
 CONTACT_RATE = 500
-"""Of physics and control in contact, Hz."""
+"""Rate of physics and control in contact, Hz."""
 FELT = 20.0
-"""Force above which something is touched rather than carried, N."""
+"""Force above which the wrist counts as touched, not only loaded, N."""
 CARRIED_TIME = 0.05
-"""At rest before what the hand carries is known, s."""
+"""Time at rest over which the load of the hand is averaged, s."""
 EFFORTS_EVERY = 0.05
-"""Time between two looks at whether the joints' efforts are explained, s: one costs as much as a control step
-does by itself."""
-WATCHDOG = 0.2
-"""So long the arm may move without a sign of whoever commands it, s: four ticks. A jog and a motion that was
-handed over brake by themselves before."""
+"""Time between two checks of the joints' efforts, s. One check costs as much as a control step by itself."""
 BESIDE = 0.01
-"""An arm that stands so far from where it was told to be when its motion ends is held where it is, rad: what
-kept it from there may let go at any time."""
+"""Joint error at the end of a motion above which the arm holds its actual configuration, rad. The obstruction
+may give way at any time."""
 SETTLED = 0.5
 """Standard deviation of the wrist force below which nothing vibrates, N."""
 SETTLE_LIMIT = 1.0
 """Longest wait for vibrations, s."""
 
 
-@dataclass(frozen=True, slots=True)
-class ControlLoopState:
-    """The loop at a quiescent moment, for checkpoints."""
-
-    hold: tuple[float, ...]
-    """Commanded configuration, rad."""
-    readings: tuple[Wrench, ...]
-    tare: tuple[float, ...]
-    standing: int
-    periods: int
-    carried: tuple[float, ...]
-    monitor: MonitorState
-    stamps: tuple[float, ...] = ()
-    """Times of the readings, s; empty in older logs."""
-    bias: tuple[float, ...] = ()
-    """Of the wrist sensor as it was learnt, (6,), in the tool's axes; empty when it was not."""
-    noisy: bool = False
-    """Whether the wrist sensor is known never to say the same twice."""
-    doubts_wrist: bool = False
-    """Whether the joints' efforts speak against what the wrist says."""
-
-
 class ControlLoop:
-    """Runs one controller at a time and hands out the lease on the arm.
+    """Loop that runs one controller at a time and issues the lease on the arm.
 
     After a lease is acquired or released, and after a safety stop, it brakes by itself, then holds.
     """
@@ -107,12 +79,10 @@ class ControlLoop:
         self._carried = np.zeros(6)
         self._standing = 0
         self._periods = 0
-        self._efforts = EffortCheck(model)
+        self._plausibility = WristPlausibility(model, monitor, self.wrist, feels_effort=hardware.feels_effort)
         self._looked = self._clock.now
-        self._doubts_wrist = False
         self._velocity = self._state.velocity
-        self._attended = False
-        self._alone = 0.0
+        self._watchdog = Watchdog()
         self._braking = False
         self._controller: Controller = HoldController()
         self._begin(self._controller)
@@ -120,19 +90,19 @@ class ControlLoop:
 
     @property
     def now(self) -> float:
-        """Simulated seconds."""
+        """Simulated time, s."""
         return self._clock.now
 
     @property
     def period(self) -> float:
-        """Of control now, s; shorter while in `contact`."""
+        """Length of a control period, s; shorter within `contact`."""
         return self.hardware.period
 
     @contextmanager
     def contact(self, rate: int = CONTACT_RATE) -> Generator[None]:
-        """Meanwhile sensors, control and physics go `rate` times a second: 240, 500, 1000, …
+        """Run sensors, control and physics `rate` times a second inside the context: 240, 500, 1000, …
 
-        It begins and ends between two ticks, while the arm is held: after a halt once it has braked. Raises
+        The rate changes between two ticks, while the arm is held; after a halt once it has braked. Raises
         PicktreeError for a rate that the hardware does not have.
         """
         self._rates.append(rate)
@@ -148,100 +118,86 @@ class ControlLoop:
 
     @property
     def state(self) -> JointState:
-        """What the encoders said last."""
+        """Last encoder reading."""
         return self._state
 
     @property
     def reference(self) -> Array | None:
-        """Configuration (n,) where the servo was told to be when `state` was read; None under torque
-        control."""
+        """Commanded configuration (n,) of the servo when `state` was read, rad. None: torque control."""
         return self._reference
 
     @property
     def controller(self) -> str:
-        """What commands the arm: `Hold`, `Track`, `Brake`, …"""
+        """Name of the active controller: `Hold`, `Track`, `Brake`, …"""
         return self._controller.name
 
     @property
     def tcp(self) -> Pose:
-        """Tool centre point in the world, by the encoders."""
+        """TCP pose in the world, by the encoders."""
         return self.model.tcp(self._state.position)
 
     @property
     def at_rest(self) -> bool:
-        """The arm is held, stands still, and nothing waits to be braked."""
+        """Whether the arm is held, stands still, and no motion waits to be braked."""
         return isinstance(self._controller, HoldController) and self._standing >= 2
 
     @property
     def held_position(self) -> Array:
-        """Configuration (n,) that the servo was told last; at rest it is where the next motion begins."""
+        """Last commanded configuration (n,) of the servo, rad. At rest the next motion begins there."""
         return self._setpoint.position.copy()
 
     def acquire(self, owner: str) -> Lease:
-        """Take the arm over at once, from whoever has it; its motion starts braking."""
+        """Take the arm from the present holder at once, brake its motion, and return the new lease."""
         self._holder = Lease(self, owner)
         self._brake_motion()
         return self._holder
 
     def take_over(self, owner: str, controller: Controller) -> Lease | None:
-        """The lease on a motion that was handed over, without braking it; None: it no longer goes on."""
+        """Return the lease on a motion that was handed over, without braking it. None: the motion has
+        ended."""
         if not self.unattended(controller):
             return None
         self._holder = Lease(self, owner)
         return self._holder
 
     def unattended(self, controller: Controller) -> bool:
-        """Whether `controller` moves the arm while nobody holds the lease."""
+        """Return whether `controller` moves the arm while there is no holder of the lease."""
         return self._holder is None and self._controller is controller
 
     def tare(self, window: float = WINDOW) -> None:
-        """What the hand feels now counts as nothing, for `load` and `wrench_external`."""
+        """Take the present wrist reading as zero for `load` and `wrench_external`."""
         self.wrist.tare(window, self._state.position)
 
     def zero(self) -> bool:
-        """Learn the wrist sensor's bias, the arm being at rest with an empty hand that nothing touches, and
-        tare: the hand carries nothing. False when what is felt cannot be a bias (see `WristWrench.zero`):
-        then the
-        known one goes on."""
+        """Learn the wrist sensor's bias, and tare: the hand carries nothing.
+
+        The arm is at rest, and nothing touches the empty hand. False: the reading cannot be a bias (see
+        `WristWrench.zero`), and the known one stays.
+        """
+        state = self._state
         self.wrist.carry(None)
-        learnt = self._standing * self.period >= REST_TIME - 1e-9 and self._learn_bias()
+        learnt = self._standing * self.period >= REST_TIME - 1e-9 and self._plausibility.learn_bias(state)
         if self.wrist.zeroed:
             self.wrist.untare()
         else:
             self.tare()
         return learnt
 
-    def _learn_bias(self) -> bool:
-        """As `WristWrench.zero`. What the wrist says against what the joints carry is its bias, however
-        large."""
-        before = self.wrist.force
-        state, anew = self._state, self.wrist.zeroed
-        learnt = self.wrist.zero(WINDOW, state.position, self._borne)
-        by = math.dist(before, self.wrist.force)
-        if learnt and anew and by > LARGEST_STEP:
-            self.monitor.forget_efforts()
-            words = (
-                f"the wrist felt {by:.1f} N that no joint carries: its bias has jumped, and is learnt anew"
-            )
-            self.monitor.note(JournalEvent("wrist_bias", words, data={"force": by}))
-        return learnt
-
-    def _borne(self, claimed: Array) -> bool:
-        """Whether the joints, at rest, bear a wrench (6,) that the wrist claims to feel beyond what the hand
-        carries."""
-        return self._efforts.believes(self._state, claimed, self._known_load())
-
     def load(self, window: float = WINDOW) -> float:
-        """Weight on the hand relative to the tare, N, mean over the last `window` s."""
+        """Return the weight on the hand relative to the tare, N, mean over the last `window` s."""
         return self.wrist.load(window)
 
     def wrench_external(self, window: float = 0.05) -> Wrench:
-        """External wrench on the hand relative to the tare, world axes, about the wrist sensor, mean over
-        the last `window` s. The tool's own weight is not in it; a held object's is, unless it was tared."""
+        """Return the external wrench on the hand relative to the tare, mean over the last `window` s.
+
+        World axes, about the wrist sensor. It lacks the tool's weight, and contains a held object's unless
+        that was tared.
+        """
         return self.wrist.external(window, self._state.position)
 
     def settle(self) -> Generator[None, None, None]:
-        """Yield until the arm rests without vibration and readings at rest fill a tare or a load."""
+        """Yield until the arm rests without vibration and readings at rest fill a tare or a load; at most
+        `SETTLE_LIMIT` s."""
         until = self._clock.now + SETTLE_LIMIT
         while self._clock.now < until:
             quiet = self._standing * self.period >= REST_TIME - 1e-9 and self.wrist.unrest(WINDOW) < SETTLED
@@ -250,9 +206,16 @@ class ControlLoop:
             yield
 
     def step_tick(self, tick: float) -> None:
-        """Let one tick pass, in whole control periods."""
+        """Simulate one tick of `tick` s, in whole control periods."""
         self._keep_pace()
-        self._look_after(tick)
+        moving = (
+            self._holder is not None
+            and not self._braking
+            and not isinstance(self._controller, HoldController)
+        )
+        if self._watchdog.expired(tick, moving) and not getattr(self._controller, "late", False):
+            owner = "" if self._holder is None else self._holder.owner
+            self.monitor.unattended(owner, self.controller, self._watchdog.restart())
         periods = round(tick / self.period)
         if abs(periods * self.period - tick) > 1e-6:
             raise PicktreeError(
@@ -266,17 +229,20 @@ class ControlLoop:
             self._stopwatch.move(self._stepping, "physics")
 
     def step(self) -> None:
-        """One control period."""
+        """Run one control period."""
         self._state = state = self._arm.read()
         self.wrist.sample()
         force = self.wrist.force
         v = state.velocity
-        # The slow end of a motion does not count: what brakes there is still felt at the wrist.
+        # The slow end of a motion does not count: the wrist still feels the braking.
         still = isinstance(self._controller, HoldController) and float(v @ v) < REST_SPEED * REST_SPEED
         self._standing = self._standing + 1 if still else 0
         if self._standing == round(REST_TIME / self.period):
-            self._come_to_rest()
-        touched = self._guard is not None and self._guard.touched(self._contact(state, force))
+            self._plausibility.come_to_rest(state)
+        guard, plausible = self._guard, self._plausibility
+        touched = guard is not None and guard.touched(
+            plausible.contact(state, self._velocity, self.period, force, guard)
+        )
         self._reference = self._setpoint.position if self._servo else None
         stopped = self.monitor.check(state, self._reference, force, self.period)
         self._periods += 1
@@ -301,105 +267,25 @@ class ControlLoop:
         self.hardware.step()
         self._stepping += perf_counter() - before
 
-    def _contact(self, state: JointState, force: Vector3) -> Vector3:
-        """What may touch the hand, of the force that the wrist feels, N: where that is more than the guard
-        lets pass, without what hand and load exert because they are accelerated. Drives that stand still all
-        at once are no contact."""
-        if (
-            self._guard is None
-            or self._guard.size(force) <= self._guard.limit
-            or not self.hardware.feels_effort
-        ):
-            return force
-        payload = self.wrist.payload
-        mass = self.model.hand_mass + (0.0 if payload is None else payload.mass)
-        jacobian = self.model.jacobian(state.position)
-        arm = self.model.flange(state.position).rotation() @ np.array(self.model.hand_com)
-        arm += np.array(self.model.flange(state.position).position) - np.array(self.tcp.position)
-        linear, angular = np.split(jacobian @ ((state.velocity - self._velocity) / self.period), 2)
-        x, y, z = (np.array(force) + mass * (linear + np.cross(angular, arm))).tolist()
-        return (x, y, z)
-
-    def _come_to_rest(self) -> None:
-        """The arm rests since just now."""
-        if not self.wrist.zeroed:
-            # A run begins with an empty hand in the open.
-            self.wrist.zero(WINDOW, self._state.position)
-        elif self.monitor.pressed or self._doubts_wrist:
-            self._doubts_wrist = not self._learn_bias()
-
     def _look_around(self, state: JointState) -> bool:
-        """What need not be looked at in each period; whether a stop was latched."""
+        """Run the checks that are not needed in each period, and return whether a stop was latched."""
         monitor, wrist, now = self.monitor, self.wrist, self._clock.now
         tool = self.model.tcp(state.position)
         wrist.turned(tool)
         stopped = monitor.check_tool(tool.position)
         stopped = monitor.check_sensors(now, self.hardware.stamps, wrist.repeats_since) or stopped
         if self._standing * self.period >= REST_TIME:
-            stopped = self._check_load() or stopped
+            stopped = self._plausibility.check_load(state) or stopped
         elapsed = now - self._looked
         if elapsed >= EFFORTS_EVERY - 1e-9:
             self._looked = now
             if self.hardware.feels_effort:
-                stopped = self._check_efforts(state, elapsed) or stopped
+                acceleration = (state.velocity - self._velocity) / self.period
+                stopped = self._plausibility.check_efforts(state, acceleration, elapsed) or stopped
         return stopped
 
-    def _check_load(self) -> bool:
-        """At rest; whether a stop was latched. A sensor whose bias has just jumped is heard out first."""
-        mass = -self.wrist.force[2] / GRAVITY
-        doubtful = self.monitor.overburdened(mass) and self.hardware.feels_effort
-        if doubtful and (self.wrist.unrest(WINDOW) > QUIET or self._learn_bias()):
-            return False
-        return self.monitor.check_load(mass)
-
-    def _check_efforts(self, state: JointState, elapsed: float) -> bool:
-        acceleration = (state.velocity - self._velocity) / self.period
-        if self.monitor.blind:
-            # A retreat goes slowly: what accelerates the hand is little beside the limit.
-            left = self._without_wrist(state, acceleration)
-            return self.monitor.check_efforts(self.monitor.explained(left, elapsed))
-        turn = self.model.tcp(state.position).rotation()
-        left = self._efforts.unexplained(state, acceleration, self.wrist.unbiased(turn))
-        explained = self.monitor.explained(left, elapsed)
-        if not explained and self._doubtful(state, acceleration, left):
-            self._doubts_wrist = explained = True
-        return self.monitor.check_efforts(explained)
-
-    def _without_wrist(self, state: JointState, acceleration: Array) -> Array:
-        """What is left of the efforts (n,) where nothing but what the hand carries acts on it, Nm."""
-        return self._efforts.without_wrist(state, acceleration, self._known_load())
-
-    def _known_load(self) -> Array:
-        """(6,) what the hand is known to carry does to the wrist at rest, world axes."""
-        payload, turn = self.wrist.payload, self.model.tcp(self._state.position).rotation()
-        return np.zeros(6) if payload is None else payload.wrench(turn, self.wrist.sensor_in_tool)
-
-    def _doubtful(self, state: JointState, acceleration: Array, left: Array) -> bool:
-        """Whether the efforts are explained better if the wrist felt nothing but what the hand carries: then
-        it is the wrist that is wrong."""
-        otherwise = self._without_wrist(state, acceleration)
-        limit = self.model.torque_limit
-        return float(np.linalg.norm(otherwise / limit)) < EXPLAINED * float(np.linalg.norm(left / limit))
-
-    def _look_after(self, tick: float) -> None:
-        """Once a tick: has whoever commands the arm given a sign since the last?"""
-        moving = (
-            self._holder is not None
-            and not self._braking
-            and not isinstance(self._controller, HoldController)
-        )
-        self._alone = 0.0 if self._attended or not moving else self._alone + tick
-        self._attended = False
-        if (
-            self._alone > WATCHDOG
-            and self._holder is not None
-            and not getattr(self._controller, "late", False)
-        ):
-            self.monitor.unattended(self._holder.owner, self.controller, self._alone)
-            self._alone = 0.0
-
     def save(self) -> ControlLoopState:
-        """Only while the arm is held at rest."""
+        """Return the state for a checkpoint. Raises PicktreeError unless the arm is held at rest."""
         if not isinstance(self._controller, HoldController):
             raise PicktreeError("the control loop can only be saved while the arm is held at rest")
         readings, tare = self.wrist.state()
@@ -414,11 +300,11 @@ class ControlLoop:
             self.wrist.stamps,
             self.wrist.learnt,
             self.wrist.noisy,
-            self._doubts_wrist,
+            self._plausibility.doubts_wrist,
         )
 
     def restore(self, saved: ControlLoopState) -> None:
-        """Continue from `saved` on hardware that was restored before; every lease is stale afterwards."""
+        """Continue from `saved` on hardware that was restored before. Every earlier lease is stale."""
         self._holder = self._guard = None
         self._rates.clear()
         self._standing, self._periods = saved.standing, saved.periods
@@ -429,21 +315,24 @@ class ControlLoop:
         self._reference = hold
         self._begin(HoldController(hold))
         self.wrist.restore(saved.readings, saved.tare, saved.stamps, saved.bias, self.tcp)
-        self.wrist.noisy, self._doubts_wrist = saved.noisy, saved.doubts_wrist
+        self.wrist.noisy, self._plausibility.doubts_wrist = saved.noisy, saved.doubts_wrist
         self._carried = np.array(saved.carried)
         self._velocity, self._looked = self._state.velocity, self._clock.now
-        self._attended, self._alone = False, 0.0
+        self._watchdog = Watchdog()
         self.monitor.restore(saved.monitor)
 
     def holds(self, lease: Lease) -> bool:
-        """Whoever asks looks after its motion: it is the sign that the watchdog waits for."""
+        """Return whether `lease` is valid. The call is the sign of attention that the watchdog waits for."""
         holds = self._holder is lease
-        self._attended = self._attended or holds
+        self._watchdog.attended = self._watchdog.attended or holds
         return holds
 
     def run(self, controller: Controller, guard: ForceGuard | None) -> None:
-        """For the lease only. Raises Failure(safety.stale_sensor) for a motion by feel while the wrist is
-        silent."""
+        """Start `controller`; only a lease calls this.
+
+        Raises Failure(safety.stale_sensor) for a motion under Cartesian impedance while the wrist sensor is
+        silent.
+        """
         if self.monitor.blind and isinstance(controller, CartesianImpedance):
             raise Failure(
                 safety.STALE_SENSOR,
@@ -452,7 +341,7 @@ class ControlLoop:
             )
         if self._holder is not None and not isinstance(controller, HoldController):
             self.monitor.moves(self._holder.owner)
-        self._braking, self._attended = False, True
+        self._braking, self._watchdog.attended = False, True
         self._guard = guard
         if self._standing * self.period >= CARRIED_TIME - 1e-9 and self._servo:
             weight = -self.wrist.over(CARRIED_TIME, self._state.position)[:3]
@@ -460,12 +349,12 @@ class ControlLoop:
         self._begin(controller)
 
     def brake(self) -> None:
-        """For the lease only: its holder gives the arm back."""
+        """Take the lease back and brake; only a lease calls this."""
         self._holder = None
         self._brake_motion()
 
     def leave(self) -> None:
-        """For the lease only: its holder gives the arm back while it moves on."""
+        """Take the lease back while the arm moves on; only a lease calls this."""
         self._holder = None
 
     def _begin(self, controller: Controller) -> None:
@@ -486,8 +375,8 @@ class ControlLoop:
             self._begin(braking)
 
     def _stands_beside(self) -> bool:
-        """Whether the arm stands, but not where the servo was told to be: it would jump there as soon as
-        what keeps it away lets go."""
+        """Whether the arm stands away from the servo's set-point. It would jump there as soon as the
+        obstruction gives way."""
         if not self._servo or float(np.abs(self._setpoint.velocity).max()) > REST_SPEED:
             return False
         state = self._state
@@ -496,13 +385,16 @@ class ControlLoop:
 
     @property
     def _off_its_way(self) -> bool:
-        """Whether the safety stop that was just latched says that the arm is not where it was told to be, or
-        is pushed: then braking on the path would go on with what is wrong."""
+        """Whether the stop just latched is a tracking error, a force or a torque.
+
+        The arm is then off its commanded configuration or is pushed, and braking on the path would prolong
+        that.
+        """
         stop = self.monitor.stopped
         return stop is not None and stop.cause in (control.TRACKING, safety.FORCE_LIMIT, safety.TORQUE_LIMIT)
 
     def _stop_at_once(self) -> None:
-        """After a contact comply with it; else brake as fast as the joints allow, from where they are."""
+        """Comply after a contact; otherwise brake as fast as the joints allow, from the present state."""
         self._guard = None
         self._braking = True
         self._servo = False

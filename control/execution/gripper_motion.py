@@ -1,4 +1,4 @@
-"""The gripper's motions as generators."""
+"""Motions of the gripper as generators."""
 
 from __future__ import annotations
 
@@ -16,37 +16,37 @@ Doing: TypeAlias = Generator[None, None, T]
 STILL = 3e-4
 """Change of the opening in a tick below which the fingers stand, m."""
 REACHED = 1.5e-3
-"""m"""
+"""Distance to the commanded opening at which it counts as reached, m."""
 BLOCKED = 5e-3
-"""Fingers that stay this far short of an opening are an error, m."""
+"""Distance to the commanded opening from which an incomplete motion is an error, m."""
 OPENING = 20.0
-"""Force a finger with which they open, N: what stands beside them must not be pressed against a wall."""
+"""Opening force of each finger, N. It must not press a neighbour against a wall."""
 LEAST_RELEASE = 0.25
-"""Share of the opening of a release that lets go."""
+"""Least share of a release's opening that lets go of the object."""
 LEAST_FORCE = 0.75
-"""Share of the force that they were told with which fingers that stand must press at least. Measured
-over sorts with hand and linkage: 0.97 and more."""
+"""Least force of standing fingers, as a share of the commanded one. Measured over sorts with hand and
+linkage: 0.97 and more."""
 RISES = 4
-"""Ticks in which the force of fingers that have just come to stand may still rise."""
+"""Ticks in which the force of fingers that have just stopped may still rise."""
 MET = 2e-3
-"""Opening up to which fingers have met: how they press then says nothing, m."""
+"""Opening up to which the fingers touch each other, m. Their force then says nothing about an object."""
 STUCK = 1e-3
-"""Fingers that have moved by no more than this towards an opening that is farther off have not moved, m."""
+"""Travel up to which fingers have not moved, m, when the commanded opening is farther off."""
 OPENS = 0.5
-"""Time beyond what the way takes in which fingers that nothing holds are open, s."""
+"""Time beyond the travel time in which free fingers are open, s."""
 STARTS = 0.3
-"""Time in which they have begun to move, s."""
+"""Time in which free fingers have begun to move, s."""
 SPARE = 1.0
-"""Time beyond what the way takes at the fingers' speed, s."""
+"""Longest wait beyond the travel time at the fingers' speed, s."""
 
 
 class GripperControl:
-    """Opens and closes. A command stays in force when the skill that gave it is halted."""
+    """Control of the gripper: open, close, release. A command stays in force when its skill is halted."""
 
     def __init__(
         self, gripper: Gripper, clock: Clock, description: GripperDescription, opening: float = OPENING
     ) -> None:
-        """`opening`: force a finger with which they open, N."""
+        """`opening`: opening force of each finger, N."""
         self._gripper = gripper
         self._clock = clock
         self._description = description
@@ -55,7 +55,7 @@ class GripperControl:
         self._told = 0.0
         self._opening = min(opening, description.max_force)
         self.bound = description.max_force
-        """Greatest force of `press`, N: what is held bears no more. Until the fingers open."""
+        """Greatest force of `press`, N: the limit of the held object. It is reset when the fingers open."""
 
     @property
     def width(self) -> float:
@@ -64,19 +64,21 @@ class GripperControl:
 
     @property
     def state(self) -> GripperState:
-        """What the gripper measures: opening, its speed, and the force of its drive on each finger."""
+        """Measured opening and its speed, and the drive force on each finger."""
         return self._gripper.read()
 
     @property
     def force(self) -> float:
-        """With which each finger was told to press last, N."""
+        """Last commanded force of each finger, N."""
         return self._force
 
     def start(
         self, width: float | None = None, force: float | None = None, speed: float | None = None
     ) -> None:
-        """Begin to move towards an opening (fully open by default) and do not wait. Each finger moves with
-        at most `speed` m/s."""
+        """Begin to move towards an opening, m, and do not wait. Default: fully open.
+
+        Each finger moves with at most `speed` m/s.
+        """
         most = self._description
         target = most.max_width if width is None else min(max(width, 0.0), most.max_width)
         self._force = self._opening if force is None else min(force, most.max_force)
@@ -85,8 +87,11 @@ class GripperControl:
         self._gripper.command(target, self._force, speed)
 
     def late(self) -> Failure | None:
-        """Asked while the fingers open on the way: whether they should be open by now, or under way, and
-        are not. control.gripper then; for fingers that close nobody knows where they will stand."""
+        """Return Failure(control.gripper) when fingers that open during a motion are overdue to move or to be
+        open.
+
+        None: they are in time, or they close. The final opening of closing fingers is unknown.
+        """
         way, width = self._target - self._from, self.width
         if way <= BLOCKED or width > self._target - BLOCKED:
             return None
@@ -97,8 +102,10 @@ class GripperControl:
         return self._not_open(width, self._target)
 
     def sound(self, begun: float) -> Doing[None]:
-        """Once fingers stand that have closed from an opening of `begun` m: do they do what they were told?
-        Failure(control.gripper) where they have not moved, or press with less."""
+        """Check the fingers that have closed from an opening of `begun` m and now stand.
+
+        Raises Failure(control.gripper) when they have not moved, or press with less than the commanded force.
+        """
         for _ in range(RISES):
             if self._unsound(begun) is None:
                 return
@@ -123,23 +130,24 @@ class GripperControl:
         return Failure(control.GRIPPER, message, **evidence)
 
     def press(self, force: float) -> None:
-        """Go on closing with another force a finger, N: firmer or more gently about what is held, at most
-        `bound`."""
+        """Continue to close with another force of each finger, N, at most `bound`."""
         self.start(0.0, min(force, self.bound))
 
     def open(self, width: float | None = None) -> Doing[None]:
-        """Open to `width` m, by default fully, and not with more force than `bound`. Failure(control.gripper)
-        when something holds the fingers."""
+        """Open to `width` m with at most `bound` N; default: fully. Raises Failure(control.gripper) when
+        something holds the fingers."""
         yield from self._open(self._description.max_width if width is None else width, BLOCKED)
 
     def release(self, by: float) -> Doing[None]:
-        """Let go of what is held: open by `by` m, or as far as what stands beside the fingers leaves them,
-        if that is a quarter of it. Failure(control.gripper) when something holds the fingers."""
+        """Open by `by` m to let go of the held object; neighbours may stop the fingers after a quarter of it.
+
+        Raises Failure(control.gripper) when something holds the fingers.
+        """
         yield from self._open(self.width + by, max(BLOCKED, (1.0 - LEAST_RELEASE) * by))
 
     def _open(self, width: float, short: float) -> Doing[None]:
         target = min(width, self._description.max_width)
-        # A finger that alone pushes at something has the drive of both.
+        # A finger that alone pushes at something exerts the force of both drives.
         force, self.bound = min(self._opening, self.bound / 2), self._description.max_force
         reached = yield from self.move(target, force)
         if reached < target - short:
@@ -155,16 +163,20 @@ class GripperControl:
         )
 
     def close(self, force: float, speed: float | None = None) -> Doing[float]:
-        """Close with `force` N a finger until the fingers stand; answers the opening, m. Failure
-        (control.gripper) when they do not move or press as told."""
+        """Close with `force` N on each finger until the fingers stand, and return the opening, m.
+
+        Raises Failure(control.gripper) when they do not move or press as commanded.
+        """
         begun = self.width
         yield from self.move(0.0, force, speed)
         yield from self.sound(begun)
         return self.width
 
     def move(self, width: float, force: float, speed: float | None = None) -> Doing[float]:
-        """Towards an opening until it is reached or the fingers stand, each moving with at most `speed`
-        m/s; answers the opening, m."""
+        """Move towards an opening until it is reached or the fingers stand, and return the opening, m.
+
+        Each finger moves with at most `speed` m/s.
+        """
         self.start(width, force, speed)
         way = abs(self.width - width)
         limit = self._clock.now + way / (2 * (speed or self._description.speed)) + SPARE

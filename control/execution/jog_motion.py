@@ -1,4 +1,4 @@
-"""A jog from its first command to rest: what a skill waits for."""
+"""Jog of the tool by twist commands, from the first command to rest."""
 
 from __future__ import annotations
 
@@ -18,57 +18,58 @@ from .control_loop import ControlLoop
 
 StoppedBy: TypeAlias = Literal["done", "contact", "collision", "joint_limit", "singularity", "workspace"]
 Lookout: TypeAlias = Callable[[Array], tuple[str, ...]]
-"""What the arm is believed to touch on configurations (k, n) that it goes through; nothing: it is free."""
+"""Collision query of the look-ahead: names of bodies touched on configurations (k, n), rad. Empty: free."""
 
 SHARES = (1.0, 0.7, 0.5, 0.35, 0.2, 0.1, 0.05)
-"""Of the commanded twist, tried until the way to a stop is free."""
+"""Shares of the commanded twist, tried in this order until the path to a stop is free."""
 LOOK_STEP = 1 / 60
-"""Between two configurations of the look ahead, s."""
+"""Time between two configurations of the look-ahead, s."""
 STANDING = 0.02
 """Share of the commanded speed below which a jog stands."""
 STANDING_TICKS = 4
-"""So long it must stand before something counts as having stopped it: it has to get going first."""
+"""Ticks at a standstill before a jog counts as stopped: it needs time to get going."""
 
 
 @dataclass(frozen=True, slots=True)
 class JogFeedback:
-    """What who gives the twists is told before each."""
+    """Feedback to the source of the twists, given before each twist."""
 
     elapsed: float
-    """s"""
+    """Time since the start of the jog, s."""
     tcp: Pose
     travelled: float
-    """Way of the TCP so far, m."""
+    """Path length of the TCP so far, m."""
     force: float
-    """External force on the hand beyond what was felt at the start, N."""
+    """External force on the hand beyond the reading at the start, N."""
     share: float
-    """Of the last twist that is followed."""
+    """Share of the last twist that the arm follows, 0 … 1."""
     held_by: str
-    """What makes it slower: `collision NAME`, `joint_limit NAME`, `singularity`, `workspace`, or nothing."""
+    """Reason for a slower motion: `collision NAME`, `joint_limit NAME`, `singularity`, `workspace`, or
+    empty."""
 
 
 Twists: TypeAlias = "Twist | Callable[[JogFeedback], Twist | None]"
-"""A twist that stays, or who is asked for one each tick; None ends the jog."""
+"""One constant twist, or a callable that returns the twist of each tick. None ends the jog."""
 
 
 @dataclass(frozen=True, slots=True)
 class JogResult:
-    """How a jog ended, at rest."""
+    """Result of a jog, at rest."""
 
     stopped_by: StoppedBy
     detail: str
-    """The bodies, or the joint, that stopped it."""
+    """Names of the bodies, or the joint, that stopped the jog."""
     travelled: float
-    """Way of the TCP, m."""
+    """Path length of the TCP, m."""
     elapsed: float
-    """s"""
+    """Duration of the jog, s."""
     force: float
-    """That ended it at a contact, N."""
+    """Contact force that ended the jog, N; 0 without a contact."""
     pose: Pose
-    """TCP in the world."""
+    """TCP pose in the world."""
 
     def failure(self) -> Failure | None:
-        """For whom it had to go on: the failure that says what stopped it."""
+        """Return the failure that describes why the jog stopped. None: it ended by itself."""
         if self.stopped_by == "done":
             return None
         cause, what = _SENTENCES[self.stopped_by]
@@ -88,7 +89,7 @@ _SENTENCES: dict[str, tuple[Cause, str]] = {
 
 
 class JogMotion:
-    """Lets twists move the arm of a loop. `lookout` is asked each tick about the way to a stop."""
+    """Jogging of a loop's arm. `lookout` checks the path to a stop in each tick."""
 
     def __init__(self, loop: ControlLoop, model: RobotModel, lookout: Lookout | None, tick: float) -> None:
         self._loop = loop
@@ -106,8 +107,11 @@ class JogMotion:
         check: Callable[[Lease], None],
         until_rest: Callable[[Lease], Generator[None, None, None]],
     ) -> Generator[None, None, JogResult]:
-        """From rest to rest. A twist that stays ends where something stops it; who is asked for twists is
-        told, and decides himself."""
+        """Jog the arm from rest to rest.
+
+        A constant twist ends where something stops it. A callable receives the reason as feedback and decides
+        itself.
+        """
         loop = self._loop
         jog = JogController(self._model, loop.period, loop.monitor.limits.workspace, distance)
         lease.run(jog, guard)
@@ -156,8 +160,11 @@ class JogMotion:
         return JogResult(stopped_by, detail, travelled, loop.now - begun, force, loop.tcp)
 
     def _share(self, jog: JogController, wanted: Twist, before: float) -> tuple[float, tuple[str, ...]]:
-        """Of a twist: the largest share with which the arm can still stop before it touches anything, and
-        what that would be. It counts on the tick until it is asked again, and on one more for the answer."""
+        """Return the largest share of a twist from which the arm stops before a collision, and the bodies it
+        would touch.
+
+        The look-ahead covers the tick until the next call, and one more for the reaction.
+        """
         if self._lookout is None:
             return 1.0, ()
         blocked: tuple[str, ...] = ()
@@ -171,7 +178,7 @@ class JogMotion:
 
 
 def _has_gone(jog: JogController) -> bool:
-    """The way that was given is done."""
+    """Whether the given path length is done."""
     return jog.state.left < 1e-4
 
 

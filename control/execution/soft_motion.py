@@ -1,4 +1,5 @@
-"""Soft motions from rest to rest: along a trajectory, or standing, to let go of what presses."""
+"""Motions under joint impedance, from rest to rest: along a trajectory, or gravity compensation to release
+pressure."""
 
 from __future__ import annotations
 
@@ -29,11 +30,11 @@ T = TypeVar("T")
 Doing: TypeAlias = Generator[None, None, T]
 
 SLACK = 2.0
-"""A soft motion takes so much longer than its trajectory at most, s."""
+"""Longest duration of a soft motion beyond that of its trajectory, s."""
 
 
 class JointImpedanceMotion:
-    """Moves the arm of a loop as a soft spring; who calls holds the lease, and the arm rests."""
+    """Motions of a loop's arm under joint impedance. The caller holds the lease, and the arm is at rest."""
 
     def __init__(self, loop: ControlLoop, model: RobotModel, clock: Clock) -> None:
         self._loop = loop
@@ -41,8 +42,11 @@ class JointImpedanceMotion:
         self._clock = clock
 
     def pressed(self, carried: Vector3) -> float:
-        """External torques on the arm as it stands, but for what hangs on the tool, (3,) N in the world: Nm.
-        What presses at any part of it shows here."""
+        """Return the external torque on the resting arm, Euclidean norm over the joints, Nm.
+
+        It shows contacts at any part of the arm. The weight `carried` (3,), N in the world, on the tool is
+        taken off.
+        """
         state = self._loop.state
         hanging = self._model.jacobian(state.position)[:3].T @ np.array(carried)
         return float(np.linalg.norm(static_external_torque(self._model, state) - hanging))
@@ -57,8 +61,10 @@ class JointImpedanceMotion:
         watch: Callable[[float], Failure | None],
         began: Callable[[JointImpedanceController], None],
     ) -> Doing[JointImpedanceResult]:
-        """Along the trajectory until its end, a contact, or until `watch`, asked each tick with its progress,
-        has something against it."""
+        """Move the arm along the trajectory until its end, a contact, or a failure from `watch`.
+
+        `watch` receives the progress, s, in each tick.
+        """
         track = JointImpedanceController(
             trajectory,
             self._model,
@@ -91,8 +97,10 @@ class JointImpedanceMotion:
     def give_way(
         self, lease: Lease, carried: Vector3, limit: float, check: Callable[[Lease], None]
     ) -> Doing[float]:
-        """Stand without pressing at anything, and drift where something pushes, for at most `limit` s; the
-        arm is held then where it is. Answers the external torque that is left, Nm."""
+        """Let the arm drift where something pushes, for at most `limit` s, then hold it.
+
+        Returns the remaining external torque, Nm.
+        """
         giving = GravityCompensationController(self._model, self._loop.period, np.array(carried))
         lease.run(giving)
         until = self._clock.now + limit
@@ -109,7 +117,7 @@ class JointImpedanceMotion:
 
 
 def slowed_trajectory(model: RobotModel, trajectory: Trajectory, speed: float) -> Trajectory:
-    """The same way, slower where need be: neither the tool nor any joint of the arm goes faster than `speed`
+    """Return the trajectory on the same path, slowed down so that neither tool nor joints exceed `speed`
     m/s."""
     data = model.arm.createData()
     at: list[Array] = []

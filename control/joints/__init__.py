@@ -1,1 +1,1 @@
-"""Joint controllers, stiff and soft."""
+"""Joint controllers, stiff and compliant, and external joint torques."""

@@ -1,11 +1,10 @@
-"""What pushes at the arm, wherever it does: the torques that its own drives and weight do not explain.
+"""External torques on the arm, wherever they act: efforts that its motion, weight and wrist reading do not
+explain.
 
-Do the joints' efforts fit to what the arm does, and to what the wrist says?
-
-Newton and Euler tell which torques the motion of the arm up to the wrist needs; the wrist tells all that acts
-on it from beyond: hand, load and contacts. What is left is something that touches the arm itself, a joint
-that is not what it was, or a wrist that lies. (De Luca & Mattone 2005 call it the residual; here the
-acceleration is known from the encoders, so that no observer is needed.)
+The Newton-Euler equations give the torques for the arm's motion up to the wrist. The wrist sensor reads
+everything beyond: hand, load and contacts. A residual is a contact at the arm itself, a faulty joint, or a
+faulty wrist sensor. De Luca & Mattone 2005 define this residual; here the encoders give the acceleration, so
+`EffortCheck` needs no observer.
 """
 
 from __future__ import annotations
@@ -18,10 +17,9 @@ from ...world.values import GRAVITY, Array, JointState, Wrench
 
 
 def bare_arm(model: RobotModel) -> pin.Model:
-    """The arm's dynamics with nothing beyond the flange joint, whose frame is kept.
+    """Return the arm's dynamics without the bodies beyond the flange joint, whose frame is kept.
 
-    What the wrist sensor reads, turned around, is then all that acts on it: hand, load and contacts alike,
-    whatever they weigh and however they are accelerated.
+    The negated wrist reading is then the only force on it, whatever hand and load weigh or do.
     """
     full, joint = model.full, model.description.flange_joint
     data = full.createData()
@@ -48,11 +46,11 @@ def bare_arm(model: RobotModel) -> pin.Model:
 
 
 EXPLAINED = 0.5
-"""Share of a force that the joints must carry for it to be believed to be there."""
+"""Least share of a claimed force that the joints must carry for it to be believed."""
 
 
 class EffortCheck:
-    """For one robot. Torques (n,) in Nm."""
+    """Residual of the joints' efforts of one robot. Torques are (n,) in Nm."""
 
     def __init__(self, model: RobotModel) -> None:
         self._model = model
@@ -62,18 +60,23 @@ class EffortCheck:
         self._limit = model.torque_limit
 
     def unexplained(self, state: JointState, acceleration: Array, wrench: Wrench) -> Array:
-        """Effort beyond what motion and the wrist's reading explain; `acceleration` (n,) rad/s²."""
+        """Return the effort beyond what motion and wrist reading explain; `acceleration` (n,) rad/s²."""
         return self._beyond(state, acceleration, np.array((*wrench.force, *wrench.torque)))
 
     def without_wrist(self, state: JointState, acceleration: Array, carried: Array) -> Array:
-        """The same when nothing touches the hand: it carries itself, and exerts `carried` (6,) on the wrist
-        besides, world axes about the sensor. The hand's own acceleration is left out."""
+        """Return the unexplained effort when nothing touches the hand.
+
+        The hand carries itself and exerts `carried` (6,) on the wrist, world axes about the sensor. The
+        hand's own acceleration is neglected.
+        """
         return self._beyond(state, acceleration, self._hand(state.position) + carried)
 
     def believes(self, state: JointState, claimed: Array, carried: Array) -> bool:
-        """Whether the joints, at rest, bear what the wrist claims to feel beyond the hand and what that is
-        known to carry: both (6,), world axes about the sensor. A sensor whose bias has jumped claims what no
-        joint bears."""
+        """Return whether the joints, at rest, carry the wrench that the wrist claims.
+
+        `claimed`: wrench beyond hand and known load, `carried`: wrench of that load; both (6,), world axes
+        about the sensor. A sensor whose bias has jumped claims a wrench that no joint carries.
+        """
         still = np.zeros_like(state.position)
         rest = JointState(state.position, still, state.effort)
         borne = self._beyond(rest, still, self._hand(state.position) + carried) / self._limit
@@ -87,25 +90,27 @@ class EffortCheck:
         return state.effort - needed + self._jacobian().T @ on_wrist
 
     def _jacobian(self) -> Array:
-        """(6, n) of the sensor's origin; joint placements are those of the last call."""
+        """Return the Jacobian (6, n) of the sensor's origin, at the joint placements of the last
+        computation."""
         return pin.getFrameJacobian(self._arm, self._data, self._flange, pin.LOCAL_WORLD_ALIGNED)
 
     def _hand(self, q: Array) -> Array:
-        """(6,) what the hand at rest exerts on the wrist."""
+        """Return the wrench (6,) of the hand on the wrist at rest."""
         x, y, _ = (self._model.flange(q).rotation() @ np.array(self._model.hand_com)).tolist()
         weight = self._model.hand_mass * GRAVITY
         return np.array([0.0, 0.0, -weight, -y * weight, x * weight, 0.0])
 
 
 GAIN = 40.0
-"""Of the observer, 1/s: a contact shows after 25 ms."""
+"""Gain of the observer, 1/s: a contact shows after 25 ms."""
 
 
 class ExternalTorqueObserver:
-    """External torques of all joints from encoders and commanded torques, without accelerations.
+    """Observer of the external torques of all joints, from encoders and commanded torques, without
+    accelerations.
 
-    The generalised momentum p = M v changes by what drives the joints; what it changes beyond that came from
-    outside: r = K (p − p₀ − ∫ (τ + Cᵀ v − g + r) dt). De Luca, Albu-Schäffer, Haddadin and Hirzinger,
+    Drives and contacts change the generalised momentum p = M v. The part that the drives do not explain is
+    external: r = K (p − p₀ − ∫ (τ + Cᵀ v − g + r) dt). De Luca, Albu-Schäffer, Haddadin and Hirzinger,
     "Collision detection and safe reaction with the DLR-III lightweight manipulator arm", IROS 2006.
     """
 
@@ -117,10 +122,11 @@ class ExternalTorqueObserver:
         self._gain = gain
         self._sum: Array | None = None
         self.torque: Array = np.zeros(model.n)
-        """(n,) external torques, Nm; zero where nothing but the arm's own weight and drives act."""
+        """External torques (n,), Nm; zero when only the arm's own weight and drives act."""
 
     def watch(self, state: JointState, driven: Array) -> Array:
-        """One control period has passed, in which the drives gave `driven` (n,) Nm: the torques now."""
+        """Add a control period in which the drives exerted `driven` (n,) Nm, and return the external torques
+        (n,), Nm."""
         arm, data, q, v = self._arm, self._data, state.position, state.velocity
         momentum = self._model.mass_matrix(q) @ v
         coriolis = pin.computeCoriolisMatrix(arm, data, q, v)
@@ -133,5 +139,5 @@ class ExternalTorqueObserver:
 
 
 def static_external_torque(model: RobotModel, state: JointState) -> Array:
-    """External torques (n,), Nm, on an arm that stands, from what its drives give."""
+    """Return the external torques (n,), Nm, on a standing arm, from its efforts."""
     return model.gravity(state.position) - state.effort

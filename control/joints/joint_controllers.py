@@ -13,27 +13,29 @@ from ...world.values import Array, JointState
 from ..commands import Controller, JointCommand
 
 BLEND = 0.25
-"""Time in which a small offset to the start of a trajectory is faded out, s."""
+"""Time in which a small offset to the start of a trajectory fades out, s."""
 LEAST_DECELERATION = 1.0
-"""Of the progress along a path, 1/s²: braking on the path ends within a second in any case."""
+"""Least deceleration of the progress along a path, 1/s²: braking on the path ends within a second in any
+case."""
 BRAKING = 0.6
-"""Share of the acceleration limits for braking on a path: all at once the joints' torques would not do."""
+"""Acceleration of braking on a path, as a share of its limits. All joints at their limits would exceed their
+torques."""
 MOST_DECELERATION = 60.0
 BRAKING_TORQUE = 0.85
 """Share of the torque limits that braking off the path takes."""
 RELAXATIONS = 8
-"""Rounds in which joints that lack torque leave each other some."""
+"""Iterations that redistribute torque from joints with a reserve to joints that lack it."""
 LEAST_SHARE = 0.15
-"""Of what is left then, with which it brakes in any case."""
+"""Least share of the remaining braking that is applied in any case."""
 UNATTENDED = 0.1
-"""How long a motion that was handed over goes on before it brakes by itself, s."""
+"""Time for which a handed-over motion goes on before it brakes by itself, s."""
 
 _FIRST = np.array([1.0, 2.0, 3.0, 4.0, 5.0])
 _SECOND = np.array([2.0, 6.0, 12.0, 20.0])
 
 
 class HoldController:
-    """Stay at a configuration: the given one, else the set-point at the start."""
+    """Controller that holds a configuration: the given one, else the set-point at the start."""
 
     name: ClassVar[str] = "Hold"
     done = False
@@ -53,7 +55,7 @@ class HoldController:
 
 
 class BrakeController:
-    """Slow all joints down at their acceleration limits, as far as their torques suffice for that."""
+    """Controller that brakes all joints at their acceleration limits, as far as their torques suffice."""
 
     name: ClassVar[str] = "Brake"
 
@@ -79,7 +81,8 @@ class BrakeController:
         return self
 
     def _change(self) -> Array:
-        """Of the speeds in this period: no joint is accelerated, and none needs more torque than it has."""
+        """Return the change (n,) of the joint speeds in this period, rad/s. No joint accelerates or exceeds
+        its torque."""
         model, speed = self._model, np.abs(self._velocity)
         most = -np.sign(self._velocity) * np.minimum(self._step, speed)
         mass = model.mass_matrix(self._position) / self._period
@@ -99,10 +102,11 @@ class BrakeController:
 
 
 class TrajectoryController:
-    """Follow a trajectory in time. It brakes *on the path*, which was checked for collisions.
+    """Controller that follows a trajectory in time. It brakes *on the path*, which was checked for
+    collisions.
 
-    Progress s runs with rate r = 1; while braking, r falls such that |q″r² − q′·u| stays within the
-    joints' acceleration limits, with u the deceleration of the progress.
+    Progress s runs with rate r = 1. While braking, r falls such that |q″r² − q′·u| stays within the joints'
+    acceleration limits, with u the deceleration of the progress.
     """
 
     name: ClassVar[str] = "Track"
@@ -110,7 +114,7 @@ class TrajectoryController:
     def __init__(self, trajectory: Trajectory, model: RobotModel, period: float) -> None:
         self.trajectory = trajectory
         self.progress = 0.0
-        """Seconds of the trajectory that were commanded."""
+        """Commanded part of the trajectory, s."""
         self.done = False
         self._period = period
         self._limit = BRAKING * model.acceleration_limit
@@ -129,7 +133,7 @@ class TrajectoryController:
 
     @property
     def completed(self) -> bool:
-        """The end of the trajectory was commanded."""
+        """Whether the end of the trajectory was commanded."""
         return self.progress >= self._times[-1]
 
     def start(self, now: float, state: JointState, setpoint: JointCommand) -> None:
@@ -161,11 +165,11 @@ class TrajectoryController:
         return self
 
     def hand_over(self, seconds: float = UNATTENDED) -> None:
-        """Brake after `seconds`, unless somebody goes on with this motion by then."""
+        """Brake after `seconds`, unless another skill continues this motion before."""
         self._unattended = round(seconds / self._period)
 
     def go_on(self) -> None:
-        """Somebody attends to this motion again."""
+        """Cancel the braking that `hand_over` has scheduled."""
         self._unattended = None
 
     def _sample(self, s: float) -> tuple[Array, Array]:
@@ -199,7 +203,10 @@ class TrajectoryController:
 
 
 def reversed_trajectory(trajectory: Trajectory, done: float, rate: float = 0.3) -> Trajectory | None:
-    """The same path from `done` s back to its start, from rest to rest, at about `rate` of its speed."""
+    """Return the same path from `done` s back to its start, from rest to rest, at about `rate` of its speed.
+
+    None: the path is too short.
+    """
     if done <= 1e-3:
         return None
     duration = 1.5 * done / rate

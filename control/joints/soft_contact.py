@@ -10,28 +10,28 @@ from ...world.values import Vector3
 
 @dataclass(frozen=True, slots=True)
 class ContactThresholds:
-    """What counts as a contact, beyond what is felt without one."""
+    """Thresholds of a contact, beyond the readings without one."""
 
     torque: float
-    """External torques of all joints, Euclidean norm, Nm: felt wherever on the arm it acts."""
+    """External torque of all joints, Euclidean norm, Nm. It shows contacts at any part of the arm."""
     force: float
-    """At the wrist, N."""
+    """Force at the wrist, N."""
 
 
 @dataclass(frozen=True, slots=True)
 class JointImpedanceResult:
-    """How a soft motion ended, at rest."""
+    """Result of a joint-impedance motion, at rest."""
 
     completed: bool
     progress: float
-    """Of the trajectory, s."""
+    """Followed part of the trajectory, s."""
     touched: bool
-    """Something was in the way: the arm gave way to it, and stands."""
+    """Whether the arm touched something, gave way to it and stands."""
     torque: float
-    """The greatest external torque that was met, Nm."""
+    """Greatest external torque, Nm."""
     force: float
-    """The greatest force at the wrist that was met, N."""
+    """Greatest force at the wrist, N."""
     push: Vector3 = (0.0, 0.0, 0.0)
-    """How what was touched pushed at the hand, N in the world; nothing where it touched another part."""
+    """Contact force on the hand, N in the world; zero for a contact at another part."""
     noticed: Failure | None = None
-    """Why it was stopped, where `watch` said so."""
+    """Failure from `watch` that stopped the motion. None: there was none."""

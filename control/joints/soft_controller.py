@@ -1,4 +1,4 @@
-"""A joint motion as a soft spring: whatever stands in the way, at whatever part of the arm, is felt and met
+"""Joint impedance along a trajectory, and gravity compensation: contacts at any part of the arm are met
 gently."""
 
 from __future__ import annotations
@@ -19,39 +19,39 @@ from .joint_controllers import BrakeController, TrajectoryController
 FIRMNESS = 6.0
 """Stiffness of a joint over its torque limit, 1/rad."""
 QUICKEST = 32.0
-"""Greatest natural frequency of a joint's spring, rad/s: control goes at 240 Hz."""
+"""Greatest natural frequency of a joint's spring, rad/s; control runs at 240 Hz."""
 DAMPING = 0.9
-"""Share of the critical."""
+"""Damping ratio."""
 GIVING_WAY = 0.2
-"""Share of the stiffness that is left once something was touched."""
+"""Share of the stiffness that remains after a contact."""
 BACK = 0.010
-"""So far it goes back on its path then, Euclidean norm over the joints, rad."""
+"""Distance that the arm goes back on its path after a contact, Euclidean norm over the joints, rad."""
 OFF = 0.003
-"""And so far along what pushes at it, rad. The stiff servo holds where the encoders say that the arm is: in
-contact, a tenth of a millimetre of their noise is 20 N."""
+"""Distance that the arm moves along the contact force, rad. The stiff servo holds the encoder reading: in
+contact, a tenth of a millimetre of encoder noise is 20 N."""
 GIVING_TIME = 0.35
-"""For so long it gives way, s."""
+"""Time for which the arm gives way, s."""
 SETTLING = 0.15
-"""After its start, in which what is felt counts as what it feels without a contact, s."""
+"""Time after the start in which readings count as free of contact, s."""
 PRESSING = 1.5
-"""Force at the wrist beyond what is carried above which something presses at it, N."""
+"""Force at the wrist beyond the load above which something presses on it, N."""
 CALM, CALM_SPEED = 1.0, 0.02
-"""External torque below which nothing presses, Nm, and speed of a joint below which it stands, rad/s."""
+"""External torque, Nm, and joint speed, rad/s, below which nothing presses and the arm stands."""
 CALM_TIME = 0.1
-"""For so long, s."""
+"""Time below these limits until the arm counts as calm, s."""
 DRIFT = 0.03
-"""By how much a joint gives way at most while it is pushed, rad."""
+"""Greatest drift of a joint that is pushed, rad."""
 FADING = 0.6
-"""Time constant with which that follows slow changes, as those of a load that is turned, s."""
+"""Time constant with which the usual readings follow slow changes, as of a load that is turned, s."""
 
 
 class JointImpedanceController(TrajectoryController):
-    """Follow a trajectory with τ = K (q_d − q) + D (v_d − v) + M a_d + h(q, v) − Jᵀ w, w being what the hand
-    carries: with an exact model there is no error without a contact.
+    """Joint impedance along a trajectory.
 
-    A contact is more than `torque` Nm of external torque (Euclidean norm over the joints), wherever on the
-    arm it acts, or more than `force` N at the wrist, beyond what was felt without one. Then the arm gives
-    way, soft and damped about where it was touched, and is done.
+    τ = K (q_d − q) + D (v_d − v) + M a_d + h(q, v) − Jᵀ w, with the load's wrench w. An exact model leaves no
+    error without a contact. A contact is more than `torque` Nm of external torque, or more than `force` N at
+    the wrist, beyond the usual readings. The torque is the Euclidean norm over the joints. The arm then gives
+    way, soft and damped about the contact, and is done.
     """
 
     name: ClassVar[str] = "SoftTrack"
@@ -67,7 +67,7 @@ class JointImpedanceController(TrajectoryController):
         torque: float,
         force: float,
     ) -> None:
-        """`carried` (3,): what hangs on the tool, N in the world."""
+        """`carried` (3,): weight on the tool, N in the world."""
         super().__init__(trajectory, model, period)
         self._model = model
         self._wrist = wrist
@@ -77,13 +77,13 @@ class JointImpedanceController(TrajectoryController):
         self._elapsed = 0.0
         self._until = math.inf
         self.touched = False
-        """Something was in the way."""
+        """Whether the arm touched something."""
         self.push: Vector3 = (0.0, 0.0, 0.0)
-        """How that pushed at the hand, N in the world."""
+        """Contact force on the hand, N in the world."""
         self.torque = 0.0
-        """The greatest that was felt, Nm."""
+        """Greatest external torque, Nm."""
         self.force = 0.0
-        """The greatest that was felt at the wrist, N."""
+        """Greatest force at the wrist, N."""
 
     def start(self, now: float, state: JointState, setpoint: JointCommand) -> None:
         super().start(now, state, JointCommand(state.position.copy(), np.zeros_like(state.position)))
@@ -123,13 +123,13 @@ class JointImpedanceController(TrajectoryController):
         return self
 
     def _eased(self, force: Array) -> bool:
-        """Whether the wrist felt a contact that is less by now."""
+        """Return whether an initial contact force at the wrist has decreased."""
         carried = self._carried[:3]
         before = float(np.linalg.norm(self._force - carried))
         return before > PRESSING and float(np.linalg.norm(force - carried)) < before
 
     def _behind(self) -> Array:
-        """Where on its path it goes back to."""
+        """Return the configuration (n,) on the path to which the arm goes back, rad."""
         here, s = self._sample_at(self.progress), self.progress
         while s > 0.0:
             s = max(0.0, s - 2 * self._period)
@@ -145,21 +145,21 @@ class JointImpedanceController(TrajectoryController):
         return np.zeros(self._model.n) if self._usual is None else self._usual
 
     def _acceleration(self) -> Array:
-        """That the trajectory asks for now; none while it brakes."""
+        """Return the acceleration (n,) of the trajectory now, rad/s²; zero while it brakes."""
         if self._rate != 1.0 or self.done:
             return np.zeros(self._model.n)
         c, t = self._coefficients[self._segment], self.progress - self._times[self._segment]
         return 2.0 * c[2] + t * (6.0 * c[3] + t * (12.0 * c[4] + t * 20.0 * c[5]))
 
     def _feels(self, external: Array) -> bool:
-        """Whether something touches the arm: notes how much is felt beyond what is usual."""
+        """Update the usual readings, and return whether something touches the arm."""
         force = np.array(self._wrist.force)
         if self._elapsed < SETTLING or self._usual is None:
             self._usual = external.copy()
             share = self._period / (SETTLING / 3 + self._period)
             self._force = self._force + share * (force - self._force)
             return False
-        # What pressed where it began, and presses less now, is let go of: that is no contact.
+        # Pressure from the start that decreases is released: that is no contact.
         if self._eased(force):
             self._force = force
         torque = float(np.linalg.norm(external - self._usual))
@@ -177,16 +177,18 @@ class JointImpedanceController(TrajectoryController):
 
 
 class GravityCompensationController:
-    """No spring at all: the arm carries itself and what hangs on the tool, and drifts, damped, where
-    something pushes it, by at most DRIFT. Then it goes a little off what has pushed; where something still
-    does, it begins again.
+    """Gravity compensation: the arm carries itself and the load, and drifts, damped, where something pushes
+    it.
+
+    The drift is at most `DRIFT`. Then the arm moves a little away from the contact; where that persists, it
+    begins again.
     """
 
     name: ClassVar[str] = "GivingWay"
     done = False
 
     def __init__(self, model: RobotModel, period: float, carried: Array) -> None:
-        """`carried` (3,): what hangs on the tool, N in the world."""
+        """`carried` (3,): weight on the tool, N in the world."""
         self._model = model
         self._period = period
         self._carried = np.concatenate([carried, np.zeros(3)])
@@ -194,11 +196,11 @@ class GravityCompensationController:
         self._since = 0.0
         self._calm = 0.0
         self.pressed = math.inf
-        """External torque that is left, Euclidean norm, Nm."""
+        """Remaining external torque, Euclidean norm, Nm; inf: not measured yet."""
 
     @property
     def calm(self) -> bool:
-        """Nothing presses any more, and the arm stands."""
+        """Whether nothing presses any more and the arm stands."""
         return self._calm >= CALM_TIME
 
     def start(self, now: float, state: JointState, setpoint: JointCommand) -> None:
@@ -234,7 +236,8 @@ class GravityCompensationController:
         return BrakeController(self._model, self._period)
 
     def _led(self, q: Array) -> Array:
-        """Where the spring is anchored: wherever the arm is, and then off what has pushed."""
+        """Return the anchor (n,) of the spring, rad: first the arm's configuration, then away from the
+        contact."""
         if self._since <= SETTLING:
             self._anchor = np.clip(q, self._begun - DRIFT, self._begun + DRIFT)
             return self._anchor
@@ -242,19 +245,21 @@ class GravityCompensationController:
 
 
 def _along(torque: Array, stiff: Array) -> Array:
-    """A change of the joints (n,), OFF long, along what pushes with these torques; none where nothing is."""
+    """Return a joint motion (n,) of length `OFF` along these torques, rad; zero when the torques are
+    negligible."""
     way = torque / stiff
     size = float(np.linalg.norm(way))
     return way * (OFF / size) if float(np.linalg.norm(torque)) > CALM / 2 else np.zeros_like(way)
 
 
 def stiffness(model: RobotModel, mass: Array) -> Array:
-    """Of a soft spring of each joint (n,), Nm/rad, the arm having inertia `mass` (n, n)."""
+    """Return the stiffness (n,) of each joint's soft spring, Nm/rad, for the arm's inertia `mass` (n, n)."""
     return np.minimum(FIRMNESS * model.torque_limit, QUICKEST**2 * np.diagonal(mass))
 
 
 def damping(mass: Array, stiff: Array) -> Array:
-    """(n, n) for that spring, by double diagonalisation of stiffness and inertia, as for the tool's."""
+    """Return the damping (n, n) of that spring by double diagonalisation of stiffness and inertia, as for the
+    tool."""
     lower = np.linalg.cholesky(mass)
     inverse = np.linalg.inv(lower)
     squares, modes = np.linalg.eigh(inverse @ np.diag(stiff) @ inverse.T)

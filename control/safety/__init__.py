@@ -1,1 +1,1 @@
-"""The safety monitor, its latch, and the lease of the arm."""
+"""Safety monitor with latch and watchdog, wrist plausibility, and the lease of the arm."""

@@ -1,4 +1,4 @@
-"""The right to move the arm: whoever acquired it last has it."""
+"""Lease: the exclusive right to move the arm, held by its last acquirer; and the force guard of a motion."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ from ..commands import Controller
 
 
 class ForceGuard:
-    """Stops a free motion at a contact: `limit` N more than before."""
+    """Guard of a free motion: it stops at a contact force of `limit` N above the baseline."""
 
     def __init__(self, limit: float, baseline: tuple[float, float, float]) -> None:
         self.limit = limit
         self._baseline = baseline
         self.contact: tuple[float, float, float] | None = None
-        """The force that stopped the motion, N in the world."""
+        """Force that stopped the motion beyond the baseline, N in the world. None: no contact."""
 
     def size(self, force: tuple[float, float, float]) -> float:
-        """Of a force beyond what was felt before, N."""
+        """Return the size of `force` beyond the baseline, N."""
         return math.dist(force, self._baseline)
 
     def touched(self, force: tuple[float, float, float]) -> bool:
@@ -34,7 +34,7 @@ class ForceGuard:
 
 
 class LeaseIssuer(Protocol):
-    """Whoever gives the lease: the control loop."""
+    """Issuer of leases: the control loop."""
 
     def holds(self, lease: Lease) -> bool: ...
     def run(self, controller: Controller, guard: ForceGuard | None) -> None: ...
@@ -43,10 +43,10 @@ class LeaseIssuer(Protocol):
 
 
 class Lease:
-    """Given by `ControlLoop.acquire`; as a context manager it is released on every way out.
+    """Lease on the arm from `ControlLoop.acquire`; as a context manager it is released on every exit.
 
-    Releasing brakes, if the lease is still valid. A stale lease's release does nothing: when a new branch
-    takes the arm before the old skill is halted, the old one's stop must not stop the new motion.
+    Release brakes the arm while the lease is valid. Release of a stale lease does nothing. When a new branch
+    takes the arm before the old skill is halted, the old skill must not stop the new motion.
     """
 
     def __init__(self, lessor: LeaseIssuer, owner: str) -> None:
@@ -68,8 +68,10 @@ class Lease:
             self._lessor.brake()
 
     def hand_over(self) -> None:
-        """Give the lease back without braking: the controller goes on until somebody takes it over. The
-        controller itself must brake when nobody does (`Track.hand_over`)."""
+        """Return the lease without braking: the controller goes on until another skill takes it over.
+
+        The controller must brake by itself when none does (`TrajectoryController.hand_over`).
+        """
         if not self.valid:
             raise PicktreeError(
                 f"{self.owner or 'a motion'} hands its motion over, but another has taken it over"

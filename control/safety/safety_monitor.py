@@ -1,4 +1,4 @@
-"""The one safety monitor: it looks at every control period, and its stop is latched."""
+"""Safety monitor: the one check of every control period; its stop is latched."""
 
 from __future__ import annotations
 
@@ -14,83 +14,73 @@ from ...world.journal import Journal, JournalEvent
 from ...world.protocols import SensorStamps
 from ...world.scene.description import SafetyLimits
 from ...world.values import Array, JointState, Vector3
+from .sensor_silence import STALE, check_silence
 from .stop_latch import Latch, LatchState
 
 TRACKING = 0.05
 """Greatest deviation of a joint from its command, rad."""
 JOINT_TOLERANCE = 0.01
-"""Beyond a soft limit, rad."""
+"""Distance beyond a soft limit at which a joint violates it, rad."""
 SPEED_TOLERANCE = 1.15
-"""Share of a joint's speed limit."""
+"""Greatest speed of a joint, as a share of its speed limit."""
 SMOOTHING = 0.0375
-"""Time constant of the force's mean, s. A rigid contact at 0.1 m/s hits with 500 N for one control period
-even when the arm gives way at once; what counts is what stays."""
+"""Time constant of the force's mean, s. A rigid contact at 0.1 m/s hits with 500 N for one control period,
+even when the arm gives way at once. Only a lasting force counts."""
 OVERLOAD = 0.95
-"""Share of its torque limit from which a joint is overloaded. Plans take at most 0.7 of it; measured over
-sorts, insertions and pushes: 0.83 for some milliseconds."""
+"""Effort from which a joint is overloaded, as a share of its torque limit. Plans take at most 0.7 of it;
+measured over sorts, insertions and pushes: 0.83 for some milliseconds."""
 OVERLOAD_TIME = 0.5
-"""So long a joint may be overloaded, s. Peaks heat no motor, and a joint that brakes from full speed gives
-all that it has for up to 0.48 s."""
+"""Longest overload of a joint, s. Peaks heat no motor, and a joint that brakes from full speed exerts its
+full torque for up to 0.48 s."""
 UNEXPLAINED = 0.15
-"""Share of its torque limit by which a joint's effort may differ from what is explained. Measured over sorts,
-insertions and pushes: up to 0.06."""
+"""Greatest unexplained effort of a joint, as a share of its torque limit. Measured over sorts, insertions and
+pushes: up to 0.06."""
 UNEXPLAINED_TIME = 0.1
-"""Time constant of the mean of what is not explained, s."""
-JOINTS_SILENT = 0.05
-"""Longest silence of the encoders, s: at full speed the arm goes 0.1 rad meanwhile, unseen."""
-WRENCH_SILENT = 0.1
-"""Of the wrist sensor, s: a guarded move goes 3 to 10 mm meanwhile, unfelt."""
-GRIPPER_SILENT = 0.5
-"""Of the gripper, s: grippers tell their opening some ten times a second; fingers are slow."""
+"""Time constant of the mean of the unexplained effort, s."""
 LOAD_TOLERANCE = 0.1
-"""By which the hand may seem to carry more than it may, kg: what the wrist weighs at rest is off by up to
-half of that."""
+"""Tolerance of the payload limit, kg. The wrist's measurement at rest is off by up to half of that."""
 BLIND = 0.5
-"""Share of the joints' speed limits that a retreat keeps to while the wrist sensor is silent."""
+"""Joint speeds of a retreat while the wrist sensor is silent, as a share of their limits."""
 
 FORCE_SLACK, TOOL_SLACK, JOINT_SLACK = 5.0, 0.005, 0.01
-"""By how much an acknowledged violation may grow, and must be undercut to be over: N, m, rad and rad/s."""
+"""Growth that an acknowledged violation may have, and margin at which it is over: N, m, rad and rad/s."""
 TORQUE_SLACK, MASS_SLACK = 0.1, 0.1
-"""The same of efforts, as a share of the joint's limit, and of what is carried, kg."""
+"""The same for efforts, as a share of the joint's limit, and for the payload, kg."""
 
-STALE, OVERLOADED = safety.STALE_SENSOR.name, safety.TORQUE_LIMIT.name
-_SENSORS = (
-    ("joints", "the encoders of the joints have", JOINTS_SILENT),
-    ("gripper", "the gripper has", GRIPPER_SILENT),
-    ("wrench", "the wrist sensor has", WRENCH_SILENT),
-)
+OVERLOADED = safety.TORQUE_LIMIT.name
 
 
 @dataclass(frozen=True, slots=True)
 class MonitorState:
-    """The monitor between two control periods."""
+    """State of the monitor between two control periods."""
 
     stopped: FailureReport | None
     stops: int
     tolerated: tuple[tuple[str, float], ...]
-    """Violations that were acknowledged and still stand: what, and its level."""
+    """Violations that were acknowledged and persist: name and level."""
     levels: tuple[tuple[str, float], ...]
-    """Violations that stand now."""
+    """Violations that persist: name and level."""
     felt: Vector3
     retreats: str = ""
-    """Who acknowledged."""
+    """Node path of the retreat that acknowledged."""
     standing: tuple[tuple[str, FailureReport], ...] = ()
-    """What the violations that stand would be reported as."""
+    """Failure report of each persisting violation."""
     latched: str = ""
-    """The violation that latched the stop."""
+    """Name of the violation that latched the stop."""
     overloaded: tuple[float, ...] = ()
-    """How long each joint is overloaded by now, s."""
+    """Duration of each joint's overload, s."""
     unexplained: tuple[float, ...] = ()
-    """Mean effort of each joint that nothing explains, as a share of its limit."""
+    """Mean unexplained effort of each joint, as a share of its torque limit."""
 
 
 class SafetyMonitor:
-    """Watches force, joints, speed, torques, workspace, tracking, load and sensors, and that whoever moves
-    the arm looks after it. `stopped` says why motion is refused.
+    """Monitor of force, joints, speed, torques, workspace, tracking, load, sensors, and attention to motions.
 
-    After `acknowledge` a violation that still stands is tolerated as long as it does not grow, for whoever
-    acknowledged it: the way out of it must not trip the same stop. For the next who moves the arm it stops
-    again. Encoders that are silent cannot be acknowledged: nobody knows where the arm is.
+    `stopped` says why motion is refused.
+
+    After `acknowledge` a persisting violation is tolerated as long as it does not grow, for the retreat that
+    acknowledged it. Otherwise the way out would trip the same stop. It stops the next owner of a motion
+    again. Silent encoders cannot be acknowledged: the arm's configuration is unknown.
     """
 
     def __init__(self, model: RobotModel, limits: SafetyLimits, journal: Journal) -> None:
@@ -110,7 +100,7 @@ class SafetyMonitor:
             ]
         )
         self.most_load = payload_limit(model, limits)
-        """What the hand may carry, kg; infinite where nobody says."""
+        """Greatest payload of the hand, kg; inf: no limit is known."""
         self._level = np.zeros((4, model.n))
         self._rows = tuple(self._level)
         self._beyond = np.zeros((4, model.n), dtype=np.bool_)
@@ -126,27 +116,30 @@ class SafetyMonitor:
 
     @property
     def stops(self) -> int:
-        """Stops since the run began."""
+        """Number of stops since the run began."""
         return self._latch.stops
 
     @property
     def limits(self) -> SafetyLimits:
-        """What it enforces of the scene's limits."""
+        """Limits of the scene that the monitor enforces."""
         return self._limits
 
     @property
     def blind(self) -> bool:
-        """Whether the wrist sensor is silent: nothing that needs it may begin."""
+        """Whether the wrist sensor is silent. No motion that needs it may begin."""
         return self._latch.stands(f"{STALE}/wrench")
 
     @property
     def pressed(self) -> bool:
-        """Whether the wrist feels more than it may now, acknowledged or not."""
+        """Whether the wrist force is above its limit now, acknowledged or not."""
         return self._forceful
 
     def acknowledge(self, by: str = "") -> bool:
-        """Allow motion again; False when it cannot be. Only a safe retreat may say this, with its path `by`:
-        what still stands is tolerated for its own motions alone."""
+        """Allow motion again, and return False when that is impossible.
+
+        Only a safe retreat may call this, with its node path `by`: persisting violations are tolerated for
+        its own motions alone.
+        """
         if self._latch.stands(f"{STALE}/joints"):
             return False
         self._latch.acknowledge(by)
@@ -154,22 +147,25 @@ class SafetyMonitor:
         return True
 
     def moves(self, owner: str) -> None:
-        """That one begins to move the arm: what is tolerated for another stops it at once."""
+        """Register that `owner` begins to move the arm. A violation tolerated for another owner stops it at
+        once."""
         self._latch.within(safety.WATCHDOG.name, 1.0, 0.0)
         self._latch.moves(owner)
 
     def age_of_joints(self, age: Callable[[], float]) -> None:
-        """Who says how old the encoders' reading is, s."""
+        """Set the function that returns the age of the encoder reading, s."""
         self._joints_age = age
 
     def note(self, event: JournalEvent) -> None:
-        """For the control loop: tell the journal."""
+        """Write an event of the control loop to the journal."""
         self._journal.note(event)
 
     def check(self, state: JointState, commanded: Array | None, force: Vector3, period: float) -> bool:
-        """One control period; True when a stop was latched by it. `commanded` (n,): where the servo was
-        told to be by now, None under torque control. `force`: external, N in the world.
-        `period`: since the last, s."""
+        """Check one control period, and return whether it latched a stop.
+
+        `commanded` (n,): commanded configuration of the servo, rad; None under torque control. `force`:
+        external force, N in the world. `period`: time since the last check, s.
+        """
         felt, share = self._felt, period / (SMOOTHING + period)
         felt[0] += share * (force[0] - felt[0])
         felt[1] += share * (force[1] - felt[1])
@@ -200,7 +196,7 @@ class SafetyMonitor:
         return self._latch.take_fresh()
 
     def check_tool(self, position: Vector3) -> bool:
-        """The TCP against the workspace; True when a stop was latched."""
+        """Check the TCP against the workspace, and return whether a stop was latched."""
         outside = max(
             max(lo - p, p - hi)
             for lo, p, hi in zip(
@@ -222,40 +218,23 @@ class SafetyMonitor:
         return self._latch.take_fresh()
 
     def check_sensors(self, now: float, stamps: SensorStamps, repeats_since: float | None = None) -> bool:
-        """Whether each sensor has spoken lately; True when a stop was latched. `repeats_since`: from when on
-        the wrist sensor, which is known to be noisy, says the same numbers bit by bit."""
-        repeating = repeats_since is not None and now - repeats_since > WRENCH_SILENT
-        if (
-            now - stamps.joints <= JOINTS_SILENT
-            and now - stamps.wrench <= WRENCH_SILENT
-            and now - stamps.gripper <= GRIPPER_SILENT
-            and not repeating
-            and not self._latch.busy
-        ):
+        """Check the age of each sensor's reading, and return whether a stop was latched.
+
+        `repeats_since`: time since which the noisy wrist sensor repeats its reading exactly, s. None: it does
+        not.
+        """
+        if not check_silence(self._latch, now, stamps, repeats_since):
             return False
-        for (sensor, words, longest), stamp in zip(
-            _SENSORS, (stamps.joints, stamps.gripper, stamps.wrench), strict=True
-        ):
-            name, what, since = f"{STALE}/{sensor}", "given no new reading", stamp
-            if sensor == "wrench" and repeating and repeats_since is not None and repeats_since < stamp:
-                what, since = "repeated itself bit by bit", repeats_since
-            if now - since > longest:
-                message = f"{words} {what} since {since:.2f} s"
-                self._latch.violated(
-                    name, safety.STALE_SENSOR, 1.0, 0.0, message, sensor=sensor, since=since, longest=longest
-                )
-            elif self._latch.busy:
-                self._latch.within(name, 1.0, 0.0)
         if not self.blind:
             self._allowed[1] = self._speed
         return self._latch.take_fresh()
 
     def overburdened(self, mass: float) -> bool:
-        """Whether the hand would carry more than it may with so many kg."""
+        """Return whether a payload of `mass` kg is above the limit."""
         return mass > self.most_load + LOAD_TOLERANCE
 
     def check_load(self, mass: float) -> bool:
-        """What the hand carries, kg, as it was weighed; True when a stop was latched."""
+        """Check the measured payload, kg, and return whether a stop was latched."""
         name = safety.PAYLOAD.name
         if self.overburdened(mass):
             self._latch.violated(
@@ -272,16 +251,18 @@ class SafetyMonitor:
         return self._latch.take_fresh()
 
     def explained(self, unexplained: Array, elapsed: float) -> bool:
-        """Whether the efforts are, in the mean: `unexplained` (n,) Nm is what is left of them now, `elapsed`
-        s after the last time."""
+        """Add unexplained efforts (n,), Nm, to their mean, and return whether the mean is within its limit.
+
+        `elapsed`: time since the last call, s.
+        """
         share = elapsed / (UNEXPLAINED_TIME + elapsed)
         self._unexplained += share * (unexplained / self._torque_limit - self._unexplained)
         left = self._unexplained
-        # No single one is greater than all of them together, which is quickly told.
+        # The norm bounds every element and is computed quickly.
         return float(left @ left) <= UNEXPLAINED**2 or float(np.abs(left).max()) <= UNEXPLAINED
 
     def check_efforts(self, explained: bool) -> bool:
-        """What to make of it when they are not; True when a stop was latched."""
+        """Report the unexplained effort to the latch, and return whether a stop was latched."""
         if explained and not self._latch.busy:
             return False
         name = f"{OVERLOADED}/unexplained"
@@ -305,11 +286,11 @@ class SafetyMonitor:
         return self._latch.take_fresh()
 
     def forget_efforts(self) -> None:
-        """The mean begins anew: what disturbed it has been put right."""
+        """Reset the mean of the unexplained efforts, after their cause was removed."""
         self._unexplained[:] = 0.0
 
     def unattended(self, owner: str, controller: str, seconds: float) -> None:
-        """The arm moves, and whoever commands it gives no sign any more."""
+        """Report that the arm moves while its motion has not been attended for `seconds` s."""
         self._latch.violated(
             safety.WATCHDOG.name,
             safety.WATCHDOG,
@@ -323,8 +304,8 @@ class SafetyMonitor:
         )
 
     def _check_joints(self, beyond: Array, state: JointState, period: float) -> None:
-        """`beyond` (4, n): position, speed, tracking error and effort above what is allowed."""
-        # What the encoders do not say any more tells nothing of where the arm is.
+        """Check rows of `beyond` (4, n): position, speed, tracking error and effort above their limits."""
+        # A stale encoder reading says nothing about the present configuration.
         known = self._joints_age() <= 1.5 * period
         for cause, row in zip(
             (safety.JOINT_LIMIT, safety.SPEED_LIMIT, control.TRACKING), beyond[:3], strict=True
@@ -410,7 +391,8 @@ class SafetyMonitor:
 
 
 def payload_limit(model: RobotModel, limits: SafetyLimits) -> float:
-    """What the hand may carry, kg: what the rated payload leaves beside the hand, or less in this scene."""
+    """Return the greatest payload of the hand, kg: rated payload less the hand's mass, or the scene's lower
+    limit."""
     rated = model.description.payload
     left = math.inf if rated is None else max(0.0, rated - model.hand_mass)
     return left if limits.payload is None else min(left, limits.payload)

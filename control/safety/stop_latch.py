@@ -1,5 +1,7 @@
-"""The latch of the safety monitor: a stop stays until it is acknowledged, and what still stands is let off
-for the retreat alone."""
+"""Latch of the safety monitor: a stop stays until it is acknowledged.
+
+Persisting violations are then tolerated for the retreat alone.
+"""
 
 from __future__ import annotations
 
@@ -11,36 +13,35 @@ from ...world.journal import Journal, JournalEvent, Plain
 
 @dataclass(frozen=True, slots=True)
 class LatchState:
-    """The latch between two control periods."""
+    """State of the latch between two control periods."""
 
     stopped: FailureReport | None
     stops: int
     tolerated: tuple[tuple[str, float], ...]
-    """Violations that were acknowledged and still stand: what, and its level."""
+    """Violations that were acknowledged and persist: name and level."""
     levels: tuple[tuple[str, float], ...]
-    """Violations that stand now."""
+    """Violations that persist: name and level."""
     retreats: str = ""
-    """Who acknowledged: for its motions alone they are tolerated."""
+    """Node path of the retreat that acknowledged. Violations are tolerated for its motions alone."""
     standing: tuple[tuple[str, FailureReport], ...] = ()
-    """What each of them would be reported as."""
+    """Failure report of each persisting violation."""
     latched: str = ""
-    """The violation that latched the stop."""
+    """Name of the violation that latched the stop."""
 
 
 class Latch:
-    """Violations come in by `violated` and go by `within`, each under a name of its own, with a level: by how
-    much it is beyond what is allowed.
+    """Latch of safety stops. Each violation has a name and a level: the excess over its limit.
 
-    The first one latches the stop. Once that is acknowledged, what still stands is tolerated as long as it
-    does not grow, or the way out of it would trip the same stop; and only while whoever acknowledged moves
-    the arm (`moves`).
+    `violated` reports a violation, `within` its end. The first one latches the stop. After acknowledgement a
+    persisting violation is tolerated as long as it does not grow; otherwise the way out would trip the same
+    stop. It is tolerated only while the acknowledging retreat moves the arm (`moves`).
     """
 
     def __init__(self, journal: Journal) -> None:
         self._journal = journal
         self.stopped: FailureReport | None = None
         self.stops = 0
-        """Since the run began."""
+        """Number of stops since the run began."""
         self._tolerated: dict[str, float] = {}
         self._levels: dict[str, float] = {}
         self._standing: dict[str, FailureReport] = {}
@@ -50,26 +51,26 @@ class Latch:
 
     @property
     def busy(self) -> bool:
-        """Whether something is violated, or tolerated."""
+        """Whether a violation persists or is tolerated."""
         return bool(self._levels or self._tolerated)
 
     def stands(self, name: str) -> bool:
-        """Whether that is violated now, tolerated or not."""
+        """Return whether `name` is violated now, tolerated or not."""
         return name in self._levels
 
     def tolerates(self, name: str) -> bool:
         return name in self._tolerated
 
     def acknowledge(self, by: str) -> None:
-        """Motion is allowed again, to the path `by` in spite of what still stands."""
+        """Allow motion again: for the node path `by` in spite of persisting violations."""
         if self.stopped is not None:
-            # What was violated may by now be a hair within: it must not stop the way out by flickering.
+            # The violation may be just within its limit by now, and must not stop the retreat by flickering.
             self._tolerated = {self._latched or self.stopped.cause.name: 0.0, **self._levels}
             self._retreats = by
             self.stopped = None
 
     def moves(self, owner: str) -> None:
-        """Whoever that is begins to move the arm: what was tolerated for another stops it."""
+        """Register that `owner` begins to move the arm. Violations tolerated for another owner stop it."""
         if not self._tolerated or owner == self._retreats:
             return
         self._tolerated.clear()
@@ -77,12 +78,12 @@ class Latch:
             self._latch(name, report)
 
     def take_fresh(self) -> bool:
-        """Whether a stop was latched since it was asked last."""
+        """Return whether a stop was latched since the last call."""
         fresh, self._fresh = self._fresh, False
         return fresh
 
     def within(self, name: str, room: float, slack: float) -> None:
-        """No violation, by `room`; what was tolerated is so no longer once that is more than `slack`."""
+        """Report no violation, with a margin of `room`. Tolerance ends when the margin exceeds `slack`."""
         if self._levels.pop(name, None) is not None:
             self._standing.pop(name, None)
         if room > slack:

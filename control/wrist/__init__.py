@@ -1,1 +1,1 @@
-"""What the wrist feels: wrench, contacts, payload, slip."""
+"""Wrist wrench, contact detection, payload estimation and slip detection."""

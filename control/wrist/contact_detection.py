@@ -1,4 +1,4 @@
-"""Telling a contact from noise and drift: a change of the force against what was felt until just now."""
+"""Contact detection: a change of the force against its recent mean, above noise and drift."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from dataclasses import dataclass
 from ...world.values import Vector3
 
 AVERAGED = 0.017
-"""Time over which readings count together, s."""
+"""Time over which readings are averaged, s."""
 
 
 @dataclass(frozen=True, slots=True)
 class ForceSample:
-    """An external force (3,) on the hand at a time: s, world axes, N."""
+    """External force (3,) on the hand at a time: s, world axes, N."""
 
     at: float
     force: Vector3
@@ -23,12 +23,12 @@ class ForceSample:
 
 @dataclass(frozen=True, slots=True)
 class DetectedContact:
-    """Something touches the hand."""
+    """Contact at the hand."""
 
     since: float
-    """When it was noticed, s."""
+    """Time of the detection, s."""
     force: Vector3
-    """How it pushes the hand, beyond what was felt before it, world axes, N; the latest."""
+    """Latest force on the hand beyond the baseline, N, world axes."""
 
     @property
     def size(self) -> float:
@@ -36,22 +36,22 @@ class DetectedContact:
 
     @property
     def direction(self) -> Vector3:
-        """Unit vector along which it pushes the hand."""
+        """Unit vector (3,) of the force on the hand, world axes."""
         x, y, z = self.force
         size = self.size or 1.0
         return (x / size, y / size, z / size)
 
 
 class ContactDetector:
-    """Asked with each reading; `contact` says whether something touches the hand.
+    """Detector of contacts at the hand from force readings. `contact` is the present one.
 
-    A contact begins when the mean of the last 17 ms differs by more than `threshold` N from the baseline, and
-    ends when it differs by less than `release` N: the hysteresis keeps it from flickering. The baseline is
-    the mean over `memory` s that ended `delay` s ago, so that it follows drift and not the contact; while
-    there is one, it stands still.
+    A contact begins when the mean of the last 17 ms differs by more than `threshold` N from the baseline. It
+    ends when it differs by less than `release` N: the hysteresis prevents flickering. The baseline is the
+    mean over `memory` s that ended `delay` s ago, so that it follows drift and not the contact. During a
+    contact it is constant.
 
-    With noise of 0.15 N in each axis at 240 Hz the mean of 17 ms differs from the baseline by 0.08 N in each
-    axis: a threshold of 1 N is 12 of these.
+    Noise of 0.15 N in each axis at 240 Hz makes the mean differ from the baseline by 0.08 N in each axis. A
+    threshold of 1 N is 12 of these.
     """
 
     def __init__(
@@ -64,11 +64,11 @@ class ContactDetector:
         self._readings: deque[ForceSample] = deque()
         self._baseline: Vector3 | None = None
         self._free = -math.inf
-        """When the last contact ended: what was felt before has no part in the baseline."""
+        """End of the last contact, s. Readings before it have no part in the baseline."""
         self.contact: DetectedContact | None = None
 
     def watch(self, readings: Iterable[ForceSample]) -> DetectedContact | None:
-        """Take readings into account, oldest first; the contact after them."""
+        """Add readings, oldest first, and return the contact after them."""
         for reading in readings:
             self._take(reading)
         return self.contact

@@ -1,4 +1,4 @@
-"""What the hand carries: its mass and where its centre is, estimated from what the wrist feels at rest."""
+"""Payload estimation: mass and centre of the held object from wrist readings at rest."""
 
 from __future__ import annotations
 
@@ -9,21 +9,21 @@ import numpy as np
 from ...world.values import GRAVITY, Array, Vector3
 
 SPREAD = 0.03
-"""How far from the grasp the centre of a held object is expected before anything is felt, one sigma, m."""
+"""Prior standard deviation of the object's centre from the grasp, m."""
 HEAVIEST = 20.0
-"""One sigma of the mass before anything is felt, kg: nothing is known."""
+"""Prior standard deviation of the mass, kg: practically unknown."""
 FORCE_SIGMA, TORQUE_SIGMA = 0.05, 0.004
-"""Of a mean over some 0.1 s at rest, N and Nm."""
+"""Standard deviations of a mean over some 0.1 s at rest, N and Nm."""
 SEEN = 0.02
-"""Mass above which the torque tells where the centre is, kg."""
+"""Mass above which the torque determines the centre, kg."""
 
 
 @dataclass(frozen=True, slots=True)
 class Payload:
-    """A rigid body between the fingers. Positions in the TCP frame."""
+    """Rigid body between the fingers. Positions are in the TCP frame."""
 
     mass: float
-    """kg"""
+    """Mass, kg."""
     mass_sigma: float
     """Standard deviation of the mass, kg."""
     centre: Vector3 = (0.0, 0.0, 0.0)
@@ -32,8 +32,11 @@ class Payload:
     """Standard deviation along each axis, m."""
 
     def wrench(self, rotation: Array, sensor_in_tool: Array) -> Array:
-        """What it does to the wrist at rest: (6,) force N and torque Nm, world axes, about the sensor's
-        origin. `rotation` (3, 3) of the tool in the world, `sensor_in_tool` (3,) m."""
+        """Return the wrench (6,) of the payload on the wrist at rest: N and Nm, world axes, about the
+        sensor's origin.
+
+        `rotation` (3, 3): tool in the world. `sensor_in_tool` (3,): origin of the sensor, m.
+        """
         weight = np.array([0.0, 0.0, -self.mass * GRAVITY])
         lever = rotation @ (np.array(self.centre) - sensor_in_tool)
         return np.concatenate([weight, np.cross(lever, weight)])
@@ -46,9 +49,9 @@ class Payload:
 class PayloadEstimator:
     """Weighted least squares of mass and centre over readings at rest, in any number of orientations.
 
-    With θ = (m, m·c), c in the TCP frame, each reading is linear in θ: f = −m g ẑ, τ = −g (R(m c − m s)) × ẑ,
-    where s is the sensor's origin (Atkeson, An & Hollerbach 1986, at rest). One orientation leaves the
-    centre's height along the vertical to what was expected; a second one, tilted, tells it.
+    Each reading is linear in θ = (m, m·c), c in the TCP frame: f = −m g ẑ, τ = −g (R(m c − m s)) × ẑ. Here s
+    is the sensor's origin (Atkeson, An & Hollerbach 1986, at rest). One orientation leaves the
+    centre's height along the vertical to the prior; a second, tilted one determines it.
     """
 
     def __init__(self, sensor_in_tool: Array) -> None:
@@ -60,8 +63,11 @@ class PayloadEstimator:
         self.readings = 0
 
     def add(self, wrench: Array, rotation: Array) -> None:
-        """A mean (6,) at rest, with nothing in it but the payload: force and torque on the hand in the
-        world's axes about the sensor's origin; the tool is turned by `rotation` (3, 3)."""
+        """Add a mean wrench (6,) of the payload alone, at rest.
+
+        Force and torque on the hand, world axes, about the sensor's origin. `rotation` (3, 3): tool in the
+        world.
+        """
         up = rotation.T @ np.array([0.0, 0.0, 1.0])
         rows: Array = np.zeros((6, 4))
         rows[:3, 0] = -GRAVITY * up
@@ -76,7 +82,7 @@ class PayloadEstimator:
 
     @property
     def payload(self) -> Payload:
-        """The estimate so far."""
+        """Present estimate of the payload."""
         mass = max(float(np.linalg.lstsq(self._information, self._vector, rcond=None)[0][0]), 0.0)
         information = self._information.copy()
         # The centre is expected at the grasp: a prior on m·c that scales with the mass.
@@ -91,6 +97,6 @@ class PayloadEstimator:
 
 
 def _cross(v: Array) -> Array:
-    """(3, 3): [v]× , with [v]× w = v × w."""
+    """Return the matrix [v]× (3, 3), with [v]× w = v × w."""
     x, y, z = v.tolist()
     return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])

@@ -1,9 +1,9 @@
-"""Feeling that something slips out of the hand: less hangs on the wrist than the hand carries.
+"""Slip detection: the load on the wrist falls below the payload.
 
-While the arm moves, the wrist feels hand and object accelerate, too. Over a tick the mean force is the change
-of momentum (the impulse theorem), and the velocities at both ends are known from the encoders: what is left
-is the mass that takes part. Fingers that keep their opening do not tell: what slides out between them does
-not move them.
+While the arm moves, the wrist also reads the inertial forces of hand and object. The mean force over a tick
+is the change of momentum (impulse theorem), and the encoders give the velocities at both ends. The rest is
+the moving mass. The fingers' opening shows no slip: an object that slides out between them does not move
+them.
 """
 
 from __future__ import annotations
@@ -20,30 +20,31 @@ if TYPE_CHECKING:
     from ...robots.model import RobotModel
 
 FEWEST = 2
-"""Ticks in a row that tell of a slip."""
+"""Consecutive ticks that make a slip."""
 SLIPPING, GONE = 0.7, 0.3
-"""Share of the mass that is felt, below which an object slides, or is gone."""
+"""Shares of the payload's mass below which an object slides, and is gone."""
 UNSURE, UNSURE_MOVING = 0.015, 0.008
-"""Greatest error of the mass in a tick, kg, and how it grows with the acceleration, kg/(m/s²). Measured over
+"""Greatest error of the mass in a tick, kg, and its growth with the acceleration, kg/(m/s²). Measured over
 the transfers of 24 items: never more than this was missing."""
 CLEAR = 0.5
-"""A tick whose error may be more than this share of the mass tells nothing."""
+"""Greatest error of a tick that counts, as a share of the payload's mass."""
 
 
 @dataclass(frozen=True, slots=True)
 class WristSample:
-    """Force and velocities at the end of a tick, world axes."""
+    """Wrist force and velocities at the end of a tick, world axes."""
 
     force: Array
-    """(3,) mean external force over the tick, without tool's weight and bias, N."""
+    """Mean external force (3,) over the tick, without the tool's weight and the bias, N."""
     hand: Array
-    """(3,) velocity of the hand's centre of mass, m/s."""
+    """Velocity (3,) of the hand's centre of mass, m/s."""
     load: Array
-    """(3,) velocity of the centre of what is held, m/s."""
+    """Velocity (3,) of the held object's centre, m/s."""
 
 
 def wrist_sample(model: RobotModel, q: Array, v: Array, force: Array, centre: Array) -> WristSample:
-    """At q (n,) and v (n,), with what is held centred at `centre` (3,) in the TCP frame, m."""
+    """Return the sample at q (n,) and v (n,); `centre` (3,): centre of the held object in the TCP frame,
+    m."""
     twist = model.jacobian(q) @ v
     tcp = model.tcp(q)
     at = np.array(tcp.position)
@@ -54,7 +55,7 @@ def wrist_sample(model: RobotModel, q: Array, v: Array, force: Array, centre: Ar
 
 @dataclass(frozen=True, slots=True)
 class MassEstimate:
-    """Mass that moves with the hand, as far as one tick tells, and its greatest error, kg."""
+    """Mass that moves with the hand, estimated from one tick, and its greatest error, kg."""
 
     mass: float
     unsure: float
@@ -63,7 +64,7 @@ class MassEstimate:
 def estimate_moving_mass(
     hand_mass: float, before: WristSample, after: WristSample, tick: float
 ) -> MassEstimate:
-    """What moves with the hand: F = −m_h a_h − m (a + g), solved for m along a + g."""
+    """Return the mass that moves with the hand: F = −m_h a_h − m (a + g), solved for m along a + g."""
     pull = after.force + hand_mass * (after.hand - before.hand) / tick
     along = (after.load - before.load) / tick
     shaken = float(np.linalg.norm(along))
@@ -73,26 +74,25 @@ def estimate_moving_mass(
 
 
 class SlipDetector:
-    """Fed with the mass that is felt each tick; says what becomes of what the hand took up."""
+    """Detector of slip from the moving mass of each tick."""
 
     def __init__(self, payload: Payload) -> None:
         self.payload = payload
         self._felt: list[MassEstimate] = []
 
     def feel(self, felt: MassEstimate) -> None:
-        """One tick more. What is shaken so hard that an object of this mass could not be told from none is
-        left out."""
+        """Add a tick. It is left out when its acceleration is too large to tell this payload from none."""
         if felt.unsure <= CLEAR * self.payload.mass:
             self._felt = [*self._felt, felt][-FEWEST:]
 
     @property
     def slipping(self) -> bool:
-        """Each of the last ticks felt clearly less than the object weighs."""
+        """Whether each of the last ticks shows clearly less mass than the payload's."""
         return self._below(SLIPPING)
 
     @property
     def gone(self) -> bool:
-        """Hardly anything is left."""
+        """Whether hardly any of the payload is left."""
         return self._below(GONE)
 
     def _below(self, share: float) -> bool:
@@ -103,10 +103,10 @@ class SlipDetector:
         )
 
     def forget(self) -> None:
-        """Begin anew, as after a firmer grip."""
+        """Discard the ticks so far, as after a firmer grip."""
         self._felt = []
 
 
 def _at(twist: Array, lever: Array) -> Array:
-    """Velocity (3,) of a point that is `lever` (3,) away from the TCP."""
+    """Return the velocity (3,) of a point that is `lever` (3,) away from the TCP, m/s."""
     return np.asarray(twist[:3] + np.cross(twist[3:], lever), np.float64)

@@ -1,5 +1,5 @@
-"""What acts on the hand from outside: the wrist's reading without the weight of the tool, the sensor's bias
-and what the hand carries."""
+"""External wrench on the hand: the wrist reading without the tool's weight, the sensor's bias and the
+payload."""
 
 from __future__ import annotations
 
@@ -17,26 +17,24 @@ from .payload_estimate import Payload, PayloadEstimator
 KEPT = 0.21
 """Time over which readings are kept, s."""
 EVERYDAY = 1 / 240
-"""From one reading to the next unless it is known otherwise, s."""
+"""Default time between two readings, s."""
 LARGEST_BIAS = 12.0
-"""Beyond this, at rest and in the open, a force is no bias of the sensor but something that acts on it, N."""
+"""Greatest bias of the sensor, N. A larger force at rest in free space acts on the hand."""
 LARGEST_STEP = 3.0
-"""By which a bias may differ from the one that was learnt before, N: sensors drift, they do not jump."""
+"""Greatest change of a learnt bias, N. Sensors drift, they do not jump."""
 QUIET = 0.6
 """Standard deviation of the force up to which a bias can be learnt, N."""
 
 
 class WristWrench:
-    """Readings of the wrist sensor in the world's axes, about the sensor's origin.
+    """Readings of the wrist sensor in world axes, about the sensor's origin.
 
-    `force` is the latest external force (contact and load), which controllers and the monitor use; it
-    knows no tare. Means over some time relative to the tare are for feeling a load; `contact` leaves out
-    what the hand is known to carry.
+    `force` is the latest external force (contact and load) for controllers and monitor, without tare. Means
+    over a time relative to the tare measure a load; `contact` leaves out the known payload.
 
-    The weight of the tool follows from the robot file, in any orientation. The sensor's bias turns with the
-    hand; it is learnt by `zero`, and only there: whoever calls it vouches that the hand is empty and free.
-    The loop does so when the arm first rests in a run, and then it shows, too, whether the sensor is noisy:
-    one that is never says the same twice.
+    The tool's weight follows from the robot file, in any orientation. The sensor's bias turns with the hand.
+    Only `zero` learns it, and its caller guarantees an empty, free hand. The loop calls it when the arm first
+    rests in a run. That also shows whether the sensor is noisy: a noisy one never repeats a reading.
     """
 
     def __init__(self, sensor: WrenchSensor, model: RobotModel, clock: Clock) -> None:
@@ -51,19 +49,19 @@ class WristWrench:
         self._sensor_in_tool = _sensor_in_tool(model)
         self._changed = -1.0
         self.noisy = False
-        """Whether no reading was like the one before when it was looked at last, at rest."""
+        """Whether all readings differed from each other at the last `zero`."""
         self.payload: Payload | None = None
-        """What the hand is known to carry, see `carry`."""
+        """Known payload of the hand, see `carry`. None: the hand is empty."""
         self.force: Vector3 = (0.0, 0.0, 0.0)
         """Latest external force, contact and load, world axes, N."""
 
     @property
     def latest(self) -> Wrench:
-        """The sensor's last reading as it is, the weight of the hand and the bias included."""
+        """Last reading of the sensor, including the weight of the hand and the bias."""
         return self._readings[-1][1] if self._readings else Wrench()
 
     def unbiased(self, turn: Array) -> Wrench:
-        """The last reading without the bias, the weight of the hand included; `turn` (3, 3) of the TCP in the
+        """Return the last reading without the bias, including the hand's weight; `turn` (3, 3): TCP in the
         world."""
         reading = self.latest
         if self._bias is None:
@@ -73,7 +71,7 @@ class WristWrench:
 
     @property
     def bias(self) -> Wrench:
-        """What the sensor is believed to add, in the axes of the TCP frame, N and Nm."""
+        """Learnt bias of the sensor in TCP axes, N and Nm."""
         if self._bias is None:
             return Wrench()
         fx, fy, fz, tx, ty, tz = (float(c) for c in self._bias)
@@ -81,16 +79,16 @@ class WristWrench:
 
     @property
     def zeroed(self) -> bool:
-        """Whether a bias was ever learnt."""
+        """Whether a bias has been learnt."""
         return self._bias is not None
 
     @property
     def sensor_in_tool(self) -> Array:
-        """(3,) origin of the sensor in the TCP frame, m (a copy)."""
+        """Origin (3,) of the sensor in the TCP frame, m (a copy)."""
         return self._sensor_in_tool.copy()
 
     def sample(self) -> None:
-        """Take this control period's reading."""
+        """Read the sensor for this control period."""
         reading, now = self._sensor.read(), self._clock.now
         readings = self._readings
         if not readings or reading.force != readings[-1][1].force:
@@ -101,17 +99,18 @@ class WristWrench:
         self.force = self._external(reading)
 
     def turned(self, tool: Pose) -> None:
-        """The tool is there now, and the bias has turned with it."""
+        """Turn the bias with the tool, which is now at `tool`."""
         if self._bias is not None:
             x, y, z = (tool.rotation() @ self._bias[:3]).tolist()
             self._bias_in_world = (x, y, z)
 
     def since(self, time: float) -> tuple[ForceSample, ...]:
-        """Every reading after `time` s that is kept, oldest first: external force in the world, N."""
+        """Return the kept external forces after `time` s, oldest first, N in the world."""
         return tuple(ForceSample(at, self._external(w)) for at, w in self._readings if at > time + 1e-9)
 
     def over(self, window: float, q: Array) -> Array:
-        """Mean external wrench (6,) over the last `window` s, the arm being at q; without tare."""
+        """Return the mean external wrench (6,) over the last `window` s with the arm at q (n,), without
+        tare."""
         recent = self._last(window)
         if not recent:
             return np.zeros(6)
@@ -128,24 +127,24 @@ class WristWrench:
         return mean
 
     def tare(self, window: float, q: Array) -> None:
-        """What was felt over the last `window` s counts as nothing, for `external` and `load`."""
+        """Take the mean reading over the last `window` s as zero for `external` and `load`."""
         self._tare = self.over(window, q)
 
     def untare(self) -> None:
-        """What an empty hand feels in the open, by the known bias, counts as nothing."""
+        """Take the reading of an empty, free hand as zero, by the learnt bias."""
         self._tare = np.zeros(6)
 
     def external(self, window: float, q: Array) -> Wrench:
-        """Mean external wrench relative to the tare."""
+        """Return the mean external wrench relative to the tare."""
         return _wrench(self.over(window, q) - self._tare)
 
     def contact(self, window: float, q: Array) -> Wrench:
-        """Mean wrench of what touches the hand or what it carries: without tool, bias and payload, at rest.
-        The tare has no part in it."""
+        """Return the mean wrench of contacts at the hand or its load, at rest: without tool, bias, payload
+        and tare."""
         return _wrench(self.over(window, q) - self._carried(self._model.tcp(q).rotation()))
 
     def load(self, window: float) -> float:
-        """Weight that hangs on the hand since the tare, N, mean over the last `window` s."""
+        """Return the weight on the hand since the tare, N, mean over the last `window` s."""
         recent = self._last(window)
         if not recent:
             return 0.0
@@ -153,7 +152,7 @@ class WristWrench:
         return float(self._tare[2]) - mean - self._weight + self._bias_in_world[2]
 
     def unrest(self, window: float) -> float:
-        """Standard deviation of the force over the last `window` s, the worst axis, N."""
+        """Return the standard deviation of the force over the last `window` s, N, of the worst axis."""
         recent = self._last(window)
         if len(recent) < 2:
             return 0.0
@@ -161,18 +160,19 @@ class WristWrench:
 
     @property
     def repeats_since(self) -> float | None:
-        """From when on the sensor says the same numbers bit by bit, s; None for one that is not noisy."""
+        """Time since which a noisy sensor repeats its reading exactly, s. None: the sensor is not noisy."""
         return self._changed if self.noisy else None
 
     def zero(self, window: float, q: Array, real: Callable[[Array], bool] | None = None) -> bool:
-        """Learn the sensor's bias from the last `window` s at rest, with a hand that nothing touches; what it
-        carries is what `carry` said.
+        """Learn the sensor's bias from the last `window` s at rest, with a hand free of contact; see `carry`
+        for its payload.
 
-        False, and nothing is learnt, when what is felt is no bias: too large, too different from the one
-        known, or not at rest. So what pushes at the hand is never taken for the sensor's fault altogether.
-        `real` is asked about what is too large or too different: whether a wrench (6,), world axes about the
-        sensor, really acts on the hand besides. Where it does not, the sensor's bias has jumped, and is
-        learnt. With a load nothing but a jump is: what its weight is known to be is not that sure.
+        False: nothing is learnt, because the reading is no bias. It is too large, too different from the
+        known one, or not at rest. So a contact is never taken for a bias entirely.
+
+        `real` receives a reading that is too large or too different: a wrench (6,), world axes about the
+        sensor. It returns whether that wrench acts on the hand. If not, the bias has jumped, and is learnt.
+        With a payload only a jump is learnt: the payload's weight is not known precisely enough.
         """
         recent = self._last(window)
         self.noisy = len(recent) > 2 and len({w.force for w in recent}) == len(recent)
@@ -191,35 +191,35 @@ class WristWrench:
         self._bias = bias
         self.turned(tool)
         if not odd:
-            # The drift was in what was tared, too: what counts as nothing stays what it was.
+            # The tare contains the drift, too: removing it from both keeps the zero.
             self._tare = self._tare - felt
         self.force = self._external(self.latest)
         return True
 
     def carry(self, payload: Payload | None) -> None:
-        """The hand carries this from now on, or nothing: it is no contact."""
+        """Set the payload of the hand; None: it is empty. A payload is no contact."""
         self.payload = payload
 
     def estimate(self) -> PayloadEstimator:
-        """An estimate of a payload without readings; `weigh` adds them."""
+        """Return an estimator of the payload without readings; `weigh` adds them."""
         return PayloadEstimator(self._sensor_in_tool)
 
     def weigh(self, estimate: PayloadEstimator, window: float, q: Array) -> None:
-        """Add what is felt now, at rest, beyond tool and bias, to an estimate of what the hand carries."""
+        """Add the present reading at rest, without tool and bias, to an estimate of the payload."""
         estimate.add(self.over(window, q), self._model.tcp(q).rotation())
 
     def state(self) -> tuple[tuple[Wrench, ...], tuple[float, ...]]:
-        """Readings and tare."""
+        """Return readings and tare for a checkpoint."""
         return tuple(reading for _, reading in self._readings), tuple(self._tare.tolist())
 
     @property
     def learnt(self) -> tuple[float, ...]:
-        """The bias (6,) for a checkpoint; empty when none was learnt."""
+        """Learnt bias (6,) for a checkpoint; empty: none."""
         return () if self._bias is None else tuple(self._bias.tolist())
 
     @property
     def stamps(self) -> tuple[float, ...]:
-        """Times of the readings that are kept, s."""
+        """Times of the kept readings, s."""
         return tuple(at for at, _ in self._readings)
 
     def restore(
@@ -230,7 +230,7 @@ class WristWrench:
         bias: Sequence[float] = (),
         tool: Pose | None = None,
     ) -> None:
-        """As `state`, `stamps` and `learnt` had it; `tool`: where the TCP is now."""
+        """Restore the values of `state`, `stamps` and `learnt`; `tool`: present TCP pose in the world."""
         readings = tuple(readings)
         now = self._clock.now
         if len(stamps) != len(readings):
@@ -247,17 +247,17 @@ class WristWrench:
         self._changed = max((at for at, _ in self._readings), default=-1.0)
 
     def _external(self, reading: Wrench) -> Vector3:
-        """The force of a reading that was taken just now."""
+        """Return the external force of a reading of this period, N, world axes."""
         x, y, z = reading.force
         bx, by, bz = self._bias_in_world
         return (x - bx, y - by, z + self._weight - bz)
 
     def _carried(self, turn: Array) -> Array:
-        """(6,) what the hand is known to carry does to the wrist at rest."""
+        """Return the wrench (6,) of the known payload on the wrist at rest."""
         return np.zeros(6) if self.payload is None else self.payload.wrench(turn, self._sensor_in_tool)
 
     def _last(self, window: float) -> list[Wrench]:
-        """Readings of the last `window` s."""
+        """Return the readings of the last `window` s."""
         if not self._readings:
             return []
         begin = self._readings[-1][0] - window + 1e-4
@@ -270,19 +270,21 @@ def _wrench(six: Array) -> Wrench:
 
 
 def _sensor_in_tool(model: RobotModel) -> Array:
-    """Origin of the wrist's sensor in the TCP frame (3,): both are fixed to the hand."""
+    """Return the origin (3,) of the wrist sensor in the TCP frame, m: both are fixed to the hand."""
     q = (model.lower + model.upper) / 2
     return np.array((model.tcp(q).inverse() @ model.flange(q)).position)
 
 
 AVERAGED = 1 / 60
-"""Time over which readings count together, s."""
+"""Time over which readings are averaged, s."""
 
 
 class TcpWrench:
-    """External wrench relative to `zero` (6,), which the wrist has felt without a contact (world axes, about
-    the sensor), from the arm's configuration q (n,) on. The sensor's bias turns with the tool; the
-    hand's weight counts at the lever that it had, so the tool may turn by a few degrees."""
+    """External wrench relative to `zero` (6,), the wrist wrench without contact at q (n,).
+
+    `zero` is in world axes about the sensor. The sensor's bias turns with the tool; the hand's weight keeps
+    its initial lever, so the tool may turn by a few degrees.
+    """
 
     def __init__(self, wrist: WristWrench, model: RobotModel, q: Array, zero: Array, period: float) -> None:
         self._wrist = wrist
@@ -297,8 +299,10 @@ class TcpWrench:
         self._recent: deque[list[float]] = deque(maxlen=max(1, round(AVERAGED / period)))
 
     def read(self, rotation: Array) -> tuple[Array, Array]:
-        """Take this period's reading, the tool being turned by (3, 3): force (3,) N and torque (3,) Nm about
-        the TCP, means of the last. Plain numbers: numpy would take ten times as long for so few."""
+        """Read this period's wrench: mean force (3,) N and torque (3,) Nm about the TCP, world axes.
+
+        `rotation` (3, 3): tool in the world. Plain numbers: numpy would take ten times as long for so few.
+        """
         reading, recent = self._wrist.latest, self._recent
         bias = [*(rotation @ self._bias[0]).tolist(), *(rotation @ self._bias[1]).tolist()]
         felt = zip((*reading.force, *reading.torque), self._zero, bias, strict=True)

@@ -1,1 +1,1 @@
-"""What is in the hand: whether it is held, what it weighs, whether it slips."""
+"""Held objects: grip check, payload, slip."""

@@ -1,4 +1,4 @@
-"""Whether something is in the hand: the opening tells held from empty, the load on the wrist tells what."""
+"""Grip check: the opening tells a held object from an empty hand, the load on the wrist confirms it."""
 
 from __future__ import annotations
 
@@ -16,28 +16,28 @@ if TYPE_CHECKING:
 
 
 EMPTY_WIDTH = 0.002
-"""Fingers that are closer than this hold nothing, m."""
+"""Opening up to which the fingers hold nothing, m."""
 LEAST_LOAD = 0.012 * GRAVITY
-"""Weight of 12 g: the least load that counts as held, N."""
+"""Least load that counts as held, N: the weight of 12 g."""
 GONE = 0.5
 """Share of the load that must be gone after a release."""
 
 
 @dataclass(frozen=True, slots=True)
 class GripCheck:
-    """What the hand feels: opening in m, load in N since the last tare."""
+    """Measurement of the hand: opening, m, and load since the last tare, N. None: load not measured."""
 
     width: float
     load: float | None
 
     @property
     def empty(self) -> bool:
-        """The fingers met."""
+        """Whether the fingers have met."""
         return self.width <= EMPTY_WIDTH
 
     @property
     def loaded(self) -> bool:
-        """The wrist carries something; taken as true when the load was not measured."""
+        """Whether the wrist carries something; True when the load was not measured."""
         return self.load is None or self.load >= LEAST_LOAD
 
     @property
@@ -45,20 +45,22 @@ class GripCheck:
         return not self.empty and self.loaded
 
     def __str__(self) -> str:
-        """`opening 40.2 mm, load 1.18 N`, without a minus before a zero."""
+        """Return `opening 40.2 mm, load 1.18 N`, without a minus before a zero."""
         return f"opening {self.width * 1000:.1f} mm, load {round(self.load or 0.0, 2) + 0.0:.2f} N"
 
 
 def is_released(before: float, after: float) -> bool:
-    """Whether the load on the wrist, N, says that the fingers have let go."""
+    """Return whether the change of the load on the wrist, N, shows a release."""
     return before - after >= GONE * before
 
 
 def check_held_object(
     world: World, object_id: ObjectId
 ) -> Generator[None, None, tuple[BeliefObject, GripCheck]]:
-    """The object that the hand holds, felt at rest. Raises Failure(grasp.slipped) when it holds another, or
-    it is no longer there."""
+    """Measure the grip at rest, and return the held object with it.
+
+    Raises Failure(grasp.slipped) when the hand holds another object, or none.
+    """
     held = world.scene.held
     if held is None or held.id != object_id:
         raise Failure(
@@ -77,7 +79,7 @@ def check_held_object(
 def fail_as_slipped(
     world: World, object_id: ObjectId, hold: GripCheck, what: str
 ) -> Generator[None, None, None]:
-    """Believe that it is gone, open the fingers and fail with grasp.slipped."""
+    """Remove the object from the hand in the belief, open the fingers and raise Failure(grasp.slipped)."""
     release_object(world.scene, "no longer felt in the hand")
     world.control.wrist.carry(None)
     yield from world.grip.open()

@@ -1,9 +1,10 @@
-"""Weighing what the hand holds while it lifts it, without a stop.
+"""Payload of the held object: slip watch, grip monitor, and weighing during the lift, without a stop.
 
-The sensor at the wrist feels what is beyond it accelerate, too. Over some time, though, the force adds up to
-the change of momentum (the impulse theorem), and the velocities at both ends are known from the encoders:
-what is left is the weight of what hangs on the hand. Measured over lifts: 4 g off (root mean square), 10 g at
-worst; on the turns of a transfer, where the object swings about the hand, up to 200 g: those are left out."""
+The wrist sensor also reads inertial forces. Over some time the force adds up to the change of momentum
+(impulse theorem), and the encoders give the velocities at both ends. The rest is the weight of the load.
+Measured over lifts: error 4 g (root mean square), at most 10 g. On the turns of a transfer, where the object
+swings about the hand, up to 200 g: those ticks are left out.
+"""
 
 from __future__ import annotations
 
@@ -32,23 +33,23 @@ if TYPE_CHECKING:
 
 
 class SlipWatch:
-    """Asked each tick while the arm carries something: does the hand still feel all of what it took up?
+    """Slip watch of a motion that carries an object: each tick compares the load with the known payload.
 
-    The wrist's payload says what that is (`Wrist.carry`); without one, nothing is watched. Where less is
-    felt, the fingers press more firmly, up to what the grip allows (`Grip.bound`).
+    The payload comes from `WristWrench.carry`; without one, nothing is watched. When the load is too small,
+    the fingers press more firmly, up to `GripperControl.bound`.
     """
 
     def __init__(self, world: World, above: float = -1e9) -> None:
-        """`above`: height of the TCP above which the object no longer rests on anything, m."""
+        """`above`: height of the TCP above which the object is lifted off its support, m."""
         self._world = world
         self._above = above
         self._before: WristSample | None = None
         self._detector: SlipDetector | None = None
         self.felt: MassEstimate | None = None
-        """What hung on the hand in the last tick, as far as it is known."""
+        """Mass on the hand in the last tick. None: not measured."""
 
     def watch(self) -> bool:
-        """Take this tick into account; True when the object is gone."""
+        """Add this tick, and return whether the object is gone."""
         world = self._world
         payload = world.control.wrist.payload
         self.felt = felt = None if payload is None else self._felt(np.array(payload.centre))
@@ -74,10 +75,11 @@ class SlipWatch:
 
 
 def tighten_grip(world: World, felt: float, payload: Payload) -> bool:
-    """Of an object only `felt` kg hang on the hand: press more firmly, as far as the grip allows; False when
-    it does not.
+    """Increase the grip force when only `felt` kg of the payload load the hand. False: the grip's limit is
+    reached.
 
-    What slides is pulled by 2 μ F, which tells the friction, and that the force that is needed.
+    A sliding object loads the hand with 2 μ F. That gives the friction, and the friction gives the required
+    force.
     """
     before = world.grip.force
     friction = max(felt, 0.0) * GRAVITY / (2.0 * before) if before > 0.0 else 0.0
@@ -96,21 +98,21 @@ def tighten_grip(world: World, felt: float, payload: Payload) -> bool:
 
 
 NEAR = (SPREAD / 3, SPREAD / 3, SPREAD / 3)
-"""Standard deviation of where its centre is believed, m."""
+"""Standard deviation of the object's centre in the TCP frame along each axis, m."""
 VAGUE = 0.25
-"""Standard deviation of a mass in the catalogue, as a share of it."""
+"""Standard deviation of a catalogue mass, as a share of it."""
 WEIGHED = 0.005
-"""Of a mass that was weighed, kg."""
+"""Standard deviation of a weighed mass, kg."""
 FRAGILE = 20.0
-"""N"""
+"""Force limit below which a kind is fragile, N."""
 LIGHT = 0.4
-"""What carrying so much does to the wrist on a fast transfer, the guard of a motion has room for, kg."""
+"""Payload whose inertial force on a fast transfer the guard of a motion allows for, kg."""
 
 
 def register_payload(
     world: World, press: GripForce, entry: CatalogueEntry | None, object_in_tcp: Pose
 ) -> None:
-    """The fingers hold something: press for its believed weight, and know it as the wrist's payload."""
+    """Set the grip force for the believed weight, and register the object as the wrist's payload."""
     world.grip.bound = press.most
     world.grip.press(press.grip)
     if entry is not None:
@@ -119,7 +121,10 @@ def register_payload(
 
 
 def update_payload_mass(world: World, hold: GripCheck, press: GripForce | None = None) -> None:
-    """It is off the ground and was weighed: know that, and press for what it weighs."""
+    """Set the wrist's payload to the weighed mass, and increase the grip force if that needs it.
+
+    The object is lifted off its support.
+    """
     if hold.load is None:
         return
     mass = hold.load / GRAVITY
@@ -132,36 +137,38 @@ def update_payload_mass(world: World, hold: GripCheck, press: GripForce | None =
 
 
 def is_fragile(world: World, kind: str) -> bool:
-    """Whether items of that kind are crushed by what a hand bumps them with."""
+    """Return whether a bump of the hand would crush items of that kind."""
     limits = [e.force_limit for e in world.description.catalogue if e.kind == kind]
     return any(limit is not None and limit < FRAGILE for limit in limits)
 
 
 def payload_force(world: World) -> float:
-    """Force on the wrist that carrying adds on a fast transfer beyond what a guard leaves room for, N."""
+    """Return the force on the wrist by which the payload on a fast transfer exceeds the guard's allowance,
+    N."""
     payload = world.control.wrist.payload
     return 0.0 if payload is None else max(0.0, payload.mass - LIGHT) * (GRAVITY + ACCELERATION)
 
 
 CLEAR = 0.02
-"""Height above the grasp from which the object no longer rests on what it stood on, m."""
+"""Height above the grasp from which the object is lifted off its support, m."""
 TURNING = 0.25
-"""Of the hand, above which a tick does not count, rad/s."""
+"""Angular speed of the hand above which a tick does not count, rad/s."""
 TICKS, FEWEST = 6, 3
-"""Ticks over which is weighed: the last ones, and at least so many."""
+"""Greatest and least number of ticks in a weighing: the last quiet ones."""
 STEADY = 0.003
-"""Change of the opening that says that the object moves between the fingers, m: they are read to 0.2 mm."""
+"""Change of the opening that shows a motion of the object between the fingers, m. The opening is read to 0.2
+mm."""
 BEGUN = 0.003
 """Height above the grasp from which the object should come along, m."""
 SLIDING = 0.75
-"""Share of the weight that was expected below which an object may slide between the fingers."""
+"""Share of the expected weight below which an object may slide between the fingers."""
 SURE = LEAST_LOAD + 0.013 * GRAVITY
-"""Load that leaves no doubt, N: by the greatest error more than what counts as held."""
+"""Load that leaves no doubt, N: the least held load and the greatest error."""
 
 
 @dataclass(frozen=True, slots=True)
 class _Tick:
-    """One tick: the mean pull on the sensor downwards, N, and the hand's vertical speed at its end, m/s."""
+    """One tick: mean downward force on the sensor, N, and the hand's vertical speed at its end, m/s."""
 
     pull: float
     speed: float
@@ -169,15 +176,15 @@ class _Tick:
 
 
 class GripMonitor:
-    """Asked each tick while the arm carries an object: do the fingers stay as far apart as they were, and
-    does the wrist feel what it did? What slips is gripped more firmly.
+    """Grip monitor of a motion that carries an object: each tick checks the opening and the load on the
+    wrist.
 
-    If it is not there any more, `doubt` is what brakes the arm. It says nothing of what is held: that has to
-    be felt at rest.
+    A slipping object is gripped more firmly. When it is gone, `doubt` is the failure that brakes the arm.
+    Only a measurement at rest shows whether something is still held.
     """
 
     def __init__(self, world: World, above: float = -1e9) -> None:
-        """`above`: height of the TCP above which the object no longer rests on anything, m."""
+        """`above`: height of the TCP above which the object is lifted off its support, m."""
         self._grip = world.grip
         self._width = world.grip.width
         self._slip = SlipWatch(world, above)
@@ -185,11 +192,11 @@ class GripMonitor:
 
     @property
     def felt(self) -> MassEstimate | None:
-        """What hung on the hand in the last tick, as far as it is known."""
+        """Mass on the hand in the last tick. None: not measured."""
         return self._slip.felt
 
     def watch(self) -> Failure | None:
-        """For `ArmMotion.along` and `finish`."""
+        """Return the failure that stops the arm. None: there is none. For `ArmMotion.along` and `finish`."""
         width = self._grip.width
         if width <= EMPTY_WIDTH or abs(width - self._width) > STEADY:
             return self.stop("the fingers move")
@@ -201,29 +208,29 @@ class GripMonitor:
 
 
 class LiftWeighing:
-    """Asked each tick while the arm lifts an object: does it stay in the hand, and what does it weigh?
+    """Monitor of a lift, for each tick: grip monitor and weighing.
 
-    `watch` brakes the arm when the fingers move, or when the lift is over and the load leaves doubt.
+    `watch` brakes the arm when the fingers move, or when the load leaves doubt at the end of the lift.
     """
 
     def __init__(self, world: World, lifted: float) -> None:
-        """Begin at the grasp, the arm at rest. `lifted`: seconds from the motion's start to the end of the
-        lift."""
+        """Begin at the grasp with the arm at rest. `lifted`: time from the motion's start to the end of the
+        lift, s."""
         self._world = world
         self._height = world.control.tcp.position[2]
         self._kept = GripMonitor(world, self._height + CLEAR)
         self._ends = world.clock.now + lifted
         self._ticks: list[_Tick] = []
         self.hold: GripCheck | None = None
-        """What was felt, when it leaves no doubt."""
+        """Grip check of the lift. None: not finished, or in doubt."""
 
     @property
     def doubt(self) -> Failure | None:
-        """What stopped the arm, see `GripMonitor`."""
+        """Failure that stopped the arm, see `GripMonitor`."""
         return self._kept.doubt
 
     def watch(self) -> Failure | None:
-        """Take this tick into account; a failure when the arm should stop."""
+        """Add this tick, and return the failure that stops the arm. None: the arm goes on."""
         moved = self._kept.watch()
         if moved is not None or self.hold is not None:
             return moved
@@ -238,7 +245,8 @@ class LiftWeighing:
         return None
 
     def _hold_on(self) -> None:
-        """What does not come up with the hand, or weighs less than its kind, slides: press more firmly."""
+        """Increase the grip force when the object does not come up with the hand or weighs less than its
+        kind."""
         payload, felt = self._world.control.wrist.payload, self._kept.felt
         if payload is None or felt is None or self._world.control.tcp.position[2] < self._height + BEGUN:
             return
@@ -246,7 +254,7 @@ class LiftWeighing:
             tighten_grip(self._world, felt.mass, payload)
 
     def load(self, most: int = TICKS) -> float | None:
-        """Weight on the hand over the last ticks that count, N; None when there were too few of them."""
+        """Return the weight on the hand over the last quiet ticks, N. None: there are too few of them."""
         ticks = list(self._ticks)
         while ticks and not ticks[-1].quiet:
             ticks.pop()
@@ -274,5 +282,5 @@ class LiftWeighing:
 
 
 def _at(twist: Array, lever: Array) -> Array:
-    """Velocity (3,) of a point of the hand, `lever` (3,) away from the TCP."""
+    """Return the velocity (3,) of a point of the hand, `lever` (3,) away from the TCP, m/s."""
     return np.asarray(twist[:3] + np.cross(twist[3:], lever), np.float64)

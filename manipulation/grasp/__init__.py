@@ -1,1 +1,1 @@
-"""Grasp candidates, and closing on an object by feel."""
+"""Grasp candidates, grip force, and compliant closing of the fingers."""

@@ -1,11 +1,8 @@
-"""Closing the fingers by feel: until both touch, the hand giving way to the one that touches first.
+"""Compliant closing of the fingers until both touch, and search for the object after a failed grasp.
 
-Fingers of a parallel gripper move together. Where the hand is beside the middle of an object, one of them
-touches first. It pushes what is light along, which does no harm; what stands fast pushes back, which the
-wrist feels, and then the arm goes soft across the fingers until they are centred.
-
-Whether a grasp that came to nothing is worth a second one at once: the object is seen again, or was lost
-where it was gripped.
+The fingers of a parallel gripper move together. Where the hand is off the middle of an object, one of them
+touches first. It pushes a light object along, which does no harm. A heavy one pushes back: the wrist measures
+it, and the arm becomes soft across the fingers until they are centred.
 """
 
 from __future__ import annotations
@@ -30,14 +27,18 @@ if TYPE_CHECKING:
 
 
 NEAR = 0.03
-"""From where it was gripped; an object that is lost no further away lies there, m."""
+"""Distance from the place of the grasp within which a lost object is grasped again, m."""
 
 
 def relocate_object(
     world: World, object_id: ObjectId, node: str, failure: Failure, gripped: Vector3 | None
 ) -> Generator[None, None, bool]:
-    """Look from where the arm is, which costs no motion, through a camera on the hand first. What the hand
-    hides from the others is there when it slipped out over the place `gripped`, where it was taken."""
+    """Look for the object from the present pose, and return whether it can be grasped again at once.
+
+    This costs no motion; cameras on the hand come first. They may see an object that the hand hides from the
+    others. An object that slipped near `gripped`, the place of the grasp in the world, counts as found there.
+    None: no such place is known.
+    """
     yield from world.control.settle()
     cameras = sorted(world.description.cameras, key=lambda camera: camera.on != "hand")
     for camera in cameras:
@@ -66,40 +67,40 @@ def _note(world: World, object_id: ObjectId, node: str, failure: Failure, where:
 
 
 ASIDE = 2.5
-"""Force across the fingers that says that one of them touches alone, N."""
+"""Force across the fingers above which only one of them touches, N."""
 EVEN = 1.2
-"""Below this it says that both do, or none, N."""
+"""Force across the fingers below which both of them touch, or none, N."""
 STANDS = 0.004
 """Speed of the opening below which the fingers stand, m/s."""
 PRESSES = 0.6
-"""Share of the force that the drive has when it presses against something."""
+"""Share of the commanded force from which the drive presses against something."""
 SOFT = CartesianStiffness(linear=(1500.0, 0.0, 1500.0), angular=40.0, frame="tool")
-"""The closing direction is the tool's y."""
+"""Stiffness of the arm that gives way across the fingers: the tool's y axis, the closing direction."""
 GIVING_WAY = 1.0
 """Longest time for which the hand gives way, s."""
 FARTHEST = 0.015
-"""It gives way by no more than this, m."""
+"""Greatest distance that the hand gives way, m."""
 SPARE = 0.7
-"""Time beyond what the way takes at the fingers' speed, s."""
+"""Time beyond the travel time at the fingers' speed, s."""
 
 
 @dataclass(frozen=True, slots=True)
 class ClosingResult:
-    """How the fingers ended."""
+    """Result of closing the fingers."""
 
     width: float
     """Opening, m."""
     gave_way: float
-    """How far the hand went across, m; 0 when it did not have to."""
+    """Distance that the hand moved along the closing direction, m; 0 when it did not give way."""
     aside: float
-    """Force across the fingers that is left, N."""
+    """Remaining force across the fingers, N."""
 
 
 class ClosingCompliance(CompliantMotion):
-    """The hand lets itself be pushed along the tool's y axis, until the fingers stand and press evenly."""
+    """Compliant motion of the hand along the tool's y axis, until the fingers stand and press evenly."""
 
     def __init__(self, grip: GripperControl, force: float) -> None:
-        """`force`: with which the fingers close, N."""
+        """`force`: closing force of each finger, N."""
         super().__init__()
         self._grip = grip
         self._press = force
@@ -118,15 +119,16 @@ class ClosingCompliance(CompliantMotion):
 
 
 def fingers_settled(grip: GripperControl, force: float) -> bool:
-    """Whether the fingers stand and press against something, or have met."""
+    """Return whether the fingers stand and press against something, or have met."""
     state = grip.state
     return abs(state.speed) < STANDS and state.force >= PRESSES * force
 
 
 def close(world: World, pressure: GripForce, node: str) -> Generator[None, None, ClosingResult]:
-    """Close the fingers, the arm being at rest; they go on closing with `pressure.closing` afterwards.
+    """Close the fingers with the arm at rest; they go on closing with `pressure.closing` afterwards.
 
-    Raises what `ArmMotion.comply` does, and control.gripper where the fingers do not do what they are told.
+    Raises the failures of `ArmMotion.comply`, and control.gripper where the fingers do not move or press as
+    commanded.
     """
     control, grip = world.control, world.grip
     q = control.state.position
@@ -170,5 +172,5 @@ def close(world: World, pressure: GripForce, node: str) -> Generator[None, None,
 
 
 def _across(detector: ContactDetector, axis: Array) -> float:
-    """Of what touches, along the closing direction, N."""
+    """Return the contact force along the closing direction, N."""
     return 0.0 if detector.contact is None else float(axis @ np.array(detector.contact.force))

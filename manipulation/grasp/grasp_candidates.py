@@ -17,39 +17,39 @@ from ...world.shapes import Box, ConvexMesh, Cylinder, Sphere, corners, extents
 from ...world.values import Array, Pose
 
 ROOMY, TIGHT = 0.020, 0.010
-"""How much wider than the object the fingers open, m."""
+"""Greatest and least excess of the opening over the object's width, m, for the two tiers."""
 NEIGHBOUR_MARGIN = {ROOMY: 0.003, TIGHT: 0.001}
 """Free distance demanded between the open hand and everything else, m."""
 TIP_CLEARANCE = 0.002
-"""Of the finger tips above the surface that the object lies on, m."""
+"""Clearance of the finger tips above the object's support, m."""
 PALM_CLEARANCE = 0.006
-"""Of the palm above the object, m."""
+"""Clearance of the palm above the object, m."""
 FLAT = 0.014
-"""Objects lower than this are felt for: the hand descends until it touches, m."""
+"""Height of an object below which the hand descends until contact, m."""
 SLIDES = (0.0, 0.25, -0.25)
 """Places along the object's free axis, as shares of its length beyond one finger width."""
 HIGHER = 0.010
-"""How much higher than the best height the second choice grips, m."""
+"""Height of the second grasp above the best one, m."""
 YAWS = 8
-"""Directions tried for an object without a preferred one, over half a turn."""
+"""Closing directions for an object without a preferred one, over half a turn."""
 
 
 @dataclass(frozen=True, slots=True)
 class GraspCandidate:
-    """One way to grasp: the TCP in the world at closing, the opening before, what to expect after."""
+    """Grasp candidate: TCP pose at closing, opening before, expected width after."""
 
     name: str
     tcp_in_world: Pose
     opening: float
-    """Between the pads on the way down, m."""
+    """Opening between the pads during the descent, m."""
     expected_width: float
-    """Of the object along the closing direction, m."""
+    """Width of the object along the closing direction, m."""
     margin: float
-    """Free distance demanded around the hand, m."""
+    """Least clearance around the open hand, m."""
     flat: bool
-    """Whether the last bit of the way down is felt, not measured."""
+    """Whether the descent ends by contact, not by position."""
     score: float
-    """Lower is better."""
+    """Score of the candidate; lower is better."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,7 +62,8 @@ class _Span:
 
 
 def grasp_candidates(belief: BeliefObject, gripper: GripperDescription) -> list[GraspCandidate]:
-    """Candidates for the object, best first; empty when it is wider than the gripper opens."""
+    """Return the grasp candidates of the object, best first; empty when it is wider than the gripper
+    opens."""
     rotation = belief.pose.rotation()
     low, high = extents(belief.shape, rotation)
     x, y, z = belief.pose.position
@@ -106,7 +107,7 @@ def grasp_candidates(belief: BeliefObject, gripper: GripperDescription) -> list[
 
 
 def _from_above(position: tuple[float, float, float], yaw: float) -> Pose:
-    """TCP with z down and its y axis at `yaw` from the world's x axis."""
+    """Return the TCP pose with z down and its y axis at `yaw` from the world's x axis, rad."""
     closing = np.array([math.cos(yaw), math.sin(yaw), 0.0])
     down = np.array([0.0, 0.0, -1.0])
     rotation = np.column_stack([np.cross(closing, down), closing, down])
@@ -130,13 +131,13 @@ def _spans(belief: BeliefObject, rotation: Array) -> list[_Span]:
 
 
 def _round_spans(width: float, pose: Pose) -> list[_Span]:
-    """All directions are equal; the one that lies across the way from the robot's base comes first."""
+    """Return equal closing directions; the one across the line from the robot's base comes first."""
     first = math.atan2(pose.position[1], pose.position[0]) + math.pi / 2
     return [_Span(first + k * math.pi / YAWS, width + 1e-4 * min(k, YAWS - k), 0.0) for k in range(YAWS)]
 
 
 def _box_spans(size: tuple[float, float, float], rotation: Array) -> list[_Span]:
-    """Both pairs of upright faces of a box that stands on a face (or nearly so)."""
+    """Return the two pairs of upright faces of a box that stands, nearly, on a face."""
     up = int(np.argmax(np.abs(rotation[2])))
     a, b = (k for k in range(3) if k != up)
     spans: list[_Span] = []
@@ -148,7 +149,8 @@ def _box_spans(size: tuple[float, float, float], rotation: Array) -> list[_Span]
 
 
 def _hull_spans(shape: ConvexMesh, rotation: Array) -> list[_Span]:
-    """Directions across the flat sides of the hull's outline, narrow ones first (rotating calipers)."""
+    """Return directions across the flat sides of the hull's outline, narrow ones first (rotating
+    calipers)."""
     import cv2
 
     points = (corners(shape) @ rotation.T)[:, :2].astype(np.float32)

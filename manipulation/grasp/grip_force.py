@@ -1,7 +1,7 @@
-"""How hard to grip: as firmly as weight, friction and acceleration need, as gently as the item wants.
+"""Grip force: enough for weight, friction and acceleration, and within the limit of a fragile item.
 
-Two fingers hold what weighs at most 2 μ F (Coulomb). A finger that touches alone takes the drive of both, for
-they are coupled, and the momentum of both at the impact; a fragile item has to survive that, too.
+Two fingers hold at most a weight of 2 μ F (Coulomb). The fingers are coupled: one that touches alone exerts
+the drive force of both, and the momentum of both at the impact. A fragile item has to survive that, too.
 """
 
 from __future__ import annotations
@@ -15,33 +15,34 @@ from ...world.scene.description import CatalogueEntry
 from ...world.values import GRAVITY
 
 ACCELERATION = 9.0
-"""Greatest of the hand on its fast transfers, as measured, m/s²."""
+"""Greatest measured acceleration of the hand on fast transfers, m/s²."""
 SAFETY = 2.0
-"""The fingers hold so many times what pulls: friction and mass of a kind are known roughly."""
+"""Safety factor of the grip force: friction and mass of a kind are known roughly."""
 LEAST = 8.0
-"""Gentler is not needed unless an item is fragile, N."""
+"""Least grip force for items that are not fragile, N."""
 SHARE = 0.4
-"""Of its limit with which a fragile item is gripped at least."""
+"""Least grip force for a fragile item, as a share of its limit."""
 SHAKEN = 2.0
-"""Force that the fingers' own inertia may add on a fast transfer, N: measured up to 1.9."""
+"""Force that the fingers' inertia may add on a fast transfer, N; measured up to 1.9."""
 UNKNOWN = 30.0
-"""For what the catalogue does not know, N."""
+"""Grip force for objects that the catalogue does not contain, N."""
 ALONE = 2.0
-"""Times the force of a finger that one gets which touches alone."""
+"""Force on a finger that touches alone, as a multiple of its share when both touch."""
 IMPACT = 55.0
-"""Force of an impact of the fingers beyond their drive's, for each m/s, N: measured up to 47."""
+"""Force of a finger's impact beyond its drive's, N for each m/s; measured up to 47."""
 UNEVEN = 1.15
-"""By which a finger may press harder than its drive: than the other one, and when the grip becomes firmer."""
+"""Greatest force of a finger over its drive's: one finger exceeds the other, and the force overshoots when it
+is increased."""
 GENTLE = 0.3
-"""Share of its limit with which the fingers close on a fragile item."""
+"""Closing force on a fragile item, as a share of its limit."""
 DRAGGED = 0.4
-"""Share of an item's friction on the table that a finger may push it with before the other one touches."""
+"""Force of one finger before the other touches, as a share of the item's friction on the table."""
 LIGHT = 2.5
 """Friction on the table up to which an item may be pushed along while the fingers close, N."""
 SLOWEST = 0.005
-"""m/s"""
+"""Least closing speed of a finger, m/s."""
 FIRMER = 1.5
-"""By which the grip grows when something slips."""
+"""Factor of the grip force after a slip."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,40 +50,40 @@ class GripForce:
     """Forces of a finger, N, and its speed for one grasp."""
 
     closing: float
-    """Until both fingers touch."""
+    """Force until both fingers touch, N."""
     grip: float
-    """To lift and carry what is believed to be gripped."""
+    """Force to lift and carry the object as believed, N."""
     most: float
-    """Never above this."""
+    """Greatest force, N."""
     speed: float | None
-    """Of each finger while they close, m/s; None for as fast as they can."""
+    """Speed of each finger while it closes, m/s. None: full speed."""
     friction: float
-    """Between item and pads."""
+    """Friction coefficient between item and pads."""
 
     def firmer(self) -> GripForce:
-        """For what has slipped out of a grip like this one."""
+        """Return the grip force for an object that has slipped out of this one."""
         return replace(self, grip=min(self.grip * FIRMER**2, self.most))
 
     def carrying(self, mass: float) -> float:
-        """The grip for an item that turned out to weigh so much, kg; not gentler than it was."""
+        """Return the grip force for a weighed mass, kg; never less than before."""
         return min(max(self.grip, required_force(mass, self.friction)), self.most)
 
 
 def opening_force(catalogue: Iterable[CatalogueEntry]) -> float:
-    """With which the fingers open in a scene of such items, so that nothing beside them is crushed, N."""
+    """Return the opening force in a scene of such items, N: neighbours must not be crushed."""
     limits = [entry.force_limit for entry in catalogue if entry.force_limit is not None]
     return min([OPENING, *(GENTLE * limit for limit in limits)])
 
 
 def required_force(mass: float, friction: float) -> float:
-    """Force of each finger for a mass, kg, on a fast transfer, N."""
+    """Return the force of each finger for a mass, kg, on a fast transfer, N."""
     if friction <= 0.0:
         return float("inf")
     return SAFETY * mass * (GRAVITY + ACCELERATION) / (2.0 * friction)
 
 
 def grip_force(entry: CatalogueEntry | None, bound: float, gripper: GripperDescription) -> GripForce:
-    """For an item of that kind, with at most `bound` N a finger."""
+    """Return the grip force for an item of that kind, with at most `bound` N on each finger."""
     bound = min(bound, gripper.max_force)
     if entry is None:
         force = min(UNKNOWN, bound)
@@ -92,7 +93,7 @@ def grip_force(entry: CatalogueEntry | None, bound: float, gripper: GripperDescr
     most, closing, speed = bound, bound, None
     limit = entry.force_limit
     if limit is not None:
-        # Carried sideways, the item leans on one finger, and so do the fingers.
+        # On a sideways transfer the item leans on one finger, and so do the fingers.
         shaken = SHAKEN + entry.mass * ACCELERATION / 2
         most = min(bound, max(limit - shaken, limit / 2) / UNEVEN)
         wanted = max(required_force(entry.mass, friction), min(LEAST, SHARE * limit))

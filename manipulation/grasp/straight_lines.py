@@ -1,4 +1,4 @@
-"""The last centimetres: straight lines onto an object, up from it, into a bin and out again."""
+"""Straight legs near an object: descent, lift, lowering, withdrawal."""
 
 from __future__ import annotations
 
@@ -18,17 +18,18 @@ if TYPE_CHECKING:
 Steps = Generator[None, None, None]
 
 NEAR = 0.02
-"""Neighbours closer than this may be grazed while lifting: they were cleared by the open hand before, m."""
+"""Clearance below which neighbours may be grazed during the lift, m. The open hand has cleared them
+before."""
 DOWN, UP = (0.0, 0.0, -1.0), (0.0, 0.0, 1.0)
 CARRIED = 10.0
 """Force that lifting an object may add to the guard of a motion, N."""
 
 
 def descend_until_contact(world: World, candidate: GraspCandidate, object_id: ObjectId, node: str) -> Steps:
-    """The last bit of the way down onto a flat object, until it is touched; others need none."""
+    """Descend the last bit onto a flat object until contact; other objects need none."""
     if not candidate.flat:
         return
-    # Fingers on knuckles reach further out the more they are closed.
+    # Fingers on knuckles reach further out when they close.
     fingers = world.robot.fingers
     at_grip, opened = fingers.reach(candidate.expected_width), fingers.reach(candidate.opening)
     way = world.handling.felt_way + (world.robot.description.gripper.tip - opened)
@@ -44,7 +45,7 @@ def descend_until_contact(world: World, candidate: GraspCandidate, object_id: Ob
 
 
 def lift(world: World, object_id: ObjectId, node: str) -> Steps:
-    """Straight up out of the neighbours, with or without the object in the hand."""
+    """Lift the hand straight up from between the neighbours, with or without the object."""
     held = world.scene.held
     near = [
         ("gripper", str(c.b))
@@ -59,8 +60,7 @@ def lift(world: World, object_id: ObjectId, node: str) -> Steps:
 
 
 def lift_off(world: World, node: str) -> Steps:
-    """Straight up with what is between the fingers, off what it stands on or out of what it sticks in, or
-    until that holds it."""
+    """Lift the object straight up, off its support or out of a recess, until something holds it back."""
     handling = world.handling
     yield from world.move.guarded(
         UP, handling.approach, force=handling.guard + CARRIED, speed=handling.lower_speed, node=node
@@ -68,7 +68,7 @@ def lift_off(world: World, node: str) -> Steps:
 
 
 def lower(world: World, held: BeliefObject, bin_: Bin | None, node: str) -> Steps:
-    """Down with the object until it is felt, or into a bin as deep as the finger tips stay above its rim."""
+    """Lower the object until contact, or into a bin as far as the finger tips stay above its rim."""
     if bin_ is None:
         way = world.handling.approach + world.handling.felt_way
     else:
@@ -83,7 +83,7 @@ def lower(world: World, held: BeliefObject, bin_: Bin | None, node: str) -> Step
 
 
 def withdraw(world: World, node: str) -> Steps:
-    """Straight up from what was just released, as far as that is free."""
+    """Move straight up from the released object, as far as that is free."""
     near = [
         ("gripper", str(c.b))
         for c in world.queries.hand_contacts(world.control.tcp, world.grip.width, margin=NEAR)

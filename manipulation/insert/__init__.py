@@ -1,1 +1,1 @@
-"""Putting what is held into a hole."""
+"""Insertion of the held object into a hole."""

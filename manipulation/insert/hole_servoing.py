@@ -1,4 +1,4 @@
-"""Looking at a hole with the camera on the hand, so that what is put into it comes over its mouth."""
+"""Visual servoing of a hole: its pose, seen by the camera on the hand just before an insertion."""
 
 from __future__ import annotations
 
@@ -25,23 +25,23 @@ if TYPE_CHECKING:
     from ...world.scene.description import CameraDescription, Hole
 
 OFF = 0.008
-"""How far a mouth may be from where it is believed to be, m."""
+"""Greatest distance of a mouth from its believed place, m."""
 FROM = (0.20, 0.24, 0.17)
-"""Distances from which it is looked at, the best first, m."""
+"""Distances of the camera from the mouth, best first, m."""
 FREE = 0.010
-"""Of the face around the mouth that the hand must not hide, m."""
+"""Width of the face around the mouth that the hand must not hide, m."""
 AIDE = 8
-"""Pixels by which the hand hides more than its boxes do."""
+"""Margin around the hand's boxes in the picture, pixels."""
 TURNS = (0.0, 0.5, -0.5, 1.0, -1.0, 1.57, -1.57, 2.2, -2.2, 3.14)
-"""Of the hand about the hole's axis that are tried, rad, from how it is turned now."""
+"""Rotations of the hand about the hole's axis that are tried, rad, from the present one."""
 
 
 def look_at_hole(world: World, hole_id: ObjectId, node: str) -> Generator[None, None, Pose | None]:
-    """The pose of a hole's mouth in the world (z out of the hole, x along a slot), as a camera on the hand
-    sees it; None where it cannot tell, or where there is no such camera.
+    """Return the pose of a hole's mouth in the world, as a camera on the hand sees it.
 
-    The arm moves: it holds the camera over the hole so that neither fingers nor what they hold are in the
-    way. Fails as motions do; with world.unknown_object when there is no such hole.
+    z points out of the hole, x along a slot. None: the mouth is not recognised, or there is no such camera.
+    The arm moves: it holds the camera over the hole so that fingers and held object are out of the way.
+    Failures: those of motions; world.unknown_object when there is no such hole.
     """
     camera = next((c for c in world.description.cameras if c.on == "hand"), None)
     fixture, hole = find_hole(world.scene, hole_id)
@@ -73,7 +73,7 @@ def look_at_hole(world: World, hole_id: ObjectId, node: str) -> Generator[None, 
 def _go(
     world: World, camera: CameraDescription, hole: Hole, believed: Pose, node: str
 ) -> Generator[None, None, bool]:
-    """To where the mouth is seen; False when there is no way there."""
+    """Move the arm to where the mouth is visible; False: there is no path to such a pose."""
     for distance in FROM:
         poses = views(world, camera, hole, believed, distance)
         if not poses:
@@ -97,8 +97,11 @@ def _go(
 def views(
     world: World, camera: CameraDescription, hole: Hole, believed: Pose, distance: float
 ) -> tuple[Pose, ...]:
-    """Poses of the TCP in the world, pointing into the hole's direction, with the mouth `distance` m from the
-    camera in that part of the picture that the hand leaves free. Empty when that part is too small."""
+    """Return TCP poses in the world that show the mouth `distance` m from the camera, in the free part of the
+    picture.
+
+    The tool points into the hole. Empty: the part that the hand leaves free is too small.
+    """
     intrinsics = _optics(camera)
     hidden = _hidden(world, camera, intrinsics)
     room = cv2.distanceTransform((~hidden).astype(np.uint8), cv2.DIST_L2, 5)
@@ -119,7 +122,8 @@ def views(
 
 
 def _over(believed: Pose, in_tcp: Array, yaw: float) -> Pose:
-    """The TCP, pointing into the hole and turned by `yaw` about its axis, that has the mouth at `in_tcp`."""
+    """Return the TCP pose that points into the hole, turned by `yaw` about its axis, with the mouth at
+    `in_tcp`."""
     axes = believed.rotation() @ np.array(
         [[math.cos(yaw), math.sin(yaw), 0.0], [math.sin(yaw), -math.cos(yaw), 0.0], [0.0, 0.0, -1.0]]
     )
@@ -127,20 +131,20 @@ def _over(believed: Pose, in_tcp: Array, yaw: float) -> Pose:
 
 
 def _turned(world: World, believed: Pose) -> float:
-    """How the hand is turned about the hole's axis now, rad."""
+    """Return the present rotation of the hand about the hole's axis, rad."""
     x = believed.rotation().T @ world.control.tcp.rotation()[:, 0]
     return math.atan2(float(x[1]), float(x[0]))
 
 
 def _optics(camera: CameraDescription) -> Intrinsics:
-    """As far as the scene file tells them, which is to a pixel."""
+    """Return the camera's intrinsics by the scene file, accurate to a pixel."""
     width, height = camera.size
     focal = height / 2 / math.tan(camera.fov / 2)
     return Intrinsics(width, height, focal, focal, width / 2, height / 2)
 
 
 def _hidden(world: World, camera: CameraDescription, intrinsics: Intrinsics) -> NDArray[np.bool_]:
-    """(h, w): where the hand, its fingers and what they hold are in the camera's picture."""
+    """Return the mask (h, w) of the hand, its fingers and the held object in the camera's picture."""
     robot, width = world.robot, world.grip.width
     bodies = [pose.apply(corners(box)) for box, pose in robot.description.gripper.hand]
     bodies += [pose.apply(corners(box)) for box, pose in robot.finger_boxes(width)]

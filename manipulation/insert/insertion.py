@@ -1,4 +1,5 @@
-"""What an insertion needs to know before it feels: how the object comes over the hole, and how it leans."""
+"""Geometry of an insertion: poses over the hole, the peg as it is held, its lean, and its place
+afterwards."""
 
 from __future__ import annotations
 
@@ -9,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...control.contact.hole_search import BelievedHole, HeldPeg
+from ...control.contact.peg_motion import BelievedHole, HeldPeg
 from ...world.belief.hole_matching import find_hole, hole_clearance
 from ...world.scene.description import Fixture, Hole
 from ...world.shapes import Box, Cylinder, Shape, bottom, extents
@@ -22,57 +23,58 @@ if TYPE_CHECKING:
     from ..grasp.grasp_candidates import GraspCandidate
 
 ABOVE = 0.012
-"""Of the object's underside over the believed mouth where feeling begins, m."""
+"""Height of the object's underside over the believed mouth where the search begins, m."""
 
 TURNS = 8
-"""Turns about its axis at which an object is tried that fits at any."""
+"""Rotations about its axis at which a round object is tried."""
 DOWN = math.cos(math.radians(30.0))
-"""A tool that points down less than this reaches no hole with what it holds: the fixture is in its way."""
+"""Least downward part of the tool's axis, 1. With less, the fixture is in the way of the hand."""
 FINE = 0.001
-"""Clearance below which contacts want the finer step, m."""
+"""Clearance below which contacts need the finer step, m."""
 HAND = 0.0015
-"""How far beside where it is believed an object may sit in the hand, m."""
+"""Greatest error of an object's believed place in the hand, m."""
 TIPS_OVER = 0.0015
-"""Of the finger tips over the surface in the end, m."""
+"""Height of the finger tips over the surface at the end, m."""
 LEAST_DEPTH = 0.005
-"""An object is put so deep into a hole at least, m."""
+"""Least insertion depth, m."""
 FINE_RATE, RATE = 1000, 500
-"""Steps a second while in contact, for holes with less and with more clearance than that."""
+"""Control periods a second in contact, for holes with less and with more clearance than `FINE`."""
 TOWARDS = 1e-3
-"""What leans along the fingers by so little less than another corner is as good, 1."""
+"""Difference of lean along the fingers below which two corners are equal, 1."""
 
 
 @dataclass(frozen=True, slots=True)
 class InsertionTask:
-    """A held object and the hole into which it is to go, as they are believed to be."""
+    """Insertion task: a held object and its hole, as believed."""
 
     hole: Hole
     hole_in_world: Pose
     shape: Shape
     object_in_tcp: Pose
     slack: float
-    """How much wider the hole is where it is tightest, both sides together, m."""
+    """Least difference between hole and object, both sides together, m."""
     uncertainty: float
-    """How far beside its believed place the mouth may be, m."""
+    """Greatest distance of the mouth from its believed place, m."""
 
     @property
     def rate(self) -> int:
-        """Of physics and control in contact, Hz."""
+        """Rate of physics and control in contact, Hz."""
         return FINE_RATE if self.slack < FINE - 1e-9 else RATE
 
     @property
     def height(self) -> float:
-        """Of the object along its axis, m."""
+        """Height of the object along its axis, m."""
         low, high = extents(self.shape, np.eye(3))
         return float(high[2] - low[2])
 
     def seen_at(self, hole_in_world: Pose, uncertainty: float) -> InsertionTask:
-        """The same, the mouth having been seen."""
+        """Return the task with the observed pose of the mouth."""
         return replace(self, hole_in_world=hole_in_world, uncertainty=uncertainty + HAND)
 
 
 def fit(fixture: Fixture, hole: Hole, shape: Shape, object_in_tcp: Pose) -> InsertionTask:
-    """A fixture stands somewhere within a square, and turns the hole about its own middle."""
+    """Return the insertion task. The uncertainty covers the fixture's position, its rotation and the object
+    in the hand."""
     left = hole_clearance(hole, shape)
     assert left is not None, "it was chosen because it fits"
     doubt = fixture.uncertainty
@@ -82,8 +84,11 @@ def fit(fixture: Fixture, hole: Hole, shape: Shape, object_in_tcp: Pose) -> Inse
 
 
 def poses_over(fit: InsertionTask, above: float) -> tuple[Pose, ...]:
-    """TCP poses in the world with the object upright over the hole, its underside `above` m over the mouth,
-    at each turn at which it fits, the tool pointing down. Empty when it is held so that none does."""
+    """Return TCP poses in the world, pointing down, with the upright object over the hole at each angle at
+    which it fits.
+
+    `above`: height of its underside over the mouth, m. Empty: no such pose exists for this grasp.
+    """
     poses: list[Pose] = []
     for yaw in _turns(fit):
         for roll in (0.0, math.pi):
@@ -95,7 +100,7 @@ def poses_over(fit: InsertionTask, above: float) -> tuple[Pose, ...]:
 
 
 def hover_poses(world: World, hole_id: str, shape: Shape, object_in_tcp: Pose) -> tuple[Pose, ...]:
-    """`poses_over` for an object that would be held so, where an insertion by feeling begins."""
+    """Return `poses_over` for an object in this grasp, at the height where the search begins."""
     fixture, hole = find_hole(world.scene, hole_id)
     return poses_over(fit(fixture, hole, shape, object_in_tcp), ABOVE)
 
@@ -103,7 +108,8 @@ def hover_poses(world: World, hole_id: str, shape: Shape, object_in_tcp: Pose) -
 def fingertips_too_low(
     hole: Hole, belief: BeliefObject, grasp: GraspCandidate, gripper: GripperDescription
 ) -> bool:
-    """Whether the finger tips of a grasp would meet the fixture before the object is down in the hole."""
+    """Return whether the finger tips of a grasp would meet the fixture before the object is down in the
+    hole."""
     tips = grasp.tcp_in_world.position[2] - gripper.tip
     return tips - bottom(belief.shape, belief.pose) < hole.depth + TIPS_OVER
 
@@ -120,10 +126,10 @@ def _turns(fit: InsertionTask) -> Sequence[float]:
 
 
 def peg(fit: InsertionTask, tcp_in_world: Pose) -> HeldPeg:
-    """The object as it is held with the TCP at that pose over the hole.
+    """Return the held object as a peg, with the TCP at that pose over the hole.
 
-    It leans along the closing direction of the fingers, y of the TCP, as nearly as may be: there they hold it
-    by their faces, not by friction. What has corners leans over one of them, so that a point goes first.
+    It leans, as nearly as possible, along the closing direction of the fingers, y of the TCP. There the
+    fingers' faces hold it, not friction. A box leans over one of its corners, so that a point leads.
     """
     up = fit.hole_in_world.rotation()[:, 2]
     down: Array = fit.object_in_tcp.rotation().T @ tcp_in_world.rotation().T @ -up
@@ -133,7 +139,7 @@ def peg(fit: InsertionTask, tcp_in_world: Pose) -> HeldPeg:
     match fit.shape:
         case Box((x, y, _)):
             corners = [np.array([a * x / 2, b * y / 2, 0.0]) for a in (1, -1) for b in (1, -1)]
-            # Over a corner its sides slope alike, however long they are.
+            # Over a corner the sides have equal slopes, whatever their length.
             slopes = [turn @ (np.sign(c) / math.sqrt(2.0)) for c in corners]
             best = max(range(4), key=lambda k: (round(float(slopes[k][1]) / TOWARDS), k))
             return HeldPeg(foot, slopes[best], turn @ corners[best], False)
@@ -146,8 +152,11 @@ def peg(fit: InsertionTask, tcp_in_world: Pose) -> HeldPeg:
 
 
 def mouth(fit: InsertionTask, depth: float, tip: float) -> BelievedHole:
-    """What is believed of the hole. `depth`: how far into it the object is to go, m, at most to its bottom,
-    or until the finger tips, `tip` m beyond the TCP, are over the surface: it falls the rest of the way."""
+    """Return the believed hole.
+
+    `depth`: wanted depth, m. It is limited to the hole's bottom, and to where the finger tips, `tip` m beyond
+    the TCP, are over the surface. The object falls the rest of the way.
+    """
     low = fit.object_in_tcp.position[2] + fit.height / 2
     return BelievedHole(
         np.array(fit.hole_in_world.position),
@@ -159,8 +168,7 @@ def mouth(fit: InsertionTask, depth: float, tip: float) -> BelievedHole:
 
 
 def inserted_pose(fit: InsertionTask, tcp_in_world: Pose) -> Pose:
-    """Where the object is believed to be when it was let go at that pose of the TCP: upright, on the
-    bottom."""
+    """Return the believed pose of the object after its release at that TCP pose: upright, on the bottom."""
     held = tcp_in_world @ fit.object_in_tcp
     local = fit.hole_in_world.inverse() @ held
     upright = np.array([0.0, 0.0, math.copysign(1.0, float(local.rotation()[2, 2]))])

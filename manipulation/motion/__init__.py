@@ -1,1 +1,1 @@
-"""Motions that are watched, and planned again."""
+"""Monitored motions and replanning."""

@@ -1,4 +1,4 @@
-"""What a skill notices while its arm is on the way: its object is elsewhere, its place is taken."""
+"""Monitors of a motion: the object has moved, or its place is taken."""
 
 from __future__ import annotations
 
@@ -17,31 +17,31 @@ if TYPE_CHECKING:
     from ...cell.world import World
 
 MOVED, TURNED = 0.008, math.radians(12.0)
-"""Another place, or heading, of an object than it was to be grasped at, m and rad; less is within the
-camera's errors, and the fingers allow for it."""
+"""Distance, m, and rotation, rad, from which an object counts as moved. Less is within the camera's errors,
+and the fingers allow for it."""
 SIGMAS = 4.0
-"""What is less certain than that has to be seen further off, in standard deviations."""
+"""Displacement of an uncertain object that counts as a move, in standard deviations."""
 SURE = 0.7
-"""A look at what the arm half hides, with less than this share of the former confidence, tells of no move."""
+"""Share of the former confidence below which a look shows no move: the arm half hides the object."""
 HIGHER = 0.01
-"""By so much the heap may grow where something is to be let go, m."""
+"""Growth of the heap that is allowed at the place of the release, m."""
 
 
 class TargetWatch:
-    """Asked each tick while the arm approaches an object: is it still there, and where it was?
+    """Monitor of an approach, for each tick: whether the object is where it was.
 
-    A move is told as world.disturbed, and the caller looks for other candidates; world.unknown_object says
-    that it is gone.
+    It reports world.disturbed for a move, and the caller looks for other candidates. world.unknown_object:
+    the object is gone.
     """
 
     def __init__(self, world: World, target: BeliefObject) -> None:
         self._scene, self._target = world.scene, target
         self._version = world.scene.version
         self.noticed: Failure | None = None
-        """What it has stopped the arm for."""
+        """Failure that stopped the arm. None: there was none."""
 
     def __call__(self) -> Failure | None:
-        """A failure when the arm should stop."""
+        """Return the failure that stops the arm. None: the arm goes on."""
         if self._scene.version != self._version:
             self._version = self._scene.version
             self.noticed = self._judged()
@@ -70,8 +70,7 @@ class TargetWatch:
 
 
 def displacement(before: BeliefObject, now: BeliefObject) -> tuple[float, float]:
-    """By how much an object is believed to be elsewhere, m and rad; nothing where that may be an error of
-    sight."""
+    """Return the displacement of an object, m and rad; zero when it may be an error of perception."""
     off, turn = before.pose.distance(now.pose), before.pose.angle(now.pose)
     unsure = math.hypot(before.sigma_position, now.sigma_position)
     unsure_turn = math.hypot(before.sigma_angle, now.sigma_angle)
@@ -81,9 +80,9 @@ def displacement(before: BeliefObject, now: BeliefObject) -> tuple[float, float]
 
 
 class PlaceWatch:
-    """Asked each tick while the arm carries an object over a bin: is there still room where it is let go?
+    """Monitor of a transfer to a bin, for each tick: whether there is still room at the place of the release.
 
-    What was put there meanwhile is told as place.occupied: the caller looks for another spot.
+    It reports place.occupied when the heap has grown, and the caller looks for another spot.
     """
 
     def __init__(self, world: World, held: BeliefObject, landing: PlaceCandidate) -> None:
@@ -92,17 +91,18 @@ class PlaceWatch:
         self._held, self._in_tcp = held.id, held.object_in_tcp
         self._looks = world.eyes.looks
         self.noticed: Failure | None = None
-        """What it has stopped the arm for."""
+        """Failure that stopped the arm. None: there was none."""
 
     def __call__(self) -> Failure | None:
-        """A failure when the arm should stop."""
+        """Return the failure that stops the arm. None: the arm goes on."""
         if self._world.eyes.looks != self._looks:
             self._looks = self._world.eyes.looks
             self.noticed = self.judged()
         return self.noticed
 
     def judged(self) -> Failure | None:
-        """Why it cannot be let go there, as the bin is believed to be filled now."""
+        """Return why the object cannot be released there, by the believed contents of the bin. None: it
+        can."""
         world, landing = self._world, self._landing
         held = world.scene.find(self._held)
         if held is None:
@@ -123,16 +123,16 @@ class PlaceWatch:
 
 
 class PutDownWatch:
-    """The same for a point where it is put down with the TCP at `pose`: nothing may stand there."""
+    """Monitor of a transfer to a point with the TCP at `pose`, for each tick: whether it is still free."""
 
     def __init__(self, world: World, held: BeliefObject, pose: Pose) -> None:
         self._world, self._held, self._pose = world, held, pose
         self._version = world.scene.version
         self.noticed: Failure | None = None
-        """What it has stopped the arm for."""
+        """Failure that stopped the arm. None: there was none."""
 
     def __call__(self) -> Failure | None:
-        """A failure when the arm should stop."""
+        """Return the failure that stops the arm. None: the arm goes on."""
         if self._world.scene.version != self._version:
             self._version = self._world.scene.version
             self.noticed = self._judged()

@@ -1,4 +1,4 @@
-"""Planning anew: what a motion in the free does when something gets into its way, instead of giving up."""
+"""Replanning: a free motion whose path becomes blocked is planned and started again."""
 
 from __future__ import annotations
 
@@ -12,27 +12,30 @@ from ..retreat.clearing import escape_contact
 
 if TYPE_CHECKING:
     from ...cell.world import World
-    from ...control.execution.motions import Watch
+    from ...control.execution.trajectory_motion import Watch
 
 T = TypeVar("T")
 Doing = Generator[None, None, T]
 
 MOST = 4
-"""How often one skill plans anew before it fails with what stops it."""
+"""Maximum number of replans of one skill before it fails."""
 
 
 class ReplanBudget:
-    """How often a skill has planned anew, and whether it may once more."""
+    """Number of replans of a skill, and their limit."""
 
     def __init__(self, world: World, node: str, subject: str = "", most: int = MOST) -> None:
-        """`subject`: the object that the skill is about, for the record."""
+        """`subject`: object of the skill, for the record."""
         self._world, self._node, self._subject = world, node, subject
         self._most = most
         self.made = 0
 
     def allows(self, failure: Failure, *more: Cause) -> bool:
-        """Whether the motion that ended so, with the arm at rest, is to be planned anew: because its way is
-        blocked, or for one of the causes `more`. It is noted as an event, `replanned`."""
+        """Return whether a motion that failed so, with the arm at rest, may be replanned, and record
+        `replanned`.
+
+        It may after planning.blocked or one of the causes `more`.
+        """
         if failure.cause not in (planning.BLOCKED, *more) or self.made >= self._most:
             return False
         self.made += 1
@@ -63,11 +66,13 @@ def follow_with_replanning(
     watch: Watch | None = None,
     replans: ReplanBudget | None = None,
 ) -> Doing[MotionPlan]:
-    """Ask for a plan and follow it. When the rest of the way is no longer believed to be free, the arm brakes
-    on its path, and it is asked again from where it stands, a bounded number of times; then it fails with
-    planning.blocked. An arm that is believed to stand too close to what has come gets clear of it first.
+    """Request a plan and follow it; replan from where the arm stands when the path is no longer believed to
+    be free.
 
-    `guard` and `watch` as for `ArmMotion.along`, whose failures these are, too.
+    The arm brakes on its path. An arm too close to the new obstacle moves away from it first. The number of
+    replans is limited; then it fails with planning.blocked.
+
+    `guard` and `watch` as for `ArmMotion.along`, whose failures it raises, too.
     """
     tries = replans or ReplanBudget(world, node)
     while True:
@@ -82,8 +87,10 @@ def follow_with_replanning(
 
 
 def plan_after_stop(world: World, ask: Callable[[], Doing[T]], node: str, *, after: int) -> Doing[T]:
-    """The answer from where the arm stands `after` so many stops; if that is believed to touch something,
-    from clear of it."""
+    """Return the plan from where the arm stands. `after`: number of stops before.
+
+    After a stop, an arm that is believed to touch something moves out of contact first.
+    """
     try:
         return (yield from ask())
     except Failure as failure:
@@ -94,6 +101,6 @@ def plan_after_stop(world: World, ask: Callable[[], Doing[T]], node: str, *, aft
 
 
 def _names(failure: Failure) -> list[str]:
-    """What was in the way: the listed contacts, or the object."""
+    """Return the names of the obstacles: the listed contacts, or the object."""
     found = failure.evidence.get("contacts") or failure.evidence.get("by")
     return [str(one) for one in found] if isinstance(found, list) else [str(found)] if found else []

@@ -1,1 +1,1 @@
-"""Whole picks: each grasp with each place that it leads to, best first."""
+"""Pick-and-place candidates in a ranked stream, their requests, and visual servoing of the grasp."""

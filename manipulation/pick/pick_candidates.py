@@ -1,7 +1,7 @@
-"""A whole candidate: one grasp, and one place that it leads to.
+"""Pick-place candidates: one grasp and one place each, with their stages, rejections and travel times.
 
-The stages that a candidate passes, in this order: two of geometry and kinematics for the grasp, two for
-the place, the cheapest first, and then what is planned.
+The stages in order: geometry and kinematics of the grasp, then of the place, the cheapest first, and then
+planning.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ ACCEPTED = "accepted"
 
 
 class TriedCandidate(Protocol):
-    """`world.journal.CandidateTried`, or what a log holds of it."""
+    """Tried candidate: `world.journal.CandidateEntry`, or its record in a log."""
 
     @property
     def name(self) -> str: ...
@@ -60,19 +60,22 @@ class TriedCandidate(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class RejectionCount:
-    """So many grasps dropped out at a stage for one reason."""
+    """Number of grasps that failed at a stage for one reason."""
 
     count: int
     words: str
     stage: str
     by: str
     name: str
-    """Of the first of these grasps."""
+    """Name of the first of these grasps."""
 
 
 def count_rejections(tried: Iterable[TriedCandidate], into: str) -> tuple[RejectionCount, ...]:
-    """The most frequent first. A grasp that was accepted has none; one whose places failed for several
-    reasons has the one that it came furthest with, or that was more frequent."""
+    """Return the rejections, most frequent first.
+
+    An accepted grasp has none. A grasp whose places failed for several reasons counts for the one at the
+    latest stage, or the more frequent one.
+    """
     taken = {one.name for one in tried if one.verdict == ACCEPTED}
     last: dict[str, TriedCandidate] = {}
     for one in tried:
@@ -92,7 +95,8 @@ def count_rejections(tried: Iterable[TriedCandidate], into: str) -> tuple[Reject
 
 
 def describe_rejections(found: Sequence[RejectionCount], most: int = 4) -> str:
-    """`11 the hand would touch red_block_2 (1.2 mm from it at best), 8 the pre-grasp is out of reach`."""
+    """Return `11 the hand would touch red_block_2 (1.2 mm from it at best), 8 the pre-grasp is out of
+    reach`."""
     parts = [f"{fate.count} {fate.words}" for fate in found[:most]]
     rest = sum(fate.count for fate in found[most:])
     return ", ".join([*parts, f"{rest} for other reasons"] if rest else parts)
@@ -116,12 +120,13 @@ def _words(group: Sequence[TriedCandidate], into: str) -> str:
 
 _WAYS = {APPROACH: "no way to the grasp", TRANSFER: "no way to the place"}
 _PAIR = re.compile(r"(?:deep in|from) (\S+)$")
-"""Of `failing.listed`."""
+"""Body named at the end of a contact's description in the evidence of a planning failure."""
 
 
 @dataclass(frozen=True, slots=True)
 class StageRefusal:
-    """Why a candidate did not pass a stage: in words, what was in the way, and how near it was, m."""
+    """Reason why a candidate failed a stage: text, obstacle, and distance to it, m (negative:
+    penetration)."""
 
     stage: str
     words: str
@@ -130,25 +135,26 @@ class StageRefusal:
 
 
 def touching(stage: str, subject: str, contact: ContactPair) -> StageRefusal:
-    """`the hand would touch red_block_2`, and how near it would be."""
+    """Return the refusal for a contact: `the hand would touch red_block_2`, with the distance."""
     return StageRefusal(stage, f"{subject} would touch {contact.b}", contact.b, contact.distance)
 
 
 def unreached(stage: str, subject: str, found: ReachResult) -> StageRefusal:
-    """`the pre-grasp is out of reach`, `at the grasp panda_hand would be 3.1 mm deep in shelf`."""
+    """Return the refusal `the pre-grasp is out of reach` or `at the grasp panda_hand would be 3.1 mm deep in
+    shelf`."""
     if found.contact is None:
         return StageRefusal(stage, f"{subject} is {found.why_not}")
     return StageRefusal(stage, f"at {subject} {found.why_not}", found.contact.b, found.contact.distance)
 
 
 def planned(stage: str, failure: Failure) -> StageRefusal:
-    """What the planner says, and the body that it names first."""
+    """Return the refusal for a planning failure, with the first body that it names."""
     by = next(iter(_named(failure)), "")
     return StageRefusal(stage, f"{_WAYS[stage]}: {failure.message}", by)
 
 
 class CandidateTrail:
-    """What became of the grasps of one object, and of the places that they lead to.
+    """Results of the grasps of one object, and of their places.
 
     A grasp counts at each stage that it, or one of its places, has passed.
     """
@@ -165,7 +171,7 @@ class CandidateTrail:
         self._passed[stage].add(grasp.name)
 
     def refuse(self, grasp: GraspCandidate, cost: float, refusal: StageRefusal, place: str = "") -> None:
-        """Places of one grasp that fail of the same thing at the same stage are counted as one."""
+        """Record a refusal. Places of one grasp with the same reason at the same stage count together."""
         key = (grasp.name, refusal.stage, refusal.by or refusal.words)
         tried = CandidateEntry(
             grasp.name, grasp.tcp_in_world, cost, refusal.words, place, refusal.stage, refusal.by, refusal.gap
@@ -177,17 +183,17 @@ class CandidateTrail:
         self._tried[key] = tried
 
     def accept(self, grasp: GraspCandidate, cost: float, place: str, stage: str) -> None:
-        """The candidate that is taken, proven up to that stage."""
+        """Record the accepted candidate, tested up to that stage."""
         self._tried[grasp.name, "", ""] = CandidateEntry(
             grasp.name, grasp.tcp_in_world, cost, "accepted", place, stage
         )
 
     def count(self, stage: str) -> int:
-        """Grasps that have passed a stage."""
+        """Return the number of grasps that have passed a stage."""
         return len(self._passed[stage])
 
     def entry(self) -> CandidateSearchEntry:
-        """For the journal."""
+        """Return the journal entry."""
         stages = {stage: len(names) for stage, names in self._passed.items()}
         return CandidateSearchEntry(
             self._purpose, self._object, stages, tuple(self._tried.values()), self._into
@@ -195,7 +201,7 @@ class CandidateTrail:
 
 
 def _named(failure: Failure) -> Iterator[str]:
-    """Bodies of the scene that the evidence names."""
+    """Yield the bodies of the scene in the failure's evidence."""
     pairs = failure.evidence.get("pairs")
     for pair in pairs if isinstance(pairs, list) else ():
         match = _PAIR.search(str(pair))
@@ -204,17 +210,17 @@ def _named(failure: Failure) -> Iterator[str]:
 
 
 DETOUR = 0.4
-"""What a radian of detour (`posture.discomfort`) is worth as time, s."""
+"""Weight of a configuration's cost (`configuration_cost`), s for each radian."""
 
 
 def joint_travel_time(robot: RobotModel, a: Array, b: Array) -> float:
-    """The least time from a to b (n,), and what an uncomfortable b is worth, s."""
+    """Return the least time from a to b (n,), plus the weighted cost of configuration b, s."""
     return float(np.max(np.abs(b - a) / robot.velocity_limit)) + DETOUR * configuration_cost(robot, b)
 
 
 def known_travel_time(robot: RobotModel, a: Pose, x: float, y: float) -> float:
-    """The part of `estimated_travel_time` that is known of a point before the hand's direction there is,
-    s."""
+    """Return the part of `estimated_travel_time` to a point that does not depend on the hand's direction
+    there, s."""
     base = robot.description.base_in_world.inverse()
     there = base.apply(np.array([x, y, 0.0]))
     facing = math.atan2(float(there[1]), float(there[0]))
@@ -222,8 +228,11 @@ def known_travel_time(robot: RobotModel, a: Pose, x: float, y: float) -> float:
 
 
 def estimated_travel_time(robot: RobotModel, a: Pose, b: Pose) -> float:
-    """The time from one TCP pose to another before any configuration is known, s. It only says what to look
-    at first: an arm on an upright base turns its first joint to face a point, its last to turn the hand."""
+    """Return the estimated time between two TCP poses before any configuration is known, s.
+
+    It only orders the search. An arm on an upright base turns its first joint to face a point, and its last
+    to turn the hand.
+    """
     base = robot.description.base_in_world.inverse()
     (facing_a, yaw_a), (facing_b, yaw_b) = (_turns(base @ pose) for pose in (a, b))
     slew = _wrapped(facing_b - facing_a) / float(robot.velocity_limit[0])
@@ -232,7 +241,7 @@ def estimated_travel_time(robot: RobotModel, a: Pose, b: Pose) -> float:
 
 
 def _turns(tcp: Pose) -> tuple[float, float]:
-    """Azimuth of a position, and the direction of the TCP's y axis, seen from above, rad."""
+    """Return the azimuth of a position, and the direction of the TCP's y axis seen from above, rad."""
     x, y, _ = tcp.position
     closing = tcp.rotation()[:, 1]
     return math.atan2(y, x), math.atan2(float(closing[1]), float(closing[0]))
@@ -244,21 +253,21 @@ def _wrapped(angle: float) -> float:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PickPlaceCandidate:
-    """A grasp and where the object goes from it, with the configurations (n,) rad that belong to it."""
+    """Grasp and place of an object with their configurations (n,), rad."""
 
     object: ObjectId
     grasp: GraspCandidate
     landing: PlaceCandidate | None
-    """None: no rule says where the object belongs."""
+    """Place of the release. None: no rule gives a destination."""
     object_in_tcp: Pose
-    """As it will be held, if all is as believed."""
+    """Expected pose of the held object in the TCP frame."""
     over: Array
-    """Above the grasp, where the straight way down begins."""
+    """Configuration (n,) of the pre-grasp, rad; the straight descent begins there."""
     at: Array
-    """Where the fingers close."""
+    """Configuration (n,) where the fingers close, rad."""
     above: Array | None
-    """Over the landing; None without one."""
+    """Configuration (n,) over the place, rad. None: there is no place."""
     cost: float
-    """Lower is better, see `stream`."""
+    """Cost, s; lower is better, see `CandidateSearch`."""
     approach: MotionPlan
-    """From where the arm is to the pre-grasp and straight down, as one motion."""
+    """Motion plan from the arm's configuration to the pre-grasp and straight down, as one motion."""

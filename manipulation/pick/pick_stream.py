@@ -1,9 +1,9 @@
-"""A ranked stream of whole candidates: each grasp with each place that it leads to, the best one first.
+"""Ranked stream of pick-place candidates: each grasp with each of its places, the best one first.
 
-Best first: of each candidate something is known of its cost and the rest is guessed; the one with the least
-sum takes its next test, and what passes goes back with what the test has found out. So cheap tests are made
-of many, dear ones of few, and planning is asked for the one that has passed all others.
-The stages are those of MoveIt's Task Constructor (Görner et al., ICRA 2019): generate, filter, connect.
+Best-first search: a part of each candidate's cost is known, the rest is estimated. The candidate with the
+least sum takes its next test; when it passes, it goes back with the new cost. So cheap tests are made of many
+candidates, costly ones of few. Planning comes last, for the candidate that has passed all others. The stages
+are those of MoveIt's Task Constructor (Görner et al., ICRA 2019): generate, filter, connect.
 """
 
 from __future__ import annotations
@@ -45,43 +45,43 @@ if TYPE_CHECKING:
     from ...world.scene.description import Hole
 
 SCORE = 3.0
-"""What one point of a grasp's score is worth as time, s: a tight opening costs as much as 1.5 s of way."""
+"""Weight of one point of a grasp's score, s: a tight opening costs as much as 1.5 s of travel."""
 FURTHER = 0.05
-"""How much more a candidate may cost for each stage that it is further than others and still be looked at
-first, s: so not all of many that are nearly alike are tested before one is taken."""
+"""Bonus for each stage that a candidate has passed, s. It keeps the search from testing many similar
+candidates before it accepts one."""
 TURNS, TAKEN = 3, 36
-"""Turns of the hand over one cell, and places in all, at which one grasp finds no room before it gives up."""
+"""Failures of the room test at which a grasp skips a cell, and at which it gives up."""
 PLACES, FEW, BARREN = 16, 3, 3
-"""Places of one grasp for which a configuration is looked for: one that fails more often leads nowhere. When
-three grasps have led nowhere, a few places of each of the others are asked for."""
+"""Tested places at which a grasp gives up; the lower number once `BARREN` grasps have given up; `BARREN`
+itself."""
 LOW = 5.0
-"""What it is worth as time that the finger tips stay above the hole into which an item goes, s."""
+"""Cost of a grasp whose finger tips do not stay above the hole, s."""
 UNREACHED = 4
-"""Turns of the hand over one cell that are not reached, after which the next cell is looked at."""
+"""Unreached rotations over one cell after which the next cell is tried."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Branch:
-    """A candidate on its way through the stages."""
+    """Candidate with its state in the search."""
 
     grasp: GraspCandidate
     known: float
-    """Cost by what is known, s."""
+    """Known cost, s."""
     test: Callable[[_Branch], Iterator[_Branch]] | None
-    """What it has to pass next; None: all that is cheap is passed."""
+    """Next test. None: all cheap tests are passed."""
     guess: float = 0.0
-    """Of the cost that is not known yet, s."""
+    """Estimate of the unknown cost, s."""
     over: Array | None = None
     at: Array | None = None
     level: ReleaseLevel | None = None
     landing: PlaceCandidate | None = None
     above: Array | None = None
     passed: int = 0
-    """Stages that it has passed."""
+    """Number of passed stages."""
 
     @property
     def bound(self) -> float:
-        """What says whose turn it is, s."""
+        """Priority in the search, s; the least comes first."""
         return self.known + self.guess - FURTHER * self.passed
 
     @property
@@ -91,31 +91,32 @@ class _Branch:
 
 @dataclass(slots=True)
 class _Places:
-    """Where one grasp may lead to: what was not looked at yet, and what was asked."""
+    """Places of one grasp: those not tried yet, and counts of the tests."""
 
     levels: Iterator[ReleaseLevel]
     asked: int = 0
     taken: Counter[str] = field(default_factory=Counter[str])
-    """How often there was no room, by cell and height."""
+    """Number of failed room tests, by cell and height."""
     unreached: Counter[str] = field(default_factory=Counter[str])
-    """How often the arm did not get there."""
+    """Number of places out of reach, by cell and height."""
 
 
 class CandidateSearch:
-    """The candidates for one object, as the belief is when it is made. `find` gives one after the other.
+    """Search for candidates of one object, in the belief at its creation. `find` returns one after the other.
 
-    The order depends on the belief, on where the arm is and on the candidates alone.
+    The order depends only on the belief, the arm's configuration and the grasps.
     """
 
     def __init__(
         self, world: World, belief: BeliefObject, grasps: Sequence[GraspCandidate], node: str
     ) -> None:
-        """`grasps`: those that are offered; `node` keys the planner's randomness and names the purpose."""
+        """`grasps`: grasps to choose from. `node`: key of the planner's randomness, and name of the
+        purpose."""
         self._world, self._belief, self._node = world, belief, node
         into = world.scene.destination(belief.id)
         self._target: BinTarget | None = None
-        """None also for an item that belongs into a hole: that is found by feeling, with the item held as
-        `inserting` says."""
+        """Destination bin. None: no destination, or a hole, which the insertion finds by contact with the
+        item held."""
         self._hole: Hole | None = None
         if into is not None and into in world.scene.bins:
             self._target = bin_target(world, belief, into)
@@ -123,7 +124,7 @@ class CandidateSearch:
             self._hole = fitting_hole(world.scene, belief.id)
         self.trail = CandidateTrail(f"grasp by {node}", belief.id, into or "", grasps)
         self.refused: Failure | None = None
-        """What the planner said of the last candidate that passed all other tests."""
+        """Failure of the planner for the last candidate that passed all other tests. None: there was none."""
         self._heap: list[tuple[float, int, _Branch]] = []
         self._number = itertools.count()
         self._places: dict[str, _Places] = {}
@@ -139,13 +140,15 @@ class CandidateSearch:
                 cost += LOW
             self._push(_Branch(grasp, cost, self._hand_fits, guess))
 
-    # ---- the search
+    # ---- search
 
     def find(self, *, speed: float = 1.0) -> Generator[None, None, PickPlaceCandidate | None]:
-        """The next candidate that passes all tests, with its approach planned; None: there is none left.
+        """Return the next candidate that passes all tests, with its approach planned. None: there is none
+        left.
 
-        Thinking is charged, and each answer goes to the journal with the trail so far. `speed`: share of the
-        joints' speed limits. Fails with planning.start_in_collision: from there no candidate is reached.
+        Thinking is charged, and each result is written to the journal with the trail so far. `speed`: share
+        of the joints' speed limits. Fails with planning.start_in_collision: no candidate can be reached from
+        there.
         """
         while self._heap:
             branch = heapq.heappop(self._heap)[2]
@@ -163,7 +166,8 @@ class CandidateSearch:
         return None
 
     def refuse(self, pick: PickPlaceCandidate, failure: Failure) -> None:
-        """The transfer of a candidate that was given out cannot be planned; `find` goes on with the next."""
+        """Record that the transfer of a returned candidate cannot be planned; `find` goes on with the
+        next."""
         self.refused = failure
         place = "" if pick.landing is None else pick.landing.name
         self.trail.refuse(pick.grasp, pick.cost, planned(pick_candidates.TRANSFER, failure), place)
@@ -177,7 +181,7 @@ class CandidateSearch:
     def _note(self) -> None:
         self._world.journal.note(self.trail.entry())
 
-    # ---- the grasp
+    # ---- grasp
 
     def _hand_fits(self, branch: _Branch) -> Iterator[_Branch]:
         grasp, world = branch.grasp, self._world
@@ -221,17 +225,17 @@ class CandidateSearch:
         request = Request(PoseGoal((tcp,)), start=near, width=grasp.opening, allowed=pair)
         return self._world.plan.reached(request)
 
-    # ---- the place
+    # ---- place
 
     def _next_level(self, branch: _Branch) -> Iterator[_Branch]:
-        """The same grasp with its next cell of the bin, which waits with its own cost."""
+        """Yield the same grasp with its next cell of the bin, at that cell's cost."""
         level = next(self._places[branch.grasp.name].levels, None)
         if level is not None:
             way = known_travel_time(self._world.robot, branch.grasp.tcp_in_world, *level.spot.centre)
             yield replace(branch, level=level, guess=level.cost + way, passed=3, test=self._lands)
 
     def _lands(self, branch: _Branch) -> Iterator[_Branch]:
-        """The landings over one cell, and behind them the next cell."""
+        """Yield the places over one cell, and after them the next cell."""
         level, target, grasp = branch.level, self._target, branch.grasp
         assert level is not None and target is not None
         if self._leads_nowhere(grasp):
@@ -283,7 +287,7 @@ class CandidateSearch:
         yield replace(branch, known=known, guess=0.0, above=found.q, passed=5, test=None)
 
     def _over_hole(self, branch: _Branch, hole: Hole) -> bool:
-        """Whether the arm gets over the hole with the item, at any of its turns."""
+        """Return whether the arm reaches a pose over the hole with the item, at any of its rotations."""
         in_tcp, at = self._in_tcp(branch.grasp), branch.at
         assert at is not None
         found: ReachResult | None = None
@@ -307,13 +311,13 @@ class CandidateSearch:
         return False
 
     def _leads_nowhere(self, grasp: GraspCandidate) -> bool:
-        """Whether enough of a grasp's places were asked for."""
+        """Return whether enough places of a grasp were tested."""
         places = self._places[grasp.name]
         most = PLACES if self._barren < BARREN else FEW
         return places.asked >= most or places.taken.total() >= TAKEN
 
     def _in_tcp(self, grasp: GraspCandidate) -> Pose:
-        """How the object will be held, if all is as believed."""
+        """Return the expected pose of the held object in the TCP frame."""
         return grasp.tcp_in_world.inverse() @ self._belief.pose
 
     # ---- planning
@@ -345,6 +349,6 @@ class CandidateSearch:
         )
 
     def _drop(self, grasp: GraspCandidate) -> None:
-        """The way to a grasp is not free: none of its places is of use."""
+        """Remove all candidates of a grasp whose approach cannot be planned."""
         self._heap = [entry for entry in self._heap if entry[2].grasp.name != grasp.name]
         heapq.heapify(self._heap)

@@ -1,4 +1,4 @@
-"""The motions of a pick and place as requests: onto the grasp, and from there over the bin."""
+"""Motion requests of a pick and place: approach, descent, transfer, lowering."""
 
 from __future__ import annotations
 
@@ -13,14 +13,17 @@ if TYPE_CHECKING:
     from ...cell.world import World
 
 LEAST_LIFT = 0.3
-"""Share of the way straight up, or down, that must be free: what is left is done without."""
+"""Share of the straight way up or down that must be free. The rest is skipped."""
 
 
 def approach(
     world: World, object_id: ObjectId, grasp: GraspCandidate, over: Array, speed: float
 ) -> tuple[Request, ...]:
-    """From where the arm is to `over` (n,) the grasp, and straight down onto it; for a flat object so far
-    that the rest can be felt."""
+    """Return the requests from the arm's configuration to the pre-grasp `over` (n,) and straight down onto
+    the grasp.
+
+    For a flat object the descent ends early; the rest is a guarded move.
+    """
     return (
         Request(JointGoal(over), scaling=world.handling.scaling(speed)),
         descend_requests(world, object_id, grasp),
@@ -28,7 +31,8 @@ def approach(
 
 
 def descend_requests(world: World, object_id: ObjectId, grasp: GraspCandidate) -> Request:
-    """From over a grasp straight onto it; for a flat object so far that the rest can be felt."""
+    """Return the request from the pre-grasp straight down. For a flat object it ends early; the rest is a
+    guarded move."""
     felt = world.handling.felt_way / 2 if grasp.flat else 0.0
     down = LineGoal(grasp.tcp_in_world.shifted((0.0, 0.0, felt)))
     return Request(
@@ -45,9 +49,9 @@ def transfer_requests(
     drop: float,
     speed: float,
 ) -> tuple[Request, ...]:
-    """From a grasp (n,) with the object between the fingers straight up, over the bin, and down by `drop` m.
+    """Return the requests from a grasp (n,) with the object straight up, over the bin, and down by `drop` m.
 
-    `over`: the configuration (n,) over the landing, or poses of the TCP of which one will do.
+    `over`: configuration (n,) over the place, or TCP poses of which one is reached.
     """
     handling = world.handling
     tcp = world.robot.tcp(start)
@@ -67,6 +71,6 @@ def transfer_requests(
 def lower_request(
     world: World, drop: float, width: float | None = None, holding: HeldObject | None = None
 ) -> Request:
-    """Straight down with an object in the hand, where nothing is expected to be touched."""
+    """Return the request straight down with a held object, where no contact is expected."""
     down = OffsetGoal((0.0, 0.0, -drop), least_fraction=LEAST_LIFT)
     return Request(down, width=width, holding=holding, scaling=world.handling.slowly)

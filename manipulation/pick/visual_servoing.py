@@ -1,17 +1,14 @@
-"""Position-based visual servoing: over the grasp the hand looks through its own camera, and corrects its way
-by where it sees the object from there.
+"""Position-based visual servoing: the camera on the hand corrects the grasp from the pre-grasp pose.
 
-A camera that hangs far away is off by as much as its mounting; what the hand sees, it sees beside its own
-fingers. So only what is seen relative to the tool counts, and the belief is brought to agree with it: of the
-target, of what stands around it in the picture, and, by the same shift, of what had been seen in the same
-picture before. It is the look-then-move form of visual servoing (Chaumette & Hutchinson, "Visual servo
-control, part I", 2006).
+A distant camera has the error of its mounting; the camera on the hand sees the object next to its own
+fingers. So only the pose relative to the tool counts. The belief is corrected to agree with it, for the
+target and for the objects around it in the picture. Objects seen in the same earlier picture get the same
+shift. It is the look-then-move form of visual servoing (Chaumette & Hutchinson, "Visual servo control, part
+I", 2006).
 
-Which of the patches in a picture is which object, when all of them are seen off by the same way.
-
-What was seen through one camera with an error of its mounting is off alike. So the patches are not taken one
-by one: every shift that brings some object onto some patch is tried on all of them, and the one that explains
-most and is least counts, unless another one that takes another patch for the target explains nearly as much.
+Association of patches: objects seen through one camera with a mounting error are shifted alike. So every
+shift that brings some object onto some patch is tested on all of them. The one that explains most with the
+least shift counts. It is ambiguous when a shift with another patch for the target explains nearly as much.
 """
 
 from __future__ import annotations
@@ -32,30 +29,30 @@ from .transfer_requests import descend_requests
 
 if TYPE_CHECKING:
     from ...cell.world import World
-    from ...control.execution.motions import Watch
+    from ...control.execution.trajectory_motion import Watch
     from ...perception.fitting.known_object_fitting import TrackedSighting
 
 
 UNEXPLAINED = 0.010
-"""What an object is worth that a shift brings nowhere near a patch, m: as one that is off by so much."""
+"""Cost of an object that a shift brings onto no patch, m."""
 LIKELY = 0.5
-"""What a shift costs, as a share of its length: cameras hang nearly where they are believed to hang."""
+"""Cost of a shift, as a share of its length. Camera mountings are nearly correct."""
 CLEARLY = 0.006
-"""A shift must explain things better by so much than one that takes another patch for the target, m."""
+"""Least difference in cost to a shift that takes another patch for the target, m."""
 
 
 @dataclass(frozen=True, slots=True)
 class PatchMatch:
-    """What became of one picture's patches."""
+    """Association of one picture's patches with objects."""
 
     target: TrackedSighting | None
-    """None: it was not recognised, or it is ambiguous."""
+    """Sighting of the target. None: not recognised, or ambiguous."""
     others: tuple[TrackedSighting, ...]
-    """At most one for each other object, from its own patch."""
+    """Sightings of other objects: at most one for each, from its own patch."""
     ambiguous: bool
-    """Whether there were two patches that the target may be, and nothing to tell them apart."""
+    """Whether two patches may be the target, and nothing tells them apart."""
     seen: int
-    """How many patches the target may be, whether it fits them or not."""
+    """Number of patches that may be the target, whether it fits them or not."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,7 +64,8 @@ class _Reading:
 def match_patches(
     target: BeliefObject, objects: Sequence[BeliefObject], found: Sequence[TrackedSighting]
 ) -> PatchMatch:
-    """The best reading of what was found; `objects` are those that were looked for, the target among them."""
+    """Return the best association of the sightings; `objects`: all objects in the search, including the
+    target."""
     fitting = [s for s in found if math.isfinite(s.misfit)]
     seen = len({s.patch for s in found if s.object == target.id})
     believed = {o.id: o for o in objects}
@@ -87,7 +85,7 @@ def match_patches(
 
 
 def _contradicts(reading: _Reading, target: ObjectId, patch: int) -> bool:
-    """Whether it gives the target another patch, or the patch to another object."""
+    """Return whether the reading gives the target another patch, or the patch to another object."""
     return any((name == target) != (s.patch == patch) for name, s in reading.taken.items())
 
 
@@ -99,7 +97,7 @@ def _shift(one: BeliefObject, sighting: TrackedSighting) -> tuple[float, float]:
 def _read(
     shift: tuple[float, float], believed: dict[ObjectId, BeliefObject], fitting: Sequence[TrackedSighting]
 ) -> _Reading:
-    """Give each object the patch that is nearest after the shift, the nearest pairs first, each patch
+    """Return the reading of a shift: each object takes the nearest patch, nearest pairs first, each patch
     once."""
     pairs = sorted(
         (math.dist(_shift(believed[s.object], s), shift), str(s.object), s.patch, n)
@@ -121,30 +119,30 @@ T = TypeVar("T")
 Doing: TypeAlias = Generator[None, None, T]
 
 LOOKS = 3
-"""Looks for one grasp at most."""
+"""Maximum number of looks for one grasp."""
 LARGE, LARGE_TURN = 0.003, math.radians(2.5)
-"""A correction beyond this is checked by another look, m and rad."""
+"""Correction above which another look checks it, m and rad."""
 LAST = 0.05
-"""Height over the grasp from which it is looked again, m: lower, the fingers hide too much."""
+"""Height over the grasp for the next look, m. Lower, the fingers hide too much."""
 NEARBY = 0.25
-"""Objects within this distance of the target are looked for in the same picture, m."""
+"""Distance from the target within which other objects are looked for in the same picture, m."""
 SAME = 0.0005
-"""What is less is no shift, m."""
+"""Displacement up to which nothing has shifted, m."""
 TOLD, BELIEVED = math.radians(1.0), math.radians(6.0)
-"""A turn of the target between these is one of the camera that had seen it before: below the first it may be
-noise, and above the second the target has been moved."""
+"""Rotations of the target between which the error is the earlier camera's. Below the first it may be noise;
+above the second the target has been moved."""
 
 
 @dataclass(frozen=True, slots=True)
 class ServoCorrection:
-    """What one look says of the target."""
+    """Correction of the target from one look."""
 
     moved: Pose
-    """The motion in the world that brings the believed target to where it is seen."""
+    """Motion in the world from the believed pose of the target to the observed one."""
     distance: float
-    """By which the target is moved, m."""
+    """Displacement of the target, m."""
     turn: float
-    """By which it is turned, rad."""
+    """Rotation of the target, rad."""
 
     @property
     def large(self) -> bool:
@@ -154,11 +152,12 @@ class ServoCorrection:
 def servo_to_grasp(
     world: World, pick: PickPlaceCandidate, node: str, *, first: bool = True, watch: Watch | None = None
 ) -> Doing[PickPlaceCandidate]:
-    """Bring the hand over a grasp, look, and correct the grasp by what is seen; the arm then stands over it,
-    and the pick's approach is what is left of the way. Without a camera on the hand nothing is done.
+    """Move the hand over a grasp, look, and correct the grasp; the arm then stands over it.
 
-    What is not recognised is grasped as believed. Fails with perception.ambiguous where it may be either of
-    two; only the `first` time: then the grasp is tried as believed. `watch` is asked on the way there.
+    Returns the pick with the rest of the approach. Without a camera on the hand it is unchanged. An object
+    that is not recognised is grasped as believed. Fails with perception.ambiguous where two patches may be
+    the target, if this is the `first` time; otherwise the grasp stays as believed. `watch` is called during
+    the motion there.
     """
     camera = world.eyes.hand
     if camera is None:
@@ -175,7 +174,7 @@ def servo_to_grasp(
 def _corrected(
     world: World, pick: PickPlaceCandidate, camera: str, node: str, *, first: bool
 ) -> Doing[GraspCandidate]:
-    """The grasp after as many looks as it takes until the last one hardly corrects it."""
+    """Return the grasp after looks until the last one hardly corrects it."""
     grasp = pick.grasp
     for n in range(LOOKS):
         try:
@@ -194,7 +193,7 @@ def _corrected(
 
 
 def _lower(world: World, object_id: ObjectId, grasp: GraspCandidate, node: str) -> Doing[None]:
-    """To where it is looked again: over the corrected grasp, and nearer."""
+    """Lower the hand over the corrected grasp, for another look."""
     line = LineGoal(grasp.tcp_in_world.shifted((0.0, 0.0, LAST)))
     allowed = (("gripper", object_id),)
     request = Request(line, width=grasp.opening, allowed=allowed, scaling=world.handling.slowly)
@@ -205,10 +204,11 @@ def _lower(world: World, object_id: ObjectId, grasp: GraspCandidate, node: str) 
 def look_through_hand_camera(
     world: World, target: ObjectId, camera: str, node: str
 ) -> Doing[ServoCorrection | None]:
-    """Where the camera on the hand sees an object; the belief of it, and of what stands around, is corrected.
+    """Look at an object with the camera on the hand, and correct the belief of it and of the objects around
+    it.
 
-    None: it was not recognised, and nothing is changed. Fails with perception.ambiguous where it may be
-    either of two, and with world.unknown_object.
+    None: not recognised, and nothing changes. Fails with perception.ambiguous where two patches may be the
+    target, and with world.unknown_object.
     """
     yield from world.control.settle()
     believed = world.scene.get(target)
@@ -250,7 +250,7 @@ def _is_around(one: BeliefObject, target: BeliefObject) -> bool:
 
 
 def _correct(world: World, believed: BeliefObject, reading: PatchMatch, at: Pose) -> None:
-    """Bring the belief to agree with what was seen; the target was seen at `at`."""
+    """Correct the belief by the sightings; the target was seen at `at`."""
     for sighting in (*reading.others, *((reading.target,) if reading.target else ())):
         one = world.scene.get(sighting.object)
         seen = replace(
@@ -265,15 +265,15 @@ def _correct(world: World, believed: BeliefObject, reading: PatchMatch, at: Pose
     if moved is None:
         return
     for one in world.scene.objects:
-        # What the same picture had shown was off by the same way.
+        # The same picture has shifted these objects alike.
         same_picture = one.last_seen == believed.last_seen and one.place == believed.place
         if one.role == "item" and not one.attached and same_picture:
             world.scene.put(replace(one, pose=moved @ one.pose), "moved with what was seen")
 
 
 def _of_camera(believed: BeliefObject, at: Pose) -> Pose | None:
-    """The motion in the world, along the level, that makes up for the camera that had seen the target before;
-    None: there is nothing to make up for."""
+    """Return the horizontal motion in the world that corrects the error of the earlier camera. None: there is
+    no error."""
     turn = at.angle(believed.pose)
     if max(believed.pose.distance(at), turn * NEARBY) < SAME:
         return None
@@ -284,5 +284,5 @@ def _of_camera(believed: BeliefObject, at: Pose) -> Pose | None:
 
 
 def _note(world: World, message: str, node: str, **data: str | float) -> None:
-    """One look from the hand."""
+    """Record one look from the hand."""
     world.journal.note(JournalEvent("servo", message, node, data))

@@ -1,1 +1,1 @@
-"""Where an object can be put, and what is believed of it then."""
+"""Places for objects: release poses over bins, put-down on fixtures, and the belief after a release."""

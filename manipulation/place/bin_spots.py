@@ -1,4 +1,4 @@
-"""Where in a bin to release an object: over the lowest part of what already lies there."""
+"""Places in a bin and poses of a release: over the lowest part of the heap."""
 
 from __future__ import annotations
 
@@ -18,21 +18,21 @@ if TYPE_CHECKING:
     from ...planning.collision.scene_queries import SceneQueries
 
 CELLS = 3
-"""A bin is divided into 3 × 3 cells."""
+"""Cells of a bin along each side."""
 ABOVE_RIM = 0.020
-"""Of the object's bottom above the rim when it is released, m."""
+"""Height of the object's bottom above the rim at the release, m."""
 STEPS = (0.0, 0.03, 0.06, 0.10)
-"""How much higher the release may be when nothing lower is free, m."""
+"""Heights added to the release when nothing lower is free, m."""
 YAWS = 8
 SUNK = 0.001
-"""Depth in something else at which a place counts as taken: believed poses are no better, m."""
+"""Penetration at which a place counts as taken, m: believed poses are no better."""
 ABOVE = 0.002
-"""Above its place an object is tried for room, so that what it will stand on does not count, m."""
+"""Height above its place at which an object is tested, m, so that its support does not count."""
 
 
 @dataclass(frozen=True, slots=True)
 class BinCell:
-    """A cell of a bin: centre in the world (x, y), height of the heap above the bin's floor, m."""
+    """Cell of a bin: centre (x, y) in the world, and height of the heap above the bin's floor, m."""
 
     name: str
     centre: tuple[float, float]
@@ -40,9 +40,9 @@ class BinCell:
 
 
 def heap_heights(bin_: Bin, objects: Sequence[BeliefObject], seen: Array | None) -> Array:
-    """Height of what lies in each cell above the bin's floor, (3, 3) m.
+    """Return the height of the heap in each cell above the bin's floor, (3, 3) m.
 
-    The higher of what the camera saw (`seen`, NaN where it did not) and what is believed to lie there.
+    The higher one of the camera's measurement (`seen`, NaN where it saw nothing) and of the believed objects.
     """
     heights = np.zeros((CELLS, CELLS)) if seen is None else np.nan_to_num(seen, nan=0.0).copy()
     low, high = bin_.inside()
@@ -58,9 +58,10 @@ def heap_heights(bin_: Bin, objects: Sequence[BeliefObject], seen: Array | None)
 
 
 def free_cells(bin_: Bin, heights: Array, shape: Shape, rotation: Array) -> list[BinCell]:
-    """Cells whose heap leaves room below the rim, lowest first; those nearer to the middle before equals.
+    """Return the cells whose heap leaves room below the rim, lowest first; of equals those nearer to the
+    middle first.
 
-    The centre is drawn in so far that the object (its shape turned by `rotation`) clears the walls.
+    The centre is moved inwards so that the object (its shape turned by `rotation`) clears the walls.
     """
     low, high = bin_.inside()
     reach = float(np.linalg.norm(extents(shape, rotation)[1][:2]))
@@ -85,7 +86,7 @@ def free_cells(bin_: Bin, heights: Array, shape: Shape, rotation: Array) -> list
 def release_poses(
     bin_: Bin, spot: BinCell, shape: Shape, object_in_tcp: Pose, higher: float = 0.0
 ) -> tuple[Pose, ...]:
-    """TCP poses, pointing down at several yaws, that hold the object over the spot and above the rim."""
+    """Return TCP poses, pointing down at several yaws, with the object over the cell and above the rim."""
     rim = bin_.pose.position[2] + bin_.size[2]
     poses: list[Pose] = []
     for k in range(YAWS):
@@ -106,7 +107,7 @@ def release_poses(
 
 
 def put_down_poses(point: tuple[float, float, float], shape: Shape, object_in_tcp: Pose) -> tuple[Pose, ...]:
-    """TCP poses, pointing down at several yaws, with the object's underside centred on a point, m."""
+    """Return TCP poses, pointing down at several yaws, with the object's underside centred on a point, m."""
     poses: list[Pose] = []
     for k in range(YAWS):
         tcp = Pose.from_rpy((0.0, 0.0, 0.0), (math.pi, 0.0, 2 * math.pi * k / YAWS))
@@ -118,7 +119,8 @@ def put_down_poses(point: tuple[float, float, float], shape: Shape, object_in_tc
 
 
 def blocked(queries: SceneQueries, held: BeliefObject, tcp_in_world: Pose) -> str | None:
-    """The id of what stands where the held object would be with the TCP at that pose, or None."""
+    """Return the id of the body that penetrates the held object with the TCP at that pose. None: the place is
+    free."""
     assert held.object_in_tcp is not None
     there = tcp_in_world.shifted((0.0, 0.0, ABOVE)) @ held.object_in_tcp
     contacts = queries.free(held.shape, there, ignore=(held.id,))

@@ -1,4 +1,4 @@
-"""Where an object is believed to be once the hand has let go of it in the open."""
+"""Belief of objects after a release, an exchange of bins, or motion of a belt."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ if TYPE_CHECKING:
 
 
 def apply_bin_exchanges(world: World, node: str) -> tuple[ObjectId, ...]:
-    """Let the belief follow exchanges that it does not know of yet; the bins that are empty now.
+    """Apply bin exchanges that the belief does not contain yet, and return the emptied bins.
 
-    What was believed in such a bin goes, with what was tried on it, and so does the heap that was seen.
+    Objects believed in such a bin are removed with their attempts, and so is the observed heap.
     """
     bins = world.noticed.exchanged(world.feed.read())
     for bin_id in bins:
@@ -44,7 +44,7 @@ def apply_bin_exchanges(world: World, node: str) -> tuple[ObjectId, ...]:
 
 
 def forget_belt_items(world: World) -> tuple[ObjectId, ...]:
-    """Forget where items lie on belts, which may run from now on, and what was tried on them there; who."""
+    """Remove the items on belts, which may run from now on, with their attempts, and return their ids."""
     belts = [world.description.fixture(belt.id) for belt in world.description.belts]
     riding = [
         o.id
@@ -65,8 +65,10 @@ def _is_over(belt: Fixture, pose: Pose) -> bool:
 
 
 def bin_fill_level(world: World, bin_: Bin) -> float:
-    """How full a bin is, from what was seen and what is believed to lie in it: the mean height of its heap
-    over the height of its inside, each cell counting up to the rim. 0 … 1"""
+    """Return the fill level of a bin, 0 … 1: mean height of its heap over the height of its inside.
+
+    Each cell counts up to the rim, by observation and belief.
+    """
     seen = world.eyes.bins.get(bin_.id)
     heights = heap_heights(bin_, world.scene.objects, None if seen is None else seen.cells)
     low, high = bin_.inside()
@@ -79,13 +81,13 @@ def _counted(items: int) -> str:
 
 
 UNSURE = 0.3
-"""Confidence in the guess, until the object is seen again."""
+"""Confidence in the estimated pose until the object is seen again."""
 
 
 def open_gripper(world: World, reason: str, width: float | None = None) -> Generator[None, None, None]:
-    """Open the fingers, by default fully; what they held is then believed to be gone from the hand.
+    """Open the fingers, by default fully, and remove the held object from the hand in the belief.
 
-    So it is when this is halted on the way: the fingers go on opening.
+    A halt does the same: the fingers go on opening.
     """
     try:
         yield from world.grip.open(width)
@@ -96,7 +98,7 @@ def open_gripper(world: World, reason: str, width: float | None = None) -> Gener
 
 
 def release_object(scene: PlanningScene, reason: str) -> None:
-    """Detach what is held and believe it straight below, on the highest fixture or bin floor there."""
+    """Detach the held object, and believe it straight below, on the highest fixture or bin floor there."""
     held = scene.held
     if held is None:
         return
@@ -114,7 +116,8 @@ def release_object(scene: PlanningScene, reason: str) -> None:
 
 
 def support_height_at(scene: PlanningScene, x: float, y: float) -> float | None:
-    """Height of the highest fixture's top at a point of the world, never below 0; None beside all of them."""
+    """Return the height of the highest fixture's top at a point of the world, never below 0. None: no
+    fixture."""
     highest: float | None = None
     for fixture in scene.fixtures.values():
         if isinstance(fixture.shape, Box):

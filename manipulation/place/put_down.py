@@ -1,4 +1,4 @@
-"""Putting down what is in the hand when it belongs nowhere in particular: on the nearest free spot."""
+"""Put-down of the held object on the nearest free spot of a fixture, for a retreat."""
 
 from __future__ import annotations
 
@@ -21,22 +21,24 @@ if TYPE_CHECKING:
     from ...world.values import Pose, Vector3
 
 RINGS = (0.0, 0.05, 0.10, 0.16, 0.24)
-"""Distances from where the object hangs at which a spot is looked for, m."""
+"""Distances from the object at which spots are tried, m."""
 AROUND = 8
 """Spots on each ring."""
 TRIES = 4
-"""Free spots to which a way is looked for."""
+"""Maximum number of free spots to which a path is planned."""
 ROOM = 0.05
-"""Around the middle of a spot the fixture is level for so far, m."""
+"""Distance from the middle of a spot within which the fixture must be level, m."""
 BESIDE = 0.01
-"""Room that the hand has beside it on a spot, m."""
+"""Clearance of the hand at a spot, m."""
 SPARE = 0.02
-"""The object is lowered by so much more than its support should be away, m."""
+"""Travel of the lowering beyond the believed distance to the support, m."""
 
 
 def put_down(world: World, leaving: RetreatMotion, scaling: Scaling, node: str) -> Doing[None]:
-    """Lower what is held onto a free spot of a fixture, near where it is, until it is felt to stand, and let
-    go of it. Fails with place.occupied where there is none, the object still in the hand."""
+    """Lower the held object onto a free spot of a fixture near it, until contact, and release it.
+
+    Fails with place.occupied where there is no such spot; the object is then still in the hand.
+    """
     held = world.scene.held
     if held is None:
         return
@@ -78,7 +80,7 @@ def put_down(world: World, leaving: RetreatMotion, scaling: Scaling, node: str) 
 
 
 def _lower(world: World, held: BeliefObject, node: str) -> Doing[None]:
-    """Until it is felt, then let go."""
+    """Lower the object until contact, and release it."""
     handling = world.handling
     yield from world.move.guarded(
         DOWN, handling.approach + SPARE, force=handling.touch, speed=handling.touch_speed, node=node
@@ -95,7 +97,7 @@ def _lower(world: World, held: BeliefObject, node: str) -> Doing[None]:
 
 
 def _free_spots(world: World, held: BeliefObject) -> Iterator[Vector3]:
-    """Points on fixtures where the object's underside may come to stand, the nearest first."""
+    """Yield free points on fixtures for the object's underside, nearest first."""
     assert held.object_in_tcp is not None
     x, y, _ = held.pose.position
     for ring in RINGS:
@@ -112,14 +114,14 @@ def _free_spots(world: World, held: BeliefObject) -> Iterator[Vector3]:
 
 
 def _room(world: World, held: BeliefObject, tcp_in_world: Pose) -> bool:
-    """Whether the hand has room there, too, with the fingers as far open as they let go."""
+    """Return whether the hand has room there with the fingers opened for the release."""
     opened = min(world.grip.width + world.handling.release, world.robot.description.gripper.max_width)
     boards = tuple(world.scene.fixtures)
     return not world.queries.hand_contacts(tcp_in_world, opened, (str(held.id), *boards), margin=BESIDE)
 
 
 def _level(world: World, at: tuple[float, float]) -> float | None:
-    """Height of what lies below a point; None where that is not level around it."""
+    """Return the height of the support below a point. None: it is not level around the point."""
     x, y = at
     around = [(0.0, 0.0), (ROOM, 0.0), (-ROOM, 0.0), (0.0, ROOM), (0.0, -ROOM)]
     heights = [support_height_at(world.scene, x + dx, y + dy) for dx, dy in around]

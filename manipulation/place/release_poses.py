@@ -1,4 +1,4 @@
-"""Where, over the bin where it belongs, an object that is held in some way can be let go."""
+"""Place candidates over a destination bin for an object in a given grasp."""
 
 from __future__ import annotations
 
@@ -19,27 +19,28 @@ if TYPE_CHECKING:
     from ...cell.world import World
 
 CELLS_TRIED = 4
-"""Cells of a bin that are tried at each height, the lowest first."""
+"""Maximum number of cells of a bin at each height, lowest first."""
 CELL_COST, STEP_COST = 0.1, 2.0
-"""What the next best cell, and the next higher release, is worth as time, s."""
+"""Costs of the next cell, and of the next higher release, s."""
 RIM_ROOM = 0.012
-"""Of the finger tips above the rim where the fingers open, m: nearer, and the straight way out touches it."""
+"""Clearance of the finger tips above the rim where the fingers open, m. Closer, the straight way out touches
+it."""
 HEAP_ROOM = 0.015
-"""Of the object's underside above the highest that is known of the heap, on a way that is not felt, m."""
+"""Clearance of the object's underside above the highest known part of the heap without contact sensing, m."""
 
 
 @dataclass(frozen=True, slots=True)
 class BinTarget:
-    """A bin as it is filled now: where an object may go, the best cell first; none when it is full."""
+    """Bin with its present heap, and the cells for an object, best first; no cells: it is full."""
 
     bin: Bin
     heights: Array
-    """(3, 3) m above the bin's floor."""
+    """Heights of the heap above the bin's floor, (3, 3) m."""
     cells: tuple[BinCell, ...]
 
 
 def bin_target(world: World, belief: BeliefObject, into: ObjectId) -> BinTarget:
-    """What is seen and believed of a bin, for an object that is turned as it is now."""
+    """Return the bin, by observation and belief, for an object in its present orientation."""
     bin_ = world.scene.bins[into]
     seen = world.eyes.bins.get(into)
     heights = heap_heights(bin_, world.scene.objects, None if seen is None else seen.cells)
@@ -48,12 +49,12 @@ def bin_target(world: World, belief: BeliefObject, into: ObjectId) -> BinTarget:
 
 @dataclass(frozen=True, slots=True)
 class ReleaseLevel:
-    """Landings over one cell at one height, one for each turn of the hand."""
+    """One cell at one height: place candidates differ in the rotation of the hand."""
 
     spot: BinCell
     higher: float
     cost: float
-    """s"""
+    """Cost, s."""
 
     @property
     def name(self) -> str:
@@ -62,7 +63,7 @@ class ReleaseLevel:
 
 
 def levels(target: BinTarget) -> Iterator[ReleaseLevel]:
-    """The lowest release over the best cell first."""
+    """Yield the levels: the lowest release over the best cell first."""
     for step, higher in enumerate(STEPS):
         for k, spot in enumerate(target.cells[:CELLS_TRIED]):
             yield ReleaseLevel(spot, higher, step * STEP_COST + k * CELL_COST)
@@ -71,7 +72,7 @@ def levels(target: BinTarget) -> Iterator[ReleaseLevel]:
 def place_candidates(
     world: World, target: BinTarget, level: ReleaseLevel, shape: Shape, object_in_tcp: Pose
 ) -> Sequence[PlaceCandidate]:
-    """The hand points down, at several yaws."""
+    """Return the place candidates of a level: the hand points down, at several yaws."""
     poses = release_poses(target.bin, level.spot, shape, object_in_tcp, level.higher)
     return tuple(
         PlaceCandidate(
@@ -89,10 +90,10 @@ def place_candidates(
 def free_drop_height(
     world: World, target: BinTarget, above: Pose, shape: Shape, object_in_tcp: Pose
 ) -> float:
-    """How far the hand goes straight down from over a bin without feeling its way: until the finger tips
-    are as near to the rim as they may be, or the object to what may lie below. m, 0 at least
+    """Return the straight descent over a bin without contact sensing, m, at least 0.
 
-    Items tumble: what is believed to lie in one cell may lie in the next.
+    It ends at the least clearance of the finger tips above the rim, or of the object above the heap. Items
+    tumble: an object believed in one cell may be in the next.
     """
     bin_ = target.bin
     held = above @ object_in_tcp

@@ -1,1 +1,1 @@
-"""Pushing an object over a table, and making room by pushing."""
+"""Pushing of an object over a table, and singulation by pushes."""

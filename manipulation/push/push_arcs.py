@@ -1,4 +1,4 @@
-"""Ways in the plane that a pushed object can follow: arcs, each beginning in the direction of the last."""
+"""Sides of an object to push at, and paths of arcs in the plane that a pushed object can follow."""
 
 from __future__ import annotations
 
@@ -14,40 +14,43 @@ from ...world.planar_geometry import UPRIGHT, PlanarOutline, PlanarPose, outline
 from ...world.shapes import Cylinder, Sphere, bottom, top
 
 SHORTEST = 0.012
-"""Of a side that is pushed at, m."""
+"""Least length of a side to push at, m."""
 EDGE = 0.003
-"""The fingers stay so far from the ends of a side, m."""
+"""Distance of the fingers from the ends of a side, m."""
 CRADLE = 1.2
-"""Opening of the fingers that push what is round between them, over its radius: it cannot leave sideways."""
+"""Opening of the fingers that push a round object, over its radius. Between them it cannot leave sideways."""
 ROUNDED = 0.001
-"""Radius of the fingers' edges, on which what is round comes to lie, m."""
+"""Radius of the fingers' edges, which a round object touches, m."""
 FAN = (0.0, 0.5, -0.5, 1.0, -1.0)
-"""Turns of the push of something round away from the straight way, rad."""
+"""Directions of a push at a round object, relative to the straight one, rad."""
 TIP = 0.002
-"""Of the finger tips above the support, m."""
+"""Height of the finger tips above the support, m."""
 PALM = 0.004
-"""Of the palm above the top of what is pushed, m."""
+"""Height of the palm above the top of the pushed object, m."""
 
 
 @dataclass(frozen=True, slots=True)
 class PushSide:
-    """One way to push: `heading` is the direction of the push in the object's planar frame, rad. The
-    *carrier* is the frame at the object's origin with its x axis along the push: while nothing slips, object
-    and tool stand still in it."""
+    """Side of an object with the tool at it. `heading`: direction of the push in the object's planar frame,
+    rad.
+
+    The *carrier* is the frame at the object's origin with its x axis along the push. Without slip, object and
+    tool are at rest in it.
+    """
 
     name: str
     heading: float
     tool: PlanarPose
-    """The TCP in the carrier."""
+    """TCP in the carrier."""
     opening: float
-    """Of the fingers, m."""
+    """Opening of the fingers, m."""
     half: float
-    """Half of the length over which fingers and object touch, m: the force may act anywhere within it."""
+    """Half of the contact length between fingers and object, m. The force may act anywhere within it."""
     rolls: bool = False
-    """The object rolls before the fingers: it hardly resists, and is not felt."""
+    """Whether the object rolls in front of the fingers: it hardly resists, and no contact is measured."""
 
     def carrier(self, at: PlanarPose) -> PlanarPose:
-        """With the object at a place."""
+        """Return the carrier for a pose of the object."""
         return at @ PlanarPose(0.0, 0.0, self.heading)
 
     def object(self, carrier: PlanarPose) -> PlanarPose:
@@ -55,8 +58,10 @@ class PushSide:
 
 
 def push_sides(belief: BeliefObject, gripper: GripperDescription, towards: float) -> tuple[PushSide, ...]:
-    """All ways to push an object. `towards`: the direction in its planar frame that is wanted, rad; what is
-    round has a side for each."""
+    """Return all sides of an object.
+
+    `towards`: wanted direction in its planar frame, rad. A round object has a side for each direction.
+    """
     shape = outline(belief.shape, belief.pose)
     if shape.round:
         return tuple(_cradle(shape.radius, towards + turn, gripper) for turn in FAN)
@@ -67,8 +72,11 @@ def push_sides(belief: BeliefObject, gripper: GripperDescription, towards: float
 
 
 def height(belief: BeliefObject, gripper: GripperDescription, tip: float) -> float:
-    """Of the TCP in the world while it pushes, m: low, but with the palm above the object, and at the middle
-    of what curves upwards. `tip`: how far the finger tips reach beyond the TCP, m."""
+    """Return the height of the TCP in the world during a push, m.
+
+    It is low, with the palm above the object, and at the middle of an object with a curved side. `tip`: reach
+    of the finger tips beyond the TCP, m.
+    """
     low, high = bottom(belief.shape, belief.pose), top(belief.shape, belief.pose)
     least = max(low + tip + TIP, high - gripper.palm + PALM)
     if curved(belief):
@@ -78,7 +86,7 @@ def height(belief: BeliefObject, gripper: GripperDescription, tip: float) -> flo
 
 
 def curved(belief: BeliefObject) -> bool:
-    """Whether it is round from the side, and may roll."""
+    """Return whether the object has a curved side and may roll."""
     match belief.shape:
         case Sphere():
             return True
@@ -89,7 +97,8 @@ def curved(belief: BeliefObject) -> bool:
 
 
 def tool_outline(gripper: GripperDescription, opening: float) -> tuple[PlanarOutline, PlanarOutline]:
-    """Of the two finger pads from above, in the TCP's planar frame with y across the fingers."""
+    """Return the outlines of the two finger pads from above, in the TCP's planar frame with y across the
+    fingers."""
     depth, thick = gripper.pads[0][0].size[0] / 2, gripper.pads[0][0].size[1]
     near, far = opening / 2, opening / 2 + thick
     one = np.array([[-depth, near], [depth, near], [depth, far], [-depth, far]])
@@ -108,13 +117,13 @@ def _flats(shape: PlanarOutline, gripper: GripperDescription) -> Sequence[PushSi
         along = edge / length
         inwards = np.array([-along[1], along[0]])
         away = float(-(a @ inwards))
-        # The foot of the perpendicular from the origin, as far as it lies within the side.
+        # The foot of the perpendicular from the origin, limited to the side.
         lateral = float(np.clip(-(a @ along), 0.0, length)) + float(a @ along)
         room = min(float(b @ along) - lateral, lateral - float(a @ along))
         opening = min(max(0.0, 2 * (room - EDGE - thick)), gripper.max_width)
         half = min(room, opening / 2 + thick)
         yaw = math.atan2(float(inwards[1]), float(inwards[0]))
-        # Seen along the push, the side runs from left to right: `along` is the carrier's -y.
+        # Along the push, the side runs from left to right: `along` is the carrier's -y.
         found.append(PushSide(f"side {k}", yaw, PlanarPose(-away - depth, -lateral), opening, half))
     return found
 
@@ -133,7 +142,7 @@ STRAIGHT = 1e-6
 
 @dataclass(frozen=True, slots=True)
 class ArcPath:
-    """From `start` on along its x axis: lengths, m, and curvatures, 1/m, positive to the left."""
+    """Path of arcs from `start` along its x axis: lengths, m, and curvatures, 1/m, positive to the left."""
 
     start: PlanarPose
     pieces: tuple[tuple[float, float], ...]
@@ -144,17 +153,17 @@ class ArcPath:
 
     @property
     def sharpest(self) -> float:
-        """Greatest curvature either way, 1/m."""
+        """Greatest absolute curvature, 1/m."""
         return max((abs(curvature) for length, curvature in self.pieces if length > 1e-6), default=0.0)
 
     @property
     def turning(self) -> float:
-        """All turns added up, rad."""
+        """Sum of all absolute rotations, rad."""
         return sum(abs(length * curvature) for length, curvature in self.pieces)
 
     def at(self, way: float) -> PlanarPose:
-        """The frame after `way` m, its x axis along the way; before the start and after the end it goes
-        straight on."""
+        """Return the frame after `way` m, its x axis along the path. Before the start and after the end it is
+        straight."""
         frame = self.start
         if way <= 0.0:
             return frame @ PlanarPose(way, 0.0)
@@ -166,7 +175,7 @@ class ArcPath:
         return frame @ PlanarPose(way, 0.0)
 
     def curvature(self, way: float) -> float:
-        """1/m, to the left positive."""
+        """Return the curvature after `way` m, 1/m, positive to the left."""
         if way < 0.0:
             return 0.0
         for length, curvature in self.pieces:
@@ -188,7 +197,7 @@ def straight(start: PlanarPose, length: float) -> ArcPath:
 
 
 def arc_to(start: PlanarPose, x: float, y: float) -> ArcPath | None:
-    """The one arc that ends in a point; None when that lies abreast or behind."""
+    """Return the arc that ends in a point. None: the point is beside the start or behind it."""
     there = start.inverse() @ PlanarPose(x, y)
     off = math.hypot(there.x, there.y)
     if there.x <= 0.0 or off < 1e-9:
@@ -200,8 +209,10 @@ def arc_to(start: PlanarPose, x: float, y: float) -> ArcPath | None:
 
 
 def biarc(start: PlanarPose, end: PlanarPose) -> ArcPath | None:
-    """Two arcs that lead to `end` in its direction, with equal chords of their control polygon (Bolton,
-    "Biarc curves", Computer-Aided Design 7, 1975); None when the way would begin or end backwards."""
+    """Return two arcs that lead to `end` in its direction. None: the path would begin or end backwards.
+
+    The chords of their control polygon are equal (Bolton, "Biarc curves", Computer-Aided Design 7, 1975).
+    """
     goal = start.inverse() @ PlanarPose(end.x, end.y, end.yaw)
     v = np.array([goal.x, goal.y])
     t1, t2 = np.array([1.0, 0.0]), np.array([math.cos(goal.yaw), math.sin(goal.yaw)])
@@ -228,7 +239,7 @@ def biarc(start: PlanarPose, end: PlanarPose) -> ArcPath | None:
 
 
 def truncated(way: ArcPath, length: float) -> ArcPath:
-    """The first `length` m of a way."""
+    """Return the first `length` m of a path."""
     left, pieces = length, list[tuple[float, float]]()
     for piece, curvature in way.pieces:
         if left <= 0.0:

@@ -1,4 +1,5 @@
-"""One stroke of a push as motions: beside the object, along with it, off it and out of the camera's way."""
+"""Execution of a push stroke: checks, planning, motion beside the object and along with it, and away from
+it."""
 
 from __future__ import annotations
 
@@ -30,28 +31,28 @@ Doing = Generator[None, None, T]
 
 STIFF = CartesianStiffness(linear=1500.0, angular=60.0)
 EDGE = 0.015
-"""What is pushed stays so far from the edge of what it stands on, m; the tool stays above it."""
+"""Distance of the pushed object from the edge of its support, m. The tool stays above the support."""
 BESIDE = 0.004
-"""It keeps so far from everything else, m, and so many standard deviations of where it is believed to be."""
+"""Clearance of the pushed object, m, to which `SIGMAS` standard deviations of its place are added."""
 SIGMAS = 2.0
 SAMPLE = 0.02
-"""Way between two poses that are looked at before a stroke, m."""
+"""Distance between two checked poses of a stroke, m."""
 CONTINUOUS = 0.5
 """Greatest change of a joint between two of them, rad."""
 LIMIT_ROOM = 0.1
-"""The joints stay so far from their limits, rad: a compliant arm is not where it was planned to be."""
+"""Distance of the joints from their limits, rad. A compliant arm deviates from its plan."""
 LOOKING = "home"
 """Named pose from which cameras see the table."""
 UP = 0.10
-"""Straight up beside the object after a stroke, m."""
+"""Height of the lift beside the object after a stroke, m."""
 SPARE = 6.0
-"""Time that a stroke may take beyond its way, s."""
+"""Time that a stroke may take beyond its nominal duration, s."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FeasibleStroke:
-    """A stroke that was found free: how the tool is turned, how high it is, and where the arm stands above
-    its start (n,) rad."""
+    """Stroke that is free of collisions: rotation and height of the tool, and configuration (n,) above its
+    start, rad."""
 
     stroke: PushStroke
     flipped: bool
@@ -62,19 +63,19 @@ class FeasibleStroke:
 
 @dataclass(frozen=True, slots=True)
 class PushResult:
-    """What a stroke has come to, as far as it was felt."""
+    """Measured result of a stroke."""
 
     touched: bool
     in_contact: bool
-    """To the end."""
+    """Whether the contact lasted to the end."""
     blocked: bool
     lost: bool
     reached: float
-    """Way of the carrier, m."""
+    """Travel of the carrier, m."""
     force: float
     """Greatest force on the tool, N."""
     ends: PlanarPose
-    """Where the object is if it has stayed at the tool."""
+    """Pose of the object if it has stayed at the tool."""
 
     @property
     def told(self) -> str:
@@ -89,7 +90,7 @@ class PushResult:
 
 
 def support_of(world: World, belief: BeliefObject) -> Fixture | None:
-    """The level fixture that an object stands on; None when it is in a bin or on none."""
+    """Return the level fixture that supports an object. None: the object is in a bin, or on no fixture."""
     low = bottom(belief.shape, belief.pose)
     x, y, _ = belief.pose.position
     found = [
@@ -105,7 +106,7 @@ def support_of(world: World, belief: BeliefObject) -> Fixture | None:
 
 
 def within(fixture: Fixture, points: Array, margin: float) -> bool:
-    """Whether points (n, 2) of the world are over a level box and so far from its edges, m."""
+    """Return whether points (n, 2) of the world are over a level box, at least `margin` m from its edges."""
     assert isinstance(fixture.shape, Box)
     there = planar(fixture.shape, fixture.pose).inverse().apply(points)
     half = np.array(fixture.shape.size[:2]) / 2 - margin
@@ -113,7 +114,7 @@ def within(fixture: Fixture, points: Array, margin: float) -> bool:
 
 
 def placed(shape: PlanarOutline, at: PlanarPose) -> Array:
-    """Points (n, 2) in the world on the border of an outline."""
+    """Return points (n, 2) in the world on the border of an outline."""
     if shape.round:
         ring = np.arange(16) * (2 * math.pi / 16)
         return np.stack([np.cos(ring), np.sin(ring)], axis=1) * shape.radius + (at.x, at.y)
@@ -123,7 +124,10 @@ def placed(shape: PlanarOutline, at: PlanarPose) -> Array:
 def pose_refusal(
     world: World, belief: BeliefObject, places: Sequence[PlanarPose], touching: Collection[str] = ()
 ) -> str | None:
-    """Why the object must not be at one of these places; `touching`: what may be pushed along."""
+    """Return why the object must not be at one of these places. None: it may.
+
+    `touching`: objects that may be pushed along.
+    """
     support = support_of(world, belief)
     if support is None:
         return f"{belief.id} does not stand on a level fixture"
@@ -153,7 +157,7 @@ def pose_refusal(
 
 
 def stroke_refusal(world: World, belief: BeliefObject, stroke: PushStroke) -> str | None:
-    """Why the object, or the tool, must not go that way."""
+    """Return why the object, or the tool, must not follow the stroke. None: they may."""
     why = pose_refusal(world, belief, [stroke.object_at(way) for way in _samples(0.0, stroke.way.length)])
     support = support_of(world, belief)
     if why is not None or support is None:
@@ -169,7 +173,8 @@ def stroke_refusal(world: World, belief: BeliefObject, stroke: PushStroke) -> st
 def plan_stroke(
     world: World, belief: BeliefObject, stroke: PushStroke, touching: Collection[str] = ()
 ) -> FeasibleStroke | str:
-    """The stroke as the arm can make it, or why it cannot. Costs are owed to the thinking account."""
+    """Return the stroke as the arm can execute it, or why it cannot. Costs are added to the thinking
+    account."""
     opening = stroke.side.opening
     tip = world.robot.fingers.reach(opening)
     level = height(belief, world.robot.description.gripper, tip)
@@ -193,10 +198,11 @@ def _followed(
     flipped: bool,
     touching: Collection[str],
 ) -> Array | str:
-    """The arm over the start of the stroke (n,), if it can follow it from there without a swing.
+    """Return the configuration (n,) above the start from which the arm can follow the stroke, or why there is
+    none.
 
-    Looked for from the middle of the way outwards: there the arm stands comfortably, and what changes on the
-    way is shared between both ends.
+    The search starts at the middle of the path. There the arm has a comfortable configuration, and the change
+    along the path is shared between both ends.
     """
     ways = _samples(-stroke.gap, stroke.way.length)
     start = stroke.tcp_at(-stroke.gap, level, flipped)
@@ -222,8 +228,10 @@ def _followed(
 
 
 def _chain(solver: RequestSolver, q: Array, poses: Sequence[Pose]) -> Array | str:
-    """From q (n,) through all poses without a swing, free, and away from the joints' limits: the last
-    configuration, or what is in the way."""
+    """Return the last configuration (n,) of a continuous, free chain through all poses, or the obstacle.
+
+    All joints stay away from their limits.
+    """
     model = solver.model
     for pose in poses:
         near, q_next = q, solver.ik.descend(pose, q)
@@ -256,10 +264,10 @@ def execute_stroke(
     node: str,
     along: Mapping[ObjectId, PlanarPose] | None = None,
 ) -> Doing[PushResult]:
-    """Make the stroke; the tool ends beside the object, and the belief says where it ought to be now.
+    """Execute a stroke; the tool ends beside the object, and the belief is updated to the expected pose.
 
-    `along`: where else what is expected to come to that is pushed along. Failures: planning.*, control.*,
-    safety.*, world.disturbed.
+    `along`: expected poses of the objects that are pushed along. Failures: planning.*, control.*, safety.*,
+    world.disturbed.
     """
     stroke, handling = one.stroke, world.handling
     world.grip.start(one.opening)
@@ -298,7 +306,7 @@ def execute_stroke(
 
 
 def _widest(world: World, opening: float) -> float:
-    """The fingers are under way to their opening while the arm is: the wider of the two counts."""
+    """Return the wider of present and commanded opening, m: the fingers move during the approach."""
     return max(opening, world.grip.width)
 
 
@@ -311,7 +319,7 @@ def _believe(world: World, name: ObjectId, at: PlanarPose) -> None:
 
 
 def step_back(world: World, names: Collection[str], node: str) -> Doing[None]:
-    """Up beside the object and to where the cameras see the table."""
+    """Move up beside the object and to where the cameras see the table."""
     handling = world.handling
     near = world.queries.hand_contacts(world.control.tcp, world.grip.width, margin=0.02)
     touched = {*names, *(c.b for c in near if c.b not in world.scene.fixtures)}
@@ -326,7 +334,7 @@ def step_back(world: World, names: Collection[str], node: str) -> Doing[None]:
 
 
 def go_looking(world: World, node: str) -> Doing[None]:
-    """To where the arm does not hide the table from the cameras."""
+    """Move to where the arm does not hide the table from the cameras."""
     goal, scaling = NamedGoal(LOOKING), world.handling.scaling(1.0)
     ask = lambda: world.plan.to(goal, scaling=scaling, node=node)  # noqa: E731
     yield from follow_with_replanning(world, ask, guard=world.handling.guard, node=node)

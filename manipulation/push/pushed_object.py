@@ -1,8 +1,9 @@
-"""Where a pushed object is, by touch and by sight: what was at the tool in the end is where the tool was.
+"""Pose of a pushed object from contact and vision: a Kalman filter of place and heading in the plane.
 
-A Kalman filter of place and heading in the plane. A stroke that ended in contact measures the object across
-the touched side, and how it is turned, far better than a camera does; along the side a little is lost. A look
-that contradicts what was felt counts alone: then something else has happened."""
+A stroke that ended in contact measures the object across the touched side, and its heading, far better than a
+camera. Along the side some precision is lost. An observation that contradicts the contact counts alone: then
+something else has happened.
+"""
 
 from __future__ import annotations
 
@@ -26,12 +27,12 @@ T = TypeVar("T")
 Doing = Generator[None, None, T]
 
 GRID = 3e-4
-"""What pictures of the same object err alike, m."""
+"""Systematic error that pictures of the same object share, m."""
 
 
 def observe_closely(world: World, camera: str, name: ObjectId, pictures: int) -> Doing[BeliefObject | None]:
-    """What is believed of an object after so many pictures: its place is the mean of those that show it.
-    None when most of them do not."""
+    """Return the belief of an object from several pictures: its place is their mean. None: most of them do
+    not show it."""
     yield from world.control.settle()
     found: list[BeliefObject] = []
     for _ in range(pictures):
@@ -62,25 +63,25 @@ def observe_closely(world: World, camera: str, name: ObjectId, pictures: int) ->
 
 
 SIGHT = 5e-4
-"""Error of a mean of several pictures along an axis, m: noise, and the grid of pixels."""
+"""Standard deviation of a mean of several pictures along an axis, m: noise, and the grid of pixels."""
 SIGHT_TURNED = math.radians(0.8)
-"""Of the heading, rad."""
+"""Standard deviation of the heading from pictures, rad."""
 FELT, FELT_TURNED = 2e-4, math.radians(0.25)
-"""Across a side that was touched to the end, m, and of the heading, rad."""
+"""Standard deviations after a contact to the end: across the touched side, m, and of the heading, rad."""
 SLIPPED = 2e-4
-"""Along the side, m; and of each metre of way a share of it:"""
+"""Standard deviation along the side, m; `SLIP` is added for each metre of travel:"""
 SLIP = 0.03
 RESERVE = 0.5
-"""Share of the turning on a way that is counted on: friction at the corner holds some back."""
+"""Share of the expected rotation during a push that counts: friction at the corner holds some back."""
 WIDE = 0.016
-"""Half of a length of touch that is wide enough for that heading, m."""
+"""Half contact length from which the heading has that precision, m."""
 DOUBT = 4.0
-"""Difference between sight and touch, in standard deviations, that both cannot be right with."""
+"""Difference between vision and contact that is a contradiction, in standard deviations."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PlanarEstimate:
-    """Place and heading with what they are worth: covariance (2, 2) m², standard deviation, rad."""
+    """Estimate of place and heading: covariance (2, 2) m², and standard deviation of the heading, rad."""
 
     at: PlanarPose
     covariance: Array
@@ -88,19 +89,20 @@ class PlanarEstimate:
 
     @property
     def sigma(self) -> float:
-        """Of the place, along the worse axis, m."""
+        """Standard deviation of the place along the worse axis, m."""
         return math.sqrt(float(np.linalg.eigvalsh(self.covariance)[-1]))
 
 
 def estimate_from_camera(at: PlanarPose) -> PlanarEstimate:
-    """By a camera alone."""
+    """Return the estimate from a camera alone."""
     return PlanarEstimate(at, np.eye(2) * SIGHT**2, SIGHT_TURNED)
 
 
 def estimate_from_contact(
     before: PlanarEstimate, stroke: PushStroke, ends: PlanarPose, shape: PlanarOutline
 ) -> PlanarEstimate:
-    """After a stroke that ended in contact, with the tool where it is when the object is at `ends`."""
+    """Return the estimate after a stroke that ended in contact, with the object at `ends` by the tool's
+    pose."""
     side, way = stroke.side, stroke.way.length
     if shape.round:
         return PlanarEstimate(ends, np.eye(2) * FELT**2 * 2, math.pi)
@@ -108,7 +110,7 @@ def estimate_from_contact(
     normal, along = np.array([nx, ny]), np.array([-ny, nx])
     lateral = float(along @ before.covariance @ along) + SLIPPED**2 + (SLIP * way) ** 2
     covariance = np.outer(normal, normal) * FELT**2 + np.outer(along, along) * lateral
-    # Pushed at one corner the object turns until it lies at the flat of the fingers.
+    # Pushed at one corner, the object turns until its side is flat against the fingers.
     askew = abs(wrap_angle(stroke.way.start.yaw - side.carrier(before.at).yaw)) + 2.0 * before.turned
     turning = side.half / (shape.inertia() + side.half**2)
     squared = RESERVE * turning * max(0.0, way - 2.0 * SIGHT) > askew
@@ -117,8 +119,10 @@ def estimate_from_contact(
 
 
 def fuse_estimates(touch: PlanarEstimate, sight: PlanarEstimate, turn: float) -> PlanarEstimate:
-    """What both say, or what is seen alone where they contradict each other. `turn`: turned by it the object
-    looks the same, rad."""
+    """Return the fused estimate, or the visual one alone where both contradict each other.
+
+    `turn`: angle of the object's rotational symmetry, rad; 0: the heading does not count.
+    """
     off = np.array([sight.at.x - touch.at.x, sight.at.y - touch.at.y])
     yaw = wrap_angle(sight.at.yaw - touch.at.yaw, turn)
     both = touch.covariance + sight.covariance

@@ -1,9 +1,8 @@
-"""What slides where when fingers push it over a table, and what it pushes in turn; seen from above, without
-inertia.
+"""Quasi-static pushing: motion of bodies on a table when fingers push them, seen from above, without inertia.
 
-Bodies are moved out of the tool, and out of each other, by the least effort: a place is worth as much as a
-turn about the root of the mean square distance of the underside's points, which stands for the ellipsoid of
-the friction's limit surface (Howe and Cutkosky, "Practical force-motion models for sliding manipulation",
+Bodies are moved out of the tool, and out of each other, by the least effort. A displacement costs as much as
+a rotation about the root of the mean square distance of the underside's points. This stands for the ellipsoid
+of the friction's limit surface (Howe and Cutkosky, "Practical force-motion models for sliding manipulation",
 IJRR 15, 1996). Solved by projections, one contact after the other (Müller et al., "Position based dynamics",
 2007).
 """
@@ -18,18 +17,18 @@ from typing import TypeAlias
 from ...world.planar_geometry import PlanarOutline, PlanarPose
 
 ROUNDS = 8
-"""Times that all contacts are gone through, at most."""
+"""Maximum number of passes over all contacts."""
 EXACT = 1e-5
-"""Depth that is left, m."""
+"""Penetration that may remain, m."""
 DEEPEST = 0.004
-"""What is deeper in the tool than this was not reached from the side, m."""
+"""Penetration of the tool above which a body was not touched from the side, m."""
 
 Point: TypeAlias = tuple[float, float]
 
 
 @dataclass(frozen=True, slots=True)
 class _Contact:
-    """A point of touch, the way out for the second body (unit vector), and how deep it is, m."""
+    """Contact point, direction out for the second body (unit vector), and penetration, m."""
 
     at: Point
     out: Point
@@ -37,7 +36,7 @@ class _Contact:
 
 
 class _Slider:
-    """One outline, and where it is."""
+    """Outline with its pose."""
 
     def __init__(self, shape: PlanarOutline, at: PlanarPose, *, fixed: bool) -> None:
         self.at = at
@@ -57,7 +56,7 @@ class _Slider:
         return self._points
 
     def give(self, contact: _Contact) -> float:
-        """By how much it gives way at a contact for a unit of effort; 0 for what is fixed."""
+        """Return the displacement at a contact for a unit of effort; 0 for a fixed body."""
         if self.fixed:
             return 0.0
         lever = (contact.at[0] - self.at.x) * contact.out[1] - (contact.at[1] - self.at.y) * contact.out[0]
@@ -72,7 +71,7 @@ class _Slider:
 
 
 class PlanarPushModel:
-    """Bodies on one table, by name, among what stands still there."""
+    """Movable bodies on one table, by name, among fixed ones."""
 
     def __init__(
         self,
@@ -88,7 +87,10 @@ class PlanarPushModel:
     def press(
         self, tool: Sequence[tuple[PlanarOutline, PlanarPose]], deepest: float = DEEPEST
     ) -> frozenset[str]:
-        """The outlines of the tool are there now; move what they reach into, and answer who was moved."""
+        """Move all bodies that the tool reaches into, and return the names of the moved ones.
+
+        `tool`: its outlines with their present poses.
+        """
         parts = [_Slider(shape, at, fixed=True) for shape, at in tool]
         moved: set[str] = set()
         for round_ in range(ROUNDS):
@@ -105,7 +107,8 @@ class PlanarPushModel:
         return frozenset(moved)
 
     def _among(self, moved: set[str]) -> float:
-        """Part what was moved from what it has come into; what is moved by that is moved, too."""
+        """Separate moved bodies from those that they penetrate; add these to `moved`. Returns the greatest
+        penetration, m."""
         worst = 0.0
         for name in list(moved):
             body = self._bodies[name]
@@ -121,7 +124,7 @@ class PlanarPushModel:
 
 
 def _part(one: _Slider, other: _Slider, deepest: float = math.inf) -> float:
-    """Move two out of each other; how deep they were, m."""
+    """Separate two bodies, and return their penetration, m."""
     apart = math.hypot(one.at.x - other.at.x, one.at.y - other.at.y)
     if apart > one.reach + other.reach:
         return 0.0
@@ -146,7 +149,7 @@ def _part(one: _Slider, other: _Slider, deepest: float = math.inf) -> float:
 def _come_apart(
     contact: _Contact, starts: tuple[PlanarPose, PlanarPose], one: _Slider, other: _Slider
 ) -> float:
-    """By how much the two have parted at a contact since it was found, m."""
+    """Return by how much two bodies have separated at a contact since it was found, m."""
     (px, py), (nx, ny) = contact.at, contact.out
 
     def way(start: PlanarPose, now: PlanarPose) -> float:
@@ -159,7 +162,7 @@ def _come_apart(
 
 
 def _contacts(one: _Slider, other: _Slider) -> list[_Contact]:
-    """Where two outlines overlap; `out` leads the second out of the first."""
+    """Return the contacts of two outlines that overlap; `out` leads the second out of the first."""
     a, b = one.points, other.points
     if len(a) == 1 and len(b) == 1:
         return _of_rounds(a[0], one.radius, b[0], other.radius)
@@ -180,7 +183,7 @@ def _of_rounds(a: Point, ra: float, b: Point, rb: float) -> list[_Contact]:
 
 
 def _of_round(polygon: list[Point], middle: Point, radius: float) -> list[_Contact]:
-    """A round body at a polygon."""
+    """Return the contact of a round body with a polygon."""
     deepest, edge = _outermost(polygon, middle)
     if deepest >= radius:
         return []
@@ -200,8 +203,10 @@ def _of_round(polygon: list[Point], middle: Point, radius: float) -> list[_Conta
 
 
 def _outermost(polygon: list[Point], at: Point) -> tuple[float, tuple[Point, Point, Point]]:
-    """Of the lines along the edges the one that a point is furthest outside of: by how much, m (negative:
-    inside), the edge and its outward normal."""
+    """Return the edge whose line a point is furthest outside of.
+
+    The result has the distance, m (negative: inside), the edge and its outward normal.
+    """
     best, found = -math.inf, (polygon[0], polygon[0], (1.0, 0.0))
     for k, (ax, ay) in enumerate(polygon):
         bx, by = polygon[(k + 1) % len(polygon)]
@@ -217,7 +222,8 @@ def _outermost(polygon: list[Point], at: Point) -> tuple[float, tuple[Point, Poi
 
 
 def _of_polygons(a: list[Point], b: list[Point]) -> list[_Contact]:
-    """By the axis along which they overlap least; the corners of either that lie in the other touch."""
+    """Return the contacts along the axis of least overlap: corners of either polygon that lie in the
+    other."""
     depth, out = math.inf, (1.0, 0.0)
     for polygon, points, sign in ((a, b, 1.0), (b, a, -1.0)):
         for k, (ax, ay) in enumerate(polygon):

@@ -1,7 +1,7 @@
-"""Pushes that make room: which object, where, how far, so that a grasp becomes possible.
+"""Singulation: pushes that make room around an object, so that a grasp becomes possible.
 
-What would come of a push is worked out beforehand, among all that stand around (see `sliding`): a push is
-worth the grasps that there are then.
+The result of a push is simulated beforehand among all objects around (see `PlanarPushModel`). The value of a
+push follows from the grasps that are possible afterwards.
 """
 
 from __future__ import annotations
@@ -30,57 +30,59 @@ if TYPE_CHECKING:
     from ...cell.world import World
 
 AROUND = 0.05
-"""What is nearer to the target than this, from border to border, may be pushed in its stead, m."""
+"""Border distance to the target below which an object may be pushed in its place, m."""
 SEEN = 0.25
-"""What is further from the target than this does not count, m."""
+"""Distance from the target beyond which objects do not count, m."""
 LENGTHS = (0.035, 0.055, 0.08)
-"""Ways beyond the first contact, m."""
+"""Travel of a push beyond the first contact, m."""
 ASIDE = 0.009
-"""Of closed fingers that push beside the middle of a side, m: what they push turns away from others."""
+"""Offset of closed fingers from the middle of a side, m: the pushed object turns away from others."""
 TIGHT_GAP = 0.005
-"""Of the fingers from the object where there is no room for more, m."""
+"""Distance of the fingers from the object where there is no room for more, m."""
 STEP = 0.005
-"""Way between two moments that are worked out, m."""
+"""Travel between two simulated steps, m."""
 MARGIN = 0.003
-"""More room than a grasp needs, which makes up for what is not exactly as it was worked out, m."""
+"""Margin added to a grasp's margin for errors of the simulation, m."""
 CLEAR = 0.006
-"""What is pushed along stays so far from bins and other fixtures, m."""
+"""Clearance of pushed objects from bins and other fixtures, m."""
 ALONE = 0.03
-"""Free distance at which something unknown stands alone, m."""
+"""Free distance from which an unknown object stands alone, m."""
 HAND = 0.003
-"""Free distance of the hand where the push begins, m."""
+"""Clearance of the hand where the push begins, m."""
 SURE, BARELY, OTHER = 3.0, 1.5, 0.4
-"""What it is worth that the target can be grasped surely, just so, and that another one can."""
+"""Values of a sure grasp of the target, of a barely possible one, and of a grasp of another object."""
 APART = 8.0
-"""What a metre of free distance around the target is worth, as far as `ALONE`."""
+"""Value of free distance around the target, 1/m, up to `ALONE`."""
 WAY, MOVED = 2.0, 0.1
-"""What a metre of way costs, and each object that moves."""
+"""Costs of travel, 1/m, and of each moved object."""
 TALLER, LARGEST = 0.015, 0.12
-"""Something unknown that is taller than the tallest item by this, m, or reaches further from its middle, is
-no item and no few of them."""
+"""Height above the tallest item, and reach from its middle, m, beyond which an unknown object is neither an
+item nor a few items."""
 LEAST = 0.1
-"""What a push must be worth."""
+"""Least value of a push."""
 FINALISTS = 5
-"""Pushes of which it is worked out what else they are good for."""
+"""Number of best pushes whose value for other objects is computed."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SingulationPush:
-    """A push at one object, and what is expected of it."""
+    """Push at one object with its expected result."""
 
     name: str
     pushed: BeliefObject
     stroke: PushStroke
     along: tuple[ObjectId, ...]
-    """What else is moved by it."""
+    """Other objects that the push moves."""
     there: Mapping[ObjectId, PlanarPose]
-    """Where all that moves comes to."""
+    """Expected poses of all moved objects."""
     worth: float
 
 
 def has_room(world: World, belief: BeliefObject) -> bool:
-    """Whether the hand fits around an object somewhere, and the arm reaches that; something unknown needs to
-    stand alone. Costs are owed."""
+    """Return whether the hand fits around an object and the arm reaches that grasp.
+
+    An unknown object has to stand alone. Costs are added to the thinking account.
+    """
     if belief.role != "item":
         return free_distance(world, belief) >= ALONE
     for grasp in grasp_candidates(belief, world.robot.description.gripper):
@@ -97,12 +99,12 @@ def has_room(world: World, belief: BeliefObject) -> bool:
 
 
 def free_distance(world: World, belief: BeliefObject) -> float:
-    """Free distance of an object from all others, m."""
+    """Return the free distance of an object from all others, m; inf: there is none."""
     return min((_between(belief, o) for o in world.scene.objects if o.id != belief.id), default=math.inf)
 
 
 def _between(one: BeliefObject, other: BeliefObject) -> float:
-    """Free distance of two objects as seen from above, m."""
+    """Return the free distance of two objects seen from above, m."""
     return outline_distance(
         outline(one.shape, one.pose),
         planar(one.shape, one.pose),
@@ -112,8 +114,11 @@ def _between(one: BeliefObject, other: BeliefObject) -> float:
 
 
 def most_crowded_object(world: World) -> ObjectId | None:
-    """What needs room most: something unknown that is no larger than a few items, else the item with the
-    least room that the hand does not fit around; None when all have room."""
+    """Return the object that needs room most. None: all have room.
+
+    An unknown object no larger than a few items comes first, else the item with the least room whose grasps
+    are blocked.
+    """
     tallest = max((_longest(e.shape) for e in world.description.catalogue), default=0.0)
     unknown = [
         o
@@ -132,13 +137,14 @@ def most_crowded_object(world: World) -> ObjectId | None:
 
 
 def _longest(shape: Shape) -> float:
-    """The greatest of its extents, m."""
+    """Return the greatest extent of a shape, m."""
     low, high = extents(shape, np.eye(3))
     return float((high - low).max())
 
 
 def singulation_pushes(world: World, target: BeliefObject) -> list[SingulationPush]:
-    """Pushes that give the target room, the best first. Their cost is owed to the thinking account."""
+    """Return pushes that make room around the target, best first. Their cost is added to the thinking
+    account."""
     support = support_of(world, target)
     if support is None:
         return []
@@ -152,7 +158,7 @@ def singulation_pushes(world: World, target: BeliefObject) -> list[SingulationPu
         one for pushed in case.candidates() for begin in _begins(world, pushed) for one in case.judged(begin)
     ]
     found.sort(key=_rank)
-    # What else can be grasped afterwards is asked of the best only.
+    # Only the best pushes are tested for grasps of other objects.
     found[:FINALISTS] = [case.with_others(one) for one in found[:FINALISTS]]
     world.thinking.spend(case.checks * world.description.thinking.collision_check)
     return sorted(found, key=_rank)
@@ -163,7 +169,7 @@ def _rank(one: SingulationPush) -> tuple[float, str]:
 
 
 class _Case:
-    """One target and what stands around it."""
+    """Target with the objects around it."""
 
     def __init__(
         self, world: World, target: BeliefObject, near: Sequence[BeliefObject], support: Fixture
@@ -186,14 +192,16 @@ class _Case:
         self._now = self._worth()
 
     def candidates(self) -> list[BeliefObject]:
-        """The target, and what is close to it."""
+        """Return the target and the objects close to it."""
         target = self._target
         others = [o for o in self._near.values() if o.id != target.id]
         return [target, *(o for o in others if _between(target, o) < AROUND)]
 
     def judged(self, begin: Sequence[PushStroke]) -> Iterator[SingulationPush]:
-        """What the push is worth that is one of these strokes, the first that can begin; for each of the
-        lengths where it is allowed and worth something."""
+        """Yield the push for each allowed length with enough value.
+
+        It uses the first of the strokes `begin` that can begin.
+        """
         stroke = next((one for one in begin if self._begins(one)), None)
         if stroke is None:
             return
@@ -212,7 +220,7 @@ class _Case:
             yield SingulationPush(f"{name} {length * 1000:.0f} mm", pushed, one, along, there, worth)
 
     def with_others(self, one: SingulationPush) -> SingulationPush:
-        """The same, and what it is worth to the others."""
+        """Return the push with its value for other objects added."""
         others = [o for name, o in self._near.items() if o.role == "item" and name != self._target.id]
         before = sum(self._fits(o) > 0.0 for o in others)
         with self._supposing(one.there):
@@ -229,7 +237,7 @@ class _Case:
             self._supposed.put(self._near[name], "as it is")
 
     def _begins(self, stroke: PushStroke) -> bool:
-        """Whether the hand fits where the push begins, over the table."""
+        """Return whether the hand fits where the push begins, over the table."""
         world, pushed = self._world, self._near[stroke.object]
         opening = stroke.side.opening
         level = height(pushed, self._gripper, world.robot.fingers.reach(opening))
@@ -243,7 +251,7 @@ class _Case:
         return not world.queries.hand_contacts(tcp, opening, (pushed.id,), HAND)
 
     def _slid(self, stroke: PushStroke) -> dict[float, dict[ObjectId, PlanarPose]]:
-        """Where what is moved comes to, for each of the lengths that keeps the tool over the table."""
+        """Return the poses of the moved objects for each length that keeps the tool over the table."""
         sliding = PlanarPushModel({str(name): both for name, both in self._shapes.items()})
         fingers = tool_outline(self._gripper, stroke.side.opening)
         touched: set[str] = set()
@@ -264,7 +272,7 @@ class _Case:
         return found
 
     def _may_be(self, there: Mapping[ObjectId, PlanarPose]) -> bool:
-        """Whether all that moves stays on its table, and away from what stands still."""
+        """Return whether all moved objects stay on their table, and away from fixed bodies."""
         ignore = (*self._near, self._support.id)
         for name, at in there.items():
             o, (shape, _) = self._near[name], self._shapes[name]
@@ -276,7 +284,7 @@ class _Case:
         return True
 
     def _worth(self) -> float:
-        """Of the scene as it is supposed, to the target."""
+        """Return the value of the supposed scene for the target."""
         here = self._supposed.get(self._target.id)
         others = (self._supposed.get(name) for name in self._near if name != here.id)
         near = min((_between(here, o) for o in others), default=ALONE)
@@ -286,10 +294,10 @@ class _Case:
         return self._fits(here) + APART * away
 
     def _fits(self, o: BeliefObject) -> float:
-        """What it is worth how well the hand fits around an object."""
+        """Return the value of the best fit of the hand around an object."""
         worth, seen = 0.0, set[tuple[float, ...]]()
         for grasp in grasp_candidates(o, self._gripper):
-            # Turned by half a turn the hand looks the same.
+            # The hand looks the same after half a turn.
             x, y, z = grasp.tcp_in_world.position
             turn = grasp.tcp_in_world.rotation()[:2, 1]
             key = (
@@ -311,14 +319,16 @@ class _Case:
 
 
 def straight_on(stroke: PushStroke, length: float) -> PushStroke:
-    """The same push, and so long, m."""
+    """Return the same push with another length, m."""
     way = straight(stroke.way.start, length)
     return replace(stroke, way=way, ends=stroke.side.object(way.at(length)))
 
 
 def _begins(world: World, belief: BeliefObject) -> Iterator[tuple[PushStroke, PushStroke]]:
-    """Ways to push an object straight on: the fingers at the middle of a side, or closed and beside it. Each
-    from where it is easy to begin, and from as close by as can be."""
+    """Yield straight pushes at an object: open fingers at the middle of a side, or closed ones beside it.
+
+    Each pair begins from a comfortable distance, and from the least one.
+    """
     gripper = world.robot.description.gripper
     shape = outline(belief.shape, belief.pose)
     for side in _all_sides(belief, world):

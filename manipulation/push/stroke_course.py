@@ -1,4 +1,4 @@
-"""The course of one stroke: up to the object, with it along a way, off it again; it feels what it does."""
+"""Compliant motion of one stroke: up to the object, along with it, and off it again, with contact sensing."""
 
 from __future__ import annotations
 
@@ -15,32 +15,32 @@ from .push_arcs import ArcPath
 Phase: TypeAlias = Literal["pushing", "settling", "leaving", "left"]
 
 ACCELERATION = 0.4
-"""Of the tool along its way, m/s²: far less than what friction takes from an object, so that it stays at the
-tool when that brakes."""
+"""Acceleration of the tool along its path, m/s². Friction decelerates an object far more, so that it stays at
+the tool."""
 TOUCHED, LOST = 0.12, 0.04
-"""Force on the tool above which it touches, and below which it touches no more, N: 60 g on a table give 0.3
-N, the sensor's noise over `MEMORY` is 0.03 N."""
+"""Forces on the tool above which a contact begins, and below which it ends, N. 60 g on a table give 0.3 N;
+the sensor's noise over `MEMORY` is 0.03 N."""
 MEMORY = 0.08
-"""Time over which the force is averaged, s."""
+"""Time constant of the force's mean, s."""
 LOST_WAY = 0.008
-"""Way without a contact after which it counts as lost, m."""
+"""Travel without contact after which the contact is lost, m."""
 SHORT, SLOW = 0.010, 0.025
-"""A way that is shorter than this, m, is gone slowly, m/s, so that there is time to feel."""
+"""Length below which a path is slow, m, and its speed, m/s: sensing needs time."""
 GENTLE = 0.1
-"""Braking before what rolls, m/s²."""
+"""Deceleration before the end for an object that rolls, m/s²."""
 GAIN = 5.0
-"""Rate at which the anchor makes up for what the spring gives way, 1/s."""
+"""Rate at which the anchor corrects the spring's deflection, 1/s."""
 MOST = 0.006
-"""By which the anchor is ahead at most, m."""
+"""Greatest lead of the anchor, m."""
 EXACT = 1.0e-4
-"""The tool is where it should be, m; it is waited for so long at most, s."""
+"""Error of the tool at which it has arrived, m; `SETTLING` is the longest wait for that, s."""
 SETTLING = 0.6
 AWAY = 0.006
-"""Back from the object at the end, m."""
+"""Distance of the final motion back from the object, m."""
 
 
 class PushMotion(CompliantMotion):
-    """Carries the TCP so that its carrier (see `Side`) follows `way`, from `gap` m before its start on.
+    """Motion of the TCP whose carrier (see `PushSide`) follows `way`, beginning `gap` m before its start.
 
     It ends early when the force against the push exceeds `force` N, or when the contact is lost.
     """
@@ -56,8 +56,8 @@ class PushMotion(CompliantMotion):
         *,
         rolls: bool = False,
     ) -> None:
-        """`tool`: the TCP in the carrier. `hand_mass`: what the wrist feels the tool accelerate, kg.
-        `rolls`: see `Side`."""
+        """`tool`: TCP in the carrier. `hand_mass`: mass whose inertia the wrist measures, kg. `rolls`: see
+        `PushSide`."""
         super().__init__()
         self._path, self._tool, self._gap = way, tool, gap
         if rolls or way.length < SHORT:
@@ -73,15 +73,16 @@ class PushMotion(CompliantMotion):
         self._offset = np.zeros(2)
         self.phase: Phase = "pushing"
         self.touched_at: float | None = None
-        """Way of the carrier at which the object was felt first, m; negative: before it was expected."""
+        """Travel of the carrier at the first contact, m; negative: earlier than expected. None: no
+        contact."""
         self.blocked = False
         self.lost = False
         self.in_contact = False
-        """Whether the object was felt to the end."""
+        """Whether the contact lasted to the end."""
         self.reached = -gap
-        """Way of the carrier, m."""
+        """Travel of the carrier, m."""
         self.carrier: PlanarPose = way.at(-gap)
-        """By the encoders, when the push ended."""
+        """Carrier by the encoders at the end of the push."""
 
     def start(self, position: Array, rotation: Array) -> None:
         super().start(position, rotation)
@@ -125,7 +126,7 @@ class PushMotion(CompliantMotion):
         self._anchor(felt, period, (self._rate - before) / period)
 
     def _feel(self, felt: ContactState, acceleration: float, period: float) -> None:
-        """What acts against the push; the sensor feels the hand beyond it accelerate, too."""
+        """Update the force against the push, without the inertia of the hand, and the contact flags."""
         x, y = self._path.at(self._way).direction
         against = -float(felt.force[0] * x + felt.force[1] * y) - self._mass * acceleration
         self._pushed += (against - self._pushed) * min(1.0, period / MEMORY)
@@ -136,9 +137,9 @@ class PushMotion(CompliantMotion):
         self.blocked = against > self._force
 
     def _settle(self, felt: ContactState, period: float) -> None:
-        """Stand where the way ends, or where something stopped it, before leaving."""
+        """Stand where the path ends, or where something stopped the push, before leaving."""
         if self.blocked:
-            # What resists is not pressed against any longer.
+            # A body that resists is not pressed any longer.
             self._offset = felt.position[:2] - self._planned()[:2]
         off = self._anchor(felt, period, 0.0)
         waited = felt.elapsed - self._since
@@ -147,7 +148,7 @@ class PushMotion(CompliantMotion):
             self.phase = "leaving"
 
     def _leave(self, period: float) -> None:
-        """Straight back, off the object."""
+        """Move straight back, off the object."""
         step = min(self._speed, 0.05) * period
         self._back += step
         x, y = self._path.at(self._way).direction
@@ -164,7 +165,7 @@ class PushMotion(CompliantMotion):
         return np.array([tcp.x, tcp.y, self.origin[2]])
 
     def _anchor(self, felt: ContactState, period: float, acceleration: float) -> float:
-        """Where the spring is held; the distance of the tool from where it should be, m."""
+        """Set the anchor of the spring, and return the error of the tool, m."""
         carrier = self._path.at(self._way)
         planned = self._planned()
         error = planned[:2] - felt.position[:2]
@@ -184,7 +185,7 @@ class PushMotion(CompliantMotion):
         return float(np.hypot(*error))
 
     def _carrier_at(self, felt: ContactState) -> PlanarPose:
-        """The carrier where the encoders say that the tool is."""
+        """Return the carrier for the tool's pose by the encoders."""
         turned = felt.rotation @ self.turn.T
         yaw = self._yaw + math.atan2(float(turned[1, 0]), float(turned[0, 0]))
         tcp = PlanarPose(float(felt.position[0]), float(felt.position[1]), yaw)

@@ -1,4 +1,4 @@
-"""Strokes that bring an object nearer to where it is to be: which side, which way, how far."""
+"""Push strokes that bring an object nearer to its goal: side, path, length."""
 
 from __future__ import annotations
 
@@ -15,36 +15,36 @@ from ...world.values import ObjectId, Pose
 from .push_arcs import ArcPath, PushSide, arc_to, biarc, push_sides, straight, truncated
 
 GAP = 0.008
-"""Between the fingers and the object where a stroke begins, m; and so many standard deviations of where the
-object is believed to be."""
+"""Distance between fingers and object where a stroke begins, m; `SIGMAS` standard deviations of its place are
+added."""
 SIGMAS = 2.0
 SQUARED = math.radians(12.0)
-"""An object that is turned by less is squared up by the flat of the fingers on the way, rad."""
+"""Rotation of an object below which the flat fingers align it during the push, rad."""
 STEADY = 2.0
-"""Turns while it is pushed are wider by this factor than an object would follow at most."""
+"""Factor of the pushed path's least radius over the least radius that an object can follow."""
 TURNED = math.radians(100.0)
-"""Greatest turn of one way, rad."""
+"""Greatest rotation along one path, rad."""
 ASIDE = 0.012
-"""Way on which what is turned by some degrees is squared up, m."""
+"""Travel on which an object that is turned by some degrees is aligned, m."""
 TINY = 4e-4
-"""A push by less is none, m."""
+"""Least travel of a push, m."""
 RADIAN = 0.05
-"""What a radian of heading that is left is worth, m."""
+"""Cost of the remaining heading error, m for each radian."""
 WAY, TURN = 0.05, 0.01
-"""What a metre of way costs, and a radian of turning, m: of two strokes that leave the same error the
-shorter one is made."""
+"""Costs of travel, m for each metre, and of rotation, m for each radian: of equal errors the shorter stroke
+wins."""
 
 
 @dataclass(frozen=True, slots=True)
 class PushGoal:
-    """Where an object is to be, in the plane: m, and rad if its heading matters."""
+    """Goal of an object in the plane: place, m, and heading, rad. None: the heading does not matter."""
 
     x: float
     y: float
     yaw: float | None = None
 
     def off(self, at: PlanarPose, turn: float) -> tuple[float, float]:
-        """Distance, m, and difference of heading, rad, of what looks the same turned by `turn`."""
+        """Return distance, m, and heading error, rad, of an object with rotational symmetry `turn`, rad."""
         away = math.hypot(self.x - at.x, self.y - at.y)
         return away, 0.0 if self.yaw is None else abs(wrap_angle(self.yaw - at.yaw, turn))
 
@@ -58,9 +58,9 @@ class PushStroke:
     way: ArcPath
     gap: float
     ends: PlanarPose
-    """Where the object is expected to come to."""
+    """Expected pose of the object at the end."""
     cost: float
-    """Error that is left and effort, m; lower is better."""
+    """Cost of remaining error and effort, m; lower is better."""
 
     @property
     def name(self) -> str:
@@ -68,16 +68,17 @@ class PushStroke:
         return f"{self.side.name} {math.degrees(math.atan2(y, x)):.0f} deg {self.way.length * 1000:.0f} mm"
 
     def object_at(self, way: float) -> PlanarPose:
-        """The object when the carrier has gone so far, m."""
+        """Return the object's pose after `way` m of the carrier."""
         return self.side.object(self.way.at(max(0.0, way)))
 
     def tcp_at(self, way: float, height: float, flipped: bool) -> Pose:
-        """The TCP in the world, pointing down; flipped by half a turn the fingers look the same."""
+        """Return the TCP pose in the world, pointing down. Flipped by half a turn the fingers look the
+        same."""
         return tool_pose(self.way.at(way) @ self.side.tool, height, flipped)
 
 
 def tool_pose(at: PlanarPose, height: float, flipped: bool) -> Pose:
-    """The TCP pointing down with its x axis along `at`, or against it."""
+    """Return the TCP pose that points down with its x axis along `at`, or against it."""
     sign = -1.0 if flipped else 1.0
     x = np.array([sign * math.cos(at.yaw), sign * math.sin(at.yaw), 0.0])
     z = np.array([0.0, 0.0, -1.0])
@@ -87,7 +88,7 @@ def tool_pose(at: PlanarPose, height: float, flipped: bool) -> Pose:
 def push_strokes(
     belief: BeliefObject, aim: PushGoal, gripper: GripperDescription, longest: float
 ) -> tuple[PushStroke, ...]:
-    """Strokes towards the aim, the best first; none of them is longer than `longest` m."""
+    """Return strokes towards the goal, best first, each at most `longest` m long."""
     at, shape = planar(belief.shape, belief.pose), outline(belief.shape, belief.pose)
     towards = math.atan2(aim.y - at.y, aim.x - at.x) - at.yaw
     found: list[PushStroke] = []
@@ -98,8 +99,8 @@ def push_strokes(
 
 
 def turning_room_strokes(belief: BeliefObject, gripper: GripperDescription) -> tuple[PushStroke, ...]:
-    """Short pushes away from where an object is: it is where it should be, but turned, and only on a way can
-    it be squared up."""
+    """Return short pushes away from a place that is right while the heading is not: only a push aligns the
+    object."""
     if outline(belief.shape, belief.pose).round:
         return ()
     return tuple(
@@ -108,14 +109,14 @@ def turning_room_strokes(belief: BeliefObject, gripper: GripperDescription) -> t
 
 
 def straight_stroke(side: PushSide, belief: BeliefObject, length: float) -> PushStroke:
-    """Straight along one side's push."""
+    """Return the straight stroke along a side's push."""
     way = straight(side.carrier(planar(belief.shape, belief.pose)), length)
     gap = GAP + SIGMAS * belief.sigma_position
     return PushStroke(belief.id, side, way, gap, side.object(way.at(length)), _effort(way))
 
 
 def _ways(side: PushSide, at: PlanarPose, aim: PushGoal, shape: PlanarOutline) -> Sequence[ArcPath]:
-    """Ways of the carrier that lead to the aim, or as near to it as a push at this side leads."""
+    """Return paths of the carrier to the goal, or as near to it as a push at this side leads."""
     here = side.carrier(at)
     if aim.yaw is None or shape.round:
         found = [_ahead(PlanarPose(at.x, at.y, here.yaw), aim)]
@@ -132,7 +133,8 @@ def _ways(side: PushSide, at: PlanarPose, aim: PushGoal, shape: PlanarOutline) -
 
 
 def _ahead(start: PlanarPose, aim: PushGoal, *, squares: bool = False) -> ArcPath | None:
-    """Straight on until the aim is abreast; a push that squares an object up may be as good as no way."""
+    """Return the straight path until the goal is abreast. None: too short; a push that aligns the object may
+    be shorter."""
     along = float(np.array([aim.x - start.x, aim.y - start.y]) @ start.direction)
     if along < (-TINY if squares else TINY):
         return None
@@ -142,7 +144,7 @@ def _ahead(start: PlanarPose, aim: PushGoal, *, squares: bool = False) -> ArcPat
 def _turning(
     here: PlanarPose, off: float, side: PushSide, shape: PlanarOutline, aim: PushGoal
 ) -> ArcPath | None:
-    """Turned to the heading that is wanted as tightly as the object follows, and on until the aim is
+    """Return the path that turns to the goal's heading as tightly as the object follows, then leads on until
     abreast."""
     if abs(off) < SQUARED:
         return None
@@ -161,7 +163,7 @@ def _stroke(
     shape: PlanarOutline,
     longest: float,
 ) -> PushStroke:
-    """The way as one stroke, or its first part where it takes several."""
+    """Return the path as one stroke, or its first part if it takes several."""
     away, turned = aim.off(_ended(side, way, at, shape), shape.turn)
     cost = away + RADIAN * turned + _effort(way)
     parts = max(1, math.ceil(way.length / longest - 1e-6))
@@ -172,8 +174,11 @@ def _stroke(
 
 
 def _ended(side: PushSide, way: ArcPath, at: PlanarPose, shape: PlanarOutline) -> PlanarPose:
-    """Where the object comes to: one that the way does not begin square to turns at a corner on the way, and
-    is squared up only when that is long enough."""
+    """Return the expected pose of the object.
+
+    An object that the path does not meet squarely turns about a corner, and is aligned only by a long enough
+    path.
+    """
     end = side.object(way.at(way.length))
     askew = wrap_angle(way.start.yaw - side.carrier(at).yaw)
     if shape.round or askew == 0.0:

@@ -1,1 +1,1 @@
-"""Getting clear of contacts and obstacles, and home."""
+"""Retreat: out of contact, away from obstacles, and home."""

@@ -1,4 +1,4 @@
-"""Getting clear: out of what presses, out of what the arm is believed to be in, away from what is near."""
+"""Retreat motions: release of pressure, escape paths out of contacts, and distance to obstacles."""
 
 from __future__ import annotations
 
@@ -23,45 +23,46 @@ T = TypeVar("T")
 Doing: TypeAlias = Generator[None, None, T]
 
 CAREFUL = 0.05
-"""Of whatever moves fastest, on a way out, m/s."""
+"""Speed limit of the fastest point of arm and tool on an escape path, m/s."""
 REDUCED = 0.25
-"""On free ways: the reduced speed of ISO 10218-1, m/s."""
+"""Speed limit on free paths, m/s: the reduced speed of ISO 10218-1."""
 WARY = 0.10
-"""On free ways after something was felt that nobody knows of, m/s."""
+"""Speed limit on free paths after a contact with an unknown obstacle, m/s."""
 FEELING = ContactThresholds(torque=1.2, force=3.0)
-"""What counts as a contact on a way out."""
+"""Contact thresholds on an escape path."""
 FIRMLY = ContactThresholds(torque=3.0, force=8.0)
-"""Likewise, once every way was touched on: what is jammed rubs on its way out."""
+"""Contact thresholds once every direction has met a contact: a jammed arm rubs on its way out."""
 ON_THE_WAY = ContactThresholds(torque=2.5, force=6.0)
-"""On free ways, which are faster."""
+"""Contact thresholds on free paths, which are faster."""
 PRESSED = 1.5
-"""External torque at rest above which something presses at the arm, Nm."""
+"""External torque at rest above which something presses on the arm, Nm."""
 REACH = 0.40
-"""Of a way out, m of the tool."""
+"""Greatest length of an escape path, m of TCP travel."""
 CAME = 0.08
-"""Of the way back along which the arm came, m of the tool."""
+"""Length of the way back along the last trajectory, m of TCP travel."""
 CLEAR = 0.03
-"""What is nearer than this to the arm is left before it goes anywhere else, m."""
+"""Distance to the arm below which an obstacle is left before any other motion, m."""
 UP = 0.10
-"""Height to gain then, m."""
+"""Length of the motion away from it, m of TCP travel."""
 WORTH = 0.01
-"""A way that gets less far is none, m."""
+"""Shortest useful escape path, m of TCP travel."""
 STOPS = 3
-"""Safety stops on the way that are acknowledged: more, and there is no safe way."""
+"""Maximum number of safety stops that one retreat acknowledges."""
 AGAINST = -0.3
-"""Cosine to what has pushed below which a direction leads into it."""
+"""Least cosine between an escape direction and the contact force; below it the direction leads into the
+obstacle."""
 GENTLE = Scaling(0.3, 0.3)
 
 
 class RetreatMotion:
-    """One retreat's ways out: what was tried, and what was felt, is remembered.
+    """Escape motions of one retreat, with a memory of failed directions and contacts.
 
-    All motions are soft: contacts are felt at any part of the arm, and given way to. A direction in which
-    something was touched is not tried again.
+    All motions are under joint impedance: the arm detects contacts at any part of it and gives way. A
+    direction that met a contact is not tried again.
     """
 
     def __init__(self, world: World, node: str, deadline: float = float("inf")) -> None:
-        """`deadline`: simulated time at which no other way is begun, s."""
+        """`deadline`: simulated time after which no other escape path begins, s."""
         self._world = world
         self._node = node
         self._deadline = deadline
@@ -69,17 +70,17 @@ class RetreatMotion:
         self._feeling = FEELING
         self._stops = 0
         self.tried: list[str] = []
-        """Each way that did not get there, in words."""
+        """Descriptions of the attempts that failed."""
         self.felt: Vector3 | None = None
-        """How the hand was pushed last, N in the world; None: nothing was felt at it."""
+        """Last contact force on the hand, N in the world. None: there was none."""
         self.pressed = False
-        """Something pressed at the arm where it stood."""
+        """Whether something pressed on the arm at rest."""
         self.touched = False
-        """Something was met on the way that should not be there."""
+        """Whether an unexpected contact occurred during a motion."""
 
     @property
     def carried(self) -> Vector3:
-        """What hangs on the tool, as far as it is known, N in the world."""
+        """Known weight of the load on the tool, N in the world."""
         return (0.0, 0.0, -GRAVITY * held_mass(self._world))
 
     @property
@@ -87,8 +88,8 @@ class RetreatMotion:
         return self._world.clock.now >= self._deadline
 
     def relax(self) -> Doing[float]:
-        """Where something presses at the arm as it stands: stop pressing, and give way a little. Answers the
-        external torque that is left, Nm."""
+        """Release the pressure of a contact at rest by giving way a little, and return the remaining external
+        torque, Nm."""
         world = self._world
         pressed = world.move.pressed(self.carried)
         if pressed <= PRESSED:
@@ -109,32 +110,35 @@ class RetreatMotion:
         return left
 
     def anew(self) -> None:
-        """The belief is another one: directions may be tried again, and, where something was touched, a
-        little more firmly."""
+        """Allow all directions again after a change of the belief; after a contact with higher thresholds."""
         self._spent.clear()
         if self.touched:
             self._feeling = FIRMLY
 
     def out(self) -> Doing[bool]:
-        """Out of what the arm is believed to be in or too close to, and away from what has pressed at it.
-        False: no way leads out, or none is safe."""
+        """Move out of believed contacts, and away from a contact that was measured.
+
+        False: no direction leads out, or none is safe.
+        """
         world = self._world
         if self.pressed or self.touched:
-            # Where it came from was free a moment ago, whatever is believed.
+            # The path that the arm came along was free a moment ago, whatever the belief.
             yield from self._back()
         while (contacts := world.plan.contacts()) and not self.late:
             way = self._best(contacts)
             if way is None:
                 return False
             if (yield from self._go(way)):
-                # There it should be free; where it is not, another way must do better.
+                # The arm should be free there. Otherwise another direction must do better.
                 self._spent.add(way.direction)
         yield from world.plan.charge()
         return not contacts
 
     def up(self, way: float = UP, *, always: bool = False) -> Doing[None]:
-        """Away from what is near, upwards or else wherever there is room; nothing when nothing is near,
-        unless that is wanted `always`."""
+        """Move away from nearby obstacles: upwards, or another direction with room.
+
+        Without a nearby obstacle the arm stays, unless `always`. `way`: length, m of TCP travel.
+        """
         world = self._world
         with world.plan.checking():
             outward = world.plan.outward()
@@ -154,13 +158,14 @@ class RetreatMotion:
                 self.tried.append(f"{direction}: {found.ended_by}")
 
     def touched_on_the_way(self, result: JointImpedanceResult, where: str) -> Doing[None]:
-        """Something was met on a free way: remember it, and go back a little the way the arm came."""
+        """Record a contact on a free path, and move back a little along the last trajectory."""
         self._felt(result)
         self.tried.append(f"{where}: touched something ({_sizes(result)})")
         yield from self._back()
 
     def _back(self) -> Doing[None]:
-        """A little back the way that the arm came, as far as nothing comes closer to what is believed."""
+        """Move back a little along the last trajectory, as far as no distance to a believed obstacle
+        decreases."""
         world = self._world
         back = world.move.way_back()
         if back is None or "the way it came" in self._spent:
@@ -179,7 +184,8 @@ class RetreatMotion:
             yield from self._go(way)
 
     def _best(self, contacts: tuple[ContactPair, ...]) -> EscapePath | None:
-        """The shortest way that gets out, of those that were not in vain; `out` before others."""
+        """Return the first escape path that leads out, in the order of directions that have not failed. None:
+        no such path."""
         world = self._world
         names = ", ".join(dict.fromkeys(f"{c.a} at {c.b}" for c in contacts[:3]))
         with world.plan.checking():
@@ -193,8 +199,8 @@ class RetreatMotion:
         return None
 
     def _in_order(self, heading: Callable[[Direction], Array]) -> list[Direction]:
-        """Directions that were not in vain yet, those along what has pushed at the hand before others, and
-        none against it."""
+        """Return the directions that have not failed, without those against the last contact force on the
+        hand."""
         left: list[Direction] = [d for d in DIRECTIONS if d not in self._spent]
         if self.felt is None:
             return left
@@ -204,8 +210,8 @@ class RetreatMotion:
         return [d for d in left if along[d] >= AGAINST]
 
     def _go(self, way: EscapePath) -> Doing[bool]:
-        """Slowly along a way; False where something was felt on it."""
-        # slow to load, and few retreats have to get out
+        """Move slowly along an escape path; False: a contact ended it."""
+        # The module loads slowly, and few retreats need it.
         from ...planning.timing.time_parameterization import (
             time_corners,
             time_smooth,
@@ -230,7 +236,8 @@ class RetreatMotion:
     def follow(
         self, trajectory: Trajectory, least: ContactThresholds, *, leaving: bool = False
     ) -> Doing[JointImpedanceResult]:
-        """A soft motion; a safety stop on it counts as a contact, and is acknowledged a few times."""
+        """Follow a trajectory under joint impedance. A safety stop counts as a contact, and is acknowledged a
+        few times."""
         moving = self._world.move.softly(
             trajectory, least, carried=self.carried, node=self._node, leaving=leaving
         )
@@ -238,7 +245,7 @@ class RetreatMotion:
         return (yield from self._stopping(moving, stopped))
 
     def _stopping(self, doing: Doing[T], otherwise: T) -> Doing[T]:
-        """What `doing` comes to, or `otherwise` when a safety stop ends it."""
+        """Return the result of `doing`, or `otherwise` when a safety stop ends it."""
         world = self._world
         try:
             return (yield from doing)
@@ -266,7 +273,7 @@ class RetreatMotion:
 
 
 def held_mass(world: World) -> float:
-    """Of what is believed to be in the hand: weighed, else by the catalogue, kg."""
+    """Return the mass of the held object, kg: weighed, else by the catalogue."""
     held = world.scene.held
     if held is None:
         return 0.0
@@ -281,10 +288,10 @@ def _sizes(result: JointImpedanceResult) -> str:
 
 
 def escape_contact(world: World, scaling: Scaling, node: str) -> Generator[None, None, None]:
-    """Out of what the arm is believed to be in, slowly, the depths shrinking, and up from what is near.
+    """Move the arm out of believed contacts, slowly and with decreasing depths, and up from nearby obstacles.
 
-    Nothing happens where there is no way: whoever plans next is told why. `scaling` is no more than is done
-    anyway: ways out are slow.
+    Without an escape path nothing happens; the next plan then fails with the reason. `scaling` has no effect:
+    escape paths are slow.
     """
     del scaling
     leaving = RetreatMotion(world, node)

@@ -1,4 +1,4 @@
-"""The way home of a retreat: planned, soft, and by another way where something unknown is in the first."""
+"""Homing of a retreat: planned, under joint impedance, with a new path after an unknown obstacle."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ if TYPE_CHECKING:
     from ...cell.world import World
 
 ROUNDS = 4
-"""Ways home that are tried."""
+"""Maximum number of attempts to plan and follow a path home."""
 DETOUR = 0.15
-"""By how much it leaves the place before it tries another way, m."""
+"""Length of the motion away from an obstacle before the next attempt, m of TCP travel."""
 AT_POSE = 2e-3
-"""Distance of a joint from the pose up to which the arm is there, rad."""
+"""Greatest joint distance to the named pose at which the arm is there, rad."""
 
 
 def go_home(world: World, leaving: RetreatMotion, pose: str, scaling: Scaling, node: str) -> Doing[bool]:
-    """Bring the arm to a named pose. False: there is no safe way; `leaving` knows what was tried."""
+    """Move the arm to a named pose. False: there is no safe path; `leaving.tried` has the attempts."""
     looked = yield from observe_with_fixed_cameras(world)
     for attempt in range(ROUNDS):
         if leaving.late:
@@ -57,8 +57,10 @@ def go_home(world: World, leaving: RetreatMotion, pose: str, scaling: Scaling, n
 
 
 def observe_with_fixed_cameras(world: World) -> Doing[bool]:
-    """See what stands there now, through every camera that does not move with the hand; one that gives no
-    image is no reason to stay. Answers whether anything was seen."""
+    """Take an image with every camera that is not on the hand, and return whether one was obtained.
+
+    A camera without an image is skipped.
+    """
     seen = False
     for camera in world.description.cameras:
         if camera.on == "hand":
@@ -73,7 +75,7 @@ def observe_with_fixed_cameras(world: World) -> Doing[bool]:
 
 
 def _exactly(world: World, pose: str, scaling: Scaling, node: str) -> Doing[None]:
-    """What a soft spring leaves of the way, with the stiff servo."""
+    """Move the rest of the way with the stiff servo: the soft spring leaves an error."""
     off = float(np.abs(world.control.state.position - world.robot.named(pose)).max())
     if off < AT_POSE:
         return

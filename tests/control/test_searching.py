@@ -10,14 +10,8 @@ import numpy as np
 import pytest
 
 from picktree.control.cartesian.compliant_motion import ContactState
-from picktree.control.contact.hole_search import (
-    LIFTED,
-    BelievedHole,
-    HeldPeg,
-    InsertionMotion,
-    InsertionParameters,
-    Search,
-)
+from picktree.control.contact.hole_search import InsertionMotion, InsertionParameters, Search
+from picktree.control.contact.peg_motion import LIFTED, BelievedHole, HeldPeg
 from picktree.control.contact.search_patterns import SettlingDetector, grid, rotation_about, spiral
 
 PERIOD = 1 / 240
