@@ -1,4 +1,7 @@
-"""Fingers that push items over the table, without physics: what they reach from the side gives way."""
+"""Pushing and supporting contacts of the kinematic backend: fingers push items aside, tops carry feet.
+
+Pushed items follow `world.quasi_static_pushing`, the model that the planner of push strokes uses too.
+"""
 
 from __future__ import annotations
 
@@ -8,10 +11,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from ...manipulation.push.push_arcs import tool_outline
-from ...manipulation.push.quasi_static_pushing import PlanarPushModel
 from ...robots.description import GripperDescription
+from ...robots.finger_outline import tool_outline
 from ...world.planar_geometry import PlanarOutline, PlanarPose, moved, outline, planar
+from ...world.quasi_static_pushing import PlanarPushModel
 from ...world.values import GRAVITY, Array, ObjectId
 from .bodies import KinematicBodies, Prism
 

@@ -1,11 +1,14 @@
-"""What slides where when fingers push it over a table, and what it pushes in turn; seen from above, without
-inertia.
+"""Quasi-static planar pushing: motion of bodies on a table that a tool, or another body, pushes.
 
-Bodies are moved out of the tool, and out of each other, by the least effort: a place is worth as much as a
-turn about the root of the mean square distance of the underside's points, which stands for the ellipsoid of
-the friction's limit surface (Howe and Cutkosky, "Practical force-motion models for sliding manipulation",
-IJRR 15, 1996). Solved by projections, one contact after the other (Müller et al., "Position based dynamics",
-2007).
+The planner of push strokes (`manipulation.push.singulation`) and the kinematic backend
+(`simulation.kinematic.pushing`) share this model. A run on the kinematic backend therefore does not test the
+model itself; the physics backend does, with pybullet's contacts.
+
+Bodies are seen from above and have no inertia. They are moved out of the tool, and out of each other, by the
+least effort. A rotation by one radian costs as much as a translation by the root mean square distance of the
+underside's points. This stands for the ellipsoidal limit surface of friction (Howe and Cutkosky, "Practical
+force-motion models for sliding manipulation", IJRR 15, 1996). Contacts are solved by projections, one after
+the other (Müller et al., "Position based dynamics", 2007).
 """
 
 from __future__ import annotations
@@ -15,7 +18,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TypeAlias
 
-from ...world.planar_geometry import PlanarOutline, PlanarPose
+from .planar_geometry import PlanarOutline, PlanarPose
 
 ROUNDS = 8
 """Times that all contacts are gone through, at most."""
