@@ -3,22 +3,21 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from types import MappingProxyType
 
 import numpy as np
-import pinocchio as pin
 
 from ...errors import PicktreeError
 from ...robots.description import RobotDescription
-from ...robots.model import RobotModel, pose_of
+from ...robots.model import RobotModel
 from ...world.journal import JournalEvent
 from ...world.protocols import Camera, Feed, NoFeed, SensorStamps
 from ...world.random_streams import RandomStreams
 from ...world.scene.description import Fixture, SceneDescription
-from ...world.shapes import Shape, bottom, scaled
-from ...world.values import GRAVITY, Array, JointState, ObjectId, Pose, Quaternion, Vector3, Wrench
+from ...world.shapes import Shape, scaled
+from ...world.values import GRAVITY, ObjectId, Pose, Vector3
 from ..checkpoints.kinematic_state import ItemState, KinematicState
 from ..checkpoints.physics_state import GripperCommand
 from ..common.footprints import floor_height
@@ -32,118 +31,12 @@ from ..scoring.truth import HoledFixtures, TrueBody, TrueObstacle
 from ..spawning.inventory import Inventory
 from ..spawning.spawn import TIGHT, SpawnedItem, enlarged_item, placed_item, spawn_items, walls
 from .belts import KinematicBelts
-from .bodies import KinematicBodies, KinematicBody, Prism
+from .bodies import KinematicBodies, KinematicBody
 from .camera import KinematicCamera, Posture, RenderStage
 from .cell_access import KinematicCell, body_of, true_body
-from .gripper import KinematicGripper, WeakJoints
-from .pushing import KinematicContacts, KinematicPushing
-
-STIFFNESS = 2.0e4
-"""Of a contact with what is below, N/m."""
-DAMPING = 60.0
-"""N·s/m"""
-DEEPEST = 0.03
-"""Greatest depth at which the tips still count as being on top of something, m."""
-RELIEF = 2e-4
-"""Height over which a support takes the weight of a held object, m."""
-HELD = "held"
-"""What stands with the bottom of the held item."""
-
-
-class KinematicArm:
-    """`protocols.Arm`: follows exactly, or integrates the rigid-body dynamics under torques."""
-
-    def __init__(self, model: RobotModel, period: float, ailments: DeviceFaults | None = None) -> None:
-        self._model = model
-        self._period = period
-        self._ailments = ailments or DeviceFaults(())
-        self._weak = WeakJoints(model, period)
-        self._torque: Array | None = None
-        self.set(model.named("home"), np.zeros(model.n))
-
-    def set(self, position: Array, velocity: Array) -> None:
-        self.position, self.velocity = position, velocity
-        self._aim = (position, np.zeros_like(velocity))
-        self._torque = None
-        self._state = JointState(position, velocity, self._model.gravity(position))
-
-    def read(self) -> JointState:
-        return self._state
-
-    @property
-    def free(self) -> bool:
-        """Whether torques move it, instead of a servo."""
-        return self._torque is not None
-
-    def follow(self, position: Array, velocity: Array) -> None:
-        if self._ailments.stalled:
-            return
-        self._aim = (position.copy(), velocity.copy())
-        self._torque = None
-
-    def apply_torque(self, torque: Array) -> None:
-        if self._ailments.stalled:
-            return
-        self._torque = torque.copy()
-
-    def stand(self) -> None:
-        """Stay here until told otherwise."""
-        self._aim = (self.position.copy(), np.zeros_like(self.velocity))
-        self._torque = None
-
-    def step(self, wrench_at_tcp: Array) -> None:
-        """One period under a wrench (6,) on the TCP."""
-        shares = self._ailments.torque_shares
-        if self._torque is None and shares:
-            self.position, self.velocity, effort = self._weak.follow(
-                self.position, self.velocity, *self._aim, shares
-            )
-            self._state = JointState(self.position, self.velocity, effort)
-            return
-        if self._torque is None:
-            self.position, self.velocity = self._aim
-            self._state = JointState(self.position, self.velocity, self._model.gravity(self.position))
-            return
-        torque = self._weak.given(self._torque, shares) if shares else self._torque
-        acceleration = self._model.forward_dynamics(self.position, self.velocity, torque, wrench_at_tcp)
-        velocity = self.velocity + acceleration * self._period
-        position = self.position + velocity * self._period
-        inside = np.minimum(np.maximum(position, self._model.lower), self._model.upper)
-        self.velocity = np.where(inside == position, velocity, 0.0)
-        self.position = inside
-        self._state = JointState(self.position, self.velocity, torque)
-
-
-class KinematicWrench:
-    """`protocols.WrenchSensor`, without noise."""
-
-    def __init__(self, ailments: DeviceFaults, turn: Callable[[], Quaternion]) -> None:
-        """`turn`: how the sensor is turned in the world."""
-        self.reading = Wrench()
-        self._ailments = ailments
-        self._turn = turn
-
-    def read(self) -> Wrench:
-        ailments, said = self._ailments, self.reading
-        if ailments.silence is not None:
-            return ailments.silence.wrench
-        if not ailments.biased:
-            return said
-        x, y, z, a, b, c = ailments.off(self._turn())
-        (fx, fy, fz), (tx, ty, tz) = said.force, said.torque
-        return Wrench((fx + x, fy + y, fz + z), (tx + a, ty + b, tz + c))
-
-
-class KinematicClock:
-    """`protocols.Clock`"""
-
-    def __init__(self, period: float) -> None:
-        self._period = period
-        self.periods = 0
-
-    @property
-    def now(self) -> float:
-        return self.periods * self._period
+from .contact_forces import STIFFNESS, KinematicContactForces
+from .devices import KinematicArm, KinematicClock, KinematicWrench
+from .gripper import KinematicGripper
 
 
 class KinematicHardware:
@@ -199,32 +92,18 @@ class KinematicHardware:
         self.feed: Feed = self._feeder or NoFeed()
         self.initial_truth = self.truth()
         """As `truth` at time 0."""
-        self._tip = robot.gripper.tip
-        self._pad = robot.gripper.pads[0][0].size[1]
-        home = self.model.named("home")
-        flange, tcp = self.model.flange(home), self.model.tcp(home)
-        self._flange_in_tcp = np.array((tcp.inverse() @ flange).position)
-        hand: Array = (tcp.inverse() @ flange).rotation() @ np.array(self.model.hand_com)
-        self._hand_in_flange = hand
-        self._data = self.model.arm.createData()
-        self._on_tcp = np.zeros(6)
-        self._height: float | None = None
-        self._in_hole: Array | None = None
-        """Where the TCP was in the last period, while a hole held what is held."""
-        self._centre: tuple[Array, Array | None] | None = None
-        """Where the hand's centre of mass was in the last period, and its velocity then."""
-        self._touching = False
         self._lent: dict[ObjectId, tuple[float, float]] = {}
         """Friction of items, their own and the one that a fault has lent them for a while."""
-        self._feet = KinematicContacts()
-        self._pushing = KinematicPushing(robot.gripper, self.bodies)
-        self._sense()
+        self._forces = KinematicContactForces(
+            self.model, robot.gripper, self.arm, self.gripper, self.wrench, self.bodies, period
+        )
+        self._forces.sense()
 
     def step(self) -> None:
-        self.arm.step(self._on_tcp)
+        self.arm.step(self._forces.on_tcp)
         self._belts.step()
         self.clock.periods += 1
-        self._sense()
+        self._forces.sense()
         if self._feeder is not None:
             self._feeder.stepped(self.clock.periods)
 
@@ -443,10 +322,8 @@ class KinematicHardware:
         self._belts.restore(saved.belts)
         if self._feeder is not None:
             self._feeder.restore(saved.feeder or FeederState())
-        self._height = self._centre = self._in_hole = None
-        self._feet.forget()
-        self._pushing.forget()
-        self._sense(still=True)
+        self._forces.forget()
+        self._forces.sense(still=True)
 
     def _item_state(self, body: KinematicBody) -> ItemState:
         """With the friction that is its own, not one that a fault has lent it."""
@@ -467,120 +344,6 @@ class KinematicHardware:
     def _posture(self) -> Posture:
         q = self.arm.position
         return Posture(q, self.gripper.width, self.model.tcp(q), self._believed.tcp(q))
-
-    def _sense(self, still: bool = False) -> None:
-        """Fingers, contacts and the wrist's reading at the arm's new configuration."""
-        arm, data = self.model.arm, self._data
-        pin.forwardKinematics(arm, data, self.arm.position)
-        placement = pin.updateFramePlacement(arm, data, self.model.tcp_frame)
-        rotation, position = placement.rotation, placement.translation
-        gripper, bodies = self.gripper, self.bodies
-        if not still and (bodies.held is not None or gripper.moves):
-            gripper.step(pose_of(placement), self.period)
-        weight = self.model.hand_mass * GRAVITY
-        lever = rotation @ self._hand_in_flange
-        lever_x, lever_y, _ = lever.tolist()
-        reading = [0.0, 0.0, -weight, -lever_y * weight, lever_x * weight, 0.0]
-        accelerated = self._accelerated(position + rotation @ self._flange_in_tcp + lever)
-        if accelerated is not None:
-            carried = 0.0 if bodies.held is None else bodies[bodies.held].entry.mass
-            x, y, up = (-(self.model.hand_mass + carried) * accelerated).tolist()
-            lever_z = float(lever[2])
-            reading[0], reading[1], reading[2] = x, y, reading[2] + up
-            reading[3] += lever_y * up - lever_z * y
-            reading[4] += lever_z * x - lever_x * up
-            reading[5] += lever_x * y - lever_y * x
-        if self._touching:
-            self._on_tcp, self._touching = np.zeros(6), False
-        z = float(position[2])
-        rate = 0.0 if self._height is None else (z - self._height) / self.period
-        self._height = z
-        if bodies.held is not None or z + float(rotation[2, 2]) * self._tip < bodies.highest + 0.01:
-            for point, upward in self._contacts(rotation, position, rate):
-                self._touching = True
-                arm_x, arm_y, _ = point - position
-                self._on_tcp += (0.0, 0.0, upward, arm_y * upward, -arm_x * upward, 0.0)
-                arm_x, arm_y, _ = point - position - rotation @ self._flange_in_tcp
-                reading[2] += upward
-                reading[3] += float(arm_y) * upward
-                reading[4] -= float(arm_x) * upward
-            across = self._walls(position)
-            if bodies.held is None and not gripper.moves:
-                reach = self.model.fingers.reach(gripper.width)
-                across = self._pushing.step(rotation, position, gripper.width, reach)
-            if across != (0.0, 0.0):
-                self._touching = True
-                self._on_tcp[:2] += across
-                reading[0] += across[0]
-                reading[1] += across[1]
-                lever_x, lever_y, lever_z = (-rotation @ self._flange_in_tcp).tolist()
-                reading[3] -= lever_z * across[1]
-                reading[4] += lever_z * across[0]
-                reading[5] += lever_x * across[1] - lever_y * across[0]
-        else:
-            self._feet.forget()
-            self._pushing.forget()
-        fx, fy, fz, tx, ty, tz = reading
-        self.wrench.reading = Wrench((fx, fy, fz), (tx, ty, tz))
-
-    def _accelerated(self, centre: Array) -> Array | None:
-        """Acceleration (3,) of the hand's centre of mass, which now is there, m/s²; what is held takes part.
-        None when it is not known, and under torques: there the hand is slow, and contacts are stiff."""
-        before, self._centre = self._centre, None
-        if self.arm.free:
-            return None
-        velocity = None if before is None else (centre - before[0]) / self.period
-        self._centre = (centre, velocity)
-        if before is None or before[1] is None or velocity is None:
-            return None
-        return (velocity - before[1]) / self.period
-
-    def _walls(self, position: Array) -> tuple[float, float]:
-        """Force (x, y) in the world of the walls of a hole on what is held in it, N; the TCP is there."""
-        held = self.bodies.held
-        hole = None if held is None else self.bodies.in_hole(self.bodies[held])
-        before, self._in_hole = self._in_hole, None if hole is None else position.copy()
-        if held is None or hole is None:
-            return 0.0, 0.0
-        back = np.subtract(hole.pose.position, self.bodies[held].pose.position)
-        if not back.any():
-            return 0.0, 0.0
-        rate = np.zeros(3) if before is None else (position - before) / self.period
-        x, y, _ = (STIFFNESS * back - DAMPING * rate).tolist()
-        return x, y
-
-    def _contacts(self, rotation: Array, position: Array, rate: float) -> list[tuple[Array, float]]:
-        """Points (3,) in the world where something pulls down or pushes up on the hand, with its force."""
-        found: list[tuple[Array, float]] = []
-        aside = self.gripper.width / 2 + self._pad / 2
-        reach = self.model.fingers.reach(self.gripper.width)
-        for foot, side in (("one tip", aside), ("other tip", -aside)):
-            tip = position + rotation @ np.array([0.0, side, reach])
-            x, y, z = (float(c) for c in tip)
-            surface = self._feet.top(foot, z, self.bodies.tops(x, y, z + DEEPEST))
-            if surface is not None and surface > z:
-                force = STIFFNESS / 2 * (surface - z) - DAMPING / 2 * rate
-                found.append((tip, max(0.0, force)))
-        held = self.bodies.held
-        if held is None:
-            self._feet.forget(HELD)
-            return found
-        body = self.bodies[held]
-        weight = body.entry.mass * GRAVITY
-        upward = -weight
-        lowest = bottom(body.entry.shape, body.pose)
-        if lowest < self.bodies.highest + RELIEF:
-            tops = self.bodies.tops_below(Prism.of(held, body.entry.shape, body.pose))
-            surface = self._feet.top(HELD, lowest, tops)
-            if surface is not None:
-                gap = lowest - surface
-                upward += weight * min(max(1.0 - gap / RELIEF, 0.0), 1.0)
-                if gap < 0.0:
-                    upward += max(0.0, -STIFFNESS * gap - DAMPING * rate)
-        else:
-            self._feet.forget(HELD)
-        found.append((np.array(body.pose.position), upward))
-        return found
 
 
 def _restored(item: SpawnedItem, saved: ItemState) -> KinematicBody:
