@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cache
 from typing import Any, Literal
@@ -109,6 +109,17 @@ class Checkpoint:
     """Fragile items that were between the fingers."""
     time: int | None = None
     """Since time 0, in parts of a second (`pace.RESOLUTION`); None: all steps were of the everyday length."""
+
+    def require_fit(self, seed: int, spawned: list[ObjectId], cameras: Iterable[str]) -> None:
+        """Raise PicktreeError when the run has another seed, other initial items or other cameras."""
+        if self.seed != seed:
+            raise PicktreeError(f"the checkpoint is of seed {self.seed}, but this run has seed {seed}")
+        if (ids := [s.id for s in self.initial]) != spawned:
+            raise PicktreeError(f"the checkpoint's initial items are {ids}, but the scene spawns {spawned}")
+        if sorted(self.captures) != sorted(cameras):
+            raise PicktreeError(
+                f"the checkpoint's cameras are {sorted(self.captures)}, but the scene has {sorted(cameras)}"
+            )
 
     def to_plain(self) -> dict[str, Any]:
         """As JSON knows it. Floats survive exactly."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from importlib.metadata import version
 from types import MappingProxyType
 
@@ -23,22 +23,24 @@ from ..common.sensor_noise import RobotSensorNoise
 from ..common.uncertain_fixtures import displace_fixtures
 from ..fault_files.device_entries import Ailing, GripperJam, Stall, WrenchDead, counted
 from ..faults.device_faults import DeviceFaults, jammed
-from ..faults.planted_obstacles import ROOM, FreeSpaceCheck, HiddenObstacles
+from ..faults.planted_obstacles import ROOM, FreeSpaceCheck
 from ..feed.belt_drive import BeltDrive
 from ..feed.feeder import Feeder, FeederState, has_feeder
 from ..scoring.truth import HoledFixtures, TrueBody, TrueObstacle
 from ..spawning.spawn import TIGHT, enlarged_item, placed_item, spawn_items, walls
 from .belts import PhysicsBelts
-from .bodies import add_fixed, add_obstacle
 from .cell_access import PhysicsCell
+from .contact_points import ContactPoints, TrueContact
 from .crushing import CrushDetector
 from .engine import (
     EVERYDAY,
+    RESIDUAL_THRESHOLD,
     RESOLUTION,
     SOLVER_ITERATIONS,
     Client,
     check_step_rate,
     pb,
+    reset,
     set_step_rate,
 )
 from .items import PhysicsItems
@@ -47,23 +49,7 @@ from .rgbd_camera import PhysicsCamera, StaticScene
 from .robot.devices import IdealSensors, PhysicsArm, PhysicsGripper, PhysicsWrench
 from .robot.robot_body import RobotBody
 from .sleeping_items import EVERY, REST_LOOKS
-
-RESIDUAL_THRESHOLD = 3e-7
-"""At 1e-5 boxes creep 0.15 mm/s over the table unless they get rolling friction, at three times the cost."""
-SETTLE_MOST = 600
-"""Steps before time 0, if something never comes to rest."""
-
-
-@dataclass(frozen=True, slots=True)
-class TrueContact:
-    """One contact point: names of items, fixtures, bins or robot links; for tests and the analyst."""
-
-    one: str
-    other: str
-    distance: float
-    """m; negative when they penetrate."""
-    force: float
-    """Along the normal, N."""
+from .static_bodies import StaticBodies
 
 
 class PhysicsHardware:
@@ -92,9 +78,8 @@ class PhysicsHardware:
         self._boards = HoledFixtures(self._real.fixtures)
         self.penetrations = Penetrations(client.id)
         """How deep items and fixtures with holes are in each other, for tests and benchmarks."""
-        self._fixed: dict[int, str] = {}
-        self._standing: dict[ObjectId, int] = {}
-        self._obstacles = HiddenObstacles(self._stand, self._unstand)
+        self._static = StaticBodies(self._real, robot.base_in_world, client.id)
+        self._contacts = ContactPoints(self._body, self._items, self._static, client.id)
         self._room: FreeSpaceCheck | None = None
         self.ailments = DeviceFaults(c.name for c in scene.cameras)
         self.arm = PhysicsArm(senses, self._body, self.ailments)
@@ -126,10 +111,10 @@ class PhysicsHardware:
         self.feed: Feed = self._feeder or NoFeed()
         if start is None:
             self._empty(scene.unknown)
-            self._items.spawn(self._fixed)
-            self._watch_holes()
-            self._belts.build(self._fixed)
-            self._settle()
+            self._items.spawn(self._static.names)
+            self.penetrations.watch(self._items.numbers, self._static.holed)
+            self._belts.build(self._static.names)
+            self._items.settle()
             self._senses.reading = self._body.read()
             self._initial = tuple(replace(s, asleep=False) for s in self._items.states())
         else:
@@ -217,20 +202,11 @@ class PhysicsHardware:
 
     def restore(self, saved: Checkpoint) -> None:
         """Take up a checkpoint of the same scene, robot and seed."""
-        if saved.seed != self.seed:
-            raise PicktreeError(f"the checkpoint is of seed {saved.seed}, but this run has seed {self.seed}")
-        spawned = list(self._items.inventory.spawned)
-        if (ids := [s.id for s in saved.initial]) != spawned:
-            raise PicktreeError(f"the checkpoint's initial items are {ids}, but the scene spawns {spawned}")
-        if sorted(saved.captures) != sorted(self._cameras):
-            raise PicktreeError(
-                f"the checkpoint's cameras are {sorted(saved.captures)}, "
-                f"but the scene has {sorted(self._cameras)}"
-            )
+        saved.require_fit(self.seed, list(self._items.inventory.spawned), self._cameras)
         self._empty(self.scene.unknown if saved.obstacles is None else saved.obstacles)
-        self._items.restore(saved.items, saved.ledger, saved.inventory, self._fixed)
-        self._belts.build(self._fixed)
-        self._watch_holes()
+        self._items.restore(saved.items, saved.ledger, saved.inventory, self._static.names)
+        self._belts.build(self._static.names)
+        self.penetrations.watch(self._items.numbers, self._static.holed)
         self._belts.restore(saved.belts)
         self._items.lull(saved.items)
         self._body.restore(saved.robot, saved.arm, saved.gripper)
@@ -266,7 +242,7 @@ class PhysicsHardware:
             belts=self._belts.states(),
             inventory=self._items.inventory.state(),
             feeder=self._feeder.state() if self._feeder is not None else None,
-            obstacles=self._obstacles.here,
+            obstacles=self._static.obstacles.here,
             time=self._senses.time,
             pressed=self.crushing.state(),
         )
@@ -303,10 +279,7 @@ class PhysicsHardware:
 
     def true_contacts(self) -> tuple[TrueContact, ...]:
         """Contact points of the last step, for tests and the analyst."""
-        return tuple(
-            TrueContact(self._name(c[1], c[3]), self._name(c[2], c[4]), c[8], c[9])
-            for c in pb.getContactPoints(physicsClientId=self._client)
-        )
+        return self._contacts.all()
 
     def remove(self, item: str) -> None:
         """A fault: the item is snatched away."""
@@ -322,15 +295,7 @@ class PhysicsHardware:
 
     def in_hand(self) -> ObjectId | None:
         """The item that the fingers really hold: each of them touches it."""
-        found: set[int] | None = None
-        fingers = self._body.description.gripper.fingers
-        for link, name in self._body.links.items():
-            if name in fingers:
-                points = pb.getContactPoints(self._body.body, linkIndexA=link, physicsClientId=self._client)
-                touched = {point[2] for point in points}
-                found = touched if found is None else found & touched
-        names = sorted(filter(None, map(self._items.name, found or ())))
-        return ObjectId(names[0]) if names else None
+        return self._contacts.in_hand()
 
     def lubricate(self, item: str, friction: float | None, *, again: bool = False) -> None:
         """A fault: the item has that friction until it is given its own back, None."""
@@ -390,7 +355,7 @@ class PhysicsHardware:
 
     def obstacles(self) -> tuple[TrueObstacle, ...]:
         """What stands there that the robot was not told of."""
-        return self._obstacles.truth()
+        return self._static.obstacles.truth()
 
     def room_for(self, body: Fixture) -> bool:
         """Whether no item and no part of the robot is where the body would stand."""
@@ -404,58 +369,20 @@ class PhysicsHardware:
 
     def put_obstacle(self, body: Fixture) -> ObjectId:
         """A fault: something stands in the way from now on; its name."""
-        name = self._obstacles.put(body)
-        self._items.sleepers.stand(self._standing[name])
+        name = self._static.obstacles.put(body)
+        self._items.sleepers.stand(self._static.number(name))
         return name
 
     def take_obstacle(self, name: ObjectId) -> None:
         """The end of such a fault: it is taken away."""
-        self._obstacles.take(name)
+        self._static.obstacles.take(name)
         self._items.sleepers.wake_all()
-
-    def _stand(self, body: Fixture) -> None:
-        number = self._standing[body.id] = add_obstacle(body, self._client)
-        self._fixed[number] = body.id
-
-    def _unstand(self, name: ObjectId) -> None:
-        number = self._standing.pop(name)
-        del self._fixed[number]
-        pb.removeBody(number, self._client)
 
     def _empty(self, obstacles: Iterable[Fixture]) -> None:
         """A simulation without items and belts: everything else in the same order as always."""
-        client = self._client
-        pb.resetSimulation(physicsClientId=client)
-        pb.setGravity(0, 0, -GRAVITY, physicsClientId=client)
+        reset(self._client)
         self._senses.rate = EVERYDAY
         self._body.period = 1 / EVERYDAY
-        set_step_rate(EVERYDAY, client)
-        pb.setPhysicsEngineParameter(
-            solverResidualThreshold=RESIDUAL_THRESHOLD,
-            deterministicOverlappingPairs=1,
-            jointFeedbackMode=pb.JOINT_FEEDBACK_IN_WORLD_SPACE,
-            physicsClientId=client,
-        )
-        self._fixed = add_fixed(self._real, self.robot.base_in_world, client)
+        self._static.load()
         self._body.load()
-        self._obstacles.renew(obstacles)
-
-    def _watch_holes(self) -> None:
-        boards = {fixture.id for fixture in self._real.fixtures if fixture.holes}
-        bored = [number for number, name in self._fixed.items() if name in boards]
-        self.penetrations.watch(self._items.numbers, bored)
-
-    def _settle(self) -> None:
-        """Let everything come to rest before time 0."""
-        for _ in range(SETTLE_MOST):
-            pb.stepSimulation(self._client)
-            self._items.stepped()
-            if self._items.sleepers.quiet:
-                return
-
-    def _name(self, body: int, link: int) -> str:
-        if body == self._body.body:
-            return self._body.links[link]
-        if body in self._fixed:
-            return self._fixed[body]
-        return self._items.name(body) or "?"
+        self._static.obstacles.renew(obstacles)

@@ -20,6 +20,8 @@ from .robot.robot_body import finite
 from .sleeping_items import SleepingItems
 
 STILL = (0.0, 0.0, 0.0)
+MAX_SETTLING_STEPS = 600
+"""Steps before time 0, if something never comes to rest."""
 
 
 class PhysicsItems:
@@ -97,6 +99,14 @@ class PhysicsItems:
         self._gone = {}
         self._bumps = {}
         self.sleepers.watch(self._numbers, fixed)
+
+    def settle(self) -> None:
+        """Step the simulation until all items are at rest, before time 0."""
+        for _ in range(MAX_SETTLING_STEPS):
+            pb.stepSimulation(self._client)
+            self.stepped()
+            if self.sleepers.quiet:
+                return
 
     def stepped(self) -> None:
         """To be called after each step."""
