@@ -1,4 +1,5 @@
-"""What may happen to the robot's devices: arm, gripper, wrist sensor, cameras. `lasts`: s; None: for good."""
+"""Faults of the robot's devices (arm, gripper, wrist sensor, cameras), the planner and the program. `lasts`
+in s; None: for good."""
 
 from __future__ import annotations
 
@@ -15,7 +16,7 @@ class AtTime:
     time: float
     every: float | None = None
     probability: float = 1.0
-    """That it happens at all, at each of its occasions; drawn from a stream of its own."""
+    """Probability that the fault happens at one of its occasions, drawn from a stream of its own."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,7 +29,7 @@ class AtNode:
     delay: float = 0.0
     each: bool = False
     probability: float = 1.0
-    """That it happens at all, at each of its occasions; drawn from a stream of its own."""
+    """Probability that the fault happens at one of its occasions, drawn from a stream of its own."""
 
 
 When: TypeAlias = AtTime | AtNode
@@ -177,7 +178,7 @@ class NoPlan:
 
 
 def counted(fault: object) -> bool:
-    """Whether it may be over after so many images or requests."""
+    """Return whether the fault can end after a number of images or requests."""
     return isinstance(fault, CameraDrop | NoPlan)
 
 
@@ -185,4 +186,4 @@ CameraFault: TypeAlias = CameraDrop | CameraShift | CameraNoise | CameraMislabel
 Ailing: TypeAlias = (
     GripperJam | GripperWeak | JointWeak | Stall | WrenchBias | WrenchDead | CameraFault | NoPlan
 )
-"""What is so for a while: it begins and, unless it is for good, ends."""
+"""Faults that last: each begins and ends, unless it is for good."""
