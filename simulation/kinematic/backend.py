@@ -1,4 +1,4 @@
-"""A second backend without physics: motions are exact, objects follow the gripper, sensors are ideal."""
+"""Kinematic backend without physics: motions are exact, objects follow the gripper, sensors are ideal."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ from .gripper import KinematicGripper
 
 
 class KinematicHardware:
-    """`protocols.Hardware` for dry runs and tests: fast, exact, and the same each time."""
+    """`protocols.Hardware` without physics, for dry runs and tests: fast, exact and deterministic."""
 
     def __init__(
         self, scene: SceneDescription, robot: RobotDescription, seed: int, period: float = 1 / 240
@@ -91,9 +91,9 @@ class KinematicHardware:
             self._feeder = Feeder(scene, cell, seed, self._belts.drives)
         self.feed: Feed = self._feeder or NoFeed()
         self.initial_truth = self.truth()
-        """As `truth` at time 0."""
+        """Ground truth at time 0."""
         self._lent: dict[ObjectId, tuple[float, float]] = {}
-        """Friction of items, their own and the one that a fault has lent them for a while."""
+        """Items with a temporary friction: their own friction, and the one that a fault has set."""
         self._forces = KinematicContactForces(
             self.model, robot.gripper, self.arm, self.gripper, self.wrench, self.bodies, period
         )
@@ -108,26 +108,27 @@ class KinematicHardware:
             self._feeder.stepped(self.clock.periods)
 
     def take_events(self) -> tuple[JournalEvent, ...]:
-        """What those who bring and take have done since it was asked last."""
+        """Return the events of the feed since the last call."""
         return self._feeder.take_events() if self._feeder is not None else ()
 
     @classmethod
     def resume(
         cls, scene: SceneDescription, robot: RobotDescription, seed: int, checkpoint: KinematicState
     ) -> KinematicHardware:
-        """Continue from a checkpoint, in this process or another."""
+        """Build the hardware from a checkpoint, in this process or another."""
         hardware = cls(scene, robot, seed)
         hardware.restore(checkpoint)
         return hardware
 
     @property
     def belts(self) -> Mapping[ObjectId, BeltDrive]:
-        """For whoever brings items: the robot has no word in it."""
+        """Belts by name, for the feed; the robot has no access."""
         return self._belts.drives
 
     @property
     def feels_effort(self) -> bool:
-        """At rest only: what the arm follows, it follows without effort."""
+        """Whether joint efforts contain contact forces: False, because the arm follows commands without
+        effort."""
         return False
 
     @property
@@ -136,44 +137,45 @@ class KinematicHardware:
         return SensorStamps(now, now, now if silence is None else silence.since)
 
     def pace(self, rate: int | None = None) -> None:
-        """Nothing changes: there is no solver that a finer step would help."""
+        """Do nothing: there is no solver that a finer step would help."""
 
     def settings(self) -> Mapping[str, str]:
-        """What the record should say about this simulation."""
+        """Return the settings of this simulation for the record."""
         return {"engine": "kinematic", "period": f"{self.period:.6g} s", "contact": f"{STIFFNESS:g} N/m"}
 
     def close(self) -> None:
-        """Nothing is held that would not go by itself."""
+        """Do nothing: no resource needs an explicit release."""
 
     def truth(self) -> tuple[TrueBody, ...]:
-        """What is really there, for the scorer and the log only."""
+        """Return the ground truth of all items, for the scorer and the log only."""
         return self._inventory.truth(lambda name: self._seated(true_body(self.bodies[name], self._inventory)))
 
     def true_fixtures(self) -> tuple[Fixture, ...]:
-        """The scene's fixtures where they really stand."""
+        """Return the scene's fixtures at their true poses."""
         return self._real.fixtures
 
     def _seated(self, body: TrueBody) -> TrueBody:
-        """With how it is in a hole; nothing is ever in a wall here."""
+        """Return the body with its seating in a hole; no body is ever inside a wall here."""
         seat = self._boards.seat(body.shape, body.pose) if body.present else None
         return body if seat is None else replace(body, seat=seat)
 
     def true_tcp(self) -> Pose:
-        """Where the tool is in the world, for tests."""
+        """Return the true TCP pose in the world, for tests."""
         return self.model.tcp(self.arm.position)
 
     def remove(self, item: str) -> None:
-        """A fault: the item is snatched away, out of the hand too."""
+        """Carry out a fault: remove the item, also from the hand."""
         self.bodies.remove(self._known(item).id)
 
     def change_dynamics(self, item: str, friction: float | None = None, mass: float | None = None) -> None:
-        """A fault: the item becomes slippery, heavier or lighter, for good."""
+        """Carry out a fault: change the item's friction, or its mass in kg, for good."""
         body = self._known(item)
         entry = body.entry if mass is None else replace(body.entry, mass=mass)
         self.bodies.put(replace(body, entry=entry, friction=body.friction if friction is None else friction))
 
     def bump(self, item: str, velocity: Vector3, spin: Vector3 = (0.0, 0.0, 0.0)) -> None:
-        """A fault: hit, the item slides from `velocity`, m/s, as far as friction lets; a held one stays."""
+        """Carry out a fault: the item slides from `velocity`, m/s, until friction has stopped it. A held item
+        stays."""
         body = self._known(item)
         x, y, _ = velocity
         speed = math.hypot(x, y)
@@ -184,29 +186,29 @@ class KinematicHardware:
         self.bodies.settle()
 
     def obstacles(self) -> tuple[TrueObstacle, ...]:
-        """What stands there that the robot was not told of. The arm passes through it: nothing here is
-        solid but tops."""
+        """Return the obstacles that the robot does not know. The arm passes through them: only their tops are
+        solid here."""
         return self._obstacles.truth()
 
     def room_for(self, body: Fixture) -> bool:
-        """Whether no item and no part of the robot is where the body would stand."""
+        """Return whether the body's place is free of items and robot."""
         return self._free(body.shape, body.pose, "", ROOM)
 
     def _free(
         self, shape: Shape, pose: Pose, but: str, room: float, more: Iterable[tuple[Shape, Pose]] = ()
     ) -> bool:
-        """Whether a body fits between the items, all but one, and the robot."""
+        """Return whether a body fits between the robot, the items except `but`, and the bodies `more`."""
         self._room = self._room or FreeSpaceCheck(self.model)
         items = [(item.entry.shape, item.pose) for item in self.bodies.present if item.id != but]
         return self._room.free(shape, pose, [*items, *more], self.arm.position, self.gripper.width, room)
 
     def in_hand(self) -> ObjectId | None:
-        """The item that the fingers hold."""
+        """Return the item that the fingers hold; None: nothing."""
         return self.bodies.held
 
     def lubricate(self, item: str, friction: float | None, *, again: bool = False) -> None:
-        """A fault: the item has that friction until it is given its own back, None. Without enough of it the
-        fingers let it go."""
+        """Carry out a fault: set the item's friction; None: its own again. With too little friction it leaves
+        the fingers."""
         name = ObjectId(item)
         if name not in self.bodies:
             self._lent.pop(name, None)
@@ -218,8 +220,8 @@ class KinematicHardware:
         self.bodies.put(replace(body, friction=own if friction is None else friction))
 
     def enlarge(self, item: str, factor: float) -> bool:
-        """A fault: the item is so many times as large, its mass and its friction stay; False: there is no
-        room for it between the others and the robot, or it is held."""
+        """Carry out a fault: scale the item by `factor` with constant mass and friction. Returns False when
+        it is held, or when items or robot leave no room."""
         body = self._known(item)
         entry, pose = enlarged_item(body.entry, body.pose, factor)
         if self.bodies.held == body.id or not self._free(entry.shape, pose, item, TIGHT):
@@ -229,8 +231,8 @@ class KinematicHardware:
         return True
 
     def appear(self, kind: str, colour: str, place: tuple[float, float], yaw: float) -> ObjectId | None:
-        """A fault: a further item lies there; None: something is there now. Raises PicktreeError where no
-        fixture is below."""
+        """Carry out a fault: add an item at `place`; None: something is there now. Raises PicktreeError where
+        no fixture is below."""
         item = placed_item(self._real, self._inventory.next_id(), kind, colour, place, yaw)
         if not self._free(item.entry.shape, item.pose, "", TIGHT, walls(self.scene)):
             return None
@@ -240,18 +242,17 @@ class KinematicHardware:
         return item.id
 
     def afflict(self, number: int, fault: Ailing, held: tuple[float, ...] | None = None) -> None:
-        """A fault: a device begins to fail. `held`: it did when the checkpoint was taken, and that was what
-        the device was doing when it began."""
+        """Begin a fault of a device. `held` is given on restore: the device's state when the fault began."""
         self.ailments.begin(number, fault, self._doing(fault) if held is None else held)
         if isinstance(fault, Stall) and held is None:
             self.arm.stand()
 
     def relieve(self, number: int) -> None:
-        """The end of such a fault."""
+        """End a fault of a device."""
         self.ailments.end(number)
 
     def _doing(self, fault: Ailing) -> tuple[float, ...]:
-        """What the device is doing that a fault befalls, as `DeviceFaults` keeps it."""
+        """Return the present state of the device that a fault affects, as `DeviceFaults` keeps it."""
         match fault:
             case GripperJam():
                 told = GripperCommand(self.gripper.target, self.gripper.force)
@@ -263,24 +264,24 @@ class KinematicHardware:
                 return (0.0,) if counted(fault) else ()
 
     def put_obstacle(self, body: Fixture) -> ObjectId:
-        """A fault: something stands in the way from now on; its name."""
+        """Carry out a fault: add an obstacle and return its name."""
         return self._obstacles.put(body)
 
     def take_obstacle(self, name: ObjectId) -> None:
-        """The end of such a fault: it is taken away."""
+        """Remove an obstacle that a fault has added."""
         self._obstacles.take(name)
 
     def _restand(self) -> None:
         self.bodies.stand(self._obstacles.here)
 
     def checkpoint(self) -> KinematicState:
-        """Save, and go on from what was saved, as a resumed run would."""
+        """Save the state and continue from it, as a resumed run would."""
         saved = self.snapshot()
         self.restore(saved)
         return saved
 
     def snapshot(self) -> KinematicState:
-        """The state at any moment, without a change to anything."""
+        """Return the state at any moment, without side effects."""
         gripper, bodies = self.gripper, self.bodies
         return KinematicState(
             self.seed,
@@ -301,7 +302,8 @@ class KinematicHardware:
         )
 
     def restore(self, saved: KinematicState) -> None:
-        """Take up a checkpoint of the same scene, robot and seed, taken with the arm at rest."""
+        """Restore a checkpoint of the same scene, robot and seed, taken with the arm at rest. Raises
+        PicktreeError when seed or items differ."""
         if saved.seed != self.seed:
             raise PicktreeError(f"the checkpoint is of seed {saved.seed}, but this run has seed {self.seed}")
         self._inventory.restore(saved.inventory)
@@ -326,7 +328,7 @@ class KinematicHardware:
         self._forces.sense(still=True)
 
     def _item_state(self, body: KinematicBody) -> ItemState:
-        """With the friction that is its own, not one that a fault has lent it."""
+        """Return the item's state with its own friction, not a temporary one."""
         own = self._lent.get(body.id, (body.friction, 0.0))[0]
         return ItemState(body.id, body.pose, own, body.entry.mass, body.present, body.scale)
 

@@ -1,4 +1,4 @@
-"""Forces of contacts on the hand, and what the wrist sensor reads of them, in the kinematic backend."""
+"""Contact forces on hand and held item, and the reading of the wrist sensor, in the kinematic backend."""
 
 from __future__ import annotations
 
@@ -15,19 +15,19 @@ from .gripper import KinematicGripper
 from .pushing import KinematicContacts, KinematicPushing
 
 STIFFNESS = 2.0e4
-"""Of a contact with what is below, N/m."""
+"""Stiffness of a contact with a support, N/m."""
 DAMPING = 60.0
-"""N·s/m"""
+"""Damping of a contact with a support, N·s/m."""
 DEEPEST = 0.03
-"""Greatest depth at which the tips still count as being on top of something, m."""
+"""Greatest depth below a top at which the finger tips still count as standing on it, m."""
 RELIEF = 2e-4
-"""Height over which a support takes the weight of a held object, m."""
+"""Height above a support over which it takes the weight of a held object, m."""
 HELD = "held"
-"""What stands with the bottom of the held item."""
+"""Name of the foot that is the bottom of the held item."""
 
 
 class KinematicContactForces:
-    """Contacts of hand and held item in each control period: they act on the arm and on the wrist sensor."""
+    """Contacts of hand and held item in each control period. They act on the arm and on the wrist sensor."""
 
     def __init__(
         self,
@@ -56,21 +56,22 @@ class KinematicContactForces:
         self.on_tcp = np.zeros(6)
         self._height: float | None = None
         self._in_hole: Array | None = None
-        """Where the TCP was in the last period, while a hole held what is held."""
+        """TCP position in the world in the last period, m; None: no hole held the held item then."""
         self._centre: tuple[Array, Array | None] | None = None
-        """Where the hand's centre of mass was in the last period, and its velocity then."""
+        """Position and velocity of the hand's centre of mass in the last period, m and m/s; None: unknown."""
         self._touching = False
         self._feet = KinematicContacts()
         self._pushing = KinematicPushing(description, self._bodies)
 
     def forget(self) -> None:
-        """Forget the last period: the arm was put somewhere else."""
+        """Forget the last period after the arm was placed elsewhere."""
         self._height = self._centre = self._in_hole = None
         self._feet.forget()
         self._pushing.forget()
 
     def sense(self, still: bool = False) -> None:
-        """Fingers, contacts and the wrist's reading at the arm's new configuration."""
+        """Step the fingers, then compute contacts and the wrist's reading at the arm's configuration.
+        `still`: the fingers do not move."""
         arm, data = self._model.arm, self._data
         pin.forwardKinematics(arm, data, self._arm.position)
         placement = pin.updateFramePlacement(arm, data, self._model.tcp_frame)
@@ -125,8 +126,10 @@ class KinematicContactForces:
         self._wrench.reading = Wrench((fx, fy, fz), (tx, ty, tz))
 
     def _accelerated(self, centre: Array) -> Array | None:
-        """Acceleration (3,) of the hand's centre of mass, which now is there, m/s²; what is held takes part.
-        None when it is not known, and under torques: there the hand is slow, and contacts are stiff."""
+        """Return the acceleration (3,), m/s², of the hand's centre of mass, which is at `centre` now.
+
+        None while it is unknown, and under torque control: there the hand is slow and contacts are stiff.
+        """
         before, self._centre = self._centre, None
         if self._arm.free:
             return None
@@ -137,7 +140,8 @@ class KinematicContactForces:
         return (velocity - before[1]) / self._period
 
     def _walls(self, position: Array) -> tuple[float, float]:
-        """Force (x, y) in the world of the walls of a hole on what is held in it, N; the TCP is there."""
+        """Return the force (x, y) of a hole's walls on the held item, in the world, N. The TCP is at
+        `position`."""
         held = self._bodies.held
         hole = None if held is None else self._bodies.in_hole(self._bodies[held])
         before, self._in_hole = self._in_hole, None if hole is None else position.copy()
@@ -151,7 +155,8 @@ class KinematicContactForces:
         return x, y
 
     def _contacts(self, rotation: Array, position: Array, rate: float) -> list[tuple[Array, float]]:
-        """Points (3,) in the world where something pulls down or pushes up on the hand, with its force."""
+        """Return points (3,) in the world and the vertical force on the hand at each, N: supports push up,
+        weight pulls down."""
         found: list[tuple[Array, float]] = []
         aside = self._gripper.width / 2 + self._pad / 2
         reach = self._model.fingers.reach(self._gripper.width)

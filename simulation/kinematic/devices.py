@@ -11,26 +11,29 @@ from ...world.values import Array, JointState, Quaternion, Wrench
 from ..faults.device_faults import DeviceFaults
 
 STIFFNESS = 60.0
-"""Of the servo of a joint that cannot follow exactly: natural frequency, rad/s; critically damped."""
+"""Natural frequency of the critically damped servo of a joint that cannot follow exactly, rad/s."""
 
 
 class WeakJoints:
-    """The weak joints move as their torque, gravity and the others' motion let them; the others exactly."""
+    """Arm with weak joints: weak joints move as torque, gravity and coupling let them, all others follow
+    exactly."""
 
     def __init__(self, model: RobotModel, period: float) -> None:
         self._model = model
         self._period = period
 
     def given(self, torque: Array, shares: Mapping[str, float]) -> Array:
-        """What the joints give of a torque (n,), Nm."""
+        """Return the torque (n,), Nm, limited to the joints' remaining shares."""
         most = self._model.torque_limit * self._shares(shares)
         return torque.clip(-most, most)
 
     def follow(
         self, q: Array, v: Array, aim: Array, rate: Array, shares: Mapping[str, float]
     ) -> tuple[Array, Array, Array]:
-        """Where the arm is one period later, (n,) rad and rad/s, and what its joints gave, Nm: at (q, v) it
-        was told to be at `aim` with `rate` then."""
+        """Return position and velocity (n,), rad and rad/s, one period later, and the efforts, Nm.
+
+        The arm is at (q, v), and the command for that time is `aim` with `rate`.
+        """
         model, dt = self._model, self._period
         share = self._shares(shares)
         weak, strong = share < 1.0, share >= 1.0
@@ -59,7 +62,7 @@ class WeakJoints:
 
 
 class KinematicArm:
-    """`protocols.Arm`: follows exactly, or integrates the rigid-body dynamics under torques."""
+    """`protocols.Arm`: follows commands exactly, or integrates the rigid-body dynamics under torques."""
 
     def __init__(self, model: RobotModel, period: float, ailments: DeviceFaults | None = None) -> None:
         self._model = model
@@ -80,7 +83,7 @@ class KinematicArm:
 
     @property
     def free(self) -> bool:
-        """Whether torques move it, instead of a servo."""
+        """Whether torques move the arm, instead of a servo."""
         return self._torque is not None
 
     def follow(self, position: Array, velocity: Array) -> None:
@@ -95,12 +98,12 @@ class KinematicArm:
         self._torque = torque.copy()
 
     def stand(self) -> None:
-        """Stay here until told otherwise."""
+        """Hold the present configuration until the next command."""
         self._aim = (self.position.copy(), np.zeros_like(self.velocity))
         self._torque = None
 
     def step(self, wrench_at_tcp: Array) -> None:
-        """One period under a wrench (6,) on the TCP."""
+        """Advance by one control period under a wrench (6,) on the TCP, N and Nm, in the world's axes."""
         shares = self._ailments.torque_shares
         if self._torque is None and shares:
             self.position, self.velocity, effort = self._weak.follow(
@@ -123,10 +126,10 @@ class KinematicArm:
 
 
 class KinematicWrench:
-    """`protocols.WrenchSensor`, without noise."""
+    """`protocols.WrenchSensor` without noise."""
 
     def __init__(self, ailments: DeviceFaults, turn: Callable[[], Quaternion]) -> None:
-        """`turn`: how the sensor is turned in the world."""
+        """`turn` returns the sensor's orientation in the world."""
         self.reading = Wrench()
         self._ailments = ailments
         self._turn = turn
@@ -143,7 +146,7 @@ class KinematicWrench:
 
 
 class KinematicClock:
-    """`protocols.Clock`"""
+    """`protocols.Clock` that counts control periods."""
 
     def __init__(self, period: float) -> None:
         self._period = period

@@ -1,4 +1,5 @@
-"""Contact points of the last simulation step by the names of what touches, and the item in the hand."""
+"""Contact points of the last simulation step with the names of the touching bodies, and the item in the
+hand."""
 
 from __future__ import annotations
 
@@ -13,14 +14,15 @@ from .static_bodies import StaticBodies
 
 @dataclass(frozen=True, slots=True)
 class TrueContact:
-    """One contact point: names of items, fixtures, bins or robot links; for tests and the analyst."""
+    """Contact point with the names of two bodies: items, fixtures, bins or robot links; for tests and the
+    analyst."""
 
     one: str
     other: str
     distance: float
-    """m; negative when they penetrate."""
+    """Distance, m; negative: penetration."""
     force: float
-    """Along the normal, N."""
+    """Force along the normal, N."""
 
 
 class ContactPoints:
