@@ -15,7 +15,8 @@ from .urdf_source import UnsuitableUrdf
 
 
 class FingerMotion:
-    """Forward kinematics of one hand over the position of its driven joint. All raises are Unsuitable."""
+    """Forward kinematics of one hand over the position of its driven joint. Methods raise UnsuitableUrdf when
+    the hand has no two such fingers."""
 
     def __init__(
         self, source: str, skeleton: UrdfTree, solids: Mapping[str, LinkGeometry], hand: HandGroup
@@ -25,7 +26,7 @@ class FingerMotion:
         self.links = self._finger_links()
 
     def _coupling(self) -> tuple[str, dict[str, tuple[float, float]]]:
-        """The joint that drives, and for every other one by how much and from where it follows."""
+        """Return the driven joint, and factor and offset with which every other joint follows it."""
         joints = self._skeleton.joints
         drive = self._hand.drives[0]
         ratios = {drive: (1.0, 0.0)}
@@ -35,7 +36,7 @@ class FingerMotion:
                 by, offset = ratios[mimic.joint]
                 ratios[name] = (mimic.multiplier * by, mimic.multiplier * offset + mimic.offset)
         for name in self._hand.drives[1:]:
-            # Two joints that nobody couples: they are moved alike, each over the whole of its range.
+            # Two joints without a coupling are moved alike, each over the whole of its range.
             low, high = self.limits(drive)
             own_low, own_high = self.limits(name)
             if abs(own_high) + abs(own_low) == 0.0 or high == low:
@@ -46,6 +47,7 @@ class FingerMotion:
         return drive, ratios
 
     def limits(self, name: str) -> tuple[float, float]:
+        """Return a joint's limits, rad or m. Raises UnsuitableUrdf when it has none."""
         joint = self._skeleton.joints[name]
         if not joint.limited or joint.lower is None or joint.upper is None or joint.lower >= joint.upper:
             self.refuse(
@@ -56,10 +58,11 @@ class FingerMotion:
         return joint.lower, joint.upper
 
     def positions(self, drive: float) -> dict[str, float]:
+        """Return the positions of all finger joints with the driven joint at `drive`, rad or m."""
         return {name: by * drive + offset for name, (by, offset) in self.ratios.items()}
 
     def _finger_links(self) -> tuple[str, str]:
-        """The two links furthest out that carry geometry: on different branches of the hand."""
+        """Return the two links furthest out that have geometry, on different branches of the hand."""
         joints = self._skeleton.joints
         moved = [
             link
@@ -100,25 +103,31 @@ class FingerMotion:
         )
 
     def branch(self, link: str) -> str:
+        """Return the first finger joint on the way to a link."""
         return next(name for name in self._skeleton.joints_to(link) if name in self.ratios)
 
     def points(self, link: str, drive: float) -> Array:
+        """Return a link's points (n, 3) in the palm's frame, m, with the driven joint at `drive`."""
         palm = self._skeleton.pose(self._hand.palm, {})
         pose = palm.inverse() @ self._skeleton.pose(link, self.positions(drive))
         return pose.apply(self._solids[link].points)
 
     def finger(self, n: int, drive: float, axes: Array) -> Array:
+        """Return the points (k, 3) of finger n along `axes` (3, 3), whose columns are directions in the palm's frame."""
         return self.points(self.links[n], drive) @ axes
 
     def gap_at(self, drive: float) -> float:
+        """Return the distance between the two fingers' mean points, m."""
         one, other = (self.points(link, drive) for link in self.links)
         return float(np.linalg.norm(one.mean(axis=0) - other.mean(axis=0)))
 
     def static(self, link: str) -> Array:
+        """Return a static link's points (n, 3) in the palm's frame, m."""
         palm = self._skeleton.pose(self._hand.palm, {})
         return (palm.inverse() @ self._skeleton.pose(link, {})).apply(self._solids[link].points)
 
     def refuse(self, found: str, missing: str, helps: str = "") -> NoReturn:
+        """Raise UnsuitableUrdf; without `helps` it proposes another gripper."""
         link = self._hand.palm
         helps = helps or f"another gripper: --gripper URDF:LINK --mount {link}"
         raise UnsuitableUrdf(self._source, found, missing, helps)

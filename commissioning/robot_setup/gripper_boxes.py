@@ -11,13 +11,14 @@ from ...world.shapes import Box
 from ...world.values import Array, Pose
 
 SLABS = 3
-"""Boxes along the hand, which mostly tapers."""
+"""Number of boxes along the hand, which mostly tapers."""
 
 
 def hand_boxes(
     static: list[Array], swept: list[Array], top: float, widest: float
 ) -> tuple[tuple[Box, Pose], ...]:
-    """Boxes around the hand behind its palm, and around what sticks out beside the open fingers."""
+    """Return boxes around the hand behind its palm, and around parts that protrude beside the open
+    fingers."""
     boxes: list[tuple[Box, Pose]] = []
     below = [points[points[:, 2] <= top] for points in swept]
     points = (
@@ -45,7 +46,7 @@ def hand_boxes(
 
 
 def finger_box(fingers: list[Array], widths: list[float]) -> tuple[Box, Pose]:
-    """Around the +y finger at every opening, moved back by half of it."""
+    """Return a box around the +y finger at all openings, each moved back by half of the opening."""
     moved = np.concatenate(
         [points - [0.0, width / 2, 0.0] for points, width in zip(fingers, widths, strict=True)]
     )
@@ -61,7 +62,7 @@ def _box(low: Array, high: Array, bottom: float, top: float) -> tuple[Box, Pose]
 
 
 def _hull_edges(points: Array) -> Array:
-    """(m, 2, 3): the edges of the convex hull."""
+    """Return the edges (m, 2, 3) of the convex hull."""
     try:
         hull = ConvexHull(points)
     except (RuntimeError, ValueError):
@@ -71,7 +72,7 @@ def _hull_edges(points: Array) -> Array:
 
 
 def _between(edges: Array, low: float, high: float) -> Array:
-    """Points (k, 3) of the edges' parts between two heights."""
+    """Return points (k, 3) of the edges' parts between two heights."""
     found: list[Array] = []
     for z in (low, high):
         a, b = edges[:, 0], edges[:, 1]

@@ -1,4 +1,4 @@
-"""A gripper, measured: which way it closes, where its pads are, how far it opens, how much room it takes."""
+"""Gripper measurement on a URDF's meshes: closing direction, pads, opening, TCP and collision boxes."""
 
 from __future__ import annotations
 
@@ -16,33 +16,33 @@ from .joint_groups import HandGroup
 from .link_points import LinkGeometry
 
 STEPS = 9
-"""Openings at which the fingers are looked at."""
+"""Number of openings at which the fingers are measured."""
 FACING = np.cos(np.radians(20.0))
-"""How squarely a face looks at the other finger to belong to the pad."""
+"""Least cosine between a pad face's normal and the direction to the other finger."""
 FLAT = 0.5e-3
-"""From the middle of what counts as one level face to its highest and lowest corner, m."""
+"""Greatest distance of a level face's corners from its middle plane, m."""
 ENOUGH = 0.15
-"""Share of all that faces the other finger, from which on a level of it is the pad."""
+"""Least area of the pad's level, as a share of all area that faces the other finger."""
 FROM_TIP = 0.010
-"""Of the TCP from the finger tips where they reach furthest, at most, m."""
+"""Greatest distance of the TCP from the finger tips where they reach furthest, m."""
 BEHIND = 0.006
-"""Of the TCP behind the tips where they reach least, m."""
+"""Distance of the TCP behind the tips where they reach least, m."""
 THICKEST, THINNEST = 0.020, 0.004
-"""Of the box that stands for a pad, behind its face, m."""
+"""Greatest and least thickness of a pad's box behind its face, m."""
 NARROWEST = 0.010
-"""Opening from which on it is a gripper, m."""
+"""Least opening of a gripper, m."""
 STRONGEST, FASTEST = 60.0, 0.15
-"""Grip force, N, and speed of a finger, m/s, beyond which the URDF's numbers are not believed."""
+"""Greatest plausible grip force, N, and finger speed, m/s; higher values of the URDF are replaced."""
 SNAP = np.cos(np.radians(8.0))
-"""Directions nearer than that to an axis of the hand's frame are that axis."""
+"""Least cosine to an axis of the hand's frame from which a direction is set to that axis."""
 
 
 @dataclass(frozen=True, slots=True)
 class MeasuredGripper:
-    """All that a robot file says of a gripper; boxes with their poses, in the frames that the file wants."""
+    """Measured gripper: all that a robot file needs, with boxes and poses in the frames of that file."""
 
     sliders: tuple[str, str] | None
-    """Two sliders whose positions add up to the opening; None: a linkage."""
+    """Two sliding joints whose positions add up to the opening; None: a linkage."""
     drive: str
     opened: float
     closed: float
@@ -64,7 +64,7 @@ class MeasuredGripper:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Level:
-    """The level face of a finger: its corners in the TCP's axes and where it is."""
+    """Level face of a finger: its position along the closing axis and its corners, in the TCP's axes."""
 
     y: float
     low: Array
@@ -72,7 +72,8 @@ class _Level:
 
 
 class GripperMeter:
-    """Measures one hand. All raises are Unsuitable."""
+    """Gripper meter: measures one hand. Raises UnsuitableUrdf when the hand is no gripper with two
+    fingers."""
 
     def __init__(
         self,
@@ -82,13 +83,14 @@ class GripperMeter:
         hand: HandGroup,
         behind: tuple[str, ...],
     ) -> None:
-        """`behind`: the links of the hand that are fixed to its palm."""
+        """`behind`: links of the hand that are fixed to its palm."""
         self._skeleton, self._solids, self._hand = skeleton, solids, hand
         self._behind = behind
         self._motion = FingerMotion(source, skeleton, solids, hand)
         self.drive, self.ratios, self.links = self._motion.drive, self._motion.ratios, self._motion.links
 
     def measure(self) -> MeasuredGripper:
+        """Measure the gripper at STEPS openings between the drive's limits."""
         lower, upper = self._motion.limits(self.drive)
         first, last = self._motion.gap_at(lower), self._motion.gap_at(upper)
         opened, closed = (upper, lower) if last > first else (lower, upper)
@@ -110,10 +112,11 @@ class GripperMeter:
         return self._described(axes, tcp, comment, shift, positions, widths, tips)
 
     def _axes(self, opened: float) -> Array:
-        """(3, 3), columns x, y, z: z out of the hand, y along the closing towards the first finger."""
+        """Return axes (3, 3) with columns x, y, z: z out of the hand, y along the closing towards the first
+        finger."""
         one, other = (self._motion.points(link, opened) for link in self.links)
         closing = _snapped(_unit(one.mean(axis=0) - other.mean(axis=0)))
-        # The tips are what is furthest from the palm, not the middle of fingers that lean.
+        # The tips are furthest from the palm, which the middle of leaning fingers is not.
         out = (one.mean(axis=0) + other.mean(axis=0)) / 2
         static = [self._solids[link].points for link in self._behind if link in self._solids]
         if static:
@@ -134,7 +137,7 @@ class GripperMeter:
         return np.column_stack([np.cross(closing, out), closing, out])
 
     def _levels(self, drive: float, axes: Array) -> tuple[_Level, _Level]:
-        """The faces with which the fingers look at each other."""
+        """Return the two faces with which the fingers face each other."""
         return self._level(0, drive, axes, 1.0), self._level(1, drive, axes, -1.0)
 
     def _level(self, n: int, drive: float, axes: Array, side: float) -> _Level:
@@ -164,7 +167,7 @@ class GripperMeter:
         return _Level(side * float((side * face[:, 1]).min()), face.min(axis=0), face.max(axis=0))
 
     def _touching(self, opened: float, closed: float, axes: Array) -> float:
-        """Where the pads meet, between two positions of the drive."""
+        """Return the position of the drive at which the pads meet, between two positions."""
         for _ in range(40):
             middle = (opened + closed) / 2
             near, far = self._levels(middle, axes)
@@ -177,13 +180,15 @@ class GripperMeter:
     def _tcp(
         self, axes: Array, furthest: float, spread: float, near: _Level, far: _Level
     ) -> tuple[Pose, str]:
-        """In the palm's frame; a frame of the URDF that lies between the pads is taken as it is."""
+        """Return the TCP in the palm's frame, with a comment. A frame of the URDF between the pads is used as
+        it is."""
         low = (
             max(float(near.low[2]), float(far.low[2]))
             + furthest
             - max(float(near.high[2]), float(far.high[2]))
         )
-        # Fingers on knuckles draw their tips in as they open: the TCP stays behind the tips even then.
+        # Fingers on linkages retract their tips as they open: the TCP stays behind the tips even
+        # then.
         back = max(FROM_TIP, spread + BEHIND)
         z = furthest - min(back, max((furthest - low) / 2, 0.002))
         x = (float(near.low[0] + near.high[0]) + float(far.low[0] + far.high[0])) / 4
@@ -248,7 +253,8 @@ class GripperMeter:
         )
 
     def _sliders(self, closed: float, opened: float, widths: list[float]) -> tuple[str, str] | None:
-        """The two joints when the opening is the sum of their positions, which is the simpler form."""
+        """Return the two sliding joints when the opening is the sum of their positions, which is the simpler
+        form; else None."""
         names = tuple(self.ratios)
         if len(names) != 2 or any(self._skeleton.joints[n].type != "prismatic" for n in names):
             return None
@@ -271,7 +277,7 @@ class GripperMeter:
         return force, "From the URDF's effort"
 
     def _pad(self, n: int, axes: Array, opened: float, side: float) -> tuple[Box, Pose]:
-        """In the frame of the finger's link, with edges along the axes of the TCP."""
+        """Return a pad's box in the frame of its finger link, with edges along the axes of the TCP."""
         level = self._level(n, opened, axes, side)
         points = self._motion.finger(n, opened, axes)
         beside = points[
@@ -281,7 +287,7 @@ class GripperMeter:
         ]
         behind = float((side * beside[:, 1]).max()) - side * level.y if len(beside) else THINNEST
         depth = min(max(behind, THINNEST), THICKEST)
-        # Up to the tip: a rounded edge there belongs to what can press.
+        # The pad extends to the tip: a rounded edge there can press, too.
         top = (
             float(points[:, 2].max())
             if float(points[:, 2].max()) - level.high[2] < 0.003
@@ -301,7 +307,7 @@ def _unit(vector: Array) -> Array:
 
 
 def _snapped(direction: Array) -> Array:
-    """An axis of the frame, when the direction is nearly that."""
+    """Return the nearest axis of the frame when the direction is close to it, else the direction."""
     k = int(np.abs(direction).argmax())
     if abs(float(direction[k])) < SNAP:
         return direction

@@ -54,6 +54,7 @@ class KinematicContactForces:
         self._hand_in_flange = hand
         self._data = self._model.arm.createData()
         self.on_tcp = np.zeros(6)
+        """Wrench of contacts on the TCP in the world's axes, (6,), N and Nm."""
         self._height: float | None = None
         self._in_hole: Array | None = None
         """TCP position in the world in the last period, m; None: no hole held the held item then."""
