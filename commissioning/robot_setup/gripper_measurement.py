@@ -90,7 +90,7 @@ class GripperMeter:
         self.drive, self.ratios, self.links = self._motion.drive, self._motion.ratios, self._motion.links
 
     def measure(self) -> MeasuredGripper:
-        """Measure the gripper at STEPS openings between the drive's limits."""
+        """Measure the gripper at several openings between the drive's limits."""
         lower, upper = self._motion.limits(self.drive)
         first, last = self._motion.gap_at(lower), self._motion.gap_at(upper)
         opened, closed = (upper, lower) if last > first else (lower, upper)

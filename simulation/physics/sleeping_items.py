@@ -74,7 +74,7 @@ class SleepingItems:
         self.wake_all()
 
     def stepped(self) -> None:
-        """Update sleep after a step; checks the items every EVERY steps."""
+        """Update sleep after a step; the items are checked at some steps only."""
         self._steps += 1
         if self._dozing:
             self._doze()

@@ -22,8 +22,11 @@ from .touching_items import lay_out_touching
 TUMBLE_HEIGHT = 0.1
 """Free fall of a tumbled item, m."""
 DARTS = 100
+"""Number of random places that are tried for an outline."""
 LAYOUTS = 3
+"""Number of attempts for a layout of all outlines."""
 RELAXATIONS = 100
+"""Greatest number of rounds in which crowded outlines are pushed apart."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -191,7 +194,7 @@ def _thrown(
     *,
     all_or_none: bool,
 ) -> dict[int, Array]:
-    """Place each outline at the first of DARTS random places that is free; `all_or_none` ends with the first
+    """Place each outline at the first free one of several random places; `all_or_none` ends with the first
     outline without one."""
     low, high = _corners(spawn)
     places: dict[int, Array] = {}

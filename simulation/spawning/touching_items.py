@@ -14,8 +14,9 @@ from ...world.values import Array, Quaternion, quaternion_product
 from ..common.footprints import Footprint, distance, footprint
 
 TRIES = 12
+"""Number of attempts to place one item of a group."""
 GROUPS = 6
-"""Number of attempts for a group; TRIES is that for one item of a group."""
+"""Number of attempts to lay out a group."""
 CHOICES = 12
 """Number of places next to others, of which the nearest to the group's middle is taken: a group, not a
 chain."""
