@@ -21,18 +21,19 @@ from typing import TypeAlias
 from .planar_geometry import PlanarOutline, PlanarPose
 
 ROUNDS = 8
-"""Times that all contacts are gone through, at most."""
+"""Greatest number of rounds over all contacts."""
 EXACT = 1e-5
-"""Depth that is left, m."""
+"""Greatest depth that remains, m."""
 DEEPEST = 0.004
-"""What is deeper in the tool than this was not reached from the side, m."""
+"""Greatest depth in the tool of a body that was reached from the side, m."""
 
 Point: TypeAlias = tuple[float, float]
 
 
 @dataclass(frozen=True, slots=True)
 class _Contact:
-    """A point of touch, the way out for the second body (unit vector), and how deep it is, m."""
+    """Contact: a point in the world, the unit vector that leads the second body out of the first, and the
+    depth, m."""
 
     at: Point
     out: Point
@@ -40,7 +41,7 @@ class _Contact:
 
 
 class _Slider:
-    """One outline, and where it is."""
+    """One outline and its pose in the plane."""
 
     def __init__(self, shape: PlanarOutline, at: PlanarPose, *, fixed: bool) -> None:
         self.at = at
@@ -60,7 +61,7 @@ class _Slider:
         return self._points
 
     def give(self, contact: _Contact) -> float:
-        """By how much it gives way at a contact for a unit of effort; 0 for what is fixed."""
+        """Return the displacement at a contact for a unit of effort; 0 for a fixed body."""
         if self.fixed:
             return 0.0
         lever = (contact.at[0] - self.at.x) * contact.out[1] - (contact.at[1] - self.at.y) * contact.out[0]
@@ -75,7 +76,7 @@ class _Slider:
 
 
 class PlanarPushModel:
-    """Bodies on one table, by name, among what stands still there."""
+    """Planar push model: named bodies on one table among static outlines."""
 
     def __init__(
         self,
@@ -91,7 +92,11 @@ class PlanarPushModel:
     def press(
         self, tool: Sequence[tuple[PlanarOutline, PlanarPose]], deepest: float = DEEPEST
     ) -> frozenset[str]:
-        """The outlines of the tool are there now; move what they reach into, and answer who was moved."""
+        """Move the bodies that the tool reaches out of it, and return the names of all moved bodies.
+
+        `tool`: outlines of the tool with their present poses. In the first round a body deeper in the tool
+        than `deepest`, m, is skipped.
+        """
         parts = [_Slider(shape, at, fixed=True) for shape, at in tool]
         moved: set[str] = set()
         for round_ in range(ROUNDS):
@@ -108,7 +113,8 @@ class PlanarPushModel:
         return frozenset(moved)
 
     def _among(self, moved: set[str]) -> float:
-        """Part what was moved from what it has come into; what is moved by that is moved, too."""
+        """Separate moved bodies from the bodies that they have entered, which then count as moved too.
+        Returns the greatest depth, m."""
         worst = 0.0
         for name in list(moved):
             body = self._bodies[name]
@@ -124,7 +130,8 @@ class PlanarPushModel:
 
 
 def _part(one: _Slider, other: _Slider, deepest: float = math.inf) -> float:
-    """Move two out of each other; how deep they were, m."""
+    """Move two bodies out of each other; return how deep they were, m. Returns 0 for bodies deeper than
+    `deepest`, which stay."""
     apart = math.hypot(one.at.x - other.at.x, one.at.y - other.at.y)
     if apart > one.reach + other.reach:
         return 0.0
@@ -149,7 +156,7 @@ def _part(one: _Slider, other: _Slider, deepest: float = math.inf) -> float:
 def _come_apart(
     contact: _Contact, starts: tuple[PlanarPose, PlanarPose], one: _Slider, other: _Slider
 ) -> float:
-    """By how much the two have parted at a contact since it was found, m."""
+    """Return the distance by which the two have separated at a contact since it was found, m."""
     (px, py), (nx, ny) = contact.at, contact.out
 
     def way(start: PlanarPose, now: PlanarPose) -> float:
@@ -162,7 +169,7 @@ def _come_apart(
 
 
 def _contacts(one: _Slider, other: _Slider) -> list[_Contact]:
-    """Where two outlines overlap; `out` leads the second out of the first."""
+    """Return the contacts of two overlapping outlines; `out` leads the second out of the first."""
     a, b = one.points, other.points
     if len(a) == 1 and len(b) == 1:
         return _of_rounds(a[0], one.radius, b[0], other.radius)
@@ -183,7 +190,7 @@ def _of_rounds(a: Point, ra: float, b: Point, rb: float) -> list[_Contact]:
 
 
 def _of_round(polygon: list[Point], middle: Point, radius: float) -> list[_Contact]:
-    """A round body at a polygon."""
+    """Return the contact of a round body with a polygon."""
     deepest, edge = _outermost(polygon, middle)
     if deepest >= radius:
         return []
@@ -203,8 +210,8 @@ def _of_round(polygon: list[Point], middle: Point, radius: float) -> list[_Conta
 
 
 def _outermost(polygon: list[Point], at: Point) -> tuple[float, tuple[Point, Point, Point]]:
-    """Of the lines along the edges the one that a point is furthest outside of: by how much, m (negative:
-    inside), the edge and its outward normal."""
+    """Return the edge line that a point is furthest outside of: distance, m (negative: inside), the edge and
+    its outward normal."""
     best, found = -math.inf, (polygon[0], polygon[0], (1.0, 0.0))
     for k, (ax, ay) in enumerate(polygon):
         bx, by = polygon[(k + 1) % len(polygon)]
@@ -220,7 +227,8 @@ def _outermost(polygon: list[Point], at: Point) -> tuple[float, tuple[Point, Poi
 
 
 def _of_polygons(a: list[Point], b: list[Point]) -> list[_Contact]:
-    """By the axis along which they overlap least; the corners of either that lie in the other touch."""
+    """Return the contacts of two polygons along the axis of least overlap, at the corners of either inside
+    the other."""
     depth, out = math.inf, (1.0, 0.0)
     for polygon, points, sign in ((a, b, 1.0), (b, a, -1.0)):
         for k, (ax, ay) in enumerate(polygon):

@@ -113,7 +113,8 @@ class FingerMotion:
         return pose.apply(self._solids[link].points)
 
     def finger(self, n: int, drive: float, axes: Array) -> Array:
-        """Return the points (k, 3) of finger n in `axes` (3, 3), whose columns are given in the palm's frame."""
+        """Return the points (k, 3) of finger n in `axes` (3, 3), directions in the palm's frame by
+        columns."""
         return self.points(self.links[n], drive) @ axes
 
     def gap_at(self, drive: float) -> float:
