@@ -11,7 +11,7 @@ from ...world.values import Pose, Vector3
 
 @dataclass(frozen=True, slots=True)
 class AtTime:
-    """At this simulated time, s; with `every` again each time so many seconds have passed."""
+    """Occasions at the simulated time `time`, s; with `every`, repeated at that interval, s."""
 
     time: float
     every: float | None = None
@@ -21,8 +21,8 @@ class AtTime:
 
 @dataclass(frozen=True, slots=True)
 class AtNode:
-    """`delay` s after the node that fits `pattern` has started for the `start`-th time (from 1); with `each`
-    at every start from that one on."""
+    """Occasion `delay` s after the node that fits `pattern` has started for the `start`-th time (from 1).
+    With `each` at every start from that one on."""
 
     pattern: str
     start: int = 1
@@ -37,7 +37,7 @@ When: TypeAlias = AtTime | AtNode
 
 @dataclass(frozen=True, slots=True)
 class Hang:
-    """The skill that runs yields for ever: it is never done, until it is halted."""
+    """The running skill yields for ever: it never ends until it is halted."""
 
     name: ClassVar[str] = "hang"
     when: When
@@ -45,7 +45,7 @@ class Hang:
 
 @dataclass(frozen=True, slots=True)
 class Raise:
-    """The code of the skill that runs raises an exception."""
+    """The code of the running skill raises an exception."""
 
     name: ClassVar[str] = "raise"
     when: When
@@ -64,7 +64,7 @@ ProgramFault: TypeAlias = Hang | Raise | Kill
 
 @dataclass(frozen=True, slots=True)
 class GripperJam:
-    """The fingers stay where they are, whatever they are told, and go on pressing on what they hold."""
+    """The fingers stay in place, ignore commands, and keep pressing on the item that they hold."""
 
     name: ClassVar[str] = "gripper_jam"
     when: When
@@ -73,7 +73,7 @@ class GripperJam:
 
 @dataclass(frozen=True, slots=True)
 class GripperWeak:
-    """The fingers press with a share of the force that they are told."""
+    """The fingers press with a share of the commanded force."""
 
     name: ClassVar[str] = "gripper_weak"
     when: When
@@ -94,7 +94,7 @@ class JointWeak:
 
 @dataclass(frozen=True, slots=True)
 class Stall:
-    """The commands to the arm are not carried out: its drives hold it where it is."""
+    """The arm ignores commands: its drives hold it in place."""
 
     name: ClassVar[str] = "stall"
     when: When
@@ -103,7 +103,7 @@ class Stall:
 
 @dataclass(frozen=True, slots=True)
 class WrenchBias:
-    """The wrist's sensor is off by a force, N, and a torque, Nm, in its own axes."""
+    """The wrist's sensor has a bias: force, N, and torque, Nm, in its own axes."""
 
     name: ClassVar[str] = "wrench_bias"
     when: When
@@ -114,7 +114,7 @@ class WrenchBias:
 
 @dataclass(frozen=True, slots=True)
 class WrenchDead:
-    """The wrist's sensor is silent: its reading and the stamp of it stand still."""
+    """The wrist's sensor is silent: its reading and its time stamp do not change."""
 
     name: ClassVar[str] = "wrench_dead"
     when: When
@@ -123,7 +123,7 @@ class WrenchDead:
 
 @dataclass(frozen=True, slots=True)
 class CameraDrop:
-    """No image comes from a camera (None: from any), for a time or for so many images."""
+    """A camera (None: any) gives no image, for a time or for a number of images."""
 
     name: ClassVar[str] = "camera_drop"
     when: When
@@ -169,7 +169,7 @@ class CameraMislabel:
 
 @dataclass(frozen=True, slots=True)
 class NoPlan:
-    """The planner finds no way, for a time or for so many requests."""
+    """The planner finds no path, for a time or for a number of requests."""
 
     name: ClassVar[str] = "no_plan"
     when: When

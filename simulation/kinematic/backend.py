@@ -127,8 +127,8 @@ class KinematicHardware:
 
     @property
     def feels_effort(self) -> bool:
-        """Whether joint efforts contain contact forces: False, because the arm follows commands without
-        effort."""
+        """Whether joint efforts are true while the arm moves: False. They are so at rest only, because the
+        arm follows commands without effort."""
         return False
 
     @property
