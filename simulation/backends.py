@@ -1,4 +1,4 @@
-"""The two backends behind one protocol: physics, and a kinematic one without it."""
+"""Simulation backends behind one protocol: physics (pybullet), and kinematic without physics."""
 
 from __future__ import annotations
 
@@ -22,22 +22,24 @@ class BackendCheckpoint(Protocol):
 
 
 class Simulation(Hardware, InjectableRobot, Protocol):
-    """Simulated hardware: it knows the truth, lets faults happen, can be saved, says how it is set."""
+    """Simulated hardware: it knows the ground truth, carries out faults, can be saved and reports its
+    settings."""
 
     def take_events(self) -> tuple[JournalEvent, ...]:
-        """What those who bring items and exchange bins have done since it was asked last."""
+        """Return the events of feed and bin exchange since the last call."""
         ...
 
     def true_fixtures(self) -> tuple[Fixture, ...]:
-        """The scene's fixtures where they really stand."""
+        """Return the scene's fixtures at their true poses."""
         ...
 
     def checkpoint(self) -> BackendCheckpoint:
-        """Save, and go on from what was saved."""
+        """Save the state and continue from the saved state."""
         ...
 
     def snapshot(self) -> BackendCheckpoint:
-        """The state at any moment, without a change to anything; what goes on from it is not bit-exact."""
+        """Return the state at any moment, without side effects. A run that continues from it is not
+        bit-exact."""
         ...
 
     def settings(self) -> Mapping[str, str]: ...
@@ -50,7 +52,7 @@ def build_hardware(
     seed: int,
     start: Mapping[str, Any] | None = None,
 ) -> Simulation:
-    """A simulation of the scene with everything spawned by `seed`, or as a checkpoint's plain values have it.
+    """Build a simulation of the scene: with items spawned by `seed`, or from a checkpoint's plain values.
 
     Raises PicktreeError for a checkpoint of another backend, scene or seed.
     """

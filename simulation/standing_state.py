@@ -1,4 +1,4 @@
-"""A snapshot of a simulation as somebody finds it who comes later: everything as it stood, at rest."""
+"""Snapshots of a simulation brought to rest: all bodies at their poses, with zero velocity."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ _STILL = (0.0, 0.0, 0.0)
 
 @dataclass(frozen=True, slots=True)
 class RestSnapshot:
-    """A simulation that stands still."""
+    """Snapshot of a simulation in which nothing moves, and the arm's configuration in it."""
 
     plain: dict[str, Any]
-    """For `build_hardware`."""
+    """Plain values of the checkpoint, as `build_hardware` takes them."""
     position: tuple[float, ...]
-    """Of the arm's joints, rad."""
+    """Configuration of the arm, rad."""
 
 
 def snapshot_at_rest(backend: Backend, snapshot: Mapping[str, Any], joints: int) -> RestSnapshot:
-    """The arm of so many joints is held where it was, its fingers go on with what they were told, nothing
-    moves.
+    """Return a snapshot with all velocities set to zero. The arm has `joints` joints and holds its
+    configuration; the fingers keep their last command.
 
-    Raises PicktreeError when this is no snapshot of such a backend.
+    Raises PicktreeError when `snapshot` is no checkpoint of the backend.
     """
     if backend == "kinematic":
         from .checkpoints.kinematic_state import KinematicState

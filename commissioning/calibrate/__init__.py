@@ -1,1 +1,1 @@
-"""Calibrating as a job: a run that looks and touches, an estimate from its log, a scene that believes it."""
+"""Calibration job: a run that looks and touches, an estimate from its log, a corrected scene file."""

@@ -1,4 +1,5 @@
-"""The scene file that a calibration leaves: the scene as it was, and what is believed of it from now on."""
+"""Scene files of a calibration: the scene with a target for the run, and the corrected scene as its
+result."""
 
 from __future__ import annotations
 
@@ -25,18 +26,19 @@ from ..plan_trial.target_syntax import quantity
 
 NAME = "calibration_target"
 SIZE = (0.18, 0.16, 0.05)
-"""Of the target that is put there, m."""
+"""Size of the target that is added to the scene, m."""
 YAW = math.radians(20.0)
-"""How it is turned: edges that lie along a camera's rows of pixels are the worst that can be measured."""
+"""Rotation of the added target about z, rad: edges along a camera's rows of pixels are measured worst."""
 CARELESS = (0.005, math.radians(2.0))
-"""How far from its place whoever puts it there may put it, m and rad: where it stands is found out."""
+"""Uncertainty of the added target's pose, m and rad, within which a person may place it. The calibration
+estimates the pose."""
 AHEAD = 0.5
-"""In front of the origin, where no area for items says better, m."""
+"""Distance of the target in front of the origin when no area for items gives a better place, m."""
 
 
 @dataclass(frozen=True, slots=True)
 class TargetPlacement:
-    """Where a target is put, m and rad."""
+    """Place of a target, m and rad."""
 
     x: float
     y: float
@@ -57,8 +59,8 @@ def parse_place(text: str) -> TargetPlacement:
 
 
 def staged(name: str, place: TargetPlacement | None) -> SceneDescription:
-    """The scene without its items, and with one target more where it has none. It stands without `name`: its
-    text is whole, for the log. Raises PicktreeError."""
+    """Return the scene without its items, with an added target where it has none. The text of the scene is
+    complete, for the log. Raises PicktreeError."""
     path = find_file(name, SHIPPED, Path.cwd(), "scene")
     scene = load_scene(name, Path.cwd())
     own: dict[str, object] = {"picktree": 1, "kind": "scene", "base": _base(path)}
@@ -88,7 +90,7 @@ def _target(scene: SceneDescription, place: TargetPlacement) -> dict[str, object
 
 
 def _middle(scene: SceneDescription) -> TargetPlacement:
-    """Of where items lie, for there cameras look and the arm reaches."""
+    """Return the middle of the first area for items: cameras look there and the arm reaches it."""
     for load in scene.loads:
         (x0, y0), (x1, y1) = load.area
         return TargetPlacement((x0 + x1) / 2, (y0 + y1) / 2)
@@ -96,11 +98,12 @@ def _middle(scene: SceneDescription) -> TargetPlacement:
 
 
 DIGITS = 7
-"""After the point: 0.1 µm, 0.1 µrad."""
+"""Digits after the decimal point: 0.1 µm, 0.1 µrad."""
 
 
 def output_file(scene: str, wanted: Path | None, *, replace: bool) -> Path:
-    """Where it will be written. Raises PicktreeError where something is that must not be replaced."""
+    """Return the path of the corrected scene. Raises PicktreeError where a file must not be replaced or
+    cannot be written."""
     path = find_file(scene, SHIPPED, Path.cwd(), "scene")
     if wanted is None:
         here = path.parent == SHIPPED or path.parent.resolve() == Path.cwd()
@@ -126,8 +129,8 @@ def write(
     when: str,
     by: str,
 ) -> None:
-    """Write the file. `scene` is the one that was calibrated in, `robot` what stood in for its own. Raises
-    PicktreeError when the disk refuses; then nothing remains."""
+    """Write the corrected scene file. `scene` is the calibrated scene, `robot` the robot that replaced its
+    own. Raises PicktreeError when the disk refuses; then no file remains."""
     text = scene_text(output, name, robot, scene, found, when, by)
     parse_scene(text, output.absolute())
     with whole([output], output) as (beside,):
@@ -143,7 +146,7 @@ def scene_text(
     when: str,
     by: str,
 ) -> str:
-    """The file's text: `base:` and `calibration:`, the standard deviations beside what they belong to."""
+    """Return the file's text: `base:` and `calibration:`, with the standard deviation above each value."""
     path = find_file(name, SHIPPED, Path.cwd(), "scene")
     tool = found.tool if found.tool is not None and found.tool.sure else None
     shift = Pose() if tool is None else Pose(tool.offset)
@@ -175,8 +178,8 @@ def scene_text(
 def _others_on_hand(
     scene: SceneDescription, found: CalibrationEstimate, shift: Pose
 ) -> list[tuple[str, Pose]]:
-    """Cameras on the hand that were calibrated before and not now: they stay where they are on the hand when
-    the TCP is corrected."""
+    """Return cameras on the hand that were calibrated before and not now, with their poses. They keep their
+    place on the hand when the TCP is corrected."""
     if scene.calibration is None or shift == Pose():
         return []
     now = {camera.name for camera in found.cameras}
@@ -189,7 +192,7 @@ def _others_on_hand(
 
 
 def _named(path: Path, shipped: Path, output: Path) -> str:
-    """As a file beside `output` names it."""
+    """Return a file's name as a file next to `output` refers to it."""
     if path.parent == shipped:
         return path.stem
     beside = relpath(path.resolve(), output.resolve().parent)

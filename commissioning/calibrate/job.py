@@ -1,4 +1,4 @@
-"""One calibration: which scene with which target, the run, the estimate from its log, the new scene file."""
+"""Calibration job: scene and target, the run, the estimate from its log, and the corrected scene file."""
 
 from __future__ import annotations
 
@@ -29,32 +29,32 @@ from ...world.scene.description import SceneDescription
 from .corrected_scene import TargetPlacement, output_file, staged, write
 
 SHOWN = 4
-"""Of what was passed over."""
+"""Greatest number of skipped views and touches in the text."""
 
 
 @dataclass(frozen=True, slots=True)
 class CalibrationAnswer:
-    """The answer of `picktree calibrate`. m, rad."""
+    """Answer of `picktree calibrate`; m, rad."""
 
     scene: str
     seed: int
     status: RunStatus
-    """Of the run."""
+    """Status of the run."""
     folder: Path
-    """Of the run."""
+    """Folder of the run."""
     skipped: tuple[str, ...] = ()
-    """Views and touches that were passed over, and why."""
+    """Skipped views and touches, with reasons."""
     unseen: tuple[str, ...] = ()
     """Cameras that did not see the target."""
     known: CalibrationEstimate | None = None
     target_off: tuple[float, float] = (0.0, 0.0)
-    """How far the target stood from where it was believed to be: m, rad."""
+    """Distance and rotation of the target from its believed pose, m, rad."""
     output: Path | None = None
-    """The file that was written; None: nothing was."""
+    """Corrected scene file; None: none was written."""
     why_not: str = ""
 
     def without(self, why: str) -> CalibrationAnswer:
-        """The answer when nothing comes of it."""
+        """Return the answer of a calibration without a result."""
         return replace(self, why_not=why)
 
     def missing(self, cameras: tuple[str, ...]) -> CalibrationAnswer:
@@ -159,16 +159,16 @@ SKIPPED = "calibration_skipped"
 
 @dataclass(frozen=True, slots=True)
 class CalibrationRequest:
-    """What `picktree calibrate` is asked."""
+    """Request of `picktree calibrate`."""
 
     scene: str
     cameras: tuple[str, ...] = ()
-    """None named: all of the scene, of which those that do not see the target are passed over."""
+    """Cameras to calibrate; empty: all of the scene, where those that do not see the target are skipped."""
     touch: bool = True
-    """Find the TCP, too."""
+    """Whether the TCP is calibrated, too."""
     target: str | None = None
     place: TargetPlacement | None = None
-    """Where the target is put, where the scene has none."""
+    """Place of the added target, where the scene has none; None: a default place."""
     robot: str | None = None
     seed: int = 0
     views: int = 12
@@ -178,10 +178,10 @@ class CalibrationRequest:
 
 
 def calibrate(asked: CalibrationRequest, watcher: SessionWatcher | None = None) -> CalibrationAnswer:
-    """Run it, and write what it comes to.
+    """Run the calibration and write the corrected scene.
 
-    Raises PicktreeError for what is no scene, robot, camera or target, for a file that must not be replaced,
-    and where it cannot be written. An answer without a file says why there is none.
+    Raises PicktreeError for an unknown scene, robot, camera or target, and when the file must not be replaced
+    or cannot be written. An answer without a file gives the reason.
     """
     output = output_file(asked.scene, asked.output, replace=asked.replace)
     scene = staged(asked.scene, asked.place)
@@ -211,11 +211,13 @@ def calibrate(asked: CalibrationRequest, watcher: SessionWatcher | None = None) 
 
 
 def mission_text(target: str, cameras: Sequence[str], views: int, *, touch: bool, all_of_them: bool) -> str:
-    """The mission that looks and touches. Of `all_of_them` a camera may fail to see the target."""
+    """Return the text of the mission that looks and touches. With `all_of_them` a camera may fail to see the
+    target."""
     lines = ["picktree: 1", "kind: mission", "name: calibrate", 'goal: "total >= 0"', "trees:", "  Main:"]
     lines.append("    Sequence:")
     if touch:
-        # First: whatever the cameras see later, the arm is known to get around the target.
+        # Touching comes first: the arm is known to get around the target, whatever the cameras see
+        # later.
         lines.append(f"      - TouchTarget: {{target: {target}}}")
     for camera in cameras:
         survey = f"Survey: {{target: {target}, camera: {camera}, views: {views}}}"
@@ -242,7 +244,7 @@ def _cameras(scene: SceneDescription, wanted: tuple[str, ...]) -> tuple[str, ...
     for name in wanted:
         if name not in known:
             raise PicktreeError(f"{scene.name} has no camera {name!r}; known: {', '.join(known) or 'none'}")
-    # Those on the hand first: what they know of the target helps the others.
+    # Cameras on the hand come first: their knowledge of the target helps the others.
     on_hand = {camera.name for camera in scene.cameras if camera.on == "hand"}
     return tuple(sorted(dict.fromkeys(wanted or known), key=lambda name: name not in on_hand))
 
@@ -255,7 +257,7 @@ class _Recorded:
 
 
 def _record(result: RunResult) -> _Recorded:
-    """What the run's log holds of the target: the estimate is made from the record alone."""
+    """Return the observations of the target in the run's log. The estimate uses the log alone."""
     shots: list[TargetImage] = []
     touches: list[TargetTouch] = []
     skipped: list[str] = []
@@ -272,5 +274,5 @@ def _record(result: RunResult) -> _Recorded:
 
 
 def _off(known: CalibrationEstimate, target: CalibrationTarget) -> tuple[float, float]:
-    """How far the target stood from where it was believed to be, m and rad."""
+    """Return distance and rotation of the target from its believed pose, m and rad."""
     return known.target.distance(target.pose), known.target.angle(target.pose)

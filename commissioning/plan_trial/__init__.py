@@ -1,1 +1,1 @@
-"""A plan in a scene without a mission: what is asked for, what comes of it, and its picture."""
+"""Plan trial: a plan in a scene without a mission, its syntax, result and picture."""

@@ -1,4 +1,5 @@
-"""What `--to` and `--from` say: a named pose, an object, a bin, or numbers; as requests to the planner."""
+"""Syntax of `--to` and `--from`: a named pose, an object, a bin, or numbers become requests to the
+planner."""
 
 from __future__ import annotations
 
@@ -19,23 +20,24 @@ from ...world.scene.description import Bin
 from ...world.values import Array, Pose
 
 OVER_BIN = 0.1
-"""Of the tool above the rim of a bin, m."""
+"""Height of the tool above the rim of a bin, m."""
 DOWN = (math.pi, 0.0, 0.0)
-"""Roll, pitch and yaw of a tool that looks down."""
+"""Roll, pitch and yaw of a tool that points down, rad."""
 
 
 @dataclass(frozen=True, slots=True)
 class GoalAttempt:
-    """One way to do what is wanted: motions, each from where the one before ends."""
+    """One way to reach the goal: motions, each from the end of the one before."""
 
     name: str
-    """Of the grasp; empty when there is but one way."""
+    """Name of the grasp; empty for goals without one."""
     legs: tuple[Request, ...]
 
 
 @dataclass(frozen=True, slots=True)
 class ParsedGoal:
-    """`attempts` are in order of preference; `rejected`: why others were ruled out before any planning."""
+    """Goal of `--to`. `attempts` are in order of preference; `rejected`: why others were ruled out before any
+    planning."""
 
     words: str
     attempts: tuple[GoalAttempt, ...]
@@ -43,7 +45,8 @@ class ParsedGoal:
 
 
 def parse_goal(world: World, text: str, request: Request, *, line: bool) -> ParsedGoal:
-    """What `--to` asks for; `request` has what else is asked of each motion. Raises PicktreeError."""
+    """Parse the goal of `--to`; `request` has the other settings of each motion. Raises PicktreeError for an
+    unknown goal."""
     if "," in text:
         numbers = text.split(",")
         pose = _pose(numbers)
@@ -69,7 +72,8 @@ def parse_goal(world: World, text: str, request: Request, *, line: bool) -> Pars
 
 
 def parse_start(world: World, text: str) -> Array:
-    """What `--from` says: a named pose, or a number for each joint. Raises PicktreeError."""
+    """Parse the configuration (n,) of `--from`: a named pose, or a number for each joint. Raises
+    PicktreeError."""
     named, names = world.robot.description.named, world.robot.description.joints
     if "," not in text:
         if text in named:
@@ -94,7 +98,7 @@ def _over(bin_: Bin) -> Pose:
 
 
 def _grasp(world: World, belief: BeliefObject, request: Request) -> ParsedGoal:
-    """Over each grasp at which the hand finds room, and straight down onto it."""
+    """Return an attempt for each grasp with room for the hand: above it, then straight down."""
     attempts: list[GoalAttempt] = []
     rejected: list[str] = []
     for grasp in grasp_candidates(belief, world.robot.description.gripper):

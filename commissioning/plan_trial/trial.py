@@ -1,4 +1,4 @@
-"""Plan a motion in a scene without a mission, and say what comes of it."""
+"""Plan trial: one motion planned in a scene without a mission, and its result."""
 
 from __future__ import annotations
 
@@ -27,11 +27,12 @@ from .target_syntax import GoalAttempt, ParsedGoal, parse_goal, parse_start
 from .trial_result import PlanAnswer, PlanFigures, PlanRefusal
 
 SIGMA = 1e-4
-"""Of what is believed exactly: positions, m, and angles, rad."""
+"""Standard deviation of exactly believed poses: positions, m, and angles, rad."""
 
 
 def build(scene: str, robot: str | None, seed: int, *, verify: bool) -> World:
-    """The world of a shipped scene or a scene file, with what is spawned by that seed believed where it is.
+    """Build the world of a shipped scene or a scene file; the belief has all spawned items at their true
+    poses.
 
     `robot`: a shipped robot or a robot file instead of the scene's. Raises PicktreeError.
     """
@@ -48,7 +49,7 @@ def build(scene: str, robot: str | None, seed: int, *, verify: bool) -> World:
 
 
 def _believed(world: World, body: TrueBody) -> BeliefObject:
-    """Named as perception names what it finds."""
+    """Return the believed object of a true body, named as perception names it."""
     return BeliefObject(
         world.scene.new_id(f"{body.colour}_{body.kind}"),
         "item",
@@ -65,25 +66,25 @@ def _believed(world: World, body: TrueBody) -> BeliefObject:
 
 
 NODE = "plan"
-"""Keys the planner's randomness."""
+"""Node path of the trial: key of the planner's random stream."""
 HOME = "home"
 GRASPS = 12
-"""Of an object that are tried at most."""
+"""Greatest number of grasps of an object that are tried."""
 T = TypeVar("T")
 
 
 @dataclass(frozen=True, slots=True)
 class PlanQuery:
-    """What `picktree plan` is asked. m, rad."""
+    """Request of `picktree plan`; m, rad."""
 
     scene: str
     to: str
     begin: str = ""
-    """Named pose or a number for each joint; empty: home."""
+    """Start: named pose or a number for each joint; empty: home."""
     robot: str | None = None
     seed: int = 0
     upright: float | None = None
-    """Tilt that is allowed of a tool that looks down; None: any."""
+    """Greatest tilt of a tool that points down, rad; None: any."""
     line: bool = False
     clearance: float = 0.0
     budget: int = BUDGET
@@ -94,7 +95,7 @@ class PlanQuery:
 
 
 def plan_in_scene(asked: PlanQuery) -> PlanAnswer:
-    """Raises PicktreeError for what is no scene, robot, goal or start."""
+    """Plan a motion in a scene. Raises PicktreeError for an unknown scene, robot, goal or start."""
     world = build(asked.scene, asked.robot, asked.seed, verify=asked.verify)
     q = parse_start(world, asked.begin) if asked.begin else world.robot.named(HOME)
     constraints: tuple[Constraint, ...] = () if asked.upright is None else (UprightConstraint(asked.upright),)
@@ -137,7 +138,8 @@ def plan_in_scene(asked: PlanQuery) -> PlanAnswer:
 
 @dataclass(frozen=True, slots=True)
 class _Tried:
-    """`outcome`: the plan, or the failure of the first attempt; None: there was nothing to attempt."""
+    """Result of the attempts. `outcome`: the plan, or the failure of the first attempt; None: there was
+    nothing to attempt."""
 
     attempt: GoalAttempt | None
     outcome: MotionPlan | Failure | None
@@ -145,7 +147,7 @@ class _Tried:
 
 
 def _tried(world: World, goal: ParsedGoal) -> _Tried:
-    """One attempt after the other, until one is planned."""
+    """Plan one attempt after the other, until one succeeds."""
     failures: list[tuple[GoalAttempt, Failure]] = []
     for attempt in goal.attempts[:GRASPS]:
         steps = (
@@ -170,12 +172,13 @@ def _told(failures: list[tuple[GoalAttempt, Failure]]) -> tuple[str, ...]:
 
 
 def _counted(reasons: tuple[str, ...]) -> tuple[str, ...]:
-    """`12 × the hand would touch red_block_1`, the most frequent first."""
+    """Return the reasons with their counts, as `12 × the hand would touch red_block_1`, the most frequent
+    first."""
     return tuple(f"{count} × {reason}" for reason, count in Counter(reasons).most_common())
 
 
 def _returned(steps: Generator[None, None, T]) -> T:
-    """What a generator returns; the ticks that its thinking takes pass unused."""
+    """Run a generator to its end and return its value; the ticks of its thinking are skipped."""
     while True:
         try:
             next(steps)

@@ -1,4 +1,5 @@
-"""The picture of a plan: the arm where it begins and ends, the tool's way; of a failure what collides."""
+"""Picture of a plan: the arm at start and goal, and the tool's path; for a failure, the bodies in
+collision."""
 
 from __future__ import annotations
 
@@ -24,14 +25,14 @@ from ...world.shapes import Sphere
 from ...world.values import Array, Pose
 
 PALE = (0.80, 0.86, 0.93)
-"""Where the arm begins."""
+"""Colour of the arm at the start."""
 FAINT = (0.90, 0.91, 0.84)
-"""The hand on its way."""
+"""Colour of the hand between start and goal."""
 ALARM = (0.85, 0.15, 0.12)
-"""A link that touches something."""
+"""Colour of a link in collision."""
 SMALLER = (0.99, 0.99, 0.99)
 ON_THE_WAY = 3
-"""Hands that are drawn between start and goal."""
+"""Number of hands that are drawn between start and goal."""
 
 
 def draw(
@@ -81,7 +82,7 @@ def draw(
 
 
 class _Robots:
-    """The same robot in several postures and colours."""
+    """Drawn copies of the robot in several configurations and colours."""
 
     def __init__(self, meshes: tuple[LinkMesh, ...]) -> None:
         self._own = {mesh.link: mesh for mesh in meshes}
@@ -95,7 +96,7 @@ class _Robots:
         colour: tuple[float, float, float] | None = None,
         alarm: frozenset[str] = frozenset(),
     ) -> None:
-        """One more, in its own colours or another; links in `alarm` are red."""
+        """Add a copy of the robot in its own colours or another; links in `alarm` are red."""
         for link, pose in links.items():
             mesh = self._own.get(link)
             if mesh is None:
@@ -104,21 +105,22 @@ class _Robots:
             glb = mesh.glb
             if painted is not None:
                 other = read_glb(glb).coloured(painted)
-                # A little smaller, so that surfaces that coincide do not flicker through each other.
+                # Slightly smaller, so that surfaces that coincide do not flicker through each
+                # other.
                 glb = write_glb(other if colour is None else other.placed(Pose(), SMALLER))
             self.meshes.append(LinkMesh(f"{name}/{link}", glb))
             self.poses[f"{name}/{link}"] = pose
 
 
 def _hand(world: World, links: dict[str, Pose]) -> dict[str, Pose]:
-    """The links from the hand on."""
+    """Return the links of hand and fingers."""
     gripper = world.robot.description.gripper
     wanted = {world.robot.description.tcp_link, *gripper.fingers}
     return {link: pose for link, pose in links.items() if link in wanted}
 
 
 def _meant(failure: Failure, start: Array) -> Array:
-    """The configuration that a failure is about; where none is told, the start."""
+    """Return the configuration of a failure; the start when it has none."""
     told = failure.evidence.get("configuration")
     if isinstance(told, list) and len(told) == len(start):
         return np.array([float(x) for x in told])
@@ -126,7 +128,7 @@ def _meant(failure: Failure, start: Array) -> Array:
 
 
 def _point(failure: Failure) -> tuple[BodyRecord, ...]:
-    """A red ball where the failure's point is: of the goal, or where a line stopped."""
+    """Return a red ball at the failure's point: the goal's, or where a line stopped."""
     for key in ("point", "first", "at"):
         told = failure.evidence.get(key)
         if isinstance(told, list) and len(told) == 3:
@@ -136,12 +138,12 @@ def _point(failure: Failure) -> tuple[BodyRecord, ...]:
 
 
 def _elsewhere(links: dict[str, Pose], drawn: dict[str, Pose]) -> dict[str, Pose]:
-    """Without the links that are drawn there already."""
+    """Return the links that are not drawn at the same pose already."""
     return {link: pose for link, pose in links.items() if drawn.get(f"/{link}") != pose}
 
 
 def _named(failure: Failure) -> frozenset[str]:
-    """All that is named as touching or in the way."""
+    """Return the names of all bodies in contact or in the way."""
     names: set[str] = set()
     for key in ("pairs", "in_the_way", "enclosed_by"):
         told = failure.evidence.get(key)
@@ -151,7 +153,7 @@ def _named(failure: Failure) -> frozenset[str]:
 
 
 def _marked(world: World, names: frozenset[str]) -> Iterable[BodyRecord]:
-    """The outlines of named bodies of the scene."""
+    """Return the named bodies of the scene, to be outlined."""
     for o in world.scene.objects:
         if o.id in names:
             yield belief_record(o)

@@ -1,4 +1,4 @@
-"""What came of a plan in a scene: one value, rendered once as text and once as JSON."""
+"""Result of a plan trial: one value, rendered as text and as JSON."""
 
 from __future__ import annotations
 
@@ -10,37 +10,37 @@ from math import degrees
 from ...world.causes import Evidence
 
 MILLIMETRES = frozenset({"depth", "by", "short", "at", "point", "first"})
-"""Evidence that is told in mm; it is in m."""
+"""Keys of evidence in m that the text gives in mm."""
 DEGREES = frozenset({"turned", "gets"})
-"""The same in deg; it is in rad."""
+"""Keys of evidence in rad that the text gives in deg."""
 
 
 @dataclass(frozen=True, slots=True)
 class PlanFigures:
-    """The plan's figures; SI units."""
+    """Figures of a plan; SI units."""
 
     planner: str
     legs: tuple[str, ...]
-    """Planners of a chain's motions; empty for a single one."""
+    """Planners of a motion chain; empty for a single motion."""
     checks: int
     thinking: float
-    """Simulated seconds that were charged."""
+    """Simulated time charged for planning, s."""
     duration: float
     length: float
-    """rad"""
+    """Path length in joint space, rad."""
     way: float
-    """Of the tool, m."""
+    """Path length of the tool, m."""
     nearest: tuple[str, str] | None
-    """Which two come nearest: of the robot, and around it."""
+    """Nearest pair of bodies: of the robot, and around it; None: nothing is near."""
     clearance: float | None
     nearest_at: float | None
     itself: tuple[str, str] | None
-    """The same of the robot's own links."""
+    """Nearest pair of the robot's own links."""
     itself_clearance: float | None
     singular: float
     singular_at: float
     joint: str
-    """The one that comes nearest to a limit of its own."""
+    """Joint that comes nearest to one of its limits."""
     joint_room: float
     joint_room_at: float
     joint_slides: bool
@@ -48,7 +48,7 @@ class PlanFigures:
 
 @dataclass(frozen=True, slots=True)
 class PlanRefusal:
-    """Why there is no plan."""
+    """Reason why there is no plan."""
 
     cause: str
     message: str
@@ -58,7 +58,7 @@ class PlanRefusal:
 
 @dataclass(frozen=True, slots=True)
 class PlanAnswer:
-    """`picktree plan`."""
+    """Answer of `picktree plan`."""
 
     scene: str
     robot: str
@@ -66,25 +66,25 @@ class PlanAnswer:
     asked: str
     begins: str
     grasp: str = ""
-    """Of an object: the one that was planned for."""
+    """Grasp of the object that was planned for."""
     found: PlanFigures | None = None
     refused: PlanRefusal | None = None
     rejected: tuple[str, ...] = ()
-    """Why other grasps of an object were not taken."""
+    """Reasons why other grasps of the object were rejected."""
     judged: tuple[str, ...] | None = None
-    """With --verify: what the second checker found against the plan; None: it was not asked."""
+    """Objections of the verifier to the plan, with --verify; None: it was not asked."""
     picture: str = ""
 
     @property
     def good(self) -> bool:
-        """Whether there is a plan, and nothing was found against it."""
+        """Whether there is a plan without objections by the verifier."""
         return self.found is not None and not self.judged
 
     def to_json_text(self) -> str:
         return json.dumps(asdict(self), indent=2, default=_plain) + "\n"
 
     def to_text(self) -> str:
-        """For people."""
+        """Return the answer as text for a terminal."""
         lines = [
             f"{self.asked}, from {self.begins}",
             f"scene {self.scene}, robot {self.robot}, seed {self.seed}; everything is believed where it is",
@@ -137,7 +137,7 @@ class PlanAnswer:
 
 
 def _rows(evidence: Evidence) -> Iterator[tuple[str, str]]:
-    """What was found out, as lines; nothing for what is empty."""
+    """Return the evidence as rows of a table; empty values give none."""
     for key, value in evidence.items():
         name = key.replace("_", " ")
         if isinstance(value, list):
@@ -167,5 +167,5 @@ def _table(rows: Iterator[tuple[str, str]] | list[tuple[str, str]]) -> list[str]
 
 
 def _plain(value: object) -> object:
-    """What JSON has no word for."""
+    """Return the text of a value that JSON has no type for."""
     return str(value)

@@ -1,4 +1,4 @@
-"""What a robot file will say, before it is written."""
+"""Draft of a robot file."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from .self_collision import SelfCollisionReport
 
 @dataclass(frozen=True, slots=True)
 class RobotDraft:
-    """All that the robot file will say."""
+    """Complete content of a robot file, before it is written."""
 
     name: str
     urdf: str
-    """As the file names it."""
+    """URDF as the robot file names it."""
     arm: ArmGroup
     hand: HandGroup
     mounting: GripperMount | None

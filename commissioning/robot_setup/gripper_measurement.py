@@ -1,51 +1,48 @@
-"""A gripper, measured: which way it closes, where its pads are, how far it opens, how much room it takes."""
+"""Gripper measurement on a URDF's meshes: closing direction, pads, opening, TCP and collision boxes."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
-from scipy.spatial import ConvexHull
 
-from ...robots.urdf_tree import MOVING, UrdfTree
+from ...robots.urdf_tree import UrdfTree
 from ...world.shapes import Box
 from ...world.values import Array, Pose, Vector3
+from .finger_motion import FingerMotion
+from .gripper_boxes import finger_box, hand_boxes
 from .joint_groups import HandGroup
 from .link_points import LinkGeometry
-from .urdf_source import UnsuitableUrdf
 
 STEPS = 9
-"""Openings at which the fingers are looked at."""
+"""Number of openings at which the fingers are measured."""
 FACING = np.cos(np.radians(20.0))
-"""How squarely a face looks at the other finger to belong to the pad."""
+"""Least cosine between a pad face's normal and the direction to the other finger."""
 FLAT = 0.5e-3
-"""From the middle of what counts as one level face to its highest and lowest corner, m."""
+"""Greatest distance of a level face's corners from its middle plane, m."""
 ENOUGH = 0.15
-"""Share of all that faces the other finger, from which on a level of it is the pad."""
+"""Least area of the pad's level, as a share of all area that faces the other finger."""
 FROM_TIP = 0.010
-"""Of the TCP from the finger tips where they reach furthest, at most, m."""
+"""Greatest distance of the TCP from the finger tips where they reach furthest, m."""
 BEHIND = 0.006
-"""Of the TCP behind the tips where they reach least, m."""
+"""Distance of the TCP behind the tips where they reach least, m."""
 THICKEST, THINNEST = 0.020, 0.004
-"""Of the box that stands for a pad, behind its face, m."""
-SLABS = 3
-"""Boxes along the hand, which mostly tapers."""
+"""Greatest and least thickness of a pad's box behind its face, m."""
 NARROWEST = 0.010
-"""Opening from which on it is a gripper, m."""
+"""Least opening of a gripper, m."""
 STRONGEST, FASTEST = 60.0, 0.15
-"""Grip force, N, and speed of a finger, m/s, beyond which the URDF's numbers are not believed."""
+"""Greatest plausible grip force, N, and finger speed, m/s; higher values of the URDF are replaced."""
 SNAP = np.cos(np.radians(8.0))
-"""Directions nearer than that to an axis of the hand's frame are that axis."""
+"""Least cosine to an axis of the hand's frame from which a direction is set to that axis."""
 
 
 @dataclass(frozen=True, slots=True)
 class MeasuredGripper:
-    """All that a robot file says of a gripper; boxes with their poses, in the frames that the file wants."""
+    """Measured gripper: all that a robot file needs, with boxes and poses in the frames of that file."""
 
     sliders: tuple[str, str] | None
-    """Two sliders whose positions add up to the opening; None: a linkage."""
+    """Two sliding joints whose positions add up to the opening; None: a linkage."""
     drive: str
     opened: float
     closed: float
@@ -67,7 +64,7 @@ class MeasuredGripper:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Level:
-    """The level face of a finger: its corners in the TCP's axes and where it is."""
+    """Level face of a finger: its position along the closing axis and its corners, in the TCP's axes."""
 
     y: float
     low: Array
@@ -75,7 +72,8 @@ class _Level:
 
 
 class GripperMeter:
-    """Measures one hand. All raises are Unsuitable."""
+    """Gripper meter: measures one hand. Raises UnsuitableUrdf when the hand is no gripper with two
+    fingers."""
 
     def __init__(
         self,
@@ -85,15 +83,16 @@ class GripperMeter:
         hand: HandGroup,
         behind: tuple[str, ...],
     ) -> None:
-        """`behind`: the links of the hand that are fixed to its palm."""
-        self._source, self._skeleton, self._solids, self._hand = source, skeleton, solids, hand
+        """`behind`: links of the hand that are fixed to its palm."""
+        self._skeleton, self._solids, self._hand = skeleton, solids, hand
         self._behind = behind
-        self.drive, self.ratios = self._coupling()
-        self.links = self._finger_links()
+        self._motion = FingerMotion(source, skeleton, solids, hand)
+        self.drive, self.ratios, self.links = self._motion.drive, self._motion.ratios, self._motion.links
 
     def measure(self) -> MeasuredGripper:
-        lower, upper = self._range()
-        first, last = self._gap_at(lower), self._gap_at(upper)
+        """Measure the gripper at several openings between the drive's limits."""
+        lower, upper = self._motion.limits(self.drive)
+        first, last = self._motion.gap_at(lower), self._motion.gap_at(upper)
         opened, closed = (upper, lower) if last > first else (lower, upper)
         axes = self._axes(opened)
         near, far = self._levels(closed, axes)
@@ -102,121 +101,22 @@ class GripperMeter:
         positions = np.linspace(closed, opened, STEPS).tolist()
         widths = [max(near.y - far.y, 0.0) for near, far in (self._levels(p, axes) for p in positions)]
         if widths[-1] - widths[0] < NARROWEST:
-            self._refuse(
+            self._motion.refuse(
                 f"fingers that open {1000 * (widths[-1] - widths[0]):.1f} mm while {self.drive!r} moves",
                 f"two fingers that open {1000 * NARROWEST:.0f} mm at least",
             )
-        tips = [max(float(self._finger(n, p, axes)[:, 2].max()) for n in range(2)) for p in positions]
+        tips = [max(float(self._motion.finger(n, p, axes)[:, 2].max()) for n in range(2)) for p in positions]
         near, far = self._levels(opened, axes)
         tcp, comment = self._tcp(axes, max(tips), max(tips) - min(tips), near, far)
         shift = np.array(tcp.position) @ axes
         return self._described(axes, tcp, comment, shift, positions, widths, tips)
 
-    # ---- what moves how
-
-    def _coupling(self) -> tuple[str, dict[str, tuple[float, float]]]:
-        """The joint that drives, and for every other one by how much and from where it follows."""
-        joints = self._skeleton.joints
-        drive = self._hand.drives[0]
-        ratios = {drive: (1.0, 0.0)}
-        for name in self._hand.followers:
-            mimic = joints[name].mimic
-            if mimic is not None and mimic.joint in ratios:
-                by, offset = ratios[mimic.joint]
-                ratios[name] = (mimic.multiplier * by, mimic.multiplier * offset + mimic.offset)
-        for name in self._hand.drives[1:]:
-            # Two joints that nobody couples: they are moved alike, each over the whole of its range.
-            low, high = self._limits(drive)
-            own_low, own_high = self._limits(name)
-            if abs(own_high) + abs(own_low) == 0.0 or high == low:
-                continue
-            straight = abs(own_low - low) + abs(own_high - high) <= abs(own_low + high) + abs(own_high + low)
-            by = 1.0 if straight else -1.0
-            ratios[name] = (by, 0.0)
-        return drive, ratios
-
-    def _limits(self, name: str) -> tuple[float, float]:
-        joint = self._skeleton.joints[name]
-        if not joint.limited or joint.lower is None or joint.upper is None or joint.lower >= joint.upper:
-            self._refuse(
-                f"the finger joint {name!r} without limits",
-                "how far it moves",
-                '<limit lower="0" upper="0.04" effort="20" velocity="0.2"/> inside of that <joint>',
-            )
-        return joint.lower, joint.upper  # pyright: ignore[reportReturnType]
-
-    def _range(self) -> tuple[float, float]:
-        """Of the drive, so that no follower leaves its limits by more than a trifle."""
-        lower, upper = self._limits(self.drive)
-        return lower, upper
-
-    def _positions(self, drive: float) -> dict[str, float]:
-        return {name: by * drive + offset for name, (by, offset) in self.ratios.items()}
-
-    def _finger_links(self) -> tuple[str, str]:
-        """The two links furthest out that carry geometry: on different branches of the hand."""
-        joints = self._skeleton.joints
-        moved = [
-            link
-            for link in self._skeleton.links
-            if link in self._solids
-            and any(
-                name in self.ratios
-                for name in self._skeleton.joints_to(link)[len(self._skeleton.joints_to(self._hand.palm)) :]
-            )
-        ]
-        inner = {joints[name].parent for name in self.ratios}
-        leaves = [
-            link for link in moved if not any(link in (p, *self._fixed_behind(p)) for p in inner)
-        ] or moved
-        if len(leaves) < 2:
-            self._refuse(
-                f"{len(leaves)} finger with geometry on {self._hand.palm!r}", "two fingers that both move"
-            )
-        start, end = self._limits(self.drive)
-        middle = self._positions((start + end) / 2)
-        palm = self._skeleton.pose(self._hand.palm, {})
-
-        def out(link: str) -> float:
-            pose = palm.inverse() @ self._skeleton.pose(link, middle)
-            return float(np.linalg.norm(pose.apply(self._solids[link].points), axis=1).max())
-
-        ranked = sorted(leaves, key=lambda link: (-round(out(link), 4), leaves.index(link)))
-        one = ranked[0]
-        branch = self._branch(one)
-        other = next((link for link in ranked[1:] if self._branch(link) != branch), None)
-        if other is None:
-            self._refuse("fingers that all hang on one joint", "two fingers that both move")
-        assert other is not None
-        return (one, other) if leaves.index(one) < leaves.index(other) else (other, one)
-
-    def _fixed_behind(self, link: str) -> tuple[str, ...]:
-        return tuple(
-            j.parent for j in self._skeleton.joints.values() if j.child == link and j.type not in MOVING
-        )
-
-    def _branch(self, link: str) -> str:
-        return next(name for name in self._skeleton.joints_to(link) if name in self.ratios)
-
-    # ---- geometry, in the axes of the palm (columns of `axes`: x, y, z of the TCP)
-
-    def _points(self, link: str, drive: float) -> Array:
-        palm = self._skeleton.pose(self._hand.palm, {})
-        pose = palm.inverse() @ self._skeleton.pose(link, self._positions(drive))
-        return pose.apply(self._solids[link].points)
-
-    def _finger(self, n: int, drive: float, axes: Array) -> Array:
-        return self._points(self.links[n], drive) @ axes
-
-    def _gap_at(self, drive: float) -> float:
-        one, other = (self._points(link, drive) for link in self.links)
-        return float(np.linalg.norm(one.mean(axis=0) - other.mean(axis=0)))
-
     def _axes(self, opened: float) -> Array:
-        """(3, 3), columns x, y, z: z out of the hand, y along the closing towards the first finger."""
-        one, other = (self._points(link, opened) for link in self.links)
+        """Return axes (3, 3) with columns x, y, z: z out of the hand, y along the closing towards the first
+        finger."""
+        one, other = (self._motion.points(link, opened) for link in self.links)
         closing = _snapped(_unit(one.mean(axis=0) - other.mean(axis=0)))
-        # The tips are what is furthest from the palm, not the middle of fingers that lean.
+        # The tips are furthest from the palm, which the middle of leaning fingers is not.
         out = (one.mean(axis=0) + other.mean(axis=0)) / 2
         static = [self._solids[link].points for link in self._behind if link in self._solids]
         if static:
@@ -237,11 +137,11 @@ class GripperMeter:
         return np.column_stack([np.cross(closing, out), closing, out])
 
     def _levels(self, drive: float, axes: Array) -> tuple[_Level, _Level]:
-        """The faces with which the fingers look at each other."""
+        """Return the two faces with which the fingers face each other."""
         return self._level(0, drive, axes, 1.0), self._level(1, drive, axes, -1.0)
 
     def _level(self, n: int, drive: float, axes: Array, side: float) -> _Level:
-        points = self._finger(n, drive, axes)
+        points = self._motion.finger(n, drive, axes)
         triangles = self._solids[self.links[n]].triangles
         corners = points[triangles]
         normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -267,7 +167,7 @@ class GripperMeter:
         return _Level(side * float((side * face[:, 1]).min()), face.min(axis=0), face.max(axis=0))
 
     def _touching(self, opened: float, closed: float, axes: Array) -> float:
-        """Where the pads meet, between two positions of the drive."""
+        """Return the position of the drive at which the pads meet, between two positions."""
         for _ in range(40):
             middle = (opened + closed) / 2
             near, far = self._levels(middle, axes)
@@ -280,13 +180,15 @@ class GripperMeter:
     def _tcp(
         self, axes: Array, furthest: float, spread: float, near: _Level, far: _Level
     ) -> tuple[Pose, str]:
-        """In the palm's frame; a frame of the URDF that lies between the pads is taken as it is."""
+        """Return the TCP in the palm's frame, with a comment. A frame of the URDF between the pads is used as
+        it is."""
         low = (
             max(float(near.low[2]), float(far.low[2]))
             + furthest
             - max(float(near.high[2]), float(far.high[2]))
         )
-        # Fingers on knuckles draw their tips in as they open: the TCP stays behind the tips even then.
+        # Fingers on linkages retract their tips as they open: the TCP stays behind the tips even
+        # then.
         back = max(FROM_TIP, spread + BEHIND)
         z = furthest - min(back, max((furthest - low) / 2, 0.002))
         x = (float(near.low[0] + near.high[0]) + float(far.low[0] + far.high[0])) / 4
@@ -302,8 +204,6 @@ class GripperMeter:
                 break
         position = axes @ np.array([x, y, z])
         return Pose.from_rotation(_clean(position), axes), comment
-
-    # ---- putting it down
 
     def _described(
         self,
@@ -322,15 +222,15 @@ class GripperMeter:
         force, told = self._force(per_move)
         joint = self._skeleton.joints[self.drive]
         speed = min((joint.velocity or 0.1) * per_move, FASTEST)
-        static = [self._static(link) @ axes - shift for link in self._behind if link in self._solids]
+        static = [self._motion.static(link) @ axes - shift for link in self._behind if link in self._solids]
         palm_top = max((float(points[:, 2].max()) for points in static), default=-0.03)
         others = [
             link
             for link in self._skeleton.below(self._hand.palm)
             if link in self._solids and link not in (*self._behind, *self.links)
         ]
-        swept = [self._points(link, p) @ axes - shift for link in others for p in positions]
-        fingers = [self._finger(0, p, axes) - shift for p in positions]
+        swept = [self._motion.points(link, p) @ axes - shift for link in others for p in positions]
+        fingers = [self._motion.finger(0, p, axes) - shift for p in positions]
         return MeasuredGripper(
             sliders=sliders,
             drive=self.drive,
@@ -348,16 +248,13 @@ class GripperMeter:
             force_comment=told,
             speed=max(speed, 0.01),
             pads=(self._pad(0, axes, opened, 1.0), self._pad(1, axes, opened, -1.0)),
-            hand=_hand_boxes(static, swept, palm_top, widths[-1]),
-            finger=_finger_box(fingers, widths),
+            hand=hand_boxes(static, swept, palm_top, widths[-1]),
+            finger=finger_box(fingers, widths),
         )
 
-    def _static(self, link: str) -> Array:
-        palm = self._skeleton.pose(self._hand.palm, {})
-        return (palm.inverse() @ self._skeleton.pose(link, {})).apply(self._solids[link].points)
-
     def _sliders(self, closed: float, opened: float, widths: list[float]) -> tuple[str, str] | None:
-        """The two joints when the opening is the sum of their positions, which is the simpler form."""
+        """Return the two sliding joints when the opening is the sum of their positions, which is the simpler
+        form; else None."""
         names = tuple(self.ratios)
         if len(names) != 2 or any(self._skeleton.joints[n].type != "prismatic" for n in names):
             return None
@@ -366,7 +263,7 @@ class GripperMeter:
         fits = abs(widths[-1] - 2 * opened) < 1.5e-3 and widths[0] < 1.5e-3
         if not (simple and fits):
             return None
-        return names if self._branch(self.links[0]) == names[0] else (names[1], names[0])
+        return names if self._motion.branch(self.links[0]) == names[0] else (names[1], names[0])
 
     def _force(self, per_move: float) -> tuple[float, str]:
         effort = self._skeleton.joints[self.drive].effort or 0.0
@@ -380,9 +277,9 @@ class GripperMeter:
         return force, "From the URDF's effort"
 
     def _pad(self, n: int, axes: Array, opened: float, side: float) -> tuple[Box, Pose]:
-        """In the frame of the finger's link, with edges along the axes of the TCP."""
+        """Return a pad's box in the frame of its finger link, with edges along the axes of the TCP."""
         level = self._level(n, opened, axes, side)
-        points = self._finger(n, opened, axes)
+        points = self._motion.finger(n, opened, axes)
         beside = points[
             (points[:, 2] >= level.low[2] - FLAT)
             & (points[:, 0] >= level.low[0] - FLAT)
@@ -390,7 +287,7 @@ class GripperMeter:
         ]
         behind = float((side * beside[:, 1]).max()) - side * level.y if len(beside) else THINNEST
         depth = min(max(behind, THINNEST), THICKEST)
-        # Up to the tip: a rounded edge there belongs to what can press.
+        # The pad extends to the tip: a rounded edge there can press, too.
         top = (
             float(points[:, 2].max())
             if float(points[:, 2].max()) - level.high[2] < 0.003
@@ -400,83 +297,9 @@ class GripperMeter:
         size = (max(float(high[0] - low[0]), 0.004), depth, max(top - float(low[2]), 0.004))
         centre = np.array([(low[0] + high[0]) / 2, level.y + side * depth / 2, (low[2] + top) / 2])
         palm = self._skeleton.pose(self._hand.palm, {})
-        finger = palm.inverse() @ self._skeleton.pose(self.links[n], self._positions(opened))
+        finger = palm.inverse() @ self._skeleton.pose(self.links[n], self._motion.positions(opened))
         placed = Pose.from_rotation(_clean(axes @ centre), axes)
         return Box(size), finger.inverse() @ placed
-
-    def _refuse(self, found: str, missing: str, helps: str = "") -> None:
-        link = self._hand.palm
-        helps = helps or f"another gripper: --gripper URDF:LINK --mount {link}"
-        raise UnsuitableUrdf(self._source, found, missing, helps)
-
-
-def _hand_boxes(
-    static: list[Array], swept: list[Array], top: float, widest: float
-) -> tuple[tuple[Box, Pose], ...]:
-    """Boxes around the hand behind its palm, and around what sticks out beside the open fingers."""
-    boxes: list[tuple[Box, Pose]] = []
-    below = [points[points[:, 2] <= top] for points in swept]
-    points = (
-        np.concatenate([*static, *(b for b in below if len(b))]) if static or any(map(len, below)) else None
-    )
-    if points is not None and len(points) >= 4:
-        bottom = float(points[:, 2].min())
-        edges = _hull_edges(points)
-        count = SLABS if top - bottom > 0.03 else 1
-        bounds = np.linspace(top, bottom, count + 1)
-        for high, low in pairwise(bounds.tolist()):
-            inside = _between(edges, low, high)
-            if len(inside):
-                boxes.append(_box(inside.min(axis=0), inside.max(axis=0), low, high))
-    for side in (1.0, -1.0):
-        beside = [p[(p[:, 2] > top) & (side * p[:, 1] >= widest / 2)] for p in swept]
-        beside = [p for p in beside if len(p)]
-        if beside:
-            whole = np.concatenate(beside)
-            low, high = whole.min(axis=0), whole.max(axis=0)
-            boxes.append(_box(low, high, float(low[2]), float(high[2])))
-    if not boxes:
-        boxes.append((Box((0.04, 0.04, 0.02)), Pose((0.0, 0.0, top - 0.01))))
-    return tuple(boxes)
-
-
-def _finger_box(fingers: list[Array], widths: list[float]) -> tuple[Box, Pose]:
-    """Around the +y finger at every opening, moved back by half of it."""
-    moved = np.concatenate(
-        [points - [0.0, width / 2, 0.0] for points, width in zip(fingers, widths, strict=True)]
-    )
-    low, high = moved.min(axis=0), moved.max(axis=0)
-    low[1] = max(low[1], 0.0)
-    return _box(low, high, float(low[2]), float(high[2]))
-
-
-def _box(low: Array, high: Array, bottom: float, top: float) -> tuple[Box, Pose]:
-    size = (float(high[0] - low[0]), float(high[1] - low[1]), top - bottom)
-    centre = (float(low[0] + high[0]) / 2, float(low[1] + high[1]) / 2, (bottom + top) / 2)
-    return Box((max(size[0], 1e-3), max(size[1], 1e-3), max(size[2], 1e-3))), Pose(centre)
-
-
-def _hull_edges(points: Array) -> Array:
-    """(m, 2, 3): the edges of the convex hull."""
-    try:
-        hull = ConvexHull(points)
-    except (RuntimeError, ValueError):
-        return np.stack([points, points], axis=1)
-    pairs = np.concatenate([hull.simplices[:, [0, 1]], hull.simplices[:, [1, 2]], hull.simplices[:, [2, 0]]])
-    return points[pairs]
-
-
-def _between(edges: Array, low: float, high: float) -> Array:
-    """Points (k, 3) of the edges' parts between two heights."""
-    found: list[Array] = []
-    for z in (low, high):
-        a, b = edges[:, 0], edges[:, 1]
-        across = (a[:, 2] - z) * (b[:, 2] - z) < 0
-        share = (z - a[across, 2]) / (b[across, 2] - a[across, 2])
-        found.append(a[across] + share[:, None] * (b[across] - a[across]))
-    ends = edges.reshape(-1, 3)
-    found.append(ends[(ends[:, 2] >= low - 1e-9) & (ends[:, 2] <= high + 1e-9)])
-    return np.concatenate(found)
 
 
 def _unit(vector: Array) -> Array:
@@ -484,7 +307,7 @@ def _unit(vector: Array) -> Array:
 
 
 def _snapped(direction: Array) -> Array:
-    """An axis of the frame, when the direction is nearly that."""
+    """Return the nearest axis of the frame when the direction is close to it, else the direction."""
     k = int(np.abs(direction).argmax())
     if abs(float(direction[k])) < SNAP:
         return direction

@@ -1,4 +1,4 @@
-"""Whether a link can have the mass and inertia that its URDF gives it."""
+"""Check of the mass and inertia that a URDF gives its links, and replacements for impossible values."""
 
 from __future__ import annotations
 
@@ -16,22 +16,22 @@ from ...world.values import Array, Pose, Vector3
 from .link_points import LinkGeometry
 
 DENSITY = 1000.0
-"""Of a link whose mass nobody gives, kg/m³."""
+"""Density assumed for a link without a given mass, kg/m³."""
 LIGHTEST, HEAVIEST = 50.0, 20_000.0
-"""Densities beyond which a mass is told as implausible, kg/m³: foam, and what no machine is made of."""
+"""Least and greatest plausible density, kg/m³: foam, and denser than any machine."""
 SLENDER = 0.99
-"""The largest principal moment of a link put right, as a share of the sum of the two others."""
+"""Largest principal moment of a corrected link, as a share of the sum of the two others."""
 WIDEST = 2.0
-"""Radius of gyration, in half diagonals of the link, from which on an inertia is told as implausible."""
+"""Radius of gyration above which an inertia is implausible, in half diagonals of the link."""
 AT_LEAST = 1e-9
-"""kg·m²"""
+"""Least principal moment, kg·m²."""
 
 Kind = Literal["missing", "zero", "impossible", "implausible"]
 
 
 @dataclass(frozen=True, slots=True)
 class InertiaFinding:
-    """What is wrong with a link, and what it gets instead; None where it is only told."""
+    """Finding about a link's inertia, and its replacement; None: the finding is reported only."""
 
     link: str
     kind: Kind
@@ -42,7 +42,7 @@ class InertiaFinding:
 def check_inertias(
     root: ElementTree.Element, skeleton: UrdfTree, solids: Mapping[str, LinkGeometry]
 ) -> tuple[InertiaFinding, ...]:
-    """Of all links that joints move, in the order of the file; what stands still may weigh what it likes."""
+    """Check all links that joints move, in the order of the file; static links are not checked."""
     found: list[InertiaFinding] = []
     moved = {joint.child for joint in skeleton.joints.values() if joint.type in MOVING}
     carried = {
@@ -66,7 +66,7 @@ def _finding(
     given = _read(element)
     if given is None or given[0] <= 0.0:
         if not moves:
-            return None  # what is fixed to a link weighs nothing of its own
+            return None  # a link fixed to another may have no mass of its own
         kind: Kind = "missing" if given is None else "zero"
         what = "has no <inertial>" if given is None else f"weighs {given[0]:g} kg"
         instead = _from_solid(solid)
@@ -114,7 +114,8 @@ def _finding(
 
 
 def _read(link: ElementTree.Element) -> tuple[float, Vector3, Array] | None:
-    """Mass, centre and inertia (3, 3) in the axes of the link; None when one is missing or no number."""
+    """Return mass, kg, centre, m, and inertia (3, 3), kg·m², in the axes of the link; None when one is
+    missing or no number."""
     inertial = link.find("inertial")
     if inertial is None:
         return None
@@ -139,7 +140,7 @@ def _read(link: ElementTree.Element) -> tuple[float, Vector3, Array] | None:
 
 
 def read_inertia(link: ElementTree.Element) -> LinkInertia | None:
-    """What the URDF says of a link; None when it says nothing that can be read."""
+    """Return the inertia that the URDF gives a link; None when it has none that can be read."""
     given = _read(link)
     return None if given is None else _inertia(*given)
 
@@ -151,7 +152,7 @@ def _from_solid(solid: LinkGeometry | None) -> LinkInertia:
 
 
 def _scaled(solid: LinkGeometry, mass: float) -> LinkInertia:
-    """Of a box around the link with that mass."""
+    """Return the inertia of a box around the link with a given mass, kg."""
     low, high = solid.points.min(axis=0), solid.points.max(axis=0)
     x, y, z = (float(s) for s in high - low)
     cx, cy, cz = (float(c) for c in (low + high) / 2)

@@ -1,4 +1,4 @@
-"""Which joints are the arm, and which move the fingers: what MoveIt calls planning groups."""
+"""Planning groups, as MoveIt calls them: the joints of the arm, and those of the fingers."""
 
 from __future__ import annotations
 
@@ -11,19 +11,20 @@ from ...robots.urdf_tree import MOVING, UrdfJoint, UrdfTree
 from .urdf_source import UnsuitableUrdf
 
 FEWEST = 5
-"""Joints that an arm needs to put its tool upright at any place and turn it: three, one and one."""
+"""Least number of joints of an arm that puts its tool upright at any place and turns it: three, one and
+one."""
 LIMB = 3
-"""Joints from which on a chain is told as a limb."""
+"""Least number of joints of a chain that is reported as a limb."""
 _JAW = re.compile(r"jaw|gripper|finger|claw", re.IGNORECASE)
 
 
 @dataclass(frozen=True, slots=True)
 class HandGroup:
-    """Joints that move fingers, all of which hang on `palm`."""
+    """Joints that move fingers, all mounted on `palm`."""
 
     palm: str
     drives: tuple[str, ...]
-    """Joints that follow no other."""
+    """Joints that mimic no other."""
     followers: tuple[str, ...]
     """Joints that mimic one of `drives`."""
 
@@ -34,7 +35,7 @@ class HandGroup:
 
 @dataclass(frozen=True, slots=True)
 class ArmGroup:
-    """The joints of an arm from the base on, and the link that the last one moves."""
+    """Joints of an arm from the base on, and the link that the last one moves."""
 
     joints: tuple[str, ...]
     base: str
@@ -43,7 +44,7 @@ class ArmGroup:
 
 @dataclass(frozen=True, slots=True)
 class PlanningGroups:
-    """An arm and the hand at its end; None when there is none."""
+    """Arm, and the hand at its end; None: there is no hand."""
 
     arm: ArmGroup
     hand: HandGroup | None
@@ -52,9 +53,10 @@ class PlanningGroups:
 def find_groups(
     source: str, skeleton: UrdfTree, base: str | None = None, tip: str | None = None
 ) -> PlanningGroups:
-    """Raises Unsuitable when there is no arm, when there are several, or when the one there is will not do.
+    """Find the arm and its hand.
 
-    `base`, `tip`: links between which the arm is, instead of what would be found.
+    `base`, `tip`: links between which the arm is, instead of a search. Raises UnsuitableUrdf when there is no
+    arm, when there are several, or when the arm is unsuitable.
     """
     for name in (base, tip):
         if name is not None and name not in skeleton.links:
@@ -77,7 +79,8 @@ def find_groups(
 
 
 def find_hand(source: str, skeleton: UrdfTree, link: str | None) -> tuple[HandGroup, str]:
-    """The hand of a gripper's URDF and the link from which on it is taken; raises Unsuitable."""
+    """Return the hand of a gripper's URDF, and the link from which it is taken. Raises UnsuitableUrdf when it
+    has no such hand."""
     if link is not None and link not in skeleton.links:
         hint = suggest_name(link, skeleton.links)
         raise UnsuitableUrdf(
@@ -99,7 +102,7 @@ def find_hand(source: str, skeleton: UrdfTree, link: str | None) -> tuple[HandGr
 
 
 def _hands(skeleton: UrdfTree) -> Iterator[HandGroup]:
-    """Every set of finger joints: leaves of the tree that mimic each other, or two that move alike."""
+    """Return every set of finger joints: leaves of the tree that mimic each other, or two that move alike."""
     found: list[set[str]] = []
     for name, joint in skeleton.joints.items():
         if joint.mimic is not None and joint.type in MOVING:
@@ -127,7 +130,7 @@ def _hands(skeleton: UrdfTree) -> Iterator[HandGroup]:
 
 
 def _merged(skeleton: UrdfTree, groups: list[set[str]]) -> list[set[str]]:
-    """Groups that hang on the same palm are one hand."""
+    """Merge groups on the same palm into one hand."""
     by_palm: dict[str, set[str]] = {}
     for group in groups:
         known = [name for name in skeleton.joints if name in group]
@@ -137,7 +140,8 @@ def _merged(skeleton: UrdfTree, groups: list[set[str]]) -> list[set[str]]:
 
 
 def _is_finger(skeleton: UrdfTree, name: str) -> bool:
-    """Whether a joint moves a leaf of the tree, and hangs on something that other joints move."""
+    """Return whether a joint moves a leaf of the tree and is mounted on a link that other joints move, or
+    slides."""
     joint = skeleton.joints[name]
     if joint.type not in ("prismatic", "revolute"):
         return False
@@ -150,7 +154,7 @@ def _is_finger(skeleton: UrdfTree, name: str) -> bool:
 
 
 def _mount(skeleton: UrdfTree, name: str) -> str:
-    """The link behind fixed joints that carries a joint."""
+    """Return the link that carries a joint, with fixed joints in between skipped."""
     link = skeleton.joints[name].parent
     while True:
         holder = next((j for j in skeleton.joints.values() if j.child == link), None)
@@ -160,7 +164,7 @@ def _mount(skeleton: UrdfTree, name: str) -> str:
 
 
 def _common(skeleton: UrdfTree, joints: list[str]) -> str:
-    """The last link that carries all of these joints, without fixed links that only one way goes through."""
+    """Return the last link that carries all of these joints."""
     chains: list[list[str]] = []
     for name in joints:
         above = [skeleton.joints[j].parent for j in (*skeleton.above(name), name)]
@@ -170,7 +174,7 @@ def _common(skeleton: UrdfTree, joints: list[str]) -> str:
 
 
 def _carries(skeleton: UrdfTree, link: str, other: str) -> bool:
-    """Whether `other` is `link` or hangs on it by fixed joints alone."""
+    """Return whether `other` is `link` or is mounted on it by fixed joints alone."""
     names = skeleton.joints_to(other)
     start = skeleton.joints_to(link)
     if names[: len(start)] != start:
@@ -220,7 +224,8 @@ def _arm_to(
 
 
 def _only_chain(source: str, skeleton: UrdfTree, base: str | None) -> ArmGroup:
-    """The longest chain of joints, when there is one that is clearly it."""
+    """Return the longest chain of joints as the arm. Raises UnsuitableUrdf when it is not clearly the only
+    one."""
     parents = {joint.parent for joint in skeleton.joints.values()}
     leaves = [link for link in skeleton.links if link not in parents]
     chains = {_moving_to(skeleton, leaf, base): leaf for leaf in reversed(leaves)}

@@ -1,4 +1,4 @@
-"""What the joints of an arm may do, as far as a URDF tells it."""
+"""Joint limits of an arm, as far as a URDF gives them, with estimates for the rest."""
 
 from __future__ import annotations
 
@@ -12,27 +12,28 @@ from ...robots.urdf_tree import UrdfJoint, UrdfTree
 from ...world.values import Array
 
 RESERVE = math.radians(2.0)
-"""Kept from a joint's limits where the URDF has no soft limits, rad; never more than RESERVE_SHARE."""
+"""Distance kept from a joint's limits where the URDF has no soft limits, rad; never more than
+RESERVE_SHARE."""
 RESERVE_SHARE = 0.01
-"""Of the range of the joint."""
+"""Greatest distance kept from a joint's limits, as a share of its range."""
 ENDLESS = 2 * math.pi
-"""Range to either side of a joint that turns without end, rad: cables do not."""
+"""Range to either side of a joint without limits, rad: cables do not turn without end."""
 FASTEST = math.pi
-"""Velocity beyond which the URDF's number is not believed, rad/s."""
+"""Greatest plausible velocity, rad/s; a higher one of the URDF is replaced."""
 USUAL_VELOCITY = 1.0
-"""Where the URDF gives none, rad/s."""
+"""Velocity of a joint for which the URDF gives none, rad/s."""
 SHARE = 0.5
-"""Of the torque that gravity leaves, with which an acceleration is estimated."""
+"""Share of the torque left by gravity with which an acceleration is estimated."""
 SOONEST = 0.3
-"""Time in which no joint reaches its velocity, s: it bounds the estimated acceleration."""
+"""Least time in which a joint reaches its velocity, s: it bounds the estimated acceleration."""
 SLOWEST = 0.5
-"""Acceleration that every joint is trusted with, rad/s²."""
+"""Least acceleration that is proposed for a joint, rad/s²."""
 SAMPLES = 300
 
 
 @dataclass(frozen=True, slots=True)
 class ProposedLimits:
-    """Of one joint, rad, rad/s, rad/s², Nm; `comment` says what is not simply the URDF's."""
+    """Proposed limits of one joint, rad, rad/s, rad/s², Nm; `comment` gives the origin of the values."""
 
     name: str
     lower: float
@@ -44,7 +45,7 @@ class ProposedLimits:
 
 
 def propose_limits(skeleton: UrdfTree, joints: tuple[str, ...]) -> tuple[ProposedLimits, ...]:
-    """From the URDF alone; accelerations and missing torques are still to be estimated."""
+    """Propose limits from the URDF alone; accelerations and missing torques are estimated later."""
     return tuple(_proposed(name, skeleton.joints[name]) for name in joints)
 
 
@@ -80,9 +81,11 @@ def _proposed(name: str, joint: UrdfJoint) -> ProposedLimits:
 def estimate(
     model: RobotModel, given: tuple[ProposedLimits, ...], seed: int = 0
 ) -> tuple[ProposedLimits, ...]:
-    """Accelerations: half of the torque that gravity leaves, over the largest inertia that the joint sees.
+    """Estimate accelerations: half of the torque that gravity leaves, over the largest inertia that the joint
+    sees.
 
-    Both are the largest of random configurations. No joint gets to its velocity in less than SOONEST.
+    Gravity torque and inertia are the largest of random configurations. No joint reaches its velocity in less
+    than SOONEST.
     """
     generator = np.random.default_rng([seed, 3])
     gravity: Array = np.zeros(model.n)

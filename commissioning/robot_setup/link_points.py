@@ -1,4 +1,4 @@
-"""The links of a robot as points: the corners of their collision geometry, in the frame of each link."""
+"""Link geometry as points: corners and triangles of the collision geometry in the frame of each link."""
 
 from __future__ import annotations
 
@@ -22,20 +22,20 @@ from .urdf_source import UnsuitableUrdf
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LinkGeometry:
-    """A link's collision geometry: vertices (n, 3) and triangles (k, 3) in its frame."""
+    """Collision geometry of a link: vertices (n, 3) and triangles (k, 3) in its frame."""
 
     points: Array
     triangles: NDArray[np.int64]
 
     def hull(self) -> Array:
-        """The corners (m, 3) of its convex hull; all points of something flat."""
+        """Return the corners (m, 3) of the convex hull; all points when the geometry is flat."""
         try:
             return self.points[ConvexHull(self.points).vertices]
         except (RuntimeError, ValueError):
             return self.points
 
     def volume(self) -> float:
-        """Of the convex hull, m³; 0 of something flat."""
+        """Return the volume of the convex hull, m³; 0 when the geometry is flat."""
         try:
             return float(ConvexHull(self.points).volume)
         except (RuntimeError, ValueError):
@@ -43,14 +43,14 @@ class LinkGeometry:
 
 
 def missing_meshes(urdf: Path) -> tuple[str, ...]:
-    """The meshes that the URDF names and that are nowhere, as it names them, each once."""
+    """Return the meshes that the URDF names and that do not exist, as it names them, each once."""
     root = parsed_urdf(urdf)
     named = dict.fromkeys(mesh.get("filename", "") for mesh in root.iter("mesh"))
     return tuple(name for name in named if mesh_file(urdf, name) is None)
 
 
 def refuse_missing_meshes(source: str, urdf: Path) -> None:
-    """Raises Unsuitable with all of them."""
+    """Raise UnsuitableUrdf with all missing meshes, if there are any."""
     missing = missing_meshes(urdf)
     if not missing:
         return
@@ -66,7 +66,8 @@ def refuse_missing_meshes(source: str, urdf: Path) -> None:
 
 
 def read_solids(urdf: Path) -> Mapping[str, LinkGeometry]:
-    """By link; links without collision geometry are left out. Raises PicktreeError for unusable geometry."""
+    """Read the collision geometry by link; links without any are left out. Raises PicktreeError for unusable
+    geometry."""
     parts: dict[str, list[LinkGeometry]] = {}
     for element in link_geometry(str(urdf), "collision"):
         parts.setdefault(element.link, []).append(_solid(element))

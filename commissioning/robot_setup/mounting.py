@@ -1,4 +1,4 @@
-"""Where a gripper of another URDF goes: on which link of the arm, how far out, turned which way."""
+"""Mounting of a gripper from another URDF: link of the arm, distance and orientation."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from .urdf_source import UnsuitableUrdf, UrdfSource
 JOINT = "mount"
 """Name of the joint that holds the gripper."""
 PREFIX = "gripper_"
-"""Of the gripper's names, where the arm has the same ones."""
+"""Prefix of the gripper's names when the arm has the same ones."""
 FLANGES = ("tool0", "flange", "ee_link", "tool", "tcp", "hand", "ee")
-"""Names by which flanges go, the best first."""
+"""Usual names of flange links, the best first."""
 
 
 def find_mounting(
@@ -30,7 +30,8 @@ def find_mounting(
     link: str | None,
     to: str | None,
 ) -> GripperMount:
-    """Raises Unsuitable when the gripper is none, or the link is not at the end of the arm."""
+    """Find the mounting of a gripper on an arm. Raises UnsuitableUrdf when the gripper is none, or the arm
+    has no such link."""
     _, first = find_hand(gripper.text, gripper.skeleton, link)
     carrier = to or _flange(arm_source.skeleton, arm)
     skeleton = arm_source.skeleton
@@ -51,7 +52,7 @@ def find_mounting(
 
 
 def _flange(skeleton: UrdfTree, arm: ArmGroup) -> str:
-    """What is fixed to the last link and goes by the name of a flange; else the last link."""
+    """Return the link with a flange's name that is fixed to the last link; else the last link."""
     fixed = [link for link in skeleton.below(arm.tip) if not _moves(skeleton, arm.tip, link)]
     for name in FLANGES:
         for link in fixed:
@@ -66,7 +67,7 @@ def _moves(skeleton: UrdfTree, above: str, link: str) -> bool:
 
 
 def _face(skeleton: UrdfTree, arm: ArmGroup, solids: Mapping[str, LinkGeometry], carrier: str) -> Pose:
-    """The gripper's z out along the axis of the last joint, on the face of what is there."""
+    """Return the gripper's pose on the carrier: z out along the axis of the last joint, on the outer face."""
     last = skeleton.joints[arm.joints[-1]]
     moved = skeleton.pose(last.child, {})
     at = skeleton.pose(carrier, {})
@@ -78,7 +79,7 @@ def _face(skeleton: UrdfTree, arm: ArmGroup, solids: Mapping[str, LinkGeometry],
         for link in fixed
         if not _moves(skeleton, last.child, link)
     ]
-    # Out is where the flange is, seen from the joint; where they are in one place, where the link is.
+    # Outwards is from the joint to the flange; where both coincide, from the joint to the links' points.
     ahead = -origin @ axis
     if abs(ahead) < 1e-4 and points:
         ahead = float((np.concatenate(points) @ axis).mean() - origin @ axis)

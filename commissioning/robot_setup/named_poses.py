@@ -1,4 +1,4 @@
-"""Named poses for an arm that has none: tool down, easy to move from, away from limits and from itself."""
+"""Named poses proposed for an arm: tool down, far from singularities, from limits and from self-collision."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from ...robots.model import RobotModel
 from ...world.values import Array, Pose
 
 YAWS = 8
-"""Directions of the fingers that are tried."""
+"""Number of finger directions that are tried."""
 NEAR = (0.36, 0.42, 0.48, 0.3)
 """Horizontal distances of the tool from the base that are tried for `home`, as shares of the reach."""
 HIGH = (0.5, 0.42, 0.58, 0.35, 0.65)
@@ -20,14 +20,14 @@ HIGH = (0.5, 0.42, 0.58, 0.35, 0.65)
 FOLDED_NEAR = (0.3, 0.36, 0.42)
 FOLDED_HIGH = (0.55, 0.65, 0.45, 0.75)
 SEEDS = 4
-"""Random configurations from which a pose is searched."""
+"""Number of random configurations from which inverse kinematics starts."""
 TURN = np.pi / 2
-"""By which the arm turns away from the table to let a camera see it, rad."""
+"""Rotation of the first joint that moves the arm out of a camera's view of the table, rad."""
 
 
 @dataclass(frozen=True, slots=True)
 class NamedPose:
-    """A configuration (n,) that is proposed, and why."""
+    """Proposed configuration (n,), rad, with a comment."""
 
     name: str
     joints: tuple[float, ...]
@@ -41,7 +41,8 @@ class _Posture:
 
 
 def reach(model: RobotModel, samples: int = 2000, seed: int = 0) -> float:
-    """How far from the first joint's axis the tool gets, m: the 99th percentile of random configurations."""
+    """Return the tool's reach from the first joint's axis, m: the 99th percentile of random
+    configurations."""
     generator = np.random.default_rng([seed, 1])
     base = model.description.base_in_world.inverse()
     found = [
@@ -52,9 +53,9 @@ def reach(model: RobotModel, samples: int = 2000, seed: int = 0) -> float:
 
 
 def propose_poses(model: RobotModel, free: Callable[[Array], bool], seed: int = 0) -> tuple[NamedPose, ...]:
-    """`home`, `observe` and `rest`; what cannot be had as it should be says so in its comment.
+    """Propose `home`, `observe` and `rest`; the comment says when a pose is a substitute.
 
-    `free` says whether a configuration (n,) collides with nothing of the robot itself.
+    `free` returns whether a configuration (n,) is free of self-collision.
     """
     most = reach(model, seed=seed)
     search = _Search(model, free, seed)
@@ -107,7 +108,8 @@ class _Search:
     def best(
         self, most: float, near: tuple[float, ...], high: tuple[float, ...], *, folded: bool = False
     ) -> Array | None:
-        """The configuration of greatest worth with the tool down, in front of the base."""
+        """Return the free configuration of greatest value with the tool down in front of the base; None:
+        there is none."""
         found: list[_Posture] = []
         for share in near:
             for height in high:
@@ -126,7 +128,8 @@ class _Search:
         return None
 
     def anywhere(self) -> Array:
-        """The configuration of greatest worth among random ones."""
+        """Return the free configuration of greatest value among random ones, or the best of all when none is
+        free."""
         model = self._model
         drawn = [self._generator.uniform(model.planned_lower, model.planned_upper) for _ in range(500)]
         drawn.sort(key=lambda q: (-self._value(q), tuple(q)))
@@ -144,7 +147,8 @@ class _Search:
         return [q for seed in seeds if (q := self._ik.descend(tool, seed)) is not None]
 
     def _value(self, q: Array) -> float:
-        """Greater for a configuration far from singularities and limits, whose first joint looks ahead."""
+        """Return the value of a configuration: greater far from singularities and limits, with the first
+        joint ahead."""
         model = self._model
         singular = np.linalg.svd(model.jacobian(q), compute_uv=False)
         spread = model.upper - model.lower

@@ -1,4 +1,4 @@
-"""A robot file for a URDF, as MoveIt's Setup Assistant makes a configuration: everything is proposed."""
+"""Robot file proposed for a URDF, as MoveIt's Setup Assistant proposes a configuration."""
 
 from __future__ import annotations
 
@@ -33,21 +33,21 @@ from .self_collision import SAMPLES, SamplingTask, SelfCollisionReport, sample
 from .urdf_source import UnsuitableUrdf, UrdfSource, find_source
 
 ROTOR = 0.003
-"""Moment of a linkage's links at least, kg·m²: what the motor's rotor adds through its gear."""
+"""Least moment of a linkage's links, kg·m²: the motor's rotor adds it through its gear."""
 
 
 @dataclass(frozen=True, slots=True)
 class ProposalRequest:
-    """What a robot file is wanted for."""
+    """Request for a proposed robot file."""
 
     urdf: str
-    """A path, or `package:path`."""
+    """URDF: a path, or `package:path`."""
     file: Path
-    """Where the robot file will stand: paths in it count from there."""
+    """Path of the robot file; paths in it are relative to its folder."""
     gripper: str | None = None
-    """`URDF` or `URDF:LINK` of a gripper to be mounted."""
+    """Gripper to mount, `URDF` or `URDF:LINK`; None: the URDF's own."""
     mount: str | None = None
-    """The link of the arm that carries it."""
+    """Link of the arm that carries the gripper; None: the flange."""
     base: str | None = None
     tip: str | None = None
     samples: int = SAMPLES
@@ -56,7 +56,7 @@ class ProposalRequest:
 
 @dataclass(frozen=True, slots=True)
 class Proposal:
-    """A draft, written out, which the checker has accepted."""
+    """Proposed robot file: a draft, its text, and the description read back from it."""
 
     draft: RobotDraft
     text: str
@@ -64,9 +64,9 @@ class Proposal:
 
 
 def propose(wish: ProposalRequest) -> Proposal:
-    """Raises Unsuitable for what cannot be used, PicktreeError for files that are not there.
+    """Propose a robot file. The same request gives the same text, in any process.
 
-    The same wish gives the same text, in any process.
+    Raises UnsuitableUrdf for an unsuitable URDF, PicktreeError for missing files.
     """
     draft = _drafted(wish)
     first = _parsed(robot_file_text(replace(draft, poses=(_middle(draft),))), wish)
@@ -123,7 +123,7 @@ def _drafted(wish: ProposalRequest) -> RobotDraft:
 
 
 def _gripper_named(text: str) -> tuple[str, str | None]:
-    """`URDF:LINK` apart; a colon before a path is that of a package."""
+    """Split `URDF:LINK`; a colon before a path is that of a package."""
     head, colon, tail = text.rpartition(":")
     if colon and "/" not in tail and not tail.endswith((".urdf", ".xacro")):
         return head, tail
@@ -168,14 +168,16 @@ def _of_whole(
 
 
 def _named(text: str, urdf: NamedUrdf, file: Path) -> str:
-    """As the robot file names a URDF: `package:path` as given, a path from the robot file's folder."""
+    """Return a URDF's name in the robot file: `package:path` as given, else a path relative to the file's
+    folder."""
     if urdf.package:
         return text
     return Path(os.path.relpath(urdf.path.resolve(), file.resolve().parent)).as_posix()
 
 
 def _flange(source: str, skeleton: UrdfTree, arm: ArmGroup, hand: HandGroup) -> str:
-    """The fixed joint nearest to the hand's palm, behind the last joint of the arm."""
+    """Return the fixed joint nearest to the hand's palm, after the last joint of the arm. Raises
+    UnsuitableUrdf when there is none."""
     names = skeleton.joints_to(hand.palm)
     last = names.index(arm.joints[-1]) if arm.joints[-1] in names else -1
     fixed = [name for name in names[last + 1 :] if skeleton.joints[name].type == "fixed"]
@@ -190,7 +192,7 @@ def _flange(source: str, skeleton: UrdfTree, arm: ArmGroup, hand: HandGroup) -> 
 
 
 def _behind(skeleton: UrdfTree, flange: str, hand: HandGroup) -> tuple[str, ...]:
-    """Links of the hand that no finger joint moves."""
+    """Return the links of the hand that no finger joint moves."""
     first = skeleton.joints[flange].child
     moved: set[str] = set()
     for name in hand.joints:
@@ -205,7 +207,7 @@ def _rotors(
     solids: Mapping[str, LinkGeometry],
     known: Mapping[str, LinkInertia],
 ) -> dict[str, LinkInertia]:
-    """What a linkage's motor adds to its links, where they turn more easily than that."""
+    """Return raised inertias of a linkage's links whose moments are below that of the motor's rotor."""
     links = {link.get("name", ""): link for link in root.findall("link")}
     found: dict[str, LinkInertia] = {}
     for name in meter.ratios:
@@ -218,7 +220,7 @@ def _rotors(
 
 
 def _middle(draft: RobotDraft) -> NamedPose:
-    """As near to 0 as the limits let: to read the file before poses are known."""
+    """Return the configuration nearest to 0 within the limits: a placeholder until poses are known."""
     joints = tuple(min(max(0.0, j.lower), j.upper) for j in draft.limits)
     return NamedPose("home", joints, "")
 
@@ -268,7 +270,8 @@ def _sampled(model: RobotModel, draft: RobotDraft, wish: ProposalRequest) -> Sel
 
 
 def _joints_between(skeleton: UrdfTree, pair: frozenset[str]) -> int:
-    """Joints that move between two links of one chain; many where they are on different branches."""
+    """Return the number of moving joints between two links of one chain; all joints for links on different
+    branches."""
     one, other = sorted(pair, key=lambda link: len(skeleton.joints_to(link)))
     between = skeleton.joints_to(other)[len(skeleton.joints_to(one)) :]
     if skeleton.joints_to(other)[: len(skeleton.joints_to(one))] != skeleton.joints_to(one):
@@ -277,7 +280,7 @@ def _joints_between(skeleton: UrdfTree, pair: frozenset[str]) -> int:
 
 
 def _adjacent(skeleton: UrdfTree, pair: frozenset[str], solid: frozenset[str]) -> bool:
-    """Whether one joint that moves is between two links, and no other link with geometry."""
+    """Return whether one moving joint is between two links, and no other link with geometry."""
     one, other = sorted(pair, key=lambda link: len(skeleton.joints_to(link)))
     between = skeleton.joints_to(other)[len(skeleton.joints_to(one)) :]
     if skeleton.joints_to(other)[: len(skeleton.joints_to(one))] != skeleton.joints_to(one):

@@ -1,4 +1,4 @@
-"""A draft as a robot file, with comments that say where everything comes from."""
+"""Writer of robot files: a draft as YAML, with comments on the origin of the values."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _WHY = {
 
 
 def robot_file_text(draft: RobotDraft) -> str:
-    """The text of the file; every number is given with enough digits to be read back as it was."""
+    """Return the text of the file."""
     return "\n".join(_lines(draft)) + "\n"
 
 
@@ -175,7 +175,7 @@ def _box(box: Box, pose: Pose) -> str:
 
 
 def _frame(pose: Pose, spread: str = "") -> str:
-    """`at: …, rpy: …`, without what is 0; on two lines when `spread` is an indent."""
+    """Return `at: …, rpy: …` without zero parts; on two lines when `spread` is an indent."""
     at = f"at: [{', '.join(_mm(c) for c in pose.position)}]"
     rpy = [0.0 if abs(a) < 1e-7 else a for a in rpy_of(pose)]
     if not any(rpy):
@@ -206,7 +206,7 @@ def _list(numbers: Sequence[float]) -> str:
 
 
 def _word(text: str) -> str:
-    """A string as YAML reads it back: plain where that is safe."""
+    """Return a string as YAML: plain where that is safe, else quoted."""
     plain = text.replace("_", "").replace(":", "").replace("/", "").replace(".", "").replace("-", "")
     safe = plain.isascii() and plain.isalnum() and text[0].isalpha() and ": " not in text
     keyword = text.lower() in ("true", "false", "null", "yes", "no", "on", "off", "y", "n")

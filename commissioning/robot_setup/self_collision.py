@@ -1,8 +1,9 @@
-"""Which pairs of links need checking: adjacent ones never, those that always or never meet neither.
+"""Self-collision sampling: which pairs of links need no check.
 
-As MoveIt's Setup Assistant does it: configurations are drawn evenly within the joints' limits, and each pair
-of links is counted as colliding or not. Coleman et al., "Reducing the Barrier to Entry of Complex Robotic
-Software: a MoveIt! Case Study", 2014.
+As MoveIt's Setup Assistant does it, configurations are drawn evenly within the joints' limits, and each pair
+of links is counted as colliding or not. Adjacent pairs, and those that always or never collide, need no
+check. Coleman et al., "Reducing the Barrier to Entry of Complex Robotic Software: a MoveIt! Case Study",
+2014.
 """
 
 from __future__ import annotations
@@ -19,9 +20,9 @@ from ...world.values import Array
 
 SAMPLES = 10_000
 MARGIN = 0.005
-"""Links that come nearer than that count as colliding: the planner keeps such a distance, m."""
+"""Distance below which links count as colliding, m: the planner keeps such a distance."""
 OFTEN = 0.95
-"""A pair that collides in more than this share of the samples always does, as MoveIt counts it."""
+"""Share of samples above which a pair always collides, as MoveIt counts it."""
 
 Reason = Literal["adjacent", "default", "always", "never"]
 REASONS: tuple[Reason, ...] = ("adjacent", "default", "always", "never")
@@ -29,7 +30,7 @@ REASONS: tuple[Reason, ...] = ("adjacent", "default", "always", "never")
 
 @dataclass(frozen=True, slots=True)
 class LinkPair:
-    """Two links that need no check, why, and in how many of the samples they collided."""
+    """Pair of links that needs no check, the reason, and the number of samples in which it collided."""
 
     first: str
     second: str
@@ -39,37 +40,37 @@ class LinkPair:
 
 @dataclass(frozen=True, slots=True)
 class SelfCollisionReport:
-    """What was found of all pairs of links that have geometry and move against each other."""
+    """Report on all pairs of links that have geometry and move against each other."""
 
     samples: int
     disabled: tuple[LinkPair, ...]
-    """In the order of the links."""
+    """Pairs that need no check, in the order of the links."""
     checked: tuple[tuple[str, str, int], ...]
-    """Pairs that sometimes collide: two links, in how many samples."""
+    """Pairs that sometimes collide: two links, and the number of samples."""
     free: int
-    """Samples in which no pair that stays checked collides."""
+    """Number of samples in which no checked pair collides."""
 
 
 @dataclass(frozen=True, slots=True)
 class SamplingTask:
-    """What is sampled. `draw` gives one configuration of the model from a generator's number in [0, 1)^k."""
+    """Task of the sampling. `draw` returns one configuration of the model, drawn with a random generator."""
 
     model: pin.Model
     geometry: pin.GeometryModel
     """Hulls of all links; its collision pairs are replaced."""
     draw: Callable[[np.random.Generator], Array]
     neighbours: frozenset[frozenset[str]]
-    """Links that are joined by one joint."""
+    """Pairs of links that are joined by one joint."""
     rest: Array
-    """The configuration in which nothing should collide: neighbours that do are `default`."""
+    """Configuration in which nothing should collide: pairs of `near` that do become `default`."""
     unchecked: frozenset[frozenset[str]] = frozenset()
-    """Pairs that nobody checks anyway, as those within a gripper."""
+    """Pairs that are never checked, as those within a gripper."""
     near: frozenset[frozenset[str]] = frozenset()
-    """Pairs that may be `default`: other ones that collide at `rest` do so in earnest."""
+    """Pairs that may be `default`; other pairs that collide at `rest` truly collide."""
 
 
 def sample(question: SamplingTask, samples: int = SAMPLES, seed: int = 0) -> SelfCollisionReport:
-    """The same for the same question and seed, in any process."""
+    """Sample a task. The result depends on task and seed alone, in any process."""
     model, geometry = question.model, question.geometry
     names = [model.frames[o.parentFrame].name for o in geometry.geometryObjects]
     pairs = _pairs(geometry, names, question)
@@ -83,7 +84,7 @@ def sample(question: SamplingTask, samples: int = SAMPLES, seed: int = 0) -> Sel
         request.security_margin = MARGIN
         request.enable_contact = False
         with warnings.catch_warnings():
-            # What is said to replace the old switch does not switch this off.
+            # The documented replacement of this deprecated switch does not switch it off.
             warnings.simplefilter("ignore", DeprecationWarning)
             request.enable_cached_gjk_guess = False
 
@@ -148,5 +149,5 @@ def _reason(
 
 
 def summary(found: SelfCollisionReport) -> Mapping[Reason, int]:
-    """How many pairs are left out for which reason."""
+    """Return the number of pairs without a check, by reason."""
     return {reason: sum(pair.reason == reason for pair in found.disabled) for reason in REASONS}

@@ -1,4 +1,4 @@
-"""What there is to tell of a robot file: of a new one, and of any."""
+"""Summary of a robot file, for `picktree robot show` and `new`."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from .self_collision import REASONS
 
 @dataclass(frozen=True, slots=True)
 class JointLine:
-    """rad, rad/s, rad/s², Nm"""
+    """Limits of one joint: rad, rad/s, rad/s², Nm."""
 
     name: str
     lower: float
@@ -25,7 +25,7 @@ class JointLine:
 
 @dataclass(frozen=True, slots=True)
 class RobotSummary:
-    """The answer of `picktree robot show`, and of `new` with what was found on the way."""
+    """Answer of `picktree robot show`, and of `new` with its findings."""
 
     name: str
     file: str
@@ -33,19 +33,19 @@ class RobotSummary:
     joints: tuple[JointLine, ...]
     hand: str
     opening: float
-    """m"""
+    """Opening of the gripper, m."""
     grip_force: float
-    """N"""
+    """Grip force, N."""
     hand_mass: float
-    """kg, of all beyond the flange"""
+    """Mass of all links beyond the flange, kg."""
     tcp_at_home: tuple[float, float, float]
-    """In the world, m."""
+    """TCP position at `home` in the world, m."""
     poses: tuple[str, ...]
     unchecked_pairs: int
     samples: int = 0
-    """Of self-collision; 0 where nothing was sampled."""
+    """Number of samples of self-collision; 0: nothing was sampled."""
     unchecked: tuple[tuple[str, int], ...] = ()
-    """How many pairs are not checked, by reason."""
+    """Number of pairs without a check, by reason."""
     checked_pairs: int = 0
     findings: tuple[str, ...] = ()
     picture: str = ""
@@ -86,7 +86,7 @@ class RobotSummary:
 
 
 def summary_of(robot: RobotDescription) -> RobotSummary:
-    """Of a robot file as it stands."""
+    """Return the summary of a robot file."""
     model = RobotModel(robot)
     return RobotSummary(
         robot.name,
@@ -107,7 +107,7 @@ def summary_of(robot: RobotDescription) -> RobotSummary:
 
 
 def summary_of_new(proposal: Proposal, picture: str) -> RobotSummary:
-    """Of a proposal, with what its reader should look at."""
+    """Return the summary of a proposal, with findings that its reader should examine."""
     plain = summary_of(proposal.robot)
     draft = proposal.draft
     findings = [f"{f.link}: {f.sentence}" for f in draft.findings]

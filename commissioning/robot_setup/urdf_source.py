@@ -1,4 +1,4 @@
-"""Which URDF is meant, and whether it is one."""
+"""URDF from the command line: found, checked and read."""
 
 from __future__ import annotations
 
@@ -15,7 +15,8 @@ from ...robots.urdf_tree import MAX_BYTES, UrdfError, UrdfTree, read_skeleton
 
 
 class UnsuitableUrdf(PicktreeError):
-    """What was found, what is missing, and what would help: a sentence each, told together."""
+    """Error for a URDF from which no robot file can be made: what was found, what is missing, and what would
+    help."""
 
     def __init__(self, urdf: str, found: str, missing: str, helps: str) -> None:
         self.found, self.missing, self.helps = found, missing, helps
@@ -30,16 +31,17 @@ _TEMPLATE = re.compile(rb"<xacro:\w|\$\{|\$\((?:arg|find|optenv|env|eval) ")
 
 @dataclass(frozen=True, slots=True)
 class UrdfSource:
-    """A URDF as it was named on the command line, found and read."""
+    """URDF as named on the command line, found and read."""
 
     text: str
-    """As given: a path, or `package:path`."""
+    """Name as given: a path, or `package:path`."""
     urdf: NamedUrdf
     skeleton: UrdfTree
 
 
 def find_source(text: str) -> UrdfSource:
-    """Raises PicktreeError when there is no such file, Unsuitable when it is no URDF."""
+    """Find and read a URDF. Raises PicktreeError when there is no such file, UnsuitableUrdf when it is no
+    URDF."""
     named = _named(text)
     refuse_template(text, named.path)
     try:
@@ -54,7 +56,7 @@ def find_source(text: str) -> UrdfSource:
 
 
 def refuse_template(text: str, path: Path) -> None:
-    """Raises Unsuitable, with the command that expands it, when the file is a xacro template."""
+    """Raise UnsuitableUrdf when the file is a xacro template, with the command that expands it."""
     try:
         raw = read_bytes(path, MAX_BYTES)
     except Unreadable as error:

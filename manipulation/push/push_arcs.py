@@ -96,16 +96,6 @@ def curved(belief: BeliefObject) -> bool:
             return False
 
 
-def tool_outline(gripper: GripperDescription, opening: float) -> tuple[PlanarOutline, PlanarOutline]:
-    """Return the outlines of the two finger pads from above, in the TCP's planar frame with y across the
-    fingers."""
-    depth, thick = gripper.pads[0][0].size[0] / 2, gripper.pads[0][0].size[1]
-    near, far = opening / 2, opening / 2 + thick
-    one = np.array([[-depth, near], [depth, near], [depth, far], [-depth, far]])
-    other = np.array([[-depth, -far], [depth, -far], [depth, -near], [-depth, -near]])
-    return PlanarOutline(one), PlanarOutline(other)
-
-
 def _flats(shape: PlanarOutline, gripper: GripperDescription) -> Sequence[PushSide]:
     depth, thick = gripper.pads[0][0].size[0] / 2, gripper.pads[0][0].size[1]
     found: list[PushSide] = []

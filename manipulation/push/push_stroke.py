@@ -12,13 +12,14 @@ import numpy as np
 
 from ...control.cartesian.compliant_motion import CartesianStiffness
 from ...planning.requests import JointGoal, LineGoal, NamedGoal, OffsetGoal, PoseGoal, Request
+from ...robots.finger_outline import tool_outline
 from ...world.belief.planning_scene import BeliefObject
 from ...world.planar_geometry import PlanarOutline, PlanarPose, moved, outline, outline_distance, planar
 from ...world.scene.description import Fixture
 from ...world.shapes import Box, bottom, top
 from ...world.values import Array, ObjectId, Pose
 from ..motion.replanning import follow_with_replanning
-from .push_arcs import height, tool_outline
+from .push_arcs import height
 from .stroke_course import SLOW, PushMotion
 from .stroke_planning import PushStroke
 

@@ -1,7 +1,7 @@
 """Singulation: pushes that make room around an object, so that a grasp becomes possible.
 
-The result of a push is simulated beforehand among all objects around (see `PlanarPushModel`). The value of a
-push follows from the grasps that are possible afterwards.
+The result of a push is computed beforehand, among all neighbours, with `world.quasi_static_pushing`; the
+kinematic backend simulates pushes with the same model. A push is worth the grasps that are possible after it.
 """
 
 from __future__ import annotations
@@ -15,15 +15,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...planning.requests import PoseGoal, Request
+from ...robots.finger_outline import tool_outline
 from ...world.belief.planning_scene import BeliefObject
 from ...world.planar_geometry import PlanarOutline, PlanarPose, moved, outline, outline_distance, planar
+from ...world.quasi_static_pushing import PlanarPushModel
 from ...world.scene.description import Fixture
 from ...world.shapes import Shape, bottom, extents, top
 from ...world.values import ObjectId
 from ..grasp.grasp_candidates import grasp_candidates
-from .push_arcs import PushSide, height, push_sides, straight, tool_outline
+from .push_arcs import PushSide, height, push_sides, straight
 from .push_stroke import EDGE, placed, support_of, within
-from .quasi_static_pushing import PlanarPushModel
 from .stroke_planning import PushStroke, straight_stroke
 
 if TYPE_CHECKING:

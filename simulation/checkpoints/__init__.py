@@ -1,1 +1,1 @@
-"""Saved states of the two backends."""
+"""Checkpoints of the two backends."""

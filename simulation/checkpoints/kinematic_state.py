@@ -1,4 +1,4 @@
-"""A saved state of the kinematic backend: numbers and names only, exact in JSON."""
+"""Checkpoint of the kinematic backend: numbers and names only, exact in JSON."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from ..spawning.inventory import InventoryState
 
 @dataclass(frozen=True, slots=True)
 class ItemState:
-    """An item's pose in the world, and what faults may have changed on it."""
+    """Item in a checkpoint: pose in the world, and properties that faults can change."""
 
     id: ObjectId
     pose: Pose
@@ -26,12 +26,12 @@ class ItemState:
     mass: float
     present: bool
     scale: float = 1.0
-    """How many times as large as its kind it is, by a fault."""
+    """Scale by faults, as a multiple of the catalogue's size."""
 
 
 @dataclass(frozen=True, slots=True)
 class KinematicState:
-    """Everything that the future depends on, besides scene, robot and seed."""
+    """Complete state of the kinematic backend, besides scene, robot and seed."""
 
     seed: int
     periods: int
@@ -44,21 +44,21 @@ class KinematicState:
     item_in_tcp: Pose | None
     held: ObjectId | None
     items: tuple[ItemState, ...]
-    """All that did not leave with a bin, in the order of their numbers."""
+    """Items that did not leave with a bin, in the order of their numbers."""
     belts: tuple[BeltState, ...] = ()
     inventory: InventoryState | None = None
-    """What came after the beginning and what left; None when nothing did, as in older logs."""
+    """Items that came after the start or left; None when there are none, as in older logs."""
     feeder: FeederState | None = None
     obstacles: tuple[Fixture, ...] | None = None
-    """What stands there that the robot was not told of; None: what the scene has, as in older logs."""
+    """Obstacles that the robot does not know; None: those of the scene, as in older logs."""
 
     def to_plain(self) -> dict[str, Any]:
-        """As JSON knows it. Floats survive exactly."""
+        """Return the state as JSON types. Floats survive exactly."""
         return _adapter().dump_python(self, mode="json")
 
     @classmethod
     def from_plain(cls, plain: object) -> KinematicState:
-        """Raises PicktreeError when this is no checkpoint of this backend."""
+        """Read a state from JSON types. Raises PicktreeError when they are no checkpoint of this backend."""
         try:
             return _adapter().validate_python(plain)
         except ValidationError as error:

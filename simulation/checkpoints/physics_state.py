@@ -1,8 +1,8 @@
-"""A saved state of the physical simulation: numbers and names only, exact in JSON, no pickle."""
+"""Checkpoint of the physics backend: numbers and names only, exact in JSON, no pickle."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cache
 from typing import Any, Literal
@@ -28,12 +28,13 @@ class BodyState:
     spin: Vector3
     present: bool
     asleep: bool = False
-    """It has come to rest, and nothing near it moves."""
+    """Whether the item is at rest with nothing moving near it, so that the engine skips it."""
 
 
 @dataclass(frozen=True, slots=True)
 class ArmCommand:
-    """What the arm was last told: `follow` with position and velocity, or `torque`. Each (n,)."""
+    """Last command to the arm: `follow` with position and velocity, or `torque`. Arrays (n,), rad, rad/s,
+    Nm."""
 
     mode: Literal["follow", "torque"]
     position: tuple[float, ...]
@@ -43,7 +44,8 @@ class ArmCommand:
 
 @dataclass(frozen=True, slots=True)
 class GripperCommand:
-    """Opening, m, force a finger, N, and speed of each, m/s; without one as fast as it can."""
+    """Command to the gripper: opening, m, force of each finger, N, and speed of each finger, m/s; None: full
+    speed."""
 
     width: float
     force: float
@@ -52,42 +54,42 @@ class GripperCommand:
 
 @dataclass(frozen=True, slots=True)
 class RobotReading:
-    """What the noise-free sensors said after the last step; the arm's joints first, then the fingers'."""
+    """Noise-free sensor readings after the last step; the arm's joints first, then the fingers'."""
 
     position: tuple[float, ...]
     velocity: tuple[float, ...]
     effort: tuple[float, ...]
     wrench: tuple[float, ...]
-    """Force and torque on the wrist in the world's axes, (6,)."""
+    """Force and torque on the wrist in the world's axes, (6,), N and Nm."""
     turn: Quaternion = (0.0, 0.0, 0.0, 1.0)
     """Orientation of the wrist sensor in the world."""
 
 
 @dataclass(frozen=True, slots=True)
 class PressedItem:
-    """The greatest force of a finger on a fragile item so far, and what it survives, N."""
+    """Greatest force of a finger on a fragile item so far, and the force that the item survives, N."""
 
     id: ObjectId
     force: float
     limit: float
     gripped: float = 0.0
-    """The greatest while the fingers were told to close."""
+    """Greatest force while the fingers had the command to close, N."""
 
 
 @dataclass(frozen=True, slots=True)
 class DynamicsChange:
-    """An entry of the ledger: what a fault changed on an item for good."""
+    """Entry of the ledger: permanent change of an item by a fault."""
 
     item: ObjectId
     friction: float | None = None
     mass: float | None = None
     scale: float | None = None
-    """How many times as large as before it was made."""
+    """Factor by which the fault scaled the item's size."""
 
 
 @dataclass(frozen=True, slots=True)
 class Checkpoint:
-    """Everything in the simulation that the future depends on, besides scene, robot and seed."""
+    """Complete state of the physics backend, besides scene, robot and seed."""
 
     seed: int
     step: int
@@ -96,27 +98,39 @@ class Checkpoint:
     gripper: GripperCommand
     robot: RobotReading
     items: tuple[BodyState, ...]
-    """All that did not leave with a bin, in the order of their numbers."""
+    """Items that did not leave with a bin, in the order of their numbers."""
     initial: tuple[BodyState, ...]
     ledger: tuple[DynamicsChange, ...]
     belts: tuple[BeltState, ...] = ()
     inventory: InventoryState | None = None
-    """What came after the beginning and what left; None when nothing did, as in older logs."""
+    """Items that came after the start or left; None when there are none, as in older logs."""
     feeder: FeederState | None = None
     obstacles: tuple[Fixture, ...] | None = None
-    """What stands there that the robot was not told of; None: what the scene has, as in older logs."""
+    """Obstacles that the robot does not know; None: those of the scene, as in older logs."""
     pressed: tuple[PressedItem, ...] = ()
-    """Fragile items that were between the fingers."""
+    """Fragile items that have been between the fingers."""
     time: int | None = None
-    """Since time 0, in parts of a second (`pace.RESOLUTION`); None: all steps were of the everyday length."""
+    """Time since time 0, in units of 1/`engine.RESOLUTION` s; None: all steps had the everyday length."""
+
+    def require_fit(self, seed: int, spawned: list[ObjectId], cameras: Iterable[str]) -> None:
+        """Raise PicktreeError when the run has another seed, other initial items or other cameras."""
+        if self.seed != seed:
+            raise PicktreeError(f"the checkpoint is of seed {self.seed}, but this run has seed {seed}")
+        if (ids := [s.id for s in self.initial]) != spawned:
+            raise PicktreeError(f"the checkpoint's initial items are {ids}, but the scene spawns {spawned}")
+        if sorted(self.captures) != sorted(cameras):
+            raise PicktreeError(
+                f"the checkpoint's cameras are {sorted(self.captures)}, but the scene has {sorted(cameras)}"
+            )
 
     def to_plain(self) -> dict[str, Any]:
-        """As JSON knows it. Floats survive exactly."""
+        """Return the checkpoint as JSON types. Floats survive exactly."""
         return _adapter().dump_python(self, mode="json")
 
     @classmethod
     def from_plain(cls, plain: object) -> Checkpoint:
-        """Raises PicktreeError when this is no checkpoint of the simulation."""
+        """Read a checkpoint from JSON types. Raises PicktreeError when they are no checkpoint of the
+        simulation."""
         try:
             return _adapter().validate_python(plain)
         except ValidationError as error:

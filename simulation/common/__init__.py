@@ -1,1 +1,1 @@
-"""What both backends share."""
+"""Parts that both backends share."""

@@ -1,4 +1,4 @@
-"""Outlines of bodies seen from above, their distances, and what is below a point."""
+"""Outlines of bodies seen from above: distances between them, and the height of the support below a point."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from ...world.values import Array, Pose, Quaternion
 
 Point: TypeAlias = tuple[float, float]
 FLOOR_DEPTH = 0.75
-"""The room's floor is so far below robot and fixtures, m."""
+"""Depth of the room's floor below the lowest of robot base and fixtures, m."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,13 +29,13 @@ class Footprint:
     """Radius of the circle about the centre that encloses it, m."""
 
     def at(self, centre: Sequence[float] | Array) -> Footprint:
-        """The same outline at another place."""
+        """Return the outline moved to another centre."""
         x, y = float(centre[0]), float(centre[1])
         return Footprint(self.polygon, self.radius, (x, y), self.reach)
 
 
 def footprint(shape: Shape, orientation: Quaternion) -> Footprint:
-    """The outline of `shape` turned by `orientation`, centred at the origin."""
+    """Return the outline of `shape` turned by `orientation`, centred at the origin."""
     rotation = Pose(orientation=orientation).rotation()
     match shape:
         case Sphere(radius):
@@ -49,7 +49,7 @@ def footprint(shape: Shape, orientation: Quaternion) -> Footprint:
 
 
 def _hull(points: Array) -> tuple[Point, ...]:
-    """Convex hull of points (n, 2), counter-clockwise (Andrew's monotone chain, 1979)."""
+    """Compute the convex hull of points (n, 2), counter-clockwise (Andrew's monotone chain, 1979)."""
     ordered = sorted({(round(float(x), 9), round(float(y), 9)) for x, y in points})
     halves: list[list[Point]] = []
     for sequence in (ordered, ordered[::-1]):
@@ -63,12 +63,12 @@ def _hull(points: Array) -> tuple[Point, ...]:
 
 
 def _turn(a: Point, b: Point, c: Point) -> float:
-    """Positive when a → b → c turns left."""
+    """Return a positive number when a → b → c turns left."""
     return (b[0] - a[0]) * (c[1] - b[1]) - (b[1] - a[1]) * (c[0] - b[0])
 
 
 def distance(a: Footprint, b: Footprint) -> float:
-    """Free distance of two outlines, m; 0 or less when they overlap."""
+    """Return the free distance of two outlines, m; 0 or less when they overlap."""
     one, other = _placed(a), _placed(b)
     apart = max(_separation(one, other), _separation(other, one))
     if apart <= 0.0 and max(len(one), len(other)) > 1:
@@ -82,7 +82,8 @@ def _placed(outline: Footprint) -> list[Point]:
 
 
 def _separation(polygon: list[Point], points: list[Point]) -> float:
-    """Greatest distance by which one edge of the polygon holds off all points; negative when none does."""
+    """Return the greatest separation of all points from one edge of the polygon, m; negative when no edge
+    separates them."""
     best = -math.inf
     for (ax, ay), (bx, by) in zip(polygon, [*polygon[1:], polygon[0]], strict=True):
         nx, ny = by - ay, ax - bx
@@ -91,7 +92,7 @@ def _separation(polygon: list[Point], points: list[Point]) -> float:
 
 
 def _nearest(points: list[Point], polygon: list[Point]) -> float:
-    """Least distance of the points to the edges of the polygon."""
+    """Return the least distance of the points to the polygon's edges, m."""
     least = math.inf
     for (ax, ay), (bx, by) in zip(polygon, [*polygon[1:], polygon[0]], strict=True):
         dx, dy = bx - ax, by - ay
@@ -103,12 +104,13 @@ def _nearest(points: list[Point], polygon: list[Point]) -> float:
 
 
 def floor_height(fixtures: Iterable[Fixture], base_height: float) -> float:
-    """Height of the room's floor in the world, m; `base_height` is that of the robot's base."""
+    """Return the height of the room's floor in the world, m; `base_height` is that of the robot's base."""
     return min([base_height, *(bottom(f.shape, f.pose) for f in fixtures)]) - FLOOR_DEPTH
 
 
 def support_height(fixtures: Iterable[Fixture], x: float, y: float) -> float | None:
-    """Height of the highest level top of a fixture at (x, y) in the world, m; None when there is none."""
+    """Return the height of the highest level top of a fixture at (x, y) in the world, m; None when there is
+    none."""
     tops: list[float] = []
     for fixture in fixtures:
         rotation = fixture.pose.rotation()

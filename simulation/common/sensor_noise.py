@@ -1,4 +1,4 @@
-"""Noise of the sensors, from keyed streams: a reading's noise depends on seed, sensor and step alone."""
+"""Sensor noise from keyed random streams: a reading's noise depends on seed, sensor and step alone."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from ...world.scene.description import CameraDescription, SensorNoise
 from ...world.values import Array, Quaternion, rotated
 
 SATURATED, DARK = 0.4, 0.08
-"""What is less saturated, or darker, than this has no colour."""
+"""Least saturation, and least brightness, of a pixel that counts as coloured; both 0 … 1."""
 
 
 def mislabelled(picture: NDArray[np.uint8], others: Mapping[str, str]) -> NDArray[np.uint8]:
-    """The picture (h, w, 3) with everything in a colour that is a key of `others` in the other one, as bright
-    and with as much grey in it as it was."""
+    """Return the picture (h, w, 3) with the hues that are keys of `others` replaced by their values.
+    Brightness and share of grey stay."""
     if not others:
         return picture
     low, high = picture.min(axis=2).astype(np.float64), picture.max(axis=2).astype(np.float64)
@@ -43,7 +43,7 @@ def mislabelled(picture: NDArray[np.uint8], others: Mapping[str, str]) -> NDArra
 
 
 def _hue(pixels: Array) -> Array:
-    """Of coloured pixels (n, 3): (n,), in turns."""
+    """Return the hue of coloured pixels (n, 3) as (n,), in turns."""
     high, low = pixels.max(axis=1), pixels.min(axis=1)
     spread = np.maximum(high - low, 1e-9)
     red, green, blue = pixels[:, 0], pixels[:, 1], pixels[:, 2]
@@ -54,25 +54,27 @@ def _hue(pixels: Array) -> Array:
 
 
 def _pure(colour: Rgb) -> Array:
-    """The colour without its grey, (3,) in 0 … 1."""
+    """Return the colour without its grey, (3,) in 0 … 1."""
     rgb = np.array(colour)
     return np.asarray((rgb - rgb.min()) / (rgb.max() - rgb.min()), np.float64)
 
 
 BLOCK = 240
-"""Steps whose noise is drawn at once: a generator costs 15 µs, a number 10 ns."""
+"""Number of steps whose noise is drawn at once: a generator costs 15 µs, a number 10 ns."""
 VELOCITY_RATE = 10.0
-"""Noise of a joint's velocity over that of its position, 1/s: encoders differentiated over about 0.1 s."""
+"""Noise of a joint's velocity as a multiple of that of its position, 1/s: encoders differentiated over about
+0.1 s."""
 EDGE = 0.01
-"""Step of depth between neighbouring pixels that makes an edge, m."""
+"""Least difference of depth between neighbouring pixels at an edge, m."""
 FLOOR = 2e-4
-"""Least standard deviation of a depth that is noisy at all, m."""
+"""Least standard deviation of a depth with noise, m."""
 COLOUR_NOISE = 4
 """Greatest error of a colour channel, of 255."""
 
 
 class BlockNoise:
-    """Errors of one sensor, (channels,) a step, with a standard deviation each."""
+    """Noise of one sensor: normal errors (channels,) for each step, with one standard deviation per
+    channel."""
 
     def __init__(self, streams: RandomStreams, sensor: str, deviations: Sequence[float]) -> None:
         self._streams = streams
@@ -83,17 +85,17 @@ class BlockNoise:
         self._numbers: list[list[float]] = []
 
     def at(self, step: int) -> Array:
-        """The errors of that step."""
+        """Return the errors (channels,) of a step."""
         row = self._row(step)
         return self._block[row]
 
     def numbers(self, step: int) -> list[float]:
-        """The same as plain numbers, which are cheaper to add up while they are few."""
+        """Return the errors of a step as plain floats, which are cheaper to add while they are few."""
         row = self._row(step)
         return self._numbers[row]
 
     def _row(self, step: int) -> int:
-        """Of the step within its block, which is drawn if need be."""
+        """Return the row of a step in its block; draws the block when it is not the present one."""
         number, row = divmod(step, BLOCK)
         if number != self._number:
             self._number = number
@@ -104,15 +106,15 @@ class BlockNoise:
 
 
 class WrenchBiasNoise:
-    """What the wrist's sensor adds, in its own axes: drawn for the run, and wandering by a share of itself.
+    """Bias of the wrist's sensor in its own axes: drawn for the run, with a drift in proportion to it.
 
-    The wandering is a sum of slow sines, so that it depends on seed and time alone.
+    The drift is a sum of slow sines, so that it depends on seed and time alone.
     """
 
     PERIODS = (70.0, 190.0, 430.0)
-    """Of the sines, s."""
+    """Periods of the drift's sines, s."""
     EVERY = 0.05
-    """Time for which it stands still, s."""
+    """Interval between two updates of the drift, s."""
 
     def __init__(self, noise: SensorNoise, streams: RandomStreams) -> None:
         rng = streams.at("sensor/wrench_bias", 0)
@@ -126,13 +128,14 @@ class WrenchBiasNoise:
         self.any = bool(deviations.any())
 
     def at(self, now: float) -> Array:
-        """(6,) at a time, s, in the sensor's axes."""
+        """Return the bias (6,) at a time in s, in the sensor's axes, N and Nm."""
         slow = self.EVERY * math.floor(now / self.EVERY + 1e-6)
         waves: Array = np.sin(self._rates * slow + self._phases) - np.sin(self._phases)
         return np.asarray(self._constant + self._share * waves.sum(axis=0), np.float64)
 
     def in_world(self, now: float, turn: Quaternion) -> tuple[float, ...]:
-        """(6,) in the world's axes, the sensor being turned like that."""
+        """Return the bias (6,) in the world's axes, N and Nm; `turn` is the sensor's orientation in the
+        world."""
         slot = math.floor(now / self.EVERY + 1e-6)
         if slot != self._slot:
             self._slot, self._now = slot, self.at(now).tolist()
@@ -141,7 +144,7 @@ class WrenchBiasNoise:
 
 
 class RobotSensorNoise:
-    """Errors of encoders, gripper and wrist at each step, in their units."""
+    """Noise of encoders, gripper and wrist sensor at each step, in their units."""
 
     def __init__(self, noise: SensorNoise, streams: RandomStreams, joints: int) -> None:
         rate = noise.encoder * VELOCITY_RATE
@@ -151,15 +154,16 @@ class RobotSensorNoise:
         self._bias = WrenchBiasNoise(noise, streams)
 
     def encoders(self, step: int) -> Array:
-        """Errors of the joints' positions, rad, and then velocities, rad/s: (2 n,)."""
+        """Return the errors of joint positions, rad, then of joint velocities, rad/s: (2 n,)."""
         return self._encoders.at(step)
 
     def width(self, step: int) -> float:
-        """Error of the opening, m."""
+        """Return the error of the gripper's opening, m."""
         return self._width.numbers(step)[0]
 
     def wrench(self, step: int, now: float, turn: Quaternion) -> list[float]:
-        """Error of force and torque in the world's axes, (6,) N and Nm, the sensor being turned like that."""
+        """Return the error of force and torque in the world's axes, (6,), N and Nm. `turn` is the sensor's
+        orientation in the world."""
         noise = self._wrench.numbers(step)
         if not self._bias.any:
             return noise
@@ -169,15 +173,15 @@ class RobotSensorNoise:
 def noisy_depth(
     depth: NDArray[np.float32], camera: CameraDescription, rng: np.random.Generator, times: float = 1.0
 ) -> NDArray[np.float32]:
-    """Depth (h, w) with noise that grows with its square, from a floor, and dropouts at edges; 0 stays 0.
-    `times`: how much more noise there is than the camera's own.
+    """Return depth (h, w) with noise that grows with its square, from a floor, and dropouts at edges; 0 stays
+    0. `times` multiplies the camera's own noise.
 
     The noise model is that of structured light and stereo: Khoshelham & Elberink (2012), eq. 10.
     """
     noisy = rng.standard_normal(depth.shape, dtype=np.float32)
     share = np.float32(camera.depth_noise * times / 0.7**2)
     floor = FLOOR * times
-    # So near the square promises more than any sensor keeps.
+    # At short range the quadratic model gives less noise than any real sensor has.
     near = np.nonzero((depth * depth * share < floor) & (depth > 0)) if share > 0 else ()
     least = noisy[near] * np.float32(floor) if near else None
     noisy *= depth
@@ -192,7 +196,7 @@ def noisy_depth(
 
 
 def _edges(depth: NDArray[np.float32]) -> NDArray[np.bool_]:
-    """Pixels with a step of depth towards one of the four neighbours."""
+    """Return a mask (h, w) of pixels with a step of depth towards one of the four neighbours."""
     edge = np.zeros(depth.shape, dtype=np.bool_)
     down = np.abs(np.diff(depth, axis=0)) > EDGE
     right = np.abs(np.diff(depth, axis=1)) > EDGE
@@ -206,7 +210,7 @@ def _edges(depth: NDArray[np.float32]) -> NDArray[np.bool_]:
 def noisy_colour(
     colour: NDArray[np.uint8], rng: np.random.Generator, times: float = 1.0
 ) -> NDArray[np.uint8]:
-    """Colour (h, w, 3) with a little evenly distributed noise on each channel, or `times` as much."""
+    """Return colour (h, w, 3) with evenly distributed noise on each channel; `times` multiplies it."""
     errors = rng.integers(-COLOUR_NOISE, COLOUR_NOISE + 1, colour.shape, dtype=np.int8)
     if times != 1.0:
         errors = np.round(errors * times).astype(np.int16)

@@ -1,4 +1,4 @@
-"""Where fixtures really stand whose place is not known exactly: drawn from the seed, told to nobody."""
+"""True poses of fixtures with uncertain placement: drawn from the seed, known to the simulation alone."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from ...world.values import Pose, quaternion_product
 
 
 def displace_fixtures(scene: SceneDescription, seed: int, *, level: bool = False) -> SceneDescription:
-    """The scene with its fixtures where they really stand. It is the simulation's own: what the robot is told
-    is the scene as it was given. `level`: shifted and turned just so, but not tilted."""
+    """Return the scene with its fixtures at their true poses, for the simulation only; the robot gets the
+    scene as given. `level`: fixtures are shifted and turned, but not tilted."""
     if all(fixture.uncertainty == CERTAIN for fixture in scene.fixtures):
         return scene
     streams = RandomStreams(seed)
@@ -20,8 +20,8 @@ def displace_fixtures(scene: SceneDescription, seed: int, *, level: bool = False
 
 
 def _displaced(fixture: Fixture, streams: RandomStreams, level: bool) -> Fixture:
-    """Shifted along its own x and y and turned about its own z, evenly within the bounds, and tilted about a
-    level axis through its middle, whichever."""
+    """Return the fixture displaced within its bounds. It is shifted along its x and y and turned about its z,
+    evenly distributed, and tilted about a random level axis through its middle."""
     most = fixture.uncertainty
     if most == CERTAIN:
         return fixture

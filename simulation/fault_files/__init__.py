@@ -1,1 +1,1 @@
-"""Faults files: what is to go wrong in a run, read and checked. Only the simulation carries it out."""
+"""Fault files: the faults of a run, read and checked. Only the simulation carries them out."""

@@ -1,4 +1,5 @@
-"""What may happen to the robot's devices: arm, gripper, wrist sensor, cameras. `lasts`: s; None: for good."""
+"""Faults of the robot's devices (arm, gripper, wrist sensor, cameras), the planner and the program. `lasts`
+in s; None: for good."""
 
 from __future__ import annotations
 
@@ -10,25 +11,25 @@ from ...world.values import Pose, Vector3
 
 @dataclass(frozen=True, slots=True)
 class AtTime:
-    """At this simulated time, s; with `every` again each time so many seconds have passed."""
+    """Occasions at the simulated time `time`, s; with `every`, repeated at that interval, s."""
 
     time: float
     every: float | None = None
     probability: float = 1.0
-    """That it happens at all, at each of its occasions; drawn from a stream of its own."""
+    """Probability that the fault happens at one of its occasions, drawn from a stream of its own."""
 
 
 @dataclass(frozen=True, slots=True)
 class AtNode:
-    """`delay` s after the node that fits `pattern` has started for the `start`-th time (from 1); with `each`
-    at every start from that one on."""
+    """Occasion `delay` s after the node that fits `pattern` has started for the `start`-th time (from 1).
+    With `each` at every start from that one on."""
 
     pattern: str
     start: int = 1
     delay: float = 0.0
     each: bool = False
     probability: float = 1.0
-    """That it happens at all, at each of its occasions; drawn from a stream of its own."""
+    """Probability that the fault happens at one of its occasions, drawn from a stream of its own."""
 
 
 When: TypeAlias = AtTime | AtNode
@@ -36,7 +37,7 @@ When: TypeAlias = AtTime | AtNode
 
 @dataclass(frozen=True, slots=True)
 class Hang:
-    """The skill that runs yields for ever: it is never done, until it is halted."""
+    """The running skill yields for ever: it never ends until it is halted."""
 
     name: ClassVar[str] = "hang"
     when: When
@@ -44,7 +45,7 @@ class Hang:
 
 @dataclass(frozen=True, slots=True)
 class Raise:
-    """The code of the skill that runs raises an exception."""
+    """The code of the running skill raises an exception."""
 
     name: ClassVar[str] = "raise"
     when: When
@@ -63,7 +64,7 @@ ProgramFault: TypeAlias = Hang | Raise | Kill
 
 @dataclass(frozen=True, slots=True)
 class GripperJam:
-    """The fingers stay where they are, whatever they are told, and go on pressing on what they hold."""
+    """The fingers stay in place, ignore commands, and keep pressing on the item that they hold."""
 
     name: ClassVar[str] = "gripper_jam"
     when: When
@@ -72,7 +73,7 @@ class GripperJam:
 
 @dataclass(frozen=True, slots=True)
 class GripperWeak:
-    """The fingers press with a share of the force that they are told."""
+    """The fingers press with a share of the commanded force."""
 
     name: ClassVar[str] = "gripper_weak"
     when: When
@@ -93,7 +94,7 @@ class JointWeak:
 
 @dataclass(frozen=True, slots=True)
 class Stall:
-    """The commands to the arm are not carried out: its drives hold it where it is."""
+    """The arm ignores commands: its drives hold it in place."""
 
     name: ClassVar[str] = "stall"
     when: When
@@ -102,7 +103,7 @@ class Stall:
 
 @dataclass(frozen=True, slots=True)
 class WrenchBias:
-    """The wrist's sensor is off by a force, N, and a torque, Nm, in its own axes."""
+    """The wrist's sensor has a bias: force, N, and torque, Nm, in its own axes."""
 
     name: ClassVar[str] = "wrench_bias"
     when: When
@@ -113,7 +114,7 @@ class WrenchBias:
 
 @dataclass(frozen=True, slots=True)
 class WrenchDead:
-    """The wrist's sensor is silent: its reading and the stamp of it stand still."""
+    """The wrist's sensor is silent: its reading and its time stamp do not change."""
 
     name: ClassVar[str] = "wrench_dead"
     when: When
@@ -122,7 +123,7 @@ class WrenchDead:
 
 @dataclass(frozen=True, slots=True)
 class CameraDrop:
-    """No image comes from a camera (None: from any), for a time or for so many images."""
+    """A camera (None: any) gives no image, for a time or for a number of images."""
 
     name: ClassVar[str] = "camera_drop"
     when: When
@@ -168,7 +169,7 @@ class CameraMislabel:
 
 @dataclass(frozen=True, slots=True)
 class NoPlan:
-    """The planner finds no way, for a time or for so many requests."""
+    """The planner finds no path, for a time or for a number of requests."""
 
     name: ClassVar[str] = "no_plan"
     when: When
@@ -177,7 +178,7 @@ class NoPlan:
 
 
 def counted(fault: object) -> bool:
-    """Whether it may be over after so many images or requests."""
+    """Return whether the fault can end after a number of images or requests."""
     return isinstance(fault, CameraDrop | NoPlan)
 
 
@@ -185,4 +186,4 @@ CameraFault: TypeAlias = CameraDrop | CameraShift | CameraNoise | CameraMislabel
 Ailing: TypeAlias = (
     GripperJam | GripperWeak | JointWeak | Stall | WrenchBias | WrenchDead | CameraFault | NoPlan
 )
-"""What is so for a while: it begins and, unless it is for good, ends."""
+"""Faults that last: each begins and ends, unless it is for good."""

@@ -1,4 +1,4 @@
-"""From an entry of a faults file, without faults, to a value."""
+"""Values of fault file entries, made from entries that passed the checks."""
 
 from __future__ import annotations
 
@@ -68,12 +68,13 @@ FaultSpec: TypeAlias = ItemFault | Slip | Appear | Obstacle | Ailing | ProgramFa
 
 @dataclass(frozen=True, slots=True)
 class FaultExpectation:
-    """What whoever judges a run with these faults takes as right. Neither robot nor simulation reads it."""
+    """Expected outcome of a run with these faults, for its evaluation. Neither robot nor simulation reads
+    it."""
 
     causes: tuple[str, ...] = ()
-    """Causes, or patterns of causes, that name what went wrong; none: it should do no harm."""
+    """Causes, or patterns of causes, that name the failure correctly; empty: the fault should do no harm."""
     lost: int = 0
-    """Items that can physically not be sorted any more."""
+    """Number of items that physically cannot be sorted any more."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,7 +84,7 @@ class FaultFile:
     faults: tuple[FaultSpec, ...]
     source: str = ""
     text: str = ""
-    """The file as it was read, for the log."""
+    """Text of the file as read, for the log."""
     expect: FaultExpectation | None = None
 
 
@@ -91,7 +92,7 @@ _NONE = (0.0, 0.0, 0.0)
 
 
 def spec(entry: FaultEntryFile) -> FaultSpec:
-    """What an entry says that was checked: whatever its kind needs is there."""
+    """Return the fault of a checked entry, which has all that its kind needs."""
     return _MAKERS[entry.fault](entry, _when(entry))
 
 

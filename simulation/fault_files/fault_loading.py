@@ -1,4 +1,4 @@
-"""Reading faults files. All faults come at once."""
+"""Loading and checking of fault files. All diagnostics of a file are reported at once."""
 
 from __future__ import annotations
 
@@ -31,14 +31,14 @@ from .fault_schema import (
 
 @dataclass(frozen=True, slots=True)
 class FaultContext:
-    """Where faults are to happen: a scene, and the joints of its robot's arm; None: not known."""
+    """Surroundings of the faults: a scene, and the joints of its robot's arm; None: unknown."""
 
     scene: SceneDescription
     joints: tuple[str, ...] | None = None
 
 
 def check_entry(check: DocumentChecker, n: int, entry: FaultEntryFile) -> None:
-    """The n-th entry by itself."""
+    """Check the n-th entry by itself."""
     loc: Location = ("faults", n)
     with check.readable():
         _check_when(check, (*loc, "when"), entry.when)
@@ -77,7 +77,7 @@ def _check_when(check: DocumentChecker, loc: Location, when: WhenFile) -> None:
 
 
 def check_items(check: DocumentChecker, n: int, entry: FaultEntryFile, scene: SceneDescription) -> None:
-    """Whether the scene has an item that is meant."""
+    """Check that the scene has an item that the entry's target can mean."""
     with check.readable():
         if entry.target is not None:
             _check_target(check, ("faults", n, "target"), entry.target, scene)
@@ -103,7 +103,7 @@ def _check_target(check: DocumentChecker, loc: Location, target: TargetFile, sce
 
 
 def check_place(check: DocumentChecker, n: int, entry: FaultEntryFile, place: FaultContext) -> None:
-    """Whether the cell has the camera, the joint and the kind of item that an entry names."""
+    """Check that the cell has the camera, the joint and the kind of item that an entry names."""
     scene = place.scene
     kinds = [each.kind for each in scene.catalogue]
     cameras = [camera.name for camera in scene.cameras]
@@ -122,7 +122,7 @@ def check_place(check: DocumentChecker, n: int, entry: FaultEntryFile, place: Fa
 
 
 def check_expected(check: DocumentChecker, expect: ExpectFile) -> None:
-    """Whether there are such causes. A plug-in's own are not known before it is read."""
+    """Check that the expected causes exist. A plug-in's own causes are not known before it is read."""
     known = [cause.name for cause in all_causes()]
     families = dict.fromkeys(f"{name.rpartition('.')[0]}.*" for name in known)
     named = [*known, *families, "*"]
@@ -135,31 +135,31 @@ def check_expected(check: DocumentChecker, expect: ExpectFile) -> None:
 
 @dataclass(frozen=True, slots=True)
 class FaultsCheck:
-    """What was found in a faults file: its content, None when there are errors, and all faults."""
+    """Result of checking a fault file: its content, None when there are errors, and all diagnostics."""
 
     file: FaultFile | None
     faults: tuple[Diagnostic, ...]
-    """Also those of the scene that it names, with their own places."""
+    """Diagnostics of the file and of the scene that it names, with their own places."""
 
 
 def load_faults(
     path: Path, scene: SceneDescription | None = None, robot: RobotDescription | None = None
 ) -> FaultFile:
-    """`scene` and `robot`: where it is to happen, where that is known; they must have the cameras, joints and
-    kinds that the file names. Raises FileError with all faults of the file."""
+    """Load a fault file. `scene` and `robot`, where given, must have the cameras, joints and kinds that the
+    file names. Raises FileError with all diagnostics of the file."""
     return _faultless(open_document(path, "faults"), _place(scene, robot))
 
 
 def parse_faults(text: str, path: Path) -> FaultFile:
-    """As `load_faults`, of a text as a log keeps it."""
+    """Load faults from a text, as a log keeps it. Raises FileError like `load_faults`."""
     return _faultless(read_document(text, path, "faults"), None)
 
 
 def check_faults(document: Document, place: FaultContext | None = None) -> FaultsCheck:
-    """Everything that can be said of a document of kind `faults`; never raises for what stands in it.
+    """Check a document of kind `faults`; never raises for its content.
 
-    Kinds, forms, colours and numbers of items are compared with the scene where the file names one; cameras,
-    joints and what is to appear with `place`, or else with that scene.
+    Kinds, forms, colours and numbers of items are compared with the scene that the file names. Cameras,
+    joints and items that appear are compared with `place`, or else with that scene.
     """
     check = DocumentChecker(document)
     check.keys(("scene", "expect", "faults"))
@@ -215,7 +215,8 @@ def _place(scene: SceneDescription | None, robot: RobotDescription | None) -> Fa
 
 
 def _joints(scene: SceneDescription) -> tuple[str, ...] | None:
-    """Of the scene's robot; None: its file says what is wrong with it itself."""
+    """Return the arm's joints of the scene's robot; None when its file has errors, which are reported
+    elsewhere."""
     try:
         return tuple(load_robot(scene.robot, Path(scene.source).parent).joints)
     except PicktreeError:

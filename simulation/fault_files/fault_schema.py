@@ -1,4 +1,4 @@
-"""The grammar of faults files: one model for each kind of entry."""
+"""Schema of fault files: one model for entries of all kinds, and the keys that each kind takes."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ class WhenFile(FileModel):
     at: Duration | None = None
     """Simulated time since the run began."""
     every: Lasting | None = None
-    """Again and again each time so much time has passed. Only with `at`."""
+    """Interval at which it repeats. Only with `at`."""
     node: NodePattern | None = None
     """The node that starts: its name, or a path as SortOne/Grasp; '*' and '?' stand for other letters."""
     start: Count | None = None
@@ -99,66 +99,65 @@ class FaultEntryFile(FileModel):
     """One thing that goes wrong: what, when, and to which item, device or place."""
 
     fault: FaultName
-    """What goes wrong; docs/faults.md says what each kind does."""
+    """Kind of the fault; docs/faults.md says what each kind does."""
     when: WhenFile
     """When it happens."""
     probability: Probability | None = None
-    """That it happens at all, at each of its occasions; surely unless given. Drawn from the run's seed, from
+    """Probability that it happens, at each of its occasions; 1 unless given. Drawn from the run's seed, from
     a stream of its own."""
     lasts: Lasting | None = None
     """How long it is so; for good unless given."""
     target: TargetFile | None = None
-    """To which item. Of the faults that happen to one."""
+    """The item that it happens to. Only of faults that happen to one item."""
     friction: Annotated[float, quantity("", least=0, most=2)] | None = None
     """Its new coefficient of friction: of the fault friction, which needs it, and of slip, 0 unless given."""
     mass: Mass | None = None
     """Its new mass: of the fault heavier, which needs it, and of friction, unchanged unless given."""
     velocity: tuple[Speed, Speed, Speed] | None = None
-    """What it gets all at once, along x, y, z of the world. Only of the fault bump, which needs it."""
+    """Velocity that it gets at once, along x, y, z of the world. Only of the fault bump, which needs it."""
     spin: tuple[Spin, Spin, Spin] | None = None
-    """What it gets all at once, about x, y, z of the world; none unless given. Only of the fault bump."""
+    """Angular velocity that it gets at once, about x, y, z of the world; none unless given. Only of the fault
+    bump."""
     factor: Factor | None = None
-    """How many times as much: of the fault larger its size, of camera_noise the noise. Both need it."""
+    """Factor: of the fault larger on its size, of camera_noise on the noise. Both need it."""
     kind: str | None = None
     """Its kind, by the scene's catalogue. Only of the fault appear, which needs it."""
     colour: ItemColour | None = None
-    """Of the fault appear its colour, of camera_mislabel the colour that is not shown as it is. Both need
-    it."""
+    """Colour of the item that appears, or the colour that camera_mislabel shows as another. Both need it."""
     place: tuple[Length, Length] | None = None
-    """Where its centre comes to lie, x and y in the world. It waits until nothing is there. Only of the fault
+    """Position of its centre, x and y in the world. It waits until nothing is there. Only of the fault
     appear, which needs it."""
     yaw: Angle | None = None
-    """How it is turned about the world's z; not unless given. Only of the fault appear."""
+    """Rotation about the world's z; 0 unless given. Only of the fault appear."""
     share: Share | None = None
-    """What is left: of the force with gripper_weak, of the torque with joint_weak. Both need it."""
+    """Share that is left: of the force with gripper_weak, of the torque with joint_weak. Both need it."""
     joint: str | None = None
     """The joint of the arm, by its name. Only of the fault joint_weak, which needs it."""
     force: tuple[Push, Push, Push] | None = None
-    """By how much the sensor is off, along its own axes. Only of the fault wrench_bias, which needs it."""
+    """Bias of the sensor's force, along its own axes. Only of the fault wrench_bias, which needs it."""
     torque: tuple[Twist, Twist, Twist] | None = None
-    """By how much the sensor is off, about its own axes; not unless given. Only of the fault wrench_bias."""
+    """Bias of the sensor's torque, about its own axes; 0 unless given. Only of the fault wrench_bias."""
     camera: str | None = None
-    """Which camera; all of them unless given. Only of faults of cameras."""
+    """The camera; all of them unless given. Only of faults of cameras."""
     images: Count | None = None
-    """So many images do not come, unless `lasts` is over before. Only of the fault camera_drop."""
+    """Number of images that do not come, unless `lasts` is over before. Only of the fault camera_drop."""
     shift: Vector | None = None
-    """How far it is moved: right, down, forward as it looked. Only of the fault camera_shift, which needs
+    """Translation: right, down, forward in its former view. Only of the fault camera_shift, which needs
     it."""
     turn: Angles | None = None
-    """How it is turned, about the same axes, one after the other; not unless given. Only of camera_shift."""
+    """Rotation about the same axes, one after the other; 0 unless given. Only of camera_shift."""
     shown_as: ItemColour | None = None
-    """What is shown instead of `colour`. Only of the fault camera_mislabel, which needs it."""
+    """Colour that is shown instead of `colour`. Only of the fault camera_mislabel, which needs it."""
     swapped: Flag | None = None
-    """true: and `colour` instead of that. Only of the fault camera_mislabel."""
+    """true: `colour` is shown instead of `shown_as`, too. Only of the fault camera_mislabel."""
     requests: Count | None = None
-    """So many requests are not answered with a way, unless `lasts` is over before. Only of the fault
-    no_plan."""
+    """Number of planning requests that fail, unless `lasts` is over before. Only of the fault no_plan."""
 
     body: UnknownFile | None = None
-    """What is put there, and where; it stands still. It waits until no item and no part of the robot is in
-    its place. Only of the fault obstacle, which needs it."""
+    """The body and its pose; it never moves. It waits until no item and no part of the robot is in its place.
+    Only of the fault obstacle, which needs it."""
     name: Name | None = None
-    """What the record calls it; `obstacle` unless given. Only of the fault obstacle."""
+    """Its name in the record; `obstacle` unless given. Only of the fault obstacle."""
     stays: Duration | None = None
     """How long it stays before it is taken away; for good unless given. Only of the fault obstacle."""
 
@@ -187,7 +186,7 @@ NEEDS: Mapping[str, tuple[str, ...]] = {
     "raise": (),
     "kill": (),
 }
-"""What must be given with a fault."""
+"""Required keys of each kind of fault, besides `fault` and `when`."""
 _MAY_BESIDE: Mapping[str, tuple[str, ...]] = {
     "friction": ("mass",),
     "bump": ("spin",),
@@ -209,33 +208,33 @@ _MAY_BESIDE: Mapping[str, tuple[str, ...]] = {
 MAY: Mapping[str, tuple[str, ...]] = {
     name: (*needed, *_MAY_BESIDE.get(name, ())) for name, needed in NEEDS.items()
 }
-"""What may be given with a fault."""
+"""Allowed keys of each kind of fault, the required ones included."""
 OWN_KEYS = tuple(dict.fromkeys(key for keys in MAY.values() for key in keys))
 """Keys that some faults take and others do not."""
 
 
 class ExpectFile(FileModel):
-    """What whoever judges a campaign takes as right. Neither the robot nor the simulation reads it."""
+    """Expected outcome, for the evaluation of a campaign. Neither the robot nor the simulation reads it."""
 
     causes: list[str]
-    """Causes that name rightly what went wrong, or families of them as grasp.*; none where it should do no
+    """Causes that name the failure correctly, or families of them as grasp.*; none where it should do no
     harm."""
     lost: Annotated[int, Strict(), Field(ge=0)] = 0
     """How many items can physically not be sorted any more."""
 
 
 class FaultsRestFile(FileModel):
-    """What stands in a faults file beside its list."""
+    """Keys of a fault file besides its list."""
 
     scene: str | None = None
-    """A scene, shipped or a file beside this one: kinds, colours and numbers of items, cameras and joints are
-    held against it."""
+    """A scene, shipped or a file next to this one. Kinds, colours and numbers of items, cameras and joints
+    are checked against it."""
     expect: ExpectFile | None = None
-    """What would be right to say of it, for who judges."""
+    """Expected outcome of a run with these faults, for its evaluation."""
 
 
 class FaultsFile(FaultsRestFile):
-    """What is to go wrong in a run. Only the simulation knows; the robot finds out."""
+    """Faults of a run. Only the simulation knows them; the robot has to find out."""
 
     faults: list[FaultEntryFile]
     """The faults; those that are due in the same tick happen in this order."""

@@ -1,4 +1,4 @@
-"""What may happen to items, and to the way."""
+"""Faults that happen to items, and obstacles."""
 
 from __future__ import annotations
 
@@ -12,9 +12,10 @@ from .device_entries import When
 
 @dataclass(frozen=True, slots=True)
 class FaultTarget:
-    """A true item: among those that fit all that is given, the nearest to `nearest_to`, else the first.
+    """Target of a fault: a true item. Among the items that fit all given criteria it is the nearest to
+    `nearest_to`, else the first.
 
-    `tool` is the TCP; `object` the place where the belief has what the node's port `object` names.
+    `tool` is the TCP; `object` is the believed place of the object that the node's port `object` names.
     """
 
     index: int | None = None
@@ -58,7 +59,7 @@ class Bump:
 
 @dataclass(frozen=True, slots=True)
 class Slip:
-    """What the fingers hold, or hold next, has another friction for so many seconds, or for good; then its
+    """The item that the fingers hold, or hold next, has another friction for `lasts` s, or for good; then its
     own again."""
 
     name: ClassVar[str] = "slip"
@@ -89,8 +90,8 @@ class Larger:
 
 @dataclass(frozen=True, slots=True)
 class Appear:
-    """A further item of the catalogue comes to lie at `place` (x, y) in the world, as soon as nothing is
-    there; `yaw`, rad, about the world's z."""
+    """A further item of the catalogue appears at `place` (x, y) in the world, m. It waits until nothing is
+    there. `yaw`, rad, about the world's z."""
 
     name: ClassVar[str] = "appear"
     when: When
@@ -102,8 +103,8 @@ class Appear:
 
 @dataclass(frozen=True, slots=True)
 class Obstacle:
-    """Something that the robot is not told of is put into its way, as soon as nothing is there; it stands
-    still, and is taken away again after so many seconds, or never."""
+    """An obstacle that the robot does not know is put into its way. It waits until nothing is there, never
+    moves, and is removed after `stays` s; None: never."""
 
     name: ClassVar[str] = "obstacle"
     when: When
@@ -112,4 +113,4 @@ class Obstacle:
 
 
 ItemFault: TypeAlias = Remove | Friction | Bump | Heavier | Larger
-"""What happens to one item that is named, for good."""
+"""Faults that change one named item for good."""

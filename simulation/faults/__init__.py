@@ -1,1 +1,1 @@
-"""Faults, carried out."""
+"""Fault injection: active faults, their schedule and their records."""

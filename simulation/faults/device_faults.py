@@ -1,4 +1,5 @@
-"""What is wrong with the devices of a simulated robot: nothing, unless a fault says so."""
+"""Active faults of a simulated robot's devices, and the protocol of a robot in which faults can be
+injected."""
 
 from __future__ import annotations
 
@@ -29,12 +30,12 @@ from ..fault_files.device_entries import (
 from ..scoring.truth import TrueBody, TrueObstacle
 
 SQUEEZE = 1e-3
-"""Fingers that jam while they press go on pressing: they aim so far inside of what they hold, m."""
+"""Depth inside the gripped item at which jammed fingers aim, so that they keep pressing, m."""
 
 
 @dataclass(frozen=True, slots=True)
 class FrozenReading:
-    """The last that a sensor has said, and when, s."""
+    """Last reading of a silent sensor, and its time, s."""
 
     wrench: Wrench
     since: float
@@ -42,21 +43,21 @@ class FrozenReading:
 
 @dataclass(frozen=True, slots=True)
 class CameraFaultState:
-    """What is wrong with one camera now."""
+    """Active faults of one camera."""
 
     drops: tuple[int, ...] = ()
-    """The faults that keep its images back, by number."""
+    """Numbers of the faults that drop its images."""
     moved: Pose = field(default_factory=Pose)
-    """Its optical frame in the frame as it was."""
+    """True optical frame in the frame before the fault."""
     noise: float = 1.0
-    """How many times as noisy it is."""
+    """Factor on the camera's noise."""
     shown: Mapping[str, str] = field(default_factory=dict[str, str])
-    """Colours that are shown as others."""
+    """Colours that are shown as others: true colour to shown colour."""
 
 
 class DeviceFaults:
-    """The faults of devices that last now, by their number in the fault file, and what they come to. Held by
-    a backend; its devices ask."""
+    """Active faults of devices by their number in the fault file, and their joint effect. A backend holds it;
+    its devices read it."""
 
     def __init__(self, cameras: Iterable[str]) -> None:
         self._names = tuple(cameras)
@@ -65,8 +66,11 @@ class DeviceFaults:
         self._sum_up()
 
     def begin(self, number: int, fault: Ailing, held: tuple[float, ...]) -> None:
-        """`held`: what the device was doing then: of a jam the opening, m, and force, N, that the drives
-        keep; of a silent sensor its last reading (6,) and its time, s; of what is counted the count."""
+        """Begin a fault. `held` is the device's state at that moment.
+
+        For a jam: opening, m, and force, N, that the drives keep. For a silent sensor: its last reading (6,)
+        and its time, s. For a counted fault: the count.
+        """
         self._active[number] = fault
         self._held[number] = held
         self._sum_up()
@@ -77,15 +81,15 @@ class DeviceFaults:
 
     @property
     def any(self) -> bool:
-        """Whether anything is wrong."""
+        """Whether any fault is active."""
         return bool(self._active)
 
     def held(self, number: int) -> tuple[float, ...]:
-        """As it was given to `begin`, counted up to now; of what does not last, nothing."""
+        """Return the `held` of `begin`, counted up to now; empty for a fault that is not active."""
         return self._held.get(number, ())
 
     def spent(self, number: int) -> bool:
-        """Whether as many images or requests as the fault was to last for are over."""
+        """Return whether a counted fault has used up its number of images or requests."""
         fault = self._active.get(number)
         match fault:
             case CameraDrop(images=int(most)) | NoPlan(requests=int(most)):
@@ -94,33 +98,35 @@ class DeviceFaults:
                 return False
 
     def dropped(self, camera: str) -> bool:
-        """Asked for each image: whether it does not come."""
+        """Return whether the next image of a camera is dropped, and count it. Called once for each image."""
         trouble = self.cameras.get(camera)
         return trouble is not None and self._counted(trouble.drops)
 
     def no_plan(self) -> bool:
-        """Asked for each request to the planner: whether it finds nothing."""
+        """Return whether the planner finds nothing for the next request, and count it. Called once for each
+        request."""
         return self._counted(self._planless)
 
     def off(self, turn: Quaternion) -> tuple[float, ...]:
-        """What the wrist's sensor is off by, (6,) N and Nm in the world's axes, it being turned like that."""
+        """Return the bias of the wrist's sensor, (6,), N and Nm, in the world's axes; `turn` is the sensor's
+        orientation in the world."""
         force, torque = self.bias
         return (*rotated(turn, force), *rotated(turn, torque))
 
     def _counted(self, numbers: Iterable[int]) -> bool:
-        """Whether any of them still has something to keep back; each of those has kept back one more."""
+        """Return whether any of these counted faults is not used up; counts one more for each of them."""
         lasting = [number for number in numbers if not self.spent(number)]
         for number in lasting:
             self._held[number] = (self._held[number][0] + 1.0,)
         return bool(lasting)
 
     def _sum_up(self) -> None:
-        """What all of them come to."""
+        """Compute the joint effect of all active faults."""
         faults = self._active
         self.stalled = any(isinstance(f, Stall) for f in faults.values())
         jams = [n for n, f in faults.items() if isinstance(f, GripperJam)]
         self.jam: GripperCommand | None = GripperCommand(*self._held[jams[0]]) if jams else None
-        """What the fingers' drives do instead of what they are told."""
+        """Command that jammed fingers follow in place of the received one; None: no jam."""
         self.grip_share = math.prod(f.share for f in faults.values() if isinstance(f, GripperWeak))
         self.torque_shares: dict[str, float] = {}
         for fault in faults.values():
@@ -145,15 +151,15 @@ class DeviceFaults:
 
 
 def jammed(told: GripperCommand, width: float, most: float) -> tuple[float, float]:
-    """What the drives of fingers go on doing that jam at that opening, m: opening and force; `most`: the
-    greatest force, N."""
+    """Return opening, m, and force, N, that the drives of fingers keep when they jam at opening `width`, m.
+    `most`: greatest force, N."""
     if told.width < width - SQUEEZE:
         return max(width - SQUEEZE, 0.0), told.force
     return width, most
 
 
 def clipped(torque: Array, limits: Array) -> Array:
-    """Torques (n,) as far as joints with these limits (n,) give them, Nm."""
+    """Return torques (n,), Nm, clipped to the joints' limits (n,)."""
     return torque.clip(-limits, limits)
 
 
@@ -187,7 +193,7 @@ def _trouble(faults: Mapping[int, CameraFault]) -> CameraFaultState:
 
 
 class InjectableRobot(Protocol):
-    """A simulated robot and its surroundings."""
+    """Protocol of a simulated robot and its surroundings in which faults can be injected."""
 
     @property
     def clock(self) -> Clock: ...
@@ -195,13 +201,13 @@ class InjectableRobot(Protocol):
     def gripper(self) -> Gripper: ...
     @property
     def ailments(self) -> DeviceFaults:
-        """What is wrong with its devices now."""
+        """Active faults of its devices."""
         ...
 
     def truth(self) -> tuple[TrueBody, ...]: ...
     def true_tcp(self) -> Pose: ...
     def in_hand(self) -> ObjectId | None:
-        """The item that the fingers really hold."""
+        """Return the item that the fingers truly hold; None: nothing."""
         ...
 
     def remove(self, item: str) -> None: ...
@@ -210,17 +216,17 @@ class InjectableRobot(Protocol):
     ) -> None: ...
     def bump(self, item: str, velocity: Vector3, spin: Vector3 = (0.0, 0.0, 0.0)) -> None: ...
     def lubricate(self, item: str, friction: float | None, *, again: bool = False) -> None:
-        """The item has that friction until it is given its own back, None. `again`: it had it when the
+        """Give the item another friction; None: its own again. `again`: it had that friction already when the
         checkpoint was taken."""
         ...
 
     def enlarge(self, item: str, factor: float) -> bool:
-        """The item becomes so many times as large; False: there is no room for that now."""
+        """Scale the item by `factor`; False: there is no room for that now."""
         ...
 
     def appear(self, kind: str, colour: str, place: tuple[float, float], yaw: float) -> ObjectId | None:
-        """A further item comes to lie there; None: something is there now. Raises PicktreeError where nothing
-        is below."""
+        """Add an item at `place`; None: something is there now. Raises PicktreeError where nothing is
+        below."""
         ...
 
     def obstacles(self) -> tuple[TrueObstacle, ...]: ...
@@ -228,10 +234,9 @@ class InjectableRobot(Protocol):
     def put_obstacle(self, body: Fixture) -> ObjectId: ...
     def take_obstacle(self, name: ObjectId) -> None: ...
     def afflict(self, number: int, fault: Ailing, held: tuple[float, ...] | None = None) -> None:
-        """A device begins to fail. `held`: it did when the checkpoint was taken, and that was what the device
-        was doing when it began."""
+        """Begin a fault of a device. `held` is given on restore: the device's state when the fault began."""
         ...
 
     def relieve(self, number: int) -> None:
-        """It works again."""
+        """End a fault of a device."""
         ...

@@ -1,4 +1,4 @@
-"""What the record says when a fault begins and when it ends."""
+"""Sentences and data of the record at the start and the end of a device fault."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from ..fault_files.device_entries import (
 
 
 def begins(fault: Ailing, width: float) -> str:
-    """`width`: the fingers' opening, m."""
+    """Return the sentence for the start of a fault; `width` is the fingers' opening, m."""
     return f"{_begins(fault, width)}{_lasting(fault)}"
 
 
@@ -53,7 +53,7 @@ def ends(fault: Ailing) -> str:
 
 
 def details(fault: Ailing) -> dict[str, Plain]:
-    """For the record, beside the sentence."""
+    """Return the data of the record that goes with the sentence."""
     told: dict[str, Plain] = {}
     match fault:
         case GripperWeak(share=share):

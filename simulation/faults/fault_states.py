@@ -1,4 +1,5 @@
-"""How far the faults of a file have come: which occasions there were, which were taken, what is to come."""
+"""Progress of the faults of a file: occasions so far, occasions used, and due faults; targets of item
+faults."""
 
 from __future__ import annotations
 
@@ -19,7 +20,8 @@ from .device_faults import InjectableRobot
 def choose_target(
     hardware: InjectableRobot, target: FaultTarget, node: str, object_place: Callable[[str], Vector3 | None]
 ) -> TrueBody | None:
-    """The item that is meant; `object_place` tells where the belief has the object of a node."""
+    """Choose the item that a target means; None: no item fits. `object_place` returns the believed place of a
+    node's object."""
     fitting = [
         body
         for number, body in enumerate(hardware.truth())
@@ -42,7 +44,7 @@ def choose_target(
 
 
 def told_of(fault: ItemFault, body: TrueBody) -> dict[str, Plain]:
-    """For the record, beside the sentence."""
+    """Return the data of the record that goes with the sentence."""
     data: dict[str, Plain] = {"fault": fault.name, "item": body.id, "kind": body.kind}
     data["colour"] = body.colour
     match fault:
@@ -60,7 +62,7 @@ def told_of(fault: ItemFault, body: TrueBody) -> dict[str, Plain]:
 
 
 def apply_item_fault(fault: ItemFault, body: TrueBody, hardware: InjectableRobot) -> str | None:
-    """What was done, in words; None: there is no room for it now."""
+    """Carry out a fault of an item. Returns a sentence about it; None: there is no room for it now."""
     match fault:
         case Remove():
             hardware.remove(body.id)
@@ -83,38 +85,39 @@ def apply_item_fault(fault: ItemFault, body: TrueBody, hardware: InjectableRobot
 
 @dataclass(frozen=True, slots=True)
 class DueFault:
-    """That something is to happen."""
+    """Occasion at which a fault is due."""
 
     time: float
     """Simulated time, s."""
     node: str
-    """Path of the node whose start made it due; empty at a time."""
+    """Path of the node whose start made the fault due; empty for a fault at a time."""
 
 
 @dataclass(frozen=True, slots=True)
 class FaultState:
-    """How far one fault has come."""
+    """Progress of one fault."""
 
     starts: int = 0
-    """How often the node that it waits for has started."""
+    """Number of starts of the node for which the fault waits."""
     due: float | None = None
-    """Simulated time, s; None while it waits for a node."""
+    """Simulated time at which the fault is due, s; None while it waits for a node."""
     node: str = ""
-    """Path of the node whose start made it due."""
+    """Path of the node whose start made the fault due."""
     done: bool = False
-    """It does not happen any more."""
+    """Whether the fault is over for good."""
     standing: str = ""
-    """What it has yet to end: the obstacle that it put somewhere, the item that slips, the fault itself."""
+    """Effect that the fault has still to end: the obstacle that it added, the item that slips, or the fault
+    itself; empty: none."""
     until: float | None = 0.0
-    """When it ends that, s; None: never."""
+    """Simulated time at which it ends that effect, s; None: never."""
     waits: bool = False
-    """It is due, but something is in its place."""
+    """Whether the fault is due but has to wait, because something is in its place."""
     chances: int = 0
-    """Occasions so far at which it might have happened."""
+    """Number of occasions so far at which the fault might have happened."""
     then: tuple[DueFault, ...] = ()
-    """What is due after that."""
+    """Further occasions that are due, in order."""
     held: tuple[float, ...] = ()
-    """What a device was doing when the fault began, as `DeviceFaults` keeps it."""
+    """State of the device when the fault began, as `DeviceFaults` keeps it."""
 
     @property
     def dues(self) -> tuple[DueFault, ...]:
@@ -122,14 +125,17 @@ class FaultState:
 
 
 class FaultSchedule:
-    """When the faults of a run happen. Whether one takes an occasion is drawn by the run's seed, the fault's
-    number in the file and the number of the occasion: nothing else that happens changes it."""
+    """Schedule of the faults of a run.
+
+    Whether a fault takes an occasion depends on the run's seed, the fault's number in the file and the number
+    of the occasion. Nothing else that happens changes it.
+    """
 
     def __init__(self, seed: int) -> None:
         self._streams = RandomStreams(seed)
 
     def begun(self, number: int, when: When, since: float | None = None) -> FaultState:
-        """Of a fault that is new; what should have happened until `since`, s, does not happen any more."""
+        """Return the state of a new fault. Occasions until the time `since`, s, are skipped."""
         if not isinstance(when, AtTime):
             return FaultState()
         state = self._at_time(number, when, FaultState(), when.time)
@@ -138,7 +144,7 @@ class FaultSchedule:
         return state
 
     def node_started(self, number: int, when: When, state: FaultState, path: str, now: float) -> FaultState:
-        """A node has started."""
+        """Return the state of a fault after the node at `path` has started."""
         if isinstance(when, AtTime) or state.done or not node_matches(when.pattern, path):
             return state
         if state.due is not None and not when.each:
@@ -150,12 +156,12 @@ class FaultSchedule:
         state = replace(state, chances=state.chances + 1)
         if not happens:
             return state if when.each else replace(state, done=True)
-        # What waits for room, or for something in the hand, waits once.
+        # A fault that waits for room, or for an item in the hand, is due once only.
         before = () if state.waits else state.dues
         return _with(state, (*before, DueFault(now + when.delay, path)))
 
     def taken(self, number: int, when: When, state: FaultState, now: float) -> FaultState:
-        """What was due has happened, or there was nothing for it to happen to."""
+        """Return the state of a fault after a due occasion, whether or not there was anything to affect."""
         state = replace(state, waits=False)
         match when:
             case AtNode(each=True):
@@ -168,7 +174,8 @@ class FaultSchedule:
     def _at_time(
         self, number: int, when: AtTime, state: FaultState, begin: float, after: float | None = None
     ) -> FaultState:
-        """The next occasion that is taken: `begin`, or the first of its repetitions later than `after`."""
+        """Return the state with the next occasion that is taken: `begin`, or the first of its repetitions
+        later than `after`."""
         time = begin
         for _ in range(10_000):  # with a small probability it may never be
             if after is None or time > after + 1e-9:

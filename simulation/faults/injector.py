@@ -1,5 +1,5 @@
-"""Carrying out a fault file: at its time, or when a node starts, something is done to an item, a device or
-the program."""
+"""Fault injector: carries out a fault file on items, devices and the program, at set times or when nodes
+start."""
 
 from __future__ import annotations
 
@@ -54,33 +54,35 @@ _PLANTED = "planted by the fault file"
 
 @dataclass(frozen=True, slots=True)
 class InjectionResult:
-    """What came of an occasion."""
+    """Result of carrying out a fault at one occasion."""
 
     message: str
     data: dict[str, Plain]
     standing: str = ""
-    """What is to be ended later; empty: nothing."""
+    """Effect that has to be ended later; empty: none."""
     waits: bool = False
-    """It could not be yet; the message is told once."""
+    """Whether the fault has to wait; the message is recorded once."""
 
 
 class InjectableProgram(Protocol):
-    """The tree that runs, as far as faults meddle with it."""
+    """Running tree, as far as faults interfere with it."""
 
     def acting(self, path: str = "") -> str | None:
-        """Path of the skill that runs at or below a node, empty when none does; None: it does not run."""
+        """Return the path of the skill that runs at or below a node; empty: no skill runs; None: the node
+        does not run."""
         ...
 
     def stand_in(self, path: str, body: Callable[[], Generator[None, None, None]]) -> bool:
-        """Let that body go on in the place of a skill's own from its next tick on; False: it is no skill."""
+        """Replace a skill's generator by `body` from its next tick on. Returns False when the node is no
+        skill."""
         ...
 
 
 class FaultInjector:
-    """Carries out faults between two ticks.
+    """Fault injector of one run; works between two ticks.
 
-    `object_place` tells where the belief has the object of a node, by the node's path; `program` gives the
-    tree that runs. `kill` ends the process; without it a run that is repeated goes on where it was killed.
+    `object_place` returns the believed place of a node's object, by the node's path; `program` returns the
+    running tree. `kill` ends the process; without it a repeated run continues past the kill.
     """
 
     def __init__(
@@ -104,11 +106,12 @@ class FaultInjector:
 
     @property
     def no_plan(self) -> Callable[[], bool] | None:
-        """To be asked at each request whether the planner finds nothing; None: it always does its best."""
+        """Callback that tells for each planning request whether the planner finds nothing; None: no fault of
+        the file does that."""
         return self._hardware.ailments.no_plan if any(isinstance(f, NoPlan) for f in self._faults) else None
 
     def node_started(self, path: str) -> None:
-        """Called by the tree whenever a node starts."""
+        """Note the start of a node. The tree calls this whenever a node starts."""
         now = self._hardware.clock.now
         for n, fault in enumerate(self._faults):
             before = self._states[n]
@@ -120,7 +123,7 @@ class FaultInjector:
                 self._strike_at_once(n, fault, path, now)
 
     def tick(self) -> tuple[JournalEvent, ...]:
-        """Carry out what is due now. Called after each tick of the tree."""
+        """Carry out the due faults and return their events. Called after each tick of the tree."""
         now = self._hardware.clock.now
         happened, self._told = self._told, []
         for n, fault in enumerate(self._faults):
@@ -136,13 +139,14 @@ class FaultInjector:
         return tuple(happened)
 
     def state(self) -> tuple[FaultState, ...]:
-        """For a checkpoint; what faults have done to items for good is in the hardware's own."""
+        """Return the faults' states for a checkpoint. The hardware's own state holds permanent changes of
+        items."""
         held = self._hardware.ailments.held
         return tuple(replace(state, held=held(n)) for n, state in enumerate(self._states))
 
     def restore(self, states: Sequence[FaultState]) -> None:
-        """Raises PicktreeError when they are of another fault file. What lasts goes on; who was killed when
-        they were saved is not killed by the same again."""
+        """Take over the states of a checkpoint and resume active faults. A process that had been killed is
+        not killed by the same fault again. Raises PicktreeError when the states are of another fault file."""
         if len(states) != len(self._faults):
             raise PicktreeError(f"the checkpoint knows {len(states)} faults, the file {len(self._faults)}")
         self._states = list(states)
@@ -165,7 +169,7 @@ class FaultInjector:
         return state.until is not None and now >= state.until - 1e-9
 
     def _end(self, n: int, fault: FaultSpec) -> list[JournalEvent]:
-        """What lasted is over."""
+        """End a fault that lasted."""
         state = self._states[n]
         name, self._states[n] = state.standing, replace(state, standing="")
         data: dict[str, Plain] = {"fault": fault.name}
@@ -188,7 +192,7 @@ class FaultInjector:
         return [JournalEvent("fault", message, state.node, data | {"gone": True})]
 
     def _strike(self, n: int, fault: FaultSpec, now: float) -> list[JournalEvent]:
-        """Carry out the first that is due."""
+        """Carry out the first due occasion of a fault."""
         state = self._states[n]
         if state.standing and not isinstance(fault, Obstacle):
             self._end(n, fault)
@@ -237,7 +241,7 @@ class FaultInjector:
         return InjectionResult(message, data)
 
     def _obstruct(self, fault: Obstacle, state: FaultState) -> InjectionResult:
-        """Put the obstacle where it belongs, or wait until nothing is there."""
+        """Add the obstacle, or wait until its place is free."""
         body = fault.body
         data: dict[str, Plain] = {"fault": "obstacle", "obstacle": body.id, "at": list(body.pose.position)}
         if state.standing:  # what it put there before
@@ -273,7 +277,7 @@ class FaultInjector:
         return InjectionResult(message, data | {"item": item}, standing=item)
 
     def _meddle(self, fault: Hang | Raise, state: FaultState) -> InjectionResult:
-        """Take the place of the skill that runs."""
+        """Replace the generator of the running skill."""
         name = fault.name
         tree = None if self._program is None else self._program()
         path = None if tree is None else tree.acting(state.node)
@@ -285,7 +289,7 @@ class FaultInjector:
         return _meddled(fault, path)
 
     def _strike_at_once(self, n: int, fault: Hang | Raise, path: str, now: float) -> None:
-        """A skill that starts, and may end in this very tick, never gets to do anything of its own."""
+        """Replace the generator of a skill that has just started, which may end in the same tick."""
         state = self._states[n]
         if state.dues[0].time > now or self._program is None:
             return
@@ -301,8 +305,11 @@ def new_states(
     since: float | None = None,
     before: tuple[FaultFile | None, Sequence[FaultState]] = (None, ()),
 ) -> tuple[FaultState, ...]:
-    """Of faults that are new at the time `since`, s, or when the run begins: what should have happened before
-    does not happen any more. A fault that stood in the same place in the file `before` is none of those."""
+    """Return the states of the faults of a file, at the time `since`, s, or at the start of the run.
+    Occasions before `since` are skipped.
+
+    A fault at the same position in the file `before` keeps its state.
+    """
     occasions, known = FaultSchedule(seed), dict(enumerate(before[0].faults if before[0] else ()))
     return tuple(
         before[1][n] if known.get(n) == fault else occasions.begun(n, fault.when, since)

@@ -1,4 +1,5 @@
-"""What stands in the robot's way without its knowledge: by name, in the order in which it came."""
+"""Obstacles that the robot does not know, by name in order of arrival, and the check whether a place is
+free."""
 
 from __future__ import annotations
 
@@ -18,11 +19,11 @@ from ...world.values import Array, ObjectId, Pose
 from ..scoring.truth import TrueObstacle
 
 ROOM = 0.01
-"""Nobody puts anything nearer than this to an item or the robot, m."""
+"""Least distance of an added obstacle to items and robot, m."""
 
 
 class HiddenObstacles:
-    """The bodies of one run. `body` is whatever a backend has for one: `put` makes it, `take` ends it."""
+    """Hidden obstacles of one run. The backend's `put` makes the body of one, its `take` removes it."""
 
     def __init__(self, put: Callable[[Fixture], None], take: Callable[[ObjectId], None]) -> None:
         self._put, self._take = put, take
@@ -36,7 +37,7 @@ class HiddenObstacles:
         return tuple(TrueObstacle.of(body) for body in self.here)
 
     def put(self, body: Fixture) -> ObjectId:
-        """It stands there from now on, under its name or, where that is taken, a numbered one."""
+        """Add an obstacle under its name or, where that is taken, a numbered one; return the name."""
         name, number = body.id, 1
         while name in self._here:
             number += 1
@@ -46,19 +47,19 @@ class HiddenObstacles:
         return name
 
     def take(self, name: ObjectId) -> None:
-        """It is taken away."""
+        """Remove an obstacle."""
         del self._here[name]
         self._take(name)
 
     def renew(self, bodies: Iterable[Fixture]) -> None:
-        """These stand there, in a simulation in which none does yet."""
+        """Add these obstacles to a simulation that has none yet."""
         self._here = {}
         for body in bodies:
             self.put(body)
 
 
 class FreeSpaceCheck:
-    """Whether a place is free of items and robot. Fixtures do not count: they do not mind."""
+    """Check whether a place is free of items and robot. Fixtures are ignored."""
 
     def __init__(self, model: RobotModel) -> None:
         self._model = model
@@ -75,8 +76,8 @@ class FreeSpaceCheck:
         width: float,
         room: float = ROOM,
     ) -> bool:
-        """Whether a body fits there between items and the robot at q (n,) rad, opened by `width` m, with
-        `room` m to spare."""
+        """Return whether a body fits at `pose` between items and robot, with clearance `room`, m. The arm is
+        at `q` (n,), rad, the fingers are `width` m open."""
         one, at = self._shapes.of(shape), _transform(pose)
         others = [(self._shapes.of(other), _transform(other_pose)) for other, other_pose in items]
         others += self._robot(q, width)

@@ -1,1 +1,1 @@
-"""Items that come while a run goes on, and bins that are exchanged."""
+"""Feed of a run: items that arrive on tables and belts, and the exchange of bins."""

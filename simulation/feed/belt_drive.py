@@ -1,4 +1,4 @@
-"""How a belt is driven, whichever backend moves it: its place, its speed and ramps, its light barrier."""
+"""Belt drive of both backends: surface, speed ramps, light barrier, and the state for checkpoints."""
 
 from __future__ import annotations
 
@@ -13,33 +13,36 @@ from ...world.shapes import Box
 from ...world.values import ObjectId, Pose, Vector3
 
 ACCELERATION = 0.25
-"""m/s², when it stops too. A ball or lying cylinder of radius r stays where it is on the belt as long as
-g·c/r is more, c being its rolling friction: 0.49 m/s² at 1 mm and 20 mm. What stands would slip at g times
-its friction only, and a can topple at g times its radius over half its height: ten times as much."""
+"""Acceleration of a belt when it starts and stops, m/s².
+
+A ball or lying cylinder of radius r stays in its place on the belt while g·c/r is greater. With rolling
+friction c of 1 mm and r of 20 mm that is 0.49 m/s². A standing body would slip only at g times its friction.
+A can topples only at g times its radius over half its height: ten times as much.
+"""
 BEAM_HEIGHT = 0.004
-"""Of the light barrier over the belt, m: half a plate's thickness."""
+"""Height of the light barrier above the belt, m: half a plate's thickness."""
 
 
 @dataclass(frozen=True, slots=True)
 class BeltState:
-    """All of a belt that its future depends on."""
+    """Complete state of a belt."""
 
     id: ObjectId
     wanted: bool = False
-    """Whether it is to run."""
+    """Whether the belt has the command to run."""
     speed: float = 0.0
-    """That its drive is told for the last step, m/s; it rises and falls by ramps."""
+    """Commanded speed in the last step, m/s; it follows ramps."""
     travelled: float = 0.0
-    """Since the run began, m."""
+    """Travel of the surface since the run began, m."""
     offset: float = 0.0
-    """How far its surface stands from its place, m; only physics has that."""
+    """Offset of the slab from its place, m; 0 without physics."""
 
     @property
     def moving(self) -> bool:
         return self.wanted or self.speed > 0.0
 
     def after(self, top_speed: float, period: float) -> BeltState:
-        """What the drive is told for one period more."""
+        """Return the state one control period later."""
         aim = top_speed if self.wanted else 0.0
         change = ACCELERATION * period
         speed = min(max(aim, self.speed - change), self.speed + change)
@@ -48,7 +51,7 @@ class BeltState:
 
 @dataclass(frozen=True, slots=True)
 class BeltSurface:
-    """A belt's level top. `pose` is its middle, x along the way that items ride."""
+    """Level top of a belt. `pose` is its middle in the world, with x along the direction of travel."""
 
     pose: Pose
     length: float
@@ -62,31 +65,32 @@ class BeltSurface:
 
     @property
     def height(self) -> float:
-        """In the world, m."""
+        """Height of the surface in the world, m."""
         return self.pose.position[2]
 
     def at(self, along: float, across: float = 0.0, above: float = 0.0) -> Vector3:
-        """The point in the world, m from the middle."""
+        """Return the point in the world at an offset in m from the middle."""
         return (self.pose @ Pose((along, across, above))).position
 
     def beam(self, along: float) -> tuple[Vector3, Vector3]:
-        """The ends of a light barrier that crosses it."""
+        """Return the ends in the world of a light barrier that crosses the belt at `along` m from the
+        middle."""
         half = self.width / 2
         return self.at(along, -half, BEAM_HEIGHT), self.at(along, half, BEAM_HEIGHT)
 
     def place(self, point: Vector3) -> tuple[float, float]:
-        """How far along and across from the middle the point lies, as seen from above, m."""
+        """Return how far along and across from the middle a point in the world lies, seen from above, m."""
         along, across, _ = (self.pose.inverse() @ Pose(point)).position
         return along, across
 
     def carries(self, point: Vector3) -> bool:
-        """Whether the point lies over it, as seen from above."""
+        """Return whether a point in the world lies over the belt, seen from above."""
         along, across = self.place(point)
         return abs(along) <= self.length / 2 and abs(across) <= self.width / 2
 
 
 class BeltDrive(ABC):
-    """One belt, as whoever feeds it sees it."""
+    """One belt as the feed sees it."""
 
     def __init__(self, belt: Belt, fixture: Fixture) -> None:
         self.belt = belt
@@ -99,29 +103,29 @@ class BeltDrive(ABC):
 
     @property
     def moving(self) -> bool:
-        """Whether it runs, starts or stops; else it stands as still as a table."""
+        """Whether the belt runs, starts or stops."""
         return self.state.moving
 
     @property
     def travelled(self) -> float:
-        """The way of its surface since the run began, m."""
+        """Travel of the surface since the run began, m."""
         return self.state.travelled
 
     def go(self) -> None:
-        """Start, if it does not run already."""
+        """Start the belt, if it does not run already."""
         self.state = replace(self.state, wanted=True)
 
     def halt(self) -> None:
-        """Stop; it takes a moment."""
+        """Stop the belt by its ramp."""
         self.state = replace(self.state, wanted=False)
 
     @abstractmethod
     def interrupted(self) -> bool:
-        """Whether something is in the light barrier now."""
+        """Return whether something interrupts the light barrier now."""
 
 
 def check_belts(saved: Iterable[BeltState], belts: Iterable[ObjectId]) -> None:
-    """Raises PicktreeError when a checkpoint is of other belts than the scene's."""
+    """Raise PicktreeError when a checkpoint is of other belts than the scene's."""
     names, known = [s.id for s in saved], list(belts)
     if names != known:
         raise PicktreeError(f"the checkpoint's belts are {names}, but the scene has {known}")

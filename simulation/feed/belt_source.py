@@ -1,4 +1,4 @@
-"""Items that come on a belt: set down one by one at its upstream end while it runs for the robot."""
+"""Belt feed: sets items down one by one at the belt's upstream end while the belt runs."""
 
 from __future__ import annotations
 
@@ -20,43 +20,48 @@ from .cell_interface import LOOK, FeedCell
 from .light_curtain import Zone
 
 MARGIN = 0.05
-"""Between the belt and the arm while it runs, m."""
+"""Margin around the running belt in which the arm may not be, m."""
 EDGE = 0.005
-"""Items are set down so far from the belt's edges, m."""
+"""Distance of new items from the belt's edges, m."""
 CLEARANCE = 5e-4
-"""They are let go so high above it, m."""
+"""Height above the belt from which new items drop, m."""
 FREE = 0.005
-"""A gap between two items is as wide at least, m: at an item's rim the barrier may flicker."""
+"""Least gap between two items at the light barrier, m: at an item's rim the barrier may flicker."""
 PATIENCE = 3.0
-"""After a stop it is waited at most so long for what lies on the belt to come to rest, s."""
+"""Longest wait after a stop for the items on the belt to come to rest, s."""
 
 Phase: TypeAlias = Literal["standing", "running", "stopping"]
 
 
 @dataclass(frozen=True, slots=True)
 class BeltFeedState:
-    """How far an entry of the feed has come."""
+    """Progress of a feed entry with a belt."""
 
     phase: Phase = "standing"
-    """`running` is from the robot's word until something new has come, also while the arm is in the way."""
+    """Phase of the belt. `running` lasts from the robot's request until a new item has come, also while the
+    arm is in the way."""
     put: int = 0
-    """Items set down so far."""
+    """Number of items set down so far."""
     last: float = 0.0
-    """The belt's way when the last of them was, m."""
+    """Travel of the belt when the last item was set down, m."""
     seen: float | None = None
-    """The belt's way when something was in the light barrier last in this run, m."""
+    """Travel of the belt when the light barrier was last interrupted in this run, m; None: not in this
+    run."""
     obstructed: bool = False
     runs: int = 0
     put_before: int = 0
-    """Items set down before this run."""
+    """Number of items set down before this run of the belt."""
     until: float = 0.0
-    """How long it is waited for rest, s."""
+    """Simulated time until which the feed waits for items to come to rest, s."""
     deliveries: int = 0
 
 
 class BeltFeed:
-    """`ItemSource` of an entry with a belt. The belt stops when its light barrier sees another item come; one
-    that was left lying there rides on. When all have come it stops once the last is at the barrier."""
+    """`ItemSource` of a feed entry with a belt.
+
+    The belt stops when its light barrier detects another item; an item that was left at the barrier rides on.
+    After the last item the belt stops once that item is at the barrier.
+    """
 
     def __init__(
         self, scene: SceneDescription, number: int, cell: FeedCell, drive: BeltDrive, seed: int
@@ -68,7 +73,7 @@ class BeltFeed:
         self._drive = drive
         self._streams = RandomStreams(seed)
         load = self._delivery.load
-        # Each round of the mixture has every colour as often.
+        # Each round of the mixture has the same number of each colour.
         self._round = replace(load, counts=tuple((kind, n * len(load.colours)) for kind, n in load.counts))
         self._size = sum(n for _, n in self._round.counts)
         widest = max(reach(scene.entry(kind).shape, load.lying) for kind, _ in load.counts)
@@ -98,7 +103,7 @@ class BeltFeed:
         return self._state.deliveries
 
     def ready(self) -> None:
-        """A belt that is about to stop has what the robot is ready for."""
+        """Start the belt, unless it is running, stopping or exhausted."""
         if not self.busy and not self.exhausted:
             state = self._state
             self._state = replace(state, phase="running", runs=state.runs + 1, put_before=state.put)
@@ -121,7 +126,7 @@ class BeltFeed:
         return events
 
     def state(self) -> BeltFeedState:
-        """For a checkpoint; the belt's own state is the backend's."""
+        """Return the progress for a checkpoint; the belt's own state is the backend's."""
         return self._state
 
     def restore(self, state: BeltFeedState) -> None:
@@ -129,14 +134,14 @@ class BeltFeed:
         self._next = self._drawn(state.put)
 
     def _mind_the_arm(self) -> None:
-        """Run, unless the arm is in the way; a belt that it came over stops until it leaves."""
+        """Run the belt unless the arm is in the way. The belt stops while the arm is over it."""
         obstructed = self._cell.arm_over(self._zone)
         self._state = replace(self._state, obstructed=obstructed)
         if obstructed:
             self._drive.halt()
             return
         if not self._drive.moving:
-            # What lies in the barrier now is not another item.
+            # An item that lies in the barrier now does not count as another item.
             here = self._drive.travelled if self._drive.interrupted() else None
             self._state = replace(self._state, seen=here)
             self._tell("belt_runs", "runs", {})
@@ -152,7 +157,7 @@ class BeltFeed:
             self._put()
 
     def _another_comes(self) -> bool:
-        """Whether the light barrier is interrupted after it was free for a while."""
+        """Return whether the light barrier is interrupted after it was free for a while."""
         if not self._drive.interrupted():
             return False
         here, before = self._drive.travelled, self._state.seen
@@ -173,7 +178,7 @@ class BeltFeed:
 
     @property
     def _all_at_barrier(self) -> bool:
-        """Whether the last of all has come so far that no stop could bring more."""
+        """Whether the last of all items has come so far that no further stop could bring more."""
         return self._all_put and self._drive.travelled - self._state.last >= self._rest
 
     def _is_due(self) -> bool:
@@ -183,7 +188,7 @@ class BeltFeed:
         )
 
     def _put(self) -> None:
-        """Set the next item down, unless the place is taken: the belt will clear it."""
+        """Set the next item down, unless its place is occupied until the belt clears it."""
         coming = self._next
         entry = self._scene.entry(coming.item.kind)
         turn = coming.item.turn
@@ -202,7 +207,7 @@ class BeltFeed:
         self._next = self._drawn(self._state.put)
 
     def _drawn(self, number: int) -> NextBeltItem:
-        """The item of that number: from scene and seed alone."""
+        """Draw the item with a number, from scene and seed alone."""
         name = f"feed/{self._number}"
         rng = self._streams.at(name, number // self._size)
         items = draw_load(self._scene, self._round, rng)
@@ -220,17 +225,17 @@ class BeltFeed:
 
 @dataclass(frozen=True, slots=True)
 class NextBeltItem:
-    """The next item for a belt."""
+    """Next item for a belt, with its spacing and lateral position."""
 
     item: LooseItem
     spacing: float
-    """Of the belt's way from the item before, m."""
+    """Travel of the belt since the previous item, m."""
     aside: float
-    """From the belt's middle line, m."""
+    """Offset from the belt's middle line, m."""
 
 
 def zone_of(track: BeltSurface) -> Zone:
-    """Where no arm may be while the belt runs."""
+    """Return the zone that the arm may not enter while the belt runs."""
     x, y, _ = track.pose.position
     ahead = track.pose.rotation()[:, 0]
     yaw = math.atan2(float(ahead[1]), float(ahead[0]))

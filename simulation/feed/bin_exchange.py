@@ -1,4 +1,4 @@
-"""Somebody who puts an empty bin in a full one's place when the robot asks."""
+"""Bin exchange: a person replaces a full bin by an empty one when the robot requests it."""
 
 from __future__ import annotations
 
@@ -16,24 +16,25 @@ from .cell_interface import LOOK, FeedCell
 from .light_curtain import Zone
 
 MARGIN = 0.05
-"""Between the bin and the arm, m."""
+"""Least distance between the bin and the arm during the exchange, m."""
 
 
 @dataclass(frozen=True, slots=True)
 class ExchangeState:
-    """What was asked for and done."""
+    """Requested and completed exchanges of bins."""
 
     asked: tuple[ObjectId, ...] = ()
-    """Bins in the order in which they were asked for; the first is being exchanged."""
+    """Requested bins, in order; the first one is being exchanged."""
     worked: float = 0.0
-    """How long somebody has been at it with the arm out of the way, s."""
+    """Time worked on the present exchange with the arm out of the way, s."""
     obstructed: bool = False
     done: Mapping[ObjectId, int] = field(default_factory=dict[ObjectId, int])
-    """How often each bin was exchanged."""
+    """Number of exchanges of each bin."""
 
 
 class BinExchange:
-    """One person: bins are exchanged one after the other. Without `exchange` in the scene nobody hears."""
+    """Exchange of bins by one person, one bin after the other. Without `exchange` in the scene requests are
+    ignored."""
 
     def __init__(self, scene: SceneDescription, cell: FeedCell) -> None:
         self._cell = cell
@@ -51,18 +52,18 @@ class BinExchange:
 
     @property
     def done(self) -> Mapping[ObjectId, int]:
-        """How often each bin was exchanged; a copy."""
+        """Number of exchanges of each bin; a copy."""
         return dict(self._done)
 
     def ask(self, bin_id: ObjectId) -> None:
-        """Raises PicktreeError for what is no bin of the scene."""
+        """Request the exchange of a bin. Raises PicktreeError when the scene has no such bin."""
         if bin_id not in self._bins:
             raise PicktreeError(f"there is no bin {bin_id!r}; known: {', '.join(self._bins)}")
         if self._exchange is not None and bin_id not in self._asked:
             self._asked.append(bin_id)
 
     def stepped(self, step: int) -> None:
-        """A control period has passed, the step-th of the run."""
+        """Advance by one control period, the step-th of the run."""
         if not self._asked or step % LOOK:
             return
         each = self._bins[self._asked[0]]
@@ -75,12 +76,12 @@ class BinExchange:
             self._carry_out(each)
 
     def take_events(self) -> tuple[JournalEvent, ...]:
-        """What has happened since it was asked last."""
+        """Return the events since the last call."""
         events, self._events = tuple(self._events), []
         return events
 
     def state(self) -> ExchangeState:
-        """For a checkpoint."""
+        """Return the state for a checkpoint."""
         return ExchangeState(tuple(self._asked), self._worked, self.obstructed, dict(self._done))
 
     def restore(self, state: ExchangeState) -> None:
@@ -103,8 +104,11 @@ class BinExchange:
 
 
 def goes_with(each: Bin, body: TrueBody) -> bool:
-    """Whether a bin takes the item along when it is carried off: its centre is over the bin and above the
-    bin's underside, be it inside, on the heap or across a wall. What leans on it from outside stays."""
+    """Return whether a bin takes the item along when it is carried off.
+
+    That is so when the item's centre is over the bin and above its underside: inside, on the heap or across a
+    wall. An item that leans on the bin from outside stays.
+    """
     x, y, z = (each.pose.inverse() @ body.pose).position
     return abs(x) < each.size[0] / 2 and abs(y) < each.size[1] / 2 and z > 0.0
 

@@ -1,4 +1,4 @@
-"""What a backend lets those do who bring items and take full bins away."""
+"""Protocols between a backend and its feed: the simulated cell, and the sources of items."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from ..spawning.spawn import SpawnedItem
 from .light_curtain import Zone
 
 LOOK = 12
-"""Control periods from one look of theirs at the cell to the next."""
+"""Number of control periods between two checks of the cell by the feed."""
 
 
 class FeedCell(Protocol):
-    """A simulated cell as people and feeders meet it."""
+    """Simulated cell as seen by item sources and bin exchange."""
 
     @property
     def now(self) -> float:
-        """Simulated seconds."""
+        """Simulated time, s."""
         ...
 
     @property
@@ -29,61 +29,61 @@ class FeedCell(Protocol):
         ...
 
     def here(self) -> tuple[TrueBody, ...]:
-        """Every item that is there, as it really is."""
+        """Return every present item with its true pose."""
         ...
 
     def next_id(self) -> ObjectId:
-        """Of the item that is put in next."""
+        """Return the name of the next item that is added."""
         ...
 
     def put(self, item: SpawnedItem) -> None:
-        """An item comes into the world at its pose, and is left to itself."""
+        """Add an item at its pose and leave it to the simulation."""
         ...
 
     def at_rest(self, items: Collection[ObjectId]) -> bool:
-        """Whether these have come to rest, as far as they are still there."""
+        """Return whether those of the items that are still present are at rest."""
         ...
 
     def take_with(self, bin_id: ObjectId, items: Collection[ObjectId]) -> None:
-        """These leave the world with the bin; their truth stays as it was."""
+        """Remove items with their bin; their last truth is kept."""
         ...
 
     def arm_over(self, zone: Zone) -> bool:
-        """Whether any part of the arm is over the zone."""
+        """Return whether any part of the arm is over the zone."""
         ...
 
 
 class ItemSource(Protocol):
-    """One entry of a scene's feed at work."""
+    """Source of items: one entry of a scene's feed."""
 
     @property
     def exhausted(self) -> bool:
-        """Nothing more comes from it, and what came last has come to rest."""
+        """Whether nothing more comes from the source and its last items are at rest."""
         ...
 
     @property
     def busy(self) -> bool:
-        """It brings something, or would if the arm were out of the way."""
+        """Whether the source brings something, or would if the arm were out of the way."""
         ...
 
     @property
     def obstructed(self) -> bool:
-        """It waits for the arm to leave."""
+        """Whether the source waits for the arm to leave."""
         ...
 
     @property
     def deliveries(self) -> int:
-        """How often something came and has come to rest."""
+        """Number of completed deliveries: items came and are at rest."""
         ...
 
     def ready(self) -> None:
-        """The robot is done with what lies there."""
+        """Note that the robot is ready for the next delivery."""
         ...
 
     def stepped(self, step: int) -> None:
-        """A control period has passed, the step-th of the run."""
+        """Advance by one control period, the step-th of the run."""
         ...
 
     def take_events(self) -> tuple[JournalEvent, ...]:
-        """What has happened since it was asked last."""
+        """Return the events since the last call."""
         ...

@@ -1,4 +1,4 @@
-"""Whoever brings items to a simulated cell and takes full bins away: `protocols.Feed` of both backends."""
+"""Feeder of a simulated cell: item sources and bin exchange behind `protocols.Feed`, for both backends."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from .table_source import TableFeed, TableFeedState
 
 @dataclass(frozen=True, slots=True)
 class FeederState:
-    """For a checkpoint: each part in the order of the scene file."""
+    """State of the feeder for a checkpoint; each part in the order of the scene file."""
 
     tables: tuple[TableFeedState, ...] = ()
     belts: tuple[BeltFeedState, ...] = ()
@@ -27,12 +27,12 @@ class FeederState:
 
 
 class Feeder:
-    """Runs the entries of the scene's feed and the exchange of bins."""
+    """Feeder: runs the entries of the scene's feed and the exchange of bins."""
 
     def __init__(
         self, scene: SceneDescription, cell: FeedCell, seed: int, belts: Mapping[ObjectId, BeltDrive]
     ) -> None:
-        """Raises PicktreeError when nothing of an entry fits into its area."""
+        """Build the sources. Raises PicktreeError when no item of an entry fits into its area."""
         self._tables = tuple(
             TableFeed(scene, n, cell, seed)
             for n, delivery in enumerate(scene.deliveries)
@@ -64,19 +64,19 @@ class Feeder:
         )
 
     def stepped(self, step: int) -> None:
-        """A control period has passed, the step-th of the run."""
+        """Advance by one control period, the step-th of the run."""
         for each in self._bringers:
             each.stepped(step)
         self._exchange.stepped(step)
 
     def take_events(self) -> tuple[JournalEvent, ...]:
-        """What has happened since it was asked last, for the journal: numbers, bins and belts, never where
-        an item lies."""
+        """Return the events since the last call, for the journal. They name numbers, bins and belts, never
+        places of items."""
         events = [event for each in self._bringers for event in each.take_events()]
         return (*events, *self._exchange.take_events())
 
     def state(self) -> FeederState:
-        """Events that nobody has taken yet are not part of it."""
+        """Return the state for a checkpoint. It does not include pending events."""
         return FeederState(
             tuple(each.state() for each in self._tables),
             tuple(each.state() for each in self._belts),
@@ -84,7 +84,7 @@ class Feeder:
         )
 
     def restore(self, state: FeederState) -> None:
-        """Raises PicktreeError when it is of another feed."""
+        """Take over a state. Raises PicktreeError when it is of another feed."""
         for what, saved, own in (
             ("an area", state.tables, self._tables),
             ("a belt", state.belts, self._belts),
@@ -102,5 +102,5 @@ class Feeder:
 
 
 def has_feeder(scene: SceneDescription) -> bool:
-    """Whether anybody brings anything or exchanges bins."""
+    """Return whether the scene has deliveries, belts or an exchange of bins."""
     return bool(scene.deliveries or scene.belts or scene.exchange)

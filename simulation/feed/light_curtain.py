@@ -1,4 +1,4 @@
-"""The light curtain around a place where people work: whether any part of the arm is over it."""
+"""Light curtain around a work place of people: detects whether any part of the arm is over it."""
 
 from __future__ import annotations
 
@@ -16,23 +16,23 @@ from ...world.values import Array
 
 @dataclass(frozen=True, slots=True)
 class Zone:
-    """A rectangle as seen from above, of any height."""
+    """Zone of a light curtain: a rectangle seen from above, of any height."""
 
     centre: tuple[float, float]
     """x and y in the world, m."""
     yaw: float
-    """How it is turned about the vertical, rad."""
+    """Rotation about the vertical, rad."""
     half: tuple[float, float]
     """Half its lengths along its own x and y, m."""
 
     def grown(self, margin: float) -> Zone:
-        """The same with a rim of `margin` m."""
+        """Return the zone enlarged by `margin` m on all sides."""
         return replace(self, half=(self.half[0] + margin, self.half[1] + margin))
 
 
 class LightCurtain:
-    """Where the links of the arm are, by the hulls of their collision meshes; the base, which never moves,
-    is none of them."""
+    """Light curtain over the hulls of the arm's collision meshes. The base, which never moves, is left
+    out."""
 
     def __init__(self, model: RobotModel) -> None:
         self._model = model
@@ -44,7 +44,7 @@ class LightCurtain:
                 self._links.append((each.parentJoint, points @ placement.rotation.T + placement.translation))
 
     def crossed(self, zone: Zone, q: Array, width: float) -> bool:
-        """Whether a link is over the zone with the arm at q (n,) rad and an opening of `width` m."""
+        """Return whether a link is over the zone with the arm at q (n,), rad, and an opening of `width` m."""
         pin.forwardKinematics(self._model.full, self._data, self._model.full_q(q, width))
         cosine, sine = np.cos(zone.yaw), np.sin(zone.yaw)
         axes = np.array([[cosine, sine], [-sine, cosine]])
@@ -58,7 +58,7 @@ class LightCurtain:
 
 
 def _points(geometry: coal.CollisionGeometry) -> Array:
-    """Points (n, 3) whose hull holds the geometry, in its own frame, m."""
+    """Return points (n, 3) whose hull encloses the geometry, in its own frame, m."""
     if isinstance(geometry, coal.ConvexBase):
         return geometry.points().copy()
     box = geometry.aabb_local

@@ -1,4 +1,4 @@
-"""Loads that are set down on the table, when the robot says that it is clear or by a schedule."""
+"""Table feed: sets loads down on the table when the robot reports that it is clear, or by a schedule."""
 
 from __future__ import annotations
 
@@ -25,18 +25,18 @@ from .cell_interface import LOOK, FeedCell
 from .light_curtain import Zone
 
 MARGIN = 0.05
-"""Between what is set down and the arm, m."""
+"""Least distance between new items and the arm, m."""
 CLEARANCE = 5e-4
-"""Items are let go so high above what is below, m."""
+"""Height above the support from which new items drop, m."""
 PATIENCE = 3.0
-"""Whoever has set items down waits at most so long for them to come to rest, s."""
+"""Longest wait for new items to come to rest, s."""
 RETRY = 1.0
-"""From one look for free room on the table to the next, s."""
+"""Time between two searches for free room on the table, s."""
 
 
 @dataclass(frozen=True, slots=True)
 class WaitingItem:
-    """An item that was to come with a load and found no room."""
+    """Item of a load for which there was no room."""
 
     kind: str
     colour: str
@@ -45,32 +45,32 @@ class WaitingItem:
 
 @dataclass(frozen=True, slots=True)
 class TableFeedState:
-    """How far an entry of the feed has come."""
+    """Progress of a feed entry with an area."""
 
     drawn: int = 0
-    """Items so far, those that wait included."""
+    """Number of items drawn so far, the waiting ones included."""
     waiting: tuple[WaitingItem, ...] = ()
-    """They come with the next load."""
+    """Items that come with the next load."""
     loads: int = 0
-    """Loads that were set down."""
+    """Number of loads set down."""
     tries: int = 0
-    """How often room was looked for."""
+    """Number of searches for room."""
     pending: bool = False
-    """A load is due."""
+    """Whether a load is due."""
     due: float = 0.0
-    """When the next one is by the schedule, or when room is looked for again, s."""
+    """Simulated time of the next load by the schedule, or of the next search for room, s."""
     no_room: bool = False
-    """There was no room for any item of it."""
+    """Whether there was no room for any item of the load."""
     obstructed: bool = False
     settling: tuple[ObjectId, ...] = ()
-    """What was set down and may not have come to rest."""
+    """Items that were set down and may still move."""
     until: float = 0.0
-    """How long it is waited for them, s."""
+    """Simulated time until which the feed waits for them to come to rest, s."""
     deliveries: int = 0
 
 
 class TableFeed:
-    """`ItemSource` of an entry with an area. Raises PicktreeError when not even one of its items fits
+    """`ItemSource` of a feed entry with an area. Raises PicktreeError when not even one of its items fits
     there."""
 
     def __init__(self, scene: SceneDescription, number: int, cell: FeedCell, seed: int) -> None:
@@ -93,7 +93,7 @@ class TableFeed:
         self._zone = Zone(middle, 0.0, half).grown(widest + MARGIN)
         levels = (support_height(scene.fixtures, x, y) for x in (x0, x1) for y in (y0, y1))
         self._level = min((level for level in levels if level is not None), default=-math.inf)
-        """Of the table: what lies lower is in nobody's way, m."""
+        """Height of the table, m; lower bodies take no room."""
         self._events: list[JournalEvent] = []
         self._state = TableFeedState(due=when.period if isinstance(when, AtIntervals) else 0.0)
         first, _ = self._hand()
@@ -121,7 +121,7 @@ class TableFeed:
         return self._state.deliveries
 
     def ready(self) -> None:
-        """What is being set down is what the robot is ready for."""
+        """Request the next load, unless one is coming to rest or all have come."""
         if isinstance(self._delivery.when, WhenClear) and not self._state.settling and not self._all_brought:
             self._state = replace(self._state, pending=True)
 
@@ -147,7 +147,7 @@ class TableFeed:
         return events
 
     def state(self) -> TableFeedState:
-        """For a checkpoint."""
+        """Return the progress for a checkpoint."""
         return self._state
 
     def restore(self, state: TableFeedState) -> None:
@@ -158,7 +158,8 @@ class TableFeed:
         return self._state.drawn == self._total and not self._state.waiting
 
     def _is_due(self, now: float) -> bool:
-        """By the schedule. What found no room with the last load comes as soon as there is some."""
+        """Return whether a load is due by the schedule. Items without room in the last load come as soon as
+        there is room."""
         if self._all_brought:
             return False
         match self._delivery.when:
@@ -194,7 +195,7 @@ class TableFeed:
         self._tell(len(put), len(waiting))
 
     def _hand(self) -> tuple[list[LooseItem], int]:
-        """What comes next: what waits first, then the next items; and how many are drawn then."""
+        """Return the next items, the waiting ones first, and the number drawn after them."""
         state, total = self._state, self._total
         hand = [LooseItem(item.kind, item.colour, item.turn) for item in state.waiting]
         drawn = state.drawn
@@ -208,13 +209,13 @@ class TableFeed:
         return hand, drawn
 
     def _drawn(self, load: int) -> list[LooseItem]:
-        """The load of that number, in no order: from scene and seed alone."""
+        """Draw the load with a number, in random order, from scene and seed alone."""
         rng = self._streams.at(f"feed/{self._number}", load)
         items = draw_load(self._scene, self._load, rng)
         return [items[k] for k in rng.permutation(len(items))]
 
     def _places(self, hand: list[LooseItem], *, empty: bool = False) -> dict[int, Array]:
-        """Where there is room, by the number in the hand; `empty`: if no item lay there."""
+        """Return free places by the items' position in the hand; `empty`: as if no item were on the table."""
         outlines = [footprint(self._scene.entry(item.kind).shape, item.turn) for item in hand]
         taken = list(self._standing)
         if not empty:

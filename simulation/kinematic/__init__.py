@@ -1,1 +1,1 @@
-"""The kinematic backend: no physics, ideal sensors."""
+"""Kinematic backend: no physics, ideal sensors."""

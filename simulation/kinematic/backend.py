@@ -1,24 +1,23 @@
-"""A second backend without physics: motions are exact, objects follow the gripper, sensors are ideal."""
+"""Kinematic backend without physics: motions are exact, objects follow the gripper, sensors are ideal."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from types import MappingProxyType
 
 import numpy as np
-import pinocchio as pin
 
 from ...errors import PicktreeError
 from ...robots.description import RobotDescription
-from ...robots.model import RobotModel, pose_of
+from ...robots.model import RobotModel
 from ...world.journal import JournalEvent
 from ...world.protocols import Camera, Feed, NoFeed, SensorStamps
 from ...world.random_streams import RandomStreams
 from ...world.scene.description import Fixture, SceneDescription
-from ...world.shapes import Shape, bottom, scaled
-from ...world.values import GRAVITY, Array, JointState, ObjectId, Pose, Quaternion, Vector3, Wrench
+from ...world.shapes import Shape, scaled
+from ...world.values import GRAVITY, ObjectId, Pose, Vector3
 from ..checkpoints.kinematic_state import ItemState, KinematicState
 from ..checkpoints.physics_state import GripperCommand
 from ..common.footprints import floor_height
@@ -32,122 +31,16 @@ from ..scoring.truth import HoledFixtures, TrueBody, TrueObstacle
 from ..spawning.inventory import Inventory
 from ..spawning.spawn import TIGHT, SpawnedItem, enlarged_item, placed_item, spawn_items, walls
 from .belts import KinematicBelts
-from .bodies import KinematicBodies, KinematicBody, Prism
+from .bodies import KinematicBodies, KinematicBody
 from .camera import KinematicCamera, Posture, RenderStage
 from .cell_access import KinematicCell, body_of, true_body
-from .gripper import KinematicGripper, WeakJoints
-from .pushing import KinematicContacts, KinematicPushing
-
-STIFFNESS = 2.0e4
-"""Of a contact with what is below, N/m."""
-DAMPING = 60.0
-"""N·s/m"""
-DEEPEST = 0.03
-"""Greatest depth at which the tips still count as being on top of something, m."""
-RELIEF = 2e-4
-"""Height over which a support takes the weight of a held object, m."""
-HELD = "held"
-"""What stands with the bottom of the held item."""
-
-
-class KinematicArm:
-    """`protocols.Arm`: follows exactly, or integrates the rigid-body dynamics under torques."""
-
-    def __init__(self, model: RobotModel, period: float, ailments: DeviceFaults | None = None) -> None:
-        self._model = model
-        self._period = period
-        self._ailments = ailments or DeviceFaults(())
-        self._weak = WeakJoints(model, period)
-        self._torque: Array | None = None
-        self.set(model.named("home"), np.zeros(model.n))
-
-    def set(self, position: Array, velocity: Array) -> None:
-        self.position, self.velocity = position, velocity
-        self._aim = (position, np.zeros_like(velocity))
-        self._torque = None
-        self._state = JointState(position, velocity, self._model.gravity(position))
-
-    def read(self) -> JointState:
-        return self._state
-
-    @property
-    def free(self) -> bool:
-        """Whether torques move it, instead of a servo."""
-        return self._torque is not None
-
-    def follow(self, position: Array, velocity: Array) -> None:
-        if self._ailments.stalled:
-            return
-        self._aim = (position.copy(), velocity.copy())
-        self._torque = None
-
-    def apply_torque(self, torque: Array) -> None:
-        if self._ailments.stalled:
-            return
-        self._torque = torque.copy()
-
-    def stand(self) -> None:
-        """Stay here until told otherwise."""
-        self._aim = (self.position.copy(), np.zeros_like(self.velocity))
-        self._torque = None
-
-    def step(self, wrench_at_tcp: Array) -> None:
-        """One period under a wrench (6,) on the TCP."""
-        shares = self._ailments.torque_shares
-        if self._torque is None and shares:
-            self.position, self.velocity, effort = self._weak.follow(
-                self.position, self.velocity, *self._aim, shares
-            )
-            self._state = JointState(self.position, self.velocity, effort)
-            return
-        if self._torque is None:
-            self.position, self.velocity = self._aim
-            self._state = JointState(self.position, self.velocity, self._model.gravity(self.position))
-            return
-        torque = self._weak.given(self._torque, shares) if shares else self._torque
-        acceleration = self._model.forward_dynamics(self.position, self.velocity, torque, wrench_at_tcp)
-        velocity = self.velocity + acceleration * self._period
-        position = self.position + velocity * self._period
-        inside = np.minimum(np.maximum(position, self._model.lower), self._model.upper)
-        self.velocity = np.where(inside == position, velocity, 0.0)
-        self.position = inside
-        self._state = JointState(self.position, self.velocity, torque)
-
-
-class KinematicWrench:
-    """`protocols.WrenchSensor`, without noise."""
-
-    def __init__(self, ailments: DeviceFaults, turn: Callable[[], Quaternion]) -> None:
-        """`turn`: how the sensor is turned in the world."""
-        self.reading = Wrench()
-        self._ailments = ailments
-        self._turn = turn
-
-    def read(self) -> Wrench:
-        ailments, said = self._ailments, self.reading
-        if ailments.silence is not None:
-            return ailments.silence.wrench
-        if not ailments.biased:
-            return said
-        x, y, z, a, b, c = ailments.off(self._turn())
-        (fx, fy, fz), (tx, ty, tz) = said.force, said.torque
-        return Wrench((fx + x, fy + y, fz + z), (tx + a, ty + b, tz + c))
-
-
-class KinematicClock:
-    """`protocols.Clock`"""
-
-    def __init__(self, period: float) -> None:
-        self._period = period
-        self.periods = 0
-
-    @property
-    def now(self) -> float:
-        return self.periods * self._period
+from .contact_forces import STIFFNESS, KinematicContactForces
+from .devices import KinematicArm, KinematicClock, KinematicWrench
+from .gripper import KinematicGripper
 
 
 class KinematicHardware:
-    """`protocols.Hardware` for dry runs and tests: fast, exact, and the same each time."""
+    """`protocols.Hardware` without physics, for dry runs and tests: fast, exact and deterministic."""
 
     def __init__(
         self, scene: SceneDescription, robot: RobotDescription, seed: int, period: float = 1 / 240
@@ -198,57 +91,44 @@ class KinematicHardware:
             self._feeder = Feeder(scene, cell, seed, self._belts.drives)
         self.feed: Feed = self._feeder or NoFeed()
         self.initial_truth = self.truth()
-        """As `truth` at time 0."""
-        self._tip = robot.gripper.tip
-        self._pad = robot.gripper.pads[0][0].size[1]
-        home = self.model.named("home")
-        flange, tcp = self.model.flange(home), self.model.tcp(home)
-        self._flange_in_tcp = np.array((tcp.inverse() @ flange).position)
-        hand: Array = (tcp.inverse() @ flange).rotation() @ np.array(self.model.hand_com)
-        self._hand_in_flange = hand
-        self._data = self.model.arm.createData()
-        self._on_tcp = np.zeros(6)
-        self._height: float | None = None
-        self._in_hole: Array | None = None
-        """Where the TCP was in the last period, while a hole held what is held."""
-        self._centre: tuple[Array, Array | None] | None = None
-        """Where the hand's centre of mass was in the last period, and its velocity then."""
-        self._touching = False
+        """Ground truth at time 0."""
         self._lent: dict[ObjectId, tuple[float, float]] = {}
-        """Friction of items, their own and the one that a fault has lent them for a while."""
-        self._feet = KinematicContacts()
-        self._pushing = KinematicPushing(robot.gripper, self.bodies)
-        self._sense()
+        """Items with a temporary friction: their own friction, and the one that a fault has set."""
+        self._forces = KinematicContactForces(
+            self.model, robot.gripper, self.arm, self.gripper, self.wrench, self.bodies, period
+        )
+        self._forces.sense()
 
     def step(self) -> None:
-        self.arm.step(self._on_tcp)
+        self.arm.step(self._forces.on_tcp)
         self._belts.step()
         self.clock.periods += 1
-        self._sense()
+        self._forces.sense()
         if self._feeder is not None:
             self._feeder.stepped(self.clock.periods)
 
     def take_events(self) -> tuple[JournalEvent, ...]:
-        """What those who bring and take have done since it was asked last."""
+        """Return the events of the feed since the last call."""
         return self._feeder.take_events() if self._feeder is not None else ()
 
     @classmethod
     def resume(
         cls, scene: SceneDescription, robot: RobotDescription, seed: int, checkpoint: KinematicState
     ) -> KinematicHardware:
-        """Continue from a checkpoint, in this process or another."""
+        """Build the hardware from a checkpoint, in this process or another."""
         hardware = cls(scene, robot, seed)
         hardware.restore(checkpoint)
         return hardware
 
     @property
     def belts(self) -> Mapping[ObjectId, BeltDrive]:
-        """For whoever brings items: the robot has no word in it."""
+        """Belts by name, for the feed; the robot has no access."""
         return self._belts.drives
 
     @property
     def feels_effort(self) -> bool:
-        """At rest only: what the arm follows, it follows without effort."""
+        """Whether joint efforts are true while the arm moves: False. They are so at rest only, because the
+        arm follows commands without effort."""
         return False
 
     @property
@@ -257,44 +137,45 @@ class KinematicHardware:
         return SensorStamps(now, now, now if silence is None else silence.since)
 
     def pace(self, rate: int | None = None) -> None:
-        """Nothing changes: there is no solver that a finer step would help."""
+        """Do nothing: there is no solver that a finer step would help."""
 
     def settings(self) -> Mapping[str, str]:
-        """What the record should say about this simulation."""
+        """Return the settings of this simulation for the record."""
         return {"engine": "kinematic", "period": f"{self.period:.6g} s", "contact": f"{STIFFNESS:g} N/m"}
 
     def close(self) -> None:
-        """Nothing is held that would not go by itself."""
+        """Do nothing: no resource needs an explicit release."""
 
     def truth(self) -> tuple[TrueBody, ...]:
-        """What is really there, for the scorer and the log only."""
+        """Return the ground truth of all items, for the scorer and the log only."""
         return self._inventory.truth(lambda name: self._seated(true_body(self.bodies[name], self._inventory)))
 
     def true_fixtures(self) -> tuple[Fixture, ...]:
-        """The scene's fixtures where they really stand."""
+        """Return the scene's fixtures at their true poses."""
         return self._real.fixtures
 
     def _seated(self, body: TrueBody) -> TrueBody:
-        """With how it is in a hole; nothing is ever in a wall here."""
+        """Return the body with its seating in a hole; no body is ever inside a wall here."""
         seat = self._boards.seat(body.shape, body.pose) if body.present else None
         return body if seat is None else replace(body, seat=seat)
 
     def true_tcp(self) -> Pose:
-        """Where the tool is in the world, for tests."""
+        """Return the true TCP pose in the world, for tests."""
         return self.model.tcp(self.arm.position)
 
     def remove(self, item: str) -> None:
-        """A fault: the item is snatched away, out of the hand too."""
+        """Carry out a fault: remove the item, also from the hand."""
         self.bodies.remove(self._known(item).id)
 
     def change_dynamics(self, item: str, friction: float | None = None, mass: float | None = None) -> None:
-        """A fault: the item becomes slippery, heavier or lighter, for good."""
+        """Carry out a fault: change the item's friction, or its mass in kg, for good."""
         body = self._known(item)
         entry = body.entry if mass is None else replace(body.entry, mass=mass)
         self.bodies.put(replace(body, entry=entry, friction=body.friction if friction is None else friction))
 
     def bump(self, item: str, velocity: Vector3, spin: Vector3 = (0.0, 0.0, 0.0)) -> None:
-        """A fault: hit, the item slides from `velocity`, m/s, as far as friction lets; a held one stays."""
+        """Carry out a fault: the item slides from `velocity`, m/s, until friction has stopped it. A held item
+        stays."""
         body = self._known(item)
         x, y, _ = velocity
         speed = math.hypot(x, y)
@@ -305,29 +186,29 @@ class KinematicHardware:
         self.bodies.settle()
 
     def obstacles(self) -> tuple[TrueObstacle, ...]:
-        """What stands there that the robot was not told of. The arm passes through it: nothing here is
-        solid but tops."""
+        """Return the obstacles that the robot does not know. The arm passes through them: only their tops are
+        solid here."""
         return self._obstacles.truth()
 
     def room_for(self, body: Fixture) -> bool:
-        """Whether no item and no part of the robot is where the body would stand."""
+        """Return whether the body's place is free of items and robot."""
         return self._free(body.shape, body.pose, "", ROOM)
 
     def _free(
         self, shape: Shape, pose: Pose, but: str, room: float, more: Iterable[tuple[Shape, Pose]] = ()
     ) -> bool:
-        """Whether a body fits between the items, all but one, and the robot."""
+        """Return whether a body fits between the robot, the items except `but`, and the bodies `more`."""
         self._room = self._room or FreeSpaceCheck(self.model)
         items = [(item.entry.shape, item.pose) for item in self.bodies.present if item.id != but]
         return self._room.free(shape, pose, [*items, *more], self.arm.position, self.gripper.width, room)
 
     def in_hand(self) -> ObjectId | None:
-        """The item that the fingers hold."""
+        """Return the item that the fingers hold; None: nothing."""
         return self.bodies.held
 
     def lubricate(self, item: str, friction: float | None, *, again: bool = False) -> None:
-        """A fault: the item has that friction until it is given its own back, None. Without enough of it the
-        fingers let it go."""
+        """Carry out a fault: set the item's friction; None: its own again. With too little friction it leaves
+        the fingers."""
         name = ObjectId(item)
         if name not in self.bodies:
             self._lent.pop(name, None)
@@ -339,8 +220,8 @@ class KinematicHardware:
         self.bodies.put(replace(body, friction=own if friction is None else friction))
 
     def enlarge(self, item: str, factor: float) -> bool:
-        """A fault: the item is so many times as large, its mass and its friction stay; False: there is no
-        room for it between the others and the robot, or it is held."""
+        """Carry out a fault: scale the item by `factor` with constant mass and friction. Returns False when
+        it is held, or when items or robot leave no room."""
         body = self._known(item)
         entry, pose = enlarged_item(body.entry, body.pose, factor)
         if self.bodies.held == body.id or not self._free(entry.shape, pose, item, TIGHT):
@@ -350,8 +231,8 @@ class KinematicHardware:
         return True
 
     def appear(self, kind: str, colour: str, place: tuple[float, float], yaw: float) -> ObjectId | None:
-        """A fault: a further item lies there; None: something is there now. Raises PicktreeError where no
-        fixture is below."""
+        """Carry out a fault: add an item at `place`; None: something is there now. Raises PicktreeError where
+        no fixture is below."""
         item = placed_item(self._real, self._inventory.next_id(), kind, colour, place, yaw)
         if not self._free(item.entry.shape, item.pose, "", TIGHT, walls(self.scene)):
             return None
@@ -361,18 +242,17 @@ class KinematicHardware:
         return item.id
 
     def afflict(self, number: int, fault: Ailing, held: tuple[float, ...] | None = None) -> None:
-        """A fault: a device begins to fail. `held`: it did when the checkpoint was taken, and that was what
-        the device was doing when it began."""
+        """Begin a fault of a device. `held` is given on restore: the device's state when the fault began."""
         self.ailments.begin(number, fault, self._doing(fault) if held is None else held)
         if isinstance(fault, Stall) and held is None:
             self.arm.stand()
 
     def relieve(self, number: int) -> None:
-        """The end of such a fault."""
+        """End a fault of a device."""
         self.ailments.end(number)
 
     def _doing(self, fault: Ailing) -> tuple[float, ...]:
-        """What the device is doing that a fault befalls, as `DeviceFaults` keeps it."""
+        """Return the present state of the device that a fault affects, as `DeviceFaults` keeps it."""
         match fault:
             case GripperJam():
                 told = GripperCommand(self.gripper.target, self.gripper.force)
@@ -384,24 +264,24 @@ class KinematicHardware:
                 return (0.0,) if counted(fault) else ()
 
     def put_obstacle(self, body: Fixture) -> ObjectId:
-        """A fault: something stands in the way from now on; its name."""
+        """Carry out a fault: add an obstacle and return its name."""
         return self._obstacles.put(body)
 
     def take_obstacle(self, name: ObjectId) -> None:
-        """The end of such a fault: it is taken away."""
+        """Remove an obstacle that a fault has added."""
         self._obstacles.take(name)
 
     def _restand(self) -> None:
         self.bodies.stand(self._obstacles.here)
 
     def checkpoint(self) -> KinematicState:
-        """Save, and go on from what was saved, as a resumed run would."""
+        """Save the state and continue from it, as a resumed run would."""
         saved = self.snapshot()
         self.restore(saved)
         return saved
 
     def snapshot(self) -> KinematicState:
-        """The state at any moment, without a change to anything."""
+        """Return the state at any moment, without side effects."""
         gripper, bodies = self.gripper, self.bodies
         return KinematicState(
             self.seed,
@@ -422,7 +302,8 @@ class KinematicHardware:
         )
 
     def restore(self, saved: KinematicState) -> None:
-        """Take up a checkpoint of the same scene, robot and seed, taken with the arm at rest."""
+        """Restore a checkpoint of the same scene, robot and seed, taken with the arm at rest. Raises
+        PicktreeError when seed or items differ."""
         if saved.seed != self.seed:
             raise PicktreeError(f"the checkpoint is of seed {saved.seed}, but this run has seed {self.seed}")
         self._inventory.restore(saved.inventory)
@@ -443,13 +324,11 @@ class KinematicHardware:
         self._belts.restore(saved.belts)
         if self._feeder is not None:
             self._feeder.restore(saved.feeder or FeederState())
-        self._height = self._centre = self._in_hole = None
-        self._feet.forget()
-        self._pushing.forget()
-        self._sense(still=True)
+        self._forces.forget()
+        self._forces.sense(still=True)
 
     def _item_state(self, body: KinematicBody) -> ItemState:
-        """With the friction that is its own, not one that a fault has lent it."""
+        """Return the item's state with its own friction, not a temporary one."""
         own = self._lent.get(body.id, (body.friction, 0.0))[0]
         return ItemState(body.id, body.pose, own, body.entry.mass, body.present, body.scale)
 
@@ -467,120 +346,6 @@ class KinematicHardware:
     def _posture(self) -> Posture:
         q = self.arm.position
         return Posture(q, self.gripper.width, self.model.tcp(q), self._believed.tcp(q))
-
-    def _sense(self, still: bool = False) -> None:
-        """Fingers, contacts and the wrist's reading at the arm's new configuration."""
-        arm, data = self.model.arm, self._data
-        pin.forwardKinematics(arm, data, self.arm.position)
-        placement = pin.updateFramePlacement(arm, data, self.model.tcp_frame)
-        rotation, position = placement.rotation, placement.translation
-        gripper, bodies = self.gripper, self.bodies
-        if not still and (bodies.held is not None or gripper.moves):
-            gripper.step(pose_of(placement), self.period)
-        weight = self.model.hand_mass * GRAVITY
-        lever = rotation @ self._hand_in_flange
-        lever_x, lever_y, _ = lever.tolist()
-        reading = [0.0, 0.0, -weight, -lever_y * weight, lever_x * weight, 0.0]
-        accelerated = self._accelerated(position + rotation @ self._flange_in_tcp + lever)
-        if accelerated is not None:
-            carried = 0.0 if bodies.held is None else bodies[bodies.held].entry.mass
-            x, y, up = (-(self.model.hand_mass + carried) * accelerated).tolist()
-            lever_z = float(lever[2])
-            reading[0], reading[1], reading[2] = x, y, reading[2] + up
-            reading[3] += lever_y * up - lever_z * y
-            reading[4] += lever_z * x - lever_x * up
-            reading[5] += lever_x * y - lever_y * x
-        if self._touching:
-            self._on_tcp, self._touching = np.zeros(6), False
-        z = float(position[2])
-        rate = 0.0 if self._height is None else (z - self._height) / self.period
-        self._height = z
-        if bodies.held is not None or z + float(rotation[2, 2]) * self._tip < bodies.highest + 0.01:
-            for point, upward in self._contacts(rotation, position, rate):
-                self._touching = True
-                arm_x, arm_y, _ = point - position
-                self._on_tcp += (0.0, 0.0, upward, arm_y * upward, -arm_x * upward, 0.0)
-                arm_x, arm_y, _ = point - position - rotation @ self._flange_in_tcp
-                reading[2] += upward
-                reading[3] += float(arm_y) * upward
-                reading[4] -= float(arm_x) * upward
-            across = self._walls(position)
-            if bodies.held is None and not gripper.moves:
-                reach = self.model.fingers.reach(gripper.width)
-                across = self._pushing.step(rotation, position, gripper.width, reach)
-            if across != (0.0, 0.0):
-                self._touching = True
-                self._on_tcp[:2] += across
-                reading[0] += across[0]
-                reading[1] += across[1]
-                lever_x, lever_y, lever_z = (-rotation @ self._flange_in_tcp).tolist()
-                reading[3] -= lever_z * across[1]
-                reading[4] += lever_z * across[0]
-                reading[5] += lever_x * across[1] - lever_y * across[0]
-        else:
-            self._feet.forget()
-            self._pushing.forget()
-        fx, fy, fz, tx, ty, tz = reading
-        self.wrench.reading = Wrench((fx, fy, fz), (tx, ty, tz))
-
-    def _accelerated(self, centre: Array) -> Array | None:
-        """Acceleration (3,) of the hand's centre of mass, which now is there, m/s²; what is held takes part.
-        None when it is not known, and under torques: there the hand is slow, and contacts are stiff."""
-        before, self._centre = self._centre, None
-        if self.arm.free:
-            return None
-        velocity = None if before is None else (centre - before[0]) / self.period
-        self._centre = (centre, velocity)
-        if before is None or before[1] is None or velocity is None:
-            return None
-        return (velocity - before[1]) / self.period
-
-    def _walls(self, position: Array) -> tuple[float, float]:
-        """Force (x, y) in the world of the walls of a hole on what is held in it, N; the TCP is there."""
-        held = self.bodies.held
-        hole = None if held is None else self.bodies.in_hole(self.bodies[held])
-        before, self._in_hole = self._in_hole, None if hole is None else position.copy()
-        if held is None or hole is None:
-            return 0.0, 0.0
-        back = np.subtract(hole.pose.position, self.bodies[held].pose.position)
-        if not back.any():
-            return 0.0, 0.0
-        rate = np.zeros(3) if before is None else (position - before) / self.period
-        x, y, _ = (STIFFNESS * back - DAMPING * rate).tolist()
-        return x, y
-
-    def _contacts(self, rotation: Array, position: Array, rate: float) -> list[tuple[Array, float]]:
-        """Points (3,) in the world where something pulls down or pushes up on the hand, with its force."""
-        found: list[tuple[Array, float]] = []
-        aside = self.gripper.width / 2 + self._pad / 2
-        reach = self.model.fingers.reach(self.gripper.width)
-        for foot, side in (("one tip", aside), ("other tip", -aside)):
-            tip = position + rotation @ np.array([0.0, side, reach])
-            x, y, z = (float(c) for c in tip)
-            surface = self._feet.top(foot, z, self.bodies.tops(x, y, z + DEEPEST))
-            if surface is not None and surface > z:
-                force = STIFFNESS / 2 * (surface - z) - DAMPING / 2 * rate
-                found.append((tip, max(0.0, force)))
-        held = self.bodies.held
-        if held is None:
-            self._feet.forget(HELD)
-            return found
-        body = self.bodies[held]
-        weight = body.entry.mass * GRAVITY
-        upward = -weight
-        lowest = bottom(body.entry.shape, body.pose)
-        if lowest < self.bodies.highest + RELIEF:
-            tops = self.bodies.tops_below(Prism.of(held, body.entry.shape, body.pose))
-            surface = self._feet.top(HELD, lowest, tops)
-            if surface is not None:
-                gap = lowest - surface
-                upward += weight * min(max(1.0 - gap / RELIEF, 0.0), 1.0)
-                if gap < 0.0:
-                    upward += max(0.0, -STIFFNESS * gap - DAMPING * rate)
-        else:
-            self._feet.forget(HELD)
-        found.append((np.array(body.pose.position), upward))
-        return found
 
 
 def _restored(item: SpawnedItem, saved: ItemState) -> KinematicBody:

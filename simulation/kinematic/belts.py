@@ -1,4 +1,4 @@
-"""Belts without physics: what stands on one moves with it exactly; what comes to its end falls off."""
+"""Belts of the kinematic backend: items on a belt move with it exactly and fall off at its end."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from ..feed.belt_drive import BeltDrive, BeltState, check_belts
 from .bodies import KinematicBodies, KinematicBody, Prism
 
 STANDS = 1e-3
-"""So near to what is below it an item stands on it, m."""
+"""Largest gap between an item and the surface on which it stands, m."""
 BESIDE = 1e-3
-"""What falls off comes down so far from the belt's end, m."""
+"""Distance from the belt's end to the landing place of an item that falls off, m."""
 
 
 class KinematicBelt(BeltDrive):
-    """One belt under the items of a run."""
+    """One belt of the kinematic backend."""
 
     def __init__(
         self, belt: Belt, fixture: Fixture, bodies: KinematicBodies, floor: float, period: float
@@ -43,7 +43,7 @@ class KinematicBelt(BeltDrive):
             self._carry(way)
 
     def interrupted(self) -> bool:
-        """By an item; the arm is no body here."""
+        """Return whether an item interrupts the light barrier. The arm has no body here."""
         one, other = (np.array(end) for end in self.track.beam(self.belt.eye))
         height = float(one[2])
         beam = (other - one)[None]
@@ -63,7 +63,7 @@ class KinematicBelt(BeltDrive):
             self._drop_beyond(body.id)
 
     def _riding(self) -> list[KinematicBody]:
-        """Who stands on the belt, and who stands on those."""
+        """Return the items on the belt, and those that stand on them."""
         riding: list[KinematicBody] = []
         tops: list[Prism] = []
         track = self.track
@@ -76,7 +76,7 @@ class KinematicBelt(BeltDrive):
         return riding
 
     def _drop_beyond(self, item: ObjectId) -> None:
-        """Whose middle has left the belt comes down beyond its end."""
+        """Drop an item beyond the belt's end once its middle has left the belt."""
         body, track = self._bodies[item], self.track
         along, _ = track.place(body.pose.position)
         if along <= track.length / 2:
@@ -89,7 +89,7 @@ class KinematicBelt(BeltDrive):
 
 
 def _crosses(prism: Prism, one: Vector3, other: Vector3) -> bool:
-    """Whether the box around the outline meets the box around the line."""
+    """Return whether the box around the outline meets the box around the line."""
     return all(
         prism.low[k] <= max(one[k], other[k]) and min(one[k], other[k]) <= prism.high[k] for k in (0, 1)
     )
@@ -111,7 +111,7 @@ class KinematicBelts:
         return tuple(belt.state for belt in self.drives.values())
 
     def restore(self, saved: Sequence[BeltState]) -> None:
-        """Take up what was saved. Raises PicktreeError when it is of other belts."""
+        """Restore the belts' states. Raises PicktreeError when they are of other belts."""
         check_belts(saved, self.drives)
         for state in saved:
             self.drives[state.id].state = state

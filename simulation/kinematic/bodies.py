@@ -1,4 +1,5 @@
-"""Bodies without physics: they rest on what is below them, or stay where the fingers carry them."""
+"""Bodies of the kinematic backend: they rest on the support below them, or stay in the fingers that hold
+them."""
 
 from __future__ import annotations
 
@@ -12,12 +13,12 @@ from ..common.footprints import Footprint, distance, footprint
 from .holes import HoleBelow, KinematicHoles
 
 SINKING = 0.005
-"""A surface counts as below when it is at most this much above the lowest point, m."""
+"""Height above a body's lowest point up to which a surface counts as below it, m."""
 
 
 @dataclass(frozen=True, slots=True)
 class KinematicBody:
-    """One item as it really is."""
+    """True state of one item."""
 
     id: ObjectId
     entry: CatalogueEntry
@@ -25,14 +26,14 @@ class KinematicBody:
     pose: Pose
     friction: float
     present: bool = True
-    """False after a fault has taken it away."""
+    """Whether the item is present; False after a fault has removed it."""
     scale: float = 1.0
-    """How many times as large as its kind it is, by a fault; `entry` has it."""
+    """Scale by faults, as a multiple of the catalogue's size; `entry` includes it."""
 
 
 @dataclass(frozen=True, slots=True)
 class Prism:
-    """A body as what stands on it sees it: an outline from above and a level top."""
+    """Vertical prism of a body: an outline from above and a level top, as support for other bodies."""
 
     id: str
     outline: Footprint
@@ -58,7 +59,7 @@ class Prism:
         return Prism(self.id, outline, (x0 + dx, y0 + dy, z0 + dz), (x1 + dx, y1 + dy, z1 + dz))
 
     def covers(self, x: float, y: float) -> bool:
-        """Whether the point lies inside the outline."""
+        """Return whether the point lies inside the outline."""
         if not (self.low[0] <= x <= self.high[0] and self.low[1] <= y <= self.high[1]):
             return False
         cx, cy = self.outline.centre
@@ -74,7 +75,7 @@ class Prism:
         return True
 
     def overlaps(self, other: Prism) -> bool:
-        """Whether the two outlines cross."""
+        """Return whether the two outlines overlap."""
         return (
             self.low[0] < other.high[0]
             and other.low[0] < self.high[0]
@@ -97,17 +98,17 @@ class KinematicBodies:
         self._prisms: dict[ObjectId, Prism] = {}
         self.held: ObjectId | None = None
         self.highest = 0.0
-        """Height of the highest top of anything that stands, m."""
+        """Height of the highest top of all bodies that are not held, m."""
         self.replace_all(items, None)
 
     @property
     def items(self) -> tuple[KinematicBody, ...]:
-        """All that did not leave with a bin, those too that a fault took away."""
+        """All items that did not leave with a bin, those removed by faults included."""
         return tuple(self._items.values())
 
     @property
     def fixed(self) -> tuple[Prism, ...]:
-        """What stands still: fixtures, parts of bins, obstacles."""
+        """Static bodies: fixtures, parts of bins, obstacles."""
         return self._fixed
 
     @property
@@ -127,31 +128,30 @@ class KinematicBodies:
         self._measure()
 
     def put(self, body: KinematicBody) -> None:
-        """Set the item where it says, without asking what is below."""
+        """Set an item at its pose, whatever is below."""
         self._items[body.id] = body
         if body.present and body.id != self.held:
             self._prisms[body.id] = Prism.of(body.id, body.entry.shape, body.pose)
             self._measure()
 
     def standing(self) -> tuple[tuple[KinematicBody, Prism], ...]:
-        """Who is present and not held."""
+        """Return the items that are present and not held, with their prisms."""
         return tuple((self._items[name], prism) for name, prism in self._prisms.items())
 
     def shift(self, items: Iterable[ObjectId], way: Vector3) -> None:
-        """These are moved so far along the level, whatever is there."""
+        """Move items horizontally by `way`, m, whatever is in the way."""
         for name in items:
             body = self._items[name]
             self._items[name] = replace(body, pose=body.pose.shifted(way))
             self._prisms[name] = self._prisms[name].shifted(way)
 
     def stand(self, obstacles: Iterable[Fixture]) -> None:
-        """These stand still among fixtures and bins from now on, and no others; what stood on one that is
-        gone comes down."""
+        """Replace the obstacles among the static bodies. Items on an obstacle that is gone come down."""
         self._fixed = (*self._scenery, *(Prism.of(f.id, f.shape, f.pose) for f in obstacles))
         self.settle()
 
     def fall(self, item: ObjectId, floor: float) -> None:
-        """Straight down onto what stands below, or onto the floor, among whatever lies there already."""
+        """Let an item fall straight down onto a static body below, or else onto the floor."""
         body = self._items[item]
         prism = Prism.of(item, body.entry.shape, body.pose)
         if any(p.overlaps(prism) and p.high[2] <= prism.low[2] + SINKING for p in self._fixed):
@@ -160,19 +160,19 @@ class KinematicBodies:
             self.put(replace(body, pose=body.pose.shifted((0.0, 0.0, floor - prism.low[2]))))
 
     def carry(self, pose: Pose) -> None:
-        """The held item moves with the fingers."""
+        """Move the held item to a pose in the world."""
         assert self.held is not None
         self._items[self.held] = replace(self._items[self.held], pose=pose)
 
     def take(self, item: ObjectId, pose: Pose) -> None:
-        """The fingers hold the item from now on; what stood on it comes down."""
+        """Take an item into the fingers; items on it come down."""
         self.held = item
         self._prisms.pop(item, None)
         self.carry(pose)
         self.settle()
 
     def let_go(self) -> None:
-        """The held item drops straight down."""
+        """Release the held item; it drops straight down."""
         if self.held is not None:
             item, self.held = self.held, None
             self.drop(item)
@@ -185,7 +185,7 @@ class KinematicBodies:
         self.settle()
 
     def forget(self, items: Collection[ObjectId]) -> None:
-        """These have left with their bin; what stood on them comes down."""
+        """Delete items that left with their bin; items on them come down."""
         for item in items:
             self.held = None if self.held == item else self.held
             del self._items[item]
@@ -194,13 +194,13 @@ class KinematicBodies:
             self.settle()
 
     def settle(self) -> None:
-        """Whatever stands on nothing comes down, the lowest first."""
+        """Let all unsupported items come down, the lowest first."""
         for prism in sorted(self._prisms.values(), key=lambda p: p.low[2]):
             self.drop(ObjectId(prism.id))
         self._measure()
 
     def drop(self, item: ObjectId) -> None:
-        """Straight down, as it is turned, onto the highest thing below; it stays when there is none."""
+        """Lower an item with its orientation onto the highest support below; without one it stays."""
         body = self._items[item]
         prism = Prism.of(item, body.entry.shape, body.pose)
         surface = self.below(prism)
@@ -213,16 +213,17 @@ class KinematicBodies:
         self.put(body)
 
     def in_hole(self, body: KinematicBody) -> HoleBelow | None:
-        """The hole that holds the body, if one does."""
+        """Return the hole that holds the body; None: no hole does."""
         hole = self._mouths.under(body.entry.shape, body.pose)
         return hole if hole is not None and hole.entered else None
 
     def below(self, prism: Prism) -> float | None:
-        """Height of the highest top under the outline, m."""
+        """Return the height of the highest top under the outline, m; None: there is none."""
         return max((top for _, top in self.tops_below(prism)), default=None)
 
     def tops_below(self, prism: Prism) -> list[tuple[str, float]]:
-        """Names and heights (m) of the tops under the outline; of what has a hole there its bottom."""
+        """Return names and heights, m, of the tops under the outline. A fixture with a hole there counts with
+        the hole's bottom."""
         limit = prism.low[2] + SINKING
         body = self._items.get(ObjectId(prism.id))
         hole = None if body is None else self._mouths.under(body.entry.shape, body.pose)
@@ -237,7 +238,7 @@ class KinematicBodies:
         return tops if hole is None else [*tops, (hole.fixture, hole.floor)]
 
     def tops(self, x: float, y: float, limit: float) -> list[tuple[str, float]]:
-        """Names and heights (m) of the tops at (x, y) that are no higher than `limit`."""
+        """Return names and heights, m, of the tops at (x, y) that are no higher than `limit`."""
         return [
             (p.id, p.high[2])
             for p in (*self._fixed, *self._prisms.values())

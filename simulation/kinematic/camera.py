@@ -1,4 +1,5 @@
-"""Cameras of the kinematic backend: ideal images of a stage where bodies are set, not moved."""
+"""Cameras of the kinematic backend: ideal images of a pybullet stage on which bodies are placed, never
+moved."""
 
 from __future__ import annotations
 
@@ -25,7 +26,8 @@ from .bodies import KinematicBodies, KinematicBody
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Posture:
-    """How the robot stands: joints (n,) rad, opening m, and the TCP in the world, truly and as believed."""
+    """Configuration of the robot: joints (n,), rad, opening, m, and the TCP in the world, true and
+    believed."""
 
     position: Array
     width: float
@@ -34,7 +36,7 @@ class Posture:
 
 
 class RenderStage:
-    """A pybullet client that is only looked at. It is made when the first image is taken."""
+    """Render stage: a pybullet client for images only, created with the first image."""
 
     def __init__(self, scene: SceneDescription, robot: RobotDescription, period: float) -> None:
         self._scene = scene
@@ -54,8 +56,8 @@ class RenderStage:
         obstacles: Iterable[Fixture] = (),
         moved: Pose | None = None,
     ) -> RenderedImage:
-        """What the camera sees of robot, items and obstacles, in front of what never moves; `bodies` and
-        `obstacles` are those that are there. `moved`: its optical frame in the frame as it was."""
+        """Render the present `bodies` and `obstacles` and the robot in front of the static scene. `moved`:
+        true optical frame in the frame before a fault."""
         if self._scenery is None:
             self._scenery = self._open()
         joints = (*posture.position.tolist(), *self._body.fingers.positions(posture.width))
@@ -76,7 +78,7 @@ class RenderStage:
         return StaticScene(self._scene)
 
     def _set(self, bodies: Iterable[KinematicBody]) -> None:
-        """Bring those that are there where they are, and take the others away."""
+        """Place the given items on the stage and remove all others."""
         there = {body.id: body for body in bodies}
         for name in [name for name in self._numbers if name not in there]:
             pb.removeBody(self._numbers.pop(name), self._client)
@@ -100,7 +102,7 @@ class RenderStage:
 
 
 class KinematicCamera:
-    """`protocols.Camera`, without noise unless a fault makes some."""
+    """`protocols.Camera` of the kinematic backend; noise comes from faults only."""
 
     def __init__(
         self,
@@ -113,7 +115,7 @@ class KinematicCamera:
         ailments: DeviceFaults | None = None,
         streams: RandomStreams | None = None,
     ) -> None:
-        """`ailments` and `streams`: what is wrong with the cameras, and for the noise that a fault makes."""
+        """`ailments`: active faults of the cameras; `streams`: random streams for the noise of faults."""
         self._ailments = ailments or DeviceFaults(())
         self._streams = streams or RandomStreams(0)
         self._camera = camera

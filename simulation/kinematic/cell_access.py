@@ -1,4 +1,4 @@
-"""The kinematic backend as those see it who bring items and take full bins away."""
+"""Kinematic backend behind the protocol of the feed."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from .camera import Posture
 
 
 class KinematicCell:
-    """`cell.Cell`"""
+    """`FeedCell` of the kinematic backend."""
 
     def __init__(
         self,
@@ -46,7 +46,7 @@ class KinematicCell:
         return self._inventory.next_id()
 
     def put(self, item: SpawnedItem) -> None:
-        """It is where it comes to rest at once."""
+        """Add an item, which is at its place of rest at once."""
         self._inventory.add(item)
         self._bodies.put(body_of(item))
         self._bodies.drop(item.id)
@@ -66,12 +66,12 @@ class KinematicCell:
 
 
 def body_of(item: SpawnedItem) -> KinematicBody:
-    """An item as it comes into the world."""
+    """Return the body of a new item."""
     return KinematicBody(item.id, item.entry, item.colour, item.pose, item.entry.friction)
 
 
 def true_body(body: KinematicBody, inventory: Inventory) -> TrueBody:
-    """A body as truth."""
+    """Return the ground truth of a body."""
     brought_by = inventory.here[body.id].brought_by
     true = TrueBody.of(body.id, body.entry, body.colour, body.pose)
     return replace(true, present=body.present, brought_by=brought_by)

@@ -1,73 +1,20 @@
-"""The gripper without physics: it closes until an item between the fingers stops it, and then holds it."""
+"""Gripper of the kinematic backend: it closes until an item stops the fingers, and then holds that item."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
-import numpy as np
-
 from ...robots.description import GripperDescription
-from ...robots.model import RobotModel
 from ...world.shapes import extents
-from ...world.values import GRAVITY, Array, GripperState, ObjectId, Pose
+from ...world.values import GRAVITY, GripperState, ObjectId, Pose
 from ..checkpoints.physics_state import GripperCommand
 from ..faults.device_faults import DeviceFaults
 from .bodies import KinematicBodies, KinematicBody
 
-STIFFNESS = 60.0
-"""Of the servo of a joint that cannot follow exactly: natural frequency, rad/s; critically damped."""
-
-
-class WeakJoints:
-    """The weak joints move as their torque, gravity and the others' motion let them; the others exactly."""
-
-    def __init__(self, model: RobotModel, period: float) -> None:
-        self._model = model
-        self._period = period
-
-    def given(self, torque: Array, shares: Mapping[str, float]) -> Array:
-        """What the joints give of a torque (n,), Nm."""
-        most = self._model.torque_limit * self._shares(shares)
-        return torque.clip(-most, most)
-
-    def follow(
-        self, q: Array, v: Array, aim: Array, rate: Array, shares: Mapping[str, float]
-    ) -> tuple[Array, Array, Array]:
-        """Where the arm is one period later, (n,) rad and rad/s, and what its joints gave, Nm: at (q, v) it
-        was told to be at `aim` with `rate` then."""
-        model, dt = self._model, self._period
-        share = self._shares(shares)
-        weak, strong = share < 1.0, share >= 1.0
-        inertia, bias = model.mass_matrix(q), model.bias(q, v)
-        others = (rate - v)[strong] / dt
-        load = inertia[np.ix_(weak, strong)] @ others + bias[weak]
-        own, most = inertia[np.ix_(weak, weak)], (model.torque_limit * share)[weak]
-        error, behind = (aim - q)[weak], (rate - v)[weak]
-        at_once = own @ ((error / dt - v[weak]) / dt) + load
-        effort = model.gravity(q)
-        if np.all(np.abs(at_once) <= most):
-            effort[weak] = at_once
-            return aim, rate, effort
-        wanted = own @ (STIFFNESS**2 * error + 2.0 * STIFFNESS * behind) + load
-        effort[weak] = wanted.clip(-most, most)
-        gained = np.linalg.solve(own, effort[weak] - load)
-        velocity, position = rate.copy(), aim.copy()
-        velocity[weak] = v[weak] + gained * dt
-        position[weak] = q[weak] + velocity[weak] * dt
-        inside = np.minimum(np.maximum(position, model.lower), model.upper)
-        velocity[inside != position] = 0.0
-        return inside, velocity, effort
-
-    def _shares(self, shares: Mapping[str, float]) -> Array:
-        return np.array([shares.get(name, 1.0) for name in self._model.description.joints])
-
-
 OVERLAP = 0.001
-"""Least depth of an item between the pads, m."""
+"""Least overlap of an item with the pads for a grasp, m."""
 
 
 class KinematicGripper:
-    """`protocols.Gripper`. Holding needs friction: 2μF must carry the weight."""
+    """`protocols.Gripper` of the kinematic backend. Holding needs friction: 2μF must carry the weight."""
 
     def __init__(
         self, description: GripperDescription, bodies: KinematicBodies, ailments: DeviceFaults | None = None
@@ -83,10 +30,10 @@ class KinematicGripper:
         self.force = 0.0
         self.speed = 0.0
         self.most_speed = description.speed
-        """Of each finger, m/s."""
+        """Greatest speed of each finger, m/s."""
         self.item_in_tcp: Pose | None = None
         self.gripped = 0.0
-        """Width of what is held, m."""
+        """Width of the held item, m."""
 
     def read(self) -> GripperState:
         force = self._drive.force if self._ailments.any else self.force
@@ -94,14 +41,14 @@ class KinematicGripper:
 
     @property
     def moves(self) -> bool:
-        """Whether the fingers have a way to go."""
+        """Whether the fingers have not reached their target."""
         if not self._ailments.any:
             return self.width != self.target
         return self.width != self._drive.width
 
     @property
     def _drive(self) -> GripperCommand:
-        """What the drives do: what they are told, unless a fault has it otherwise."""
+        """Command that the drives carry out: the received one, unless a fault changes it."""
         ailments = self._ailments
         if ailments.jam is not None:
             return GripperCommand(self.width, ailments.jam.force)
@@ -113,10 +60,10 @@ class KinematicGripper:
         self.force = min(max(force, 0.0), self._description.max_force)
 
     def step(self, tcp: Pose, period: float) -> None:
-        """One control period passes with the hand at `tcp` in the world."""
+        """Advance by one control period with the TCP at `tcp` in the world."""
         bodies = self._bodies
         held, drive = bodies.held, self._drive
-        # What is as wide as they open at all is let go by fingers that open all the way.
+        # An item as wide as the full opening is released by fingers that open fully.
         wide = min(self.gripped + 5e-4, self._description.max_width - 1e-9)
         opens = self._ailments.jam is None and self.target > wide
         if held is not None:
@@ -144,7 +91,8 @@ class KinematicGripper:
         return 2.0 * friction * force >= body.entry.mass * GRAVITY
 
     def _caught(self, tcp: Pose, before: float, width: float) -> tuple[ObjectId, Pose, float] | None:
-        """The item that stops the fingers between two openings, centred, in the TCP frame; its width."""
+        """Return the item that stops the fingers between two openings, its centred pose in the TCP frame, and
+        its width, m; None: no item."""
         world_in_tcp: Pose | None = None
         reach = self._description.max_width
         for body in self._bodies.present:

@@ -1,9 +1,10 @@
-"""Holes without physics: what is over one, near enough, goes down into it; what is in one stays in it.
+"""Holes of the kinematic backend: an item over a hole, and near enough, goes into it; an item in a hole stays
+in it.
 
-Idealised: an item enters a hole when it stands so that it fits between the walls, the chamfer helping, and
-then has the hole's bottom below it. Once it is a little way in, the walls push a held item back to where it
-has room, as stiffly as a table, and turn nothing; nothing rubs and nothing jams. What is let go there comes
-to stand upright, and fingers do not push it out again.
+The model is idealised. An item enters a hole when it fits between the walls, with the chamfer's help, and
+then has the hole's bottom below it. Below a small depth the walls push a held item back into its clearance,
+as stiffly as a table, without a torque. There is no friction and no jamming. An item released there comes to
+stand upright, and fingers do not push it out again.
 """
 
 from __future__ import annotations
@@ -18,37 +19,37 @@ from ...world.shapes import Box, Shape, bottom
 from ...world.values import Array, ObjectId, Pose
 
 UPRIGHT = math.radians(3.0)
-"""What leans more than this does not enter."""
+"""Largest tilt with which an item enters a hole, rad."""
 TURN = math.radians(1.0)
-"""A box that is turned by no more than this enters, however little room it has: the hand gives way."""
+"""Rotation about the hole up to which a box enters with any clearance, rad: the hand gives way."""
 ENTERED = 0.002
-"""What is so far below the mouth is in the hole, m: more than a hand presses it into a surface."""
+"""Depth below the mouth from which an item is in the hole, m: more than a hand presses it into a surface."""
 HELD_WITHIN = 0.008
-"""What is in a hole stays in it unless its middle is farther off than walls allow, by this, m."""
+"""Distance beyond the walls' clearance up to which an item in a hole stays in it, m."""
 
 
 @dataclass(frozen=True, slots=True)
 class HoleBelow:
-    """The hole that an item is over, or in."""
+    """Hole that an item is over, or in."""
 
     fixture: ObjectId
     hole: Hole
     floor: float
     """Height of its bottom in the world, m."""
     pose: Pose
-    """Of the item as it would stand in the hole: upright, at the height where it is."""
+    """Pose in the world of the item as it would stand in the hole: upright, at its present height."""
     entered: bool
-    """It is so deep in the hole that the walls hold it."""
+    """Whether the item is so deep in the hole that the walls hold it."""
 
 
 class KinematicHoles:
-    """The holes of fixtures, which stand level, as they really are."""
+    """Holes of level fixtures, at their true poses."""
 
     def __init__(self, fixtures: Iterable[Fixture]) -> None:
         self._holes = [(f.id, hole, f.pose @ hole.pose) for f in fixtures for hole in f.holes]
 
     def under(self, shape: Shape, pose: Pose) -> HoleBelow | None:
-        """The hole into which an item at `pose` goes if it is lowered; None when there is none."""
+        """Return the hole into which an item at `pose` goes when it is lowered; None when there is none."""
         for fixture, hole, mouth in self._holes:
             found = _under(fixture, hole, mouth, shape, pose)
             if found is not None:
@@ -81,19 +82,19 @@ def _under(fixture: ObjectId, hole: Hole, mouth: Pose, shape: Shape, pose: Pose)
 
 
 def _turn(hole: Hole, shape: Shape, rotation: Array) -> float:
-    """How far a box is turned from the hole's sides about the vertical, rad; 0 for what is round."""
+    """Return the rotation of a box against the hole's sides about the vertical, rad; 0 for a round one."""
     if not isinstance(shape, Box) or hole.form == "round":
         return 0.0
     x, y, _ = shape.size
     axis = rotation[:, 0] if x >= y else rotation[:, 1]
     yaw = math.atan2(float(axis[1]), float(axis[0]))
-    # A square, hole or item, may stand either way round.
+    # A square hole or item has two equivalent orientations.
     period = math.pi / 2 if x == y or hole.size[0] == hole.size[1] else math.pi
     return (yaw + period / 2) % period - period / 2
 
 
 def _seated(hole: Hole, left: Slack, item: Pose, turn: float) -> Pose:
-    """The item in the hole's frame, upright and between the walls, with its centre as high as it was."""
+    """Return the item's pose in the hole's frame: upright, between the walls, at its present height."""
     x, y, z = item.position
     rotation = item.rotation()
     yaw = math.atan2(float(rotation[1, 0]), float(rotation[0, 0])) - turn

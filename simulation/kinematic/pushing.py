@@ -1,4 +1,7 @@
-"""Fingers that push items over the table, without physics: what they reach from the side gives way."""
+"""Pushing and supporting contacts of the kinematic backend: fingers push items aside, tops carry feet.
+
+Pushed items follow `world.quasi_static_pushing`, the model that the planner of push strokes uses too.
+"""
 
 from __future__ import annotations
 
@@ -8,24 +11,24 @@ from dataclasses import replace
 
 import numpy as np
 
-from ...manipulation.push.push_arcs import tool_outline
-from ...manipulation.push.quasi_static_pushing import PlanarPushModel
 from ...robots.description import GripperDescription
+from ...robots.finger_outline import tool_outline
 from ...world.planar_geometry import PlanarOutline, PlanarPose, moved, outline, planar
+from ...world.quasi_static_pushing import PlanarPushModel
 from ...world.values import GRAVITY, Array, ObjectId
 from .bodies import KinematicBodies, Prism
 
 FRESH = 0.005
-"""Depth up to which a foot counts as standing upon a top where it is not known from where it came, m."""
+"""Depth below a top up to which a foot of unknown origin counts as standing on it, m."""
 LEVEL = 5e-4
-"""A foot that was no more than this below a top came from above, m."""
+"""Depth below a top up to which a foot came from above, m."""
 
 
 class KinematicContacts:
-    """Remembers upon which tops each foot has come down: a finger tip, or the bottom of what is held.
+    """Supports of each foot: a foot is a finger tip, or the bottom of the held item.
 
-    A foot stands upon a body that it has entered from above, until it leaves the outline. What it entered
-    from the side, as fingers do that open next to something, gives way sideways and pushes nothing up.
+    A foot stands on a body that it entered from above, until it leaves the outline. A body that it entered
+    from the side, as fingers do that open next to it, moves aside and pushes nothing up.
     """
 
     def __init__(self) -> None:
@@ -33,13 +36,14 @@ class KinematicContacts:
         self._upon: dict[str, frozenset[str]] = {}
 
     def forget(self, *feet: str) -> None:
-        """These feet (default: all) are far from everything, or were put somewhere else."""
+        """Forget feet (default: all) that are far from everything, or were placed elsewhere."""
         for foot in feet or tuple(self._height):
             self._height.pop(foot, None)
             self._upon.pop(foot, None)
 
     def top(self, foot: str, height: float, tops: Iterable[tuple[str, float]]) -> float | None:
-        """The highest of `tops` (names and heights at the foot, m) that carries the foot or is below it."""
+        """Return the highest of `tops` (names and heights at the foot, m) that carries the foot or is below
+        it; None: there is none."""
         before, upon = self._height.get(foot), self._upon.get(foot, frozenset[str]())
         entered = height + FRESH if before is None else before + LEVEL
         carrying = {name: top for name, top in tops if top <= max(height, entered) or name in upon}
@@ -49,15 +53,15 @@ class KinematicContacts:
 
 
 OVER = 0.0015
-"""Finger tips that are less than this below the top of an item stand upon it, m."""
+"""Depth below the top of an item up to which finger tips stand on it, m."""
 DOWNWARDS = 0.98
-"""Cosine of the tilt up to which the hand points down."""
+"""Least cosine of the tilt of a hand that points down."""
 SIDEWAYS = 1e-7
-"""Way in a period below which the hand does not push, m."""
+"""Least travel in a control period with which the hand pushes, m."""
 
 
 class KinematicPushing:
-    """Moves the items of `bodies` out of the way of the finger pads."""
+    """Pushing: moves the items of `bodies` out of the way of the finger pads."""
 
     def __init__(self, gripper: GripperDescription, bodies: KinematicBodies) -> None:
         self._gripper = gripper
@@ -66,12 +70,16 @@ class KinematicPushing:
         self._before: Array | None = None
 
     def forget(self) -> None:
-        """The hand was put somewhere else."""
+        """Forget the last position after the hand was placed elsewhere."""
         self._before = None
 
     def step(self, rotation: Array, position: Array, width: float, tip: float) -> tuple[float, float]:
-        """The TCP is there now, turned by (3, 3), the fingers stand `width` m apart and reach `tip` m beyond
-        it: the force (x, y) in the world of what slides, N."""
+        """Push items that the fingers reach, and return the friction force (x, y) of what slides, in the
+        world, N.
+
+        `rotation` (3, 3) and `position` (3,) are the TCP's in the world. The fingers are `width` m open and
+        reach `tip` m beyond the TCP.
+        """
         before, self._before = self._before, position.copy()
         if before is None or float(rotation[2, 2]) > -DOWNWARDS:
             return 0.0, 0.0
@@ -114,7 +122,7 @@ class KinematicPushing:
         return -force * along[0], -force * along[1]
 
     def _settle(self, pushed: frozenset[str]) -> None:
-        """What was pushed over an edge comes down, and what stood on it."""
+        """Let items come down that were pushed over an edge, with those on them."""
         for name in sorted(pushed):
             body = self._bodies[ObjectId(name)]
             prism = Prism.of(name, body.entry.shape, body.pose)
@@ -125,6 +133,6 @@ class KinematicPushing:
 
 
 def _still(prism: Prism) -> tuple[PlanarOutline, PlanarPose]:
-    """Something that does not move, as it is placed in the world."""
+    """Return a static prism's outline and its pose in the plane."""
     x, y = prism.outline.centre
     return PlanarOutline(np.array(prism.outline.polygon), prism.outline.radius), PlanarPose(x, y)

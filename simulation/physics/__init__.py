@@ -1,1 +1,1 @@
-"""The physical backend, in pybullet."""
+"""Physics backend in pybullet."""

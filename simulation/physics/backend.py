@@ -1,9 +1,9 @@
-"""The physical backend: robot, bins and items in pybullet, behind the protocols of the hardware."""
+"""Physics backend: robot, bins and items in pybullet, behind the protocols of the hardware."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from importlib.metadata import version
 from types import MappingProxyType
 
@@ -23,22 +23,24 @@ from ..common.sensor_noise import RobotSensorNoise
 from ..common.uncertain_fixtures import displace_fixtures
 from ..fault_files.device_entries import Ailing, GripperJam, Stall, WrenchDead, counted
 from ..faults.device_faults import DeviceFaults, jammed
-from ..faults.planted_obstacles import ROOM, FreeSpaceCheck, HiddenObstacles
+from ..faults.planted_obstacles import ROOM, FreeSpaceCheck
 from ..feed.belt_drive import BeltDrive
 from ..feed.feeder import Feeder, FeederState, has_feeder
 from ..scoring.truth import HoledFixtures, TrueBody, TrueObstacle
 from ..spawning.spawn import TIGHT, enlarged_item, placed_item, spawn_items, walls
 from .belts import PhysicsBelts
-from .bodies import add_fixed, add_obstacle
 from .cell_access import PhysicsCell
+from .contact_points import ContactPoints, TrueContact
 from .crushing import CrushDetector
 from .engine import (
     EVERYDAY,
+    RESIDUAL_THRESHOLD,
     RESOLUTION,
     SOLVER_ITERATIONS,
     Client,
     check_step_rate,
     pb,
+    reset,
     set_step_rate,
 )
 from .items import PhysicsItems
@@ -47,23 +49,7 @@ from .rgbd_camera import PhysicsCamera, StaticScene
 from .robot.devices import IdealSensors, PhysicsArm, PhysicsGripper, PhysicsWrench
 from .robot.robot_body import RobotBody
 from .sleeping_items import EVERY, REST_LOOKS
-
-RESIDUAL_THRESHOLD = 3e-7
-"""At 1e-5 boxes creep 0.15 mm/s over the table unless they get rolling friction, at three times the cost."""
-SETTLE_MOST = 600
-"""Steps before time 0, if something never comes to rest."""
-
-
-@dataclass(frozen=True, slots=True)
-class TrueContact:
-    """One contact point: names of items, fixtures, bins or robot links; for tests and the analyst."""
-
-    one: str
-    other: str
-    distance: float
-    """m; negative when they penetrate."""
-    force: float
-    """Along the normal, N."""
+from .static_bodies import StaticBodies
 
 
 class PhysicsHardware:
@@ -82,7 +68,8 @@ class PhysicsHardware:
         self._streams = RandomStreams(seed)
         client = Client()
         self.close = client.close
-        """Frees the client; it happens by itself when hardware and devices are no longer used."""
+        """Function that frees the client. That happens by itself when hardware and devices are no longer
+        used."""
         self._client = client.id
         self._body = RobotBody(robot, client, 1 / EVERYDAY)
         noise = RobotSensorNoise(scene.noise, self._streams, len(robot.joints))
@@ -91,10 +78,9 @@ class PhysicsHardware:
         self._items = PhysicsItems(scene, spawn_items(scene, seed), client.id, self._belts.running)
         self._boards = HoledFixtures(self._real.fixtures)
         self.penetrations = Penetrations(client.id)
-        """How deep items and fixtures with holes are in each other, for tests and benchmarks."""
-        self._fixed: dict[int, str] = {}
-        self._standing: dict[ObjectId, int] = {}
-        self._obstacles = HiddenObstacles(self._stand, self._unstand)
+        """Penetration of items and fixtures with holes, for tests and benchmarks."""
+        self._static = StaticBodies(self._real, robot.base_in_world, client.id)
+        self._contacts = ContactPoints(self._body, self._items, self._static, client.id)
         self._room: FreeSpaceCheck | None = None
         self.ailments = DeviceFaults(c.name for c in scene.cameras)
         self.arm = PhysicsArm(senses, self._body, self.ailments)
@@ -118,7 +104,7 @@ class PhysicsHardware:
         self.gripper = PhysicsGripper(senses, self._body)
         limits = {e.kind: e.force_limit for e in scene.catalogue if e.force_limit is not None}
         self.crushing = CrushDetector(self._body, self._items, limits, client.id)
-        """How hard the fingers have pressed fragile items, for tests and benchmarks."""
+        """Forces of the fingers on fragile items, for tests and benchmarks."""
         self.wrench = PhysicsWrench(senses, self.ailments)
         self._feeder: Feeder | None = None
         if has_feeder(scene):
@@ -126,10 +112,10 @@ class PhysicsHardware:
         self.feed: Feed = self._feeder or NoFeed()
         if start is None:
             self._empty(scene.unknown)
-            self._items.spawn(self._fixed)
-            self._watch_holes()
-            self._belts.build(self._fixed)
-            self._settle()
+            self._items.spawn(self._static.names)
+            self.penetrations.watch(self._items.numbers, self._static.holed)
+            self._belts.build(self._static.names)
+            self._items.settle()
             self._senses.reading = self._body.read()
             self._initial = tuple(replace(s, asleep=False) for s in self._items.states())
         else:
@@ -139,7 +125,8 @@ class PhysicsHardware:
     def resume(
         cls, scene: SceneDescription, robot: RobotDescription, seed: int, checkpoint: Checkpoint
     ) -> PhysicsHardware:
-        """Continue from a checkpoint, in this process or another: bit for bit as the run that made it."""
+        """Build the hardware from a checkpoint, in this process or another. It continues bit for bit like the
+        run that made it."""
         return cls(scene, robot, seed, checkpoint)
 
     @property
@@ -160,8 +147,8 @@ class PhysicsHardware:
         return SensorStamps(now, now, self.wrench.stamp)
 
     def pace(self, rate: int | None = None) -> None:
-        """Step and control so often a second from now on; by default as everyday. The contact solver gets
-        what suits it. Raises PicktreeError for what is no rate."""
+        """Set the rate of steps and control, Hz; None: the everyday rate. The contact solver gets suitable
+        settings. Raises PicktreeError for an impossible rate."""
         rate = EVERYDAY if rate is None else check_step_rate(rate)
         if rate != self._senses.rate:
             self._senses.rate = rate
@@ -174,11 +161,11 @@ class PhysicsHardware:
 
     @property
     def belts(self) -> Mapping[ObjectId, BeltDrive]:
-        """For whoever brings items: the robot has no word in it."""
+        """Belts by name, for the feed; the robot has no access."""
         return self._belts.drives
 
     def settings(self) -> Mapping[str, str]:
-        """What a record has to say about the physics."""
+        """Return the settings of the physics for the record."""
         return {
             "backend": "physics",
             "engine": f"pybullet {version('pybullet')}",
@@ -204,33 +191,25 @@ class PhysicsHardware:
                 self._feeder.stepped(senses.everyday_steps)
 
     def take_events(self) -> tuple[JournalEvent, ...]:
-        """What those who bring and take have done since it was asked last, and what was crushed."""
+        """Return the events of feed and crush detection since the last call."""
         brought = self._feeder.take_events() if self._feeder is not None else ()
         return (*brought, *self.crushing.take_events())
 
     def checkpoint(self) -> Checkpoint:
-        """Save → reset → rebuild → restore. The run goes on from what was saved, as a resumed run would:
-        contact caches and solver history are dropped in both."""
+        """Save, reset, rebuild and restore the simulation. The run continues as a resumed run would: contact
+        caches and solver history are dropped in both."""
         saved = self._save()
         self.restore(saved)
         return saved
 
     def restore(self, saved: Checkpoint) -> None:
-        """Take up a checkpoint of the same scene, robot and seed."""
-        if saved.seed != self.seed:
-            raise PicktreeError(f"the checkpoint is of seed {saved.seed}, but this run has seed {self.seed}")
-        spawned = list(self._items.inventory.spawned)
-        if (ids := [s.id for s in saved.initial]) != spawned:
-            raise PicktreeError(f"the checkpoint's initial items are {ids}, but the scene spawns {spawned}")
-        if sorted(saved.captures) != sorted(self._cameras):
-            raise PicktreeError(
-                f"the checkpoint's cameras are {sorted(saved.captures)}, "
-                f"but the scene has {sorted(self._cameras)}"
-            )
+        """Restore a checkpoint of the same scene, robot and seed. Raises PicktreeError when it does not
+        fit."""
+        saved.require_fit(self.seed, list(self._items.inventory.spawned), self._cameras)
         self._empty(self.scene.unknown if saved.obstacles is None else saved.obstacles)
-        self._items.restore(saved.items, saved.ledger, saved.inventory, self._fixed)
-        self._belts.build(self._fixed)
-        self._watch_holes()
+        self._items.restore(saved.items, saved.ledger, saved.inventory, self._static.names)
+        self._belts.build(self._static.names)
+        self.penetrations.watch(self._items.numbers, self._static.holed)
         self._belts.restore(saved.belts)
         self._items.lull(saved.items)
         self._body.restore(saved.robot, saved.arm, saved.gripper)
@@ -252,7 +231,8 @@ class PhysicsHardware:
         return self.snapshot()
 
     def snapshot(self) -> Checkpoint:
-        """The state at any moment, without a change to anything; what goes on from it is not bit-exact."""
+        """Return the state at any moment, without side effects. A run that continues from it is not
+        bit-exact."""
         return Checkpoint(
             seed=self.seed,
             step=self._senses.step,
@@ -266,22 +246,23 @@ class PhysicsHardware:
             belts=self._belts.states(),
             inventory=self._items.inventory.state(),
             feeder=self._feeder.state() if self._feeder is not None else None,
-            obstacles=self._obstacles.here,
+            obstacles=self._static.obstacles.here,
             time=self._senses.time,
             pressed=self.crushing.state(),
         )
 
     def truth(self) -> tuple[TrueBody, ...]:
-        """Every item that ever came, as it really is: for scorer, faults and the analyst's log only."""
+        """Return the ground truth of every item that ever came, for scorer, faults and the analyst's log
+        only."""
         bodies = map(self.crushing.told, self._items.truth())
         return tuple(map(self._seated, bodies)) if self._boards else tuple(bodies)
 
     def true_fixtures(self) -> tuple[Fixture, ...]:
-        """The scene's fixtures where they really stand."""
+        """Return the scene's fixtures at their true poses."""
         return self._real.fixtures
 
     def _seated(self, body: TrueBody) -> TrueBody:
-        """With how it is in a hole."""
+        """Return the body with its seating in a hole."""
         seat = self._boards.seat(body.shape, body.pose) if body.present else None
         if seat is None:
             return body
@@ -289,56 +270,46 @@ class PhysicsHardware:
 
     @property
     def initial_truth(self) -> tuple[TrueBody, ...]:
-        """As `truth` at time 0."""
+        """Ground truth at time 0."""
         return tuple(self._items.true(state) for state in self._initial)
 
     def _believed_tcp(self) -> Pose:
-        """Where the tool is by the encoders."""
+        """Return the TCP pose in the world by the encoders."""
         self._model = self._model or RobotModel(replace(self.robot, tool=self.scene.tool))
         return self._model.tcp(self.arm.read().position)
 
     def true_tcp(self) -> Pose:
-        """Where the tool really is in the world, for tests."""
+        """Return the true TCP pose in the world, for tests."""
         return self._body.tcp()
 
     def true_contacts(self) -> tuple[TrueContact, ...]:
-        """Contact points of the last step, for tests and the analyst."""
-        return tuple(
-            TrueContact(self._name(c[1], c[3]), self._name(c[2], c[4]), c[8], c[9])
-            for c in pb.getContactPoints(physicsClientId=self._client)
-        )
+        """Return the contact points of the last step, for tests and the analyst."""
+        return self._contacts.all()
 
     def remove(self, item: str) -> None:
-        """A fault: the item is snatched away."""
+        """Carry out a fault: remove the item."""
         self._items.remove(item)
 
     def change_dynamics(self, item: str, friction: float | None = None, mass: float | None = None) -> None:
-        """A fault: the item becomes slippery, heavier or lighter, for good."""
+        """Carry out a fault: change the item's friction, or its mass in kg, for good."""
         self._items.change_dynamics(item, friction, mass)
 
     def bump(self, item: str, velocity: Vector3, spin: Vector3 = (0.0, 0.0, 0.0)) -> None:
-        """A fault: the item is hit and moves with `velocity`, m/s, and `spin`, rad/s, in the world."""
+        """Carry out a fault: set the item's velocity, m/s, and spin, rad/s, in the world."""
         self._items.bump(item, velocity, spin)
 
     def in_hand(self) -> ObjectId | None:
-        """The item that the fingers really hold: each of them touches it."""
-        found: set[int] | None = None
-        fingers = self._body.description.gripper.fingers
-        for link, name in self._body.links.items():
-            if name in fingers:
-                points = pb.getContactPoints(self._body.body, linkIndexA=link, physicsClientId=self._client)
-                touched = {point[2] for point in points}
-                found = touched if found is None else found & touched
-        names = sorted(filter(None, map(self._items.name, found or ())))
-        return ObjectId(names[0]) if names else None
+        """Return the item that every finger touches; None: there is none."""
+        return self._contacts.in_hand()
 
     def lubricate(self, item: str, friction: float | None, *, again: bool = False) -> None:
-        """A fault: the item has that friction until it is given its own back, None."""
+        """Carry out a fault: set the item's friction; None: its own again. `again`: it had that friction
+        already when the checkpoint was taken."""
         self._items.lubricate(item, friction, again=again)
 
     def enlarge(self, item: str, factor: float) -> bool:
-        """A fault: the item is so many times as large, its mass and its friction stay; False: there is no
-        room for it between the others and the robot."""
+        """Carry out a fault: scale the item by `factor` with constant mass and friction. Returns False when
+        items or robot leave no room."""
         body = next(body for body in self._items.here() if body.id == item)
         entry, pose = enlarged_item(self._items.inventory.here[body.id].entry, body.pose, factor)
         others = ((other.shape, other.pose) for other in self._items.here() if other.id != item)
@@ -348,8 +319,8 @@ class PhysicsHardware:
         return True
 
     def appear(self, kind: str, colour: str, place: tuple[float, float], yaw: float) -> ObjectId | None:
-        """A fault: a further item lies there; None: something is there now. Raises PicktreeError where no
-        fixture is below."""
+        """Carry out a fault: add an item at `place`; None: something is there now. Raises PicktreeError where
+        no fixture is below."""
         item = placed_item(self._real, self._items.inventory.next_id(), kind, colour, place, yaw)
         others = [(other.shape, other.pose) for other in self._items.here()]
         if not self._free(item.entry.shape, item.pose, [*others, *walls(self.scene)], TIGHT):
@@ -358,8 +329,7 @@ class PhysicsHardware:
         return item.id
 
     def afflict(self, number: int, fault: Ailing, held: tuple[float, ...] | None = None) -> None:
-        """A fault: a device begins to fail. `held`: it did when the checkpoint was taken, and that was what
-        the device was doing when it began."""
+        """Begin a fault of a device. `held` is given on restore: the device's state when the fault began."""
         self.ailments.begin(number, fault, self._doing(fault) if held is None else held)
         if isinstance(fault, Stall) and held is None:
             n = len(self.robot.joints)
@@ -367,12 +337,12 @@ class PhysicsHardware:
         self._ail()
 
     def relieve(self, number: int) -> None:
-        """The end of such a fault."""
+        """End a fault of a device."""
         self.ailments.end(number)
         self._ail()
 
     def _doing(self, fault: Ailing) -> tuple[float, ...]:
-        """What the device is doing that a fault befalls, as `DeviceFaults` keeps it."""
+        """Return the present state of the device that a fault affects, as `DeviceFaults` keeps it."""
         match fault:
             case GripperJam():
                 reading, n = self._senses.reading, len(self.robot.joints)
@@ -389,73 +359,35 @@ class PhysicsHardware:
         self._body.weaken(ailments.torque_shares, ailments.jam, ailments.grip_share)
 
     def obstacles(self) -> tuple[TrueObstacle, ...]:
-        """What stands there that the robot was not told of."""
-        return self._obstacles.truth()
+        """Return the obstacles that the robot does not know."""
+        return self._static.obstacles.truth()
 
     def room_for(self, body: Fixture) -> bool:
-        """Whether no item and no part of the robot is where the body would stand."""
+        """Return whether the body's place is free of items and robot."""
         return self._free(body.shape, body.pose, ((i.shape, i.pose) for i in self._items.here()), ROOM)
 
     def _free(self, shape: Shape, pose: Pose, others: Iterable[tuple[Shape, Pose]], room: float) -> bool:
-        """Whether a body fits between others and the robot."""
+        """Return whether a body fits between the bodies `others` and the robot, with clearance `room`, m."""
         self._room = self._room or FreeSpaceCheck(RobotModel(self.robot))
         position, n = self._senses.reading.position, len(self.robot.joints)
         return self._room.free(shape, pose, others, np.array(position[:n]), sum(position[n:]), room)
 
     def put_obstacle(self, body: Fixture) -> ObjectId:
-        """A fault: something stands in the way from now on; its name."""
-        name = self._obstacles.put(body)
-        self._items.sleepers.stand(self._standing[name])
+        """Carry out a fault: add an obstacle and return its name."""
+        name = self._static.obstacles.put(body)
+        self._items.sleepers.stand(self._static.number(name))
         return name
 
     def take_obstacle(self, name: ObjectId) -> None:
-        """The end of such a fault: it is taken away."""
-        self._obstacles.take(name)
+        """Remove an obstacle that a fault has added."""
+        self._static.obstacles.take(name)
         self._items.sleepers.wake_all()
 
-    def _stand(self, body: Fixture) -> None:
-        number = self._standing[body.id] = add_obstacle(body, self._client)
-        self._fixed[number] = body.id
-
-    def _unstand(self, name: ObjectId) -> None:
-        number = self._standing.pop(name)
-        del self._fixed[number]
-        pb.removeBody(number, self._client)
-
     def _empty(self, obstacles: Iterable[Fixture]) -> None:
-        """A simulation without items and belts: everything else in the same order as always."""
-        client = self._client
-        pb.resetSimulation(physicsClientId=client)
-        pb.setGravity(0, 0, -GRAVITY, physicsClientId=client)
+        """Reset the simulation to one without items and belts; everything else is added in a fixed order."""
+        reset(self._client)
         self._senses.rate = EVERYDAY
         self._body.period = 1 / EVERYDAY
-        set_step_rate(EVERYDAY, client)
-        pb.setPhysicsEngineParameter(
-            solverResidualThreshold=RESIDUAL_THRESHOLD,
-            deterministicOverlappingPairs=1,
-            jointFeedbackMode=pb.JOINT_FEEDBACK_IN_WORLD_SPACE,
-            physicsClientId=client,
-        )
-        self._fixed = add_fixed(self._real, self.robot.base_in_world, client)
+        self._static.load()
         self._body.load()
-        self._obstacles.renew(obstacles)
-
-    def _watch_holes(self) -> None:
-        boards = {fixture.id for fixture in self._real.fixtures if fixture.holes}
-        bored = [number for number, name in self._fixed.items() if name in boards]
-        self.penetrations.watch(self._items.numbers, bored)
-
-    def _settle(self) -> None:
-        """Let everything come to rest before time 0."""
-        for _ in range(SETTLE_MOST):
-            pb.stepSimulation(self._client)
-            self._items.stepped()
-            if self._items.sleepers.quiet:
-                return
-
-    def _name(self, body: int, link: int) -> str:
-        if body == self._body.body:
-            return self._body.links[link]
-        if body in self._fixed:
-            return self._fixed[body]
-        return self._items.name(body) or "?"
+        self._static.obstacles.renew(obstacles)

@@ -1,9 +1,9 @@
-"""Belts in pybullet: items ride because the surface below them moves, by friction and by nothing else.
+"""Belts in pybullet: a moving surface below the items carries them by friction alone.
 
-The engine knows no surface that moves while its body stays. So a belt that runs is a slab on a prismatic
-joint with a motor; when it has moved a centimetre it is set back by as much, velocity kept. Being the same
-all along, it touches the items as before. A belt that stands is a fixed body like any other, and the slab
-touches nothing: what lies on the belt sleeps, and the robot feels a table.
+The engine has no surface that moves while its body stays. So a running belt is a slab on a prismatic joint
+with a motor. After each centimetre of travel it is set back by as much, and its velocity is kept. The slab is
+uniform, so it touches the items as before. A belt at rest is a static body and the slab touches nothing:
+items on the belt sleep, and the robot feels a table.
 """
 
 from __future__ import annotations
@@ -21,20 +21,20 @@ from .bodies import FIXED_FRICTION
 from .engine import pb
 
 SET_BACK = 0.01
-"""After so much way the slab is set back, m. Its ends lie off the belt's by half of that at most."""
+"""Travel after which the slab is set back, m. Its ends are off the belt's by half of that at most."""
 SLAB_MASS = 50.0
-"""kg: what rides does not brake it."""
+"""Mass of the slab, kg: large, so that items on it do not brake it."""
 MOTOR_FORCE = 500.0
-"""N"""
+"""Greatest force of the slab's motor, N."""
 LIKE_A_TABLE, NOWHERE = (2, -3), (0, 0)
-"""The engine's collision group and mask of bodies that never move, and of what touches nothing. Two bodies
-collide when either of them wants to."""
+"""Collision group and mask of static bodies, and of bodies that touch nothing. Two bodies collide when either
+of them wants to."""
 SLAB = 0
-"""The link of a slab's body."""
+"""Link index of the slab in its body."""
 
 
 class PhysicsBelt(BeltDrive):
-    """One belt in one pybullet client; `build` makes its slab anew after a reset of the simulation."""
+    """One belt in one pybullet client; `build` rebuilds its slab after a reset of the simulation."""
 
     def __init__(self, belt: Belt, fixture: Fixture, client: int) -> None:
         super().__init__(belt, fixture)
@@ -45,11 +45,11 @@ class PhysicsBelt(BeltDrive):
 
     @property
     def driven(self) -> bool:
-        """Whether the slab carries what lies on the belt."""
+        """Whether the slab carries the items on the belt."""
         return self._driven
 
     def build(self, still: int) -> int:
-        """Put the slab into the simulation, where `still` is the fixed body; returns its body number."""
+        """Add the slab at the place of the static body `still`; return the slab's body number."""
         shape, client = self._fixture.shape, self._client
         assert isinstance(shape, Box)
         box = pb.createCollisionShape(
@@ -128,12 +128,12 @@ class PhysicsBelt(BeltDrive):
         return body != -1
 
     def _brake(self) -> None:
-        """The motor has brought it to rest but for what the solver leaves over."""
+        """Set the slab's velocity to zero: the motor has stopped it but for the solver's residual."""
         pb.resetJointState(self.slab, SLAB, self.state.offset, 0.0, physicsClientId=self._client)
         self._drive(on=False)
 
     def _drive(self, *, on: bool) -> None:
-        """Whether the slab carries what lies there, or the fixed body."""
+        """Let the slab carry the items (`on`), or the static body."""
         self._driven = on
         self._motor(self.state.speed)
         carrying, idle = (self.slab, SLAB), (self._still, -1)
@@ -162,17 +162,17 @@ class PhysicsBelts:
         )
 
     def build(self, fixed: dict[int, str]) -> None:
-        """Put the slabs into the simulation and note their body numbers beside those of fixed bodies."""
+        """Add the slabs and note their body numbers next to those of the static bodies."""
         still = {name: body for body, name in fixed.items()}
         for name, belt in self.drives.items():
             fixed[belt.build(still[name])] = name
 
     def running(self) -> frozenset[int]:
-        """Body numbers of the slabs that move now."""
+        """Return the body numbers of the slabs that move now."""
         return frozenset(belt.slab for belt in self.drives.values() if belt.driven)
 
     def before_step(self, period: float) -> None:
-        """A step of `period` s is about to pass."""
+        """Command the motors for a step of `period` s."""
         for belt in self.drives.values():
             belt.before_step(period)
 
@@ -184,7 +184,7 @@ class PhysicsBelts:
         return tuple(belt.state for belt in self.drives.values())
 
     def restore(self, saved: Sequence[BeltState]) -> None:
-        """Take up what was saved. Raises PicktreeError when it is of other belts."""
+        """Restore the belts' states. Raises PicktreeError when they are of other belts."""
         check_belts(saved, self.drives)
         for state in saved:
             self.drives[state.id].restore(state)

@@ -1,9 +1,9 @@
-"""Bodies of the scene in pybullet: fixtures and bins that never move, items with their contact parameters.
+"""Bodies of the scene in pybullet: fixtures and bins that never move, and items with their contact
+parameters.
 
-Fixtures with holes in pybullet: one static body for each convex piece of what is left of the box.
-
-`createCollisionShapeArray` takes no vertices, and a shape of a mesh file is kept under the file's name for
-good, so a piece is a body of its own; all have the fixture's name in contacts.
+A fixture with holes has one static body for each convex piece of the box without the holes.
+`createCollisionShapeArray` takes no vertices, and the shape of a mesh file is cached for good under the
+file's name. So each piece is a body of its own; all have the fixture's name in contacts.
 """
 
 from __future__ import annotations
@@ -31,20 +31,21 @@ if TYPE_CHECKING:
 
 
 def add_holed_fixture(fixture: Fixture, client: int) -> tuple[int, ...]:
-    """The pieces of the fixture, to be touched but not seen; pybullet's body numbers."""
+    """Add the fixture's convex pieces for collisions, invisible to cameras; return pybullet's body
+    numbers."""
     numbers: list[int] = []
     for piece, piece_in_fixture in convex_pieces(fixture):
         pose = fixture.pose @ piece_in_fixture
         shape = pb.createCollisionShape(pb.GEOM_MESH, vertices=piece.vertices, physicsClientId=client)
         number = pb.createMultiBody(0.0, shape, -1, pose.position, pose.orientation, physicsClientId=client)
-        # Hulls are made 1 mm larger all round by default, which would take 2 mm from every hole.
+        # pybullet enlarges hulls by 1 mm all round, which would take 2 mm from every hole.
         pb.changeDynamics(number, -1, collisionMargin=0.0, physicsClientId=client)
         numbers.append(number)
     return tuple(numbers)
 
 
 def holed_visual(fixture: Fixture, rgba: tuple[float, float, float, float], client: int) -> int:
-    """A visual shape of the fixture in its own frame, with the insides of its holes."""
+    """Create a visual shape of the fixture in its own frame, with the insides of its holes."""
     corners, order, normals = _lists(fixture)
     return pb.createVisualShape(
         pb.GEOM_MESH,
@@ -58,27 +59,30 @@ def holed_visual(fixture: Fixture, rgba: tuple[float, float, float, float], clie
 
 @cache
 def _lists(fixture: Fixture) -> tuple[list[list[float]], list[int], list[list[float]]]:
-    """Made once: pybullet never lets go of the lists."""
+    """Return corners, indices and normals of the fixture's surface. They are made once: pybullet never frees
+    the lists."""
     assert isinstance(fixture.shape, Box)
     seen = surface(fixture.shape, fixture.holes)
     return seen.corners.tolist(), list(range(len(seen.corners))), seen.normals.tolist()
 
 
 FIXED_FRICTION = 1.0
-"""pybullet multiplies the two bodies' coefficients: an item's own is then the pair's."""
+"""Friction of static bodies. pybullet multiplies the two bodies' coefficients: an item's own is then the
+pair's."""
 ROLLING_FRICTION = 1e-3
-"""m, also for spinning, of what is round: with less a lying cylinder gains energy from the solver and rolls
-away. What is flat has four contacts instead, and would make each step three times as dear."""
+"""Rolling and spinning friction of round items, m. With less, a lying cylinder gains energy from the solver
+and rolls away. Flat items have four contacts instead, and would make each step three times as expensive."""
 ROUND = ("cylinder", "sphere", "mesh")
 MAX_PARTS = 16
-"""`createCollisionShapeArray` silently drops what is beyond."""
+"""Greatest number of parts of a collision shape; `createCollisionShapeArray` silently drops the rest."""
 MOVING, ALL = 1, -1
-"""The engine's collision group of bodies that move, and what they collide with."""
+"""Collision group of moving bodies, and the mask of the groups with which they collide."""
 FLOOR = ObjectId("floor")
 
 
 def add_fixed(scene: SceneDescription, base_in_world: Pose, client: int) -> dict[int, str]:
-    """Floor, fixtures and bins, to be touched but not seen; their ids by pybullet's body number."""
+    """Add floor, fixtures and bins for collisions, invisible to cameras; return their names by pybullet's
+    body number."""
     height = floor_height(scene.fixtures, base_in_world.position[2])
     floor = Fixture(FLOOR, Box((10.0, 10.0, 0.1)), Pose((0.0, 0.0, height - 0.05)))
     bodies: dict[int, str] = {}
@@ -99,7 +103,7 @@ def add_fixed(scene: SceneDescription, base_in_world: Pose, client: int) -> dict
 
 
 def add_obstacle(body: Fixture, client: int) -> int:
-    """Something that stands still, to be touched and seen; returns pybullet's body number."""
+    """Add a static body, for collisions and cameras; return pybullet's body number."""
     check_body(body.id, body.shape, body.pose)
     number = _fixed(
         _collision(body.shape, client), _visual(body.shape, body.colour, client), body.pose, client
@@ -109,7 +113,7 @@ def add_obstacle(body: Fixture, client: int) -> int:
 
 
 def add_scenery(scene: SceneDescription, client: int) -> None:
-    """Fixtures and bins, to be seen but not touched."""
+    """Add fixtures and bins for cameras only, without collisions."""
     for fixture in scene.fixtures:
         if fixture.holes:
             visual = holed_visual(fixture, _rgba(fixture.colour), client)
@@ -129,7 +133,8 @@ def _fixed(collision: int, visual: int, pose: Pose, client: int) -> int:
 
 
 def add_item(item: SpawnedItem, pose: Pose, client: int) -> int:
-    """An item at `pose`; returns pybullet's body number."""
+    """Add an item at `pose`; return pybullet's body number. Raises PicktreeError for an invalid body or
+    mass."""
     check_body(item.id, item.entry.shape, pose)
     if not (math.isfinite(item.entry.mass) and item.entry.mass > 0):
         raise PicktreeError(f"{item.id}: mass {item.entry.mass} kg; it must be positive")
@@ -164,19 +169,20 @@ def set_friction(body: int, friction: float, client: int) -> None:
 
 
 def forget_contacts(body: int, client: int) -> None:
-    """Begin contacts anew: as long as one lasts it keeps the friction that it began with."""
+    """Restart the contacts of a body: a contact keeps the friction with which it began."""
     pb.setCollisionFilterGroupMask(body, -1, MOVING, ALL, physicsClientId=client)
 
 
 def set_mass(body: int, shape: Shape, mass: float, client: int) -> None:
-    """Mass, and the inertia that the shape has with it."""
+    """Set a body's mass, kg, and the inertia of its shape with that mass. Raises PicktreeError when the mass
+    is not positive."""
     if not (math.isfinite(mass) and mass > 0):
         raise PicktreeError(f"mass {mass} kg; it must be positive")
     pb.changeDynamics(body, -1, mass=mass, localInertiaDiagonal=inertia(shape, mass), physicsClientId=client)
 
 
 def inertia(shape: Shape, mass: float) -> Vector3:
-    """Moments about the shape's own axes, kg·m²; a mesh's products of inertia are neglected."""
+    """Return the moments about the shape's own axes, kg·m²; a mesh's products of inertia are neglected."""
     match shape:
         case Box((x, y, z)):
             return mass * (y * y + z * z) / 12, mass * (x * x + z * z) / 12, mass * (x * x + y * y) / 12
@@ -193,7 +199,8 @@ def inertia(shape: Shape, mass: float) -> Vector3:
 
 
 def check_body(name: str, shape: Shape, pose: Pose) -> None:
-    """Raises PicktreeError for what pybullet would swallow: NaN, no size, no unit quaternion."""
+    """Raise PicktreeError for values that pybullet accepts silently: NaN, a size that is not positive, no
+    unit quaternion."""
     match shape:
         case Box(size):
             sizes: Iterable[float] = size
@@ -269,7 +276,8 @@ def _visual(shape: Shape, colour: str, client: int) -> int:
 
 @cache
 def _faces(vertices: tuple[Vector3, ...]) -> tuple[list[list[float]], list[int], list[list[float]]]:
-    """Corners of the hull's triangles, order, normals. Made once: pybullet never lets go of the lists."""
+    """Return corners, order and normals of the hull's triangles. They are made once: pybullet never frees the
+    lists."""
     hull = _hull(vertices)
     corners: Array = np.asarray(hull.triangles, dtype=np.float64).reshape(-1, 3)
     normals: Array = np.repeat(np.asarray(hull.face_normals, dtype=np.float64), 3, axis=0)

@@ -1,4 +1,4 @@
-"""The physical backend as those see it who bring items and take full bins away."""
+"""Physics backend behind the protocol of the feed."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from .robot.devices import PERIOD, IdealSensors
 
 
 class PhysicsCell:
-    """`cell.Cell`"""
+    """`FeedCell` of the physics backend."""
 
     def __init__(self, robot: RobotDescription, items: PhysicsItems, senses: IdealSensors) -> None:
         self._items = items
@@ -49,7 +49,7 @@ class PhysicsCell:
         self._items.take_with(bin_id, items)
 
     def arm_over(self, zone: Zone) -> bool:
-        """By where the joints really are."""
+        """Return whether any part of the arm is over the zone, by the true joint positions."""
         position = self._senses.reading.position
         arm, fingers = position[: self._joints], position[self._joints :]
         return self._curtain.crossed(zone, np.array(arm), sum(fingers))

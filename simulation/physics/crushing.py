@@ -1,4 +1,4 @@
-"""Fragile items between the fingers: how hard each finger really presses, and what is crushed by it."""
+"""Crush detection: true forces of the fingers on fragile items, and items that they have crushed."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ from .items import PhysicsItems
 from .robot.robot_body import RobotBody
 
 FELT = 0.15
-"""Share of the least limit that the fingers' drives have to bear before contacts are looked at."""
+"""Effort of the finger drives from which contacts are examined, as a share of the least force limit."""
 
 
 @dataclass(frozen=True, slots=True)
 class PeakFingerForce:
-    """The greatest force of one finger on a fragile item so far, N, and what it survives."""
+    """Greatest force of one finger on a fragile item so far, and the force that the item survives, N."""
 
     force: float
     limit: float
     gripped: float = 0.0
-    """The greatest while the fingers were told to close: the others were bumps."""
+    """Greatest force while the fingers had the command to close, N; other forces were bumps."""
 
     @property
     def crushed(self) -> bool:
@@ -32,12 +32,12 @@ class PeakFingerForce:
 
 
 class CrushDetector:
-    """Looks at the contacts of the fingers in every step in which they press against something."""
+    """Crush detector: examines the contacts of the fingers in every step in which they press."""
 
     def __init__(
         self, body: RobotBody, items: PhysicsItems, limits: Mapping[str, float], client: int
     ) -> None:
-        """`limits`: force that a finger may press with on items of a kind, N."""
+        """`limits`: greatest force of a finger that items of a kind survive, N."""
         self._body = body
         self._items = items
         self._limits = limits
@@ -50,7 +50,7 @@ class CrushDetector:
         self._events: list[JournalEvent] = []
 
     def stepped(self, now: float, reading: RobotReading) -> None:
-        """After each step."""
+        """Examine the contacts after a step."""
         if not self._limits or max(map(abs, reading.effort[self._arm :])) < self._worth:
             return
         fingers = self._body.description.gripper.fingers
@@ -59,7 +59,7 @@ class CrushDetector:
                 self._look(link, name, now)
 
     def most(self) -> Mapping[ObjectId, PeakFingerForce]:
-        """Of every fragile item that was between the fingers."""
+        """Return the greatest forces on every fragile item that was between the fingers."""
         return dict(self._most)
 
     def take_events(self) -> tuple[JournalEvent, ...]:
@@ -67,7 +67,7 @@ class CrushDetector:
         return events
 
     def state(self) -> tuple[PressedItem, ...]:
-        """For a checkpoint."""
+        """Return the state for a checkpoint."""
         return tuple(PressedItem(name, p.force, p.limit, p.gripped) for name, p in self._most.items())
 
     def restore(self, state: Iterable[PressedItem]) -> None:
@@ -75,7 +75,7 @@ class CrushDetector:
         self._events = []
 
     def told(self, body: TrueBody) -> TrueBody:
-        """The item with what became of it between the fingers."""
+        """Return the item's truth with the force that crushed it, if one did."""
         pressed = self._most.get(body.id)
         return body if pressed is None or not pressed.crushed else replace(body, crushed=pressed.force)
 

@@ -1,4 +1,4 @@
-"""pybullet, imported without the line about its build that it writes to standard error at every start."""
+"""pybullet: import without its build message, clients, step rates and solver settings."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from collections.abc import Generator
 from contextlib import contextmanager
 
 from ...errors import PicktreeError
+from ...world.values import GRAVITY
 
 __all__ = ["pb"]
 
@@ -19,12 +20,12 @@ UNWANTED = b"pybullet build time"
 
 @contextmanager
 def _without_build_time() -> Generator[None]:
-    """The line comes from C, past `sys.stderr`. Everything else that is written is passed on, also when the
-    import fails."""
+    """Drop pybullet's build message, which C code writes past `sys.stderr`. All other output is passed on,
+    also when the import fails."""
     try:
         kept = os.dup(STANDARD_ERROR)
     except OSError:
-        # Nobody listens.
+        # Standard error is closed.
         yield
         return
     with tempfile.TemporaryFile() as said:
@@ -45,7 +46,8 @@ with _without_build_time():
 
 
 class Client:
-    """Closed when the last user is gone, or by `close`. pybullet has 1024 at most."""
+    """pybullet client, disconnected when its last user is gone or by `close`. pybullet has 1024 clients at
+    most."""
 
     def __init__(self) -> None:
         self.id = pb.connect(pb.DIRECT)
@@ -58,21 +60,27 @@ def _disconnect(client: int) -> None:
 
 
 RESOLUTION = 12_000
-"""Time is counted in whole parts of a second, so many: then no rounding depends on how it was stepped."""
+"""Units of simulated time per second. Time is an integer count of them, so that no rounding depends on the
+step rate."""
 EVERYDAY = 240
-"""Steps a second; at 120 plates are dropped in transport."""
+"""Everyday step rate, Hz; at 120 Hz plates are dropped in transport."""
 FINEST = 2000
 WHOLE = 20
-"""Rates are multiples of it, Hz: then a tick of 50 ms is a whole number of steps."""
+"""Divisor of all step rates, Hz: a tick of 50 ms is then a whole number of steps."""
 SOLVER_ITERATIONS, FINE_ITERATIONS = 50, 100
+RESIDUAL_THRESHOLD = 3e-7
+"""Residual at which the solver stops. At 1e-5 boxes creep 0.15 mm/s over the table unless they get rolling
+friction, at three times the cost."""
 ERROR_REDUCTION, CONTACT_REDUCTION, FINE_REDUCTION = 0.2, 0.08, 0.8
-"""Share of an error of joints, and of a penetration, that a step takes back: everyday the
-engine's own. With these a peg goes into a wall by up to 1.5 mm rather than into its
-hole; with more the everyday step would throw things about."""
+"""Share of a joint error, and of a penetration, that one step corrects: everyday values are the engine's own.
+
+At a fine rate both are the last value. With the everyday values a peg goes up to 1.5 mm into a wall rather
+than into its hole. With larger ones the everyday step would throw bodies about.
+"""
 
 
 def check_step_rate(rate: int) -> int:
-    """A rate that the simulation can be stepped with, Hz. Raises PicktreeError for others."""
+    """Return the step rate, Hz. Raises PicktreeError for a rate that is not possible."""
     known = [r for r in range(EVERYDAY, FINEST + 1, WHOLE) if RESOLUTION % r == 0]
     if rate not in known:
         raise PicktreeError(f"a step of 1/{rate} s is not possible; rates: {', '.join(map(str, known))} Hz")
@@ -80,12 +88,25 @@ def check_step_rate(rate: int) -> int:
 
 
 def set_step_rate(rate: int, client: int) -> None:
-    """Give the engine the step of that rate, and what suits it."""
+    """Set the engine's step to 1/`rate` s, with suitable solver settings."""
     fine = rate > EVERYDAY
     pb.setTimeStep(1 / rate, client)
     pb.setPhysicsEngineParameter(
         numSolverIterations=FINE_ITERATIONS if fine else SOLVER_ITERATIONS,
         erp=FINE_REDUCTION if fine else ERROR_REDUCTION,
         contactERP=FINE_REDUCTION if fine else CONTACT_REDUCTION,
+        physicsClientId=client,
+    )
+
+
+def reset(client: int) -> None:
+    """Remove all bodies from a client and set gravity, the everyday step and the solver."""
+    pb.resetSimulation(physicsClientId=client)
+    pb.setGravity(0, 0, -GRAVITY, physicsClientId=client)
+    set_step_rate(EVERYDAY, client)
+    pb.setPhysicsEngineParameter(
+        solverResidualThreshold=RESIDUAL_THRESHOLD,
+        deterministicOverlappingPairs=1,
+        jointFeedbackMode=pb.JOINT_FEEDBACK_IN_WORLD_SPACE,
         physicsClientId=client,
     )

@@ -1,4 +1,4 @@
-"""The items in the physical backend: bodies that come, are changed by faults, fall asleep and leave."""
+"""Items of the physics backend: bodies that arrive, are changed by faults, fall asleep and leave."""
 
 from __future__ import annotations
 
@@ -20,10 +20,12 @@ from .robot.robot_body import finite
 from .sleeping_items import SleepingItems
 
 STILL = (0.0, 0.0, 0.0)
+MAX_SETTLING_STEPS = 600
+"""Greatest number of steps before time 0, if an item never comes to rest."""
 
 
 class PhysicsItems:
-    """The items of one pybullet client. `build` makes their bodies anew after a reset of the simulation."""
+    """Items of one pybullet client. Their bodies are rebuilt after a reset of the simulation."""
 
     def __init__(
         self,
@@ -32,7 +34,7 @@ class PhysicsItems:
         client: int,
         running: Callable[[], Collection[int]] = tuple,
     ) -> None:
-        """`running` tells which of the fixed bodies move now."""
+        """`running` returns the body numbers of static bodies that move now: belts."""
         self._client = client
         self.inventory = Inventory(scene, spawned)
         self.sleepers = SleepingItems(client, running)
@@ -41,20 +43,20 @@ class PhysicsItems:
         self._numbers: dict[ObjectId, int] = {}
         self._bumps: dict[ObjectId, tuple[Vector3, Vector3]] = {}
         self._slippery: dict[ObjectId, float] = {}
-        """Friction of those that have another than their own for a while."""
+        """Temporary friction of items with a fault."""
 
     @property
     def ledger(self) -> tuple[DynamicsChange, ...]:
-        """What faults have changed for good on items that are still there."""
+        """Permanent changes by faults of items that are still there."""
         return tuple(self._ledger)
 
     @property
     def numbers(self) -> Mapping[ObjectId, int]:
-        """pybullet's body numbers of those that are there; the same mapping until the next `build`."""
+        """pybullet's body numbers of the present items; the same mapping until the next rebuild."""
         return self._numbers
 
     def spawn(self, fixed: Collection[int]) -> None:
-        """Put in everything that is there at the beginning; `fixed` bodies wake nothing."""
+        """Add all items of the start; `fixed` bodies wake nothing."""
         self._build({name: item.pose for name, item in self.inventory.here.items()}, fixed)
 
     def restore(
@@ -64,7 +66,8 @@ class PhysicsItems:
         inventory: InventoryState | None,
         fixed: Collection[int],
     ) -> None:
-        """As a checkpoint has them, in an empty simulation, all awake."""
+        """Add the items of a checkpoint to an empty simulation, all awake. Raises PicktreeError when they are
+        not the scene's."""
         self.inventory.restore(inventory)
         states, ledger = tuple(states), tuple(ledger)
         if (ids := [s.id for s in states]) != (known := list(self.inventory.here)):
@@ -85,7 +88,7 @@ class PhysicsItems:
             set_friction(self._numbers[name], friction, self._client)
 
     def lull(self, states: Iterable[BodyState]) -> None:
-        """Let those sleep that slept."""
+        """Put those items to sleep that slept in the checkpoint."""
         self.sleepers.sleep([s.id for s in states if s.present and s.asleep])
 
     def _build(self, poses: Mapping[ObjectId, Pose], fixed: Collection[int]) -> None:
@@ -98,28 +101,36 @@ class PhysicsItems:
         self._bumps = {}
         self.sleepers.watch(self._numbers, fixed)
 
+    def settle(self) -> None:
+        """Step the simulation until all items are at rest, before time 0."""
+        for _ in range(MAX_SETTLING_STEPS):
+            pb.stepSimulation(self._client)
+            self.stepped()
+            if self.sleepers.quiet:
+                return
+
     def stepped(self) -> None:
-        """To be called after each step."""
+        """Apply bumps and update sleep after a step."""
         for name, (velocity, spin) in self._bumps.items():
             pb.resetBaseVelocity(self._numbers[name], velocity, spin, self._client)
         self._bumps.clear()
         self.sleepers.stepped()
 
     def states(self) -> tuple[BodyState, ...]:
-        """Of all that did not leave with a bin, in the order of their numbers."""
+        """Return the states of all items that did not leave with a bin, in the order of their numbers."""
         asleep = self.sleepers.asleep()
         return tuple(replace(self._state(name), asleep=name in asleep) for name in self.inventory.here)
 
     def truth(self) -> tuple[TrueBody, ...]:
-        """Every item that ever was there."""
+        """Return the ground truth of every item that ever was there."""
         return self.inventory.truth(lambda name: self.true(self._state(name)))
 
     def here(self) -> tuple[TrueBody, ...]:
-        """Every item that is there."""
+        """Return the ground truth of every present item."""
         return tuple(self.true(self._state(name)) for name in self._numbers)
 
     def true(self, state: BodyState) -> TrueBody:
-        """A saved or present state as truth."""
+        """Return the ground truth of a saved or present state."""
         item = self.inventory.here[state.id]
         entry = item.entry
         return TrueBody(
@@ -136,11 +147,11 @@ class PhysicsItems:
         )
 
     def name(self, body: int) -> str | None:
-        """The item that has this body number."""
+        """Return the name of the item with a body number; None: it is no item."""
         return next((name for name, number in self._numbers.items() if number == body), None)
 
     def put(self, item: SpawnedItem) -> None:
-        """An item comes into the running simulation at its pose."""
+        """Add an item at its pose to the running simulation."""
         self._numbers[item.id] = add_item(item, item.pose, self._client)
         self.inventory.add(item)
         self.sleepers.add(item.id)
@@ -150,7 +161,7 @@ class PhysicsItems:
         return all(name in asleep for name in items if name in self._numbers)
 
     def take_with(self, bin_id: ObjectId, items: Collection[ObjectId]) -> None:
-        """These leave the world with the bin, at rest as far as anybody knows."""
+        """Remove items with their bin; their last truth is recorded as at rest."""
         for name in items:
             body = self.true(self._state(name))
             pb.removeBody(self._numbers.pop(name), self._client)
@@ -161,7 +172,7 @@ class PhysicsItems:
             self.sleepers.wake_all()
 
     def remove(self, item: str) -> None:
-        """A fault: the item is snatched away."""
+        """Carry out a fault: remove the item."""
         name = self._known(item)
         self._gone[name] = replace(self._state(name), velocity=STILL, spin=STILL, present=False)
         self._bumps.pop(name, None)
@@ -169,7 +180,7 @@ class PhysicsItems:
         self.sleepers.wake_all()
 
     def change_dynamics(self, item: str, friction: float | None = None, mass: float | None = None) -> None:
-        """A fault: the item becomes slippery, heavier or lighter, for good."""
+        """Carry out a fault: change the item's friction, or its mass in kg, for good."""
         change = DynamicsChange(self._known(item), friction, mass)
         self._apply(change)
         forget_contacts(self._numbers[change.item], self._client)
@@ -177,8 +188,8 @@ class PhysicsItems:
         self.sleepers.wake_all()
 
     def lubricate(self, item: str, friction: float | None, *, again: bool = False) -> None:
-        """A fault: the item has that friction until it is given its own back, None. `again`: it had it when
-        the checkpoint was taken."""
+        """Carry out a fault: set the item's friction; None: its own again. `again`: it had that friction
+        already when the checkpoint was taken."""
         name = ObjectId(item)
         number = self._numbers.get(name)
         if friction is None:
@@ -197,7 +208,7 @@ class PhysicsItems:
         return changed[-1] if changed else self.inventory.here[name].entry.friction
 
     def enlarge(self, item: str, factor: float, pose: Pose) -> None:
-        """A fault: the item is so many times as large from now on, at `pose`; it moves on as it did."""
+        """Carry out a fault: scale the item by `factor` at `pose`; its velocity is kept."""
         name = self._known(item)
         before = self._state(name)
         pb.removeBody(self._numbers[name], self._client)
@@ -213,10 +224,10 @@ class PhysicsItems:
         self.sleepers.wake_all()
 
     def bump(self, item: str, velocity: Vector3, spin: Vector3) -> None:
-        """A fault: the item is hit and moves with `velocity`, m/s, and `spin`, rad/s, in the world."""
+        """Carry out a fault: set the item's velocity, m/s, and spin, rad/s, in the world."""
         finite(np.array(velocity, dtype=np.float64), f"{item}: velocity", (3,))
         finite(np.array(spin, dtype=np.float64), f"{item}: spin", (3,))
-        # Whoever sleeps has to be woken first, which takes a step.
+        # A sleeping item has to be woken first, which takes a step.
         self._bumps[self._known(item)] = (velocity, spin)
         self.sleepers.wake_all()
 

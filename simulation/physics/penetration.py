@@ -1,4 +1,4 @@
-"""How deep items and fixtures with holes are in each other: contacts of the simulation, measured."""
+"""Penetration of items and fixtures with holes, measured on the contacts of the simulation."""
 
 from __future__ import annotations
 
@@ -9,14 +9,17 @@ from ...world.values import ObjectId
 from .engine import pb
 
 WINDOW = 1.0
-"""What was is kept for so long, s."""
+"""Time for which measured depths are kept, s."""
 EVERY = 12
-"""Steps between two looks."""
+"""Number of steps between two measurements."""
 
 
 class Penetrations:
-    """Watches the contacts of items with the fixtures of one client. `every` may be set to 1 by whoever wants
-    the greatest depth of each item exactly; a look costs 0.1 ms for an item that is in a round hole."""
+    """Penetration monitor: contacts of items with the fixtures of one client.
+
+    With `every` at 1 the greatest depth of each item is exact; a measurement costs 0.1 ms for an item in a
+    round hole.
+    """
 
     def __init__(self, client: int) -> None:
         self._client = client
@@ -26,20 +29,24 @@ class Penetrations:
         self._steps = 0
         self.every = EVERY
         self.greatest: dict[ObjectId, float] = {}
-        """Of each item that ever was at a fixture since `watch`, m."""
+        """Greatest depth of each item that touched a fixture since `watch`, m."""
         self.lasting: dict[ObjectId, float] = {}
-        """The same of what was seen at two looks in a row. With `every` at 1: the engine may notice a new
-        contact of a curved edge a step late, and takes it back in the next."""
+        """Greatest depth of each item in two consecutive measurements since `watch`, m.
+
+        It matters with `every` at 1: the engine may detect a new contact of a curved edge a step late, and
+        corrects it in the next step.
+        """
         self._before: dict[ObjectId, float] = {}
 
     def watch(self, items: Mapping[ObjectId, int], bored: Collection[int]) -> None:
-        """From now on these items, which may change, by pybullet's body numbers; nothing is remembered."""
+        """Watch these items, by pybullet's body numbers; the mapping may change. Earlier measurements are
+        dropped."""
         self._items, self._bored = items, frozenset(bored)
         self._recent, self.greatest, self._steps = {}, {}, 0
         self.lasting, self._before = {}, {}
 
     def stepped(self, now: float) -> None:
-        """To be called after each step."""
+        """Measure after a step, when a measurement is due."""
         self._steps += 1
         if not self._bored or self._steps % self.every:
             return
@@ -61,12 +68,13 @@ class Penetrations:
         self.greatest[name] = max(depth, self.greatest.get(name, 0.0))
 
     def of(self, name: ObjectId) -> float:
-        """The greatest depth of the item now, and within the last second in which it was seen to touch a
-        fixture, m."""
+        """Return the item's greatest depth now and within the last second in which it touched a fixture,
+        m."""
         number = self._items[name]
         depths = [depth for _, depth in self._recent.get(name, ())]
         low, high = pb.getAABB(number, -1, self._client)
-        # Contacts of what sleeps, or was restored, are not kept: the shapes themselves are asked.
+        # The engine keeps no contacts of bodies that sleep or were restored: measure the shapes
+        # themselves.
         for body, _ in pb.getOverlappingObjects(low, high, physicsClientId=self._client):
             if body in self._bored:
                 near = pb.getClosestPoints(number, body, 0.0, physicsClientId=self._client)

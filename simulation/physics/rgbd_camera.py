@@ -1,4 +1,4 @@
-"""The simulated RGB-D camera: colour, depth and stamp. What belongs to which body never leaves pybullet."""
+"""Simulated RGB-D camera: colour, depth and stamp. Segmentation by body never leaves pybullet."""
 
 from __future__ import annotations
 
@@ -21,13 +21,16 @@ from .engine import Client, pb
 LIGHT = (0.3, 0.2, 1.0)
 """Direction towards the light, in the world."""
 CLOSE = 0.01
-"""The hand is in the picture of a camera on it, and hides what is behind, also where it is too near to be
-measured: what is nearer than this only is not drawn, m."""
+"""Near clipping distance of a camera on the hand, m. The hand hides what is behind it, also where it is too
+near to be measured."""
 
 
 def intrinsics(camera: CameraDescription) -> Intrinsics:
-    """Pixels are square. TINY renderer's pixel (u, v) lies at (u, v + 1) of the image plane, which is why
-    the centre is half a pixel off the usual place."""
+    """Return the intrinsics of a camera with square pixels.
+
+    TINY renderer's pixel (u, v) lies at (u, v + 1) of the image plane. So the centre is half a pixel off the
+    usual place.
+    """
     width, height = camera.size
     focal = height / 2 / math.tan(camera.fov / 2)
     return Intrinsics(width, height, focal, focal, width / 2, height / 2 - 1)
@@ -35,15 +38,17 @@ def intrinsics(camera: CameraDescription) -> Intrinsics:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RenderedImage:
-    """Noise-free colour (h, w, 3), and depth (h, w) along the optical axis, m; infinite where nothing is, 0
-    where something is nearer than the camera can measure."""
+    """Noise-free image: colour (h, w, 3), and depth (h, w) along the optical axis, m.
+
+    Depth is inf where nothing is, and 0 where something is nearer than the camera can measure.
+    """
 
     colour: NDArray[np.uint8]
     depth: NDArray[np.float32]
 
 
 class CameraRenderer:
-    """The projection of a camera: renders what stands in a pybullet client."""
+    """Camera renderer: projects the bodies of a pybullet client."""
 
     def __init__(self, camera: CameraDescription) -> None:
         self.camera = camera
@@ -53,16 +58,16 @@ class CameraRenderer:
         self._projection = pb.computeProjectionMatrix(-right, right, -up, up, self._clip, camera.far)
 
     def truly(self, tool: Pose) -> Pose:
-        """The true optical frame in the world, for a tool that truly is at `tool`."""
+        """Return the true optical frame in the world, for a tool that truly is at `tool`."""
         mounted = self.camera.pose @ self.camera.error
         return mounted if self.camera.on == "world" else tool @ mounted
 
     def believed(self, tool: Pose) -> Pose:
-        """The optical frame in the world as everybody believes it, for a tool believed to be at `tool`."""
+        """Return the believed optical frame in the world, for a tool believed to be at `tool`."""
         return self.camera.pose if self.camera.on == "world" else tool @ self.camera.pose
 
     def render(self, client: int, optical: Pose) -> RenderedImage:
-        """What the camera with its true optical frame there sees."""
+        """Render the client's bodies from the true optical frame `optical` in the world."""
         width, height = self.camera.size
         _, _, colour, buffer, _ = pb.getCameraImage(
             width,
@@ -88,9 +93,11 @@ class CameraRenderer:
 
 
 class StaticScene:
-    """What never moves, as cameras see it: fixtures and bins. Filling a picture with a table is four fifths
-    of the cost of rendering, so it is done once for a camera that hangs still, and again for each picture of
-    one that moves."""
+    """Static scene for cameras: fixtures and bins.
+
+    Filling an image with a table is four fifths of the cost of rendering. It is done once for a static
+    camera, and again for each image of a moving one.
+    """
 
     def __init__(self, scene: SceneDescription) -> None:
         client = Client()
@@ -101,7 +108,7 @@ class StaticScene:
         self._scene = scene
 
     def behind(self, view: CameraRenderer, optical: Pose) -> RenderedImage:
-        """What the camera, its true optical frame there, sees where nothing that moves is in the way."""
+        """Return the image without moving bodies, from the true optical frame `optical` in the world."""
         picture = self._still.get(view.camera.name)
         if picture is not None and optical == view.truly(Pose()):
             return picture
@@ -116,7 +123,7 @@ def _still(view: CameraRenderer, client: int) -> RenderedImage:
 
 
 def in_front(front: RenderedImage, behind: RenderedImage) -> RenderedImage:
-    """One picture of two that were taken from the same place."""
+    """Merge two images from the same place: the nearer surface wins at each pixel."""
     nearer = front.depth < behind.depth
     return RenderedImage(
         np.where(nearer[:, :, None], front.colour, behind.colour),
@@ -138,8 +145,8 @@ class PhysicsCamera:
         believed_tool: Callable[[], Pose],
         ailments: DeviceFaults,
     ) -> None:
-        """`tool`: where the TCP truly is in the world; `believed_tool`: where it is by the encoders. Only a
-        camera on the hand asks."""
+        """`tool` returns the true TCP in the world, `believed_tool` the TCP by the encoders. Both are for a
+        camera on the hand only."""
         self.captures = 0
         self._description = camera
         self._scenery = scenery
@@ -181,6 +188,6 @@ class PhysicsCamera:
 
 
 def view_matrix(optical_in_world: Pose) -> list[float]:
-    """OpenGL's view matrix, by columns; its camera looks along -z with y up."""
+    """Return OpenGL's view matrix, by columns; its camera looks along -z with y up."""
     opengl = optical_in_world.matrix() @ np.diag((1.0, -1.0, -1.0, 1.0))
     return np.linalg.inv(opengl).T.reshape(-1).tolist()

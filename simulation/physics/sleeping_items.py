@@ -1,8 +1,8 @@
-"""Items at rest sleep: the engine leaves them out until a body that is awake comes near them.
+"""Sleeping items: the engine skips items at rest until an awake body comes near them.
 
-The engine wakes whole islands, that is all bodies whose bounding boxes overlap, robot included, before it
-solves their contacts; so a sleeping item that is touched behaves as one that never slept. Whatever else may
-set items in motion, such as a body that is taken away or changed, has to say `wake_all`.
+The engine wakes whole islands before it solves their contacts: all bodies whose bounding boxes overlap, robot
+included. So a sleeping item that is touched behaves as one that never slept. Any other change that may set
+items in motion, such as a removed body, has to call `wake_all`.
 """
 
 from __future__ import annotations
@@ -13,28 +13,36 @@ from ...world.values import ObjectId, Quaternion, Vector3
 from .engine import pb
 
 EVERY = 12
-"""Steps between two looks at the items."""
+"""Number of steps between two checks of the items."""
 REST_LOOKS = 5
-"""Looks in a row at which an item that rests has not left its place: 0.25 s. What stands off balance falls
-e-fold faster in each fifth of that, so it does not pass for resting."""
+"""Number of consecutive checks at which an item at rest has kept its place: 0.25 s.
+
+A body off balance falls e-fold faster in each fifth of that, so it does not count as resting.
+"""
 MOVED, TURNED = 5e-5, 5e-4
-"""How far from its place an item at rest may be: m, and a component of its quaternion."""
+"""Greatest displacement of an item at rest: m, and a component of its quaternion."""
 STIR = 1e-10
-"""(m/s)² + (rad/s)². What is woken but moves less may fall asleep again at once. The engine's own limit of
-0.05 would freeze an item in the middle of sliding or toppling."""
+"""Sleep threshold of awake bodies, (m/s)² + (rad/s)²: a slower body may fall asleep again at once.
+
+The engine's own threshold of 0.05 would freeze an item in the middle of sliding or toppling.
+"""
 DOZE, DOZE_STEPS = 1e-4, 3
-"""Instead of it for so many steps while an item falls asleep: resting contacts tremble up to 7 mrad/s."""
+"""Sleep threshold, (m/s)² + (rad/s)², of an item that falls asleep, and its duration in steps. Resting
+contacts tremble by up to 7 mrad/s."""
 NEAR = 0.021
-"""The engine widens bounding boxes by its reach for contacts, 20 mm; those that overlap then wake each other.
-Its answers are widened, its questions are not."""
+"""Enlargement of a query box, m.
+
+The engine enlarges bounding boxes by its contact distance, 20 mm; bodies whose boxes overlap wake each other.
+It enlarges the boxes of bodies that it returns, but not the query box.
+"""
 STILL = (0.0, 0.0, 0.0)
 
 
 class SleepingItems:
-    """Watches the items of one pybullet client; their poses alone decide who may sleep."""
+    """Sleep control for the items of one pybullet client; their poses alone decide which may sleep."""
 
     def __init__(self, client: int, running: Callable[[], Collection[int]] = tuple) -> None:
-        """`running` tells which of the fixed bodies move now: what lies on them does not sleep."""
+        """`running` returns the body numbers of static bodies that move now: items on them do not sleep."""
         self._client = client
         self._running = running
         self._numbers: Mapping[ObjectId, int] = {}
@@ -45,7 +53,7 @@ class SleepingItems:
         self._steps = 0
 
     def watch(self, numbers: Mapping[ObjectId, int], fixed: Collection[int]) -> None:
-        """From now on these items, all awake, by pybullet's body numbers; `fixed` bodies wake nothing."""
+        """Watch these items, all awake, by pybullet's body numbers; `fixed` bodies wake nothing."""
         self._numbers, self._fixed = numbers, fixed
         for body in (*fixed, *numbers.values()):
             self._set(body, pb.ACTIVATION_STATE_ENABLE_SLEEPING, STIR)
@@ -55,18 +63,18 @@ class SleepingItems:
         self._places = {name: (*self._pose(name), 0) for name in numbers}
 
     def add(self, name: ObjectId) -> None:
-        """An item has come, awake; its body is in the mapping that is watched."""
+        """Add an awake item, whose body is in the watched mapping."""
         self._set(self._numbers[name], pb.ACTIVATION_STATE_ENABLE_SLEEPING, STIR)
         self._places[name] = (*self._pose(name), 0)
 
     def stand(self, body: int) -> None:
-        """A body has come that never moves; it is in what was given as fixed."""
+        """Add a static body, which is in the collection given as `fixed`."""
         self._set(body, pb.ACTIVATION_STATE_ENABLE_SLEEPING, STIR)
         self._set(body, pb.ACTIVATION_STATE_SLEEP, STIR)
         self.wake_all()
 
     def stepped(self) -> None:
-        """To be called after each step."""
+        """Update sleep after a step; the items are checked at some steps only."""
         self._steps += 1
         if self._dozing:
             self._doze()
@@ -83,7 +91,7 @@ class SleepingItems:
                     self.sleep(sorted(island - self._asleep))
 
     def sleep(self, names: Iterable[ObjectId]) -> None:
-        """Let these sleep from now on."""
+        """Put items to sleep."""
         for name in names:
             pb.resetBaseVelocity(self._numbers[name], STILL, STILL, self._client)
             self._set(self._numbers[name], pb.ACTIVATION_STATE_SLEEP, DOZE)
@@ -92,8 +100,10 @@ class SleepingItems:
             self._dozing[name] = DOZE_STEPS
 
     def wake_all(self) -> None:
-        """An item was changed or taken away, and others may lean on it. The engine wakes them at the end of
-        the next step; velocities that are set before then are lost."""
+        """Wake all items after one was changed or removed, because others may lean on it.
+
+        The engine wakes them at the end of the next step; velocities set before then are lost.
+        """
         for body in self._numbers.values():
             self._set(body, pb.ACTIVATION_STATE_WAKE_UP, STIR)
         self._asleep, self._dozing = set(), {}
@@ -101,11 +111,11 @@ class SleepingItems:
 
     @property
     def quiet(self) -> bool:
-        """Everyone sleeps soundly, as far as was seen."""
+        """Whether all items sleep, as far as was seen."""
         return len(self._asleep) == len(self._numbers) and not self._dozing
 
     def asleep(self) -> frozenset[ObjectId]:
-        """Who sleeps now."""
+        """Return the names of the sleeping items."""
         self._notice_woken()
         return frozenset(self._asleep)
 
@@ -118,7 +128,8 @@ class SleepingItems:
                 pb.changeDynamics(self._numbers[name], -1, sleepThreshold=STIR, physicsClientId=self._client)
 
     def _notice_woken(self) -> None:
-        """The engine wakes by itself; it holds the velocity of whoever sleeps at exactly zero."""
+        """Update the list of sleeping items: the engine wakes bodies itself, and keeps a sleeping one at
+        exactly zero velocity."""
         for name, body in self._numbers.items():
             if name in self._asleep and name not in self._dozing:
                 velocity, spin = pb.getBaseVelocity(body, self._client)
@@ -138,7 +149,8 @@ class SleepingItems:
         return looks + 1 >= REST_LOOKS
 
     def _island(self, name: ObjectId) -> set[ObjectId] | None:
-        """The item and all that the engine would wake with it; None when the robot or what runs is there."""
+        """Return the item and all items that the engine would wake with it; None when the robot or a running
+        belt is among them."""
         names = {body: each for each, body in self._numbers.items()}
         running = self._running()
         found: set[ObjectId] = set()

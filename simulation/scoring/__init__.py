@@ -1,1 +1,1 @@
-"""The truth of the simulation, and the judge who alone compares with it."""
+"""Ground truth of the simulation, and the scorer that compares it with the destinations."""

@@ -1,4 +1,4 @@
-"""The judge: where items really lie at the end, against where the scene says that they belong."""
+"""Scorer: compares the items' true places at the end with the scene's destinations."""
 
 from __future__ import annotations
 
@@ -19,22 +19,22 @@ from .truth import HoleSeating, TrueBody
 Verdict: TypeAlias = Literal["sorted", "misplaced", "left"]
 
 REST_SPEED = 0.02
-"""Faster than this an item does not lie anywhere, m/s."""
+"""Greatest speed of an item at rest, m/s."""
 REST_SPIN = 1.0
-"""rad/s"""
+"""Greatest spin of an item at rest, rad/s."""
 
 
 DEEP_ENOUGH = 0.8
-"""Share of a hole's depth that the lowest point of an item in it has reached."""
+"""Share of a hole's depth that the lowest point of a seated item has reached."""
 UPRIGHT = math.radians(5.0)
-"""What leans more than this in a hole does not stand in it."""
+"""Greatest tilt of an item that stands in a hole, rad."""
 HAIR = 0.15e-3
-"""An item and a fixture that are deeper in each other than this have passed through each other, m."""
+"""Penetration of an item and a fixture above which they have passed through each other, m."""
 
 
 @dataclass(frozen=True, slots=True)
 class ItemScore:
-    """Where one item belongs and where it is: a bin, a hole, or nothing."""
+    """Destination and place of one item: a bin, a hole, or none."""
 
     id: ObjectId
     form: Form
@@ -43,9 +43,9 @@ class ItemScore:
     """Bin or hole in which it rests."""
     verdict: Verdict
     seat: HoleSeating | None = None
-    """How it is at a hole, measured; None when it is at none."""
+    """Measured seating at a hole; None when the item is at none."""
     reason: str = ""
-    """Why what is at a hole is not in it, or may not be."""
+    """Reason why an item at a hole is not in it, or may not be."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,8 +60,8 @@ class FormScore:
 
 @dataclass(frozen=True, slots=True)
 class Score:
-    """`total` = `sorted` + `misplaced` + `left`: all items that ever came, those taken away with their bins
-    included."""
+    """Score of a run. `total` = `sorted` + `misplaced` + `left`: all items that ever came, those taken away
+    with their bins included."""
 
     total: int
     sorted: int
@@ -70,11 +70,11 @@ class Score:
     by_form: Mapping[str, FormScore]
     items: tuple[ItemScore, ...]
     outstanding: int = 0
-    """Items that the scene's feed still owes; none of an entry that goes on for ever."""
+    """Items that the scene's feed has not brought yet; endless entries count 0."""
 
     def reached(self, goal: str | None = None) -> bool:
-        """Whether an expression over the counts holds; without one: whether everything is sorted, and nothing
-        outstanding."""
+        """Return whether an expression over the counts holds. Without one: whether every item is sorted, and
+        none is outstanding."""
         if goal is None:
             return self.sorted == self.total and self.outstanding == 0
         counts = {
@@ -88,12 +88,14 @@ class Score:
 
 
 def score(truth: Iterable[TrueBody], scene: SceneDescription) -> Score:
-    """An item is sorted when it rests in the bin of its destination (one without any: when in no bin),
-    misplaced when in another bin, else left: on the table, on the floor, in the hand, or snatched away. One
-    that was taken away with a bin stays in it for good.
+    """Score all items against the scene's destinations.
 
-    With a hole it is the same: an item rests in one that is of its form, when it is deep enough, upright and
-    in no wall. Where the destination is a fixture any of its holes is right. What is in a wall is misplaced.
+    An item is sorted when it rests in the bin of its destination; without a destination, when it is in no
+    bin. In another bin it is misplaced. Anywhere else it is left: on the table, on the floor, in the hand, or
+    removed by a fault. An item that was taken away with a bin stays in it for good.
+
+    An item rests in a hole of its form when it is deep enough, upright and in no wall. Where the destination
+    is a fixture, any of its holes is right. An item inside a wall is misplaced.
     """
     truth = tuple(truth)
     destination = destination_rule(scene.destinations)
@@ -110,7 +112,7 @@ def _outstanding(truth: Iterable[TrueBody], deliveries: Iterable[Delivery]) -> i
 
 
 def _judged(body: TrueBody, destination: ObjectId | None, bins: Iterable[Bin]) -> ItemScore:
-    """What was crushed between the fingers is misplaced wherever it is."""
+    """Return the score of an item; a crushed item is misplaced wherever it is."""
     place = _judged_by_place(body, destination, bins)
     if body.crushed <= 0.0:
         return place
@@ -145,7 +147,7 @@ def _judged_in_hole(body: TrueBody, seat: HoleSeating, destination: ObjectId | N
 
 
 def why_not_seated(body: TrueBody, seat: HoleSeating) -> str:
-    """What is wrong about an item at a hole; empty when it rests in it."""
+    """Return why an item at a hole does not rest in it; empty when it does."""
     if seat.penetration > HAIR:
         return f"it is {1000 * seat.penetration:.2f} mm deep in a wall of {seat.hole}"
     if not seat.fits:
@@ -167,7 +169,8 @@ def _rests(body: TrueBody) -> bool:
 
 
 def lies_in(each: Bin, body: TrueBody) -> bool:
-    """Whether the item rests with its centre in the bin's free inside and its lowest point below the rim."""
+    """Return whether the item rests with its centre in the bin's inside and its lowest point below the
+    rim."""
     if not body.present or not _rests(body):
         return False
     item_in_bin = each.pose.inverse() @ body.pose

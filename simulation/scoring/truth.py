@@ -1,4 +1,4 @@
-"""What is really there. Only the simulation's backends, the faults, the scorer and `/truth/*` may hold it."""
+"""Ground truth of the simulation, for its backends, the faults, the scorer and `/truth/*` only."""
 
 from __future__ import annotations
 
@@ -12,33 +12,33 @@ from ...world.shapes import Box, Shape, Sphere, bottom
 from ...world.values import ObjectId, Pose, Vector3
 
 BELOW = 0.001
-"""What is no lower than this below a board's top face stands on it, m."""
+"""Depth below a board's top face up to which an item stands on it, m."""
 
 
 @dataclass(frozen=True, slots=True)
 class HoleSeating:
-    """An item that reaches below the top face of a fixture with holes, at the hole that is nearest to it."""
+    """Seating of an item that reaches below the top face of a fixture with holes, at the nearest hole."""
 
     hole: ObjectId
     depth: float
-    """Of its lowest point below the mouth, along the hole, m."""
+    """Depth of the item's lowest point below the hole's mouth, along the hole, m."""
     bottom: float
     """Depth of the hole, m."""
     tilt: float
-    """Between the item's own z and the hole, rad."""
+    """Angle between the item's own z and the hole's axis, rad."""
     off: float
-    """From the item's centre to the middle of the hole, across it, m."""
+    """Distance from the item's centre to the hole's axis, m."""
     over: bool
-    """Its centre is within the walls, as seen from above."""
+    """Whether the item's centre is within the hole's walls, seen from above."""
     fits: bool
-    """Its form and size go with the hole."""
+    """Whether the item's form and size fit the hole."""
     penetration: float = 0.0
-    """How deep it and the fixture were in each other at most within the last second, m: more than a hair, and
-    it was pushed through a wall."""
+    """Greatest penetration of item and fixture within the last second, m. A large value means that the item
+    was pushed through a wall."""
 
 
 class HoledFixtures:
-    """The fixtures with holes, where they really stand."""
+    """Fixtures with holes, at their true poses."""
 
     def __init__(self, fixtures: Iterable[Fixture]) -> None:
         self._boards = [f for f in fixtures if f.holes]
@@ -47,7 +47,8 @@ class HoledFixtures:
         return bool(self._boards)
 
     def seat(self, shape: Shape, pose: Pose) -> HoleSeating | None:
-        """How an item at `pose` in the world is in a hole; None when it stands on a board or elsewhere."""
+        """Return the seating of an item at `pose` in the world; None when it stands on a board or
+        elsewhere."""
         for board in self._boards:
             assert isinstance(board.shape, Box)
             x, y, z = board.shape.size
@@ -79,7 +80,7 @@ def _seat(hole: Hole, shape: Shape, item_in_board: Pose) -> HoleSeating:
 
 @dataclass(frozen=True, slots=True)
 class TrueBody:
-    """An item as it really is."""
+    """True state of an item."""
 
     id: ObjectId
     kind: str
@@ -87,21 +88,22 @@ class TrueBody:
     shape: Shape
     colour: str
     pose: Pose
-    """In the world."""
+    """Pose in the world."""
     velocity: Vector3 = (0.0, 0.0, 0.0)
-    """Of the centre, m/s."""
+    """Velocity of the centre, m/s."""
     spin: Vector3 = (0.0, 0.0, 0.0)
-    """rad/s"""
+    """Angular velocity in the world, rad/s."""
     present: bool = True
-    """False when a fault or somebody with its bin has taken it away; the pose is where it was last."""
+    """Whether the item is present; False after a fault or a bin exchange removed it. The pose is then the
+    last one."""
     taken_with: ObjectId | None = None
-    """The bin with which it left when that was exchanged."""
+    """Bin with which the item left at an exchange; None: it did not."""
     crushed: float = 0.0
-    """Force of a finger that it did not survive, N; 0 while it is whole."""
+    """Force of the finger that crushed the item, N; 0 while it is whole."""
     brought_by: int | None = None
-    """Which entry of the feed has brought it; None: it was there when the run began."""
+    """Entry of the feed that brought the item; None: it was there at the start."""
     seat: HoleSeating | None = None
-    """How it is in a hole; None when it is in none."""
+    """Seating in a hole; None when it is in none."""
 
     @property
     def role(self) -> str:
@@ -109,19 +111,19 @@ class TrueBody:
 
     @classmethod
     def of(cls, item_id: ObjectId, entry: CatalogueEntry, colour: str, pose: Pose) -> TrueBody:
-        """An item of the catalogue at rest at `pose`."""
+        """Return the truth of a catalogue item at rest at `pose`."""
         return cls(item_id, entry.kind, entry.form, entry.shape, colour, pose)
 
 
 @dataclass(frozen=True, slots=True)
 class TrueObstacle:
-    """Something that the robot was not told of, as it really stands. No item: nobody scores it."""
+    """True state of an obstacle that the robot does not know. It is no item and has no score."""
 
     id: ObjectId
     shape: Shape
     colour: str
     pose: Pose
-    """In the world."""
+    """Pose in the world."""
 
     @property
     def kind(self) -> str:

@@ -1,1 +1,1 @@
-"""Where items stand when they come, and which ever came."""
+"""Spawning of items, and the inventory of all that ever came."""

@@ -1,4 +1,4 @@
-"""Every item that ever came into a run: those that are there, and a short record of those that left."""
+"""Inventory of a run: the present items, and a short record of each that left."""
 
 from __future__ import annotations
 
@@ -14,41 +14,44 @@ from .spawn import SpawnedItem, item_id
 
 @dataclass(frozen=True, slots=True)
 class BroughtItem:
-    """What a checkpoint has to say of an item that the scene did not spawn."""
+    """Record in a checkpoint of an item that the scene did not spawn."""
 
     id: ObjectId
     kind: str
     colour: str
     brought_by: int
-    """The entry of the feed."""
+    """Index of the feed entry that brought the item."""
 
 
 @dataclass(frozen=True, slots=True)
 class DepartedItem:
-    """What stays of an item that left with its bin."""
+    """Record of an item that left with its bin."""
 
     id: ObjectId
     kind: str
     colour: str
     brought_by: int | None
     pose: Pose
-    """In the world, as it lay."""
+    """Last pose of the item in the world."""
     taken_with: ObjectId
 
 
 @dataclass(frozen=True, slots=True)
 class InventoryState:
-    """What came after the run began, and what left."""
+    """Items that came after the start, and items that left."""
 
     brought: tuple[BroughtItem, ...]
-    """In the order of their numbers."""
+    """Items that came later, in the order of their numbers."""
     departed: tuple[DepartedItem, ...]
-    """In the order in which they left."""
+    """Items that left, in the order in which they left."""
 
 
 class Inventory:
-    """`here` has what a backend still has to know of: all but what left with a bin, in the order of the
-    numbers. Only one record of each item that left stays, whatever else was known of it."""
+    """Inventory of a run.
+
+    `here` contains all items that did not leave with a bin, in the order of their numbers. Of each item that
+    left only one record is kept.
+    """
 
     def __init__(self, scene: SceneDescription, spawned: Iterable[SpawnedItem]) -> None:
         self._scene = scene
@@ -59,27 +62,27 @@ class Inventory:
 
     @property
     def spawned(self) -> Iterable[ObjectId]:
-        """What was there when the run began."""
+        """Names of the items at the start."""
         return self._spawned
 
     def next_id(self) -> ObjectId:
-        """Of the next item that comes: no number is given twice."""
+        """Return the name of the next item; no number is given twice."""
         return item_id(len(self._known))
 
     def add(self, item: SpawnedItem) -> None:
-        """An item was brought under the `next_id`."""
+        """Add an item that was brought under the `next_id`."""
         self.here[item.id] = item
         self._known.append(item.id)
 
     def enlarge(self, name: ObjectId, factor: float) -> SpawnedItem:
-        """The item is so many times as large from now on; a checkpoint has to say so elsewhere."""
+        """Scale an item by `factor` from now on; checkpoints record the factor elsewhere."""
         item = self.here[name]
         entry = replace(item.entry, shape=scaled(item.entry.shape, factor))
         self.here[name] = replace(item, entry=entry)
         return self.here[name]
 
     def depart(self, body: TrueBody) -> None:
-        """The item left with a bin, as `body` says."""
+        """Move an item to the departed ones, with its last truth `body`."""
         del self.here[body.id]
         self._departed[body.id] = body
 
@@ -87,12 +90,13 @@ class Inventory:
         return item in self._departed
 
     def truth(self, true: Callable[[ObjectId], TrueBody]) -> tuple[TrueBody, ...]:
-        """Every item in the order of the numbers; `true` is asked for those that did not leave."""
+        """Return the ground truth of every item in the order of the numbers; `true` is called for those that
+        did not leave."""
         departed = self._departed
         return tuple(departed[name] if name in departed else true(name) for name in self._known)
 
     def state(self) -> InventoryState | None:
-        """For a checkpoint; None when nothing came and nothing left."""
+        """Return the state for a checkpoint; None when nothing came and nothing left."""
         brought = tuple(
             BroughtItem(item.id, item.entry.kind, item.colour, item.brought_by)
             for item in self.here.values()
@@ -111,7 +115,7 @@ class Inventory:
         self.here = {name: item for name, item in self._spawned.items() if name not in left}
         for each in state.brought:
             entry = self._scene.entry(each.kind)
-            # Where it lies is in the backend's own part of the checkpoint.
+            # The pose is in the backend's own part of the checkpoint.
             self.here[each.id] = SpawnedItem(each.id, entry, each.colour, Pose(), False, each.brought_by)
         self._departed = {item.id: self._body(item) for item in state.departed}
         self._known = [item_id(n) for n in range(len(self.here) + len(left))]
@@ -125,7 +129,7 @@ class Inventory:
 
 
 def departed(body: TrueBody, taken_with: ObjectId, brought_by: int | None) -> TrueBody:
-    """The record of an item that leaves with a bin."""
+    """Return the truth of an item that leaves with a bin."""
     return TrueBody(
         body.id,
         body.kind,

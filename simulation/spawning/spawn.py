@@ -1,5 +1,7 @@
-"""Where items stand when a run begins, drawn from the stream `spawn`: from scene and seed alone. Drawing and
-laying out a load serve what is brought later, too."""
+"""Spawning: the items of a run's start, drawn from the stream `spawn` by scene and seed alone.
+
+The feed uses the same functions to draw and lay out loads.
+"""
 
 from __future__ import annotations
 
@@ -20,37 +22,40 @@ from .touching_items import lay_out_touching
 TUMBLE_HEIGHT = 0.1
 """Free fall of a tumbled item, m."""
 DARTS = 100
+"""Number of random places that are tried for an outline."""
 LAYOUTS = 3
+"""Number of attempts for a layout of all outlines."""
 RELAXATIONS = 100
+"""Greatest number of rounds in which crowded outlines are pushed apart."""
 
 
 @dataclass(frozen=True, slots=True)
 class SpawnedItem:
-    """An item as it is put into the world, before it settles."""
+    """Item at its initial pose, before it settles."""
 
     id: ObjectId
     entry: CatalogueEntry
     colour: str
     pose: Pose
-    """In the world; the lowest point touches what is below, or hangs above it when dropped."""
+    """Pose in the world; the lowest point touches the support, or is above it when the item is dropped."""
     dropped: bool
-    """It falls from `pose` instead of standing there."""
+    """Whether the item falls from `pose` instead of standing there."""
     brought_by: int | None = None
-    """Which entry of the feed has brought it; None: it was there when the run began."""
+    """Entry of the feed that brought the item; None: it was there at the start."""
 
 
 @dataclass(frozen=True, slots=True)
 class LooseItem:
-    """An item before it has a place."""
+    """Item of a load without a place."""
 
     kind: str
     colour: str
     turn: Quaternion
-    """Its orientation in the world."""
+    """Orientation in the world."""
 
 
 def spawn_items(scene: SceneDescription, seed: int) -> tuple[SpawnedItem, ...]:
-    """Every item of the scene with its id, colour and pose.
+    """Return every item of the scene with its id, colour and pose.
 
     Raises PicktreeError when an area is too small for its items or nothing is below it.
     """
@@ -80,12 +85,12 @@ def spawn_items(scene: SceneDescription, seed: int) -> tuple[SpawnedItem, ...]:
 
 
 def item_id(number: int) -> ObjectId:
-    """The items of a run are numbered in the order in which they came into it."""
+    """Return the name of an item; items are numbered in the order in which they come into a run."""
     return ObjectId(f"item_{number:02d}")
 
 
 def draw_load(scene: SceneDescription, spawn: Spawn, rng: np.random.Generator) -> list[LooseItem]:
-    """The items of an entry in the order of its kinds."""
+    """Draw the items of an entry, in the order of its kinds."""
     entries = [scene.entry(kind) for kind, number in spawn.counts for _ in range(number)]
     colours = _colours(spawn, len(entries), rng)
     turns = _turns(spawn, entries, rng)
@@ -95,7 +100,7 @@ def draw_load(scene: SceneDescription, spawn: Spawn, rng: np.random.Generator) -
 def set_down(
     scene: SceneDescription, spawn: Spawn, item: LooseItem, place: Array, name: ObjectId, where: str
 ) -> SpawnedItem:
-    """The item over `place` (2,), touching what is below it or hanging above when it is dropped.
+    """Place an item over `place` (2,), touching the support below, or above it when it is dropped.
 
     Raises PicktreeError when nothing is below; `where` is the entry's place for the message.
     """
@@ -112,7 +117,7 @@ def set_down(
 
 
 def _too_small(where: str, spawn: Spawn, items: int) -> PicktreeError:
-    """That an area has no room for its items."""
+    """Return the error for an area without room for its items."""
     low, high = _corners(spawn)
     size = " × ".join(f"{s:.2f}" for s in high - low)
     return PicktreeError(
@@ -122,7 +127,7 @@ def _too_small(where: str, spawn: Spawn, items: int) -> PicktreeError:
 
 
 def occupied_outlines(scene: SceneDescription) -> list[Footprint]:
-    """Outlines of bins, of fixtures that stand on another fixture, and of what the robot is not told of."""
+    """Return the outlines of bins, of fixtures that stand on another fixture, and of hidden obstacles."""
     bins = [
         footprint(box, pose.orientation).at(pose.position[:2]) for b in scene.bins for box, pose in b.parts()
     ]
@@ -142,7 +147,7 @@ def _colours(spawn: Spawn, number: int, rng: np.random.Generator) -> list[str]:
 
 
 def _turns(spawn: Spawn, entries: Sequence[CatalogueEntry], rng: np.random.Generator) -> list[Quaternion]:
-    """Orientation of each item; the share `lying` of the cylinders lies, rounded at random."""
+    """Draw the orientation of each item; the share `lying` of the cylinders lies, rounded at random."""
     cylinders = [k for k, e in enumerate(entries) if e.form == "cylinder"]
     lying = set(rng.permutation(cylinders)[: int(spawn.lying * len(cylinders) + rng.random())].tolist())
     turns: list[Quaternion] = []
@@ -162,8 +167,8 @@ def _turns(spawn: Spawn, entries: Sequence[CatalogueEntry], rng: np.random.Gener
 def lay_out(
     spawn: Spawn, outlines: Sequence[Footprint], taken: Sequence[Footprint], rng: np.random.Generator
 ) -> list[Array] | None:
-    """Centres (2,) such that no two outlines are closer than the gap; the widest is placed first. None when
-    there is no room for all."""
+    """Return centres (2,) such that no two outlines are closer than the gap; the widest is placed first. None
+    when there is no room for all."""
     for _ in range(LAYOUTS):
         places = _thrown(spawn, outlines, taken, rng, all_or_none=True)
         if len(places) == len(outlines):
@@ -174,7 +179,7 @@ def lay_out(
 def lay_out_some(
     spawn: Spawn, outlines: Sequence[Footprint], taken: Sequence[Footprint], rng: np.random.Generator
 ) -> Mapping[int, Array]:
-    """As `lay_out` for as many as find room: centres by the number of the outline."""
+    """Lay out as many outlines as find room: centres by the number of the outline."""
     places = lay_out(spawn, outlines, taken, rng)
     if places is not None:
         return dict(enumerate(places))
@@ -189,7 +194,8 @@ def _thrown(
     *,
     all_or_none: bool,
 ) -> dict[int, Array]:
-    """Each outline where one of so many darts finds room; `all_or_none` ends with the first without."""
+    """Place each outline at the first free one of several random places; `all_or_none` ends with the first
+    outline without one."""
     low, high = _corners(spawn)
     places: dict[int, Array] = {}
     for k in sorted(range(len(outlines)), key=lambda k: -outlines[k].reach):
@@ -220,7 +226,8 @@ def _clear(one: Footprint, others: Sequence[Footprint], gap: float) -> bool:
 def _relaxed(
     spawn: Spawn, outlines: Sequence[Footprint], taken: Sequence[Footprint], rng: np.random.Generator
 ) -> list[Array] | None:
-    """A layout for crowded areas: start anywhere and push apart what is too close."""
+    """Lay out a crowded area: begin at random places and push apart outlines that are too close. None when
+    that fails."""
     low, high = _corners(spawn)
     for _ in range(LAYOUTS):
         places = [rng.uniform(low, high) for _ in outlines]
@@ -248,17 +255,17 @@ def _relaxed(
 
 
 OF_A_FAULT = -1
-"""In the place of the entry of a feed that brought an item."""
+"""Value of `brought_by` for items that a fault has added."""
 GAP = 5e-4
-"""How far above its support it appears, m."""
+"""Height above the support at which an item appears, m."""
 TIGHT = 5e-4
-"""What becomes larger needs no more room than this around it, m."""
+"""Clearance that a new or enlarged item needs around it, m."""
 
 
 def placed_item(
     scene: SceneDescription, name: ObjectId, kind: str, colour: str, place: tuple[float, float], yaw: float
 ) -> SpawnedItem:
-    """An item of the catalogue, its centre over `place` (x, y), m, turned by `yaw` about z, rad.
+    """Return a catalogue item with its centre over `place` (x, y), m, turned by `yaw` about z, rad.
 
     Raises PicktreeError when no fixture is below.
     """
@@ -273,12 +280,12 @@ def placed_item(
 
 
 def enlarged_item(entry: CatalogueEntry, pose: Pose, factor: float) -> tuple[CatalogueEntry, Pose]:
-    """An item that is so many times as large, and where it is then: its lowest point stays as high."""
+    """Return the entry scaled by `factor`, and its pose with the lowest point at the same height."""
     larger = replace(entry, shape=scaled(entry.shape, factor))
     lift = bottom(entry.shape, pose) - bottom(larger.shape, pose)
     return larger, pose.shifted((0.0, 0.0, lift))
 
 
 def walls(scene: SceneDescription) -> Iterable[tuple[Shape, Pose]]:
-    """The parts of the bins: nothing appears in one."""
+    """Return the parts of the bins, in which nothing may appear."""
     return ((box, pose) for each in scene.bins for box, pose in each.parts())

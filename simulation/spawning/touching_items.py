@@ -1,4 +1,4 @@
-"""Items set down so that each touches another: how they are turned, and where they stand."""
+"""Layout of touching items: orientations and places such that each item touches another."""
 
 from __future__ import annotations
 
@@ -14,19 +14,21 @@ from ...world.values import Array, Quaternion, quaternion_product
 from ..common.footprints import Footprint, distance, footprint
 
 TRIES = 12
+"""Number of attempts to place one item of a group."""
 GROUPS = 6
-"""So often an item is tried at the group, and a group is begun."""
+"""Number of attempts to lay out a group."""
 CHOICES = 12
-"""Places next to others of which the one nearest to the middle of all is taken: a group, not a chain."""
+"""Number of places next to others, of which the nearest to the group's middle is taken: a group, not a
+chain."""
 TOUCH = 1e-4
-"""Free distance at which two stand side by side, m: nothing overlaps, and nothing moves when it settles."""
+"""Free distance of two touching items, m: nothing overlaps, and nothing moves when it settles."""
 FACE_TO_FACE = 0.9
-"""Share of the items that are turned as their neighbour is."""
+"""Share of the items that are oriented like their neighbour."""
 
 
 @dataclass(frozen=True, slots=True)
 class TouchingLayout:
-    """How the items are turned, and their centres (2,) each, in their order."""
+    """Orientations of the items, and their centres (2,), in the items' order."""
 
     turns: tuple[Quaternion, ...]
     places: tuple[Array, ...]
@@ -39,8 +41,8 @@ def lay_out_touching(
     taken: Sequence[Footprint],
     rng: np.random.Generator,
 ) -> TouchingLayout | None:
-    """A group of all items within the area of `spawn`, its `gap` away from what is `taken`; None when
-    there is no room for one."""
+    """Lay out all items as a group within the area of `spawn`, its `gap` away from the outlines `taken`. None
+    when there is no room for one."""
     for _ in range(GROUPS):
         found = _group(spawn, shapes, turns, taken, rng)
         if found is not None:
@@ -87,7 +89,8 @@ def _beside(
     outlines: Sequence[Footprint],
     rng: np.random.Generator,
 ) -> tuple[Array, Quaternion]:
-    """Next to one of those that stand: straight up to it from outside, until anything is touched."""
+    """Return a place next to an item of the group: straight towards it from outside, until the new item
+    touches any."""
     anchor = list(places)[int(rng.integers(len(places)))]
     angle = float(rng.uniform(-math.pi, math.pi))
     aligned = rng.random() < FACE_TO_FACE
@@ -104,7 +107,8 @@ def _beside(
         free = min(distance(one.at(spot), other) for other in outlines)
         if free <= TOUCH:
             return spot, turn
-        # It comes no nearer to anything than it moves; a hair is kept, so that nothing overlaps.
+        # A step is never longer than the free distance; a little distance is kept, so that nothing
+        # overlaps.
         off -= max(free - TOUCH / 2, TOUCH / 4)
 
 

@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from picktree.manipulation.push.push_arcs import arc_to, biarc, push_sides, straight, tool_outline, truncated
-from picktree.manipulation.push.quasi_static_pushing import PlanarPushModel
+from picktree.manipulation.push.push_arcs import arc_to, biarc, push_sides, straight, truncated
+from picktree.robots.finger_outline import tool_outline
 from picktree.robots.loading import load_robot
 from picktree.world.belief.planning_scene import BeliefObject
 from picktree.world.planar_geometry import (
@@ -23,6 +23,7 @@ from picktree.world.planar_geometry import (
     planar,
     wrap_angle,
 )
+from picktree.world.quasi_static_pushing import PlanarPushModel
 from picktree.world.shapes import Box, Cylinder, Shape, Sphere
 from picktree.world.values import ObjectId, Pose
 

@@ -1,1 +1,1 @@
-"""The robot in pybullet."""
+"""Robot of the physics backend: body, motors and devices."""

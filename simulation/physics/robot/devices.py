@@ -1,4 +1,4 @@
-"""The robot's devices as the protocols know them, over the simulated robot body."""
+"""Devices of the robot (arm, gripper, wrist sensor) behind the protocols, over the simulated robot body."""
 
 from __future__ import annotations
 
@@ -16,34 +16,34 @@ from ..engine import EVERYDAY, RESOLUTION
 from .robot_body import RobotBody, finite
 
 PERIOD = 1 / EVERYDAY
-"""Physics step and control period but in contact, s."""
+"""Everyday physics step and control period, s; in contact both are shorter."""
 
 
 @dataclass(slots=True)
 class IdealSensors:
-    """The last step and what ideal sensors said after it; `protocols.Clock` as well."""
+    """Ideal sensor readings of the last step; `protocols.Clock` as well."""
 
     noise: RobotSensorNoise
     step: int
-    """How many there were, of whatever length."""
+    """Number of steps so far, of whatever length."""
     reading: RobotReading
     time: int = 0
-    """Since time 0, in parts of a second as `pace.RESOLUTION` says."""
+    """Time since time 0, in units of 1/`engine.RESOLUTION` s."""
     rate: int = EVERYDAY
-    """Steps a second."""
+    """Step rate, Hz."""
 
     @property
     def now(self) -> float:
-        """Simulated seconds since time 0."""
+        """Simulated time since time 0, s."""
         return self.time / RESOLUTION
 
     @property
     def period(self) -> float:
-        """Of a step, s."""
+        """Length of a step, s."""
         return 1 / self.rate
 
     def stepped(self, reading: RobotReading) -> bool:
-        """A step has passed. Whether everyday's step would have, too."""
+        """Record a step; return whether an everyday step has ended with it."""
         everyday = RESOLUTION // EVERYDAY
         before = self.time // everyday
         self.step += 1
@@ -53,12 +53,12 @@ class IdealSensors:
 
     @property
     def everyday_steps(self) -> int:
-        """How many steps it would have been, had all been of the everyday length."""
+        """Number of everyday steps in the time so far."""
         return self.time * EVERYDAY // RESOLUTION
 
 
 class PhysicsArm:
-    """`protocols.Arm`"""
+    """`protocols.Arm` of the physics backend."""
 
     def __init__(self, senses: IdealSensors, body: RobotBody, ailments: DeviceFaults) -> None:
         self._senses = senses
@@ -68,7 +68,7 @@ class PhysicsArm:
 
     @property
     def mode(self) -> str:
-        """What drives it now: `follow`, the servo, or `torque`."""
+        """Mode of the last command: `follow`, by the servo, or `torque`."""
         return self._body.command.mode
 
     def read(self) -> JointState:
@@ -92,7 +92,7 @@ class PhysicsArm:
 
 
 class PhysicsGripper:
-    """`protocols.Gripper`"""
+    """`protocols.Gripper` of the physics backend."""
 
     def __init__(self, senses: IdealSensors, body: RobotBody) -> None:
         self._senses = senses
@@ -107,7 +107,8 @@ class PhysicsGripper:
         return GripperState(width, fingers.rate(position, reading.velocity[n:]), force)
 
     def command(self, width: float, force: float, speed: float | None = None) -> None:
-        """Beyond the gripper's limits the nearest possible is done."""
+        """Command opening, m, force, N, and speed, m/s; values beyond the limits are clipped. Raises
+        PicktreeError for values that are not finite or a speed that is not positive."""
         if not (math.isfinite(width) and math.isfinite(force)):
             raise PicktreeError(f"gripper: width {width}, force {force}; both must be finite")
         if speed is not None and not (math.isfinite(speed) and speed > 0.0):
@@ -123,7 +124,7 @@ class PhysicsGripper:
 
 
 class PhysicsWrench:
-    """`protocols.WrenchSensor`"""
+    """`protocols.WrenchSensor` of the physics backend."""
 
     def __init__(self, senses: IdealSensors, ailments: DeviceFaults) -> None:
         self._senses = senses
@@ -131,7 +132,7 @@ class PhysicsWrench:
 
     @property
     def stamp(self) -> float:
-        """When it last gave a new reading, s."""
+        """Time of the last new reading, s."""
         silence = self._ailments.silence
         return self._senses.now if silence is None else silence.since
 

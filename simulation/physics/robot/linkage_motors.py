@@ -1,9 +1,9 @@
-"""Fingers on knuckles in pybullet, which knows no closed chains and ignores what a joint mimics.
+"""Motors of fingers on linkages in pybullet, which has no closed chains and ignores mimic joints.
 
-Each finger's knuckle has a motor that is as strong as the grip force asks for, and a gear couples the two.
-The joints beyond a knuckle keep the finger as the other bars of the linkage would: they are held where they
-belong to the knuckle's angle. A gear would do that as well, but pybullet leaves what gears transmit out of
-the wrist's reading."""
+Each finger's knuckle has a motor whose strength follows from the grip force, and a gear couples the two
+knuckles. The joints beyond a knuckle are held at the angle that belongs to the knuckle's, as the other bars
+of the linkage would do. A gear could do that too, but pybullet leaves gear forces out of the wrist's reading.
+"""
 
 from __future__ import annotations
 
@@ -18,17 +18,23 @@ from ...checkpoints.physics_state import GripperCommand
 from ..engine import pb
 
 MISSED = 0.86
-"""Share of the gear's reaction on the hand that the engine leaves out of the joint feedback: with a contact
-at one finger it gives 12 to 17 % of what the arm's joints hold, and of the fingers' own weight as little. The
-torque is right without it."""
+"""Share of the gear's reaction on the hand that the engine leaves out of the joint feedback.
+
+With a contact at one finger the feedback contains 12 to 17 % of the force that the arm's joints hold. Of the
+fingers' own weight it contains as little. The torque is right without a correction.
+"""
 
 
 class GearReaction:
-    """Two sliders that a gear makes mirror images of each other: what pushes one of them along its slide
-    comes to the hand by the gear alone, and is to be added at the wrist."""
+    """Gear reaction between two sliding fingers, which the wrist reading lacks.
+
+    A force on one finger along its slide reaches the hand by the gear alone, and has to be added at the
+    wrist.
+    """
 
     def __init__(self, gear: int, body: int, slider: int, flange: int, client: int) -> None:
-        """`gear`: the constraint; `slider`: the joint of its first finger; `flange`: that of the sensor."""
+        """`gear`: the constraint; `slider`: joint of the gear's first finger; `flange`: joint of the wrist
+        sensor."""
         self._gear = gear
         self._client = client
         hand = pb.getLinkState(body, flange, 0, 1, client)
@@ -37,7 +43,8 @@ class GearReaction:
         self._axis: Vector3 = rotated(finger_in_hand.orientation, pb.getJointInfo(body, slider, client)[13])
 
     def read(self, turn: Quaternion) -> Vector3:
-        """Force on the wrist in the world's axes, N, the hand being turned like that."""
+        """Return the missing force on the wrist in the world's axes, N; `turn` is the hand's orientation in
+        the world."""
         force = -2.0 * MISSED * pb.getConstraintState(self._gear, self._client)[0]
         x, y, z = rotated(turn, self._axis)
         return (force * x, force * y, force * z)
@@ -46,16 +53,16 @@ class GearReaction:
 GAIN = 0.2
 """Share of a knuckle's error that one step removes."""
 HOLD = 1.0
-"""The same of the joints that follow a knuckle."""
+"""Share of the error of a joint beyond a knuckle that one step removes."""
 MOST_PASSED = 3.0
-"""How much of it the bars take up at most, as a multiple of what the knuckle's own torque is."""
+"""Greatest torque of the bars that is passed on, as a multiple of the knuckle's own torque."""
 BARS = 200.0
-"""How strong the bars are that keep a finger upright, Nm."""
+"""Greatest torque of the bars that keep a finger upright, Nm."""
 
 
 @dataclass(frozen=True, slots=True)
 class _Held:
-    """A joint at by · (position of joint `of`) + offset."""
+    """Joint that is held at by · (position of joint `of`) + offset."""
 
     joint: int
     of: int
@@ -64,7 +71,7 @@ class _Held:
 
 
 class LinkageMotors:
-    """The motors of one gripper. Holds nothing but the command: what they do follows from the joints."""
+    """Motors of one gripper. The only state is the command; the motors' targets follow from the joints."""
 
     def __init__(
         self, body: int, joints: Mapping[str, int], gripper: GripperDescription, client: int
@@ -92,7 +99,7 @@ class LinkageMotors:
         self._grip = GripperCommand(0.0, 0.0)
 
     def drive(self, grip: GripperCommand) -> None:
-        """Move towards an opening; takes effect with the next step."""
+        """Command an opening; takes effect with the next step."""
         self._grip = grip
 
     def before_step(self) -> None:
@@ -102,9 +109,9 @@ class LinkageMotors:
         by, offset = self._ratios[0]
         angle = (position[self.knuckles[0]] - offset) / by
         target = self._fingers.angle(self._grip.width)
-        # Each finger makes half of the opening.
+        # Each finger contributes half of the opening.
         per_rad = abs(self._fingers.opening_per_rad(angle)) / 2
-        # What the bars take up they pass on to the knuckle that moves them (virtual work).
+        # The bars pass their load on to the knuckle that moves them (virtual work).
         passed_on = dict.fromkeys(self.knuckles, 0.0)
         for held, state in zip(self._held, states[2:], strict=True):
             passed_on[held.of] -= held.by * state[3]
@@ -112,7 +119,7 @@ class LinkageMotors:
             aim = by * target + offset
             ahead = 1.0 if aim >= position[joint] else -1.0
             torque = self._grip.force * per_rad / abs(by)
-            # What is gripped presses against the bars; what shakes them in between is not passed on.
+            # A gripped item presses against the bars; vibration of the bars is not passed on.
             bars = min(max(ahead * passed_on[joint], 0.0), MOST_PASSED * torque)
             pb.setJointMotorControl2(
                 self._body,
@@ -141,7 +148,7 @@ class LinkageMotors:
 
 
 def _is_beyond(body: int, joint: int, knuckle: int, client: int) -> bool:
-    """Whether a joint hangs on another one."""
+    """Return whether a joint is below another one in the tree."""
     while joint >= 0:
         joint = int(pb.getJointInfo(body, joint, client)[16])
         if joint == knuckle:

@@ -1,4 +1,4 @@
-"""The robot in pybullet: joints, motors, gear and wrist sensor, all as the robot file says."""
+"""Robot in pybullet: joints, motors, gear and wrist sensor, all as the robot file says."""
 
 from __future__ import annotations
 
@@ -21,18 +21,18 @@ POSITION_GAIN = 0.3
 """Share of the position error that one step removes: tracks to 0.1 mrad at 1 rad/s."""
 FINGER_GAIN = 0.2
 GEAR_FORCE = 1000.0
-"""N, or Nm"""
+"""Greatest force of the gear between the fingers, N, or Nm."""
 
 
 class RobotBody:
-    """One robot in one pybullet client. `load` builds it anew after a reset of the simulation."""
+    """One robot in one pybullet client. `load` rebuilds it after a reset of the simulation."""
 
     def __init__(self, robot: RobotDescription, client: Client, period: float) -> None:
         self.description = robot
         self._owner = client
         self._client = client.id
         self.period = period
-        """Of the physics, s."""
+        """Length of a physics step, s."""
         self._limits = [joint.torque for joint in robot.limits]
         self._gains = [POSITION_GAIN] * len(robot.joints)
         self._ones = [1.0] * len(robot.joints)
@@ -48,7 +48,7 @@ class RobotBody:
         self._grip = GripperCommand(0.0, 0.0)
         self._torque_mode = False
         self._shares: list[float] | None = None
-        """Of the torque that each joint of the arm has; None: all of it."""
+        """Remaining share of each arm joint's torque; None: all of it."""
         self._jam: GripperCommand | None = None
         self._grip_share = 1.0
 
@@ -61,7 +61,8 @@ class RobotBody:
         return self._grip
 
     def load(self) -> None:
-        """Put the robot into an empty simulation, at `home` with the gripper open."""
+        """Add the robot to an empty simulation, at `home` with the gripper open. Raises PicktreeError when a
+        joint is missing."""
         robot, base = self.description, self.description.base_in_world
         self.body = pb.loadURDF(
             str(Path(self._folder.name) / "robot.urdf"),
@@ -85,7 +86,7 @@ class RobotBody:
         self._flange = joints[robot.flange_joint]
         self._read_joints = [*self._arm, *self._fingers, self._flange]
         for link in self.links:
-            # pybullet's default of 0.04 would brake the arm as if it moved through oil.
+            # pybullet's default of 0.04 would damp the arm as if it moved in oil.
             pb.changeDynamics(
                 self.body,
                 link,
@@ -108,7 +109,7 @@ class RobotBody:
         self.drive_fingers(GripperCommand(robot.gripper.max_width, robot.gripper.max_force))
 
     def _add_gear(self) -> None:
-        """pybullet leaves the gear between the fingers out of a URDF."""
+        """Add the gear between the fingers, which a URDF for pybullet cannot contain."""
         gripper = self.description.gripper
         one, other = self._fingers if self._linkage is None else self._linkage.knuckles
         gear = pb.createConstraint(
@@ -138,7 +139,7 @@ class RobotBody:
             pb.resetJointState(self.body, joint, p, v, physicsClientId=self._client)
 
     def follow(self, position: tuple[float, ...], velocity: tuple[float, ...]) -> None:
-        """Servo so that the arm is at `position` with `velocity` when the next step ends."""
+        """Servo the arm so that it is at `position` with `velocity` when the next step ends."""
         command = ArmCommand("follow", position, velocity, ())
         if command == self._command and not self._torque_mode:
             return
@@ -159,18 +160,21 @@ class RobotBody:
         )
 
     def apply_torque(self, torque: tuple[float, ...]) -> None:
-        """Joint torques for the next steps; nothing else drives the arm then."""
+        """Apply joint torques for the next steps; nothing else drives the arm then."""
         self._command = ArmCommand("torque", (), (), torque)
 
     def weaken(self, shares: Mapping[str, float], jam: GripperCommand | None, grip_share: float) -> None:
-        """Faults of the drives: shares of the torque that joints have, by name; what the fingers do instead
-        of what they are told; the share of their force that they have."""
+        """Set faults of the drives.
+
+        `shares`: remaining share of the torque of joints, by name. `jam`: command that the fingers carry out
+        in place of the received one. `grip_share`: remaining share of their force.
+        """
         self._shares = [shares.get(name, 1.0) for name in self.description.joints] if shares else None
         self._jam, self._grip_share = jam, grip_share
         self._command_again()
 
     def _least(self) -> list[float]:
-        """Greatest torques of the joints as weak as they are, Nm."""
+        """Return the greatest torques of the weak joints, Nm."""
         return [most * share for most, share in zip(self._limits, self._shares or self._ones, strict=True)]
 
     def drive_fingers(self, told: GripperCommand) -> None:
@@ -195,8 +199,11 @@ class RobotBody:
             )
 
     def pace(self, period: float) -> None:
-        """Steps last `period` s from now on. pybullet keeps the greatest force of a motor as the impulse of a
-        step as long as the step was when it was told: so all motors are told again."""
+        """Set the length of a step, s, and repeat all motor commands.
+
+        pybullet stores a motor's greatest force as the impulse of a step, with the step length at the time of
+        the command.
+        """
         self.period = period
         self._command_again()
 
@@ -208,7 +215,7 @@ class RobotBody:
         self.drive_fingers(self._grip)
 
     def before_step(self) -> None:
-        """pybullet forgets torques after each step; the servo's targets stay."""
+        """Repeat the torque command, which pybullet drops after each step; the servo's targets stay."""
         if self._linkage is not None:
             self._linkage.before_step()
         if self._command.mode != "torque":
@@ -231,7 +238,7 @@ class RobotBody:
         )
 
     def _given(self, torque: tuple[float, ...]) -> tuple[float, ...]:
-        """What weak joints give of a torque, Nm."""
+        """Return the torque, Nm, limited to the joints' remaining shares."""
         if self._shares is None:
             return torque
         return tuple(min(max(t, -most), most) for t, most in zip(torque, self._least(), strict=True))
@@ -245,13 +252,13 @@ class RobotBody:
         self.drive_fingers(grip)
 
     def read(self) -> RobotReading:
-        """What ideal sensors say now."""
+        """Return the readings of ideal sensors now."""
         states = pb.getJointStates(self.body, self._read_joints, physicsClientId=self._client)
         position, velocity, _, effort = zip(*states[:-1], strict=True)
         fx, fy, fz, tx, ty, tz = states[-1][2]
         com, _, _, _, origin, turn = pb.getLinkState(self.body, self._flange, 0, 0, self._client)
         lx, ly, lz = com[0] - origin[0], com[1] - origin[1], com[2] - origin[2]
-        # pybullet gives what the wrist exerts on the hand, about the hand's centre of mass.
+        # pybullet returns the wrench of the wrist on the hand, about the hand's centre of mass.
         wrench = (
             -fx,
             -fy,
@@ -268,14 +275,14 @@ class RobotBody:
         return RobotReading(position, velocity, effort, wrench, turn)
 
     def tcp(self) -> Pose:
-        """Where the tool really is in the world."""
+        """Return the true TCP pose in the world."""
         link = next(k for k, name in self.links.items() if name == self.description.tcp_link)
         state = pb.getLinkState(self.body, link, 0, 1, self._client)
         return Pose(state[4], state[5]) @ self.description.tcp_in_link
 
 
 def finite(numbers: Array, what: str, shape: tuple[int, ...]) -> tuple[float, ...]:
-    """A copy of an array as plain floats. Raises PicktreeError for another shape, NaN or infinity."""
+    """Return a copy of an array as plain floats. Raises PicktreeError for another shape, NaN or infinity."""
     if numbers.shape != shape:
         raise PicktreeError(f"{what}: shape {numbers.shape}, but {shape} is needed")
     values = tuple(map(float, numbers.tolist()))

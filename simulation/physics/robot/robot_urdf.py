@@ -1,4 +1,4 @@
-"""The URDF as the simulation loads it: pads for fingers, absolute mesh paths, grey and cheap to draw."""
+"""URDF for the simulation: pads on the fingers, absolute mesh paths, grey and cheap to draw."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from ....world.values import Pose, Vector3
 
 
 def patched_urdf(robot: RobotDescription) -> str:
-    """The text of the robot's URDF, patched. Raises PicktreeError for missing files, links or meshes.
+    """Return the text of the robot's URDF, patched. Raises PicktreeError for missing files, links or meshes.
 
     Every link shows its *collision* geometry: the camera sees what can be touched, which also renders ten
     times faster than the visual meshes.

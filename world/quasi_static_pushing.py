@@ -1,10 +1,14 @@
-"""Quasi-static pushing: motion of bodies on a table when fingers push them, seen from above, without inertia.
+"""Quasi-static planar pushing: motion of bodies on a table that a tool, or another body, pushes.
 
-Bodies are moved out of the tool, and out of each other, by the least effort. A displacement costs as much as
-a rotation about the root of the mean square distance of the underside's points. This stands for the ellipsoid
-of the friction's limit surface (Howe and Cutkosky, "Practical force-motion models for sliding manipulation",
-IJRR 15, 1996). Solved by projections, one contact after the other (Müller et al., "Position based dynamics",
-2007).
+The planner of push strokes (`manipulation.push.singulation`) and the kinematic backend
+(`simulation.kinematic.pushing`) share this model. A run on the kinematic backend therefore does not test the
+model itself; the physics backend does, with pybullet's contacts.
+
+Bodies are seen from above and have no inertia. They are moved out of the tool, and out of each other, by the
+least effort. A rotation by one radian costs as much as a translation by the root mean square distance of the
+underside's points. This stands for the ellipsoidal limit surface of friction (Howe and Cutkosky, "Practical
+force-motion models for sliding manipulation", IJRR 15, 1996). Contacts are solved by projections, one after
+the other (Müller et al., "Position based dynamics", 2007).
 """
 
 from __future__ import annotations
@@ -14,21 +18,22 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TypeAlias
 
-from ...world.planar_geometry import PlanarOutline, PlanarPose
+from .planar_geometry import PlanarOutline, PlanarPose
 
 ROUNDS = 8
-"""Maximum number of passes over all contacts."""
+"""Greatest number of rounds over all contacts."""
 EXACT = 1e-5
-"""Penetration that may remain, m."""
+"""Greatest depth that remains, m."""
 DEEPEST = 0.004
-"""Penetration of the tool above which a body was not touched from the side, m."""
+"""Greatest depth in the tool of a body that was reached from the side, m."""
 
 Point: TypeAlias = tuple[float, float]
 
 
 @dataclass(frozen=True, slots=True)
 class _Contact:
-    """Contact point, direction out for the second body (unit vector), and penetration, m."""
+    """Contact: a point in the world, the unit vector that leads the second body out of the first, and the
+    depth, m."""
 
     at: Point
     out: Point
@@ -36,7 +41,7 @@ class _Contact:
 
 
 class _Slider:
-    """Outline with its pose."""
+    """One outline and its pose in the plane."""
 
     def __init__(self, shape: PlanarOutline, at: PlanarPose, *, fixed: bool) -> None:
         self.at = at
@@ -71,7 +76,7 @@ class _Slider:
 
 
 class PlanarPushModel:
-    """Movable bodies on one table, by name, among fixed ones."""
+    """Planar push model: named bodies on one table among static outlines."""
 
     def __init__(
         self,
@@ -87,9 +92,10 @@ class PlanarPushModel:
     def press(
         self, tool: Sequence[tuple[PlanarOutline, PlanarPose]], deepest: float = DEEPEST
     ) -> frozenset[str]:
-        """Move all bodies that the tool reaches into, and return the names of the moved ones.
+        """Move the bodies that the tool reaches out of it, and return the names of all moved bodies.
 
-        `tool`: its outlines with their present poses.
+        `tool`: outlines of the tool with their present poses. In the first round a body deeper in the tool
+        than `deepest`, m, is skipped.
         """
         parts = [_Slider(shape, at, fixed=True) for shape, at in tool]
         moved: set[str] = set()
@@ -107,8 +113,8 @@ class PlanarPushModel:
         return frozenset(moved)
 
     def _among(self, moved: set[str]) -> float:
-        """Separate moved bodies from those that they penetrate; add these to `moved`. Returns the greatest
-        penetration, m."""
+        """Separate moved bodies from the bodies that they have entered, which then count as moved too.
+        Returns the greatest depth, m."""
         worst = 0.0
         for name in list(moved):
             body = self._bodies[name]
@@ -124,7 +130,8 @@ class PlanarPushModel:
 
 
 def _part(one: _Slider, other: _Slider, deepest: float = math.inf) -> float:
-    """Separate two bodies, and return their penetration, m."""
+    """Move two bodies out of each other; return how deep they were, m. Returns 0 for bodies deeper than
+    `deepest`, which stay."""
     apart = math.hypot(one.at.x - other.at.x, one.at.y - other.at.y)
     if apart > one.reach + other.reach:
         return 0.0
@@ -149,7 +156,7 @@ def _part(one: _Slider, other: _Slider, deepest: float = math.inf) -> float:
 def _come_apart(
     contact: _Contact, starts: tuple[PlanarPose, PlanarPose], one: _Slider, other: _Slider
 ) -> float:
-    """Return by how much two bodies have separated at a contact since it was found, m."""
+    """Return the distance by which the two have separated at a contact since it was found, m."""
     (px, py), (nx, ny) = contact.at, contact.out
 
     def way(start: PlanarPose, now: PlanarPose) -> float:
@@ -162,7 +169,7 @@ def _come_apart(
 
 
 def _contacts(one: _Slider, other: _Slider) -> list[_Contact]:
-    """Return the contacts of two outlines that overlap; `out` leads the second out of the first."""
+    """Return the contacts of two overlapping outlines; `out` leads the second out of the first."""
     a, b = one.points, other.points
     if len(a) == 1 and len(b) == 1:
         return _of_rounds(a[0], one.radius, b[0], other.radius)
@@ -203,10 +210,8 @@ def _of_round(polygon: list[Point], middle: Point, radius: float) -> list[_Conta
 
 
 def _outermost(polygon: list[Point], at: Point) -> tuple[float, tuple[Point, Point, Point]]:
-    """Return the edge whose line a point is furthest outside of.
-
-    The result has the distance, m (negative: inside), the edge and its outward normal.
-    """
+    """Return the edge line that a point is furthest outside of: distance, m (negative: inside), the edge and
+    its outward normal."""
     best, found = -math.inf, (polygon[0], polygon[0], (1.0, 0.0))
     for k, (ax, ay) in enumerate(polygon):
         bx, by = polygon[(k + 1) % len(polygon)]
@@ -222,8 +227,8 @@ def _outermost(polygon: list[Point], at: Point) -> tuple[float, tuple[Point, Poi
 
 
 def _of_polygons(a: list[Point], b: list[Point]) -> list[_Contact]:
-    """Return the contacts along the axis of least overlap: corners of either polygon that lie in the
-    other."""
+    """Return the contacts of two polygons along the axis of least overlap, at the corners of either inside
+    the other."""
     depth, out = math.inf, (1.0, 0.0)
     for polygon, points, sign in ((a, b, 1.0), (b, a, -1.0)):
         for k, (ax, ay) in enumerate(polygon):

@@ -1,0 +1,134 @@
+"""Motion of the two fingers of a gripper with its driven joint, and the points of its links."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import NoReturn
+
+import numpy as np
+
+from ...robots.urdf_tree import MOVING, UrdfTree
+from ...world.values import Array
+from .joint_groups import HandGroup
+from .link_points import LinkGeometry
+from .urdf_source import UnsuitableUrdf
+
+
+class FingerMotion:
+    """Forward kinematics of one hand over the position of its driven joint. Methods raise UnsuitableUrdf when
+    the hand has no two such fingers."""
+
+    def __init__(
+        self, source: str, skeleton: UrdfTree, solids: Mapping[str, LinkGeometry], hand: HandGroup
+    ) -> None:
+        self._source, self._skeleton, self._solids, self._hand = source, skeleton, solids, hand
+        self.drive, self.ratios = self._coupling()
+        self.links = self._finger_links()
+
+    def _coupling(self) -> tuple[str, dict[str, tuple[float, float]]]:
+        """Return the driven joint, and factor and offset with which every other joint follows it."""
+        joints = self._skeleton.joints
+        drive = self._hand.drives[0]
+        ratios = {drive: (1.0, 0.0)}
+        for name in self._hand.followers:
+            mimic = joints[name].mimic
+            if mimic is not None and mimic.joint in ratios:
+                by, offset = ratios[mimic.joint]
+                ratios[name] = (mimic.multiplier * by, mimic.multiplier * offset + mimic.offset)
+        for name in self._hand.drives[1:]:
+            # Two joints without a coupling are moved alike, each over the whole of its range.
+            low, high = self.limits(drive)
+            own_low, own_high = self.limits(name)
+            if abs(own_high) + abs(own_low) == 0.0 or high == low:
+                continue
+            straight = abs(own_low - low) + abs(own_high - high) <= abs(own_low + high) + abs(own_high + low)
+            by = 1.0 if straight else -1.0
+            ratios[name] = (by, 0.0)
+        return drive, ratios
+
+    def limits(self, name: str) -> tuple[float, float]:
+        """Return a joint's limits, rad or m. Raises UnsuitableUrdf when it has none."""
+        joint = self._skeleton.joints[name]
+        if not joint.limited or joint.lower is None or joint.upper is None or joint.lower >= joint.upper:
+            self.refuse(
+                f"the finger joint {name!r} without limits",
+                "how far it moves",
+                '<limit lower="0" upper="0.04" effort="20" velocity="0.2"/> inside of that <joint>',
+            )
+        return joint.lower, joint.upper
+
+    def positions(self, drive: float) -> dict[str, float]:
+        """Return the positions of all finger joints with the driven joint at `drive`, rad or m."""
+        return {name: by * drive + offset for name, (by, offset) in self.ratios.items()}
+
+    def _finger_links(self) -> tuple[str, str]:
+        """Return the two links furthest out that have geometry, on different branches of the hand."""
+        joints = self._skeleton.joints
+        moved = [
+            link
+            for link in self._skeleton.links
+            if link in self._solids
+            and any(
+                name in self.ratios
+                for name in self._skeleton.joints_to(link)[len(self._skeleton.joints_to(self._hand.palm)) :]
+            )
+        ]
+        inner = {joints[name].parent for name in self.ratios}
+        leaves = [
+            link for link in moved if not any(link in (p, *self._fixed_behind(p)) for p in inner)
+        ] or moved
+        if len(leaves) < 2:
+            self.refuse(
+                f"{len(leaves)} finger with geometry on {self._hand.palm!r}", "two fingers that both move"
+            )
+        start, end = self.limits(self.drive)
+        middle = self.positions((start + end) / 2)
+        palm = self._skeleton.pose(self._hand.palm, {})
+
+        def out(link: str) -> float:
+            pose = palm.inverse() @ self._skeleton.pose(link, middle)
+            return float(np.linalg.norm(pose.apply(self._solids[link].points), axis=1).max())
+
+        ranked = sorted(leaves, key=lambda link: (-round(out(link), 4), leaves.index(link)))
+        one = ranked[0]
+        branch = self.branch(one)
+        other = next((link for link in ranked[1:] if self.branch(link) != branch), None)
+        if other is None:
+            self.refuse("fingers that all hang on one joint", "two fingers that both move")
+        return (one, other) if leaves.index(one) < leaves.index(other) else (other, one)
+
+    def _fixed_behind(self, link: str) -> tuple[str, ...]:
+        return tuple(
+            j.parent for j in self._skeleton.joints.values() if j.child == link and j.type not in MOVING
+        )
+
+    def branch(self, link: str) -> str:
+        """Return the first finger joint on the way to a link."""
+        return next(name for name in self._skeleton.joints_to(link) if name in self.ratios)
+
+    def points(self, link: str, drive: float) -> Array:
+        """Return a link's points (n, 3) in the palm's frame, m, with the driven joint at `drive`."""
+        palm = self._skeleton.pose(self._hand.palm, {})
+        pose = palm.inverse() @ self._skeleton.pose(link, self.positions(drive))
+        return pose.apply(self._solids[link].points)
+
+    def finger(self, n: int, drive: float, axes: Array) -> Array:
+        """Return the points (k, 3) of finger n in `axes` (3, 3), directions in the palm's frame by
+        columns."""
+        return self.points(self.links[n], drive) @ axes
+
+    def gap_at(self, drive: float) -> float:
+        """Return the distance between the two fingers' mean points, m."""
+        one, other = (self.points(link, drive) for link in self.links)
+        return float(np.linalg.norm(one.mean(axis=0) - other.mean(axis=0)))
+
+    def static(self, link: str) -> Array:
+        """Return a static link's points (n, 3) in the palm's frame, m."""
+        palm = self._skeleton.pose(self._hand.palm, {})
+        return (palm.inverse() @ self._skeleton.pose(link, {})).apply(self._solids[link].points)
+
+    def refuse(self, found: str, missing: str, helps: str = "") -> NoReturn:
+        """Raise UnsuitableUrdf; without `helps` it proposes another gripper."""
+        link = self._hand.palm
+        helps = helps or f"another gripper: --gripper URDF:LINK --mount {link}"
+        raise UnsuitableUrdf(self._source, found, missing, helps)

@@ -1,0 +1,190 @@
+"""Contact forces on hand and held item, and the reading of the wrist sensor, in the kinematic backend."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+
+from ...robots.description import GripperDescription
+from ...robots.model import RobotModel, pose_of
+from ...world.shapes import bottom
+from ...world.values import GRAVITY, Array, Wrench
+from .bodies import KinematicBodies, Prism
+from .devices import KinematicArm, KinematicWrench
+from .gripper import KinematicGripper
+from .pushing import KinematicContacts, KinematicPushing
+
+STIFFNESS = 2.0e4
+"""Stiffness of a contact with a support, N/m."""
+DAMPING = 60.0
+"""Damping of a contact with a support, N·s/m."""
+DEEPEST = 0.03
+"""Greatest depth below a top at which the finger tips still count as standing on it, m."""
+RELIEF = 2e-4
+"""Height above a support over which it takes the weight of a held object, m."""
+HELD = "held"
+"""Name of the foot that is the bottom of the held item."""
+
+
+class KinematicContactForces:
+    """Contacts of hand and held item in each control period. They act on the arm and on the wrist sensor."""
+
+    def __init__(
+        self,
+        model: RobotModel,
+        description: GripperDescription,
+        arm: KinematicArm,
+        gripper: KinematicGripper,
+        wrench: KinematicWrench,
+        bodies: KinematicBodies,
+        period: float,
+    ) -> None:
+        self._model = model
+        self._arm = arm
+        self._gripper = gripper
+        self._wrench = wrench
+        self._bodies = bodies
+        self._period = period
+        self._tip = description.tip
+        self._pad = description.pads[0][0].size[1]
+        home = self._model.named("home")
+        flange, tcp = self._model.flange(home), self._model.tcp(home)
+        self._flange_in_tcp = np.array((tcp.inverse() @ flange).position)
+        hand: Array = (tcp.inverse() @ flange).rotation() @ np.array(self._model.hand_com)
+        self._hand_in_flange = hand
+        self._data = self._model.arm.createData()
+        self.on_tcp = np.zeros(6)
+        """Wrench of contacts on the TCP in the world's axes, (6,), N and Nm."""
+        self._height: float | None = None
+        self._in_hole: Array | None = None
+        """TCP position in the world in the last period, m; None: no hole held the held item then."""
+        self._centre: tuple[Array, Array | None] | None = None
+        """Position and velocity of the hand's centre of mass in the last period, m and m/s; None: unknown."""
+        self._touching = False
+        self._feet = KinematicContacts()
+        self._pushing = KinematicPushing(description, self._bodies)
+
+    def forget(self) -> None:
+        """Forget the last period after the arm was placed elsewhere."""
+        self._height = self._centre = self._in_hole = None
+        self._feet.forget()
+        self._pushing.forget()
+
+    def sense(self, still: bool = False) -> None:
+        """Step the fingers, then compute contacts and the wrist's reading at the arm's configuration.
+        `still`: the fingers do not move."""
+        arm, data = self._model.arm, self._data
+        pin.forwardKinematics(arm, data, self._arm.position)
+        placement = pin.updateFramePlacement(arm, data, self._model.tcp_frame)
+        rotation, position = placement.rotation, placement.translation
+        gripper, bodies = self._gripper, self._bodies
+        if not still and (bodies.held is not None or gripper.moves):
+            gripper.step(pose_of(placement), self._period)
+        weight = self._model.hand_mass * GRAVITY
+        lever = rotation @ self._hand_in_flange
+        lever_x, lever_y, _ = lever.tolist()
+        reading = [0.0, 0.0, -weight, -lever_y * weight, lever_x * weight, 0.0]
+        accelerated = self._accelerated(position + rotation @ self._flange_in_tcp + lever)
+        if accelerated is not None:
+            carried = 0.0 if bodies.held is None else bodies[bodies.held].entry.mass
+            x, y, up = (-(self._model.hand_mass + carried) * accelerated).tolist()
+            lever_z = float(lever[2])
+            reading[0], reading[1], reading[2] = x, y, reading[2] + up
+            reading[3] += lever_y * up - lever_z * y
+            reading[4] += lever_z * x - lever_x * up
+            reading[5] += lever_x * y - lever_y * x
+        if self._touching:
+            self.on_tcp, self._touching = np.zeros(6), False
+        z = float(position[2])
+        rate = 0.0 if self._height is None else (z - self._height) / self._period
+        self._height = z
+        if bodies.held is not None or z + float(rotation[2, 2]) * self._tip < bodies.highest + 0.01:
+            for point, upward in self._contacts(rotation, position, rate):
+                self._touching = True
+                arm_x, arm_y, _ = point - position
+                self.on_tcp += (0.0, 0.0, upward, arm_y * upward, -arm_x * upward, 0.0)
+                arm_x, arm_y, _ = point - position - rotation @ self._flange_in_tcp
+                reading[2] += upward
+                reading[3] += float(arm_y) * upward
+                reading[4] -= float(arm_x) * upward
+            across = self._walls(position)
+            if bodies.held is None and not gripper.moves:
+                reach = self._model.fingers.reach(gripper.width)
+                across = self._pushing.step(rotation, position, gripper.width, reach)
+            if across != (0.0, 0.0):
+                self._touching = True
+                self.on_tcp[:2] += across
+                reading[0] += across[0]
+                reading[1] += across[1]
+                lever_x, lever_y, lever_z = (-rotation @ self._flange_in_tcp).tolist()
+                reading[3] -= lever_z * across[1]
+                reading[4] += lever_z * across[0]
+                reading[5] += lever_x * across[1] - lever_y * across[0]
+        else:
+            self._feet.forget()
+            self._pushing.forget()
+        fx, fy, fz, tx, ty, tz = reading
+        self._wrench.reading = Wrench((fx, fy, fz), (tx, ty, tz))
+
+    def _accelerated(self, centre: Array) -> Array | None:
+        """Return the acceleration (3,), m/s², of the hand's centre of mass, which is at `centre` now.
+
+        None while it is unknown, and under torque control: there the hand is slow and contacts are stiff.
+        """
+        before, self._centre = self._centre, None
+        if self._arm.free:
+            return None
+        velocity = None if before is None else (centre - before[0]) / self._period
+        self._centre = (centre, velocity)
+        if before is None or before[1] is None or velocity is None:
+            return None
+        return (velocity - before[1]) / self._period
+
+    def _walls(self, position: Array) -> tuple[float, float]:
+        """Return the force (x, y) of a hole's walls on the held item, in the world, N. The TCP is at
+        `position`."""
+        held = self._bodies.held
+        hole = None if held is None else self._bodies.in_hole(self._bodies[held])
+        before, self._in_hole = self._in_hole, None if hole is None else position.copy()
+        if held is None or hole is None:
+            return 0.0, 0.0
+        back = np.subtract(hole.pose.position, self._bodies[held].pose.position)
+        if not back.any():
+            return 0.0, 0.0
+        rate = np.zeros(3) if before is None else (position - before) / self._period
+        x, y, _ = (STIFFNESS * back - DAMPING * rate).tolist()
+        return x, y
+
+    def _contacts(self, rotation: Array, position: Array, rate: float) -> list[tuple[Array, float]]:
+        """Return points (3,) in the world and the vertical force on the hand at each, N: supports push up,
+        weight pulls down."""
+        found: list[tuple[Array, float]] = []
+        aside = self._gripper.width / 2 + self._pad / 2
+        reach = self._model.fingers.reach(self._gripper.width)
+        for foot, side in (("one tip", aside), ("other tip", -aside)):
+            tip = position + rotation @ np.array([0.0, side, reach])
+            x, y, z = (float(c) for c in tip)
+            surface = self._feet.top(foot, z, self._bodies.tops(x, y, z + DEEPEST))
+            if surface is not None and surface > z:
+                force = STIFFNESS / 2 * (surface - z) - DAMPING / 2 * rate
+                found.append((tip, max(0.0, force)))
+        held = self._bodies.held
+        if held is None:
+            self._feet.forget(HELD)
+            return found
+        body = self._bodies[held]
+        weight = body.entry.mass * GRAVITY
+        upward = -weight
+        lowest = bottom(body.entry.shape, body.pose)
+        if lowest < self._bodies.highest + RELIEF:
+            tops = self._bodies.tops_below(Prism.of(held, body.entry.shape, body.pose))
+            surface = self._feet.top(HELD, lowest, tops)
+            if surface is not None:
+                gap = lowest - surface
+                upward += weight * min(max(1.0 - gap / RELIEF, 0.0), 1.0)
+                if gap < 0.0:
+                    upward += max(0.0, -STIFFNESS * gap - DAMPING * rate)
+        else:
+            self._feet.forget(HELD)
+        found.append((np.array(body.pose.position), upward))
+        return found

@@ -1,0 +1,157 @@
+"""Arm, wrist sensor and clock of the kinematic backend."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+import numpy as np
+
+from ...robots.model import RobotModel
+from ...world.values import Array, JointState, Quaternion, Wrench
+from ..faults.device_faults import DeviceFaults
+
+STIFFNESS = 60.0
+"""Natural frequency of the critically damped servo of a joint that cannot follow exactly, rad/s."""
+
+
+class WeakJoints:
+    """Arm with weak joints: weak joints move as torque, gravity and coupling let them, all others follow
+    exactly."""
+
+    def __init__(self, model: RobotModel, period: float) -> None:
+        self._model = model
+        self._period = period
+
+    def given(self, torque: Array, shares: Mapping[str, float]) -> Array:
+        """Return the torque (n,), Nm, limited to the joints' remaining shares."""
+        most = self._model.torque_limit * self._shares(shares)
+        return torque.clip(-most, most)
+
+    def follow(
+        self, q: Array, v: Array, aim: Array, rate: Array, shares: Mapping[str, float]
+    ) -> tuple[Array, Array, Array]:
+        """Return position and velocity (n,), rad and rad/s, one period later, and the efforts, Nm.
+
+        The arm is at (q, v), and the command for that time is `aim` with `rate`.
+        """
+        model, dt = self._model, self._period
+        share = self._shares(shares)
+        weak, strong = share < 1.0, share >= 1.0
+        inertia, bias = model.mass_matrix(q), model.bias(q, v)
+        others = (rate - v)[strong] / dt
+        load = inertia[np.ix_(weak, strong)] @ others + bias[weak]
+        own, most = inertia[np.ix_(weak, weak)], (model.torque_limit * share)[weak]
+        error, behind = (aim - q)[weak], (rate - v)[weak]
+        at_once = own @ ((error / dt - v[weak]) / dt) + load
+        effort = model.gravity(q)
+        if np.all(np.abs(at_once) <= most):
+            effort[weak] = at_once
+            return aim, rate, effort
+        wanted = own @ (STIFFNESS**2 * error + 2.0 * STIFFNESS * behind) + load
+        effort[weak] = wanted.clip(-most, most)
+        gained = np.linalg.solve(own, effort[weak] - load)
+        velocity, position = rate.copy(), aim.copy()
+        velocity[weak] = v[weak] + gained * dt
+        position[weak] = q[weak] + velocity[weak] * dt
+        inside = np.minimum(np.maximum(position, model.lower), model.upper)
+        velocity[inside != position] = 0.0
+        return inside, velocity, effort
+
+    def _shares(self, shares: Mapping[str, float]) -> Array:
+        return np.array([shares.get(name, 1.0) for name in self._model.description.joints])
+
+
+class KinematicArm:
+    """`protocols.Arm`: follows commands exactly, or integrates the rigid-body dynamics under torques."""
+
+    def __init__(self, model: RobotModel, period: float, ailments: DeviceFaults | None = None) -> None:
+        self._model = model
+        self._period = period
+        self._ailments = ailments or DeviceFaults(())
+        self._weak = WeakJoints(model, period)
+        self._torque: Array | None = None
+        self.set(model.named("home"), np.zeros(model.n))
+
+    def set(self, position: Array, velocity: Array) -> None:
+        self.position, self.velocity = position, velocity
+        self._aim = (position, np.zeros_like(velocity))
+        self._torque = None
+        self._state = JointState(position, velocity, self._model.gravity(position))
+
+    def read(self) -> JointState:
+        return self._state
+
+    @property
+    def free(self) -> bool:
+        """Whether torques move the arm, instead of a servo."""
+        return self._torque is not None
+
+    def follow(self, position: Array, velocity: Array) -> None:
+        if self._ailments.stalled:
+            return
+        self._aim = (position.copy(), velocity.copy())
+        self._torque = None
+
+    def apply_torque(self, torque: Array) -> None:
+        if self._ailments.stalled:
+            return
+        self._torque = torque.copy()
+
+    def stand(self) -> None:
+        """Hold the present configuration until the next command."""
+        self._aim = (self.position.copy(), np.zeros_like(self.velocity))
+        self._torque = None
+
+    def step(self, wrench_at_tcp: Array) -> None:
+        """Advance by one control period under a wrench (6,) on the TCP, N and Nm, in the world's axes."""
+        shares = self._ailments.torque_shares
+        if self._torque is None and shares:
+            self.position, self.velocity, effort = self._weak.follow(
+                self.position, self.velocity, *self._aim, shares
+            )
+            self._state = JointState(self.position, self.velocity, effort)
+            return
+        if self._torque is None:
+            self.position, self.velocity = self._aim
+            self._state = JointState(self.position, self.velocity, self._model.gravity(self.position))
+            return
+        torque = self._weak.given(self._torque, shares) if shares else self._torque
+        acceleration = self._model.forward_dynamics(self.position, self.velocity, torque, wrench_at_tcp)
+        velocity = self.velocity + acceleration * self._period
+        position = self.position + velocity * self._period
+        inside = np.minimum(np.maximum(position, self._model.lower), self._model.upper)
+        self.velocity = np.where(inside == position, velocity, 0.0)
+        self.position = inside
+        self._state = JointState(self.position, self.velocity, torque)
+
+
+class KinematicWrench:
+    """`protocols.WrenchSensor` without noise."""
+
+    def __init__(self, ailments: DeviceFaults, turn: Callable[[], Quaternion]) -> None:
+        """`turn` returns the sensor's orientation in the world."""
+        self.reading = Wrench()
+        self._ailments = ailments
+        self._turn = turn
+
+    def read(self) -> Wrench:
+        ailments, said = self._ailments, self.reading
+        if ailments.silence is not None:
+            return ailments.silence.wrench
+        if not ailments.biased:
+            return said
+        x, y, z, a, b, c = ailments.off(self._turn())
+        (fx, fy, fz), (tx, ty, tz) = said.force, said.torque
+        return Wrench((fx + x, fy + y, fz + z), (tx + a, ty + b, tz + c))
+
+
+class KinematicClock:
+    """`protocols.Clock` that counts control periods."""
+
+    def __init__(self, period: float) -> None:
+        self._period = period
+        self.periods = 0
+
+    @property
+    def now(self) -> float:
+        return self.periods * self._period
