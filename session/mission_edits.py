@@ -16,6 +16,8 @@ from ..files.yaml.document import Document, FileError, open_document, read_text
 from ..trees.loading.scene_names import SceneNames
 from ..trees.mission import IN_LIBRARY, Mission
 from ..trees.ports import PortDeclaration
+from ..trees.running.tree_adoption import StateTransfer
+from ..world.journal import JournalEvent, Plain
 from ..world.scene.description import SceneDescription
 
 MOST_FILES: Final = 200
@@ -226,3 +228,15 @@ def _is_on_disk(mission: Mission) -> bool:
         return same and all(p.file is not None and p.file.read_bytes() == p.source for p in named)
     except (FileError, OSError):
         return False
+
+
+def mission_changed(adoption: StateTransfer) -> JournalEvent:
+    """Return the journal event of a run that resumes with another mission."""
+    data: dict[str, Plain] = {"fresh": list(adoption.fresh), "gone": list(adoption.gone)}
+    return JournalEvent("mission_changed", f"another mission goes on: {adoption_summary(adoption)}", "", data)
+
+
+def adoption_summary(adoption: StateTransfer) -> str:
+    """Return the number of nodes that keep their state, start without one, and no longer exist, as text."""
+    kept, fresh, gone = map(len, (adoption.kept, adoption.fresh, adoption.gone))
+    return f"{kept} nodes go on, {fresh} begin anew, {gone} are gone"

@@ -7,10 +7,11 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Protocol
 
-from ..cell.operator_desk import OperatorQuestion
+from ..cell.operator_desk import OperatorQuestion, OperatorRequests
 from ..errors import PicktreeError
 from ..logs.run_result import RunResult
 from ..trees.running.runner import NodeInfo, TickReport
+from ..world.journal import Journal, JournalEvent, Plain
 
 
 class Operator(Protocol):
@@ -56,6 +57,23 @@ class RecordedAnswers:
                 return said
             self._left.clear()
         return self._after.answer(question) if self._after else None
+
+
+def answer_pending(desk: OperatorRequests, journal: Journal, operator: Operator | None) -> bool:
+    """Have the operator answer the pending question. False when it stays without an answer.
+
+    Simulated time stands still while a person thinks.
+    """
+    question = desk.pending
+    if question is None:
+        return True
+    answer = operator.answer(question) if operator else None
+    if answer is None:
+        return False
+    desk.answer(answer)
+    data: dict[str, Plain] = {"question": question.reason, "answer": answer}
+    journal.note(JournalEvent("operator_answer", f"the answer is: {answer}", question.node, data))
+    return True
 
 
 class SessionWatcher(Protocol):

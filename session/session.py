@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import signal
 import time
-from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
 from typing import Any, Unpack
@@ -16,22 +15,10 @@ from .. import arithmetic
 from ..errors import PicktreeError
 from ..logs.recording.recorder import Listener
 from ..logs.recording.rotation import FOR_FEEDS, NEVER, Rotation
-from ..logs.run_result import (
-    FeedCount,
-    FormCount,
-    HoleItem,
-    ItemCount,
-    PickCount,
-    RunResult,
-    RunStatus,
-    WallSeconds,
-)
-from ..logs.schema.records import NodeTime, Timing
+from ..logs.run_result import RunResult, RunStatus
 from ..recovery.belief_restart import ResyncReport, resync_belief
 from ..simulation.backends import build_hardware
 from ..simulation.faults.injector import FaultInjector, FaultState
-from ..simulation.scoring.scorer import ItemScore, score
-from ..simulation.scoring.truth import TrueBody
 from ..trees.loading.scene_names import scene_names
 from ..trees.mission import MAIN, Mission
 from ..trees.running.builder import build
@@ -41,19 +28,25 @@ from ..trees.running.tree_adoption import StateTransfer
 from ..trees.status import NodeStatus
 from ..world.causes import Failure
 from ..world.journal import JournalEvent, Plain
-from ..world.stopwatch import Stopwatch
 from ..world.values import Vector3
 from .assembly import TICK, assemble_world
 from .checkpoints import RunState, restore, take
-from .mission_edits import EditSource, FileWatch, MissionReload, Revisions
-from .observer import Operator, SessionWatcher
+from .mission_edits import (
+    EditSource,
+    FileWatch,
+    MissionReload,
+    Revisions,
+    adoption_summary,
+    mission_changed,
+)
+from .observer import Operator, SessionWatcher, answer_pending
 from .recipe import LIMIT, Recipe, RunOptions, RunRequest, make_folder, read_recipe
+from .run_summary import LOG, RunTimer, items_expected, summarise, write_result
 from .run_tally import RunCounters
 from .session_recording import SessionRecorder, Tap
 
 __all__ = ["LIMIT", "LOG", "RESULT", "RunOptions", "RunRequest", "Session", "SessionWatcher", "run"]
 
-LOG = "log.mcap"
 RESULT = "result.json"
 _BRAKING = 40
 """Ticks within which every motion comes to rest."""
@@ -96,12 +89,11 @@ class Session:
             request = read_recipe(request)
         self.recipe = recipe = request
         self.mission, self.scene, self.robot = recipe.mission, recipe.scene, recipe.robot
-        self.rotation = rotation or (FOR_FEEDS if self._fed else NEVER)
+        self.rotation = rotation or (FOR_FEEDS if self.scene.deliveries else NEVER)
         self._watcher = watcher
         self._debugger = debugger
-        self._stopwatch = Stopwatch()
-        self._began = time.perf_counter()
-        self._cpu_began = time.process_time()
+        self.timer = RunTimer()
+        self._stopwatch = self.timer.stopwatch
         state = recipe.start.state if recipe.start else None
         self.hardware = build_hardware(
             recipe.backend, self.scene, self.robot, recipe.seed, state.simulation if state else None
@@ -155,7 +147,7 @@ class Session:
         (SIGINT, SIGTERM) ends the run with the status `interrupted`."""
         structure = self.tree.structure()
         self.tally.follow(structure)
-        self._total = self._items_total()
+        self._total = items_expected(self.scene, self.hardware.truth())
         with SessionRecorder(self.folder / LOG, self, structure, self._tap, self._listener) as scribe:
             if self._watcher:
                 self._watcher.started(structure, self.folder)
@@ -172,9 +164,9 @@ class Session:
                     ) from None
                 raise
             scribe.last(self.hardware)
-            result = self._result(status, scribe.digest)
+            result = summarise(self, status, scribe.digest)
             scribe.finish(result)
-        self._write_result(result)
+        write_result(result, self.folder / RESULT)
         if self._watcher:
             self._watcher.finished(result)
         return result
@@ -206,7 +198,7 @@ class Session:
                 return "timeout"
             if self._stopping:
                 return "interrupted"
-            if not self._helped():
+            if not answer_pending(world.operator, world.journal, self._operator):
                 if self._quiet:
                     self._checkpoint(scribe)
                 return "paused"
@@ -214,7 +206,7 @@ class Session:
                 self._checkpoint(scribe)
             self._pass_time()
             with self._stopwatch.measure("logging"):
-                scribe.timing(self._timing(before, began))
+                scribe.timing(self.timer.tick_timing(before, began, self.tree.seconds()))
 
     def _look_first(self) -> TickReport | None:
         """A tick before the tree goes on, of a run that goes on as things stand; None when that is over."""
@@ -230,27 +222,11 @@ class Session:
             return None
         return self.tree.look()
 
-    def _helped(self) -> bool:
-        """Whether nobody waits for an answer any more. Simulated time stands still while a person thinks."""
-        desk = self.world.operator
-        question = desk.pending
-        if question is None:
-            return True
-        answer = self._operator.answer(question) if self._operator else None
-        if answer is None:
-            return False
-        desk.answer(answer)
-        data: dict[str, Plain] = {"question": question.reason, "answer": answer}
-        self.world.journal.note(
-            JournalEvent("operator_answer", f"the answer is: {answer}", question.node, data)
-        )
-        return True
-
     def _brought(self) -> tuple[JournalEvent, ...]:
         """What whoever brings items has done since the last tick, and what was crushed."""
         events = self.hardware.take_events()
         if events:
-            self._total = self._items_total()
+            self._total = items_expected(self.scene, self.hardware.truth())
         return events
 
     def true_state(self) -> dict[str, Any]:
@@ -259,27 +235,6 @@ class Session:
         faults: list[Any] = _faults().dump_python(self._injector.state(), mode="json")
         bias = list(self.world.control.wrist.learnt)
         return {**self.hardware.snapshot().to_plain(), "faults": faults, "wrist_bias": bias}
-
-    @property
-    def _fed(self) -> bool:
-        return bool(self.scene.deliveries)
-
-    def _items_total(self) -> int:
-        """Items that will have come in all, where that is known; else those that have come so far."""
-        totals = [delivery.total for delivery in self.scene.deliveries]
-        known = [total for total in totals if total is not None]
-        if not totals or len(known) < len(totals):
-            return len(self.hardware.truth())
-        return sum(known) + sum(count for spawn in self.scene.spawn for _, count in spawn.counts)
-
-    def _write_result(self, result: RunResult) -> None:
-        path = self.folder / RESULT
-        try:
-            path.write_text(result.to_json_text(), encoding="utf-8")
-        except OSError as error:
-            raise PicktreeError(
-                f"{path}: the result cannot be written: {error.strerror}; the log holds it, too"
-            ) from None
 
     def _come_to_rest(self) -> None:
         """Nothing goes on that nobody records."""
@@ -320,7 +275,7 @@ class Session:
     def _begin_again(self, scribe: SessionRecorder) -> None:
         """The rest of the tick after which the checkpoint was taken."""
         if self.adoption is not None:
-            self.world.journal.note(_mission_changed(self.adoption))
+            self.world.journal.note(mission_changed(self.adoption))
         scribe.begin_again(self.tree.look(), self.world.journal.take(), self.hardware)
         self._note_checkpoint()
         self._pass_time()
@@ -354,7 +309,7 @@ class Session:
                 self._injector,
                 self.tally,
                 scribe.state(),
-                self._disagreements,
+                self.disagreements,
             )
         with self._stopwatch.measure("logging"):
             scribe.checkpoint(state)
@@ -365,7 +320,8 @@ class Session:
         self.world.journal.note(JournalEvent("checkpoint", f"after {done} items", "", {"items_done": done}))
 
     @property
-    def _disagreements(self) -> int:
+    def disagreements(self) -> int:
+        """Number of trajectories that the verifier has rejected, earlier sessions of the run included."""
         return self._disagreed + len(self.world.plan.disagreements)
 
     def _follow(self, edits: EditSource) -> MissionReload:
@@ -393,7 +349,7 @@ class Session:
         self.mission, self.tree = mission, tree
         structure = tree.structure()
         self.tally.follow(structure)
-        message = f"the edited mission takes over: {_counted(adoption)}"
+        message = f"the edited mission takes over: {adoption_summary(adoption)}"
         data: dict[str, Plain] = {
             "files": scribe.edited(mission, structure),
             "fresh": list(adoption.fresh),
@@ -410,66 +366,6 @@ class Session:
         if self._watcher:
             self._watcher.told(self.world.clock.now, text)
 
-    def _timing(self, before: Mapping[str, float], began: float) -> Timing:
-        now = self._stopwatch.seconds()
-        spent = {part: seconds - before.get(part, 0.0) for part, seconds in now.items()}
-        return Timing(
-            time.perf_counter() - began,
-            **{
-                part: spent.get(part, 0.0)
-                for part in ("physics", "control", "planning", "perception", "rendering")
-            },
-            recording=spent.get("logging", 0.0),
-            nodes=tuple(NodeTime(path, seconds) for path, seconds in self.tree.seconds().items()),
-        )
-
-    def _result(self, status: RunStatus, digest: str) -> RunResult:
-        truth = self.hardware.truth()
-        verdict = score(truth, self.scene)
-        goal = self.mission.goal.text if self.mission.goal else self.scene.goal
-        if status == "success" and not verdict.reached(goal):
-            status = "incomplete"
-        tally, failure = self.tally, self.tree.failure
-        episodes = tally.episodes.so_far(self.world.clock.now)
-        asked = self.world.operator.pending if status == "paused" else None
-        wall = self._stopwatch.seconds()
-        return RunResult(
-            status=status,
-            seed=self.recipe.seed,
-            digest=digest,
-            items=ItemCount(
-                verdict.total,
-                verdict.sorted,
-                verdict.misplaced,
-                verdict.left,
-                {form: FormCount(count.total, count.sorted) for form, count in verdict.by_form.items()},
-            ),
-            picks=PickCount(tally.tried, tally.held, tally.tried_objects, tally.held_first_try),
-            failures=dict(tally.failures),
-            recoveries=dict(tally.recovered),
-            cures=episodes.cures,
-            planted=episodes.planted,
-            sim_seconds=self.world.clock.now,
-            cpu_seconds=time.process_time() - self._cpu_began,
-            wall_seconds=WallSeconds(
-                total=time.perf_counter() - self._began,
-                physics=wall.get("physics", 0.0),
-                planning=wall.get("planning", 0.0),
-                perception=wall.get("perception", 0.0) + wall.get("rendering", 0.0),
-                logging=wall.get("logging", 0.0),
-            ),
-            log=(self.folder / LOG).absolute(),
-            folder=self.folder.absolute(),
-            message=asked.reason if asked else failure.message if failure else "",
-            thinking_charged=self.scene.thinking.collision_check > 0.0 and self.scene.thinking.image > 0.0,
-            disagreements=self._disagreements if self.recipe.verify else None,
-            holes=tuple(
-                _at_hole(body, item) for body, item in zip(truth, verdict.items, strict=True) if item.seat
-            ),
-            feed=FeedCount(tally.deliveries, tally.exchanges, tally.set_aside) if self._fed else None,
-            asked=asked,
-        )
-
 
 @cache
 def _faults() -> TypeAdapter[tuple[FaultState, ...]]:
@@ -479,32 +375,6 @@ def _faults() -> TypeAdapter[tuple[FaultState, ...]]:
 def _kill() -> None:
     """At once, as by power loss: nothing is flushed or closed."""
     os.kill(os.getpid(), signal.SIGKILL)
-
-
-def _at_hole(body: TrueBody, item: ItemScore) -> HoleItem:
-    assert item.seat is not None
-    seat = item.seat
-    return HoleItem(
-        str(item.id),
-        body.kind,
-        str(seat.hole),
-        item.verdict,
-        round(seat.depth, 6),
-        seat.bottom,
-        round(seat.tilt, 6),
-        round(seat.penetration, 7),
-        item.reason,
-    )
-
-
-def _mission_changed(adoption: StateTransfer) -> JournalEvent:
-    data: dict[str, Plain] = {"fresh": list(adoption.fresh), "gone": list(adoption.gone)}
-    return JournalEvent("mission_changed", f"another mission goes on: {_counted(adoption)}", "", data)
-
-
-def _counted(adoption: StateTransfer) -> str:
-    kept, fresh, gone = map(len, (adoption.kept, adoption.fresh, adoption.gone))
-    return f"{kept} nodes go on, {fresh} begin anew, {gone} are gone"
 
 
 def run(mission: Path | str, **options: Unpack[RunOptions]) -> RunResult:

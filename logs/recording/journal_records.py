@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Protocol
@@ -9,9 +10,25 @@ from typing import Protocol
 from ...simulation.scoring.truth import TrueBody as SimulatedBody
 from ...world.belief.planning_scene import BeliefChange, BeliefObject
 from ...world.journal import CandidateSearchEntry, PlanEntry
+from ...world.scene.calibration_results import tile_body
+from ...world.scene.description import Bin, Fixture
 from ...world.shapes import ConvexMesh, Shape
 from ...world.values import ObjectId, Pose
-from ..schema.records import BlockRecord, BodyRecord, Candidate, Candidates, Event, Plan, StageCount
+from ..schema.records import (
+    FORMAT,
+    BlockRecord,
+    BodyRecord,
+    Candidate,
+    Candidates,
+    Event,
+    PartRecord,
+    Plan,
+    RunInfo,
+    StageCount,
+)
+
+STICKER = 0.001
+"""Thickness of the tiles of a calibration target in pictures, m."""
 
 
 class SpawnedBody(Protocol):
@@ -121,6 +138,39 @@ def candidates_record(choice: CandidateSearchEntry) -> Candidates:
         ),
         choice.into,
     )
+
+
+def bin_parts(bins: Iterable[Bin]) -> Iterator[PartRecord]:
+    """Yield the walls and the floor of each bin."""
+    for each in bins:
+        for k, (box, pose) in enumerate(each.parts()):
+            yield PartRecord(f"{each.id}/{k}", each.colour, box, pose)
+
+
+def fixture_parts(fixtures: Iterable[Fixture]) -> Iterator[PartRecord]:
+    """Yield each fixture, and the tiles of its calibration target."""
+    for fixture in fixtures:
+        yield PartRecord(fixture.id, fixture.colour, fixture.shape, fixture.pose, fixture.holes)
+        for tile in fixture.tiles:
+            box, inner = tile_body(tile, STICKER)
+            yield PartRecord(f"{fixture.id}/{tile.colour}", tile.colour, box, fixture.pose @ inner)
+
+
+def run_metadata(run: RunInfo) -> dict[str, str]:
+    """Return the run's settings as text, for the metadata record `picktree`."""
+    return {
+        "format": str(FORMAT),
+        "mission": run.mission,
+        "scene": run.scene,
+        "robot": run.robot,
+        "seed": str(run.seed),
+        "backend": run.backend,
+        "tick": repr(run.tick),
+        "revision": run.revision,
+        "verify": str(run.verify).lower(),
+        **({} if run.limit is None else {"limit": repr(run.limit)}),
+        "own_scene": str(run.own_scene).lower(),
+    }
 
 
 def _portable(shape: Shape) -> Shape:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,13 +15,11 @@ from ...errors import PicktreeError
 from ...world.belief.planning_scene import BeliefChange, BeliefObject
 from ...world.journal import CandidateSearchEntry, Entry, ImageEntry, JournalEvent, PlanEntry
 from ...world.protocols import RgbdImage
-from ...world.scene.calibration_results import tile_body
 from ...world.scene.description import Bin, Fixture
 from ...world.values import GripperState, JointState, Pose, Wrench
 from ..schema import topics
 from ..schema.json_records import encode
 from ..schema.records import (
-    FORMAT,
     Control,
     Event,
     Joints,
@@ -50,8 +48,6 @@ from .true_state import StateWriter
 EVERY = 1.0
 """Simulated seconds after which belief and truth are written again, changed or not."""
 
-STICKER = 0.001
-"""Thickness of the squares of a target in pictures, m."""
 _WARNINGS = frozenset({"recovery", "safety_stop", "fault"})
 """Kinds of event that the log line topic repeats for people, as warnings."""
 
@@ -120,7 +116,7 @@ class Recorder:
         self._failing: frozenset[str] = frozenset()
         if resumed is not None:
             self._take_up(resumed)
-        self._file.metadata("picktree", _run_words(run))
+        self._file.metadata("picktree", journal_records.run_metadata(run))
         self._file.metadata("picktree.parameters", run.parameters)
         self._file.metadata("picktree.physics", run.physics)
         self._file.metadata("picktree.versions", run.versions)
@@ -233,13 +229,9 @@ class Recorder:
     ) -> None:
         """What never moves; it stands in each message of the belief and of the truth from now on. `really`:
         the fixtures where they truly stand, if that is elsewhere."""
-        walls = tuple(
-            PartRecord(f"{b.id}/{k}", b.colour, box, pose)
-            for b in bins
-            for k, (box, pose) in enumerate(b.parts())
-        )
-        self._fixed = (*_parts(fixtures), *walls)
-        self._standing = self._fixed if really is None else (*_parts(really), *walls)
+        walls = tuple(journal_records.bin_parts(bins))
+        self._fixed = (*journal_records.fixture_parts(fixtures), *walls)
+        self._standing = self._fixed if really is None else (*journal_records.fixture_parts(really), *walls)
 
     # At each tick
 
@@ -399,28 +391,3 @@ def _camera_frame(camera: str) -> str:
 def _origins(failing: Sequence[NodeStatusRecord]) -> list[NodeStatusRecord]:
     """The failing nodes below which none of the others is: where the failure came from."""
     return [n for n in failing if not any(other.path.startswith(n.path + "/") for other in failing)]
-
-
-def _run_words(run: RunInfo) -> dict[str, str]:
-    return {
-        "format": str(FORMAT),
-        "mission": run.mission,
-        "scene": run.scene,
-        "robot": run.robot,
-        "seed": str(run.seed),
-        "backend": run.backend,
-        "tick": repr(run.tick),
-        "revision": run.revision,
-        "verify": str(run.verify).lower(),
-        **({} if run.limit is None else {"limit": repr(run.limit)}),
-        "own_scene": str(run.own_scene).lower(),
-    }
-
-
-def _parts(fixtures: Iterable[Fixture]) -> Iterator[PartRecord]:
-    """Each fixture, and the squares on it."""
-    for fixture in fixtures:
-        yield PartRecord(fixture.id, fixture.colour, fixture.shape, fixture.pose, fixture.holes)
-        for tile in fixture.tiles:
-            box, inner = tile_body(tile, STICKER)
-            yield PartRecord(f"{fixture.id}/{tile.colour}", tile.colour, box, fixture.pose @ inner)
