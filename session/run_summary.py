@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from .session import Session
 
 LOG = "log.mcap"
-"""Name of the log in the run's folder."""
+"""Name of the log file in the run's folder."""
 
 
 class RunTimer:

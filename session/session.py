@@ -1,4 +1,5 @@
-"""Session: the one way to run a mission, for the command line, batches, replays and tests."""
+"""Session: one run of a mission, from a checked recipe to its result. Command line, batches, re-simulation
+and tests use it."""
 
 from __future__ import annotations
 
@@ -49,11 +50,11 @@ __all__ = ["LIMIT", "LOG", "RESULT", "RunOptions", "RunRequest", "Session", "Ses
 
 RESULT = "result.json"
 _BRAKING = 40
-"""Ticks within which every motion comes to rest."""
+"""Upper bound of the number of ticks in which any motion comes to rest."""
 
 
 class Session:
-    """One run: everything that it needs is checked and built here, before anything moves.
+    """One run of a mission. The constructor checks and builds everything before anything moves.
 
     Raises PicktreeError (FileError with all faults) for bad input, and on a processor below x86-64-v3.
     """
@@ -72,16 +73,17 @@ class Session:
         operator: Operator | None = None,
         rotation: Rotation = NEVER,
     ) -> None:
-        """A request says itself where its record goes, and when it goes on in a further file; of a recipe
-        `out` and `rotation` do, as there.
+        """Build the world, the tree and the run's folder.
 
-        `edits` tells of edited files, by default the disk when the request is to watch them; `revisions`
-        gives other versions of the mission itself, as a log has them. `tap` is shown every message that is
-        part of the digest, `listener` every message, once it is written. `operator` answers who asks for
-        help; without one, or without an answer, the run ends `paused`.
+        `out` and `rotation` count only for a recipe; a request has its own. `edits` reports edited files; by
+        default it is the disk when the request is to watch them. `revisions` gives other versions of the
+        mission itself, as a log has them.
+
+        `tap` receives every message that is part of the digest, `listener` every message after it is written.
+        `operator` answers requests for help; without one, or without an answer, the run ends `paused`.
         """
         arithmetic.check()
-        # Whoever repeats a run that was killed wants to see what came before, and not to be killed himself.
+        # The repetition of a killed run must show what came before the kill, and must not be killed itself.
         asked_for = isinstance(request, RunRequest)
         if isinstance(request, RunRequest):
             out, rotation = request.out, request.rotation
@@ -119,13 +121,13 @@ class Session:
         self.tally = RunCounters()
         self._disagreed = 0
         self.adoption: StateTransfer | None = None
-        """What became of the nodes of a checkpoint of another mission."""
+        """Transfer of node states from a checkpoint of another mission; None: the mission is the same."""
         if state is not None:
             self._take_up(state)
         self._first = (
             resync_belief(self.world) if recipe.start and recipe.start.continues.as_it_stands else None
         )
-        """What is done before the tree goes on."""
+        """Resynchronisation of the belief before the tree resumes; None: not needed, or over."""
         self._checkpointed = self.tally.done
         if debugger is not None:
             debugger.attach(self.tree)
@@ -139,12 +141,15 @@ class Session:
         self.folder = make_folder(out, recipe.mission.document.path.stem, recipe.seed)
 
     def stop(self) -> None:
-        """End the run after the present tick, as an interrupt would."""
+        """End the run after the present tick, as an interrupt does."""
         self._stopping = True
 
     def run(self) -> RunResult:
-        """Run to the end and say what came of it. The log is finished on every way out; an interrupt
-        (SIGINT, SIGTERM) ends the run with the status `interrupted`."""
+        """Run the mission to its end and return the result.
+
+        The log is finished on every exit. An interrupt (SIGINT, SIGTERM) ends the run with the status
+        `interrupted`.
+        """
         structure = self.tree.structure()
         self.tally.follow(structure)
         self._total = items_expected(self.scene, self.hardware.truth())
@@ -209,7 +214,8 @@ class Session:
                 scribe.timing(self.timer.tick_timing(before, began, self.tree.seconds()))
 
     def _look_first(self) -> TickReport | None:
-        """A tick before the tree goes on, of a run that goes on as things stand; None when that is over."""
+        """Run one step of the resynchronisation and return the report of an idle tick; None when it is
+        over."""
         if self._first is None:
             return None
         try:
@@ -223,21 +229,24 @@ class Session:
         return self.tree.look()
 
     def _brought(self) -> tuple[JournalEvent, ...]:
-        """What whoever brings items has done since the last tick, and what was crushed."""
+        """Return the events of the feed since the last tick, crushed items included."""
         events = self.hardware.take_events()
         if events:
             self._total = items_expected(self.scene, self.hardware.truth())
         return events
 
     def true_state(self) -> dict[str, Any]:
-        """The simulation with its faults as it is now, as plain values, and what the wrist's sensor says when
-        it feels nothing, which stays with the sensor. To ask disturbs nothing."""
+        """Return the present state of the simulation with its faults and the wrist sensor's learnt bias, as
+        plain values.
+
+        The call does not change the simulation.
+        """
         faults: list[Any] = _faults().dump_python(self._injector.state(), mode="json")
         bias = list(self.world.control.wrist.learnt)
         return {**self.hardware.snapshot().to_plain(), "faults": faults, "wrist_bias": bias}
 
     def _come_to_rest(self) -> None:
-        """Nothing goes on that nobody records."""
+        """Halt the tree and pass time until the arm rests, because nothing after this is recorded."""
         self.tree.halt()
         for _ in range(_BRAKING):
             if self.world.control.at_rest:
@@ -250,7 +259,7 @@ class Session:
         world.scene.carry(world.control.tcp)
 
     def _take_up(self, state: RunState) -> None:
-        """Go on from a checkpoint: all that this session made is as it was then."""
+        """Restore world, tree, faults and counters from a checkpoint."""
         start = self.recipe.start
         assert start is not None
         restore(self.world, state)
@@ -273,7 +282,7 @@ class Session:
             ) from None
 
     def _begin_again(self, scribe: SessionRecorder) -> None:
-        """The rest of the tick after which the checkpoint was taken."""
+        """Complete the tick after which the checkpoint was taken."""
         if self.adoption is not None:
             self.world.journal.note(mission_changed(self.adoption))
         scribe.begin_again(self.tree.look(), self.world.journal.take(), self.hardware)
@@ -281,7 +290,10 @@ class Session:
         self._pass_time()
 
     def _object_place(self, path: str) -> Vector3 | None:
-        """Where the belief has the object that the port `object` of a node names."""
+        """Return the believed position of the object that a node's port `object` names, in the world, m.
+
+        None when the node has no such port, or the belief has no such object.
+        """
         node = self.tree.find(path)
         if node.declaration.port("object") is None:
             return None
@@ -289,12 +301,12 @@ class Session:
         return belief.pose.position if belief else None
 
     def _checkpoint_due(self) -> bool:
-        """Whether it is time for one, and nothing moves that could not be taken up again."""
+        """Whether enough items are done for a checkpoint and the run is quiescent."""
         return self.tally.done - self._checkpointed >= self.scene.checkpoint_every and self._quiet
 
     @property
     def _quiet(self) -> bool:
-        """No skill runs, the arm is at rest, the hand is empty, and no answer waits for who asked."""
+        """Whether no skill runs, the arm is at rest, the hand is empty and no answer waits to be read."""
         world = self.world
         free = world.scene.held is None and not world.operator.answered
         return self._first is None and self.tree.quiescent and world.control.at_rest and free
@@ -341,7 +353,7 @@ class Session:
             revisions.pending = None
 
     def _take_over(self, mission: Mission, scribe: SessionRecorder) -> None:
-        """Go on with another version of the mission: belief, blackboard and attempts stay as they are."""
+        """Resume with another version of the mission; belief, blackboard and attempts stay as they are."""
         tree = build(mission, self.world, self.recipe.parameters)
         adoption = tree.adopt(self.tree.save())
         tree.on_start.extend(self.tree.on_start)
@@ -373,7 +385,7 @@ def _faults() -> TypeAdapter[tuple[FaultState, ...]]:
 
 
 def _kill() -> None:
-    """At once, as by power loss: nothing is flushed or closed."""
+    """Kill this process as a power failure would: nothing is flushed or closed."""
     os.kill(os.getpid(), signal.SIGKILL)
 
 
