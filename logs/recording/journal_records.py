@@ -1,4 +1,4 @@
-"""From what the floors below note to the records that a log keeps."""
+"""Conversion of journal entries, bodies, fixtures and settings into records of the log."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ STICKER = 0.001
 
 
 class SpawnedBody(Protocol):
-    """What the simulation says of a body that it spawned."""
+    """Body that the simulation has spawned."""
 
     @property
     def id(self) -> ObjectId | str: ...
@@ -51,7 +51,7 @@ class SpawnedBody(Protocol):
 
 
 def belief_record(o: BeliefObject) -> BodyRecord:
-    """What the planning scene has there."""
+    """Return the record of a body of the planning scene."""
     return BodyRecord(
         id=o.id,
         kind=o.kind,
@@ -71,14 +71,14 @@ def belief_record(o: BeliefObject) -> BodyRecord:
 
 
 def truth_record(body: SpawnedBody) -> BodyRecord:
-    """What the simulation has there."""
+    """Return the record of a body of the simulation, with its seating when it is at a hole."""
     shape = _portable(body.shape)
     seat = body.seat if isinstance(body, SimulatedBody) else None
     return BodyRecord(body.id, body.kind, body.form, body.colour, shape, body.pose, body.role, seat=seat)
 
 
 def changed(change: BeliefChange) -> Event:
-    """A change of the belief, with what was believed before and after."""
+    """Return the event of a change of the belief, with the object before and after it."""
     known = change.after or change.before
     subject = "" if known is None else str(known.id)
     return Event(
@@ -96,7 +96,7 @@ def changed(change: BeliefChange) -> Event:
 
 
 def plan_record(made: PlanEntry) -> Plan:
-    """A request to the planner and its answer."""
+    """Return the record of a planning request and its answer."""
     return Plan(
         made.request,
         made.planner,
@@ -116,7 +116,7 @@ def plan_record(made: PlanEntry) -> Plan:
 
 
 def candidates_record(choice: CandidateSearchEntry) -> Candidates:
-    """The trail of a choice."""
+    """Return the record of a candidate search."""
     return Candidates(
         choice.purpose,
         choice.object,
@@ -174,5 +174,5 @@ def run_metadata(run: RunInfo) -> dict[str, str]:
 
 
 def _portable(shape: Shape) -> Shape:
-    """The same shape on every machine: of the file of a mesh only the name."""
+    """Return the shape without machine-dependent parts: a mesh keeps only its file's name."""
     return replace(shape, source=Path(shape.source).name) if isinstance(shape, ConvexMesh) else shape
