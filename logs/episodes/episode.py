@@ -4,21 +4,22 @@
   that a `Recover` answers counts as `tree.attempts`. Until the decision, the same cause at the same node
   belongs to the same episode, also within the next branch of a `Fallback`. Another cause is another episode.
 - *Tried.* A `Recover`, a `RecoveryNode`, a `RetryUntilSuccessful` or a `Fallback` above the node handles the
-  failure: it runs a cure, the branch again, or its next branch. When that handler fails in the end and one
+  failure. It runs a cure, the branch again, or its next branch. When that handler fails in the end and one
   further up handles the failure, the episode continues there. So it is counted once.
-- *By what.* The cure that ran last against this cause: the sub-tree or the nodes of the handler; `Grasp
-  again` where only the branch ran again; the next branch of a `Fallback`.
+- *By what.* The cure that ran last against this cause: the sub-tree or the nodes of the handler. It is `Grasp
+  again` where only the branch ran again, and the next branch of a `Fallback`.
 - *Tries.* Runs after the failure that could succeed: 1 when the first of them did.
 - *Cured* when the handling node then succeeds. *Given up* when that node fails and none further up handles
   the failure, or when the cure sets the item aside. A branch of a `Fallback` with a `SetAside` in it gives
   the item up, even if it only counts this time, and is no try. *Unhandled* when no node tried anything.
   *Open* when the log ends before.
-- *Time lost.* Simulated time from the start of the failed run of the branch to the start of the next one. For
-  the last failure it is the time to the end of the node. Over all tries, that is from the start of the run
-  that failed first to the start of the one that succeeded. Where a branch fails with several causes in turn, each is
-  charged with the time up to the next run. The time of an inner episode is subtracted from the outer one, so
-  that the times add up. Two branches of a `Parallel` are each charged with their own. An unhandled failure
-  is charged with the time of the failed node, or with nothing if it occurred within another episode.
+- *Time lost.* Simulated time from the start of the failed run of the branch to the start of the next one.
+  For the last failure it is the time to the end of the node. Over all tries, that is from the start of the
+  run that failed first to the start of the one that succeeded. Where a branch fails with several causes in
+  turn, each is charged with the time up to the next run. The time of an inner episode is subtracted from the
+  outer one, so that the times add up. Two branches of a `Parallel` are each charged with their own. An
+  unhandled failure is charged with the time of the failed node, or with nothing if it occurred within
+  another episode.
 """
 
 from __future__ import annotations
