@@ -23,8 +23,8 @@ class Run(RunRecord):
     Raises PicktreeError when `where` is no log, or the file is damaged.
 
         with Run("runs/sort_by_colour-3-20261121-083249") as run:
-            print(run)                            # mission, seed, how long, what came of it
-            for failure in run.failures:          # every failure, and what became of it
+            print(run)                            # mission, seed, duration, outcome
+            for failure in run.failures:          # every failure, and its disposition
                 print(failure.time, failure.cause, failure.item, failure.fate)
             moment = run.at(17.0)                 # tick, belief, truth, blackboard
             picture = run.picture(17.0)           # as an array, for imshow
