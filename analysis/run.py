@@ -1,4 +1,4 @@
-"""Run: a recorded run with what can be found out from it, for analysts."""
+"""Analysed run: a recorded run with its explanation, failures, items and pictures."""
 
 from __future__ import annotations
 
@@ -13,40 +13,38 @@ from .explain.investigation.explanation import Explanation, FailureStory, ItemSt
 
 
 class Run(RunRecord):
-    """One run, from its log alone: also from one that was cut off.
+    """One run, from its log alone, also when it was cut off.
 
     `where` is a log file, a run's folder, or `last`. Times are simulated seconds, lengths m, angles rad,
-    forces N; poses are in the world. Everything is read when it is first asked for, and then kept; `ticks`
-    and `shots` read each time, so that a long log needs little memory. Use it as a context manager, or
-    `close` it.
+    forces N; poses are in the world. Everything is read on the first request, and then kept; `ticks` and
+    `shots` read each time, so that a long log needs little memory. Use it as a context manager, or `close`
+    it.
 
-    Raises PicktreeError for what is no log, and where the file is damaged.
+    Raises PicktreeError when `where` is no log, or the file is damaged.
 
-    ```python
-    with Run("runs/sort_by_colour-3-20261121-083249") as run:
-        print(run)                            # mission, seed, how long, what came of it
-        for failure in run.failures:          # every failure, and what became of it
-            print(failure.time, failure.cause, failure.item, failure.fate)
-        moment = run.at(17.0)                 # tick, belief, truth, blackboard
-        picture = run.picture(17.0)           # as an array, for imshow
-    ```
+        with Run("runs/sort_by_colour-3-20261121-083249") as run:
+            print(run)                            # mission, seed, duration, outcome
+            for failure in run.failures:          # every failure, and its disposition
+                print(failure.time, failure.cause, failure.item, failure.fate)
+            moment = run.at(17.0)                 # tick, belief, truth, blackboard
+            picture = run.picture(17.0)           # as an array, for imshow
     """
 
     @cached_property
     def explanation(self) -> Explanation:
-        """Why it ended as it did: failures, root causes, items, what to look at."""
+        """Explanation of the run's end: failures, root causes, items, places to look at."""
         from .explain.explain import explain  # most readers of a log explain nothing
 
         return explain(self)
 
     @property
     def failures(self) -> tuple[FailureStory, ...]:
-        """Every failure with a cause, and what became of it; in the order of time."""
+        """Failures with a cause and their dispositions, in order of time."""
         return self.explanation.failures
 
     @property
     def items(self) -> tuple[ItemStory, ...]:
-        """What happened to each item, as the robot believed, and where it truly is in the end."""
+        """Stories of the items: events as the robot believed, and the true place at the end."""
         return self.explanation.items
 
     def picture(
@@ -58,10 +56,10 @@ class Run(RunRecord):
         show: Literal["belief", "truth", "both"] = "belief",
         caption: bool = True,
     ) -> NDArray[np.uint8]:
-        """The scene at that time as RGB (h, w, 3).
+        """Return the scene at that time as RGB (h, w, 3).
 
         `size` is in pixels; `view` a name such as `top`, or `AZIMUTH,ELEVATION,DISTANCE` in degrees and m;
-        `both` draws the belief with outlines of the truth. Raises PicktreeError for a time that never was.
+        `both` draws the belief with outlines of the truth. Raises PicktreeError for a time outside the run.
         """
         from .render.snapshot import draw  # slow to load
         from .render.viewpoint import parse_view

@@ -42,6 +42,6 @@ def adding(name: str) -> str:
 
 
 def _shown(path: Path) -> str:
-    """The path from the working directory if it is in there."""
+    """Return the path relative to the working directory if it is inside."""
     here = Path.cwd()
     return str(path.relative_to(here) if path.is_relative_to(here) else path)

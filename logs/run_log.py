@@ -1,4 +1,4 @@
-"""Reading a run's log: what it was, its files, and its records by topic and time."""
+"""Run log: settings, files and records of a run by topic and time."""
 
 from __future__ import annotations
 
@@ -47,12 +47,12 @@ RUNS = Path("runs")
 R = TypeVar("R")
 
 _NOTHING = (b'"writes":[]', b'"transitions":[]')
-"""What stands in the JSON of a tick in which nothing happened to the tree."""
+"""JSON of a tick without transitions and writes."""
 
 
 @dataclass(frozen=True, slots=True)
 class Stamped(Generic[R]):
-    """A record and when it was made, simulated s."""
+    """Record with its time, simulated s."""
 
     time: float
     record: R
@@ -76,7 +76,8 @@ class CameraImage:
 
 
 def find_log(where: str | Path) -> Path:
-    """The log file that LOG means: a file, a run's folder, or `last` in ./runs. Raises PicktreeError."""
+    """Return the log file that LOG names: a file, a run's folder, or `last` in ./runs. Raises
+    PicktreeError."""
     if str(where) == "last":
         logs = sorted(RUNS.glob(f"*/{LOG_NAME}"), key=lambda p: (_written(p), str(p)))
         if not logs:
@@ -99,11 +100,11 @@ def find_log(where: str | Path) -> Path:
 
 
 class RunLog:
-    """One run's log, in all its files. `recovered` is a sentence when it had not been finished, or when
-    something is damaged or missing: then it says what was lost. Else it is empty.
+    """Log of one run, in all its files.
 
-    Iterators yield in the order of time; `start` and `end` are simulated seconds, both inclusive. All
-    methods raise PicktreeError, with the offset in the file, where it is damaged.
+    `recovered` is a sentence when the log was not finished, or when something is damaged or missing: it names
+    the losses. Else it is empty. Iterators yield in order of time; `start` and `end` are simulated seconds,
+    both inclusive. All methods raise PicktreeError, with the offset in the file, where it is damaged.
     """
 
     def __init__(self, where: str | Path) -> None:
@@ -117,16 +118,19 @@ class RunLog:
             self._file.close()
             raise
         self.part = self._file.goes_on.number if self._file.goes_on else 1
-        """1, unless this is a later file of a rotated log, opened by its own name: then which one. It begins
-        in the middle of the run."""
+        """Number of the log's first file: 1, or another for a later file of a rotated log, opened by its own
+        name.
+
+        A log that begins with a later file begins in the middle of the run.
+        """
         self.paths = self._file.paths
-        """The files that it is read from."""
+        """Files of the log."""
 
     def close(self) -> None:
         self._file.close()
 
     def require_beginning(self) -> None:
-        """Raises PicktreeError when this is a later file of a rotated log, opened by its own name."""
+        """Raise PicktreeError when this is a later file of a rotated log, opened by its own name."""
         if self.part > 1:
             raise PicktreeError(
                 f"{self.path}: part {self.part} of a log in several files, which begins in the middle of the "
@@ -143,7 +147,7 @@ class RunLog:
 
     @property
     def run(self) -> RunInfo:
-        """What the run was started with."""
+        """Settings with which the run was started."""
         words = self.metadata["picktree"]
         continues = self.metadata.get("picktree.continues")
         try:
@@ -171,7 +175,7 @@ class RunLog:
 
     @property
     def result(self) -> Mapping[str, str]:
-        """What the run ended with; empty when it was killed."""
+        """Metadata of the run's end; empty when it was killed."""
         return self.metadata.get("picktree.result", {})
 
     @property
@@ -183,7 +187,7 @@ class RunLog:
 
     @property
     def end(self) -> float:
-        """Time of the last message, s."""
+        """Time of the last message, simulated s."""
         return self._file.end / 1e9
 
     @property
@@ -191,7 +195,7 @@ class RunLog:
         return self._file.attachments
 
     def attachment(self, name: str) -> bytes:
-        """Raises PicktreeError when there is none of that name."""
+        """Return an attachment's content. Raises PicktreeError when there is none of that name."""
         data = self._file.attachment(name)
         if data is not None:
             return data
@@ -206,15 +210,16 @@ class RunLog:
         )
 
     def tree(self) -> Tree:
-        """As the run began with it; `trees` has those of a mission that was edited under the run, too."""
+        """Return the tree with which the run began. `trees` also has those of a mission that was edited
+        during the run."""
         return self._only(topics.TREE.name, lambda data: decode(Tree, data))
 
     def trees(self) -> Iterator[Stamped[Tree]]:
-        """Every tree of the run, with the time of its first tick."""
+        """Yield every tree of the run, with the time of its first tick."""
         return self._records(topics.TREE.name, lambda data: decode(Tree, data), None, None)
 
     def robot_model(self) -> tuple[LinkMesh, ...]:
-        """Empty when the log holds none."""
+        """Return the visual meshes of the links; empty when the log holds none."""
         found = self.last(topics.ROBOT.name, self.end)
         return () if found is None else self._read(found, foxglove_messages.read_robot)
 
@@ -222,8 +227,10 @@ class RunLog:
         return self._records(topics.TICK.name, lambda data: decode(Tick, data), start, end)
 
     def busy_ticks(self) -> Iterator[Stamped[Tick | None]]:
-        """All ticks; instead of those in which no node began or ended and nothing was written None, which
-        makes most of them free. The first tick is always there."""
+        """Yield all ticks, with None for one without any start or end of a node or write.
+
+        Most ticks are such and cost no decoding. The first tick is always there.
+        """
         first = True
         for message in self.messages([topics.TICK.name]):
             idle = all(nothing in message.data for nothing in _NOTHING)
@@ -248,7 +255,7 @@ class RunLog:
         return self._records(topics.WRENCH.name, lambda data: decode(WrenchReading, data), start, end)
 
     def controls(self, start: float | None = None, end: float | None = None) -> Iterator[Stamped[Control]]:
-        """None in logs that were made before this topic was."""
+        """Yield the servo's set points; none in logs from before this topic."""
         return self._records(topics.CONTROL.name, lambda data: decode(Control, data), start, end)
 
     def beliefs(self, start: float | None = None, end: float | None = None) -> Iterator[Stamped[Scene]]:
@@ -299,11 +306,11 @@ class RunLog:
         start: float | None = None,
         end: float | None = None,
     ) -> Iterator[RawMessage]:
-        """Undecoded messages of these topics."""
+        """Yield undecoded messages of these topics."""
         return self._file.messages(wanted, _ns(start), _ns(end))
 
     def last(self, topic: str, at: float) -> RawMessage | None:
-        """The last message of the topic at `at` seconds or before; None when there is none."""
+        """Return the last message of the topic at `at` (simulated s) or before; None when there is none."""
         return next(self._file.messages([topic], None, _ns(at), newest_first=True), None)
 
     def tick_at(self, at: float) -> Stamped[Tick] | None:
@@ -319,7 +326,8 @@ class RunLog:
         return self._last(topics.TRUTH.name, foxglove_messages.read_scene, at)
 
     def digest(self) -> str:
-        """Computed again from everything simulated in the log; equal to the recorded one when it is whole."""
+        """Compute the digest of everything simulated in the log. It equals the recorded one when the log is
+        whole."""
         simulated = {t.name for t in topics.FIXED if t.simulated}
         digest, start = Digest(), None
         before, continues = self._file.goes_on, self.run.continues
@@ -374,7 +382,7 @@ class RunLog:
 
 
 def _written(log: Path) -> int:
-    """When the last file of a log was written last, ns."""
+    """Return the time of the last write to a log's last file, ns."""
     return max(path.stat().st_mtime_ns for path in (log, *part_paths(log).values()))
 
 

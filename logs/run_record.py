@@ -1,4 +1,4 @@
-"""RunRecord: one run, read from its log."""
+"""Run record: one run with its ticks, visits, events and readings, read from its log."""
 
 from __future__ import annotations
 
@@ -33,13 +33,14 @@ from .visits import Pick, Visit, picks_of, visits_of
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Moment:
-    """What was at one tick."""
+    """State at one tick: tree, belief, ground truth and blackboard."""
 
     tick: TickAt
     belief: Scene | None
-    """What the robot believed, poses in the world."""
+    """Belief of the robot, poses in the world; None before its first message."""
     truth: Scene | None
-    """Of the second before; the robot did not know it."""
+    """Ground truth of at most a second earlier, which the robot did not know; None before its first
+    message."""
     blackboard: Mapping[str, object]
     """All values by their full keys, such as `Main/items`."""
 
@@ -49,7 +50,7 @@ class Moment:
 
 
 class RunRecord:
-    """One run, read from its log: also a run that was cut off.
+    """One run, read from its log, also when it was cut off.
 
     `where` is a log file, a run's folder, or `last`. Times are simulated seconds, lengths m, angles rad,
     forces N; poses are in the world. Everything is read on the first request, and then kept; `ticks` and
@@ -60,12 +61,12 @@ class RunRecord:
 
     def __init__(self, where: str | Path) -> None:
         self.log = RunLog(where)
-        """The file below, record by record."""
+        """Log of the run, record by record."""
         self.path = self.log.path
         self.recovered = self.log.recovered
-        """A sentence when the file had not been finished, else empty."""
+        """Sentence about losses when the file was not finished, else empty."""
         self.info: RunInfo = self.log.run
-        """What the run was started with: mission, scene, seed, parameters, versions."""
+        """Settings of the run: mission, scene, seed, parameters, versions."""
 
     def __repr__(self) -> str:
         result = self.result
@@ -90,18 +91,18 @@ class RunRecord:
 
     @property
     def end(self) -> float:
-        """Time of the last message."""
+        """Time of the last message, simulated s."""
         return self.log.end
 
     @cached_property
     def result(self) -> RunResult | None:
-        """Result of the run; None when it was killed, or ended by a fault."""
+        """Result of the run; None when it was killed, or ended by an exception."""
         words = self.log.result
         return RunResult.from_json_text(words["json"], self.path) if "json" in words else None
 
     @cached_property
     def trees(self) -> tuple[Stamped[Tree], ...]:
-        """Trees with the time of their first tick; several when the mission was edited under the run."""
+        """Trees with the time of their first tick; several when the mission was edited during the run."""
         return tuple(self.log.trees())
 
     def tree_at(self, time: float) -> Tree:
@@ -118,61 +119,61 @@ class RunRecord:
 
     @cached_property
     def ticks(self) -> TickSequence:
-        """The whole tree after each tick, by number; `ticks.number_at(time)` finds one by its time."""
+        """Whole tree after each tick, by number; `ticks.number_at(time)` finds one by its time."""
         return TickSequence(self.log)
 
     @cached_property
     def visits(self) -> tuple[Visit, ...]:
-        """What each node did, from its beginning to its end; in the order of the beginnings."""
+        """Activations of nodes from start to end, in order of their starts."""
         return visits_of(self.log)
 
     @cached_property
     def plans(self) -> tuple[Stamped[Plan], ...]:
-        """Every request to the planner and its answer; paths in rad, `tool_path` in m in the world."""
+        """Planning requests and their answers; paths in rad, `tool_path` in m in the world."""
         return tuple(self.log.plans())
 
     @cached_property
     def candidates(self) -> tuple[Stamped[Candidates], ...]:
-        """The trail of every choice of a grasp or a place: how many reached each stage, who was rejected."""
+        """Candidate searches for grasps and places: number of candidates at each stage, and rejections."""
         return tuple(self.log.candidates())
 
     @cached_property
     def lines(self) -> tuple[Stamped[LogLine], ...]:
-        """The lines for people, as they were logged."""
+        """Log lines for people."""
         return tuple(self.log.lines())
 
     @cached_property
     def picks(self) -> tuple[Pick, ...]:
-        """Every closing of the fingers on an object."""
+        """Closings of the fingers on objects."""
         return picks_of(self.events)
 
     @cached_property
     def joints(self) -> JointSeries:
-        """A reading a tick."""
+        """Joint readings, one a tick."""
         return joint_series(self.log)
 
     @cached_property
     def gripper(self) -> GripperSeries:
-        """A reading a tick; empty for a robot without fingers."""
+        """Gripper readings, one a tick; empty for a robot without fingers."""
         return gripper_series(self.joints, [name for name in self.joints.names if "finger" in name])
 
     @cached_property
     def wrenches(self) -> WrenchSeries:
-        """A reading a tick."""
+        """External wrench at the wrist, one reading a tick."""
         return wrench_series(self.log)
 
     @cached_property
     def controls(self) -> ControlSeries:
-        """A reading a tick; empty for a log that does not tell."""
+        """Set points of the servo, one a tick; empty for a log without them."""
         return control_series(self.log)
 
     @cached_property
     def shots(self) -> ImageSequence:
-        """The cameras' images; `shots.before(time)` finds one by its time."""
+        """Images of the cameras; `shots.before(time)` finds one by its time."""
         return ImageSequence(self.log)
 
     def at(self, time: float) -> Moment:
-        """What was then: at the last tick at `time` or before."""
+        """Return the state at the last tick at `time` (simulated s) or before."""
         tick = self.ticks[self.ticks.number_at(time)]
         belief, truth = self.log.belief_at(tick.time), self.log.truth_at(tick.time)
         return Moment(
@@ -183,7 +184,7 @@ class RunRecord:
         )
 
     def blackboard_at(self, time: float) -> Mapping[str, object]:
-        """All values by their full keys, after the last tick at `time` or before."""
+        """Return all values by their full keys, after the last tick at `time` or before."""
         before = itertools.takewhile(lambda write: write[0] <= time + 1e-9, self._writes)
         return {key: value for _, key, value in before}
 

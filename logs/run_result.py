@@ -1,4 +1,4 @@
-"""What a run came to: one value, rendered once as text and once as JSON."""
+"""Result of a run: one value, as text and as JSON."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def _none() -> Mapping[str, int]:
 
 @dataclass(frozen=True, slots=True)
 class FormCount:
-    """Items of one form (box, cylinder, …)."""
+    """Number of items of one form (box, cylinder, …)."""
 
     total: int
     sorted: int
@@ -41,7 +41,7 @@ class FormCount:
 
 @dataclass(frozen=True, slots=True)
 class ItemCount:
-    """Where the scorer found the items. `total` = `sorted` + `misplaced` + `left`."""
+    """Number of items by place, as the scorer found them. `total` = `sorted` + `misplaced` + `left`."""
 
     total: int
     sorted: int
@@ -52,27 +52,27 @@ class ItemCount:
 
 @dataclass(frozen=True, slots=True)
 class PickCount:
-    """Grasps as the robot felt them."""
+    """Number of grasps, as the robot measured them."""
 
     tried: int
-    """Times that the fingers closed on an object."""
+    """Number of times that the fingers closed on an object."""
     held: int
     objects: int
-    """Different objects that were tried."""
+    """Number of different objects that were tried."""
     held_first_try: int
-    """Objects that were held when the fingers first closed on them."""
+    """Number of objects that were held when the fingers first closed on them."""
 
 
 @dataclass(frozen=True, slots=True)
 class FeedCount:
-    """Of a run whose scene has a feed."""
+    """Counters of the feed, for a scene with one."""
 
     deliveries: int
-    """Loads that have come."""
+    """Number of loads that have come."""
     exchanges: int
-    """Bins that were exchanged for empty ones."""
+    """Number of bins that were exchanged for empty ones."""
     set_aside: int
-    """Items that the mission gave up where they lie."""
+    """Number of items that the mission gave up at their place."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,18 +84,18 @@ class HoleItem:
     hole: str
     verdict: str
     depth: float
-    """Of its lowest point below the mouth, m."""
+    """Depth of the item's lowest point below the hole's mouth, m."""
     bottom: float
     """Depth of the hole, m."""
     tilt: float
-    """rad"""
+    """Angle between the axes of item and hole, rad."""
     penetration: float
-    """How deep it and the fixture were in each other at most within the last second, m."""
+    """Maximum penetration of item and fixture within the last second, m."""
     reason: str
-    """Why it does not count as in the hole, or as where it belongs; empty when it does."""
+    """Reason why the item does not count as in the hole, or as at its destination; empty when it does."""
 
     def to_text(self) -> str:
-        """A line for a terminal."""
+        """Return a line for a terminal."""
         measured = (
             f"{1000 * self.depth:.1f} of {1000 * self.bottom:.1f} mm deep, leans "
             f"{math.degrees(self.tilt):.1f} deg, {1000 * self.penetration:.3f} mm in the wall"
@@ -106,7 +106,7 @@ class HoleItem:
 
 @dataclass(frozen=True, slots=True)
 class WallSeconds:
-    """Seconds of the wall clock; the parts do not sum up to the total."""
+    """Wall time by part, s; the parts do not sum up to the total."""
 
     total: float
     physics: float
@@ -117,12 +117,12 @@ class WallSeconds:
 
 @dataclass(frozen=True, slots=True)
 class RunResult:
-    """The result of one run. All but wall and CPU seconds and the paths follows from the request."""
+    """Result of one run. Except for wall and CPU times and paths, it follows from the request."""
 
     status: RunStatus
     seed: int
     digest: str
-    """SHA-256 over all simulated content, hexadecimal."""
+    """SHA-256 over all simulated content, in hex."""
     items: ItemCount
     picks: PickCount
     sim_seconds: float
@@ -130,28 +130,27 @@ class RunResult:
     wall_seconds: WallSeconds
     log: Path
     folder: Path
-    """Of the run: the log, the result, reports."""
+    """Folder of the run: the log, the result, reports."""
     failures: Mapping[str, int] = field(default_factory=_none)
-    """How often a leaf failed, by cause."""
+    """Number of failures of leaves by cause."""
     recoveries: Mapping[str, int] = field(default_factory=_none)
-    """How often recovery was tried, by cause."""
+    """Number of recoveries tried by cause."""
     cures: tuple[CureCount, ...] | None = None
-    """What was seen, what was tried against it and what came of it, in the words of `episodes.episode`; None
-    in older logs."""
+    """Episodes counted by cause and cure, in the terms of `episodes.episode`; None in older logs."""
     planted: tuple[PlantedCount, ...] = ()
-    """Faults that were planted in the simulation, with what failed first after them."""
+    """Injected faults, counted with the first failure after them."""
     message: str = ""
-    """Why the tree failed, in a sentence."""
+    """Sentence on why the tree failed; empty when it did not."""
     thinking_charged: bool = True
     """Whether planning and perception took simulated time."""
     disagreements: int | None = None
-    """Trajectories that the second collision checker judged otherwise; None when it did not judge."""
+    """Number of trajectories that the verifier has rejected; None: it was not in use."""
     feed: FeedCount | None = None
-    """None for a scene to which nothing is brought."""
+    """Counters of the feed; None for a scene without one."""
     holes: tuple[HoleItem, ...] = ()
     """Items that ended at holes."""
     asked: OperatorQuestion | None = None
-    """Of a run that is paused: what a person is to say."""
+    """Question to a person, for a paused run; else None."""
 
     @property
     def reached(self) -> bool:
@@ -164,11 +163,13 @@ class RunResult:
         return self.sim_seconds / self.picks.held if self.picks.held else None
 
     def explain(self, program: str = "picktree") -> str:
-        """The command that tells what happened; `program` is how picktree is called here."""
+        """Return the command that explains the run; `program` is the name by which picktree is called
+        here."""
         return f"{program} explain {shlex.quote(str(self.folder))}"
 
     def goes_on(self, program: str = "picktree") -> str:
-        """The command that takes a paused run up again, with the first of the answers that it knows."""
+        """Return the command that resumes a paused run, with the first of the question's choices as
+        answer."""
         answer = f" --answer {shlex.quote(self.asked.choices[0])}" if self.asked else ""
         return f"{program} run --resume {shlex.quote(str(self.folder))}{answer}"
 
@@ -219,12 +220,13 @@ class RunResult:
         }
 
     def to_json_text(self) -> str:
-        """One object, with a line's end."""
+        """Return one JSON object, with a trailing newline."""
         return json.dumps(self.to_json(), ensure_ascii=False, indent=2, allow_nan=False) + "\n"
 
     @classmethod
     def from_json_text(cls, text: str, source: Path) -> RunResult:
-        """What `to_json_text` wrote into the log `source`. Raises PicktreeError when it is something else."""
+        """Parse the text of `to_json_text` from the log `source`. Raises PicktreeError when it is something
+        else."""
         try:
             said = json.loads(text)
             wall = said["wall_seconds"]
@@ -247,7 +249,7 @@ class RunResult:
             raise PicktreeError(f"{source}: the result in the log is unreadable: {error!r}") from None
 
     def to_text(self, program: str = "picktree") -> str:
-        """The summary for a terminal, without a line's end; `program` as in `explain`."""
+        """Return the summary for a terminal, without a trailing newline; `program` as in `explain`."""
         items, picks, wall = self.items, self.picks, self.wall_seconds
         lines = [
             f"{self.status}: {_SENTENCES[self.status]}" + (f": {self.message}" if self.message else ""),
@@ -276,7 +278,7 @@ class RunResult:
         return "\n".join(lines)
 
     def _waits(self, program: str) -> list[str]:
-        """Lines when a person is to answer."""
+        """Return the lines about a person's answer; empty when the run does not wait for one."""
         if self.asked is None:
             return []
         return [
@@ -286,14 +288,14 @@ class RunResult:
         ]
 
     def _recovered(self) -> list[str]:
-        """A line for each cause, what cost the most time first."""
+        """Return a line for each cause, with the most time lost first."""
         if self.cures is None:
             return [f"recoveries  {_counts(self.recoveries)}"]
         told = _under("recovery", cause_lines(self.cures))
         return [*told, *_under("planted", planted_lines(self.planted))]
 
     def _fed(self) -> list[str]:
-        """A line when a feed brought items."""
+        """Return a line when the scene has a feed."""
         if self.feed is None:
             return []
         feed = self.feed
@@ -305,7 +307,7 @@ class RunResult:
         return ["feed        " + ", ".join(f"{n} {one if n == 1 else more}" for n, one, more in parts)]
 
     def _verified(self) -> list[str]:
-        """A line when trajectories were judged twice."""
+        """Return a line when the verifier was in use."""
         if self.disagreements is None:
             return []
         return [f"verified    {self.disagreements} trajectories judged otherwise by the second checker"]
@@ -332,7 +334,7 @@ def _cures(said: list[dict[str, Any]] | None) -> tuple[CureCount, ...] | None:
 
 
 def _under(title: str, told: Iterable[str]) -> list[str]:
-    """Lines of which the first has the title."""
+    """Return the lines, the first with the title before it."""
     return [f"{title if n == 0 else '':<12}{line}" for n, line in enumerate(told)]
 
 

@@ -1,4 +1,5 @@
-"""Readings over time as arrays: joints, gripper, wrist, servo."""
+"""Time series of a log: ticks and images by number, and readings of joints, gripper, wrist and servo as
+arrays."""
 
 from __future__ import annotations
 
@@ -34,9 +35,9 @@ class TickAt:
 
 
 class TickSequence(Sequence[TickAt]):
-    """The ticks of a log, read one by one as they are asked for.
+    """Ticks of a log, decoded one by one on access.
 
-    Going through all of them (`for tick in ticks`, or a slice) is many times as fast as asking for each.
+    A loop over all of them (`for tick in ticks`, or a slice) is many times as fast as access to each.
     """
 
     def __init__(self, log: RunLog) -> None:
@@ -44,7 +45,7 @@ class TickSequence(Sequence[TickAt]):
         self.times: tuple[float, ...] = tuple(
             message.time / 1e9 for message in log.messages([topics.TICK.name])
         )
-        """Simulated s."""
+        """Times of the ticks, simulated s."""
 
     def __repr__(self) -> str:
         return f"<{len(self)} ticks{_span(self.times)}>"
@@ -70,7 +71,8 @@ class TickSequence(Sequence[TickAt]):
             yield TickAt(number, at.time, at.record)
 
     def number_at(self, time: float) -> int:
-        """The last tick at `time` (simulated s) or before; the first for a time before it.
+        """Return the number of the last tick at `time` (simulated s) or before; the first for a time before
+        it.
 
         Raises PicktreeError when the log holds no tick.
         """
@@ -88,16 +90,16 @@ class TickSequence(Sequence[TickAt]):
 
 
 class ImageSequence(Sequence[Stamped[CameraImage]]):
-    """The images of a log, of all its cameras in order of time, decoded one by one as they are asked for."""
+    """Images of a log, of all its cameras in order of time, decoded one by one on access."""
 
     def __init__(self, log: RunLog) -> None:
         self._log = log
         cameras = {topics.depth_topic(camera).name: camera for camera in log.cameras}
         index = [(message.time / 1e9, cameras[message.topic]) for message in log.messages(list(cameras))]
         self.times: tuple[float, ...] = tuple(time for time, _ in index)
-        """Simulated s."""
+        """Times of the images, simulated s."""
         self.cameras: tuple[str, ...] = tuple(camera for _, camera in index)
-        """By image, which took it."""
+        """Camera of each image."""
 
     def __repr__(self) -> str:
         by = f" by {', '.join(sorted(set(self.cameras)))}" if self.cameras else ""
@@ -115,12 +117,12 @@ class ImageSequence(Sequence[Stamped[CameraImage]]):
             return tuple(self[number] for number in range(*index.indices(len(self))))
         number = range(len(self))[index]
         time = self.times[number]
-        # Its three messages have one stamp.
+        # The three messages of an image have one stamp.
         return next(self._log.shots(self.cameras[number], time - _SLACK, time + _SLACK))
 
     def before(self, time: float, camera: str | None = None) -> Stamped[CameraImage] | None:
-        """The last image at `time` (simulated s) or before, of that camera or of any; None when none was
-        taken by then."""
+        """Return the last image at `time` (simulated s) or before, of that camera or of any; None when there
+        is none."""
         for number in range(bisect.bisect_right(self.times, time + _SLACK) - 1, -1, -1):
             if camera is None or self.cameras[number] == camera:
                 return self[number]
@@ -133,21 +135,21 @@ def _span(times: Sequence[float]) -> str:
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class JointSeries:
-    """All readings of the joints, one row for each: `times` (n,) s, the others (n, joints)."""
+    """Readings of the joints, one row for each: `times` (n,) s, the others (n, joints)."""
 
     names: tuple[str, ...]
-    """Of the columns: the arm's joints, then the fingers'."""
+    """Names of the columns: the arm's joints, then the fingers'."""
     times: NDArray[np.float64]
-    """Simulated s."""
+    """Times of the readings, simulated s."""
     positions: NDArray[np.float64]
-    """rad, of fingers m."""
+    """Joint positions, rad; of fingers m."""
     velocities: NDArray[np.float64]
-    """rad/s, of fingers m/s."""
+    """Joint velocities, rad/s; of fingers m/s."""
     efforts: NDArray[np.float64]
-    """Nm, of fingers N."""
+    """Joint efforts, Nm; of fingers N."""
 
     def column(self, name: str) -> int:
-        """Where a joint stands in each row. Raises PicktreeError for an unknown name."""
+        """Return the column of a joint. Raises PicktreeError for an unknown name."""
         if name not in self.names:
             raise PicktreeError(f"no joint {name!r}; the log has: {', '.join(self.names) or 'none'}")
         return self.names.index(name)
@@ -158,8 +160,10 @@ class JointSeries:
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class GripperSeries:
-    """All readings of the gripper: `times` (n,) s, `widths` (n,) m between the fingers, `forces` (n,) N of
-    the finger that presses most."""
+    """Readings of the gripper: `times` (n,) s, `widths` (n,) m between the fingers, `forces` (n,) N.
+
+    The force is that of the finger with the greater force.
+    """
 
     times: NDArray[np.float64]
     widths: NDArray[np.float64]
@@ -171,8 +175,10 @@ class GripperSeries:
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class WrenchSeries:
-    """All readings of the external wrench at the wrist, in the world's axes: `times` (n,) s, `forces` (n, 3)
-    N, `torques` (n, 3) Nm."""
+    """Readings of the external wrench at the wrist, in world axes.
+
+    `times` (n,) s, `forces` (n, 3) N, `torques` (n, 3) Nm.
+    """
 
     times: NDArray[np.float64]
     forces: NDArray[np.float64]
@@ -184,8 +190,11 @@ class WrenchSeries:
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class ControlSeries:
-    """What the arm's servo had been told: `times` (n,) s, `controllers` by tick, `references` and `errors`
-    (n, joints) rad, NaN while torques were commanded. Empty for a log that does not tell."""
+    """Set points of the arm's servo: `times` (n,) s, `controllers` by tick, `references` and `errors` (n,
+    joints) rad.
+
+    NaN while torques were commanded. Empty for a log without this topic.
+    """
 
     times: NDArray[np.float64]
     controllers: tuple[str, ...]
@@ -214,7 +223,8 @@ def joint_series(log: RunLog) -> JointSeries:
 
 
 def gripper_series(joints: JointSeries, fingers: Iterable[str]) -> GripperSeries:
-    """`fingers` are joints whose positions add up to the opening. Empty when there is none."""
+    """Return the gripper's readings; empty without fingers. `fingers` are joints whose positions add up to
+    the opening."""
     columns = [joints.column(name) for name in fingers]
     if not columns:
         none = np.zeros(0)
@@ -247,7 +257,7 @@ def control_series(log: RunLog) -> ControlSeries:
 
 
 def _rows(values: array[float], rows: int, columns: int | None = None) -> Array:
-    """A read-only view; a million numbers are not copied."""
+    """Return a read-only view; a million numbers are not copied."""
     return (
         np.frombuffer(values).reshape((rows,) if columns is None else (rows, columns))
         if rows

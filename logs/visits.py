@@ -1,4 +1,4 @@
-"""Visits: a run as what its nodes did, from their beginnings to their ends, instead of tick by tick."""
+"""Visits: activations of nodes from start to end, derived from the ticks of a log."""
 
 from __future__ import annotations
 
@@ -13,25 +13,25 @@ from .schema.records import Event, NodeStatusRecord, Tick, TransitionRecord, Tre
 
 @dataclass(frozen=True, slots=True)
 class Pick:
-    """One closing of the fingers on an object, as the robot felt it."""
+    """Closing of the fingers on an object, as the robot measured it."""
 
     time: float
-    """Simulated s."""
+    """Time of the closing, simulated s."""
     object: str
     """Id of the believed object."""
     held: bool
     node: str
     """Path of the node that closed them."""
     candidate: str = ""
-    """The grasp that was chosen."""
+    """Name of the chosen grasp."""
     width: float = float("nan")
-    """Opening after closing, m."""
+    """Opening after closing, m; NaN: not recorded."""
     load: float = float("nan")
-    """Weight at the wrist after lifting, N."""
+    """Weight at the wrist after lifting, N; NaN: not recorded."""
 
 
 def picks_of(events: Iterable[Stamped[Event]]) -> tuple[Pick, ...]:
-    """Those among the events of a run."""
+    """Return the picks among the events of a run."""
     return tuple(_pick(at) for at in events if at.record.kind == "pick")
 
 
@@ -55,7 +55,7 @@ def _pick(at: Stamped[Event]) -> Pick:
 HALTED: Final = "HALTED"
 
 Key: TypeAlias = tuple[str, str, int]
-"""(item, node path, attempt): what names the same visit in two runs."""
+"""Key of a visit in two runs: (item, node path, attempt)."""
 
 
 def _no_values() -> Values:
@@ -64,35 +64,38 @@ def _no_values() -> Values:
 
 @dataclass(frozen=True, slots=True)
 class Visit:
-    """One activation of a node: from the tick in which it began to the one in which it ended."""
+    """Visit: one activation of a node, from the tick of its start to the tick of its end."""
 
     number: int
-    """Its place among the visits of the run, which are ordered by their beginnings."""
+    """Place among the visits of the run, which are ordered by their starts."""
     path: str
     id: str
-    """Registered name, such as `Grasp`."""
+    """Registered name of the node, such as `Grasp`."""
     parent: int | None
-    """Number of the visit of the parent within which it took place; None for the root."""
+    """Number of the parent's visit around this one; None for the root."""
     item: str
-    """Id of the object that it is about: its own subject, or that of the nearest visit around it, an
-    iteration's element counting as one; empty when there is none."""
+    """Id of the object that the visit is about; empty when there is none.
+
+    It is the visit's own subject, or that of the nearest visit around it. An iteration's element counts as a
+    subject.
+    """
     attempt: int
-    """How many times its node had been visited for this item by then, this time included."""
+    """Number of visits of the node for this item so far, this one included."""
     start: float
-    """Simulated s."""
+    """Start, simulated s."""
     end: float
-    """Simulated s; of the log's last tick when it had not ended by then."""
+    """End, simulated s; time of the log's last tick when the visit had not ended."""
     first: int
-    """Number of the tick in which it began, 0 for the first of the log."""
+    """Number of the first tick, 0 for the first of the log."""
     last: int
     outcome: str
     """SUCCESS, FAILURE, SKIPPED or HALTED; RUNNING when the log ends before."""
     inputs: Values = field(default_factory=_no_values)
-    """What it read through references when it began, by port."""
+    """Values read through references at the start, by port."""
     cause: str = ""
-    """Of a failure; empty for a false condition."""
+    """Cause of a failure; empty for a false condition."""
     origin: str = ""
-    """Of a failure: path of the node that it came from, which may be this one."""
+    """Path of the node from which the failure came, which may be this one; empty without a failure."""
     message: str = ""
     evidence: Values = field(default_factory=_no_values)
 
@@ -102,24 +105,24 @@ class Visit:
 
     @property
     def duration(self) -> float:
-        """Simulated s."""
+        """Duration, simulated s."""
         return self.end - self.start
 
     @property
     def failed_itself(self) -> bool:
-        """Whether it ended in a failure that came from this very node, not from one below it."""
+        """Whether the visit ended in a failure that came from this very node, not from one below it."""
         return self.outcome == "FAILURE" and bool(self.cause) and self.origin == self.path
 
 
 class VisitBuilder:
-    """Turns ticks into visits, one tick at a time; a visit is open until its node ends."""
+    """Builder of visits from ticks, one tick at a time; a visit is open until its node ends."""
 
     def __init__(self, tree: Tree) -> None:
         self._visits: list[Visit] = []
         self._open: dict[str, int] = {}
         self._counts: Counter[tuple[str, str]] = Counter()
         self._elements: dict[str, str] = {}
-        """The present element of each iteration, by its node's path."""
+        """Present element of each iteration, by its node's path."""
         self._ids: dict[str, str] = {}
         self._parents: dict[str, str] = {}
         self._iterations: frozenset[str] = frozenset()
@@ -127,7 +130,7 @@ class VisitBuilder:
         self.follow(tree)
 
     def follow(self, tree: Tree) -> None:
-        """From the next tick on it is this tree that is ticked."""
+        """Use another tree from the next tick on."""
         self._ids = {node.path: node.id for node in tree.nodes}
         self._parents = {node.path: node.parent for node in tree.nodes}
         self._iterations = frozenset(node.path for node in tree.nodes if node.id == "ForEach")
@@ -146,12 +149,12 @@ class VisitBuilder:
                 self._end(transition)
 
     def skip(self, time: float) -> None:
-        """A tick in which nothing began, ended or was written; not the first."""
+        """Count a tick without transitions and writes. It may not be the first."""
         self._number += 1
         self._time = time
 
     def finish(self) -> tuple[Visit, ...]:
-        """All visits; those that are open end with the last tick."""
+        """Return all visits; open ones end with the last tick."""
         for number in self._open.values():
             visit = self._visits[number]
             self._visits[number] = replace(visit, end=self._time, last=max(self._number, visit.first))
@@ -164,7 +167,7 @@ class VisitBuilder:
 
     def _begin(self, transition: TransitionRecord) -> None:
         path = transition.path
-        if path in self._open:  # it began anew without a word of its end
+        if path in self._open:  # the log has no end of the visit before
             self._end(TransitionRecord(path, "IDLE"))
         item = transition.subject or self._item_around(path)
         self._counts[item, path] += 1
@@ -216,8 +219,10 @@ class VisitBuilder:
 
 
 def under_way(first: Tick) -> tuple[str, ...]:
-    """Paths of the nodes that had begun before the first tick of a log, parents before their children: a run
-    that goes on from a checkpoint."""
+    """Return the nodes that were running before the first tick of a log, parents before their children.
+
+    There are such nodes in a run that resumes from a checkpoint.
+    """
     word = {t.path: t.status for t in reversed(first.transitions)}
     return tuple(
         node.path
@@ -227,7 +232,7 @@ def under_way(first: Tick) -> tuple[str, ...]:
 
 
 def visits_of(log: RunLog) -> tuple[Visit, ...]:
-    """All visits of a run, in the order of their beginnings. Empty for a log of format 1."""
+    """Return all visits of a run, in order of their starts. Empty for a log of format 1."""
     if log.format < 2:
         return ()
     trees = list(log.trees())
@@ -247,8 +252,10 @@ ENDED = frozenset({"SUCCESS", "FAILURE", "SKIPPED"})
 
 
 def derived_visits(log: RunLog) -> tuple[Visit, ...]:
-    """As `visits_of`. A node that ended and began anew within one tick counts as one visit, and what a node
-    read when it began is not known."""
+    """Return the visits as `visits_of` does, also for a log of format 1.
+
+    A node that ended and started within one tick counts as one visit. Values read at a start are unknown.
+    """
     trees = list(log.trees())
     following = VisitBuilder(trees[0].record if trees else Tree(()))
     coming = trees[1:]
@@ -260,7 +267,7 @@ def derived_visits(log: RunLog) -> tuple[Visit, ...]:
 
 
 def with_transitions(ticks: Iterator[Stamped[Tick]]) -> Iterator[Stamped[Tick]]:
-    """The ticks with the transitions that their statuses speak of."""
+    """Yield the ticks with transitions that are derived from the statuses of their nodes."""
     running: set[str] = set()
     for at in ticks:
         begun = [
@@ -293,7 +300,7 @@ def _end(node: NodeStatusRecord, nodes: Sequence[NodeStatusRecord]) -> Transitio
 
 
 def _origin(node: NodeStatusRecord, nodes: Sequence[NodeStatusRecord]) -> NodeStatusRecord:
-    """The lowest node below it that stands in the same failure, or itself."""
+    """Return the lowest node below this one with the same failure, or the node itself."""
     same = [
         below
         for below in nodes

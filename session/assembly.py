@@ -1,4 +1,4 @@
-"""Putting a robot's world together: hardware below, beliefs, planning, control and eyes on top of it."""
+"""Assembly of a robot's world: hardware, belief, planning, control and perception."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from ..world.stopwatch import Stopwatch
 from ..world.thinking_time import ComputeTimeAccount
 
 TICK = 0.05
-"""Seconds between two ticks of a tree."""
+"""Length of a tick, simulated s."""
 
 
 def assemble_world(
@@ -41,7 +41,8 @@ def assemble_world(
     verify: bool = False,
     stopwatch: Stopwatch | None = None,
 ) -> World:
-    """A world on that hardware with an empty belief: fixtures and bins are known, objects are not."""
+    """Return a world on the given hardware with an empty belief: fixtures and bins are known, objects are
+    not."""
     watch = stopwatch or Stopwatch()
     model = RobotModel(replace(robot, tool=scene.tool))
     belief = PlanningScene(scene.fixtures, scene.bins, destination_rule(scene.destinations))

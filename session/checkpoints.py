@@ -1,4 +1,4 @@
-"""Checkpoints: the whole state of a run at a quiescent moment, as numbers and names, exact in JSON."""
+"""Checkpoints: the complete state of a run at a quiescent moment, as numbers and names, exact in JSON."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from .run_tally import RunCounters, RunCountersState
 
 @dataclass(frozen=True, slots=True)
 class BeliefState:
-    """The planning scene, and the counters from which it makes new ids."""
+    """Planning scene, and the counters from which it makes new ids."""
 
     scene: SceneSnapshot
     numbers: dict[str, int]
@@ -34,16 +34,16 @@ class BeliefState:
 
 @dataclass(frozen=True, slots=True)
 class RunState:
-    """Everything on which the future of a run and of its log depends, besides what it was made from.
+    """Everything on which the future of a run and of its log depends, besides its recipe.
 
-    What has a default is not in the checkpoints of older logs.
+    Fields with a default are missing in checkpoints of older logs.
     """
 
     time: float
-    """Simulated seconds."""
+    """Time of the checkpoint, simulated s."""
     items_done: int
     simulation: dict[str, Any]
-    """The backend's own checkpoint, as plain values."""
+    """Checkpoint of the backend as plain values."""
     faults: tuple[FaultState, ...]
     control: dict[str, Any]
     belief: BeliefState
@@ -55,20 +55,20 @@ class RunState:
     bins_seen: dict[str, list[list[float | None]]]
     """Heights in the cells of each bin, m; None where nothing was seen."""
     way: FollowedPath | None = None
-    """What the arm followed last, for the way back."""
+    """Path that the arm followed last, for the retreat; None: unknown."""
     tally: RunCountersState | None = None
     disagreements: int = 0
-    """Trajectories that the second collision checker judged otherwise by then."""
+    """Number of trajectories that the verifier has rejected so far."""
     recording: RecordingState | None = None
     noticed: FeedProgressState = field(default_factory=FeedProgressState)
-    """What the robot has heard of its feed by then."""
+    """Events of the feed that the robot has received so far."""
 
     def to_json(self) -> bytes:
         return _adapter().dump_json(self)
 
     @classmethod
     def from_json(cls, data: bytes) -> RunState:
-        """Raises PicktreeError when this is no checkpoint."""
+        """Parse a checkpoint. Raises PicktreeError when the data is none."""
         try:
             return _adapter().validate_json(data)
         except ValidationError as error:
@@ -95,7 +95,7 @@ def take(
     recording: RecordingState,
     disagreements: int = 0,
 ) -> RunState:
-    """Save everything. The simulation goes on from what was saved, as a resumed run would.
+    """Save everything. The simulation then continues from the saved state, exactly as a resumed run does.
 
     Only at a quiescent moment: no skill runs, the arm is held at rest. Raises PicktreeError otherwise.
     """
@@ -128,10 +128,10 @@ def take(
 
 
 def restore(world: World, state: RunState) -> None:
-    """Let a world go on from the state; its hardware was built from the same. Tree, faults and tally are
-    restored by whoever made them, for they may be others now.
+    """Restore a world from the state; its hardware was built from the same state.
 
-    Raises PicktreeError when this is no state of such a world.
+    Tree, faults and counters are restored by the caller, since they may differ now. Raises PicktreeError when
+    the state does not fit such a world.
     """
     try:
         control = _control().validate_python(state.control)

@@ -1,6 +1,6 @@
-"""On what a run is computed: the machine, the libraries, and picktree's own sources.
+"""Computing environment of a run: the machine, the libraries, and picktree's own sources.
 
-None of it is part of a run. It stands in the log for the question why a run comes out otherwise elsewhere.
+None of it is part of a run. The log holds it to explain why a run differs on another machine.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ LIBRARIES: Final = (
     "mcap",
 )
 SOURCES: Final = "sources.txt"
-"""Name of the attachment."""
+"""Name of the attachment with the hashes of the sources."""
 _NO_PART_OF_A_RUN: Final = (
     "__init__.py",
     "__main__.py",
@@ -48,9 +48,9 @@ _NO_PART_OF_A_RUN: Final = (
     "session/real_time_pace.py",
     "session/resume",
 )
-"""Modules and folders that decide nothing about a run: commands, batches, and readers of logs."""
+"""Modules and folders that do not affect a run: commands, batches, and readers of logs."""
 _NAMED: Final = 5
-"""Number of files that a sentence names. Of more it gives the count."""
+"""Maximum number of files that a sentence names. For more it gives the count."""
 _SIMD: Final = ("sse", "ssse", "avx", "fma", "f16c", "bmi", "asimd", "neon", "sve")
 
 
@@ -60,7 +60,7 @@ def versions(libraries: Iterable[str] = LIBRARIES) -> dict[str, str]:
 
 @cache
 def machine() -> Mapping[str, str]:
-    """The computer and its system."""
+    """Return processor, vector instructions, architecture and operating system."""
     model, flags = _processor()
     return {
         "processor": model,
@@ -72,7 +72,7 @@ def machine() -> Mapping[str, str]:
 
 @cache
 def revision() -> str:
-    """Git revision of the checkout that runs, empty for an installed wheel."""
+    """Return the Git revision of the checkout that runs; empty for an installed wheel."""
     if not (ROOT / ".git").exists():
         return ""
     answer = subprocess.run(
@@ -83,7 +83,7 @@ def revision() -> str:
 
 @cache
 def sources() -> Mapping[str, str]:
-    """The files of picktree that decide what a run does: the beginning of each one's SHA-256, by its path."""
+    """Return the first 12 digits of the SHA-256 of each source file that affects a run, by path."""
     return hashes(_run_files())
 
 
@@ -94,18 +94,19 @@ def hashes(files: Iterable[Path]) -> dict[str, str]:
 
 
 def sources_to_text(hashes: Mapping[str, str]) -> str:
-    """As `sha256sum` writes it."""
+    """Return the hashes in the format of `sha256sum`."""
     return "".join(f"{digest}  {path}\n" for path, digest in hashes.items())
 
 
 def sources_from_text(text: str) -> dict[str, str]:
-    """The inverse of `sources_to_text`."""
+    """Parse text of `sources_to_text`."""
     pairs = (line.split("  ", 1) for line in text.splitlines() if "  " in line)
     return {path: digest for digest, path in pairs}
 
 
 def source_changes(before: Mapping[str, str], now: Mapping[str, str]) -> tuple[str, ...]:
-    """Sentences on how picktree's sources differ, from two results of `sources`; none when they are equal.
+    """Return sentences on how picktree's sources differ between two results of `sources`; none when they are
+    equal.
 
     A file with the same content at another path has moved. Where many paths are gone and many are new, the
     files were edited as they moved, and are counted with the others.
@@ -146,7 +147,7 @@ def _version(library: str) -> str:
 
 
 def _processor() -> tuple[str, str]:
-    """Model and vector instructions."""
+    """Return the processor's model and its vector instructions."""
     try:
         text = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace")
     except OSError:

@@ -1,8 +1,9 @@
-"""The live view: every message of the log, as it is recorded, over a Foxglove WebSocket on this machine.
+"""Live view: every message of the log, as it is recorded, over a Foxglove WebSocket on this machine.
 
-It is shown the recorder's own bytes, so it has the log's topics, schemas and times. A client that comes late
-is sent the last message of each topic that tells a state. Nothing in here holds up the run: what a client
-does not take in time is dropped for it, the oldest first."""
+It sends the recorder's own bytes, so it has the log's topics, schemas and times. A late client receives the
+last message of each topic that holds a state. Nothing in here delays the run: messages that a client does not
+take in time are dropped for it, the oldest first.
+"""
 
 from __future__ import annotations
 
@@ -20,23 +21,23 @@ from ..logs.schema.topics import Topic
 
 HOST = "127.0.0.1"
 PORT = 8765
-"""Where Foxglove and Lichtblick look by themselves."""
+"""Default port of Foxglove and Lichtblick."""
 _BACKLOG = 8192
-"""Messages that wait for a client at most: about a minute and a half of simulated time."""
+"""Maximum number of messages that wait for a client: about a minute and a half of simulated time."""
 _GRACE = 0.5
-"""Wall seconds at the end in which clients take what waits for them."""
+"""Wall seconds at the end in which clients take the messages that wait for them."""
 
 _PASSING = frozenset(
     topic.name
     for topic in (topics.TIMING, topics.WRENCH, topics.PLAN, topics.CANDIDATES, topics.LOG, topics.EVENTS)
 )
-"""Topics of what happens at a moment; the last message of all others still holds when a client comes."""
+"""Topics of momentary events. The last message of any other topic still holds when a client connects."""
 
 
 class LiveServer:
-    """Serves from its beginning until it is closed; a context manager.
+    """WebSocket server, from its creation until it is closed; a context manager.
 
-    Raises PicktreeError when the port cannot be had. `port` 0 takes any that is free.
+    Raises PicktreeError when the port is not available. `port` 0 takes any free port.
     """
 
     def __init__(self, port: int = PORT, name: str = "picktree") -> None:
@@ -71,7 +72,7 @@ class LiveServer:
         return f"ws://{HOST}:{self._server.port}"
 
     def __call__(self, topic: Topic, at: int, data: bytes) -> None:
-        """A message that was recorded; `at` is simulated ns."""
+        """Send a recorded message; `at` is simulated ns."""
         with self._lock:
             if topic.name not in _PASSING:
                 self._last[topic.name] = (at, data)
@@ -81,7 +82,7 @@ class LiveServer:
                 self._server.broadcast_time(at)
 
     def close(self) -> None:
-        """Once; after it the port is free."""
+        """Stop the server, once; then the port is free."""
         if self._resender.is_alive():
             self._wanted.put(None)
             self._resender.join()
@@ -108,7 +109,10 @@ class LiveServer:
         return channel
 
     def _resend(self) -> None:
-        """In a thread of its own: the server's may not wait for the run's, and the run may stand still."""
+        """Send the last messages of newly subscribed topics, in a thread of its own.
+
+        The server's thread may not wait for the run's thread, and the run may stand still.
+        """
         while (name := self._wanted.get()) is not None:
             self._met = True
             with self._lock:
@@ -119,7 +123,7 @@ class LiveServer:
 
 
 class _Listener(ServerListener):
-    """Notes what clients subscribe to; called in the server's threads."""
+    """Listener that queues the topics to which clients subscribe; called in the server's threads."""
 
     def __init__(self, wanted: queue.SimpleQueue[str | None]) -> None:
         self._wanted = wanted

@@ -1,4 +1,5 @@
-"""Following the edits of a mission while it runs: which are good, and what is wrong with the others."""
+"""Edits of a mission during its run: detection of edited files, check of the new version, and messages about
+it."""
 
 from __future__ import annotations
 
@@ -16,16 +17,18 @@ from ..files.yaml.document import Document, FileError, open_document, read_text
 from ..trees.loading.scene_names import SceneNames
 from ..trees.mission import IN_LIBRARY, Mission
 from ..trees.ports import PortDeclaration
+from ..trees.running.tree_adoption import StateTransfer
+from ..world.journal import JournalEvent, Plain
 from ..world.scene.description import SceneDescription
 
 MOST_FILES: Final = 200
-"""That are watched."""
+"""Maximum number of files that are watched."""
 
 
 def read_edited(current: Mission, known: SceneNames, *, own_scene: bool) -> Mission:
-    """The mission as its files are now. Raises FileError with the checker's errors, and PicktreeError for an
-    edit that needs a new run.
+    """Return the mission as its files are now.
 
+    Raises FileError with the checker's errors, and PicktreeError for an edit that needs a new run.
     `own_scene`: the run has the scene that the mission names, not another.
     """
     check = check_mission(open_document(current.document.path, "mission"), known=known)
@@ -46,8 +49,10 @@ def read_edited(current: Mission, known: SceneNames, *, own_scene: bool) -> Miss
 
 
 def files_of(mission: Path) -> tuple[Path, ...]:
-    """The files which, edited, make it another mission: its own, and what it includes or names as plug-in,
-    be it there or not."""
+    """Return the files whose edits change the mission: its own, its includes and its plug-in files.
+
+    A file may be missing.
+    """
     found: dict[Path, None] = {}
     todo = [mission]
     while todo and len(found) < MOST_FILES:
@@ -75,7 +80,10 @@ def _named_by(document: Document) -> Iterator[Path]:
 
 
 def _changed(before: tuple[PortDeclaration, ...], after: tuple[PortDeclaration, ...]) -> str:
-    """The first parameter that came, went, or takes other values; what is said about it may change."""
+    """Return the first parameter that was added, removed or takes other values; empty for none.
+
+    Changes of descriptions do not count.
+    """
     old, new = ({port.key: replace(port, doc="") for port in ports} for ports in (before, after))
     return next((key for key in {**old, **new} if old.get(key) != new.get(key)), "")
 
@@ -87,21 +95,22 @@ _SETTLED = 1_000_000_000
 
 
 class EditSource(Protocol):
-    """Where a watched run hears of edits; it asks at every tick."""
+    """Source of edits for a watched run, which polls it at every tick."""
 
     def watch(self, files: Iterable[Path]) -> None:
-        """From now on these files, as they are now; some may not be there."""
+        """Watch these files from now on, as they are now. A file may be missing."""
         ...
 
     def found(self) -> bool:
-        """Whether one of them is another than when they were last watched, or found to be edited."""
+        """Whether a file has changed since it was last watched, or since its last reported edit."""
         ...
 
 
 class FileWatch:
-    """Looks at the files on the disk, a few times a second of the wall clock.
+    """Watch of files on the disk, polled a few times a second of the wall clock.
 
-    An edit counts when two looks have seen the same: an editor that is still writing is not interrupted.
+    An edit counts when two looks have seen the same content: an editor that is still writing is not
+    interrupted.
     """
 
     def __init__(self, period: float = PERIOD, wall: Callable[[], float] = time.monotonic) -> None:
@@ -132,7 +141,10 @@ class FileWatch:
         return {file: self._fingerprint(file) for file in self._files}
 
     def _fingerprint(self, file: Path) -> str:
-        """Of the content; empty when it cannot be read. The content is read when the file's stamp is new."""
+        """Return the hash of the content; empty when the file cannot be read.
+
+        The content is read only when the file's stamp is new.
+        """
         try:
             stat = file.stat()
             stamp = (stat.st_mtime_ns, stat.st_size, stat.st_ino)
@@ -150,29 +162,32 @@ class FileWatch:
 
 @dataclass(frozen=True, slots=True)
 class ReloadMessage:
-    """What is to be told of an edit."""
+    """Message about an edit for the user; `refused`: the edit is not taken over."""
 
     text: str
     refused: bool = False
 
 
 class Revisions(Protocol):
-    """Other versions of the mission, while it runs. `pending` is the next one, until it is taken over."""
+    """Other versions of the mission during its run. `pending` is the next one, until it is taken over."""
 
     pending: Mission | None
 
     def look(self, current: Mission, now: float) -> tuple[ReloadMessage, ...]:
-        """Called before each tick, with the simulated time. Answers what is to be told."""
+        """Return messages for the user. Called before each tick with the simulated time, s."""
         ...
 
 
 class MissionReload:
-    """Reads the mission again when it was edited. `pending` is the last good edit, until it is taken over."""
+    """Reload of a mission after an edit. `pending` is the last good edit, until it is taken over."""
 
     def __init__(
         self, edits: EditSource, scene: SceneDescription, known: SceneNames, *, own_scene: bool
     ) -> None:
-        """`known` are the names of scene and robot; `own_scene`: it is the scene that the mission names."""
+        """Watch the mission's files and the scene file.
+
+        `known` are the names of scene and robot; `own_scene`: the scene is the one that the mission names.
+        """
         self.pending: Mission | None = None
         self._edits = edits
         self._scene = Path(scene.source)
@@ -181,11 +196,12 @@ class MissionReload:
         self._first = True
 
     def look(self, current: Mission, now: float = 0.0) -> tuple[ReloadMessage, ...]:
-        """To be called at each tick. Answers what is to be told: that an edit is good, or what is wrong."""
+        """Return whether an edit is good or what is wrong with it, as messages; empty without an edit. Called
+        at each tick."""
         if not self._first and not self._edits.found():
             return ()
         self._first = False
-        # First the files, then their content: an edit that comes in between is found the next time.
+        # Watch the files before reading them: an edit that comes in between is found the next time.
         self._edits.watch((*files_of(current.document.path), self._scene))
         return (*self._of_the_scene(), *self._of_the_mission(current))
 
@@ -218,7 +234,7 @@ def _content(file: Path) -> bytes | None:
 
 
 def _is_on_disk(mission: Mission) -> bool:
-    """Whether its files are as they were when it was read."""
+    """Whether the mission's files are as they were when it was read."""
     try:
         documents = (mission.document, *mission.included)
         same = all(read_text(document.path) == document.text for document in documents)
@@ -226,3 +242,15 @@ def _is_on_disk(mission: Mission) -> bool:
         return same and all(p.file is not None and p.file.read_bytes() == p.source for p in named)
     except (FileError, OSError):
         return False
+
+
+def mission_changed(adoption: StateTransfer) -> JournalEvent:
+    """Return the journal event of a run that resumes with another mission."""
+    data: dict[str, Plain] = {"fresh": list(adoption.fresh), "gone": list(adoption.gone)}
+    return JournalEvent("mission_changed", f"another mission goes on: {adoption_summary(adoption)}", "", data)
+
+
+def adoption_summary(adoption: StateTransfer) -> str:
+    """Return the number of nodes that keep their state, start without one, and no longer exist, as text."""
+    kept, fresh, gone = map(len, (adoption.kept, adoption.fresh, adoption.gone))
+    return f"{kept} nodes go on, {fresh} begin anew, {gone} are gone"

@@ -1,4 +1,4 @@
-"""Whoever looks on while a mission runs."""
+"""Observers of a running session: watchers of its progress, and operators who answer its questions."""
 
 from __future__ import annotations
 
@@ -7,29 +7,30 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Protocol
 
-from ..cell.operator_desk import OperatorQuestion
+from ..cell.operator_desk import OperatorQuestion, OperatorRequests
 from ..errors import PicktreeError
 from ..logs.run_result import RunResult
 from ..trees.running.runner import NodeInfo, TickReport
+from ..world.journal import Journal, JournalEvent, Plain
 
 
 class Operator(Protocol):
-    """Answers questions; simulated time stands still meanwhile."""
+    """Source of answers to a run's questions. Simulated time stands still during a question."""
 
     def answer(self, question: OperatorQuestion) -> str | None:
-        """One of the question's choices; None when there is nobody who says: the run ends `paused`."""
+        """Return one of the question's choices; None when there is no answer, and the run ends `paused`."""
         ...
 
 
 class PresetAnswers:
-    """Answers that were given before anybody asked, one for each question; then whoever comes after."""
+    """Operator with answers that were given in advance, one for each question; then `after` answers."""
 
     def __init__(self, answers: Iterable[str], after: Operator | None = None) -> None:
         self._left = deque(answers)
         self._after = after
 
     def answer(self, question: OperatorQuestion) -> str | None:
-        """Raises PicktreeError for an answer that the question does not know."""
+        """Return the next answer. Raises PicktreeError for one that is not among the question's choices."""
         if not self._left:
             return self._after.answer(question) if self._after else None
         said = self._left.popleft()
@@ -41,11 +42,13 @@ class PresetAnswers:
 
 
 class RecordedAnswers:
-    """Answers that a log holds, each to the node that asked; where another asks now, or takes no such answer,
-    whoever comes after is asked, from then on."""
+    """Operator with the answers of a log, each for the node that asked.
+
+    When another node asks, or the choices do not contain the answer, `after` answers from then on.
+    """
 
     def __init__(self, answers: Iterable[tuple[str, str]], after: Operator | None = None) -> None:
-        """`answers`: path of who asked, and what was answered."""
+        """Take pairs of the asking node's path and the answer."""
         self._left = deque(answers)
         self._after = after
 
@@ -58,17 +61,34 @@ class RecordedAnswers:
         return self._after.answer(question) if self._after else None
 
 
+def answer_pending(desk: OperatorRequests, journal: Journal, operator: Operator | None) -> bool:
+    """Have the operator answer the pending question. False when it stays without an answer.
+
+    Simulated time stands still while a person thinks.
+    """
+    question = desk.pending
+    if question is None:
+        return True
+    answer = operator.answer(question) if operator else None
+    if answer is None:
+        return False
+    desk.answer(answer)
+    data: dict[str, Plain] = {"question": question.reason, "answer": answer}
+    journal.note(JournalEvent("operator_answer", f"the answer is: {answer}", question.node, data))
+    return True
+
+
 class SessionWatcher(Protocol):
-    """Whoever looks on; nothing that it does changes the run."""
+    """Watcher of a run's progress. It cannot change the run."""
 
     def started(self, structure: tuple[NodeInfo, ...], folder: Path) -> None: ...
     def ticked(self, now: float, report: TickReport, items_done: int, items_total: int) -> None: ...
     def edited(self, structure: tuple[NodeInfo, ...]) -> None:
-        """From the next tick on the tree is that of an edited mission."""
+        """Receive the tree of an edited mission, which is ticked from the next tick on."""
         ...
 
     def told(self, now: float, text: str) -> None:
-        """Something that is no part of the run, as that an edit is refused."""
+        """Receive a message that is no part of the run, such as the refusal of an edit."""
         ...
 
     def finished(self, result: RunResult) -> None: ...

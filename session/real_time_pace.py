@@ -11,12 +11,14 @@ from ..trees.running.runner import NodeInfo, TickReport
 from .observer import SessionWatcher
 
 _LAG = 0.5
-"""Wall seconds that are made up for when a tick took long; a longer delay is let be."""
+"""Maximum delay that is caught up after a slow tick, wall s; the rest of a longer one is not caught up."""
 
 
 class WallClockPacer:
-    """A watcher that waits after each tick, until simulated time has gone no faster than `factor` times the
-    wall clock; all else it leaves to the watcher that it wraps. The run itself does not notice."""
+    """Watcher that limits simulated time to `factor` times the wall clock by waiting after each tick.
+
+    It forwards all calls to the watcher that it wraps. The run itself is not affected.
+    """
 
     def __init__(
         self,
@@ -26,7 +28,7 @@ class WallClockPacer:
         clock: Callable[[], float] = time.monotonic,
         sleep: Callable[[float], None] = time.sleep,
     ) -> None:
-        """`factor` is above 0."""
+        """Wrap `watcher`. `factor` is above 0: simulated seconds per wall second."""
         self._watcher = watcher
         self._factor = factor
         self._clock, self._sleep = clock, sleep

@@ -1,4 +1,8 @@
-"""What a run is made from, apart from where that came from: files on the disk, a log, or a plan."""
+"""Recipe of a run: mission, scene, robot, seed and settings, independent of their source. Sources are files
+on the disk, a log, or an archive.
+
+A `RunRequest` names the files; `read_recipe` reads and checks them.
+"""
 
 from __future__ import annotations
 
@@ -39,7 +43,7 @@ class Attachment:
     content: str | bytes
     media_type: str
     source: Path | None = None
-    """The file that it was read from."""
+    """File that the content was read from; None: it is not from a file."""
 
     @property
     def data(self) -> bytes:
@@ -47,8 +51,10 @@ class Attachment:
 
 
 def mission_files(mission: Mission) -> Iterator[Attachment]:
-    """The mission, what it includes under the names by which it does so, and the sources of its plug-ins:
-    `plugin/wave.py` lies beside it, `module/a.b.py` is installed."""
+    """Yield the mission, its includes under the names that it uses, and the sources of its plug-ins.
+
+    `plugin/wave.py` is a file beside the mission, `module/a.b.py` an installed module.
+    """
     yield Attachment("mission.yaml", mission.text, "application/yaml", mission.document.path)
     folder = mission.document.path.parent
     for document in mission.included:
@@ -61,7 +67,7 @@ def mission_files(mission: Mission) -> Iterator[Attachment]:
 
 
 def plugin_versions(mission: Mission) -> dict[str, str]:
-    """Versions of the distributions that its installed plug-ins come from, by name."""
+    """Versions of the distributions that a mission's installed plug-ins come from, by name."""
     known = (plugin.distribution.rpartition(" ") for plugin in mission.sources if plugin.distribution)
     return {name: version for name, _, version in known}
 
@@ -74,21 +80,21 @@ def _name(plugin: Plugin, file: Path, folder: Path) -> str:
 
 
 LIMIT = 3600.0
-"""Simulated seconds after which a run is ended, unless told otherwise."""
+"""Default limit of a run, simulated s."""
 
 
 @dataclass(frozen=True, slots=True)
 class StartCheckpoint:
-    """A checkpoint from which a run goes on."""
+    """Checkpoint from which a run resumes."""
 
     state: RunState
     continues: ResumedFrom
-    """Whose checkpoint it is."""
+    """Run that the checkpoint belongs to."""
     adopt: bool = False
-    """The mission is another than the one of which the state was saved: what fits goes on, the rest begins
-    anew."""
+    """Whether the mission differs from the saved one: nodes that match keep their state, the others start
+    afresh."""
     changed: tuple[str, ...] = ()
-    """Parameters that are set otherwise now: who runs and had read them reads them again."""
+    """Names of the parameters that have other values now. Running nodes read them once more."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,26 +107,26 @@ class Recipe:
     seed: int = 0
     faults: FaultFile | None = None
     parameters: Mapping[str, str] = field(default_factory=dict[str, str])
-    """As `--set` gives them."""
+    """Values of the mission's parameters by name, as `--set` gives them."""
     backend: Backend = "physics"
     verify: bool = False
-    """Judge every trajectory by the second, independent collision checker."""
+    """Check every trajectory with the verifier, an independent collision checker."""
     limit: float = LIMIT
-    """Simulated seconds."""
+    """Simulated seconds after which the run is ended."""
     own_scene: bool = True
-    """The scene is the one that the mission names, not another that was given."""
+    """Whether the scene is the one that the mission names."""
     start: StartCheckpoint | None = None
-    """None: from the beginning."""
+    """Checkpoint to start from; None: start from the beginning."""
     paths: Mapping[str, str] = field(default_factory=dict[str, str])
-    """Of a recipe from a log: where its files stood when they were first read, by name of the attachment."""
+    """Original paths of the files of a recipe from a log, by name of the attachment."""
 
 
 ROBOT_MESHES: Final = "robot/"
-"""Where the meshes that a URDF names stand, each under the name that it has there."""
+"""Folder of the attachments with the URDF's meshes, each under the name that the URDF uses."""
 
 
 def recipe_files(recipe: Recipe) -> Iterator[Attachment]:
-    """Mission, scene, robot and faults, with what they name.
+    """Yield mission, scene, robot and faults, with the files that they name.
 
     The meshes of a robot whose URDF is in an installed package are not among them: see `installed_meshes`.
     """
@@ -140,7 +146,7 @@ def recipe_files(recipe: Recipe) -> Iterator[Attachment]:
 
 
 def fingerprints(recipe: Recipe, files: Iterator[Attachment] | list[Attachment]) -> dict[str, str]:
-    """SHA-256 and original path of each file, by the name that it has in the log."""
+    """Return SHA-256 and original path of each file, by its name in the log."""
     found = {
         file.name: f"{hashlib.sha256(file.data).hexdigest()} {recipe.paths.get(file.name, file.source or '')}"
         for file in files
@@ -149,7 +155,8 @@ def fingerprints(recipe: Recipe, files: Iterator[Attachment] | list[Attachment])
 
 
 def scene_meshes(scene: SceneDescription) -> Iterator[Attachment]:
-    """The meshes of the catalogue: `mesh/hexagon.obj`; with the kind before it where two have one name."""
+    """Yield the meshes of the catalogue as `mesh/hexagon.obj`, or `mesh/KIND/hexagon.obj` where two share a
+    name."""
     files = {e.kind: Path(e.shape.source) for e in scene.catalogue if isinstance(e.shape, ConvexMesh)}
     named = Counter(file.name for file in set(files.values()))
     given: set[str] = set()
@@ -161,12 +168,12 @@ def scene_meshes(scene: SceneDescription) -> Iterator[Attachment]:
 
 
 def installed_meshes(robot: RobotDescription) -> Mapping[str, str]:
-    """As `fingerprints`, of the meshes of a robot that comes with an installed package."""
+    """Return the fingerprints of the meshes of a robot from an installed package; empty for another robot."""
     return _hashed_meshes(robot.urdf) if is_installed(robot) else {}
 
 
 def is_installed(robot: RobotDescription) -> bool:
-    """Whether its URDF, and that of a mounted gripper, are named as `package:path`."""
+    """Whether the robot's URDF, and that of a mounted gripper, are named as `package:path`."""
     data = read_document(robot.text, Path(robot.source), "robot").data
     mount = data.get("mount")
     named = [str(data.get("urdf"))]
@@ -176,7 +183,7 @@ def is_installed(robot: RobotDescription) -> bool:
 
 
 def robot_meshes(urdf: str) -> tuple[tuple[str, Path], ...]:
-    """All meshes that a URDF names, visual and collision, each once: name in the log, file."""
+    """Return all meshes that a URDF names, visual and collision, each once: name in the log, file."""
     named = dict(_references(urdf))
     found = [*link_geometry(urdf, "visual"), *link_geometry(urdf, "collision")]
     files = {g.path: Path(g.path) for g in found if isinstance(g, UrdfMesh)}
@@ -184,7 +191,7 @@ def robot_meshes(urdf: str) -> tuple[tuple[str, Path], ...]:
 
 
 def plain_reference(filename: str) -> str:
-    """The name of a mesh in a URDF as a path that leads nowhere else."""
+    """Return a mesh's name in a URDF as a path that stays inside its folder."""
     for prefix in ("package://", "file://"):
         filename = filename.removeprefix(prefix)
     parts = [p for p in posixpath.normpath(filename.replace("\\", "/")).split("/") if p not in ("", ".")]
@@ -207,31 +214,31 @@ def _hashed_meshes(urdf: str) -> Mapping[str, str]:
 
 @dataclass(frozen=True)
 class RunRequest:
-    """What is to be run, and how."""
+    """Request for a run: the files and settings that make its recipe, and where its log goes."""
 
     mission: Path
     scene: str | None = None
-    """Instead of the mission's own."""
+    """Name or path of the scene; None: the mission's own."""
     robot: str | None = None
-    """Shipped robot or robot file, instead of the scene's."""
+    """Shipped robot or robot file; None: the scene's robot."""
     seed: int = 0
     parameters: Mapping[str, str] = field(default_factory=dict[str, str])
     faults: Path | None = None
     out: Path | None = None
-    """Folder in which the run's folder is made; by default `runs`."""
+    """Folder in which the run's folder is made; None: `runs`."""
     backend: Backend = "physics"
     verify: bool = False
-    """Judge every trajectory by the second, independent collision checker."""
+    """Check every trajectory with the verifier, an independent collision checker."""
     limit: float = LIMIT
-    """Simulated seconds."""
+    """Simulated seconds after which the run is ended."""
     watch: bool = False
     """Take over an edited mission between two items."""
     rotation: Rotation = NEVER
-    """When the log goes on in a further file."""
+    """Limits at which the log continues in a further file."""
 
 
 class RunOptions(TypedDict, total=False):
-    """The fields of `RunRequest` besides the mission, for `run`."""
+    """Fields of `RunRequest` besides the mission, as keyword arguments of `run`."""
 
     scene: str | None
     robot: str | None
@@ -271,7 +278,8 @@ def read_recipe(request: RunRequest) -> Recipe:
 
 
 def make_folder(out: Path | None, mission: str, seed: int) -> Path:
-    """A new folder for the run in `out`, by default `runs`. Raises PicktreeError when it cannot be made."""
+    """Make a new folder for the run in `out`, by default `runs`. Raises PicktreeError when it cannot be
+    made."""
     parent = out or Path("runs")
     stamp = datetime.now().strftime("%Y%m%d-%H%M%S")
     stem = f"{mission}-{seed}-{stamp}"

@@ -1,4 +1,4 @@
-"""What a run amounts to, counted from the journal and the ticks as they come."""
+"""Counters of a run, fed from the journal and the ticks."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from ..world.journal import Entry, JournalEvent
 
 @dataclass(frozen=True, slots=True)
 class EpisodeCountersState:
-    """For a checkpoint; the logs of older versions have none."""
+    """State of the episode counters in a checkpoint; older logs have none."""
 
     cures: tuple[CureCount, ...] = ()
     planted: tuple[PlantedCount, ...] = ()
@@ -28,7 +28,7 @@ class EpisodeCountersState:
 
 
 class EpisodeCounters:
-    """Counts what is decided and follows what is not; of hours of running it keeps no more than that."""
+    """Counters of decided episodes, and trackers of open ones; memory does not grow with the run's length."""
 
     def __init__(self, state: EpisodeCountersState | None = None) -> None:
         state = state or EpisodeCountersState()
@@ -36,25 +36,25 @@ class EpisodeCounters:
         self._following = EpisodeTracker(self._counts.add, self._counts.add_planted, state.following)
 
     def follow(self, nodes: Iterable[NodeLike]) -> None:
-        """From the next tick on it is this tree that is ticked."""
+        """Use another tree from the next tick on."""
         self._following.follow(nodes)
 
     def take(self, time: float, changes: Iterable[TransitionLike], events: Sequence[EventLike]) -> None:
-        """What one tick brought."""
+        """Count the transitions and events of one tick."""
         self._following.take(time, changes, events)
 
     def state(self) -> EpisodeCountersState:
         return EpisodeCountersState(self._counts.cures, self._counts.planted, self._following.state())
 
     def so_far(self, time: float) -> EpisodeCounts:
-        """All that was seen until now, what is not decided as open. Nothing changes by this."""
+        """Return the counts up to `time`, simulated s, undecided episodes as open. Changes nothing."""
         counts = EpisodeCounts(self._counts.cures, self._counts.planted)
         self._following.copied(counts.add, counts.add_planted).finish(time)
         return counts
 
 
 class CountedNode(Protocol):
-    """What is counted of a node after a tick."""
+    """Node status after a tick, as far as the counters need it."""
 
     @property
     def path(self) -> str: ...
@@ -68,7 +68,7 @@ class CountedNode(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class RunCountersState:
-    """A tally for a checkpoint; see `RunCounters`."""
+    """State of `RunCounters` in a checkpoint."""
 
     tried: int
     held: int
@@ -88,35 +88,36 @@ class RunCountersState:
 
 @dataclass
 class RunCounters:
-    """Counts of one run. Beliefs and feelings only: whether an item is sorted is the scorer's to say."""
+    """Counters of one run, from the robot's belief and sensors only. The scorer decides whether an item is
+    sorted."""
 
     tried: int = 0
-    """Times that the fingers closed on an object."""
+    """Number of times that the fingers closed on an object."""
     held: int = 0
     objects: set[str] = field(default_factory=set[str])
-    """Ids of the objects that were tried and are not gone for good."""
+    """Ids of the objects that were tried and are still in the cell."""
     first_try: set[str] = field(default_factory=set[str])
-    """Those that were held when the fingers first closed on them."""
+    """Ids of the objects that were held when the fingers first closed on them."""
     gone: int = 0
-    """Objects that were tried and left with their bins since; nobody asks for their ids any more."""
+    """Number of objects that were tried and have left with their bins; their ids are no longer needed."""
     gone_first_try: int = 0
-    """Those of them that were held when the fingers first closed on them."""
+    """Number of objects in `gone` that were held when the fingers first closed on them."""
     deliveries: int = 0
-    """Loads that the feed has brought."""
+    """Number of loads that the feed has brought."""
     exchanges: int = 0
-    """Bins that were exchanged for empty ones."""
+    """Number of bins that were exchanged for empty ones."""
     set_aside: int = 0
-    """Items that were given up where they lie."""
+    """Number of items that were given up at their place."""
     done: int = 0
-    """Items placed, as the robot believes."""
+    """Number of items placed, as the robot believes."""
     failures: Counter[str] = field(default_factory=Counter[str])
-    """By cause: how often a leaf failed."""
+    """Number of failures of leaves by cause."""
     recovered: Counter[str] = field(default_factory=Counter[str])
-    """By cause: how often a handler was tried."""
+    """Number of handler runs by cause."""
     cured: Counter[str] = field(default_factory=Counter[str])
-    """By cause: how often the branch then succeeded."""
+    """Number of successful branches after a handler, by cause."""
     episodes: EpisodeCounters = field(default_factory=EpisodeCounters)
-    """What was seen, tried and cured."""
+    """Counters of episodes."""
 
     def state(self) -> RunCountersState:
         return RunCountersState(
@@ -138,7 +139,7 @@ class RunCounters:
 
     @classmethod
     def resumed(cls, state: RunCountersState) -> RunCounters:
-        """One that counts on."""
+        """Return counters that continue from a checkpoint."""
         return cls(
             tried=state.tried,
             held=state.held,
@@ -158,7 +159,7 @@ class RunCounters:
 
     @property
     def tried_objects(self) -> int:
-        """Different objects on which the fingers closed."""
+        """Number of different objects on which the fingers closed."""
         return self.gone + len(self.objects)
 
     @property
@@ -173,7 +174,7 @@ class RunCounters:
         self.first_try -= gone
 
     def follow(self, nodes: Iterable[NodeLike]) -> None:
-        """From the next tick on it is this tree that is ticked."""
+        """Use another tree from the next tick on."""
         self.episodes.follow(nodes)
 
     def take(
@@ -184,8 +185,11 @@ class RunCounters:
         leaves: frozenset[str],
         changes: Iterable[TransitionLike],
     ) -> None:
-        """Count what one tick brought; `leaves` are the paths of the nodes without children, `changes` tell
-        which nodes began and ended, in their order."""
+        """Count the results of one tick.
+
+        `leaves` are the paths of the nodes without children. `changes` are the starts and ends of nodes, in
+        order.
+        """
         events = [entry for entry in entries if isinstance(entry, JournalEvent)]
         for event in events:
             self._happened(event)

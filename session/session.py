@@ -1,11 +1,11 @@
-"""Session: the one way to run a mission, for the command line, batches, replays and tests."""
+"""Session: one run of a mission, from a checked recipe to its result. Command line, batches, re-simulation
+and tests use it."""
 
 from __future__ import annotations
 
 import os
 import signal
 import time
-from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
 from typing import Any, Unpack
@@ -16,22 +16,10 @@ from .. import arithmetic
 from ..errors import PicktreeError
 from ..logs.recording.recorder import Listener
 from ..logs.recording.rotation import FOR_FEEDS, NEVER, Rotation
-from ..logs.run_result import (
-    FeedCount,
-    FormCount,
-    HoleItem,
-    ItemCount,
-    PickCount,
-    RunResult,
-    RunStatus,
-    WallSeconds,
-)
-from ..logs.schema.records import NodeTime, Timing
+from ..logs.run_result import RunResult, RunStatus
 from ..recovery.belief_restart import ResyncReport, resync_belief
 from ..simulation.backends import build_hardware
 from ..simulation.faults.injector import FaultInjector, FaultState
-from ..simulation.scoring.scorer import ItemScore, score
-from ..simulation.scoring.truth import TrueBody
 from ..trees.loading.scene_names import scene_names
 from ..trees.mission import MAIN, Mission
 from ..trees.running.builder import build
@@ -41,26 +29,32 @@ from ..trees.running.tree_adoption import StateTransfer
 from ..trees.status import NodeStatus
 from ..world.causes import Failure
 from ..world.journal import JournalEvent, Plain
-from ..world.stopwatch import Stopwatch
 from ..world.values import Vector3
 from .assembly import TICK, assemble_world
 from .checkpoints import RunState, restore, take
-from .mission_edits import EditSource, FileWatch, MissionReload, Revisions
-from .observer import Operator, SessionWatcher
+from .mission_edits import (
+    EditSource,
+    FileWatch,
+    MissionReload,
+    Revisions,
+    adoption_summary,
+    mission_changed,
+)
+from .observer import Operator, SessionWatcher, answer_pending
 from .recipe import LIMIT, Recipe, RunOptions, RunRequest, make_folder, read_recipe
+from .run_summary import LOG, RunTimer, items_expected, summarise, write_result
 from .run_tally import RunCounters
 from .session_recording import SessionRecorder, Tap
 
 __all__ = ["LIMIT", "LOG", "RESULT", "RunOptions", "RunRequest", "Session", "SessionWatcher", "run"]
 
-LOG = "log.mcap"
 RESULT = "result.json"
 _BRAKING = 40
-"""Ticks within which every motion comes to rest."""
+"""Upper bound of the number of ticks in which any motion comes to rest."""
 
 
 class Session:
-    """One run: everything that it needs is checked and built here, before anything moves.
+    """One run of a mission. The constructor checks and builds everything before anything moves.
 
     Raises PicktreeError (FileError with all faults) for bad input, and on a processor below x86-64-v3.
     """
@@ -79,16 +73,17 @@ class Session:
         operator: Operator | None = None,
         rotation: Rotation = NEVER,
     ) -> None:
-        """A request says itself where its record goes, and when it goes on in a further file; of a recipe
-        `out` and `rotation` do, as there.
+        """Build the world, the tree and the run's folder.
 
-        `edits` tells of edited files, by default the disk when the request is to watch them; `revisions`
-        gives other versions of the mission itself, as a log has them. `tap` is shown every message that is
-        part of the digest, `listener` every message, once it is written. `operator` answers who asks for
-        help; without one, or without an answer, the run ends `paused`.
+        `out` and `rotation` count only for a recipe; a request has its own. `edits` reports edited files; by
+        default it is the disk when the request is to watch them. `revisions` gives other versions of the
+        mission itself, as a log has them.
+
+        `tap` receives every message that is part of the digest, `listener` every message after it is written.
+        `operator` answers requests for help; without one, or without an answer, the run ends `paused`.
         """
         arithmetic.check()
-        # Whoever repeats a run that was killed wants to see what came before, and not to be killed himself.
+        # The repetition of a killed run must show what came before the kill, and must not be killed itself.
         asked_for = isinstance(request, RunRequest)
         if isinstance(request, RunRequest):
             out, rotation = request.out, request.rotation
@@ -96,12 +91,11 @@ class Session:
             request = read_recipe(request)
         self.recipe = recipe = request
         self.mission, self.scene, self.robot = recipe.mission, recipe.scene, recipe.robot
-        self.rotation = rotation or (FOR_FEEDS if self._fed else NEVER)
+        self.rotation = rotation or (FOR_FEEDS if self.scene.deliveries else NEVER)
         self._watcher = watcher
         self._debugger = debugger
-        self._stopwatch = Stopwatch()
-        self._began = time.perf_counter()
-        self._cpu_began = time.process_time()
+        self.timer = RunTimer()
+        self._stopwatch = self.timer.stopwatch
         state = recipe.start.state if recipe.start else None
         self.hardware = build_hardware(
             recipe.backend, self.scene, self.robot, recipe.seed, state.simulation if state else None
@@ -127,13 +121,13 @@ class Session:
         self.tally = RunCounters()
         self._disagreed = 0
         self.adoption: StateTransfer | None = None
-        """What became of the nodes of a checkpoint of another mission."""
+        """Transfer of node states from a checkpoint of another mission; None: the mission is the same."""
         if state is not None:
             self._take_up(state)
         self._first = (
             resync_belief(self.world) if recipe.start and recipe.start.continues.as_it_stands else None
         )
-        """What is done before the tree goes on."""
+        """Resynchronisation of the belief before the tree resumes; None: not needed, or over."""
         self._checkpointed = self.tally.done
         if debugger is not None:
             debugger.attach(self.tree)
@@ -147,15 +141,18 @@ class Session:
         self.folder = make_folder(out, recipe.mission.document.path.stem, recipe.seed)
 
     def stop(self) -> None:
-        """End the run after the present tick, as an interrupt would."""
+        """End the run after the present tick, as an interrupt does."""
         self._stopping = True
 
     def run(self) -> RunResult:
-        """Run to the end and say what came of it. The log is finished on every way out; an interrupt
-        (SIGINT, SIGTERM) ends the run with the status `interrupted`."""
+        """Run the mission to its end and return the result.
+
+        The log is finished on every exit. An interrupt (SIGINT, SIGTERM) ends the run with the status
+        `interrupted`.
+        """
         structure = self.tree.structure()
         self.tally.follow(structure)
-        self._total = self._items_total()
+        self._total = items_expected(self.scene, self.hardware.truth())
         with SessionRecorder(self.folder / LOG, self, structure, self._tap, self._listener) as scribe:
             if self._watcher:
                 self._watcher.started(structure, self.folder)
@@ -172,9 +169,9 @@ class Session:
                     ) from None
                 raise
             scribe.last(self.hardware)
-            result = self._result(status, scribe.digest)
+            result = summarise(self, status, scribe.digest)
             scribe.finish(result)
-        self._write_result(result)
+        write_result(result, self.folder / RESULT)
         if self._watcher:
             self._watcher.finished(result)
         return result
@@ -206,7 +203,7 @@ class Session:
                 return "timeout"
             if self._stopping:
                 return "interrupted"
-            if not self._helped():
+            if not answer_pending(world.operator, world.journal, self._operator):
                 if self._quiet:
                     self._checkpoint(scribe)
                 return "paused"
@@ -214,10 +211,11 @@ class Session:
                 self._checkpoint(scribe)
             self._pass_time()
             with self._stopwatch.measure("logging"):
-                scribe.timing(self._timing(before, began))
+                scribe.timing(self.timer.tick_timing(before, began, self.tree.seconds()))
 
     def _look_first(self) -> TickReport | None:
-        """A tick before the tree goes on, of a run that goes on as things stand; None when that is over."""
+        """Run one step of the resynchronisation and return the report of an idle tick; None when it is
+        over."""
         if self._first is None:
             return None
         try:
@@ -230,59 +228,25 @@ class Session:
             return None
         return self.tree.look()
 
-    def _helped(self) -> bool:
-        """Whether nobody waits for an answer any more. Simulated time stands still while a person thinks."""
-        desk = self.world.operator
-        question = desk.pending
-        if question is None:
-            return True
-        answer = self._operator.answer(question) if self._operator else None
-        if answer is None:
-            return False
-        desk.answer(answer)
-        data: dict[str, Plain] = {"question": question.reason, "answer": answer}
-        self.world.journal.note(
-            JournalEvent("operator_answer", f"the answer is: {answer}", question.node, data)
-        )
-        return True
-
     def _brought(self) -> tuple[JournalEvent, ...]:
-        """What whoever brings items has done since the last tick, and what was crushed."""
+        """Return the events of the feed since the last tick, crushed items included."""
         events = self.hardware.take_events()
         if events:
-            self._total = self._items_total()
+            self._total = items_expected(self.scene, self.hardware.truth())
         return events
 
     def true_state(self) -> dict[str, Any]:
-        """The simulation with its faults as it is now, as plain values, and what the wrist's sensor says when
-        it feels nothing, which stays with the sensor. To ask disturbs nothing."""
+        """Return the present state of the simulation with its faults and the wrist sensor's learnt bias, as
+        plain values.
+
+        The call does not change the simulation.
+        """
         faults: list[Any] = _faults().dump_python(self._injector.state(), mode="json")
         bias = list(self.world.control.wrist.learnt)
         return {**self.hardware.snapshot().to_plain(), "faults": faults, "wrist_bias": bias}
 
-    @property
-    def _fed(self) -> bool:
-        return bool(self.scene.deliveries)
-
-    def _items_total(self) -> int:
-        """Items that will have come in all, where that is known; else those that have come so far."""
-        totals = [delivery.total for delivery in self.scene.deliveries]
-        known = [total for total in totals if total is not None]
-        if not totals or len(known) < len(totals):
-            return len(self.hardware.truth())
-        return sum(known) + sum(count for spawn in self.scene.spawn for _, count in spawn.counts)
-
-    def _write_result(self, result: RunResult) -> None:
-        path = self.folder / RESULT
-        try:
-            path.write_text(result.to_json_text(), encoding="utf-8")
-        except OSError as error:
-            raise PicktreeError(
-                f"{path}: the result cannot be written: {error.strerror}; the log holds it, too"
-            ) from None
-
     def _come_to_rest(self) -> None:
-        """Nothing goes on that nobody records."""
+        """Halt the tree and pass time until the arm rests, because nothing after this is recorded."""
         self.tree.halt()
         for _ in range(_BRAKING):
             if self.world.control.at_rest:
@@ -295,7 +259,7 @@ class Session:
         world.scene.carry(world.control.tcp)
 
     def _take_up(self, state: RunState) -> None:
-        """Go on from a checkpoint: all that this session made is as it was then."""
+        """Restore world, tree, faults and counters from a checkpoint."""
         start = self.recipe.start
         assert start is not None
         restore(self.world, state)
@@ -318,15 +282,18 @@ class Session:
             ) from None
 
     def _begin_again(self, scribe: SessionRecorder) -> None:
-        """The rest of the tick after which the checkpoint was taken."""
+        """Complete the tick after which the checkpoint was taken."""
         if self.adoption is not None:
-            self.world.journal.note(_mission_changed(self.adoption))
+            self.world.journal.note(mission_changed(self.adoption))
         scribe.begin_again(self.tree.look(), self.world.journal.take(), self.hardware)
         self._note_checkpoint()
         self._pass_time()
 
     def _object_place(self, path: str) -> Vector3 | None:
-        """Where the belief has the object that the port `object` of a node names."""
+        """Return the believed position of the object that a node's port `object` names, in the world, m.
+
+        None when the node has no such port, or the belief has no such object.
+        """
         node = self.tree.find(path)
         if node.declaration.port("object") is None:
             return None
@@ -334,12 +301,12 @@ class Session:
         return belief.pose.position if belief else None
 
     def _checkpoint_due(self) -> bool:
-        """Whether it is time for one, and nothing moves that could not be taken up again."""
+        """Whether enough items are done for a checkpoint and the run is quiescent."""
         return self.tally.done - self._checkpointed >= self.scene.checkpoint_every and self._quiet
 
     @property
     def _quiet(self) -> bool:
-        """No skill runs, the arm is at rest, the hand is empty, and no answer waits for who asked."""
+        """Whether no skill runs, the arm is at rest, the hand is empty and no answer waits to be read."""
         world = self.world
         free = world.scene.held is None and not world.operator.answered
         return self._first is None and self.tree.quiescent and world.control.at_rest and free
@@ -354,7 +321,7 @@ class Session:
                 self._injector,
                 self.tally,
                 scribe.state(),
-                self._disagreements,
+                self.disagreements,
             )
         with self._stopwatch.measure("logging"):
             scribe.checkpoint(state)
@@ -365,7 +332,8 @@ class Session:
         self.world.journal.note(JournalEvent("checkpoint", f"after {done} items", "", {"items_done": done}))
 
     @property
-    def _disagreements(self) -> int:
+    def disagreements(self) -> int:
+        """Number of trajectories that the verifier has rejected, earlier sessions of the run included."""
         return self._disagreed + len(self.world.plan.disagreements)
 
     def _follow(self, edits: EditSource) -> MissionReload:
@@ -385,7 +353,7 @@ class Session:
             revisions.pending = None
 
     def _take_over(self, mission: Mission, scribe: SessionRecorder) -> None:
-        """Go on with another version of the mission: belief, blackboard and attempts stay as they are."""
+        """Resume with another version of the mission; belief, blackboard and attempts stay as they are."""
         tree = build(mission, self.world, self.recipe.parameters)
         adoption = tree.adopt(self.tree.save())
         tree.on_start.extend(self.tree.on_start)
@@ -393,7 +361,7 @@ class Session:
         self.mission, self.tree = mission, tree
         structure = tree.structure()
         self.tally.follow(structure)
-        message = f"the edited mission takes over: {_counted(adoption)}"
+        message = f"the edited mission takes over: {adoption_summary(adoption)}"
         data: dict[str, Plain] = {
             "files": scribe.edited(mission, structure),
             "fresh": list(adoption.fresh),
@@ -410,66 +378,6 @@ class Session:
         if self._watcher:
             self._watcher.told(self.world.clock.now, text)
 
-    def _timing(self, before: Mapping[str, float], began: float) -> Timing:
-        now = self._stopwatch.seconds()
-        spent = {part: seconds - before.get(part, 0.0) for part, seconds in now.items()}
-        return Timing(
-            time.perf_counter() - began,
-            **{
-                part: spent.get(part, 0.0)
-                for part in ("physics", "control", "planning", "perception", "rendering")
-            },
-            recording=spent.get("logging", 0.0),
-            nodes=tuple(NodeTime(path, seconds) for path, seconds in self.tree.seconds().items()),
-        )
-
-    def _result(self, status: RunStatus, digest: str) -> RunResult:
-        truth = self.hardware.truth()
-        verdict = score(truth, self.scene)
-        goal = self.mission.goal.text if self.mission.goal else self.scene.goal
-        if status == "success" and not verdict.reached(goal):
-            status = "incomplete"
-        tally, failure = self.tally, self.tree.failure
-        episodes = tally.episodes.so_far(self.world.clock.now)
-        asked = self.world.operator.pending if status == "paused" else None
-        wall = self._stopwatch.seconds()
-        return RunResult(
-            status=status,
-            seed=self.recipe.seed,
-            digest=digest,
-            items=ItemCount(
-                verdict.total,
-                verdict.sorted,
-                verdict.misplaced,
-                verdict.left,
-                {form: FormCount(count.total, count.sorted) for form, count in verdict.by_form.items()},
-            ),
-            picks=PickCount(tally.tried, tally.held, tally.tried_objects, tally.held_first_try),
-            failures=dict(tally.failures),
-            recoveries=dict(tally.recovered),
-            cures=episodes.cures,
-            planted=episodes.planted,
-            sim_seconds=self.world.clock.now,
-            cpu_seconds=time.process_time() - self._cpu_began,
-            wall_seconds=WallSeconds(
-                total=time.perf_counter() - self._began,
-                physics=wall.get("physics", 0.0),
-                planning=wall.get("planning", 0.0),
-                perception=wall.get("perception", 0.0) + wall.get("rendering", 0.0),
-                logging=wall.get("logging", 0.0),
-            ),
-            log=(self.folder / LOG).absolute(),
-            folder=self.folder.absolute(),
-            message=asked.reason if asked else failure.message if failure else "",
-            thinking_charged=self.scene.thinking.collision_check > 0.0 and self.scene.thinking.image > 0.0,
-            disagreements=self._disagreements if self.recipe.verify else None,
-            holes=tuple(
-                _at_hole(body, item) for body, item in zip(truth, verdict.items, strict=True) if item.seat
-            ),
-            feed=FeedCount(tally.deliveries, tally.exchanges, tally.set_aside) if self._fed else None,
-            asked=asked,
-        )
-
 
 @cache
 def _faults() -> TypeAdapter[tuple[FaultState, ...]]:
@@ -477,34 +385,8 @@ def _faults() -> TypeAdapter[tuple[FaultState, ...]]:
 
 
 def _kill() -> None:
-    """At once, as by power loss: nothing is flushed or closed."""
+    """Kill this process as a power failure would: nothing is flushed or closed."""
     os.kill(os.getpid(), signal.SIGKILL)
-
-
-def _at_hole(body: TrueBody, item: ItemScore) -> HoleItem:
-    assert item.seat is not None
-    seat = item.seat
-    return HoleItem(
-        str(item.id),
-        body.kind,
-        str(seat.hole),
-        item.verdict,
-        round(seat.depth, 6),
-        seat.bottom,
-        round(seat.tilt, 6),
-        round(seat.penetration, 7),
-        item.reason,
-    )
-
-
-def _mission_changed(adoption: StateTransfer) -> JournalEvent:
-    data: dict[str, Plain] = {"fresh": list(adoption.fresh), "gone": list(adoption.gone)}
-    return JournalEvent("mission_changed", f"another mission goes on: {_counted(adoption)}", "", data)
-
-
-def _counted(adoption: StateTransfer) -> str:
-    kept, fresh, gone = map(len, (adoption.kept, adoption.fresh, adoption.gone))
-    return f"{kept} nodes go on, {fresh} begin anew, {gone} are gone"
 
 
 def run(mission: Path | str, **options: Unpack[RunOptions]) -> RunResult:

@@ -1,4 +1,4 @@
-"""The scribe: hands the recorder what a running session has to tell, tick by tick."""
+"""Session recorder: converts the state of a running session into records of its log, tick by tick."""
 
 from __future__ import annotations
 
@@ -28,17 +28,17 @@ if TYPE_CHECKING:
     from .session import Session
 
 START: Final = "start.json"
-"""Of a run that goes on from a checkpoint: that state, its tree being that of this run."""
+"""Name of the attachment with the checkpoint from which a run resumes, with the tree of this run."""
 
 _BY_THE_FEED = ("delivery", "belt_stops", "bin_exchanged")
-"""Events after which items stand elsewhere at once."""
+"""Feed events after which items have moved at once."""
 
 Tap: TypeAlias = Callable[[str, int, bytes], None]
-"""Is shown a message: topic, simulated ns, payload."""
+"""Receiver of messages: topic, simulated ns, payload."""
 
 
 class SessionRecorder:
-    """Writes one run into `path`; a context manager, so that the log is finished on every way out."""
+    """Writer of one run's log; a context manager, so that the log is finished on every exit."""
 
     def __init__(
         self,
@@ -53,7 +53,7 @@ class SessionRecorder:
         self._gripper = session.hardware.gripper
         self._checkpoints = self._edits = self._refused = 0
         self._there = {body.id for body in session.hardware.truth() if body.present}
-        """Items of the last message about the truth."""
+        """Ids of the items in the last message about the ground truth."""
         recipe = session.recipe
         start = recipe.start
         files = list(recipe_files(recipe))
@@ -103,7 +103,7 @@ class SessionRecorder:
         self._recorder.__exit__(kind, error, trace)
 
     def _begin(self) -> None:
-        """What the run is made from, the tree and the robot."""
+        """Write the recipe's files, the tree and the robot model."""
         recorder, session = self._recorder, self._session
         recipe, structure, start = session.recipe, self._structure, session.recipe.start
         for file in self._files:
@@ -126,23 +126,26 @@ class SessionRecorder:
 
     @property
     def failed(self) -> bool:
-        """Whether the disk has refused."""
+        """Whether the disk has refused a write."""
         return self._recorder.failed
 
     def state(self) -> RecordingState:
-        """For a checkpoint."""
+        """Return the state of the recording for a checkpoint."""
         return self._recorder.state()
 
     def begin_again(self, report: TickReport, entries: tuple[Entry, ...], hardware: Simulation) -> None:
-        """How things stand at the checkpoint from which the run goes on, so that its log stands alone: the
-        tree with the whole blackboard as writes, the belief, the truth."""
+        """Write the state at the checkpoint from which the run resumes, so that its log is complete by
+        itself.
+
+        It contains the tree with the whole blackboard as writes, the belief and the ground truth.
+        """
         board = self._session.tree.blackboard.save()
         writes = tuple(BlackboardWrite(key, value, "") for key, value in board.items())
         with self._recorder.preamble():
             self.tick(replace(report, writes=writes), entries, hardware)
 
     def tick(self, report: TickReport, entries: tuple[Entry, ...], hardware: Simulation) -> None:
-        """Everything of the tick that has just ended, before time goes on."""
+        """Write everything about the tick that has just ended, before time advances."""
         world, recorder = self._world, self._recorder
         now = world.clock.now
         recorder.rotate_if_due(now)
@@ -166,7 +169,7 @@ class SessionRecorder:
             recorder.true_state(now, self._session.true_state())
 
     def _on_hand(self, tcp: Pose) -> dict[str, Pose]:
-        """The optical frames in the world of the cameras that move with the tool, by name."""
+        """Return the optical frames in the world of the cameras that move with the tool, by camera name."""
         cameras = self._world.description.cameras
         return {camera.name: tcp @ camera.pose for camera in cameras if camera.on == "hand"}
 
@@ -174,7 +177,7 @@ class SessionRecorder:
         self._recorder.timing(self._world.clock.now, timing)
 
     def edited(self, mission: Mission, structure: tuple[NodeInfo, ...]) -> str:
-        """Another version of the mission has taken over: its files and its tree. Answers the folder of its
+        """Write the files and the tree of an edited mission that has taken over. Return the folder of its
         attachments."""
         self._edits += 1
         folder = f"edit-{self._edits:04d}"
@@ -184,29 +187,32 @@ class SessionRecorder:
         return folder
 
     def refused(self, text: str) -> None:
-        """An edit that was not taken over, and why. It changed nothing, so it is no part of the digest."""
+        """Write why an edit was not taken over. It changed nothing, so it is no part of the digest."""
         self._refused += 1
         self._recorder.attach(f"refused-{self._refused:04d}.txt", text)
 
     def checkpoint(self, state: RunState) -> None:
-        """Keep the state in the log, from which the run can be taken up again."""
+        """Write a state from which the run can be resumed."""
         self._checkpoints += 1
         name = f"checkpoint-{self._checkpoints:04d}.json"
         self._recorder.attach(name, state.to_json(), "application/json", slot="checkpoint")
 
     def settle(self) -> None:
-        """The interrupt that came was heard: what is written now is the run's end."""
+        """Acknowledge an interrupt: the following records are the run's end."""
         self._recorder.settle()
 
     def last(self, hardware: Simulation) -> None:
-        """The truth at the end."""
+        """Write the ground truth at the end."""
         now = self._world.clock.now
         self._truth(now, hardware)
         self._recorder.true_state(now, self._session.true_state())
 
     def _truth(self, now: float, hardware: Simulation) -> None:
-        """What is really there: an item that a fault took away is nowhere, one that left with its bin is told
-        of once more, as it lay."""
+        """Write the ground truth.
+
+        An item that a fault has removed is left out. One that left with its bin is written once more, at its
+        last pose.
+        """
         bodies = [
             body
             for body in hardware.truth()
@@ -220,7 +226,7 @@ class SessionRecorder:
 
 
 def _sudden(event: JournalEvent) -> bool:
-    """Whether something stands elsewhere at once."""
+    """Whether bodies have moved at once with this event."""
     return event.kind in _BY_THE_FEED or event.data.get("fault") == "obstacle"
 
 

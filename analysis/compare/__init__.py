@@ -1,1 +1,1 @@
-"""Two runs beside each other: their alignment, and where they part."""
+"""Comparison of two runs: their alignment, and their divergence."""

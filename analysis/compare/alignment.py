@@ -1,8 +1,9 @@
-"""Two runs side by side: which visit of one is which visit of the other, and where they part.
+"""Alignment of two runs: pairs of visits, and the divergence of the runs.
 
-A visit is named by (item, node path, attempt). Items are paired by `items`, nodes by `nodes`; the attempts
-are counted from `since` on, on both sides, so that a run that goes on from a checkpoint aligns with the one
-that it continues. Times are simulated seconds."""
+The key of a visit is (item, node path, attempt). Items are paired by `match_items`, nodes by `match_nodes`.
+On both sides attempts are counted from `since` on, so that a resumed run aligns with the run that it
+continues. Times are simulated seconds.
+"""
 
 from __future__ import annotations
 
@@ -19,8 +20,11 @@ from .visit_pair import EPSILON, VisitPair, differences
 
 @dataclass(frozen=True, slots=True)
 class PairedVisits:
-    """`derived`: they follow from the statuses after each tick, because one log is of format 1 and tells no
-    more; then what nodes read, and which object they were told of, is not known of either."""
+    """Visits of two runs.
+
+    `derived`: they follow from the statuses after each tick, because one log is of format 1. Then the inputs
+    of nodes and their subjects are unknown for both.
+    """
 
     a: Sequence[Visit]
     b: Sequence[Visit]
@@ -35,22 +39,22 @@ def both_visits(a: Run, b: Run) -> PairedVisits:
 
 @dataclass(frozen=True, slots=True)
 class Alignment:
-    """Two runs side by side.
+    """Two runs with their visits in pairs.
 
-    Visits that were under way at `since` are in it as if they had begun then, and `attempt` is counted from
-    there. `number`, `parent` and the numbers of ticks are those of the visit's own run.
+    Visits that were open at `since` count as if they had begun then, and `attempt` is counted from there.
+    `number`, `parent` and the numbers of ticks are those of the visit's own run.
     """
 
     since: float
-    """Simulated s from which on they are compared; 0.0: from the beginning."""
+    """Start of the comparison, simulated s; 0.0: the beginning."""
     items: ItemMatch
     nodes: NodeMatch
     pairs: tuple[VisitPair, ...]
-    """In the order of the beginnings in A."""
+    """Pairs in the order of their starts in A."""
     only_a: tuple[Visit, ...]
     only_b: tuple[Visit, ...]
     parting: Divergence | None
-    """None when nothing differs."""
+    """First divergence; None when nothing differs."""
     derived: bool = False
     """Whether the visits follow from the statuses after each tick, because one log is of format 1."""
 
@@ -65,28 +69,29 @@ class Alignment:
 
 @dataclass(frozen=True, slots=True)
 class _Side:
-    """The visits of one run, from the first tick that is compared."""
+    """Visits of one run, from the first compared tick on."""
 
     visits: tuple[Visit, ...]
     keys: tuple[Key, ...]
-    """By the names of run A."""
+    """Keys of the visits, with the names of run A."""
     resumed: frozenset[int]
-    """Indices of the visits that had begun before."""
+    """Indices of the visits that had begun before the comparison."""
 
 
 def align(a: Run, b: Run, *, since: float = 0.0) -> Alignment:
-    """Pair the visits of two runs: what is at `since` (simulated s) or later.
+    """Pair the visits of two runs from `since` (simulated s) on.
 
-    When a log begins later than a run does, as one that goes on from a checkpoint, both are compared from
-    after its first tick on, which is how things stood at the checkpoint.
-    A log of format 1 does not tell when nodes began and ended: both runs are then taken at the statuses after
-    each tick, and what nodes read is not compared.
+    A log that begins later than its run, as that of a resumed run, is compared from after its first tick on.
+    So is the other log. That tick only holds the state at the checkpoint.
+
+    A log of format 1 has no starts and ends of nodes. Both runs are then compared by the statuses after each
+    tick, without inputs.
     """
     begun = max((run.ticks.times[0] for run in (a, b) if run.ticks.times), default=0.0)
     if begun > EPSILON:
         since = max(since, begun + a.info.tick / 2)
     items, nodes = match_items(a, b, since=since), match_nodes(a, b)
-    # What only B has must not be taken for what A calls by the same name.
+    # An item that only B has must not be taken for an item of A with the same name.
     names = {**{name: f"{name} of B" for name in items.only_b}, **items.a_by_b}
     called = {pair.a: pair.b for pair in items.pairs}
     both = both_visits(a, b)
@@ -123,7 +128,7 @@ def _side(
             continue
         item, path = items.get(visit.item, visit.item), nodes.get(visit.path, visit.path)
         if visit.start < since - EPSILON:
-            # There is one such visit of a node. What it is about, a run from a checkpoint cannot tell.
+            # A node has one such visit. A run from a checkpoint cannot know its item.
             resumed.add(len(visits))
             visits.append(replace(visit, start=since, attempt=0))
             keys.append(("", path, 0))
@@ -135,5 +140,5 @@ def _side(
 
 
 def _end(run: Run) -> float:
-    """Time of the last tick, s."""
+    """Return the time of the last tick, simulated s."""
     return run.ticks.times[-1] if run.ticks.times else 0.0

@@ -1,4 +1,4 @@
-"""Two runs compared as a whole: one value, which `diff_text` and `diff_json` render."""
+"""Difference of two whole runs: one value, which `diff_text` renders as text and JSON."""
 
 from __future__ import annotations
 
@@ -24,22 +24,24 @@ from .run_outcome import (
 from .run_settings import SetupDiff, compare_set_up
 
 Verdict: TypeAlias = Literal["identical", "cut", "alike", "apart"]
-"""`identical`: every simulated message is the same. `cut`: they are, until one log ends. `alike`: some values
-differ, but every node did the same at the same times. `apart`: the nodes did not."""
+"""Verdict: `identical`: every simulated message is the same. `cut`: they are, until one log ends.
+
+`alike`: some values differ, but every node did the same at the same times. `apart`: the nodes did not.
+"""
 
 
 @dataclass(frozen=True, slots=True)
 class RunDiff:
-    """In what two runs differ; times are simulated s."""
+    """Differences of two runs; times are simulated s."""
 
     verdict: Verdict
     a: RunOutcome
     b: RunOutcome
     set_up: SetupDiff
     first: MessageDifference | None
-    """The first simulated value that differs. When the trees do, apart from what is told of their nodes."""
+    """First simulated value that differs. When the trees differ, messages about their nodes are ignored."""
     alignment: Alignment
-    """Holds where they part."""
+    """Alignment of the runs, with their divergence."""
     time: TimeSpent
     causes: tuple[CountChange, ...]
     ways: tuple[EndingChange, ...]
@@ -51,8 +53,11 @@ class RunDiff:
 
 
 def diff(a: Run, b: Run) -> RunDiff:
-    """Compare two runs of whatever missions, finished or cut; from the first tick on that both have, as of a
-    run and another that goes on from its checkpoint. Raises PicktreeError for a damaged log."""
+    """Compare two runs of any missions, finished or cut.
+
+    The comparison begins at the first tick that both have, also for a run and its continuation from a
+    checkpoint. Raises PicktreeError for a damaged log.
+    """
     alignment = align(a, b)
     since = alignment.since or None
     first = first_difference(a, b, since=since)

@@ -1,9 +1,7 @@
-"""Where two runs part: the first moment at which their visits differ.
+"""Divergence of two runs: the first moment at which their visits differ, and the first message that differs.
 
-The first message in which two logs tell of different simulations.
-
-Bytes are compared first; only what differs is decoded, to name the field. A topic that an older log does not
-know at all is passed over.
+Bytes of messages are compared first; only differing ones are decoded, to name the field. A topic that an
+older log does not have is ignored.
 """
 
 from __future__ import annotations
@@ -24,25 +22,27 @@ from .visit_pair import EPSILON, Aspect, VisitPair
 
 @dataclass(frozen=True, slots=True)
 class MessageDifference:
-    """The first message that differs."""
+    """First message that differs."""
 
     tick: int
-    """Number of the tick to whose time it belongs, 0 for the first of the log A."""
+    """Number of the tick at the message's time, 0 for the first of the log A."""
     time: float
-    """Simulated s."""
+    """Time of the message, simulated s."""
     topic: str
     missing: Literal["", "a", "b"]
-    """The side that has no such message there; its log may tell of something else first."""
+    """Side without such a message at that place; empty: both have it. Its next message may be another one."""
     ended: bool
     """Whether the log of that side ends there."""
     field: str
-    """Where in the message, such as `nodes[3].status` or `transforms[7].translation.x`; empty when the
-    message is missing, or when only its bytes differ."""
+    """Field in the message, such as `nodes[3].status` or `transforms[7].translation.x`.
+
+    Empty when the message is missing, or when only its bytes differ.
+    """
     of: str
-    """What the innermost list element on the way is called: a node's path, a frame, a key; else empty."""
+    """Name of the innermost list element around the field: a node's path, a frame, a key; else empty."""
     a: object
-    """The values of the field, as JSON has them; of a missing message the whole other one. None where there
-    is none."""
+    """Value of the field in A, as JSON; None where there is none. For a missing message, the whole other
+    one."""
     b: object
 
 
@@ -54,11 +54,10 @@ def first_difference(
     until: float | None = None,
     without: Collection[str] = (),
 ) -> MessageDifference | None:
-    """None when both logs hold the same simulated messages from `since` to `until` (simulated s, inclusive),
-    apart from those on the topics `without`.
+    """Return the first difference of the simulated messages from `since` to `until` (simulated s, inclusive).
 
-    A log that was cut ends earlier than the one of the same run that is whole: then the difference has
-    `ended`, and `missing` says which.
+    None when there is none. Topics in `without` are ignored. A log that was cut ends earlier than the whole
+    log of the same run. Then the difference has `ended`, and `missing` names the side.
     """
     names = _compared(a, b) - set(without)
     streams = (run.log.messages(names, since, until) for run in (a, b))
@@ -75,7 +74,7 @@ def first_difference(
 
 
 def _compared(a: Run, b: Run) -> frozenset[str]:
-    """The simulated topics; of those that every log has now, an older log may not know all."""
+    """Return the simulated topics that both logs have; an older log may lack some of today's."""
     fixed = {topic.name for topic in topics.FIXED if topic.simulated}
     known_a, known_b = set(a.log.topics), set(b.log.topics)
     cameras = {name for name in known_a | known_b if name.startswith("/camera/")}
@@ -83,7 +82,7 @@ def _compared(a: Run, b: Run) -> frozenset[str]:
 
 
 def _unpaired(a: Run, b: Run, one: RawMessage | None, other: RawMessage | None) -> MessageDifference:
-    """Of two messages that are not of one topic and time: the one that the other log does not have."""
+    """Return the difference of two messages of different topic or time: the one that the other log lacks."""
     if one is not None and other is not None:
         ended = False
         in_b = other.time < one.time or (other.time == one.time and _count(b, other) > _count(a, other))
@@ -99,7 +98,7 @@ def _unpaired(a: Run, b: Run, one: RawMessage | None, other: RawMessage | None) 
 
 
 def _count(run: Run, like: RawMessage) -> int:
-    """How many messages of that topic and time the log holds."""
+    """Return the number of messages of that topic and time in the log."""
     time = like.time / 1e9
     return sum(1 for _ in run.log.messages([like.topic], time, time))
 
@@ -113,33 +112,35 @@ Side: TypeAlias = Literal["a", "b"]
 SIDES: Final[tuple[Side, Side]] = ("a", "b")
 How: TypeAlias = Aspect | Literal["order", "end"]
 AT_START: Final[tuple[Aspect, ...]] = ("type", "inputs")
-"""What differs already when a visit begins."""
+"""Aspects that differ already at the start of a visit."""
 
 
 @dataclass(frozen=True, slots=True)
 class Divergence:
-    """The first moment (simulated s) at which two runs differ, and what each did then.
+    """First moment (simulated s) at which two runs differ, and the visits of both there.
 
-    `how`: in what the same visit differs; `order`: another visit begins, or the same at another time; `end`:
-    the log of one ends, while the other goes on.
+    `how` is the aspect in which the same visit differs. `order`: another visit begins, or the same at another
+    time. `end`: the log of one ends, while the other continues.
     """
 
     time: float
     how: How
     also: tuple[Aspect, ...]
-    """In what else the same visit differs, first to last."""
+    """Further aspects in which the same visit differs, in order of time."""
     a: Visit | None
-    """The visit at which they part; with `order` the one that begins next. None when nothing more begins,
-    and on the side where the log ends."""
+    """Visit of A at the divergence; with `order` the one that begins next.
+
+    None when no further visit begins, or the log ends.
+    """
     b: Visit | None
     next_a: Visit | None
-    """The first leaf that begins afterwards."""
+    """First leaf that begins afterwards in A; None when there is none."""
     next_b: Visit | None
 
 
 @dataclass(frozen=True, slots=True)
 class ComparedRuns:
-    """The visits of two runs that are compared, and the time of the last tick of each (simulated s)."""
+    """Visits of two compared runs, and the time of the last tick of each, simulated s."""
 
     pairs: Sequence[VisitPair]
     only_a: Sequence[Visit]
@@ -155,8 +156,11 @@ class ComparedRuns:
 
 
 _Rank: TypeAlias = tuple[float, int, int]
-"""Time; within a tick 0 for ends, 1 for beginnings, 2 for the ends of what began in it; and the place among
-these: ends come from below, beginnings from above."""
+"""Rank of a moment: time, phase within the tick, place within the phase.
+
+Phases are 0 for ends, 1 for starts, 2 for ends of visits that began in the same tick. Ends go from below
+upwards, starts from above downwards.
+"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -169,8 +173,11 @@ class _Candidate:
 
 
 def find_parting(sides: ComparedRuns) -> Divergence | None:
-    """A node that only one mission has does not part the runs by itself as long as it has children: what it
-    does is what they do."""
+    """Return the first divergence; None when there is none.
+
+    A node with children that only one mission has is no divergence by itself: the behaviour of its children
+    counts.
+    """
     first = min(_candidates(sides), key=lambda candidate: candidate.rank, default=None)
     over = min(sides.end_a, sides.end_b)
     if first is None or first.rank[0] > over + EPSILON:
@@ -214,7 +221,8 @@ def _candidates(sides: ComparedRuns) -> Iterator[_Candidate]:
 
 
 def _ended(sides: ComparedRuns, over: float) -> Divergence | None:
-    """The log of one side ends, and nothing differed until then."""
+    """Return the divergence at the end of one log when nothing differed before; None when both end
+    together."""
     if abs(sides.end_a - sides.end_b) <= EPSILON or not sides.pairs:
         return None
     a, b = (_under_way(sides.all(side), over) for side in SIDES)
@@ -223,7 +231,7 @@ def _ended(sides: ComparedRuns, over: float) -> Divergence | None:
 
 
 def _under_way(visits: Sequence[Visit], time: float) -> Visit | None:
-    """The deepest visit at that time."""
+    """Return the deepest visit that is open at that time."""
     open_ = [v for v in visits if v.start <= time + EPSILON and (v.outcome == "RUNNING" or v.end > time)]
     return max(open_, key=lambda visit: visit.path.count("/"), default=None)
 
@@ -237,8 +245,11 @@ def _next(
     leaf: bool = False,
     beside: Visit | None = None,
 ) -> Visit | None:
-    """The first visit of that side that begins at `time` or later. `new`: and does not begin alike in the
-    other run; `leaf`: of a node without children; `beside`: other than this one."""
+    """Return the first visit of that side that begins at `time` or later.
+
+    `new`: it does not begin at the same time in the other run; `leaf`: its node has no children; `beside`: it
+    is not this visit.
+    """
     alike: set[int] = set()
     if new:
         alike = {

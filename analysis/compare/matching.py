@@ -1,14 +1,13 @@
-"""Which node of one mission is which node of another.
+"""Matching of two runs: pairs of nodes of two missions, and pairs of items.
 
-The same path is the same node. What is left (a node that was renamed around, or wrapped into another, as in
-a new `Recover`) is paired below the nearest pair above it: nodes of the same type and name in the same order.
+Nodes with the same path are a pair. The others (a node inside a renamed one, or wrapped into another, as in a
+new `Recover`) are paired below the nearest pair above them. There, nodes of the same type and name form pairs
+in their order.
 
-Which item of one run is which item of another.
-
-The ids are the robot's own: `red_block_3` is the third red block that it found, so two runs may number the
-same block differently. With one seed the same things stand in the same places at first, so a place decides;
-what it leaves over, and everything when the seeds differ, is paired by the order of discovery among those of
-one kind and colour. With different seeds a pair is therefore no more than two of a kind.
+Ids of items are the robot's own: `red_block_3` is the third red block that it found. Two runs may number the
+same block differently. With one seed, items start at the same places, so the place decides. The rest, and all
+items when the seeds differ, are paired by the order of discovery within one kind and colour. With different
+seeds, a pair therefore only means the same kind and colour.
 """
 
 from __future__ import annotations
@@ -24,20 +23,21 @@ from ...world.values import Vector3
 from ..run import Run
 
 NEAR = 0.02
-"""m. Half an item: more than perception errs, less than two items are apart."""
+"""Maximum distance of the same place, m: half an item, above the error of perception, below the gap of two
+items."""
 
 Basis: TypeAlias = Literal["place", "order"]
 
 
 @dataclass(frozen=True, slots=True)
 class FirstSighting:
-    """An object when the robot first believed in it, or at the moment from which runs are compared."""
+    """Object when the robot first believed in it, or at the moment from which runs are compared."""
 
     id: str
     kind: str
     colour: str
     place: Vector3
-    """In the world, m."""
+    """Position in the world, m."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,13 +45,13 @@ class ItemPair:
     a: str
     b: str
     basis: Basis
-    """`place`: it stood in the same place. `order`: it is of the same kind and colour, and so many of those
-    were known before."""
+    """Reason for the pair. `place`: the items were at the same place. `order`: kind, colour and number in the
+    order of discovery agree."""
 
 
 @dataclass(frozen=True, slots=True)
 class ItemMatch:
-    """The objects of two runs, by their ids."""
+    """Pairs of the objects of two runs, by their ids."""
 
     pairs: tuple[ItemPair, ...]
     only_a: tuple[str, ...]
@@ -59,12 +59,13 @@ class ItemMatch:
 
     @property
     def a_by_b(self) -> Mapping[str, str]:
-        """What the run A calls an object of B."""
+        """Ids in run A of the objects of B."""
         return {pair.b: pair.a for pair in self.pairs}
 
 
 def match_items(a: Run, b: Run, *, since: float = 0.0) -> ItemMatch:
-    """Pair the objects of two runs; those that are known at `since` (simulated s) where they are then."""
+    """Pair the objects of two runs. Objects that are known at `since` (simulated s) count with their place
+    then."""
     in_a, in_b = sightings(a, since), sightings(b, since)
     pairs: list[ItemPair] = []
     if a.info.seed == b.info.seed:
@@ -96,7 +97,7 @@ def match_items(a: Run, b: Run, *, since: float = 0.0) -> ItemMatch:
 
 
 def sightings(run: Run, since: float = 0.0) -> tuple[FirstSighting, ...]:
-    """Every object of the belief once, in the order of discovery; from `since` (simulated s) on."""
+    """Return every object of the belief once, in the order of discovery, from `since` (simulated s) on."""
     found: dict[str, FirstSighting] = {}
     known = run.log.belief_at(since) or next(run.log.beliefs(since), None)
     begin = since
@@ -112,7 +113,7 @@ def sightings(run: Run, since: float = 0.0) -> tuple[FirstSighting, ...]:
 
 
 def _left(known: Iterable[FirstSighting], paired: Iterable[str]) -> dict[tuple[str, str], list[str]]:
-    """The ids that are not paired yet, by kind and colour."""
+    """Return the ids without a partner, by kind and colour."""
     done = set(paired)
     left: dict[tuple[str, str], list[str]] = {}
     for sighting in known:
@@ -123,10 +124,10 @@ def _left(known: Iterable[FirstSighting], paired: Iterable[str]) -> dict[tuple[s
 
 @dataclass(frozen=True, slots=True)
 class PortChange:
-    """A port that is written otherwise in the two missions; empty where it is not written."""
+    """Port with different values in the two missions; empty where the mission does not set it."""
 
     path: str
-    """Of the node in A."""
+    """Path of the node in A."""
     port: str
     a: str
     b: str
@@ -140,7 +141,7 @@ class NodePair:
 
 @dataclass(frozen=True, slots=True)
 class NodeMatch:
-    """The nodes of two runs. Of a mission that was edited under the run, all its trees count."""
+    """Pairs of the nodes of two runs. When the mission was edited during a run, all its trees count."""
 
     pairs: tuple[NodePair, ...]
     only_a: tuple[TreeNode, ...]
@@ -148,12 +149,12 @@ class NodeMatch:
 
     @property
     def a_by_b(self) -> Mapping[str, str]:
-        """The path in A of a node of B."""
+        """Paths in A of the nodes of B."""
         return {pair.b.path: pair.a.path for pair in self.pairs}
 
     @property
     def moved(self) -> tuple[NodePair, ...]:
-        """Pairs with another path."""
+        """Pairs with different paths."""
         return tuple(pair for pair in self.pairs if pair.a.path != pair.b.path)
 
     @property
@@ -176,7 +177,7 @@ def match_nodes(a: Run, b: Run) -> NodeMatch:
 
 
 def nodes_of(run: Run) -> tuple[TreeNode, ...]:
-    """All nodes that the run's trees have, each as it stood first, parents before their children."""
+    """Return all nodes of the run's trees, each in its first form, parents before their children."""
     found: dict[str, TreeNode] = {}
     for at in run.trees:
         for node in at.record.nodes:
@@ -204,7 +205,7 @@ def match_trees(a: Iterable[TreeNode], b: Iterable[TreeNode]) -> NodeMatch:
 
 
 def _below(nodes: Mapping[str, TreeNode], paired: Mapping[str, str]) -> dict[str, list[TreeNode]]:
-    """The unpaired nodes in the order of the tree, by the nearest paired node above them."""
+    """Return the unpaired nodes in the order of the tree, by the nearest paired node above them."""
     below: dict[str, list[TreeNode]] = {}
     for node in nodes.values():
         if node.path in paired:
@@ -217,5 +218,6 @@ def _below(nodes: Mapping[str, TreeNode], paired: Mapping[str, str]) -> dict[str
 
 
 def _kind(node: TreeNode) -> tuple[str, str]:
-    """What makes two nodes alike: type, and name without the number that tells siblings apart."""
+    """Return type and name without the number that distinguishes siblings; nodes with equal results are
+    alike."""
     return node.id, node.name.split("#")[0]

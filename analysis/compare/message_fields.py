@@ -1,4 +1,5 @@
-"""The first field in which two messages of one topic differ."""
+"""Fields of messages: the first difference of two messages of one topic, and values and names as short
+text."""
 
 from __future__ import annotations
 
@@ -15,7 +16,7 @@ from ...logs.schema.topics import message_class
 
 
 def short_names(paths: Iterable[str]) -> Mapping[str, str]:
-    """By path.
+    """Return for each path its shortest unique end.
 
     >>> short_names(["Main", "Main/A", "Main/A/Grasp", "Main/Recover/Grasp"])["Main/Recover/Grasp"]
     'Recover/Grasp'
@@ -26,17 +27,17 @@ def short_names(paths: Iterable[str]) -> Mapping[str, str]:
 
 
 def _ends(path: str) -> list[str]:
-    """The last part, the last two, and so on up to the whole."""
+    """Return the last part of the path, the last two, and so on up to the whole."""
     parts = path.split("/")
     return ["/".join(parts[-k:]) for k in range(1, len(parts) + 1)]
 
 
 LONGEST = 90
-"""Characters; more are cut."""
+"""Maximum number of characters; longer texts are cut."""
 
 
 def value_text(value: object) -> str:
-    """As JSON, cut when it is long; numbers with six digits; nothing for None.
+    """Return a value as JSON text, cut when it is long; numbers with six digits; a dash for None.
 
     >>> value_text({"width": 0.0312345678, "held": True})
     '{"width": 0.0312346, "held": true}'
@@ -63,23 +64,24 @@ def _cut(text: str) -> str:
 
 
 NAMES = ("path", "id", "name", "child_frame_id", "key", "object", "kind")
-"""Fields that say what an element of a list is, the best first."""
+"""Fields that name an element of a list, the best first."""
 
 
 @dataclass(frozen=True, slots=True)
 class FieldDifference:
     path: str
-    """Such as `nodes[3].status`; empty when the values as a whole differ."""
+    """Path of the field, such as `nodes[3].status`; empty when the values as a whole differ."""
     of: str
-    """What the innermost element of a list on the way is called, when it has a name."""
+    """Name of the innermost list element around the field, when it has one."""
     a: object
-    """None where there is no such field or element."""
+    """Value in A; None where there is no such field or element."""
     b: object
 
 
 def first_field(schema: str, a: bytes, b: bytes) -> FieldDifference | None:
-    """The first field in which two messages of a schema differ, in the order of A's fields. None when they
-    say the same in other bytes. Undecodable bytes differ as a whole.
+    """Return the first field in which two messages of a schema differ, in the order of A's fields.
+
+    None when the values are equal and only the bytes differ. Undecodable bytes differ as a whole.
 
     >>> first_field("picktree.Wrench", b'{"force": {"x": 1.0}}', b'{"force": {"x": 1.5}}')
     FieldDifference(path='force.x', of='', a=1.0, b=1.5)
@@ -93,7 +95,7 @@ def first_field(schema: str, a: bytes, b: bytes) -> FieldDifference | None:
 
 
 def decoded(schema: str, data: bytes) -> object:
-    """A message as JSON values; None when it is unreadable."""
+    """Decode a message into JSON values; None when it is unreadable."""
     from google.protobuf.message import DecodeError
 
     try:
@@ -104,7 +106,7 @@ def decoded(schema: str, data: bytes) -> object:
 
 
 def first_apart(a: object, b: object, path: str = "", of: str = "") -> FieldDifference | None:
-    """The first difference of two JSON values, in the order of A's fields; None when they are equal.
+    """Return the first difference of two JSON values, in the order of A's fields; None when they are equal.
 
     >>> first_apart({"nodes": [{"path": "Main", "status": "RUNNING"}]}, {"nodes": [{"path": "Main"}]})
     FieldDifference(path='nodes[0].status', of='Main', a='RUNNING', b=None)
@@ -132,7 +134,7 @@ def first_apart(a: object, b: object, path: str = "", of: str = "") -> FieldDiff
 
 
 def _inside(a: str, b: str, path: str, of: str) -> FieldDifference | None:
-    """Within two texts that are JSON themselves, as the records in an entity's metadata."""
+    """Compare two texts that are JSON themselves, as the records in an entity's metadata."""
     try:
         found = first_apart(orjson.loads(a), orjson.loads(b), path, of)
     except ValueError:
@@ -148,8 +150,10 @@ def _name(element: object) -> str:
 
 
 def _values(schema: str, data: bytes) -> Any:
-    """As JSON values; bytes by their length and check sum. Raises ValueError or DecodeError for what is no
-    message of the schema."""
+    """Decode a message into JSON values, with length and check sum for bytes.
+
+    Raises ValueError or DecodeError for data that is no message of the schema.
+    """
     from google.protobuf.json_format import MessageToDict
 
     kind = message_class(schema)

@@ -1,4 +1,5 @@
-"""What one run came to, for a table of two; of a killed run, what its log tells."""
+"""Outcome of a run for a table of two: result, items, causes and times; for a killed run, as far as its log
+has them."""
 
 from __future__ import annotations
 
@@ -17,7 +18,7 @@ from .matching import Basis
 
 @dataclass(frozen=True, slots=True)
 class TimeUse:
-    """Simulated s of some visits; `median` is None when there are none."""
+    """Duration of some visits, simulated s; `median` is None when there are none."""
 
     count: int
     total: float
@@ -27,19 +28,19 @@ class TimeUse:
 @dataclass(frozen=True, slots=True)
 class TimeChange:
     name: str
-    """A type of node, or the path of a node in A (in B for a node that only B has)."""
+    """Type of node, or path of a node in A (in B for a node that only B has)."""
     a: TimeUse
     b: TimeUse
 
     @property
     def change(self) -> float:
-        """Simulated s that B took longer, in all."""
+        """Difference of the total times, B minus A, simulated s."""
         return self.b.total - self.a.total
 
 
 @dataclass(frozen=True, slots=True)
 class CountChange:
-    """How often something was in the two runs."""
+    """Number of occurrences in the two runs."""
 
     name: str
     a: int
@@ -48,7 +49,7 @@ class CountChange:
 
 @dataclass(frozen=True, slots=True)
 class EndingChange:
-    """How often a node ended so. `path` as in `TimeChange.name`."""
+    """Number of visits of a node with that outcome. `path` as in `TimeChange.name`."""
 
     path: str
     outcome: str
@@ -58,12 +59,12 @@ class EndingChange:
 
 @dataclass(frozen=True, slots=True)
 class TimeSpent:
-    """The largest changes first."""
+    """Changes of durations, the largest first."""
 
     by_type: tuple[TimeChange, ...]
-    """Of leaves: what the robot does, and nothing twice."""
+    """Changes by type, of leaves only: their times are the robot's activities and do not overlap."""
     by_node: tuple[TimeChange, ...]
-    """Of all nodes; the time of a node contains that of the nodes below it."""
+    """Changes by node, of all nodes; the time of a node contains that of the nodes below it."""
 
 
 def time_spent(alignment: Alignment) -> TimeSpent:
@@ -81,15 +82,15 @@ def time_spent(alignment: Alignment) -> TimeSpent:
 
 
 def causes(alignment: Alignment) -> tuple[CountChange, ...]:
-    """How often a node failed by itself with each cause, all causes of both runs by name."""
+    """Return the number of failures of nodes themselves by cause, all causes of both runs by name."""
     ours = Counter(visit.cause for visit in alignment.visits_a if visit.failed_itself)
     theirs = Counter(visit.cause for visit in alignment.visits_b if visit.failed_itself)
     return tuple(CountChange(cause, ours[cause], theirs[cause]) for cause in sorted({*ours, *theirs}))
 
 
 def ways(alignment: Alignment) -> tuple[EndingChange, ...]:
-    """What came of each node, where that is not the same number of times; in the order of A's tree, what only
-    B has last."""
+    """Return the outcomes of nodes whose numbers differ, in the order of A's tree; nodes that only B has come
+    last."""
     path_in_a = alignment.nodes.a_by_b
     ours = Counter((visit.path, visit.outcome) for visit in alignment.visits_a)
     theirs = Counter((path_in_a.get(v.path, v.path), v.outcome) for v in alignment.visits_b)
@@ -99,7 +100,7 @@ def ways(alignment: Alignment) -> tuple[EndingChange, ...]:
 
 
 def _inner(alignment: Alignment) -> tuple[set[str], set[str]]:
-    """Paths of the nodes with children, in A and in B."""
+    """Return the paths of the nodes with children, in A and in B."""
     nodes = alignment.nodes
     return (
         {n.path for n in (*(p.a for p in nodes.pairs), *nodes.only_a) if n.children},
@@ -126,49 +127,52 @@ def _spent(seconds: list[float] | None) -> TimeUse:
 
 
 State: TypeAlias = Literal["done", "held", "left", "gone"]
-"""As the robot believed at the end. `done`: where it belongs; `held`: in the hand; `left`: somewhere else;
-`gone`: no longer believed in."""
+"""State of an item at the end, as the robot believed.
+
+`done`: at its destination; `held`: in the hand; `left`: somewhere else; `gone`: not in the belief.
+"""
 
 
 @dataclass(frozen=True, slots=True)
 class ItemEnd:
-    """What became of one item in one run. Times are simulated s."""
+    """End of one item in one run. Times are simulated s."""
 
     id: str
     state: State
     place: str
-    """Where it is believed to be: a bin, the table, in the hand; empty when gone."""
+    """Believed place: a bin, the table, in the hand; empty when gone."""
     begun: float | None
-    """When a node first was about it; None when none was."""
+    """Start of the first visit for the item; None when there was none."""
     done: float | None
-    """When it was last placed where it belongs."""
+    """Time of its last placement at its destination; None: never."""
     busy: float
-    """What its nodes took, one within the other counted once."""
+    """Total time of its visits; nested ones count once."""
     grasps: int
-    """How often the fingers closed on it."""
+    """Number of times that the fingers closed on it."""
     failures: int
-    """How often a node that was about it failed by itself."""
+    """Number of failures of nodes themselves during their visits for it."""
 
 
 @dataclass(frozen=True, slots=True)
 class ItemChange:
-    """An item in two runs; None where that run did not know it."""
+    """Item in two runs; None where that run did not know it."""
 
     a: ItemEnd | None
     b: ItemEnd | None
     basis: Basis | None
-    """How it was found to be the same; None when only one run knew it."""
+    """Basis of the pair; None when only one run knew the item."""
 
     @property
     def differs(self) -> bool:
-        """Whether it ended differently: in another state or place."""
+        """Whether the item ended differently: in another state or place."""
         return (
             self.a is None or self.b is None or (self.a.state, self.a.place) != (self.b.state, self.b.place)
         )
 
 
 def item_changes(a: Run, b: Run, alignment: Alignment) -> tuple[ItemChange, ...]:
-    """All items of both runs, in the order in which A discovered them; what only B knew last."""
+    """Return all items of both runs, in the order in which A discovered them; items that only B knew come
+    last."""
     match = alignment.items
     ours = _ends(a, alignment.visits_a, alignment.since)
     theirs = _ends(b, alignment.visits_b, alignment.since)
@@ -182,7 +186,8 @@ def item_changes(a: Run, b: Run, alignment: Alignment) -> tuple[ItemChange, ...]
 
 
 def _ends(run: Run, visits: Sequence[Visit], since: float) -> dict[str, ItemEnd]:
-    """Of everything of the role `item` that was believed in from `since` on, in the order of discovery."""
+    """Return the ends of all bodies of the role `item` in the belief from `since` on, in the order of
+    discovery."""
     done = {
         str(event.record.data["object"]): event
         for event in run.events
@@ -224,7 +229,7 @@ def _discovered(run: Run, since: float) -> list[str]:
 
 
 def _covered(spans: list[tuple[float, float]]) -> float:
-    """Length of the union of some spans."""
+    """Return the length of the union of some spans."""
     covered, reached = 0.0, float("-inf")
     for start, end in sorted(spans):
         covered += max(end - max(start, reached), 0.0)
@@ -240,25 +245,25 @@ KILLED = "killed"
 class RunOutcome:
     log: Path
     recovered: str
-    """A sentence when the file had not been finished; else empty."""
+    """Sentence when the file was not finished; else empty."""
     status: str
     message: str
-    """Why the tree failed; else empty."""
+    """Reason why the tree failed; else empty."""
     end: float
-    """Simulated s."""
+    """End of the run, simulated s."""
     items_total: int | None
-    """By the scorer; None when the run was killed."""
+    """Number of items, from the scorer; None when the run was killed."""
     items_sorted: int | None
     items_done: int
-    """As the robot believes: how often it said that an item is where it belongs."""
+    """Number of items at their destination, as the robot believed."""
     picks_tried: int
     picks_held: int
     failures: Mapping[str, int]
-    """How often a node failed by itself, by cause."""
+    """Number of failures of nodes themselves, by cause."""
     recoveries: int
-    """How often recovery was tried."""
+    """Number of recoveries that were tried."""
     digest: str
-    """Empty when the run was killed."""
+    """Digest of the run, in hex; empty when it was killed."""
 
 
 def outcome_of(run: Run) -> RunOutcome:

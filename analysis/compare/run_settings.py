@@ -1,4 +1,4 @@
-"""What two runs were started with: settings and files that differ."""
+"""Settings of two runs: differences of parameters, versions and files."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from ...session.environment import SOURCES, source_changes, sources_from_text
 from ..run import Run
 
 CONTEXT = 2
-"""Unchanged lines shown around a change of a file."""
+"""Number of unchanged lines around a change of a file."""
 _NOT_SET_UP = ("checkpoint-", "refused-")
-"""Attachments that a run makes itself."""
+"""Prefixes of attachments that a run makes itself."""
 
 
 @dataclass(frozen=True, slots=True)
 class ValueChange:
-    """A value by its name on both sides; None where there is none."""
+    """Value with a name in two runs; None where there is none."""
 
     name: str
     a: object
@@ -29,8 +29,11 @@ class ValueChange:
 
 @dataclass(frozen=True, slots=True)
 class FileChange:
-    """A file in the log that the two runs do not share. `diff` are the lines of a unified diff without its
-    head; of picktree's sources, sentences; empty for a file that is no text, or that only one run has."""
+    """File that differs between the two logs.
+
+    `diff` are the lines of a unified diff without its head; for picktree's sources, sentences. It is empty
+    for a file that is no text, or that only one run has.
+    """
 
     name: str
     how: Literal["changed", "only_a", "only_b"]
@@ -40,10 +43,10 @@ class FileChange:
 @dataclass(frozen=True, slots=True)
 class SetupDiff:
     settings: tuple[ValueChange, ...]
-    """Those that differ: mission, scene, robot, seed, versions and so on."""
+    """Settings that differ: mission, scene, robot, seed, versions and others."""
     files: tuple[FileChange, ...]
     arithmetic: str = ""
-    """A sentence when the two were computed with other arithmetic, or it was not recorded; else empty."""
+    """Sentence when the runs were computed with different arithmetic, or it was not recorded; else empty."""
 
 
 def compare_set_up(a: Run, b: Run) -> SetupDiff:
@@ -57,7 +60,7 @@ def compare_set_up(a: Run, b: Run) -> SetupDiff:
 
 
 def value_changes(a: Mapping[str, object], b: Mapping[str, object]) -> tuple[ValueChange, ...]:
-    """The values that differ, in the order of A."""
+    """Return the values that differ, in the order of A."""
     return tuple(
         ValueChange(name, a.get(name), b.get(name))
         for name in dict.fromkeys((*a, *b))
@@ -66,7 +69,7 @@ def value_changes(a: Mapping[str, object], b: Mapping[str, object]) -> tuple[Val
 
 
 def _settings(info: RunInfo) -> dict[str, object]:
-    """By the names that people know; the version of picktree stands without a prefix."""
+    """Return the settings by user-visible names; the version of picktree has no prefix."""
     named: dict[str, object] = {
         "mission": info.mission,
         "scene": info.scene,

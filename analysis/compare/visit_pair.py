@@ -1,4 +1,4 @@
-"""The same visit in two runs, and in what it differs."""
+"""Pair of visits: the same visit in two runs, and the aspects in which it differs."""
 
 from __future__ import annotations
 
@@ -9,26 +9,27 @@ from typing import Final, Literal, TypeAlias, cast
 from ...logs.visits import Visit
 
 EPSILON: Final = 1e-6
-"""s. Times that are the same to this are the same."""
+"""Difference below which two times are equal, s."""
 
 Aspect: TypeAlias = Literal["type", "inputs", "outcome", "cause", "length"]
 
 
 @dataclass(frozen=True, slots=True)
 class VisitPair:
-    """The same visit in both runs, each with the item, path and times that it has in its own."""
+    """Same visit in both runs, each with the item, path and times of its own run."""
 
     a: Visit
     b: Visit
     differs: tuple[Aspect, ...]
-    """In what, apart from when it began."""
+    """Aspects that differ, apart from the start time."""
 
 
 def differences(a: Visit, b: Visit, items: Mapping[str, str], *, resumed: bool) -> tuple[Aspect, ...]:
-    """`items`: what A calls the objects of B. `resumed`: one of them had begun before the runs are compared,
-    so that what it read is not known.
+    """Return the aspects in which two visits differ.
 
-    A visit that is cut off by the end of its log differs only when the other had ended by then.
+    `items`: ids in A of the objects of B. `resumed`: one of the visits had begun before the comparison, so
+    its inputs are unknown. A visit that is cut off by the end of its log differs only when the other one had
+    ended by that time.
     """
     found: list[Aspect] = []
     if a.id != b.id:
@@ -50,7 +51,7 @@ def differences(a: Visit, b: Visit, items: Mapping[str, str], *, resumed: bool) 
 
 
 def renamed(value: object, names: Mapping[str, str]) -> object:
-    """The value with every text that is a name of `names` replaced, in lists and mappings, too.
+    """Return the value with each text that is a name in `names` replaced, also in lists and mappings.
 
     >>> renamed(["red_ball_1", {"object": "red_ball_2"}], {"red_ball_1": "red_ball_2", "red_ball_2": "x"})
     ['red_ball_2', {'object': 'x'}]

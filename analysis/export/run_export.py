@@ -1,4 +1,4 @@
-"""Exporting a run: to a folder of tables, or to one file for Rerun."""
+"""Export of a run: to a folder of tables, or to one file for Rerun."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ TABLES: tuple[TableSpec[Any], ...] = (
     ),
     TableSpec("timings", "a tick by the wall clock", row_types.TimingRow, table_rows.timings),
 )
-"""In the order in which a reader wants them."""
+"""Tables in the order of interest for a reader."""
 
 
 Form: TypeAlias = Literal["csv", "parquet", "rerun"]
@@ -60,13 +60,13 @@ _Write: TypeAlias = Callable[[Path, TableSpec[Any], Any], int]
 
 @dataclass(frozen=True, slots=True)
 class Exported:
-    """What was written. `rows` by file; of a file that is no table, what it holds besides is no number."""
+    """Written files. `rows` is the number of rows by file, only for tables."""
 
     form: Form
     output: Path
     rows: Mapping[Path, int]
     notes: tuple[str, ...] = ()
-    """What the log could not give."""
+    """Sentences about data that the log lacks."""
 
     def to_text(self) -> str:
         lines = [f"note: {note}" for note in self.notes]
@@ -89,7 +89,7 @@ class Exported:
 def export(run: Run, form: Form, output: Path) -> Exported:
     """Write the run to `output`: a folder for tables, a file for Rerun.
 
-    Raises PicktreeError when it cannot be written or a library is missing; no half of a file remains.
+    Raises PicktreeError when it cannot be written or a library is missing; no partial file remains.
     """
     notes = tuple(_notes(run))
     if form == "rerun":

@@ -1,1 +1,1 @@
-"""Pictures of a run, drawn without a display or a GPU."""
+"""Images of a run, drawn without a display or a GPU."""

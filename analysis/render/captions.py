@@ -1,4 +1,4 @@
-"""What is written into a picture: the time, what the robot does, how far it is, and what went wrong."""
+"""Captions in an image: time, activity of the robot, progress, and failures."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _REGULAR, _SEMIBOLD = 400, 600
 
 @dataclass(frozen=True, slots=True)
 class CaptionFailure:
-    """A failure as it is shown."""
+    """Failure as displayed."""
 
     cause: str
     message: str
@@ -30,24 +30,24 @@ class CaptionFailure:
 @dataclass(frozen=True, slots=True)
 class Caption:
     time: float
-    """Simulated s."""
+    """Simulated time, s."""
     node: str = ""
-    """What runs, in a word or two."""
+    """Running node, in a word or two."""
     message: str = ""
-    """What it says of itself."""
+    """Message of the running node."""
     done: str = ""
-    """How many items."""
+    """Number of items done, as text."""
     note: str = ""
-    """What the picture shows, or how fast the film goes."""
+    """Content of the image, or speed of the film."""
     trouble: CaptionFailure | None = None
     elapsed: float | None = None
     """Share 0 … 1 of the run that has passed; None draws no bar."""
     marks: tuple[float, ...] = ()
-    """Where on the bar something failed, 0 … 1."""
+    """Positions of failures on the bar, 0 … 1."""
 
 
 def write(picture: Picture, caption: Caption) -> None:
-    """In place: a line at the foot, and a failure above it."""
+    """Draw the caption into the image: a line at the foot, and a failure above it."""
     height, width = picture.shape[:2]
     unit = height / 600
     bar = max(2, round(4 * unit)) if caption.elapsed is not None else 0
@@ -60,7 +60,7 @@ def write(picture: Picture, caption: Caption) -> None:
             right -= _width(text, size, _SEMIBOLD)
             _text(picture, text, (right, base), size, _SEMIBOLD, _PALE if text == caption.note else _INK)
             right -= gap
-    # As wide as any time of the run, so that what follows does not jump.
+    # Reserve the width of the longest time of a run, so that the following text does not jump.
     time = f"{caption.time:.1f} s"
     _text(picture, time, (gap, base), size, _SEMIBOLD, _INK)
     left = gap + _width("0000.0 s", size, _SEMIBOLD) + gap // 2
@@ -105,7 +105,7 @@ def _veil(picture: Picture, box: tuple[int, int, int, int], colour: Colour, shar
 
 
 def _text(picture: Picture, text: str, at: tuple[int, int], size: int, weight: int, colour: Colour) -> None:
-    """`at` is the left end of the base line."""
+    """Draw text. `at` is the left end of the base line, pixels."""
     if text:
         cv2.putText(picture, text, at, colour, _font(), size, weight)
 
@@ -115,7 +115,7 @@ def _width(text: str, size: int, weight: int) -> int:
 
 
 def _fitted(text: str, size: int, weight: int, space: int) -> str:
-    """The text, cut where it is wider than `space` pixels; empty when next to nothing is left."""
+    """Return the text, cut where it is wider than `space` pixels; empty when almost nothing is left."""
     text = " ".join(text.split())
     if _width(text, size, weight) <= space:
         return text
@@ -130,5 +130,5 @@ def _fitted(text: str, size: int, weight: int, space: int) -> str:
 
 
 def _font() -> cv2.FontFace:
-    """The one that OpenCV brings along (Rubik)."""
+    """Return the font that OpenCV includes (Rubik)."""
     return cv2.FontFace("sans")

@@ -1,4 +1,4 @@
-"""Moments of a run in order of time, each with what is seen and what is said of it."""
+"""Moments of a run in order of time, each with content and caption of an image."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from .captions import Caption, CaptionFailure
 from .scene_view import SceneContent, Show
 
 SAME = 0.02
-"""Joints that differ by less are at the same place, rad."""
+"""Difference below which two joint positions are equal, rad."""
 LATE = 0.1
-"""How long after its end a plan counts as followed, s: the arm has to arrive."""
+"""Time after its end for which a plan still counts as followed, s: the arm has to arrive."""
 
 
 @dataclass(frozen=True, slots=True)
 class _Span:
-    """A plan and the time in which it is followed, simulated s."""
+    """Plan, and the span in which it is followed, simulated s."""
 
     start: float
     end: float
@@ -30,9 +30,10 @@ class _Span:
 
 
 class FollowedPlans:
-    """Plans that were found, as they are followed: inferred, for the log does not say which were executed.
+    """Successful plans with the times at which they are followed.
 
-    A plan that begins where the one before ends comes after it; any other takes its place.
+    The times are inferred, because the log does not record execution. A plan that begins at the end of the
+    one before follows it; any other replaces it.
     """
 
     def __init__(self, plans: Iterable[Stamped[Plan]]) -> None:
@@ -48,7 +49,7 @@ class FollowedPlans:
         self._starts = [following.start for following in self._all]
 
     def at(self, time: float) -> Plan | None:
-        """What is followed at that time, s."""
+        """Return the plan that is followed at that time, simulated s; None for none."""
         number = bisect.bisect_right(self._starts, time) - 1
         if number < 0 or time > self._all[number].end + LATE:
             return None
@@ -64,13 +65,14 @@ def _goes_on(before: Plan, plan: Plan) -> bool:
 R = TypeVar("R")
 
 _LEAD = 60.0
-"""From how long before the first moment on nodes are followed, s: others are shown without their item."""
+"""Time before the first moment from which nodes are followed, simulated s. Visits that began earlier are
+shown without their item."""
 _SLACK = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
 class FrameContent:
-    """What is to be drawn, and written into it."""
+    """Content of an image and its caption."""
 
     shown: SceneContent
     caption: Caption
@@ -78,14 +80,14 @@ class FrameContent:
 
 @dataclass(frozen=True, slots=True)
 class CaptionedFailure:
-    """A failure where it arose."""
+    """Failure at the node where it arose."""
 
     time: float
     trouble: CaptionFailure
 
 
 class _Latest(Generic[R]):
-    """The last record at a time or before, for times that never go back."""
+    """Last record at a time or before, for times that never decrease."""
 
     def __init__(self, first: Stamped[R] | None, coming: Iterator[Stamped[R]]) -> None:
         self._now, self._coming = first, coming
@@ -98,7 +100,7 @@ class _Latest(Generic[R]):
 
 
 class NodeActivity:
-    """What nodes did from `start` to `end`, simulated s, and where that failed."""
+    """Activity and failures of nodes from `start` to `end`, simulated s."""
 
     def __init__(self, log: RunLog, start: float, end: float) -> None:
         trees = list(log.trees())
@@ -126,11 +128,11 @@ class NodeActivity:
         arose = [
             CaptionedFailure(v.end, CaptionFailure(v.cause, v.message)) for v in visits if v.failed_itself
         ]
-        told = arose if visits else stated  # logs of format 1 do not tell visits
+        told = arose if visits else stated  # logs of format 1 have no visits
         self.failures = tuple(sorted(told, key=lambda failed: failed.time))
 
     def doing(self, time: float) -> tuple[str, str]:
-        """The deepest node that runs with the item that it is about, and its message."""
+        """Return the deepest running node with the item that it is about, and its message."""
         number = bisect.bisect_right(self._times, time + _SLACK) - 1
         if number < 0:
             return "", ""
@@ -149,7 +151,7 @@ class NodeActivity:
         return node, " ".join([*words, message]).strip()
 
     def trouble(self, time: float, hold: float) -> CaptionFailure | None:
-        """The last failure of the `hold` seconds before."""
+        """Return the last failure of the `hold` simulated seconds before; None for none."""
         number = bisect.bisect_right(self.failures, time + _SLACK, key=lambda failed: failed.time) - 1
         if number < 0 or time - self.failures[number].time >= hold - _SLACK:
             return None
@@ -166,11 +168,10 @@ def moments(
     speed: float = 1.0,
     bar: bool = False,
 ) -> Iterator[FrameContent]:
-    """The moments at `times` (rising, simulated s) within `span`.
+    """Yield the moments at `times` (rising, simulated s) within `span`.
 
-    A failure is shown for `hold` simulated seconds; `speed` is said when it is not 1; `bar` adds how much of
-    the span has passed, and where it failed. Raises PicktreeError where the log holds nothing of what is to
-    be shown.
+    A failure is shown for `hold` simulated seconds; `speed` is shown when it is not 1. `bar` adds the share
+    of the span that has passed, with its failures. Raises PicktreeError where the log lacks the content.
     """
     start, end = span
     story = NodeActivity(log, start, end)
@@ -212,7 +213,7 @@ def moments(
 
 
 class ItemCounter:
-    """How many items were done by when."""
+    """Number of items done at a time."""
 
     def __init__(self, log: RunLog, end: float) -> None:
         done: dict[str, float] = {}
@@ -224,7 +225,7 @@ class ItemCounter:
         self._all = sum(1 for body in truth.record.bodies if body.role == "item") if truth else 0
 
     def done(self, time: float) -> str:
-        """In words."""
+        """Return the number as text."""
         number = bisect.bisect_right(self._times, time + _SLACK)
         if self._all >= max(1, len(self._times)):
             return f"{number} of {self._all} items done"
@@ -232,7 +233,7 @@ class ItemCounter:
 
 
 def _notes(show: Show, speed: float) -> Iterator[str]:
-    """What has to be said for the picture not to be misread."""
+    """Yield remarks without which the image could be misread."""
     if show == "both":
         yield "outlines: truth"
     elif show == "truth":
@@ -242,12 +243,12 @@ def _notes(show: Show, speed: float) -> Iterator[str]:
 
 
 def _with_fixtures(scene: Scene, belief: Stamped[Scene] | None) -> Scene:
-    """Fixtures stand in the belief, should they be missing beside the truth."""
+    """Return the scene with the belief's fixtures, should it have none of its own."""
     return scene if scene.fixed or belief is None else Scene(scene.bodies, belief.record.fixed)
 
 
 def _tip(tick: Tick) -> tuple[str, str, str]:
-    """Path, name and message of the deepest node that runs; the outcome when none does."""
+    """Return path, type and message of the deepest running node; the outcome when none runs."""
     node = next((n for n in tick.nodes if n.path == tick.tip), None)
     if node is not None:
         return node.path, node.id, node.message
@@ -255,7 +256,8 @@ def _tip(tick: Tick) -> tuple[str, str, str]:
 
 
 def _failures(tick: Tick) -> dict[str, CaptionFailure]:
-    """Of nodes whose statuses say so, without those that only pass one on from below."""
+    """Return the failing nodes according to their statuses, without those that pass on a failure from
+    below."""
     failing = {n.path: n for n in tick.nodes if n.status == "FAILURE" and n.cause and n.ticked}
     above = {path.rpartition("/")[0] for path in failing}
     return {path: CaptionFailure(n.cause, n.message) for path, n in failing.items() if path not in above}

@@ -1,4 +1,4 @@
-"""Light on what a picture shows: sun with soft shadows, sky, and corners that see little of the sky."""
+"""Lighting of an image: sun with soft shadows, sky, and ambient occlusion."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from ...world.values import Array, Vector3
 from .rasterizer import Floats, TriangleCorners, draw_depth, unpacked
 
 _SUN_DISTANCE = 30.0
-"""In m. Far enough for parallel light, near enough for single precision."""
+"""Distance of the sun, m: far enough for parallel light, near enough for single precision."""
 _SOFT = 0.009
 """Half the width of a shadow's edge, m."""
 _OPEN_RADIUS = 0.05
-"""From how far away a surface takes light from another, m."""
+"""Distance up to which one surface occludes the sky for another, m."""
 _GAMMA = 2.2
 
 
@@ -30,7 +30,7 @@ class LightingSetup:
     floor: float = -0.04
     """Height of the ground on which shadows fall, m."""
     sun: Vector3 = (0.5, 0.7, 1.1)
-    """Direction towards the light."""
+    """Direction towards the light, in the world."""
     key: float = 0.58
     sky: float = 0.46
     ground: float = 0.26
@@ -39,8 +39,11 @@ class LightingSetup:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PixelSamples:
-    """Some samples of a picture: pixel of each (n,), number of its colour (n,; 0: nothing, 1: the ground),
-    and in the camera's right, down, forward its normal (3, n) and position (3, n) in m."""
+    """Samples of an image: pixel, colour number, normal and position of each.
+
+    Pixels are (n,), colour numbers (n,) with 0 for nothing and 1 for the ground. Normals (3, n) and positions
+    (3, n), m, are in the camera's right, down, forward.
+    """
 
     rows: NDArray[np.intp]
     columns: NDArray[np.intp]
@@ -56,15 +59,19 @@ class PixelSamples:
         marks: Floats,
         depth: Floats,
     ) -> PixelSamples:
-        """`place`: rays' right and down at depth 1. Marks (n, 3) and depth (n,) as rasterised."""
+        """Make samples. `place`: rays' right and down at depth 1. Marks (n, 3) and depth (n,) as
+        rasterised."""
         number, normal = unpacked(marks)
         return cls(*pixel, number, normal, np.stack([place[0] * depth, place[1] * depth, depth]))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ShadowMap:
-    """Distance (side, side) in m from the sun of what is nearest to it, its least and most over a shadow's
-    edge, and where it differs from the map of what never moves."""
+    """Distance (side, side) from the sun to the nearest surface, m.
+
+    `least` and `most` are its minimum and maximum over a shadow's edge. `changed` marks differences from the
+    map of the fixed part.
+    """
 
     nearest: Floats
     least: Floats
@@ -73,11 +80,14 @@ class ShadowMap:
 
 
 class Shadows:
-    """Which samples the sun reaches, by a map of what is nearest to it."""
+    """Shadows by shadow mapping: which samples the sun reaches."""
 
     def __init__(self, sun: Array, low: Array, high: Array, eye: Array, axes: Array, side: int) -> None:
-        """`sun` points towards it; the map covers the box `low` … `high`; all in the world. `eye` and `axes`
-        are the camera's, `side` is the map's in texels."""
+        """Prepare an empty map over the box `low` … `high`, in the world.
+
+        `sun` points towards the sun. `eye` and `axes` are the camera's, in the world. `side` is the map's
+        side in texels.
+        """
         ends = np.stack([low, high])
         corners = np.array([[ends[i, 0], ends[j, 1], ends[k, 2]] for i, j, k in np.ndindex(2, 2, 2)])
         middle = (low + high) / 2
@@ -97,11 +107,11 @@ class Shadows:
         self._fixed = np.full((side, side), self._between[1], np.float32)
 
     def keep(self, fixed: TriangleCorners) -> None:
-        """What casts shadows in every picture."""
+        """Draw the bodies that cast shadows in every image."""
         draw_depth(fixed, self._fixed, self._from_camera, self._fov, self._between)
 
     def cast(self, moving: TriangleCorners) -> ShadowMap:
-        """The map with what moves."""
+        """Return the map with the moving bodies."""
         nearest = self._fixed.copy()
         draw_depth(moving, nearest, self._from_camera, self._fov, self._between)
         reach = math.ceil(_SOFT / self._texel)
@@ -115,14 +125,14 @@ class Shadows:
         )
 
     def texels(self, samples: PixelSamples) -> NDArray[np.intp]:
-        """Where on the flat map each sample lies, (n,)."""
+        """Return the position of each sample on the flat map, (n,)."""
         u, v, _ = self._seen(samples)
         return self._flat(u, v)
 
     def lit(self, cast: ShadowMap, samples: PixelSamples) -> Floats:
-        """Share 0 … 1 of the sun that reaches each sample."""
+        """Return the share 0 … 1 of the sun that reaches each sample."""
         u, v, depth = self._seen(samples)
-        # Farther points of a slanted surface are farther from the sun by themselves.
+        # Distances to the sun vary within a texel on a slanted surface, so a slope tolerance is subtracted.
         facing = np.maximum(along(self._sun, samples.normal), np.float32(0.15))
         slope = np.sqrt(1 / (facing * facing) - 1)
         depth -= 0.002 + np.minimum(slope * np.float32(_SOFT + self._texel), 0.03)
@@ -136,7 +146,7 @@ class Shadows:
         return lit
 
     def _seen(self, samples: PixelSamples) -> tuple[Floats, Floats, Floats]:
-        """Column and row on the map, and distance in m from the sun."""
+        """Return column and row on the map, and distance from the sun, m."""
         x, y, z = samples.position
         turn, place = self._from_camera[:3, :3].astype(np.float32), self._from_camera[:3, 3].tolist()
         depth = turn[2, 0] * x + turn[2, 1] * y + turn[2, 2] * z + np.float32(place[2])
@@ -160,10 +170,10 @@ class Shadows:
         samples: PixelSamples,
         edge: NDArray[np.intp],
     ) -> Floats:
-        """The share for samples near a shadow's edge, from some places around each."""
+        """Return the share for samples near a shadow's edge, from some positions around each."""
         radius = _SOFT / self._texel
         taps = [(r * radius, t) for r, n in ((0.3, 5), (0.65, 8), (0.95, 11)) for t in turns(n)]
-        # Turned from pixel to pixel, so that few taps make no bands.
+        # Rotated from pixel to pixel, so that few taps make no bands.
         turned = (samples.columns[edge] * 5 + samples.rows[edge] * 3) % 4
         spin = turned.astype(np.float32) * np.float32(0.21)
         cosine, sine = np.cos(spin), np.sin(spin)
@@ -176,30 +186,33 @@ class Shadows:
 
 
 class AmbientOcclusion:
-    """How much of the sky each pixel sees, judged by its neighbours on the picture only."""
+    """Ambient occlusion: the share of the sky that each pixel sees, estimated from its neighbours in the
+    image."""
 
     def __init__(self, width: int, height: int, focal: float) -> None:
-        """Of the pictures that are looked at; `focal` in pixels."""
+        """Prepare for images of that size; `focal` in pixels."""
         self._focal = focal
         self._right = ((np.arange(width) + 0.5 - width / 2) / focal).astype(np.float32)
         self._down = ((np.arange(height) + 0.5 - height / 2) / focal).astype(np.float32).reshape(-1, 1)
 
     def reach(self, depth: float) -> float:
-        """How many pixels away something nearest at that depth (m) may change what a pixel sees."""
+        """Return the distance up to which a surface at that depth (m) may change the occlusion of a pixel,
+        pixels."""
         return _OPEN_RADIUS * self._focal / depth + 1.5
 
     def open(self, marks: Floats, depth: Floats, window: tuple[slice, slice]) -> Floats:
-        """Share 0 … 1 for the pixels of a window (rows, columns), of marks (h, w, 3) and depth (h, w)."""
+        """Return the share 0 … 1 for the pixels of a window (rows, columns), of marks (h, w, 3) and depth (h,
+        w)."""
         rows, columns = window
         number, normal = unpacked(marks[window].reshape(-1, 3))
         own = depth[window]
         nx, ny, nz = normal.reshape(3, *own.shape)
-        # 1/depth is linear on a plane, so that it may be interpolated.
+        # 1/depth is linear on a plane, so it may be interpolated.
         near = np.float32(1) / depth
         right, down = self._right[columns], self._down[rows]
         column = np.arange(columns.start, columns.stop, dtype=np.float32)
         row = np.arange(rows.start, rows.stop, dtype=np.float32).reshape(-1, 1)
-        # A few directions, turned from pixel to pixel, so that few taps make no bands.
+        # A few directions, rotated from pixel to pixel, so that few taps make no bands.
         spin = ((column * 7 + row * 13) % 4) * np.float32(math.pi / 8)
         reach = np.float32(_OPEN_RADIUS * self._focal) * near[window]
         cosine, sine = reach * np.cos(spin), reach * np.sin(spin)
@@ -232,7 +245,8 @@ def shaded(
     table: Floats,
     behind: Floats,
 ) -> Floats:
-    """Colour (n, 3), 0 … 1, of samples that the sun reaches by `lit` and the sky by `openness`.
+    """Return the colour (n, 3), 0 … 1, of samples with their shares of the sun, `lit`, and of the sky,
+    `openness`.
 
     `axes` are the camera's in the world, `table` the colours by number, `behind` (n, 3) the background.
     """
@@ -253,11 +267,11 @@ def shaded(
 
 
 def turns(n: int) -> list[float]:
-    """n angles spread over a turn, rad."""
+    """Return n angles spread over a turn, rad."""
     return [2 * math.pi * k / n + 0.3 * n for k in range(n)]
 
 
 def along(direction: Floats, normal: Floats) -> Floats:
-    """Component of the normals (3, n) in that direction, (n,)."""
+    """Return the component of the normals (3, n) in that direction, (n,)."""
     a, b, c = direction
     return a * normal[0] + b * normal[1] + c * normal[2]

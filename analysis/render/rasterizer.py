@@ -1,7 +1,7 @@
-"""Which surface is seen at each sample of a picture, by OpenCV's software rasteriser.
+"""Rasterisation: the visible surface at each sample of an image, by OpenCV's software rasteriser.
 
-It needs neither a display nor a GPU. A surface is told by its depth and its *mark*: three channels that
-hold the normal, and in the first one also the number of the colour.
+It needs neither a display nor a GPU. A surface is given by its depth and its *mark*: three channels with the
+normal, the first one also with the number of the colour.
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ Picture: TypeAlias = NDArray[np.uint8]
 Floats: TypeAlias = NDArray[np.float32]
 
 FAR = 20.0
-"""Depth in m where nothing is seen."""
+"""Depth where nothing is visible, m."""
 NEAR = 0.1
 _STEP = 4.0
-"""Between two colours' numbers in the first channel: wider than a normal's component, -1 … 1."""
+"""Step between two colours' numbers in the first channel: wider than a normal's component, -1 … 1."""
 
 
 class Palette:
@@ -34,21 +34,23 @@ class Palette:
         self._numbers: dict[tuple[int, ...], int] = {(-1,): 0, (-2,): 1}
 
     def numbers(self, colours: Array) -> NDArray[np.int64]:
-        """A number for each colour (n, 3), new ones for new colours."""
+        """Return a number for each colour (n, 3), new ones for new colours."""
         found, where = np.unique(np.round(colours * 255).astype(np.int64), axis=0, return_inverse=True)
         known = [self._numbers.setdefault(tuple(c), len(self._numbers)) for c in found.tolist()]
         return np.array(known, np.int64)[where.ravel()]
 
     def table(self) -> Floats:
-        """The colours (n, 3) by number, 0 … 1."""
+        """Return the colours (n, 3) by number, 0 … 1."""
         rows = [(0.0, 0.0, 0.0), (0.0, 0.0, 0.0), *list(self._numbers)[2:]]
         return (np.array(rows) / 255.0).astype(np.float32)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RasterModel:
-    """A mesh made ready: three rows for each triangle. Positions and normals (3n, 3) in its own frame,
-    numbers of colours (3n,)."""
+    """Mesh prepared for drawing: three rows for each triangle.
+
+    Positions and normals (3n, 3) are in its own frame; numbers of colours are (3n,).
+    """
 
     positions: Floats
     normals: Floats
@@ -66,7 +68,7 @@ class RasterModel:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TriangleCorners:
-    """Corners of triangles as the camera has them: positions (3n, 3) in right, down, forward, and marks."""
+    """Corners of triangles in the camera's frame: positions (3n, 3) in right, down, forward, and marks."""
 
     positions: Floats
     marks: Floats
@@ -78,7 +80,8 @@ class TriangleCorners:
 
 
 def placed(models: Iterable[tuple[RasterModel, Array, Array]]) -> TriangleCorners:
-    """All models, each with a rotation (3, 3) and a place (3,) that lead from its frame to the camera's."""
+    """Return the corners of all models, each with rotation (3, 3) and position (3,) of its frame in the
+    camera's."""
     positions: list[Floats] = []
     marks: list[Floats] = []
     for model, rotation, place in models:
@@ -94,7 +97,7 @@ def placed(models: Iterable[tuple[RasterModel, Array, Array]]) -> TriangleCorner
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Surfaces:
-    """What is seen at each sample: depth (h, w) in m, marks (h, w, 3)."""
+    """Visible surface at each sample: depth (h, w) in m, marks (h, w, 3)."""
 
     depth: Floats
     marks: Floats
@@ -107,7 +110,7 @@ class Surfaces:
         return Surfaces(self.depth.copy(), self.marks.copy())
 
     def draw(self, corners: TriangleCorners, fov: float) -> None:
-        """What of the triangles is nearer than what was seen so far. `fov` is vertical, rad."""
+        """Draw the triangles where they are nearer than the present surface. `fov` is vertical, rad."""
         if len(corners.positions):
             cv2.triangleRasterize(
                 corners.positions,
@@ -126,8 +129,10 @@ class Surfaces:
 def draw_depth(
     corners: TriangleCorners, depth: Floats, from_camera: Array, fov: float, between: tuple[float, float]
 ) -> None:
-    """Depth alone, `between` two depths in m, as seen by another camera: `from_camera` (4, 4) leads into its
-    right, down, forward."""
+    """Draw depth alone, `between` two depths in m, as seen by another camera.
+
+    `from_camera` (4, 4) transforms into that camera's right, down, forward.
+    """
     if len(corners.positions):
         world = (_CAMERA.astype(np.float64) @ from_camera).astype(np.float32)
         cv2.triangleRasterizeDepth(
@@ -136,7 +141,7 @@ def draw_depth(
 
 
 def unpacked(marks: Floats) -> tuple[NDArray[np.intp], Floats]:
-    """Numbers of colours (n,) and normals (3, n) of marks (n, 3)."""
+    """Return numbers of colours (n,) and normals (3, n) of marks (n, 3)."""
     normals = np.ascontiguousarray(marks.T)
     number = np.rint(normals[0] * np.float32(1 / _STEP))
     normals[0] -= number * np.float32(_STEP)
@@ -148,7 +153,7 @@ def _triangles(corners: TriangleCorners) -> NDArray[np.int32]:
 
 
 _CAMERA = np.diag(np.array([1.0, -1.0, -1.0, 1.0], np.float32))
-"""From right, down, forward to OpenCV's right, up, backward."""
+"""Transformation from right, down, forward to OpenCV's right, up, backward."""
 _SETTINGS = (
     cv2.TriangleRasterizeSettings()
     .setShadingType(cv2.RASTERIZE_SHADING_SHADED)

@@ -1,4 +1,4 @@
-"""Pictures of meshes: what never moves is drawn once, and what moves into each picture."""
+"""Renderer of meshes: the fixed part is drawn once, the moving part into each image."""
 
 from __future__ import annotations
 
@@ -18,34 +18,35 @@ from .rasterizer import Floats, Palette, Picture, RasterModel, Surfaces, Triangl
 from .viewpoint import PictureView
 
 _CONTRAST = 9
-"""Steps of 255 between neighbours from which on a pixel is sampled finely."""
+"""Difference between neighbours, in steps of 255, above which a pixel is sampled finely."""
 _MAP = 1024
 """Side of the shadow map, texels."""
 _NEARER = np.float32(0.99995)
-"""The rasteriser changes depths that it passes by, too, by some millionths."""
+"""Factor on a depth below which it counts as nearer: the rasteriser also changes covered depths by some
+millionths."""
 _TALL, _MARGIN = 1.25, 0.3
-"""Shadows are cast from up to this height, and from this far around what stands still, m."""
+"""Height up to which bodies cast shadows, and distance around the fixed part within which they do, m."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Still:
-    """What never moves: as rasterised, with its light, and finished."""
+    """Fixed part: its surfaces, its lighting, and its finished image."""
 
     surfaces: Surfaces
     shadows: Shadows
     texels: NDArray[np.intp]
-    """Place of each pixel on the shadow map, (h, w)."""
+    """Position of each pixel on the shadow map, (h, w)."""
     openness: Floats
-    """(h/2, w/2)."""
+    """Share of the sky, (h/2, w/2)."""
     picture: Picture
 
 
 class MeshRenderer:
-    """Draws pictures of one size from one view.
+    """Renderer of images of one size from one view.
 
-    Each pixel is shaded once; where neighbours differ, `fine` × `fine` samples of it are averaged
-    (Mitchell 1987, "Generating antialiased images at low sampling densities"). Where what moves is neither
-    seen nor casts a shadow, the picture of what never moves is taken.
+    Each pixel is shaded once; where neighbours differ, `fine` × `fine` samples of it are averaged (Mitchell
+    1987, "Generating antialiased images at low sampling densities"). Where the moving part is neither visible
+    nor casts a shadow, the image of the fixed part is used.
     """
 
     def __init__(
@@ -72,11 +73,11 @@ class MeshRenderer:
         self._still: _Still | None = None
 
     def model(self, mesh: Mesh) -> RasterModel:
-        """A mesh that is drawn again and again, made ready once."""
+        """Prepare a mesh once for many images."""
         return RasterModel.of(mesh, self._palette)
 
     def picture(self, moving: Sequence[tuple[RasterModel, Pose]]) -> Picture:
-        """RGB (h, w, 3) of what never moves and of these models in the world."""
+        """Return RGB (h, w, 3) of the fixed part and of these models in the world."""
         if self._still is None:
             self._still = self._drawn_still(moving)
         still = self._still
@@ -101,7 +102,7 @@ class MeshRenderer:
         return picture
 
     def _drawn_still(self, moving: Sequence[tuple[RasterModel, Pose]]) -> _Still:
-        """The fixed part, with the ground and a shadow map large enough for what moves at first."""
+        """Draw the fixed part, with the ground and a shadow map large enough for the first moving part."""
         low, high = self._bounds(moving)
         shadows = Shadows(unit(np.array(self._look.sun)), low, high, self._eye, self._axes, _MAP)
         shadows.keep(self._fixed_corners)
@@ -127,10 +128,10 @@ class MeshRenderer:
         )
 
     def _bounds(self, moving: Sequence[tuple[RasterModel, Pose]]) -> tuple[Array, Array]:
-        """Ends of a box in the world around everything, some way above it, and the ground below.
+        """Return the ends of a box in the world around everything, from the ground to some height above.
 
-        Where something stands still, what moves has no say: else processes that begin with different frames
-        of a film would draw different shadows.
+        With a fixed part, the moving part does not count. Otherwise processes that begin with different
+        frames of a film would draw different shadows.
         """
         around = self._fixed.vertices
         if not len(around):
@@ -143,13 +144,13 @@ class MeshRenderer:
         return low, high
 
     def _samples(self, frame: _Frame, wanted: NDArray[np.bool_]) -> PixelSamples:
-        """One sample for each of these pixels (h, w)."""
+        """Return one sample for each of these pixels (h, w)."""
         rows, columns = np.nonzero(wanted)
         place = (_along_side(self._right, self._fine)[columns], _along_side(self._down, self._fine)[rows])
         return PixelSamples.of((rows, columns), place, frame.marks[rows, columns], frame.depth[rows, columns])
 
     def _shade(self, picture: Picture, frame: _Frame, shadows: Shadows, wanted: NDArray[np.bool_]) -> None:
-        """Draw these pixels (h, w) anew."""
+        """Draw these pixels (h, w) again."""
         samples = self._samples(frame, wanted)
         openness = frame.wide_openness
         picture[samples.rows, samples.columns] = _bytes(self._lit(samples, frame, shadows, openness))
@@ -187,7 +188,7 @@ class MeshRenderer:
 
 
 class _Frame:
-    """One picture's surfaces, with those of every pixel and of every second pixel."""
+    """Surfaces of one image, with those of every pixel and of every second pixel."""
 
     def __init__(self, surfaces: Surfaces, fine: int, cast: ShadowMap) -> None:
         self.surfaces, self.cast = surfaces, cast
@@ -200,7 +201,7 @@ class _Frame:
 
     @cached_property
     def wide_openness(self) -> Floats:
-        """For every pixel."""
+        """Share of the sky for every pixel."""
         height, width = self.depth.shape
         return cv2.resize(self.openness, (width, height), interpolation=cv2.INTER_LINEAR).astype(np.float32)
 
@@ -208,13 +209,13 @@ class _Frame:
 def render(
     mesh: Mesh, view: PictureView, size: tuple[int, int], look: LightingSetup | None = None, fine: int = 2
 ) -> Picture:
-    """RGB (h, w, 3) of one mesh in the world."""
+    """Render one mesh in the world as RGB (h, w, 3)."""
     studio = MeshRenderer(joined([]), view, size, look, fine)
     return studio.picture([(studio.model(mesh), Pose())])
 
 
 def _every(samples: Floats, fine: int) -> Floats:
-    """The sample that stands for each pixel."""
+    """Return the sample that represents each pixel."""
     return samples[fine // 2 :: fine, fine // 2 :: fine]
 
 
@@ -223,7 +224,7 @@ def _along_side(samples: Floats, fine: int) -> Floats:
 
 
 def _around(mask: NDArray[np.uint8]) -> tuple[slice, slice]:
-    """The smallest window (rows, columns) with all that is set; at least one pixel."""
+    """Return the smallest window (rows, columns) with all set pixels; at least one pixel."""
     rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
     if not len(rows):
         return slice(0, 1), slice(0, 1)
@@ -231,7 +232,7 @@ def _around(mask: NDArray[np.uint8]) -> tuple[slice, slice]:
 
 
 def _ground(low: Array, high: Array, height: float) -> RasterModel:
-    """The part of the ground on which shadows may lie."""
+    """Return the part of the ground on which shadows may fall."""
     (x0, y0), (x1, y1) = low[:2] - 0.8, high[:2] + 0.8
     corners = [(x0, y0), (x1, y0), (x1, y1), (x0, y0), (x1, y1), (x0, y1)]
     positions = np.array([(x, y, height) for x, y in corners], np.float32)

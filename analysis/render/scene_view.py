@@ -1,4 +1,4 @@
-"""A moment of a run as a picture: the robot, what it believes, the truth, and where it means to go."""
+"""Scene images: the robot, its belief, the ground truth and the planned path at a moment of a run."""
 
 from __future__ import annotations
 
@@ -30,20 +30,20 @@ PATH_LINE = (0, 140, 160)
 
 @dataclass(frozen=True, slots=True)
 class SceneContent:
-    """What is to be seen. Poses are in the world."""
+    """Content of an image. Poses are in the world."""
 
     links: Mapping[str, Pose]
-    """Of the robot's links and of what moves with them, by name."""
+    """Poses of the robot's links and of bodies that move with them, by name."""
     solid: Scene
-    """Bodies that are drawn as they are."""
+    """Bodies that are drawn solid."""
     outlined: Scene | None = None
-    """Bodies of which the outline is drawn, also through what hides them."""
+    """Bodies whose outline is drawn, also where they are hidden."""
     path: tuple[tuple[float, float, float], ...] = ()
-    """Where the tool is planned to go."""
+    """Planned TCP path, m."""
 
 
 class SceneRenderer:
-    """Draws moments of one run, in one size and from one view."""
+    """Renderer of moments of one run, in one size and from one view."""
 
     def __init__(
         self, robot: tuple[LinkMesh, ...], view: PictureView, size: tuple[int, int], *, fine: int = 2
@@ -56,7 +56,7 @@ class SceneRenderer:
         self._bodies: dict[tuple[Shape, str, tuple[BlockRecord, ...]], RasterModel] = {}
 
     def picture(self, shown: SceneContent) -> Picture:
-        """RGB (h, w, 3)."""
+        """Return the image as RGB (h, w, 3)."""
         if self._fixed is None or shown.solid.fixed != self._fixed:
             self._build(shown.solid.fixed)
         links = shown.links
@@ -65,7 +65,7 @@ class SceneRenderer:
         return self._drawn_over(self._studio.picture(moving), shown)
 
     def single(self, shown: SceneContent) -> Picture:
-        """The same as `picture`, in less time when it is to be the only one."""
+        """Return the same as `picture`, in less time for a single image."""
         links = shown.links
         parts = [mesh.placed(links[link]) for link, mesh in self._robot_meshes.items() if link in links]
         parts += [_part(part).placed(part.pose) for part in shown.solid.fixed]
@@ -74,7 +74,7 @@ class SceneRenderer:
         return self._drawn_over(studio.picture([]), shown)
 
     def _drawn_over(self, picture: Picture, shown: SceneContent) -> Picture:
-        """With the lines that nothing hides."""
+        """Return the image with the lines that nothing hides."""
         if len(shown.path) > 1:
             self._line(picture, np.array(shown.path))
         for body in shown.outlined.bodies if shown.outlined else ():
@@ -96,14 +96,14 @@ class SceneRenderer:
         return self._bodies[key]
 
     def _pixels(self, points: Array) -> NDArray[np.int32] | None:
-        """In sixteenths of a pixel, (n, 2); None when one is behind the camera."""
+        """Return sixteenths of a pixel, (n, 2); None when a point is behind the camera."""
         seen = self._view.project(points, self._size)
         if (seen[:, 2] <= 0.05).any():
             return None
         return np.round((seen[:, :2] - 0.5) * 16).astype(np.int32)
 
     def _outline(self, picture: Picture, points: Array) -> None:
-        """The border of a convex body."""
+        """Draw the outline of a convex body."""
         pixels = self._pixels(points)
         if pixels is not None:
             border = cv2.convexHull(pixels)
@@ -119,7 +119,7 @@ class SceneRenderer:
             cv2.circle(picture, end, 16 * (wide + 2), PATH_LINE, cv2.FILLED, cv2.LINE_AA, 4)
 
     def _wide(self, pixels: float) -> int:
-        """A line's width on this picture, of that on one 600 pixels high."""
+        """Return the width of a line that is `pixels` wide in an image 600 pixels high."""
         return max(1, round(pixels * self._size[1] / 600))
 
 
@@ -136,5 +136,5 @@ def _body_mesh(body: BodyRecord) -> Mesh:
 
 
 def _pose(body: BodyRecord, links: Mapping[str, Pose]) -> Pose:
-    """What is held moves with the hand between two messages of the belief."""
+    """Return the pose. A held body moves with the hand between two messages of the belief."""
     return links.get(body.id, body.pose)

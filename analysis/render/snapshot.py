@@ -1,4 +1,4 @@
-"""A picture of one moment of a run, drawn from its log alone."""
+"""Snapshots: images of one moment of a run, from its log alone, and of a robot at its home configuration."""
 
 from __future__ import annotations
 
@@ -25,15 +25,16 @@ from .viewpoint import PictureView
 
 ROBOT_PICTURE_SIZE = (1000, 900)
 FACES = 6000
-"""Of one mesh at most."""
+"""Maximum number of faces of one mesh."""
 AXIS = 0.08
 """Length of the axes of a frame, m."""
 _COLOURS = ((214, 60, 60), (52, 168, 83), (66, 110, 235))
-"""Of x, y, z."""
+"""Colours of x, y, z."""
 
 
 def draw_robot(robot: RobotDescription, path: Path) -> None:
-    """Write a PNG: what collides of the robot at `home` with the gripper open, its base, flange and TCP.
+    """Write a PNG of the robot's collision geometry at `home` with the gripper open, with base, flange and
+    TCP.
 
     Raises PicktreeError for a mesh that cannot be read.
     """
@@ -101,11 +102,11 @@ def snapshot(
     show: Show = "belief",
     caption: bool = True,
 ) -> None:
-    """Draw the moment `at` (simulated seconds) into a PNG file.
+    """Draw the moment `at` (simulated s) into a PNG file.
 
-    `belief` shows what the robot believes, `truth` the simulator's truth of the second before, `both` the
-    belief with outlines of the truth. Raises PicktreeError when the log holds nothing of that moment or the
-    picture cannot be written.
+    `belief` shows the robot's belief, `truth` the ground truth of at most a second earlier, `both` the belief
+    with outlines of the truth. Raises PicktreeError when the log holds nothing of that moment or the image
+    cannot be written.
     """
     if isinstance(log, RunLog):
         picture = draw(log, at, size, view, show=show, caption=caption)
@@ -128,7 +129,7 @@ def draw(
     show: Show = "belief",
     caption: bool = True,
 ) -> Picture:
-    """The picture as RGB (h, w, 3)."""
+    """Return the image as RGB (h, w, 3)."""
     if not 0 <= at <= log.end + 1e-9:
         raise PicktreeError(f"{log.path}: the run lasted {log.end:.2f} s; there is no moment {at:g} s")
     (moment,) = moments(log, [at], (at, at), show=show)

@@ -1,4 +1,4 @@
-"""Where a picture is taken from."""
+"""Viewpoints of images, and their names."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ from ...world.values import Array, Vector3
 
 @dataclass(frozen=True, slots=True)
 class PictureView:
-    """Where the picture is taken from: angles in rad (azimuth about the world's z from +x), lengths in m."""
+    """Viewpoint of an image: angles in rad (azimuth about the world's z from +x), lengths in m."""
 
     target: Vector3 = (0.36, 0.0, 0.27)
     distance: float = 2.65
     azimuth: float = math.radians(-30.0)
     elevation: float = math.radians(25.0)
     fov: float = math.radians(32.0)
-    """Vertical."""
+    """Vertical field of view, rad."""
 
     def eye(self) -> Array:
-        """Place of the camera in the world, (3,)."""
+        """Return the position of the camera in the world, (3,), m."""
         flat = math.cos(self.elevation)
         direction = (
             flat * math.cos(self.azimuth),
@@ -35,17 +35,17 @@ class PictureView:
         return np.array(self.target) + self.distance * np.array(direction)
 
     def axes(self) -> Array:
-        """Rows: right, down, forward of the picture in the world."""
+        """Return the image's right, down and forward in the world, as rows (3, 3)."""
         forward = unit(np.array(self.target) - self.eye())
         right = unit(np.cross(forward, [0.0, 0.0, 1.0]))
         return np.stack([right, np.cross(forward, right), forward])
 
     def focal(self, height: int) -> float:
-        """Focal length in pixels of a picture of that height."""
+        """Return the focal length in pixels for an image of that height."""
         return height / 2 / math.tan(self.fov / 2)
 
     def project(self, points: Array, size: tuple[int, int]) -> Array:
-        """Pixels (n, 2) and depth in m of points (n, 3) in the world, as rows (column, row, depth).
+        """Project points (n, 3) in the world to rows (column, row, depth) in pixels and m, (n, 3).
 
         Pixel centres are at halves. A depth ≤ 0 is behind the camera.
         """
@@ -65,11 +65,11 @@ VIEWS: Final = {
     ),
     "close": PictureView(target=(0.5, 0.0, 0.1), distance=1.5, elevation=math.radians(32.0)),
 }
-"""Views that have a name."""
+"""Views by name."""
 
 
 def parse_view(text: str) -> PictureView:
-    """A view by its name, or `AZIMUTH,ELEVATION,DISTANCE` in degrees and m. Raises PicktreeError.
+    """Parse a view: its name, or `AZIMUTH,ELEVATION,DISTANCE` in degrees and m. Raises PicktreeError.
 
     >>> parse_view("top").elevation > parse_view("-30, 25, 2.4").elevation
     True
@@ -91,7 +91,7 @@ def parse_view(text: str) -> PictureView:
 
 
 def parse_size(text: str) -> tuple[int, int]:
-    """Width and height in pixels. Raises PicktreeError.
+    """Parse width and height in pixels. Raises PicktreeError.
 
     >>> parse_size("960x600")
     (960, 600)

@@ -1,1 +1,1 @@
-"""Stepping through a run: a cursor over its ticks, without a terminal."""
+"""Replay of a run: a cursor over its ticks, without a terminal."""

@@ -1,4 +1,4 @@
-"""A cursor over a run: at one tick, moved by ticks, changes, failures, nodes, items and times."""
+"""Cursor over a run: it is at one tick, and moves by ticks, changes, failures, nodes, items and times."""
 
 from __future__ import annotations
 
@@ -30,33 +30,33 @@ from .node_names import find_nodes
 
 @dataclass(frozen=True, slots=True)
 class NodeChange:
-    """A node begins or ends in a tick."""
+    """Start or end of a node in a tick."""
 
     tick: int
     time: float
-    """Simulated s."""
+    """Time of the tick, simulated s."""
     transition: TransitionRecord
 
 
 @dataclass(frozen=True, slots=True)
 class KeyChange:
-    """A write to the blackboard in a tick."""
+    """Write to the blackboard in a tick."""
 
     tick: int
     time: float
-    """Simulated s."""
+    """Time of the tick, simulated s."""
     write: WriteRecord
 
 
 @dataclass(frozen=True, slots=True)
 class TickHistory:
-    """All in the order in which it happened."""
+    """Transitions, writes and visits of a run, each in order of time."""
 
     moves: tuple[NodeChange, ...]
     writes: tuple[KeyChange, ...]
     visits: tuple[Visit, ...]
     derived: bool
-    """Whether the moves were derived from the statuses after each tick: the log is of format 1."""
+    """Whether the moves were derived from the statuses after each tick, because the log is of format 1."""
 
 
 def course_of(run: Run) -> TickHistory:
@@ -86,39 +86,39 @@ _SLACK = 1e-6
 
 @dataclass(frozen=True, slots=True)
 class CursorChanges:
-    """What happened after the tick `since`, up to and with the tick `to`, each in order."""
+    """Changes after the tick `since`, up to and including the tick `to`, each in order."""
 
     since: int
-    """-1: from the beginning on."""
+    """Number of the tick before the first change; -1: from the beginning on."""
     to: int
     moves: tuple[NodeChange, ...]
     writes: tuple[KeyChange, ...]
     belief: tuple[Stamped[Event], ...]
-    """Changes of the belief."""
+    """Events about changes of the belief."""
     events: tuple[Stamped[Event], ...]
-    """All others."""
+    """All other events."""
     plans: tuple[Stamped[Plan], ...]
 
 
 class Cursor:
-    """Stands at a tick of a run; it begins at the last tick at `at` (simulated s) or before.
+    """Cursor at a tick of a run; it begins at the last tick at `at` (simulated s) or before.
 
-    Movements raise PicktreeError with a sentence, and stay where they are, when there is nothing to go to.
+    When there is nothing to go to, movements raise PicktreeError with a sentence and do not move the cursor.
     """
 
     def __init__(self, run: Run, at: float = 0.0) -> None:
         self.run = run
         self.number = run.ticks.number_at(at)
 
-    # Where it stands.
+    # Position.
 
     def __len__(self) -> int:
-        """How many ticks there are."""
+        """Return the number of ticks."""
         return len(self.run.ticks)
 
     @property
     def time(self) -> float:
-        """Simulated s."""
+        """Time of the present tick, simulated s."""
         return self.run.ticks.times[self.number]
 
     @property
@@ -127,7 +127,7 @@ class Cursor:
 
     @property
     def tree(self) -> Tree:
-        """The tree that was ticked."""
+        """Tree that was ticked."""
         return self.run.tree_at(self.time)
 
     @cached_property
@@ -142,28 +142,31 @@ class Cursor:
         self.number = number
 
     def to_time(self, time: float) -> None:
-        """To the last tick at `time` (simulated s) or before; beyond an end of the log to that end."""
+        """Go to the last tick at `time` (simulated s) or before; for a time beyond an end of the log, to that
+        end."""
         self.number = self.run.ticks.number_at(time)
 
     def step(self, ticks: int = 1) -> None:
-        """So many ticks on, or back when negative; at most to the end of the log."""
+        """Go forward by that number of ticks, back when negative; at most to the end of the log."""
         target = min(max(self.number + ticks, 0), len(self) - 1)
         if target == self.number and ticks:
             raise PicktreeError("this is the last tick" if ticks > 0 else "this is the first tick")
         self.number = target
 
     def next_change(self, *, back: bool = False) -> None:
-        """To the next tick in which a node began or ended."""
+        """Go to the next tick with the start or end of a node."""
         self._go([move.tick for move in self.course.moves], "change", back=back)
 
     def next_failure(self, *, back: bool = False) -> Visit:
-        """To the next tick in which a node failed by itself; the visit that did."""
+        """Go to the next tick in which a node itself failed, and return its visit."""
         self._go([visit.last for visit in self.failures], "failure", back=back)
         return next(visit for visit in self.failures if visit.last == self.number)
 
     def next_of(self, node: str, edge: Edge = "begin", *, back: bool = False) -> Visit:
-        """To the next tick in which a node began or ended. `node` is a path, the end of one, a type, or a
-        pattern of paths with `*`; all nodes that it fits count."""
+        """Go to the next tick with the start or end of a node, and return its visit.
+
+        `node` is a path, the end of one, a type, or a pattern of paths with `*`; all matching nodes count.
+        """
         paths = {one.path for one in find_nodes(node, self.nodes)}
         visits = [visit for visit in self.course.visits if visit.path in paths]
         if edge == "end":
@@ -173,7 +176,7 @@ class Cursor:
         return next(visit for visit in visits if where(visit) == self.number)
 
     def next_stop(self, stops: Collection[tuple[str, Edge]], *, back: bool = False) -> None:
-        """To the next tick in which one of these nodes (by path) began or ended."""
+        """Go to the next tick with the start or end of one of these nodes (by path)."""
         edges = [
             move.tick
             for move in self.course.moves
@@ -182,30 +185,32 @@ class Cursor:
         self._go(edges, "breakpoint that is met", back=back)
 
     def next_item(self, item: str, *, back: bool = False) -> Visit:
-        """To the next tick in which a node began that is about this object."""
+        """Go to the next tick in which a visit for this object began, and return it."""
         visits = [visit for visit in self.course.visits if visit.item == item]
         if not visits:
             raise PicktreeError(f"no node was about {item!r}")
         self._go([visit.first for visit in visits], f"node about {item}", back=back)
         return next(visit for visit in visits if visit.first == self.number)
 
-    # What is there.
+    # State at the position.
 
     @cached_property
     def failures(self) -> tuple[Visit, ...]:
-        """The visits that failed by themselves, in the order of the failures; within a tick from below."""
+        """Visits that failed by themselves, in the order of the failures; within a tick from below
+        upwards."""
         failed = [visit for visit in self.course.visits if visit.failed_itself]
         return tuple(sorted(failed, key=lambda visit: (visit.last, -visit.path.count("/"))))
 
     @property
     def failure(self) -> Visit | None:
-        """The last failure at the cursor or before; of several in one tick the lowest."""
+        """Last failure at the cursor or before; of several in one tick the lowest. None when there is
+        none."""
         before = [visit for visit in self.failures if visit.last <= self.number]
         return next((visit for visit in before if visit.last == before[-1].last), None)
 
     @property
     def visits(self) -> tuple[Visit, ...]:
-        """Those that are under way at the cursor, or begin or end there; the outermost first."""
+        """Visits that are open at the cursor, or begin or end there; the outermost first."""
         return tuple(
             visit
             for visit in self.course.visits
@@ -213,7 +218,7 @@ class Cursor:
         )
 
     def last_visit(self, path: str) -> Visit | None:
-        """The last visit of a node that began at the cursor or before."""
+        """Return the last visit of a node that began at the cursor or before; None when there is none."""
         begun = [v for v in self.course.visits if v.path == path and v.first <= self.number]
         return begun[-1] if begun else None
 
@@ -238,12 +243,13 @@ class Cursor:
 
     @property
     def control(self) -> Control | None:
-        """None in older logs."""
+        """Set point of the servo; None in older logs."""
         return next((at.record for at in self.run.log.controls(self.time, self.time)), None)
 
     @cached_property
     def fingers(self) -> tuple[str, ...]:
-        """Names of the gripper's joints, each at a half of its opening; empty when the log does not tell."""
+        """Names of the gripper's joints, each at a half of its opening; empty when the log has no robot
+        file."""
         if "robot.yaml" not in self.run.log.attachments:
             return ()
         import yaml
@@ -255,7 +261,8 @@ class Cursor:
             return ()
 
     def changes(self, since: int | None = None) -> CursorChanges:
-        """What happened since the tick of that number; by default, and when that lies ahead, in this tick."""
+        """Return the changes since the tick of that number; by default, or for a later tick, those of this
+        tick."""
         if since is None or since >= self.number:
             since = self.number - 1
         begin = self.run.ticks.times[since] if since >= 0 else -1.0
@@ -272,12 +279,12 @@ class Cursor:
 
     @property
     def nodes(self) -> Sequence[TreeNode]:
-        """Of all trees of the run: some nodes may come up only in an edited mission."""
+        """Nodes of all trees of the run: some may exist only in an edited mission."""
         found = {node.path: node for at in self.run.trees for node in at.record.nodes}
         return tuple(found.values())
 
     def _go(self, numbers: Sequence[int], what: str, *, back: bool) -> None:
-        """To the nearest of the ticks with these rising numbers that lies ahead, or behind."""
+        """Go to the nearest of these ticks (rising numbers) ahead, or behind."""
         if back:
             place = bisect.bisect_left(numbers, self.number) - 1
         else:
@@ -288,7 +295,7 @@ class Cursor:
 
 
 def _between(records: Sequence[Stamped[R]], begin: float, end: float) -> tuple[Stamped[R], ...]:
-    """Those after `begin`, up to `end`."""
+    """Return the records after `begin`, up to `end`."""
     first = bisect.bisect_right(records, begin + _SLACK, key=lambda at: at.time)
     return tuple(records[first : bisect.bisect_right(records, end + _SLACK, key=lambda at: at.time)])
 

@@ -1,4 +1,4 @@
-"""Nodes by what people call them: a path, the end of one, a type, or a pattern."""
+"""Node names as people write them: a path, the end of one, a type, or a pattern."""
 
 from __future__ import annotations
 
@@ -25,8 +25,11 @@ N = TypeVar("N", bound=NamedNode)
 
 
 def find_nodes(text: str, nodes: Sequence[N]) -> list[N]:
-    """The nodes of that path, or else with a path that ends so, or else of that type; with `*` in it those
-    whose path or end of a path it matches. Raises PicktreeError, with what may have been meant, for none."""
+    """Return the nodes of that path, or else with a path that ends so, or else of that type.
+
+    With `*` in the text, return the nodes whose path, or end of a path, matches the pattern. Raises
+    PicktreeError with similar names when there are none.
+    """
     if "*" in text:
         found = [n for n in nodes if fnmatchcase(n.path, text) or fnmatchcase(n.path, f"*/{text}")]
         if found:
@@ -43,7 +46,8 @@ def find_nodes(text: str, nodes: Sequence[N]) -> list[N]:
 
 
 def find_node(text: str, nodes: Sequence[N], *, most: int = 10) -> N:
-    """The only such node. Raises PicktreeError with the names of `most` of them when there are several."""
+    """Return the only such node. Raises PicktreeError with the names of `most` of them when there are
+    several."""
     found = find_nodes(text, nodes)
     if len(found) > 1:
         named = ", ".join(node.path for node in found[:most]) + (", …" if len(found) > most else "")

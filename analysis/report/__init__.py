@@ -1,1 +1,1 @@
-"""A run as one page that stands alone."""
+"""Report of a run: one self-contained HTML page."""

@@ -1,4 +1,4 @@
-"""The report of a run: one HTML file to look into it, without a network and without picktree."""
+"""Report of a run: one HTML file that needs neither a network nor picktree."""
 
 from __future__ import annotations
 
@@ -30,11 +30,11 @@ from .panels.tree import pack_tree
 
 PAGE: Final = Path(__file__).parent / "page"
 DRAWING: Final = ("libraries.js", "arranging.js", "viewer.js")
-"""Of the drawn tree; `report.js` finds `PicktreeDrawing` there."""
+"""Scripts of the drawn tree; `report.js` uses their global `PicktreeDrawing`."""
 
 
 def page(title: str, summary: str, sections: Iterable[Section]) -> str:
-    """The whole file. `summary` is what is said where scripts do not run."""
+    """Return the complete HTML file. `summary` is displayed where scripts do not run."""
     scripts = [(shapes.PAGE / name).read_text(encoding="utf-8") for name in DRAWING]
     scripts.append((PAGE / "report.js").read_text(encoding="utf-8"))
     template = Template((PAGE / "page.html").read_text(encoding="utf-8"))
@@ -50,7 +50,8 @@ def page(title: str, summary: str, sections: Iterable[Section]) -> str:
 
 
 def style() -> str:
-    """The style sheet: the palette of the drawn tree as variables, then its rules and the page's own."""
+    """Return the style sheet: the palette of the drawn tree as variables, then its rules and the page's
+    own."""
     drawing = Template((shapes.PAGE / "drawing.css").read_text(encoding="utf-8"))
     return "\n".join(
         (
@@ -67,7 +68,7 @@ def _variables(colours: Mapping[str, str]) -> str:
 
 
 def _policy(scripts: Iterable[str]) -> str:
-    """Nothing may be fetched, and no script may run but these."""
+    """Return a content security policy: nothing may be fetched, and only these scripts may run."""
     digests = (hashlib.sha256(script.encode("utf-8")).digest() for script in scripts)
     allowed = " ".join(f"'sha256-{base64.b64encode(digest).decode('ascii')}'" for digest in digests)
     return (
@@ -87,19 +88,19 @@ PACKERS: tuple[Callable[[Run], Section], ...] = (
     pack_events,
     pack_plots,
 )
-"""What is packed for each panel; `src/panels.js` has the panels by the names of these sections."""
+"""Packers of the panels' data; `src/panels.js` has the panels by the names of these sections."""
 
 
 @dataclass(frozen=True, slots=True)
 class WrittenReport:
-    """A report that was written: the file, its size, and what it took."""
+    """Written report: the file, its size, and the time to make it."""
 
     file: Path
     bytes: int
     seconds: float
-    """Of the wall clock."""
+    """Time to make the report, wall s."""
     simulated: float
-    """Simulated s that the run lasted."""
+    """Length of the run, simulated s."""
 
     def to_text(self) -> str:
         return (
@@ -126,7 +127,7 @@ def write_report(run: Run, file: Path) -> WrittenReport:
 
 
 def report(run: Run) -> str:
-    """The page as text. Raises PicktreeError for a log without a tick, and where it is damaged."""
+    """Return the page as text. Raises PicktreeError for a log without a tick, and where it is damaged."""
     if not run.ticks.times:
         raise PicktreeError(f"{run.path}: the log holds no tick, so there is nothing to report")
     info = run.info
@@ -135,7 +136,7 @@ def report(run: Run) -> str:
 
 
 def _write_whole(file: Path, data: bytes) -> None:
-    """Beside it first, so that a full disk leaves what was there before."""
+    """Write a temporary file beside it first, so that a full disk leaves the old file."""
     beside: str | None = None
     try:
         handle, beside = tempfile.mkstemp(prefix=f".{file.name}-", dir=file.parent)

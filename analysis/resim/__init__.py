@@ -1,1 +1,1 @@
-"""Running again from what a log holds."""
+"""Re-simulation of recorded runs, unchanged or with changes."""

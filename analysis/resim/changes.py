@@ -1,4 +1,4 @@
-"""What is to be otherwise when a recorded run is run again."""
+"""Changes to a recorded run before it is run again."""
 
 from __future__ import annotations
 
@@ -26,7 +26,8 @@ _UNITS: Final = {"s": 1.0, "ms": 1e-3, "min": 60.0}
 
 
 def parse_tick(text: str, run: Run, option: str) -> int:
-    """`412` is the tick of that number, `20.6 s` the last tick at that simulated time or before.
+    """Parse a tick: `412` is the tick of that number, `20.6 s` the last tick at that simulated time or
+    before.
 
     `option` names it in errors. Raises PicktreeError for anything else, and beyond the end of the log.
     """
@@ -52,7 +53,7 @@ def parse_tick(text: str, run: Run, option: str) -> int:
 
 @dataclass(frozen=True, slots=True)
 class RunChanges:
-    """Nothing, unless something is given. Paths count from the working directory."""
+    """Changes to a recipe; none by default. Paths are relative to the working directory."""
 
     mission: Path | None = None
     scene: str | None = None
@@ -69,19 +70,19 @@ class RunChanges:
 
 @dataclass(frozen=True, slots=True)
 class ChangedRecipe:
-    """A recipe with the changes, and what is to be told of them."""
+    """Recipe with the changes applied, and texts about them."""
 
     recipe: Recipe
     told: tuple[str, ...]
-    """A sentence for each change."""
+    """Sentence for each change."""
     warnings: tuple[Diagnostic, ...]
-    """Of the checker, about another mission."""
+    """Warnings of the checker about another mission."""
     other_tree: bool
-    """Nodes or what their ports say may be others."""
+    """Whether nodes or their ports may differ from the recorded tree."""
 
 
 def apply(changes: RunChanges, recorded: Recipe) -> ChangedRecipe:
-    """Raises PicktreeError (FileError with all its errors for a faulty file)."""
+    """Apply the changes. Raises PicktreeError (FileError with all its errors for a faulty file)."""
     recipe, told = recorded, list[str]()
     warnings: tuple[Diagnostic, ...] = ()
     if changes.scene is not None:
@@ -115,8 +116,10 @@ def apply(changes: RunChanges, recorded: Recipe) -> ChangedRecipe:
 
 
 def checked_mission(path: Path, recipe: Recipe) -> tuple[Mission, tuple[Diagnostic, ...]]:
-    """The mission of a file and the checker's warnings, for the recipe's scene and robot. Raises FileError
-    with the checker's errors, PicktreeError for a library."""
+    """Return the mission of a file and the checker's warnings, for the recipe's scene and robot.
+
+    Raises FileError with the checker's errors, PicktreeError for a library.
+    """
     known = scene_names(recipe.scene, recipe.robot)
     check = check_mission(open_document(path, "mission"), known=known)
     errors = [fault for fault in check.faults if fault.severity == "error"]
@@ -128,7 +131,7 @@ def checked_mission(path: Path, recipe: Recipe) -> tuple[Mission, tuple[Diagnost
 
 
 def _settings(recipe: Recipe, given: Mapping[str, str]) -> tuple[dict[str, str], dict[str, str]]:
-    """All that is set, and what was set of parameters that another mission does not have."""
+    """Return all settings, and the settings of parameters that another mission does not have."""
     known = {port.key for port in recipe.mission.parameters}
     dropped = {k: v for k, v in recipe.parameters.items() if "." not in k and k not in known}
     kept = {k: v for k, v in recipe.parameters.items() if k not in dropped}
@@ -150,7 +153,7 @@ def _texts(mission: Mission) -> dict[str, str]:
 
 
 def _line_changes(what: str, before: str, after: str, most: int = 3) -> list[str]:
-    """The first lines that differ; the numbers are those of the new text."""
+    """Return the first differing lines as text; the line numbers are those of the new text."""
     ones, others = before.splitlines(), after.splitlines()
     matcher = difflib.SequenceMatcher(None, ones, others, autojunk=False)
     blocks = [block for block in matcher.get_opcodes() if block[0] != "equal"]
@@ -163,7 +166,7 @@ def _line_changes(what: str, before: str, after: str, most: int = 3) -> list[str
 
 
 def _block_change(old: Sequence[str], new: Sequence[str]) -> str:
-    """What became of some lines, told by the first of them."""
+    """Return the change of some lines as text, with the first of them."""
     if old and new:
         counts = "" if len(old) == len(new) == 1 else f"{len(new)} lines instead of {len(old)}, "
         return f"{counts}{_short(new[0])} instead of {_short(old[0])}"

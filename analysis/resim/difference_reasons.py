@@ -1,4 +1,4 @@
-"""Why a run may come out otherwise than its record says: what is not as it was."""
+"""Reasons why a run may differ from its record: files, sources, libraries and machine that have changed."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from ..run import Run
 
 @dataclass(frozen=True, slots=True)
 class Reason:
-    """One thing that is not as it was; empty where there is no value."""
+    """One changed thing, with its values; empty where there is no value."""
 
     what: str
     recorded: str
@@ -31,7 +31,7 @@ class Reason:
 
 
 def reasons(run: Run, now: Arithmetic) -> tuple[Reason, ...]:
-    """Return what differs, the likeliest first; empty when everything in the log is as it was.
+    """Return the differences, the likeliest first; empty when everything is as in the log.
 
     `now` is the arithmetic of the process that has run it again.
     """
@@ -49,7 +49,7 @@ def reasons(run: Run, now: Arithmetic) -> tuple[Reason, ...]:
 
 
 def notes(run: Run) -> tuple[str, ...]:
-    """Files that were edited where they stood. The run is made from those of the log."""
+    """Return sentences about files that were edited on the disk. The run is made from those of the log."""
     found: list[str] = []
     for name, (digest, path) in _files(run).items():
         now = _now(name, Path(path)) if path and name in run.log.attachments else None
@@ -59,17 +59,17 @@ def notes(run: Run) -> tuple[str, ...]:
 
 
 def _now(name: str, path: Path) -> str | None:
-    """The hash of what would be run today; None when there is no such file."""
+    """Return the hash of today's file; None when there is no such file."""
     if name != "scene.yaml":
         return _hash(path)
-    try:  # with what stands in its bases
+    try:  # with the content of its base files
         return hashlib.sha256(load_scene(str(path)).text.encode()).hexdigest()
     except PicktreeError:
         return _hash(path)
 
 
 def _altered(run: Run) -> Iterator[Reason]:
-    """Files that are not in the log as they were put there."""
+    """Yield files that have changed within the log."""
     for name, (digest, _) in _files(run).items():
         if name in run.log.attachments:
             held = hashlib.sha256(run.log.attachment(name)).hexdigest()
@@ -78,7 +78,7 @@ def _altered(run: Run) -> Iterator[Reason]:
 
 
 def _sources(run: Run) -> Iterator[Reason]:
-    """picktree's own; without them in the log, its revision."""
+    """Yield differences of picktree's sources, or of its revision when the log has no sources."""
     now = environment.sources()
     try:
         before = environment.sources_from_text(run.log.attachment(environment.SOURCES).decode())
@@ -93,7 +93,7 @@ def _sources(run: Run) -> Iterator[Reason]:
 
 
 def _modules(run: Run) -> Iterator[Reason]:
-    """Plug-ins that are installed, whose sources the log holds."""
+    """Yield differences of installed plug-ins, whose sources the log holds."""
     for name in run.log.attachments:
         if name.startswith("module/") and name.endswith(".py"):
             module = name.removeprefix("module/").removesuffix(".py")
@@ -108,7 +108,7 @@ def _modules(run: Run) -> Iterator[Reason]:
 
 
 def _meshes(run: Run) -> Iterator[Reason]:
-    """Of a robot that comes with an installed package: their content is not in the log."""
+    """Yield differences of meshes of a robot from an installed package: their content is not in the log."""
     for name, (digest, path) in _files(run).items():
         if name.startswith(ROBOT_MESHES) and name not in run.log.attachments:
             now = _hash(Path(path))
@@ -117,14 +117,14 @@ def _meshes(run: Run) -> Iterator[Reason]:
 
 
 def _compared(before: Mapping[str, str], now: Mapping[str, str]) -> Iterator[Reason]:
-    """An older log does not tell everything: what it does not know is no reason."""
+    """Yield values that differ. A value that an older log lacks is no reason."""
     for name, value in before.items():
         if now.get(name, "") != value:
             yield Reason(name, value, now.get(name, ""))
 
 
 def _files(run: Run) -> dict[str, tuple[str, str]]:
-    """Hash and path by the name in the log."""
+    """Return hash and path by the name in the log."""
     pairs = {name: words.partition(" ") for name, words in run.info.files.items()}
     return {name: (digest, path) for name, (digest, _, path) in pairs.items()}
 

@@ -1,8 +1,8 @@
-"""Running a recorded run again, in another process with another hash seed.
+"""Re-simulation of a recorded run in another process with another hash seed, and its comparison with the
+record.
 
-The other process: runs a recorded run again and says how that compares.
-
-It reads one order from stdin and writes lines of JSON to stdout: where it is, and in the end the answer.
+The other process reads one order from stdin. It writes lines of JSON to stdout: its progress, and in the end
+the answer.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ from .resim_comparison import RecordComparison, RecordDifference, is_cut
 from .resim_result import Resimulation
 
 _EVERY = 0.2
-"""Wall seconds between two words of where it is."""
+"""Wall seconds between two messages about the progress."""
 
 
 @dataclass(frozen=True)
@@ -46,17 +46,17 @@ class ResimOrder:
     log: Path
     changes: RunChanges
     until: float | None
-    """Simulated s; None: to the end of the record."""
+    """End of the comparison, simulated s; None: the end of the record."""
     out: Path | None
     """Folder for the run's folder; None: its log is not kept."""
 
 
 @dataclass(frozen=True)
 class ResimAnswer:
-    """One line: `at` while it goes on, `error` when the input is bad, else the comparison."""
+    """Line of the process: `at` during the run, `error` when the input is bad, else the comparison."""
 
     at: float | None = None
-    """Simulated s."""
+    """Progress, simulated s; None: no progress message."""
     error: str = ""
     ticks: int = 0
     digest: str = ""
@@ -64,13 +64,13 @@ class ResimAnswer:
     difference: RecordDifference | None = None
     trees: RecordDifference | None = None
     result: str = ""
-    """The run's result as JSON text."""
+    """Result of the run as JSON text."""
     told: tuple[str, ...] = field(default_factory=tuple[str, ...])
-    """What was changed."""
+    """Sentences about the changes."""
     warnings: str = ""
-    """Of the checker, about another mission."""
+    """Warnings of the checker about another mission, as lines."""
     arithmetic: Mapping[str, str] = field(default_factory=dict[str, str])
-    """The arithmetic of the process, as `Arithmetic.words`."""
+    """Arithmetic of the process, as `Arithmetic.words`."""
 
 
 ORDER = TypeAdapter(ResimOrder)
@@ -78,7 +78,7 @@ ANSWER = TypeAdapter(ResimAnswer)
 
 
 class _Progress:
-    """A watcher that says where the run is."""
+    """Watcher that reports the progress of the run."""
 
     def __init__(self, say: Callable[[ResimAnswer], None]) -> None:
         self._say = say
@@ -97,7 +97,7 @@ class _Progress:
 
 
 def carry_out(order: ResimOrder, say: Callable[[ResimAnswer], None]) -> ResimAnswer:
-    """Raises PicktreeError for what cannot be run again."""
+    """Run the order and return the comparison. Raises PicktreeError for a log that cannot be run again."""
     with (
         Run(order.log) as run,
         RecordedRun(run) as recorded,
@@ -169,10 +169,10 @@ def resimulate(
     out: Path | None = None,
     progress: Callable[[float, float], None] = lambda now, end: None,
 ) -> Resimulation:
-    """Run the run of a log again from what the log holds, and compare as it goes.
+    """Run a logged run again from its log alone, and compare the runs message by message.
 
-    `until`: a tick or a time (see `parse_tick`); `progress` is told the simulated time, and the time at which
-    the record ends. Without changes it ends at the first difference. Raises PicktreeError.
+    `until`: a tick or a time (see `parse_tick`); `progress` receives the simulated time, and the time at
+    which the record ends. Without changes it ends at the first difference. Raises PicktreeError.
     """
     changes = changes or RunChanges()
     with Run(where) as run, tempfile.TemporaryDirectory(prefix="picktree-") as away:
@@ -224,7 +224,7 @@ def _with_outcomes(found: Resimulation, run: Run, log: Path) -> Resimulation:
 
 
 def _ask(order: ResimOrder, progress: Callable[[float], None]) -> ResimAnswer:
-    """Let the other process carry out the order."""
+    """Have the other process carry out the order, and return its answer."""
     environment = {**os.environ, "PYTHONHASHSEED": "random"}
     process = subprocess.Popen(
         [sys.executable, "-m", "picktree.analysis.resim.resim"],

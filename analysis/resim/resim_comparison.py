@@ -1,4 +1,4 @@
-"""Comparing a run with its record while it runs, message by message."""
+"""Comparison of a run with its record during the run, message by message."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ _SCENES = (topics.OBJECTS.name, topics.TRUTH.name)
 def disagreement(
     topic: str, schema: str, recorded: bytes, now: bytes, *, older: bool
 ) -> FieldDifference | None:
-    """The first field in which two messages differ; None when they agree.
+    """Return the first field in which two messages differ; None when they agree.
 
-    `older`: the recorded one is of a version that wrote less. What it lacks is passed over then.
+    `older`: the recorded message is of a version that wrote less. Fields that it lacks are then ignored.
     """
     if recorded == now:
         return None
@@ -42,8 +42,10 @@ def disagreement(
 
 
 def of_common_nodes(recorded: bytes, now: bytes) -> tuple[bytes, bytes]:
-    """Two ticks of different trees, without the nodes that only one of them has: what such a node does shows
-    when it begins."""
+    """Return two ticks of different trees without the nodes that only one of them has.
+
+    The start of such a node is still compared, in the transitions.
+    """
     one, other = orjson.loads(recorded), orjson.loads(now)
     paths = {node["path"] for node in one["nodes"]} & {node["path"] for node in other["nodes"]}
     for tick in (one, other):
@@ -52,7 +54,7 @@ def of_common_nodes(recorded: bytes, now: bytes) -> tuple[bytes, bytes]:
 
 
 def what_happens(data: bytes, settings: Collection[str]) -> bytes:
-    """A tick without the inputs of its nodes and without what is written of these parameters."""
+    """Return a tick without the inputs of its nodes, and without writes of these parameters."""
     tick = orjson.loads(data)
     for transition in tick.get("transitions", ()):
         transition.pop("inputs", None)
@@ -62,7 +64,7 @@ def what_happens(data: bytes, settings: Collection[str]) -> bytes:
 
 
 def _reduced(like: object, value: object) -> object:
-    """The value without the fields that the other lacks, and with its spelling of where a mesh came from."""
+    """Return the value without fields that `like` lacks, and with its spelling of a mesh's source."""
     if isinstance(like, dict) and isinstance(value, dict):
         wanted, given = cast("dict[str, object]", like), cast("dict[str, object]", value)
         return {
@@ -89,29 +91,30 @@ _NO_FIELD = FieldDifference("", "", None, None)
 
 @dataclass(frozen=True, slots=True)
 class RecordDifference:
-    """The first message that is not as recorded."""
+    """First message that differs from the record."""
 
     tick: int
-    """Number of the tick to whose time it belongs, 0 for the first of the log."""
+    """Number of the tick at the message's time, 0 for the first of the log."""
     time: float
-    """Simulated s."""
+    """Time of the message, simulated s."""
     topic: str
     missing: Missing
-    """The side that has no such message there."""
+    """Side without such a message at that place; empty: both have it."""
     field: str
-    """Where in the message, such as `nodes[3].status`; empty when it is missing, or only its bytes differ."""
+    """Field in the message, such as `nodes[3].status`; empty when a message is missing, or only its bytes
+    differ."""
     of: str
-    """What the innermost list element on the way is called: a node's path, a frame, a key; else empty."""
+    """Name of the innermost list element around the field: a node's path, a frame, a key; else empty."""
     recorded: object
-    """The values of the field, as JSON has them; None where there is none."""
+    """Recorded value of the field, as JSON; None where there is none. `now` is the new one."""
     now: object
 
 
 class RecordComparison:
-    """Is shown every simulated message of a run (`take`), and holds it against the record.
+    """Comparison of a run's simulated messages with the record; `take` receives each message.
 
-    `until`: simulated s up to which it is compared, inclusive; by default to the record's end. When the
-    record is of a run that was cut off, what comes after its last whole tick is not compared.
+    `until`: end of the comparison, simulated s, inclusive; by default the record's end. For a record of a run
+    that was cut off, messages after its last whole tick are not compared.
     """
 
     def __init__(
@@ -123,23 +126,26 @@ class RecordComparison:
         since: float | None = None,
         other_tree: bool = False,
     ) -> None:
-        """`settings`: the run was changed on purpose, and these parameters of the mission are set otherwise:
-        what nodes are told is not compared then, only what happens. None: the same run. `since`: it goes on
-        from there (simulated s), and with `other_tree` its tree is another."""
+        """Prepare the comparison.
+
+        `settings`: parameters of the mission that were changed on purpose. Then inputs of nodes are not
+        compared, only their behaviour. None: the same run. `since`: the run resumes at this time, simulated
+        s. `other_tree`: its tree differs from the recorded one.
+        """
         self.difference: RecordDifference | None = None
         self.trees: RecordDifference | None = None
-        """In what the trees differ. What happens is compared nevertheless."""
+        """First difference of the trees. The behaviour is compared nevertheless."""
         self.ticks = 0
-        """That agree."""
+        """Number of ticks that agree."""
         self.exact = True
-        """Whether what agrees does so in its bytes, not only in its values."""
+        """Whether the agreeing messages agree in their bytes, not only in their values."""
         self.on_difference: Callable[[], None] = lambda: None
         self._run = run
         self._times = run.ticks.times
         self._whole = until is None and not is_cut(run)
         end = self._times[-1] if not self._whole and self._times else None
         self.until = end if until is None else until if end is None else min(until, end)
-        """Simulated s up to which is compared; None: to the end, wherever that is."""
+        """End of the comparison, simulated s; None: the end of the run."""
         self._expected = _to_the_end(simulated_messages(run.log, since, self.until), cut=is_cut(run))
         self._schemas = {name: topic.schema for name, topic in run.log.topics.items()}
         self._older = not run.info.machine
@@ -153,11 +159,11 @@ class RecordComparison:
 
     @property
     def digest(self) -> str:
-        """Of what was compared, as it is now, in hex."""
+        """Digest of the compared messages of the present run, in hex."""
         return self._digest.hex
 
     def take(self, topic: str, time: int, data: bytes) -> None:
-        """The next message of the run, `time` in simulated ns."""
+        """Compare the next message of the run, `time` in simulated ns."""
         if self.difference is not None or topic in self._unknown:
             return
         if self.until is not None and time > round(self.until * 1e9) + 1000:
@@ -193,14 +199,14 @@ class RecordComparison:
         self.ticks += topic == topics.TICK.name
 
     def finish(self) -> None:
-        """The run has ended: what the record still holds is missing."""
+        """End the comparison: messages that the record still holds are missing in the run."""
         if self.difference is None:
             left = next(self._expected, None)
             if left is not None:
                 self._differ(left.topic, left.time, "now")
 
     def _not_known_then(self) -> frozenset[str]:
-        """Simulated topics of today that an older log does not know."""
+        """Return today's simulated topics that an older log does not have."""
         if not self._older:
             return frozenset()
         known = set(self._run.log.topics)
@@ -233,13 +239,14 @@ class RecordComparison:
 
 
 def is_cut(run: Run) -> bool:
-    """Whether the record ends before the run came to an end of its own."""
+    """Whether the record ends before the run's own end."""
     status = run.log.result.get("status", "")
     return bool(run.recovered) or status not in ("success", "incomplete", "failure", "timeout", "paused")
 
 
 def _to_the_end(messages: Iterator[RawMessage], *, cut: bool) -> Iterator[RawMessage]:
-    """Without the truth that an interrupted run writes in the end, wherever in a tick that comes."""
+    """Yield the messages without the ground truth that an interrupted run writes at its end, at any point of
+    a tick."""
     last: RawMessage | None = None
     for message in messages:
         if last is not None:

@@ -1,4 +1,4 @@
-"""What came of running a recorded run again, rendered once as text and once as JSON."""
+"""Result of a re-simulation, as text and as JSON."""
 
 from __future__ import annotations
 
@@ -13,55 +13,55 @@ from .difference_reasons import Reason
 from .resim_comparison import RecordDifference
 
 _LONGEST = 100
-"""Characters of a value that are shown."""
+"""Maximum number of characters of a displayed value."""
 
 
 @dataclass(frozen=True, slots=True)
 class Resimulation:
-    """A record and a run of the same, or of the same but for `changes`."""
+    """Record of a run, compared with its re-simulation, which is the same except for `changes`."""
 
     log: Path
     recovered: str
-    """A sentence when the record had not been finished, else empty."""
+    """Sentence when the record was not finished, else empty."""
     cut: bool
-    """The recorded run did not come to an end of its own."""
+    """Whether the recorded run was cut off before its own end."""
     changes: tuple[str, ...]
-    """What was changed on purpose, in a sentence each."""
+    """Sentence for each intended change."""
     until: float | None
-    """Simulated s up to which was compared; None: to the end."""
+    """End of the comparison, simulated s; None: the end of the run."""
     last_tick: int
-    """Number of the last tick of the record that was compared, 0 for its first."""
+    """Number of the last compared tick of the record, 0 for its first."""
     ticks: int
-    """That are the same, from the first on."""
+    """Number of equal ticks, from the first on."""
     recorded_ticks: int
-    """Within what was compared."""
+    """Number of the record's ticks within the comparison."""
     seconds: float
-    """Simulated time of the last tick that was compared or, with a difference, of the last that agrees."""
+    """Time of the last compared tick or, with a difference, of the last equal one, simulated s."""
     digest: str
-    """Of the messages that agree."""
+    """Digest of the equal messages, in hex."""
     exact: bool
-    """They agree in their bytes; else, as with an older log, in their values."""
+    """Whether the messages agree in their bytes; else, as with an older log, in their values."""
     difference: RecordDifference | None
     trees: RecordDifference | None
-    """In what the trees differ, as they were loaded."""
+    """First difference of the trees as they were loaded; None: they are equal."""
     reasons: tuple[Reason, ...]
     notes: tuple[str, ...]
     parting: tuple[str, ...]
-    """Where the two runs take different ways, as lines; only with changes."""
+    """Divergence of the two runs, as lines; only with changes."""
     outcomes: tuple[RunOutcome, RunOutcome] | None
-    """Of the record and of the run; only with changes."""
+    """Outcomes of the record and of the run; None without changes."""
     warnings: str
-    """Of the checker, about another mission, as lines."""
+    """Warnings of the checker about another mission, as lines."""
     kept: Path | None
-    """The new log, when it was to be kept."""
+    """Path of the new log; None: it was not kept."""
 
     @property
     def identical(self) -> bool:
-        """Whether everything happened as recorded. A changed mission may have another tree for all that."""
+        """Whether everything happened as recorded. With changes the tree itself may differ."""
         return self.difference is None and (self.trees is None or bool(self.changes))
 
     def to_text(self) -> str:
-        """For a terminal, without a line's end."""
+        """Return the text for a terminal, without a trailing newline."""
         lines = [f"changed     {line}" for line in self.changes]
         if self.recovered:
             lines.append(f"the log     {self.recovered}")
@@ -143,7 +143,7 @@ def difference_lines(apart: RecordDifference) -> Iterator[str]:
 
 
 def table(a: RunOutcome, b: RunOutcome, name_a: str, name_b: str) -> Iterator[str]:
-    """Two outcomes side by side."""
+    """Yield two outcomes side by side, as lines."""
     rows = [("", name_a, name_b)]
     rows += [(what, say_a, say_b) for (what, say_a), (_, say_b) in zip(_rows(a), _rows(b), strict=True)]
     causes = sorted({*a.failures, *b.failures})
@@ -183,7 +183,7 @@ def difference_json(apart: RecordDifference | None) -> dict[str, Any] | None:
 
 
 def _shown(one: object, other: object) -> tuple[str, str]:
-    """Both values as text, cut around where they differ."""
+    """Return both values as text, cut around their first difference."""
     a, b = (v if isinstance(v, str) else json.dumps(v, ensure_ascii=False, default=str) for v in (one, other))
     same = next((n for n, (x, y) in enumerate(zip(a, b, strict=False)) if x != y), min(len(a), len(b)))
     begin = max(0, same - _LONGEST // 2) if max(len(a), len(b)) > _LONGEST else 0

@@ -1,4 +1,4 @@
-"""What if: a recorded run goes on from a checkpoint with something changed."""
+"""Continuation of a recorded run from a checkpoint, with changes (what-if)."""
 
 from __future__ import annotations
 
@@ -34,9 +34,9 @@ def what_if(
     out: Path | None = None,
     watcher: SessionWatcher | None = None,
 ) -> Continuation:
-    """Let the run of a log go on from its last checkpoint at or before `at` (a tick or a time, see
-    `parse_tick`), from its beginning where there is none, and compare with how it went.
+    """Resume a logged run from its last checkpoint at or before `at`, with changes, and compare both runs.
 
+    `at` is a tick or a time, see `parse_tick`. Without a checkpoint there, the run starts from its beginning.
     The new run's folder is made in `out`, by default in `runs`. Raises PicktreeError (FileError with the
     errors of the checker).
     """
@@ -97,7 +97,7 @@ def what_if(
 
 
 def _started(recipe: Recipe, changed: ChangedRecipe, changes: RunChanges) -> Recipe:
-    """The changed recipe, its checkpoint made to fit."""
+    """Return the changed recipe with a checkpoint that fits it."""
     start = changed.recipe.start
     if start is None:
         return changed.recipe
@@ -113,7 +113,7 @@ def _started(recipe: Recipe, changed: ChangedRecipe, changes: RunChanges) -> Rec
 
 def _parting(run: Run, log: Path, begin: float | None) -> tuple[str, ...]:
     with Run(log) as other:
-        # What both logs hold of the moment of the checkpoint is no part of what came after it.
+        # Messages of both logs at the moment of the checkpoint belong to the time before.
         since = 0.0 if begin is None else begin + run.info.tick / 2
         parting = align(run, other, since=since).parting
         return () if parting is None else tuple(parting_lines(parting))
@@ -148,7 +148,7 @@ def _now(result: RunResult, tally: RunCounters) -> RunOutcome:
 def _outcome(
     result: RunResult, failures: Mapping[str, int], tally: RunCounters, log: Path, recovered: str
 ) -> RunOutcome:
-    """Of the run as a whole, what was before the checkpoint included."""
+    """Return the outcome of the whole run, the time before the checkpoint included."""
     return RunOutcome(
         log=log,
         recovered=recovered,

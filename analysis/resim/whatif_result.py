@@ -1,4 +1,4 @@
-"""What came of a what-if, rendered once as text and once as JSON."""
+"""Result of a what-if, as text and as JSON."""
 
 from __future__ import annotations
 
@@ -15,65 +15,65 @@ from .resim_comparison import RecordDifference
 from .resim_result import difference_json, difference_lines, table
 
 _NAMED = 8
-"""Nodes that are named in the text; of more their number is said."""
+"""Maximum number of nodes that the text names; for more it gives the number."""
 
 
 @dataclass(frozen=True, slots=True)
 class NodeTransfers:
-    """What became of the nodes of the checkpoint; paths."""
+    """Transfer of the checkpoint's nodes to another mission's tree; paths."""
 
     kept: int
-    """They go on with what they remember."""
+    """Number of nodes that keep their state."""
     fresh: tuple[str, ...]
-    """They begin anew: of another path or type than any, or what they stood at is gone."""
+    """Nodes that start afresh: path or type is new, or the element at which they stood is gone."""
     gone: tuple[str, ...]
 
 
 @dataclass(frozen=True, slots=True)
 class Continuation:
-    """A recorded run, and how it goes on from one of its checkpoints. Times are simulated seconds."""
+    """Recorded run, and its continuation from one of its checkpoints. Times are simulated seconds."""
 
     log: Path
     at_tick: int
     at: float
-    """What was asked for."""
+    """Requested time, simulated s."""
     checkpoint: str
-    """Name of the checkpoint from which it goes on; empty: from the beginning."""
+    """Name of the checkpoint; empty: the run starts from the beginning."""
     start_tick: int
     start: float
     items_done: int
-    """By then."""
+    """Number of items done at the start."""
     changes: tuple[str, ...]
     nodes: NodeTransfers | None
-    """None when the mission is the same, or begins anew as a whole."""
+    """Transfer of nodes; None when the mission is the same, or starts from the beginning."""
     cut: bool
-    """The recorded run did not come to an end of its own."""
+    """Whether the recorded run was cut off before its own end."""
     ticks: int
-    """That are the same in both, from the start on."""
+    """Number of equal ticks, from the start on."""
     recorded_ticks: int
-    """That the record has from there on."""
+    """Number of the record's ticks from the start on."""
     exact: bool
-    """They are the same in their bytes."""
+    """Whether the equal messages agree in their bytes."""
     difference: RecordDifference | None
     recorded: RunOutcome
     now: RunOutcome
     status: RunStatus
-    """Of the new run."""
+    """Status of the new run."""
     parting: tuple[str, ...]
-    """Where the two take different ways, as lines; A is the record."""
+    """Divergence of the two runs, as lines; A is the record."""
     arithmetic: str
-    """A sentence when the record was computed with other arithmetic, else empty."""
+    """Sentence when the record was computed with other arithmetic, else empty."""
     warnings: tuple[Diagnostic, ...]
-    """Of the checker, about another mission."""
+    """Warnings of the checker about another mission."""
     new_log: Path
 
     @property
     def identical(self) -> bool:
-        """Whether everything happens as recorded, as far as the record goes."""
+        """Whether everything happens as recorded, up to the end of the record."""
         return self.difference is None
 
     def to_text(self) -> str:
-        """For a terminal, without a line's end."""
+        """Return the text for a terminal, without a trailing newline."""
         lines = [
             f"what if     {self.log}",
             *([f"the log     {self.recorded.recovered}"] if self.recorded.recovered else []),

@@ -1,1 +1,1 @@
-"""Episodes: which causes were seen in a run, what was tried against each, and what came of it."""
+"""Episodes of a run: causes of failures, the cures tried against each, and their results."""

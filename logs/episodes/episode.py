@@ -1,27 +1,26 @@
-"""What an episode is.
+"""Episode: one cause of failure in a run, from the first failure to the decision about it, with its cures.
 
-An *episode* is one trouble of a run: a cause that came up, and what was done about it until it was decided.
-
-- *Seen.* It begins when a node fails by itself with a cause. A false condition is no failure; but one that a
-  `Recover` answers counts as `tree.attempts`. While it is being dealt with, the same cause at the same node
-  belongs to the same episode, and so it does within the next branch of a `Fallback`; another cause is
-  another one.
-- *Tried.* A `Recover`, a `RecoveryNode`, a `RetryUntilSuccessful` or a `Fallback` above it takes it up: it
-  runs a cure, or the branch again, or its next branch. When that node fails in the end and one further up
-  takes the failure up, the episode goes on there; so a trouble that goes through several hands is seen once.
-- *By what.* What was run last against this cause: the sub-tree or the nodes of the handler; `Grasp again`
-  where the branch was just run again; the next branch of a `Fallback`.
-- *Tries.* Runs after the failure that were to succeed: 1 when the first of them did.
-- *Cured* when the node that took it up then succeeds. *Given up* when that node fails and nobody further up
-  takes it up, or when what was tried sets the item aside; a branch of a `Fallback` with a `SetAside` in it
-  gives the item up, though it may only count this time, and is no try. *Unhandled* when nobody tried
-  anything. *Open* when the log ends before.
-- *Time lost.* Simulated time from the beginning of the run of the branch that failed to the beginning of the
-  next one; of the last failure, to the end of the node. Over all tries that is from the beginning of the run
-  that failed first to the beginning of the one that succeeded. Where a branch fails with several causes in
-  turn, each bears the time up to the next run. What an episode within already bears is taken off around it,
-  so that the times add up; two branches of a `Parallel` each bear their own. An unhandled failure bears the
-  time of the node that failed, and nothing if it came up within what another one bears."""
+- *Seen.* An episode begins when a node itself fails with a cause. A false condition is no failure, but one
+  that a `Recover` answers counts as `tree.attempts`. Until the decision, the same cause at the same node
+  belongs to the same episode, also within the next branch of a `Fallback`. Another cause is another episode.
+- *Tried.* A `Recover`, a `RecoveryNode`, a `RetryUntilSuccessful` or a `Fallback` above the node handles the
+  failure. It runs a cure, the branch again, or its next branch. When that handler fails in the end and one
+  further up handles the failure, the episode continues there. So it is counted once.
+- *By what.* The cure that ran last against this cause: the sub-tree or the nodes of the handler. It is `Grasp
+  again` where only the branch ran again, and the next branch of a `Fallback`.
+- *Tries.* Runs after the failure that could succeed: 1 when the first of them did.
+- *Cured* when the handling node then succeeds. *Given up* when that node fails and none further up handles
+  the failure, or when the cure sets the item aside. A branch of a `Fallback` with a `SetAside` in it gives
+  the item up, even if it only counts this time, and is no try. *Unhandled* when no node tried anything.
+  *Open* when the log ends before.
+- *Time lost.* Simulated time from the start of the failed run of the branch to the start of the next one.
+  For the last failure it is the time to the end of the node. Over all tries, that is from the start of the
+  run that failed first to the start of the one that succeeded. Where a branch fails with several causes in
+  turn, each is charged with the time up to the next run. The time of an inner episode is subtracted from the
+  outer one, so that the times add up. Two branches of a `Parallel` are each charged with their own. An
+  unhandled failure is charged with the time of the failed node, or with nothing if it occurred within
+  another episode.
+"""
 
 from __future__ import annotations
 
@@ -31,7 +30,7 @@ from typing import Literal, Protocol, TypeAlias
 
 AGAIN = "again"
 _MOST = 3
-"""Nodes that are named of a handler that is a list."""
+"""Maximum number of nodes that a handler's name lists."""
 _AROUND = frozenset(
     {
         "Sequence",
@@ -43,12 +42,12 @@ _AROUND = frozenset(
         "Delay",
     }
 )
-"""Nodes that are called as what is below them."""
+"""Nodes that are named after the nodes below them."""
 _CHOOSING = frozenset({"Fallback", "ReactiveFallback"})
 
 
 class TreeNodeLike(Protocol):
-    """A node as a tree's record has it."""
+    """Node of a recorded tree."""
 
     @property
     def path(self) -> str: ...
@@ -59,7 +58,7 @@ class TreeNodeLike(Protocol):
 
 
 class CureNames:
-    """Names of branches: of a sub-tree or a leaf its own, of a list those of its parts."""
+    """Names of cures: a sub-tree or a leaf has its own, a sequence those of its parts."""
 
     def __init__(self, nodes: Iterable[TreeNodeLike]) -> None:
         self._nodes: Mapping[str, TreeNodeLike] = {node.path: node for node in nodes}
@@ -92,53 +91,53 @@ End: TypeAlias = Literal["cured", "given_up", "unhandled", "open"]
 
 @dataclass(frozen=True, slots=True)
 class Episode:
-    """One cause from where it was seen until it was decided; the words are those of this module."""
+    """Episode: one cause from its first failure to the decision, in the terms of this module."""
 
     cause: str
     node: str
     """Path of the node that failed first."""
     item: str
-    """That it was about; empty when that is not known."""
+    """Id of the item that the failure is about; empty when unknown."""
     times: tuple[float, ...]
-    """Simulated s of its failures."""
+    """Times of its failures, simulated s."""
     end: End
     ended: float
-    """Simulated s at which that was decided, or at which the log ends."""
+    """Time of the decision, or of the log's end, simulated s."""
     by: str
-    """Path of the node that took it up last; empty when nobody did."""
+    """Path of the node that handled the failure last; empty when none did."""
     handler: str
-    """What that node calls what it tried last: the pattern of `when`, `otherwise`, …"""
+    """Name of the last cure in that node: the pattern of `when`, `otherwise`, …"""
     tried: tuple[str, ...]
-    """What was run against it, one after the other, as a reader knows it."""
+    """Names of the cures that were run, in order."""
     tries: int
     seconds: float
-    """Simulated s that it cost."""
+    """Time lost, simulated s."""
 
     @property
     def time(self) -> float:
-        """Simulated s of the first failure."""
+        """Time of the first failure, simulated s."""
         return self.times[0]
 
     @property
     def cure(self) -> str:
-        """What was tried last; empty when nothing was."""
+        """Name of the last cure; empty when nothing was tried."""
         return self.tried[-1] if self.tried else ""
 
 
 @dataclass(frozen=True, slots=True)
 class Planted:
-    """A fault that was planted in the simulation, and what the robot then saw first: for the analyst only."""
+    """Injected fault, and the first failure after it; for the analyst only."""
 
     time: float
-    """Simulated s."""
+    """Time of the fault, simulated s."""
     fault: str
-    """Its kind: `remove`, `slip`, …"""
+    """Kind of the fault: `remove`, `slip`, …"""
     message: str
     item: str
-    """Of the simulation; empty when it is about none."""
+    """Id of the item in the simulation; empty when the fault is about none."""
     cause: str
-    """Of the first failure after it; empty when none came."""
+    """Cause of the first failure after the fault; empty when none came."""
     after: float | None
-    """Simulated s from the fault to that failure."""
+    """Time from the fault to that failure, simulated s; None when none came."""
     end: End | None
-    """What became of that failure; None when none came."""
+    """End of that failure's episode; None when none came."""

@@ -1,4 +1,4 @@
-"""Episodes and planted faults counted, for the summary of a run."""
+"""Counts of episodes and injected faults, for the summary of a run."""
 
 from __future__ import annotations
 
@@ -8,31 +8,31 @@ from dataclasses import dataclass, replace
 from .episode import Episode, Planted
 
 NOBODY = ""
-"""The cure where nothing was tried."""
+"""Cure of an episode for which nothing was tried."""
 
 
 @dataclass(frozen=True, slots=True)
 class CureCount:
-    """Episodes of one cause for which the same was tried last; the words are those of `episode`."""
+    """Counts of the episodes of one cause with the same last cure, in the terms of `episode`."""
 
     cause: str
     cure: str
-    """What was tried last; empty where nothing was."""
+    """Cure that was tried last; empty when nothing was tried."""
     seen: int = 0
     cured: int = 0
     given_up: int = 0
-    """Tried in vain. `seen` = `cured` + `given_up` + `unhandled` + `open`."""
+    """Number of episodes tried in vain. `seen` = `cured` + `given_up` + `unhandled` + `open`."""
     unhandled: int = 0
     open: int = 0
     tries: int = 0
-    """Over all of them."""
+    """Number of attempts in all of the episodes."""
     tries_cured: int = 0
-    """Over those that were cured."""
+    """Number of attempts in the cured episodes."""
     seconds: float = 0.0
-    """Simulated s lost."""
+    """Time lost, simulated s."""
 
     def with_(self, other: CureCount) -> CureCount:
-        """Both together."""
+        """Return the sum of both counts."""
         return replace(
             self,
             seen=self.seen + other.seen,
@@ -47,34 +47,34 @@ class CureCount:
 
     @property
     def tries_a_cure(self) -> float | None:
-        """How many tries a cure took; None when nothing was cured."""
+        """Mean number of attempts of a cured episode; None when nothing was cured."""
         return self.tries_cured / self.cured if self.cured else None
 
 
 @dataclass(frozen=True, slots=True)
 class PlantedCount:
-    """Faults of one kind after which the same cause was seen first, and came to the same end."""
+    """Count of injected faults of one kind with the same first cause after them, and the same end."""
 
     fault: str
     cause: str
-    """Empty: nothing failed after it."""
+    """Cause of the first failure after the fault; empty when nothing failed."""
     end: str
-    """As of an episode; empty with `cause`."""
+    """End of that failure's episode; empty without a cause."""
     count: int = 0
 
 
 @dataclass(frozen=True, slots=True)
 class CauseCount:
-    """All episodes of one cause."""
+    """Counts of all episodes of one cause."""
 
     cause: str
     total: CureCount
     by_cure: tuple[CureCount, ...]
-    """What cured most first."""
+    """Counts by cure, the cure with the most successes first."""
 
     def to_text(self) -> str:
-        """What came of it, without the cause:
-        `3 seen, 3 cured by RetreatAndLook after 1.3 tries, 12.4 s lost`."""
+        """Return the counts without the cause: `3 seen, 3 cured by RetreatAndLook after 1.3 tries, 12.4 s
+        lost`."""
         total = self.total
         parts = [f"{total.seen} seen", self._cured()]
         parts.append(f"{total.given_up} given up" if total.cured and total.given_up else "")
@@ -99,7 +99,7 @@ class CauseCount:
 
 
 class EpisodeCounts:
-    """Counts episodes as they end."""
+    """Counter of episodes and injected faults."""
 
     def __init__(self, cures: Iterable[CureCount] = (), planted: Iterable[PlantedCount] = ()) -> None:
         self._cures: dict[tuple[str, str], CureCount] = {}
@@ -126,7 +126,7 @@ class EpisodeCounts:
 
     @property
     def cures(self) -> tuple[CureCount, ...]:
-        """By cause, and then what cured most first."""
+        """Counts by cause; within a cause the cure with the most successes first."""
         return tuple(sorted(self._cures.values(), key=lambda c: (c.cause, -c.cured, -c.seen, c.cure)))
 
     @property
@@ -135,7 +135,7 @@ class EpisodeCounts:
 
 
 def by_cause(cures: Iterable[CureCount]) -> tuple[CauseCount, ...]:
-    """What cost the most time first."""
+    """Return the counts by cause, with the most time lost first."""
     found: dict[str, list[CureCount]] = {}
     for each in cures:
         found.setdefault(each.cause, []).append(each)
@@ -151,17 +151,17 @@ def counted(episodes: Iterable[Episode]) -> tuple[CureCount, ...]:
 
 
 def added_cures(cures: Iterable[CureCount]) -> tuple[CureCount, ...]:
-    """Of several runs together."""
+    """Return the counts of several runs together."""
     return EpisodeCounts(cures).cures
 
 
 def added_planted(planted: Iterable[PlantedCount]) -> tuple[PlantedCount, ...]:
-    """Of several runs together."""
+    """Return the counts of several runs together."""
     return EpisodeCounts((), planted).planted
 
 
 def cause_lines(cures: Iterable[CureCount]) -> Iterator[str]:
-    """A line for each cause, what cost the most time first."""
+    """Yield a line for each cause, with the most time lost first."""
     causes: Sequence[CauseCount] = by_cause(cures)
     width = max((len(each.cause) for each in causes), default=0)
     for each in causes:
@@ -169,7 +169,7 @@ def cause_lines(cures: Iterable[CureCount]) -> Iterator[str]:
 
 
 def planted_lines(planted: Iterable[PlantedCount]) -> Iterator[str]:
-    """`2 slip, then grasp.slipped (cured)`."""
+    """Yield a line for each count: `2 slip, then grasp.slipped (cured)`."""
     for each in planted:
         seen = f"{each.cause} ({ENDS[each.end]})" if each.cause else "nothing failed"
         yield f"{each.count} {each.fault}, then {seen}"

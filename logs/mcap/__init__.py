@@ -1,1 +1,1 @@
-"""MCAP files: written, read, salvaged."""
+"""MCAP files: writing, reading and salvage of damaged ones."""

@@ -1,6 +1,7 @@
-"""What stands inside a chunk of an MCAP file, taken apart and checked.
+"""Chunks of an MCAP file, parsed and checked, and access to a file's records.
 
-https://mcap.dev/spec#chunk-op0x06"""
+https://mcap.dev/spec#chunk-op0x06
+"""
 
 from __future__ import annotations
 
@@ -31,19 +32,19 @@ DAMAGE = (
     EOFError,
     MemoryError,
 )
-"""What the libraries raise on damaged bytes. UnicodeDecodeError and a wrong check sum are ValueErrors."""
+"""Exceptions of the libraries on damaged bytes. UnicodeDecodeError and a wrong check sum are ValueErrors."""
 
 HEAD = struct.Struct("<BQ")
-"""Of every record: opcode, length of what follows."""
+"""Start of every record: opcode, length of the content in bytes."""
 _CHUNK = struct.Struct("<QQQII")
 _MESSAGE = struct.Struct("<HIQQ")
 _LARGEST = 1 << 28
-"""Bytes in a chunk: a recorder of ours begins another long before."""
+"""Maximum size of a chunk, bytes; picktree's recorder begins another long before."""
 
 
 @dataclass(frozen=True, slots=True)
 class MessageAt:
-    """Where a message's content stands in its chunk. `time` in ns."""
+    """Position of a message's content in its chunk. `time` in ns."""
 
     channel: int
     time: int
@@ -55,19 +56,19 @@ class MessageAt:
 class ChunkContent:
     start: int
     end: int
-    """Of its messages, ns."""
+    """Times of the first and last message, ns."""
     data: bytes
     messages: tuple[MessageAt, ...]
     schemas: tuple[Schema, ...]
     channels: tuple[Channel, ...]
 
     def counts(self) -> Counter[int]:
-        """Messages by channel."""
+        """Return the number of messages by channel."""
         return Counter(message.channel for message in self.messages)
 
 
 def chunk_content(body: bytes) -> ChunkContent:
-    """Raises one of `DAMAGE` when any of it is not as it was written."""
+    """Parse a chunk. Raises one of `DAMAGE` when any of it is not as it was written."""
     start, end, size, crc, name_length = _CHUNK.unpack_from(body)
     offset = _CHUNK.size
     compression = body[offset : offset + name_length].decode()
@@ -128,7 +129,7 @@ _BLOCK = 1 << 20
 
 
 class RecordFile:
-    """Raises PicktreeError when the file cannot be read."""
+    """File of records. Raises PicktreeError when the file cannot be read."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -142,13 +143,13 @@ class RecordFile:
         self._stream.close()
 
     def read(self, offset: int, length: int) -> bytes:
-        """Fewer bytes where the file ends."""
+        """Return `length` bytes from `offset`, or fewer where the file ends."""
         self._stream.seek(offset)
         return self._stream.read(length)
 
     def record(self, offset: int) -> tuple[int, bytes]:
-        """Opcode and content of the record at `offset`. Raises EOFError when the file ends before the record
-        does."""
+        """Return opcode and content of the record at `offset`. Raises EOFError when the file ends before the
+        record does."""
         head = self.read(offset, HEAD.size)
         opcode, length = HEAD.unpack(head) if len(head) == HEAD.size else (0, self.size)
         if length > self.size - offset - HEAD.size:
@@ -156,7 +157,7 @@ class RecordFile:
         return opcode, self._stream.read(length)
 
     def crc(self, start: int, stop: int) -> int:
-        """Check sum of the bytes from `start` to before `stop`."""
+        """Return the check sum of the bytes from `start` to before `stop`."""
         crc = 0
         self._stream.seek(start)
         while start < stop:
@@ -168,7 +169,7 @@ class RecordFile:
         return crc
 
     def places(self, pattern: bytes, start: int) -> Iterator[int]:
-        """Where `pattern` stands from `start` on."""
+        """Yield the offsets of `pattern` from `start` on."""
         overlap = len(pattern) - 1
         while start < self.size:
             block = self.read(start, _BLOCK)

@@ -1,4 +1,4 @@
-"""What an MCAP file holds and where, as the summary at its end tells it."""
+"""Index of an MCAP file: its content with offsets, from the summary at the end of the file."""
 
 from __future__ import annotations
 
@@ -28,14 +28,14 @@ class ChunkAt:
     offset: int
     start: int
     end: int
-    """Of its messages, ns."""
+    """Times of the first and last message, ns."""
     channels: frozenset[int] = frozenset()
-    """Of its messages; empty when unknown."""
+    """Channels of the messages; empty when unknown."""
 
 
 @dataclass(frozen=True, slots=True)
 class NamedAt:
-    """An attachment or a metadata record."""
+    """Offset and name of an attachment or a metadata record."""
 
     offset: int
     name: str
@@ -49,13 +49,13 @@ class Contents:
     attachments: list[NamedAt] = field(default_factory=list[NamedAt])
     metadata: list[NamedAt] = field(default_factory=list[NamedAt])
     counts: Counter[int] = field(default_factory=Counter[int])
-    """Messages by channel."""
+    """Number of messages by channel."""
     data_end: int = 0
     """Offset behind the last byte of data."""
 
 
 def contents_of(file: RecordFile) -> Contents | None:
-    """None when the file has no whole summary."""
+    """Return the content of a file; None when it has no complete summary."""
     ending = FOOTER.size + len(MAGIC)
     if file.size < ending or file.read(file.size - len(MAGIC), len(MAGIC)) != MAGIC:
         return None

@@ -1,4 +1,4 @@
-"""Reading MCAP: all of a whole file, what is left of a damaged one, and one error for what is neither."""
+"""MCAP reader for whole and damaged files. A file that is neither gives one error."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from .salvage import Loss, attachment, losses_of, salvaged
 from .writer import MAGIC
 
 _KEPT = 128
-"""Chunks that are kept unpacked for whoever jumps about in the log."""
+"""Number of chunks that are kept unpacked for random access."""
 _TOLD = 4
-"""Losses that are told one by one."""
+"""Maximum number of losses that the message names."""
 
 
 @dataclass(frozen=True, slots=True)
 class RawMessage:
-    """A message as it stands in the file. `time` in ns."""
+    """Undecoded message of the file. `time` in ns."""
 
     topic: str
     time: int
@@ -33,9 +33,10 @@ class RawMessage:
 
 
 class McapReader:
-    """An MCAP file, open for reading. Methods raise PicktreeError.
+    """MCAP file that is open for reading. Methods raise PicktreeError.
 
-    `recovered` is a sentence when the file has no valid ending or is damaged somewhere: what was lost.
+    `recovered` is a sentence about the losses when the file has no valid ending or is damaged somewhere; else
+    empty.
     """
 
     def __init__(self, path: Path) -> None:
@@ -55,7 +56,7 @@ class McapReader:
 
     @property
     def size(self) -> int:
-        """Bytes."""
+        """Size of the file, bytes."""
         return self._file.size
 
     def messages(
@@ -66,7 +67,7 @@ class McapReader:
         *,
         newest_first: bool = False,
     ) -> Iterator[RawMessage]:
-        """Messages of these topics with start ≤ time ≤ end (ns), in the order of time."""
+        """Yield messages of these topics with start ≤ time ≤ end (ns), in order of time."""
         names = {n: c.topic for n, c in self.contents.channels.items() if topics is None or c.topic in topics}
         chunks = sorted(self.contents.chunks, key=lambda chunk: chunk.start)
         for chunk in reversed(chunks) if newest_first else chunks:
@@ -87,7 +88,7 @@ class McapReader:
                 yield RawMessage(names[m.channel], m.time, data[m.start : m.stop])
 
     def attachment(self, name: str) -> Attachment | None:
-        """None when there is none of that name."""
+        """Return the attachment; None when there is none of that name."""
         for entry in self.contents.attachments:
             if entry.name == name:
                 with self._damage_at(entry.offset):
@@ -95,7 +96,7 @@ class McapReader:
         return None
 
     def metadata(self) -> dict[str, dict[str, str]]:
-        """By the records' names."""
+        """Return all metadata by the records' names."""
         found: dict[str, dict[str, str]] = {}
         for entry in self.contents.metadata:
             with self._damage_at(entry.offset):

@@ -1,8 +1,8 @@
-"""What is left of a damaged MCAP file, and what was lost.
+"""Salvage of a damaged MCAP file: its readable content and its losses.
 
-A file whose summary is whole is checked record by record when the check sum of its data is wrong. One
-without a summary is walked through from its beginning; where a record is not whole, the next chunk is looked
-for behind it.
+A file whose summary is whole is checked record by record when the check sum of its data is wrong. A file
+without a summary is read from its beginning. Behind a record that is not whole, the search goes on to the
+next chunk.
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ from .writer import MAGIC
 _KNOWN = frozenset(range(Opcode.HEADER, Opcode.DATA_END + 1))
 _CHUNK_SIGN = b"\x04\x00\x00\x00zstd"
 _SIGN_AT = 9 + 28
-"""Offset of the sign in a chunk's record."""
+"""Offset of the sign in a chunk's record, bytes."""
 
 
 @dataclass(frozen=True, slots=True)
 class Loss:
-    """Damage: where, and what cannot be read because of it."""
+    """Damage: its offset, and the content that it makes unreadable."""
 
     offset: int
     what: str
@@ -39,14 +39,16 @@ class Salvaged:
     contents: Contents
     losses: tuple[Loss, ...]
     stop: int
-    """Offset up to which the file was read: of the end of the data, or of what is not whole."""
+    """Offset up to which the file was read: the end of the data, or of the first record that is not whole."""
     problem: str
-    """What is wrong there; empty at the end of the data."""
+    """Problem at `stop`; empty at the end of the data."""
 
 
 def losses_of(file: RecordFile, contents: Contents) -> tuple[Loss, ...]:
-    """What is damaged in a file with a whole summary, which is told only of what is not: unreadable chunks
-    and metadata leave `contents`, attachments stay."""
+    """Return the damage in a file with a whole summary.
+
+    Unreadable chunks and metadata are removed from `contents`; attachments stay.
+    """
     if file.read(0, len(MAGIC)) == MAGIC and _sum_is_right(file, contents.data_end):
         return ()
     losses: list[Loss] = []
@@ -77,12 +79,13 @@ def losses_of(file: RecordFile, contents: Contents) -> tuple[Loss, ...]:
 
 
 def salvaged(file: RecordFile) -> Salvaged:
-    """Everything that can be read of a file without a whole summary; without chunks when there is nothing."""
+    """Return everything readable of a file without a whole summary; without chunks when nothing is
+    readable."""
     return _Walk(file).result()
 
 
 def attachment(file: RecordFile, offset: int) -> Attachment:
-    """Raises one of `DAMAGE` when it is not as it was written."""
+    """Return an attachment. Raises one of `DAMAGE` when it is not as it was written."""
     body = _body(file, offset, Opcode.ATTACHMENT)
     if zlib.crc32(body[:-4]) != int.from_bytes(body[-4:], "little"):
         raise ValueError("wrong check sum of a file")
@@ -90,7 +93,7 @@ def attachment(file: RecordFile, offset: int) -> Attachment:
 
 
 class _Walk:
-    """Through the records from the beginning to the end."""
+    """Pass through the records from the beginning to the end."""
 
     def __init__(self, file: RecordFile) -> None:
         self._file = file
@@ -118,7 +121,8 @@ class _Walk:
         return Salvaged(self._contents, tuple(self._losses), offset, problem)
 
     def _take(self, offset: int) -> tuple[int, bool]:
-        """The record there. Answers where the next one is, and whether this one was the last of the data."""
+        """Read the record at `offset`. Return the offset of the next one, and whether this one ended the
+        data."""
         contents = self._contents
         opcode, body = self._file.record(offset)
         if opcode not in _KNOWN:
@@ -137,7 +141,7 @@ class _Walk:
         return offset + 9 + len(body), opcode == Opcode.DATA_END
 
     def _take_definitions(self, offset: int) -> None:
-        """Those in a damaged summary make up for a lost first chunk."""
+        """Read schemas and channels in a damaged summary; they replace those of a lost first chunk."""
         contents = self._contents
         while offset < self._file.size:
             try:
@@ -155,7 +159,7 @@ class _Walk:
             offset += 9 + len(body)
 
     def _next(self, offset: int) -> int | None:
-        """Where a whole record stands behind the damaged one at `offset`."""
+        """Return the offset of a whole record behind the damaged one at `offset`; None when there is none."""
         after = self._behind(offset)
         if after is not None:
             return after
@@ -171,7 +175,8 @@ class _Walk:
         return None
 
     def _behind(self, offset: int) -> int | None:
-        """Behind the record, if its length is right: then a known and whole record follows."""
+        """Return the offset behind the record when its length is right: a known and whole record follows
+        there."""
         try:
             opcode, body = self._file.record(offset)
             after = offset + 9 + len(body)
@@ -183,7 +188,7 @@ class _Walk:
         return after
 
     def _lose(self, offset: int, after: int) -> None:
-        """Note that something between these two is lost."""
+        """Note a loss between two offsets."""
         try:
             opcode, _ = self._file.record(offset)
         except DAMAGE:
@@ -193,7 +198,7 @@ class _Walk:
         elif opcode == Opcode.METADATA:
             what = "metadata lost"
         elif opcode == Opcode.MESSAGE_INDEX:
-            return  # an aid to others; the messages are all there
+            return  # an index only: the messages are all there
         else:
             before = self._contents.chunks[-1].end / 1e9 if self._contents.chunks else 0.0
             what = f"messages after {before:.2f} s lost"

@@ -1,4 +1,5 @@
-"""A file that carries a whole ending behind its data at any time, and appears under its name all at once."""
+"""File that always has a complete ending behind its data, and appears under its name with its first
+content."""
 
 from __future__ import annotations
 
@@ -12,13 +13,13 @@ from typing import Protocol
 from ...errors import PicktreeError
 
 ROOM = 32_000_000
-"""Bytes that must be free where a log begins: ten minutes of a run."""
+"""Free bytes that a new log demands: ten minutes of a run."""
 
 _ADVICE = "make room there, or give another folder with --out"
 
 
 class RawFile(Protocol):
-    """An unbuffered binary file: what it has been given, the operating system has."""
+    """Unbuffered binary file: written data is with the operating system at once."""
 
     def seek(self, offset: int, /) -> int: ...
     def write(self, data: memoryview, /) -> int | None: ...
@@ -28,12 +29,12 @@ class RawFile(Protocol):
 
 
 def open_raw(path: Path) -> RawFile:
-    """A new, empty file."""
+    """Open a new, empty file."""
     return path.open("w+b", buffering=0)
 
 
 def require_room(path: Path) -> None:
-    """Raises PicktreeError when a log at `path` would soon fill the disk."""
+    """Raise PicktreeError when a log at `path` would soon fill the disk."""
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         free = shutil.disk_usage(path.parent).free
@@ -47,17 +48,17 @@ def require_room(path: Path) -> None:
 
 
 class TrailerFile:
-    """Data that grows, and behind it an ending that each write replaces.
+    """File of growing data, with an ending behind it that each write replaces.
 
-    An ending is never shorter than the one before, so one write both replaces it and leaves no rest behind.
-    The file has another name until `publish`. Once the disk has refused, `failure` says so, and the file is
-    closed with the ending that it had before.
+    An ending is never shorter than the one before, so one write replaces it completely. The file has another
+    name until `publish`. After the disk has refused, `failure` holds the error, and the file is closed with
+    the ending that it had before.
     """
 
     def __init__(self, path: Path) -> None:
         self.path = path
         self.end = 0
-        """Bytes of data so far; the ending stands there."""
+        """Bytes of data so far; offset of the ending."""
         self.failure: PicktreeError | None = None
         self._ending = b""
         self._hidden: Path | None = path.with_name(f"{path.name}.part")
@@ -84,7 +85,8 @@ class TrailerFile:
         return self.end + len(self._ending)
 
     def append(self, data: bytes, ending: bytes) -> None:
-        """Raises PicktreeError when the disk refuses, or has refused before."""
+        """Append data and replace the ending. Raises PicktreeError when the disk refuses, or has refused
+        before."""
         file = self._open()
         try:
             if self._refused is not None:
@@ -97,7 +99,7 @@ class TrailerFile:
         self._unsynced = True
 
     def publish(self) -> None:
-        """Let the file appear under its name, in the place of one that had it before."""
+        """Rename the file to its final name, in place of one that had it before."""
         if self._hidden is None:
             return
         file = self._open()
@@ -108,7 +110,8 @@ class TrailerFile:
         self._hidden = None
 
     def sync(self) -> None:
-        """Wait until the disk has what the operating system has; from any thread, beside writes."""
+        """Wait until the disk has all that the operating system has. Any thread may call it, also during
+        writes."""
         with self._syncing:
             if self._file is None or not self._unsynced:
                 return
@@ -116,10 +119,10 @@ class TrailerFile:
             try:
                 os.fsync(self._file.fileno())
             except OSError as error:
-                self._refused = error  # whoever appends next gives the file up
+                self._refused = error  # the next append gives the file up
 
     def finish(self) -> None:
-        """Close it when the disk has it all."""
+        """Close the file after the disk has everything."""
         self.sync()
         if self._refused is not None and self._file is not None:
             raise self._given_up(self._file, self._refused) from None
@@ -140,7 +143,7 @@ class TrailerFile:
         return self._file
 
     def _given_up(self, file: RawFile, error: OSError) -> PicktreeError:
-        """Put the old ending back, so that the file opens with what it held before, and close it."""
+        """Put the old ending back, so that the file opens with its former content, and close it."""
         why = error.strerror or str(error)
         if self._hidden is None:
             self.failure = PicktreeError(

@@ -1,7 +1,8 @@
-"""Writing MCAP so that the file on disk is whole at every checkpoint, whatever then kills the process.
+"""MCAP writer whose file on disk is complete at every checkpoint, however the process dies after it.
 
-A checkpoint appends the messages so far as one compressed chunk, and behind it the summary and the footer
-with which any reader opens the file; the next checkpoint overwrites these from the end of the data on.
+A checkpoint appends the messages so far as one compressed chunk. Summary and footer follow, with which any
+reader opens the file. The next checkpoint overwrites these from the end of the data on.
+
 https://mcap.dev/spec
 """
 
@@ -44,7 +45,7 @@ _MESSAGE_HEAD = 22
 
 
 class SchemaSource(Protocol):
-    """What must be known of a topic to write its channel."""
+    """Topic, as far as its channel and schema need it."""
 
     @property
     def name(self) -> str: ...
@@ -58,11 +59,13 @@ class SchemaSource(Protocol):
 
 
 class McapFile:
-    """An MCAP file being written. Times are ns and never go back. All methods raise PicktreeError when the
-    disk refuses or has refused; they may be called from more than one thread.
+    """MCAP file that is being written. Times are ns and never decrease.
+
+    All methods raise PicktreeError when the disk refuses or has refused. They may be called from more than
+    one thread.
 
     A checkpoint is due when `checkpoint` seconds have passed in the messages' time or on the wall, or
-    `chunk_bytes` are waiting. The file appears under its name with the first one.
+    `chunk_bytes` are waiting. The file appears under its name with the first checkpoint.
     """
 
     def __init__(
@@ -99,7 +102,7 @@ class McapFile:
         self._append(MAGIC + _bytes(Header(profile="", library="picktree")))
 
     def channel(self, topic: SchemaSource) -> int:
-        """The number of the topic's channel, which is made when it is asked for the first time."""
+        """Return the number of the topic's channel; the first call creates it."""
         with self._lock:
             known = self._channels.get(topic.name)
             return known if known is not None else self._new_channel(topic)

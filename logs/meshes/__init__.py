@@ -1,1 +1,1 @@
-"""The meshes that a log holds."""
+"""Meshes in a log."""

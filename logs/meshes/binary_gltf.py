@@ -1,6 +1,4 @@
-"""Binary glTF 2.0, the little of it that a link's mesh needs. Y is up, as viewers expect.
-https://registry.khronos.org/glTF/specs/2.0/glTF-2.0.html
-"""
+"""Binary glTF 2.0, reduced to the needs of a link's mesh. Y is up, as viewers expect."""
 
 from __future__ import annotations
 
@@ -20,7 +18,7 @@ _MOST_VERTICES = 65535
 
 
 _GENERATOR = "picktree, Y up"
-"""Files of which the generator is `picktree` alone have their Y down."""
+"""Generator in the file. Files with the generator `picktree` alone have their Y down."""
 
 
 class _View(TypedDict):
@@ -36,7 +34,7 @@ class _Primitive(TypedDict):
 
 
 def write_glb(mesh: Mesh) -> bytes:
-    """The mesh with one primitive for each of its colours. Raises ValueError for too many vertices."""
+    """Encode a mesh with one primitive for each of its colours. Raises ValueError for too many vertices."""
     # Corners with the same vertex and the same normal are one vertex of the file.
     keys = np.column_stack([mesh.faces.ravel(), np.round(mesh.normals.reshape(-1, 3) * 100).astype(np.int64)])
     _, first, corner = np.unique(keys @ _MIX, return_index=True, return_inverse=True)
@@ -141,13 +139,13 @@ class _Document(TypedDict):
 
 
 def upright(data: bytes) -> bytes:
-    """A file of an older picktree, which stood on its head in viewers, as it is written now; any other as it
-    is."""
+    """Return a file of an older picktree, which was upside down in viewers, in today's form; any other
+    unchanged."""
     return data if _GENERATOR.encode() in data[:200] else write_glb(read_glb(data))
 
 
 def read_glb(data: bytes) -> Mesh:
-    """What `write_glb` wrote. Raises ValueError for a file that is not of that kind."""
+    """Decode a file of `write_glb`. Raises ValueError for a file that is not of that kind."""
     magic, version, total = _HEADER.unpack_from(data)
     if magic != b"glTF" or version != 2 or total != len(data):
         raise ValueError("not a binary glTF 2.0 file")
@@ -180,7 +178,7 @@ def read_glb(data: bytes) -> Mesh:
 
 
 _UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
-"""Row vectors: (x, y, z) of a Z-up frame = (X, Y, Z) of the file @ _UP."""
+"""Axes for row vectors: (x, y, z) of a Z-up frame = (X, Y, Z) of the file @ _UP."""
 _MIX = np.array([1 << 32, 1 << 20, 1 << 10, 1], dtype=np.int64)
 _RGB = np.array([65536, 256, 1], dtype=np.int64)
 
@@ -194,5 +192,5 @@ def _padded(data: bytes) -> bytes:
 
 
 def _rgb(code: int) -> list[float]:
-    """The colour as glTF wants it: linear light."""
+    """Return the colour as linear light, as glTF demands."""
     return [((code >> shift & 255) / 255) ** 2.2 for shift in (16, 8, 0)]

@@ -1,4 +1,5 @@
-"""What the links of a robot look like, from its URDF, light enough to stand in every log."""
+"""Visual meshes of a robot's links from its URDF, reduced in size for every log, and shapes of recorded
+bodies."""
 
 from __future__ import annotations
 
@@ -16,7 +17,7 @@ from .triangle_meshes import Mesh, joined, load_mesh, shape_mesh
 
 
 def parts_of(body: BodyRecord) -> tuple[tuple[Shape, Pose], ...]:
-    """Convex shapes with their poses in the body's frame."""
+    """Return convex shapes with their poses in the body's frame."""
     if not body.blocks:
         return ((body.shape, Pose()),)
     return tuple((Box(block.size), Pose(block.at)) for block in body.blocks)
@@ -26,7 +27,8 @@ MOST_FACES = 2000
 
 
 def _shown(urdf: str) -> list[MeshFile | UrdfPrimitive]:
-    """The visual geometry, or the collision geometry of links that nobody here can show otherwise."""
+    """Return the visual geometry, or the collision geometry of links whose visual meshes no installed library
+    reads."""
     visual = link_geometry(urdf, "visual")
     unread = {e.link for e in visual if isinstance(e, MeshFile) and not _is_readable(e.path)}
     plain = [e for e in link_geometry(urdf, "collision") if e.link in unread] if unread else []
@@ -39,9 +41,9 @@ def _is_readable(path: str) -> bool:
 
 @lru_cache(maxsize=4)
 def link_meshes(urdf: str) -> tuple[LinkMesh, ...]:
-    """A model for each link that has a visual element. Raises PicktreeError for an unreadable mesh.
+    """Return a mesh for each link that has a visual element. Raises PicktreeError for an unreadable mesh.
 
-    A link whose meshes are of a kind that only an absent library reads looks like what collides of it.
+    A link whose meshes only an absent library reads gets its collision geometry.
     """
     parts: dict[str, list[Mesh]] = {}
     files: dict[str, Mesh] = {}

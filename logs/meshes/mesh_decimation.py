@@ -1,7 +1,7 @@
-"""Meshes with fewer faces that look the same: edges collapse where that changes the surface least.
+"""Mesh decimation: edges collapse where that changes the surface least.
 
-Quadric error metrics (Garland & Heckbert 1997, "Surface simplification using quadric error metrics"), with
-many independent edges collapsed at a time, so that numpy does the work.
+Quadric error metrics (Garland & Heckbert 1997, "Surface simplification using quadric error metrics"). Many
+independent edges collapse at a time, so that numpy does the work.
 """
 
 from __future__ import annotations
@@ -16,15 +16,15 @@ from ...world.values import Array
 Indices = NDArray[np.int64]
 
 _WELD = 1e-6
-"""Vertices nearer than this are one, m."""
+"""Distance below which two vertices are merged, m."""
 _BORDER = 4.0
-"""How much more a border or an edge between two colours resists than a surface."""
+"""Weight of a border, or of an edge between two colours, relative to a surface."""
 _KEEP = 1e-4
-"""How much an edge's middle draws the new vertex, against the planes around it."""
+"""Weight of an edge's middle in the position of the new vertex, relative to the planes around it."""
 _CHEAP = 0.5
-"""Share of the edges that is looked at in one pass: those that cost least. All, when none of them may go."""
+"""Share of the edges in one pass, those with the lowest cost. All, when none of them may collapse."""
 _TURN = 0.3
-"""Cosine of the angle by which a face may turn in one pass."""
+"""Least cosine of the angle by which a face may turn in one pass."""
 
 
 @dataclass(slots=True)
@@ -32,13 +32,13 @@ class _Surface:
     vertices: Array
     faces: Indices
     colour: Indices
-    """Of each face."""
+    """Colour number of each face."""
     quadrics: Array
-    """Of each vertex, (10, n): the upper triangle of a symmetric 4 × 4 matrix by rows."""
+    """Quadric of each vertex, (10, n): the upper triangle of a symmetric 4 × 4 matrix by rows."""
 
 
 def thinned(vertices: Array, faces: Indices, colours: Array, most: int) -> tuple[Array, Indices, Array]:
-    """At most about `most` faces: vertices (n, 3), faces (m, 3) and the faces' colours (m, 3)."""
+    """Reduce a mesh to about `most` faces: vertices (n, 3), faces (m, 3) and the faces' colours (m, 3)."""
     if len(faces) <= most:
         return vertices, faces, colours
     shades = np.round(colours * 255).astype(np.int64)
@@ -57,9 +57,9 @@ def thinned(vertices: Array, faces: Indices, colours: Array, most: int) -> tuple
 
 
 def _collapse(surface: _Surface, spare: int, share: float) -> bool:
-    """One pass over that share of the edges; whether anything was collapsed.
+    """Collapse edges in one pass over that share of them. Return whether any edge was collapsed.
 
-    An edge takes two faces with it, at a border one; `spare` is how many may go.
+    An edge takes two faces with it, at a border one; `spare` is the number of faces that may go.
     """
     edges = _edges(surface.faces)
     places, costs = _best_places(surface, edges)
@@ -92,11 +92,11 @@ def _collapse(surface: _Surface, spare: int, share: float) -> bool:
 
 
 def _best_places(surface: _Surface, edges: Indices) -> tuple[Array, Array]:
-    """Where each edge (n, 2) had best collapse to, (n, 3), and what that costs, (n,)."""
+    """Return the best position for the collapse of each edge (n, 2), as (n, 3), and its cost, (n,)."""
     a, b = edges.T
     start, stop = surface.vertices[a].T, surface.vertices[b].T
     xx, xy, xz, x1, yy, yz, y1, zz, z1, one = surface.quadrics[:, a] + surface.quadrics[:, b]
-    # The least of the quadric, drawn a little towards the edge's middle, by Cramer's rule.
+    # The minimum of the quadric, drawn a little towards the edge's middle, by Cramer's rule.
     pull = _KEEP * (xx + yy + zz) + 1e-15
     u, v, w = pull * (start + stop) / 2 - np.stack([x1, y1, z1])
     p, q, r = xx + pull, yy + pull, zz + pull
@@ -109,19 +109,19 @@ def _best_places(surface: _Surface, edges: Indices) -> tuple[Array, Array]:
     cost = (
         x * (xx * x + 2 * (xy * y + xz * z + x1)) + y * (yy * y + 2 * (yz * z + y1)) + z * (zz * z + 2 * z1)
     ) + one
-    # On a plane every edge is free: the short ones first, so that faces keep their shape.
+    # On a plane every edge costs nothing. Short ones come first, so that faces keep their shape.
     return np.column_stack([x, y, z]), np.maximum(cost, 0.0) + 1e-9 * ((start - stop) ** 2).sum(axis=0)
 
 
 def _quadrics(surface: _Surface) -> Array:
-    """Squared distances to the planes of the faces around each vertex, weighted by area."""
+    """Return the squared distances to the planes of the faces around each vertex, weighted by area."""
     corners = surface.vertices[surface.faces]
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     area = np.linalg.norm(normals, axis=1)
     normals /= area[:, None]
     found = np.zeros((10, len(surface.vertices)))
     _add(found, surface.faces.ravel(), (_plane(normals, corners[:, 0]) * area[:, None]).repeat(3, axis=0))
-    # Through each border stands a plane upright on its face.
+    # Each border has a plane perpendicular to its face.
     edges, which = _edges_of_sides(surface.faces)
     owner = np.arange(len(surface.faces)).repeat(3)
     count = np.bincount(which, minlength=len(edges))
@@ -141,7 +141,7 @@ def _quadrics(surface: _Surface) -> Array:
 
 
 def _plane(normals: Array, points: Array) -> Array:
-    """Quadrics (n, 10) of the squared distance to planes."""
+    """Return quadrics (n, 10) of the squared distance to planes."""
     n = np.column_stack([normals, -np.einsum("ni,ni->n", normals, points)])
     rows, columns = np.triu_indices(4)
     return n[:, rows] * n[:, columns]
@@ -180,7 +180,7 @@ def _keys(faces: Indices) -> tuple[Indices, int]:
 
 
 def _turned(surface: _Surface, moved: Array, faces: Indices, stays: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Which of the faces that stay turn by too much, or lose all area."""
+    """Return which of the remaining faces turn by too much, or lose all area."""
     a, b, c = _areas(surface.vertices, surface.faces[stays])
     u, v, w = _areas(moved, faces[stays])
     size = np.sqrt(a * a + b * b + c * c) * np.sqrt(u * u + v * v + w * w)
@@ -217,7 +217,7 @@ def _proper(faces: Indices) -> NDArray[np.bool_]:
 
 
 def _without_slivers(surface: _Surface) -> _Surface:
-    """Without faces that have no area."""
+    """Remove the faces that have no area."""
     corners = surface.vertices[surface.faces]
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     stays = _proper(surface.faces) & (np.linalg.norm(normals, axis=1) > 1e-14)

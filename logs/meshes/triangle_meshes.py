@@ -1,4 +1,4 @@
-"""Triangle meshes for looking at: read from files, made of shapes, and thinned out for the log."""
+"""Triangle meshes for display: read from files, made of shapes, and decimated for the log."""
 
 from __future__ import annotations
 
@@ -25,7 +25,8 @@ _LIBRARY = re.compile(rb"^mtllib (.*)", re.MULTILINE)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Mesh:
-    """Vertices (n, 3) m, faces (m, 3), and for each face its corners' normals (m, 3, 3) and colour (m, 3)."""
+    """Triangle mesh: vertices (n, 3) m, faces (m, 3), normals of each face's corners (m, 3, 3), colours of
+    faces (m, 3)."""
 
     vertices: Array
     faces: Indices
@@ -33,7 +34,7 @@ class Mesh:
     colours: Array
 
     def placed(self, pose: Pose, scale: Vector3 = (1.0, 1.0, 1.0)) -> Mesh:
-        """Scaled, then given in the frame in which `pose` is given."""
+        """Return the mesh scaled, then transformed into the frame in which `pose` is given."""
         rotation = pose.rotation()
         normals = (self.normals / np.array(scale)) @ rotation.T
         return Mesh(pose.apply(self.vertices * np.array(scale)), self.faces, unit(normals), self.colours)
@@ -43,13 +44,13 @@ class Mesh:
 
 
 def unit(vectors: Array) -> Array:
-    """Vectors (…, 3) brought to length 1; a zero vector stays."""
+    """Return vectors (…, 3) scaled to length 1; a zero vector stays."""
     lengths = np.linalg.norm(vectors, axis=-1, keepdims=True)
     return vectors / np.where(lengths > 0, lengths, 1.0)
 
 
 def joined(meshes: Iterable[Mesh]) -> Mesh:
-    """One mesh of all; empty when there are none."""
+    """Return one mesh of all; empty when there are none."""
     parts = list(meshes)
     if not parts:
         return Mesh(np.zeros((0, 3)), np.zeros((0, 3), np.int64), np.zeros((0, 3, 3)), np.zeros((0, 3)))
@@ -63,7 +64,7 @@ def joined(meshes: Iterable[Mesh]) -> Mesh:
 
 
 def smoothed(vertices: Array, faces: Indices, colours: Array, crease: float = 0.7) -> Mesh:
-    """With corner normals: averaged over the faces around a vertex unless the edge is a crease.
+    """Return a mesh with corner normals: averaged over the faces around a vertex unless the edge is a crease.
 
     `crease` is the cosine of the angle beyond which a face keeps its own normal.
     """
@@ -80,7 +81,7 @@ def smoothed(vertices: Array, faces: Indices, colours: Array, crease: float = 0.
 
 
 def _areas(corners: Array) -> Array:
-    """Normal of each triangle (n, 3, 3) with twice its area as length, (n, 3)."""
+    """Return the normal of each triangle (n, 3, 3) with twice its area as length, (n, 3)."""
     a, b = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     x = a[:, 1] * b[:, 2] - a[:, 2] * b[:, 1]
     y = a[:, 2] * b[:, 0] - a[:, 0] * b[:, 2]
@@ -89,7 +90,8 @@ def _areas(corners: Array) -> Array:
 
 
 def load_mesh(path: str, most: int) -> Mesh:
-    """A mesh file with about `most` faces at most, in its own frame. OBJ keeps its materials' colours."""
+    """Read a mesh file, decimated to about `most` faces, in its own frame. OBJ keeps its materials'
+    colours."""
     if path.lower().endswith(".obj"):
         vertices, faces, colours = _read_obj(Path(path))
     else:
@@ -103,11 +105,11 @@ def load_mesh(path: str, most: int) -> Mesh:
 
 
 def _read_obj(path: Path) -> tuple[Array, Indices, Array]:
-    """Vertices, triangles and the triangles' colours of a Wavefront OBJ file."""
+    """Read vertices, triangles and the triangles' colours of a Wavefront OBJ file."""
     data = path.read_bytes()
     if not data.endswith(b"\n"):
         data += b"\n"
-    # Lines are told apart by their first two letters, in numpy: files have tens of thousands.
+    # Lines are classified by their first two letters, in numpy: files have tens of thousands.
     letters = np.frombuffer(data + b"\n", np.uint8)
     ends = np.flatnonzero(letters[:-1] == ord("\n"))
     starts = np.concatenate([[0], ends[:-1] + 1])
@@ -142,7 +144,7 @@ def _read_obj(path: Path) -> tuple[Array, Indices, Array]:
 
 
 def _materials(path: Path, head: bytes) -> dict[str, tuple[float, float, float]]:
-    """Diffuse colour by material name; empty when the file has no library beside it."""
+    """Return diffuse colours by material name; empty when the file has no library beside it."""
     palette: dict[str, tuple[float, float, float]] = {}
     library = _LIBRARY.search(head)
     file = path.parent / library[1].strip().decode(errors="replace") if library else path
@@ -160,7 +162,7 @@ def _materials(path: Path, head: bytes) -> dict[str, tuple[float, float, float]]
 
 
 def part_mesh(shape: Shape, holes: tuple[Hole, ...], colour: tuple[float, float, float] = WHITE) -> Mesh:
-    """The surface of a part that never moves, in its own frame; a box may have holes."""
+    """Return the surface of a part that never moves, in its own frame; a box may have holes."""
     if not holes or not isinstance(shape, Box):
         return shape_mesh(shape, colour)
     from ...world.scene.hole_geometry import surface
@@ -172,7 +174,7 @@ def part_mesh(shape: Shape, holes: tuple[Hole, ...], colour: tuple[float, float,
 
 
 def shape_mesh(shape: Shape, colour: tuple[float, float, float] = WHITE) -> Mesh:
-    """The surface of a shape in its own frame."""
+    """Return the surface of a shape in its own frame."""
     match shape:
         case Box(size):
             vertices, faces = _box(size)
@@ -198,13 +200,13 @@ def shape_mesh(shape: Shape, colour: tuple[float, float, float] = WHITE) -> Mesh
 def _box(size: Vector3) -> tuple[Array, Indices]:
     vertices = np.array([(x, y, z) for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
     quads = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
-    # Vertices of its own for each side: a box has no smooth edge.
+    # Each side has its own vertices: a box has no smooth edge.
     faces = [(4 * k + a, 4 * k + b, 4 * k + c) for k in range(6) for a, b, c in ((0, 1, 2), (0, 2, 3))]
     return vertices[np.array(quads).ravel()] * np.array(size), np.array(faces, dtype=np.int64)
 
 
 def _turned(profile: list[tuple[float, float]], around: int) -> tuple[Array, Indices]:
-    """The surface that a profile of (radius, height), from below upwards, makes around z."""
+    """Return the surface of revolution of a profile of (radius, height), from below upwards, around z."""
     angles = np.arange(around) * (2 * math.pi / around)
     ring = np.stack([np.cos(angles), np.sin(angles)], axis=1)
     vertices = np.concatenate([np.column_stack([ring * r, np.full(around, z)]) for r, z in profile])

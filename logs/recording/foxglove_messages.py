@@ -1,4 +1,4 @@
-"""Foxglove's messages: made from our values, and read back into them."""
+"""Foxglove messages: encoding of picktree's values, and decoding back into them."""
 
 from __future__ import annotations
 
@@ -39,16 +39,16 @@ UNKNOWN_COLOUR: Rgb = (0.6, 0.6, 0.65)
 
 _BODY = "picktree.body"
 _PART = "picktree.part"
-"""Keys of an entity's metadata under which the whole record stands: primitives cannot hold it."""
+"""Keys of an entity's metadata with the whole record, which primitives cannot hold."""
 
 
 def stamp(time: int) -> Timestamp:
-    """Simulated ns as a message's timestamp."""
+    """Return simulated ns as a message's timestamp."""
     return Timestamp(seconds=time // 1_000_000_000, nanos=time % 1_000_000_000)
 
 
 class TransformMessages:
-    """The message of `/tf`. Most of it is the same from tick to tick: only what differs is set."""
+    """Encoder of `/tf`. Most of the message is the same from tick to tick, so only differences are set."""
 
     def __init__(self) -> None:
         self._message = FrameTransforms()
@@ -121,7 +121,7 @@ def read_joints(data: bytes) -> Joints:
 
 
 def encode_log(time: int, line: LogLine) -> bytes:
-    """Raises ValueError for a level that does not exist."""
+    """Encode a log line. Raises ValueError for a level that does not exist."""
     message = Log(timestamp=stamp(time), message=line.message, name=line.name)
     message.level = Log.Level.Value(line.level)
     return message.SerializeToString(deterministic=True)
@@ -138,7 +138,7 @@ def encode_image(time: int, frame: str, form: str, data: bytes) -> bytes:
 
 
 def read_image(data: bytes) -> bytes:
-    """The image file inside."""
+    """Return the image file inside the message."""
     return CompressedImage.FromString(data).data
 
 
@@ -164,7 +164,7 @@ def read_calibration(data: bytes) -> Intrinsics:
 
 
 def encode_robot(time: int, meshes: Iterable[LinkMesh]) -> bytes:
-    """Each link's model, locked to the link's frame."""
+    """Encode each link's model, locked to the link's frame."""
     update = SceneUpdate()
     for mesh in meshes:
         entity = _entity(update, time, f"robot/{mesh.link}", mesh.link, locked=True)
@@ -186,16 +186,15 @@ def read_robot(data: bytes) -> tuple[LinkMesh, ...]:
 
 
 def encode_scene(time: int, scene: Scene, *, locked: bool) -> bytes:
-    """A scene by itself; who writes many has a `SceneMessages`."""
+    """Encode a single scene. For many scenes use `SceneMessages`."""
     return SceneMessages(locked=locked).encode(time, scene)
 
 
 class SceneMessages:
-    """The messages of a scene's topic. Each holds the full scene: what an earlier one showed goes. A body's
-    id is the name of its frame when `locked`, so that it moves with `/tf`; else it stands where it is in the
-    world.
+    """Encoder of a scene's topic. Each message holds the full scene and deletes what an earlier one showed.
 
-    Most of a scene is the same from message to message: only what differs is made anew.
+    When `locked`, a body's id names its frame, so that it moves with `/tf`; otherwise it has its pose in the
+    world. Most of a scene is the same from message to message, so only differences are encoded again.
     """
 
     def __init__(self, *, locked: bool) -> None:
@@ -255,7 +254,8 @@ def _fixtures(parts: Iterable[PartRecord]) -> list[SceneEntity]:
 
 
 def read_scene(data: bytes) -> Scene:
-    """What picktree wrote; empty for another's scene. Raises ValueError when a field is missing."""
+    """Decode a scene of picktree; empty for another program's scene. Raises ValueError when a field is
+    missing."""
     bodies: list[BodyRecord] = []
     fixed: list[PartRecord] = []
     for entity in SceneUpdate.FromString(data).entities:
@@ -314,7 +314,7 @@ def _vector(vector: Vector3) -> VectorMessage:
 
 
 def restamped(data: bytes, time: int) -> bytes:
-    """A SceneUpdate as if it had been made at `time`."""
+    """Return a SceneUpdate with all its timestamps set to `time`, simulated ns."""
     update = SceneUpdate.FromString(data)
     at = stamp(time)
     for dated in (*update.deletions, *update.entities):

@@ -1,4 +1,4 @@
-"""Images as files in the log: colour as JPEG, for the sensor's noise is not worth its size; depth as PNG."""
+"""Image files of the log: colour as JPEG, because the sensor's noise is not worth its size; depth as PNG."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ _COLOUR = (
 
 
 def encode_colour(image: NDArray[np.uint8]) -> bytes:
-    """RGB (h, w, 3) as JPEG."""
+    """Encode RGB (h, w, 3) as JPEG."""
     return _encoded(".jpg", cv2.cvtColor(image, cv2.COLOR_RGB2BGR), _COLOUR)
 
 
 def encode_depth(depth: NDArray[np.float32]) -> bytes:
-    """Depth (h, w) in m as 16-bit PNG in mm; 0 where unknown."""
+    """Encode depth (h, w) in m as 16-bit PNG in mm; 0 where unknown."""
     millimetres = np.clip(np.nan_to_num(depth) * 1000.0 + 0.5, 0, 65535)
     return _encoded(".png", millimetres.astype(np.uint16), _DEPTH)
 
 
 def decode_colour(data: bytes) -> NDArray[np.uint8]:
-    """RGB (h, w, 3). Raises ValueError for what is no image."""
+    """Decode RGB (h, w, 3). Raises ValueError for data that is no image."""
     image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
     if image is None:
         raise ValueError("not an image")
@@ -35,7 +35,7 @@ def decode_colour(data: bytes) -> NDArray[np.uint8]:
 
 
 def decode_depth(data: bytes) -> NDArray[np.float32]:
-    """Depth (h, w) in m, 0 where unknown. Raises ValueError for what is no image."""
+    """Decode depth (h, w) in m, 0 where unknown. Raises ValueError for data that is no image."""
     image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
     if image is None or image.ndim != 2:
         raise ValueError("not a depth image")
@@ -43,7 +43,7 @@ def decode_depth(data: bytes) -> NDArray[np.float32]:
 
 
 def write_picture(path: str, image: NDArray[np.uint8]) -> None:
-    """RGB (h, w, 3) into a file of any kind that its ending names. Raises OSError when that fails."""
+    """Write RGB (h, w, 3) into a file in the format of its suffix. Raises OSError when that fails."""
     try:
         written = cv2.imwrite(path, cv2.cvtColor(image, cv2.COLOR_RGB2BGR))
     except cv2.error as error:

@@ -1,4 +1,4 @@
-"""SIGINT and SIGTERM as one orderly way out that never cuts a write in two."""
+"""Interrupts: SIGINT and SIGTERM raise KeyboardInterrupt, but never within a write."""
 
 from __future__ import annotations
 
@@ -11,11 +11,12 @@ _SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 
 class Interrupts:
-    """While it is entered, both signals raise KeyboardInterrupt, but not before a held section is over.
+    """Handler that lets both signals raise KeyboardInterrupt after the present held section; a context
+    manager.
 
-    A library that calls back from C++ may swallow the exception; it comes again at the end of each held
-    section, until somebody who caught it says `settle`. Outside the main thread, where Python delivers no
-    signals, it changes nothing.
+    A library that calls back from C++ may swallow the exception. It is raised again at the end of each held
+    section, until `settle` is called. Outside the main thread, where Python delivers no signals, nothing
+    changes.
     """
 
     def __init__(self) -> None:
@@ -37,20 +38,20 @@ class Interrupts:
         self._before.clear()
 
     def held(self) -> _Held:
-        """A section that is finished before a signal that arrives meanwhile takes effect."""
+        """Return a section that is finished before a signal that arrives during it takes effect."""
         return self._section
 
     def hold(self) -> None:
         self._held += 1
 
     def release(self, *, failing: bool) -> None:
-        """`failing`: another exception is on its way, which goes first."""
+        """End a held section. `failing`: another exception is being raised, which has priority."""
         self._held -= 1
         if self._pending and not self._held and not failing:
             raise KeyboardInterrupt
 
     def settle(self) -> None:
-        """The interrupt was heard, and what is done now is done about it."""
+        """Acknowledge the interrupt, so that it is not raised again."""
         self._pending = False
 
     def _arrived(self, number: int, frame: FrameType | None) -> None:
@@ -60,7 +61,7 @@ class Interrupts:
 
 
 class _Held:
-    """Entered for each message of a log, for which a generator would be slow."""
+    """Held section, a class because a generator is too slow for each message of a log."""
 
     def __init__(self, interrupts: Interrupts) -> None:
         self._interrupts = interrupts

@@ -1,7 +1,8 @@
-"""From what the floors below note to the records that a log keeps."""
+"""Conversion of journal entries, bodies, fixtures and settings into records of the log."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Protocol
@@ -9,13 +10,29 @@ from typing import Protocol
 from ...simulation.scoring.truth import TrueBody as SimulatedBody
 from ...world.belief.planning_scene import BeliefChange, BeliefObject
 from ...world.journal import CandidateSearchEntry, PlanEntry
+from ...world.scene.calibration_results import tile_body
+from ...world.scene.description import Bin, Fixture
 from ...world.shapes import ConvexMesh, Shape
 from ...world.values import ObjectId, Pose
-from ..schema.records import BlockRecord, BodyRecord, Candidate, Candidates, Event, Plan, StageCount
+from ..schema.records import (
+    FORMAT,
+    BlockRecord,
+    BodyRecord,
+    Candidate,
+    Candidates,
+    Event,
+    PartRecord,
+    Plan,
+    RunInfo,
+    StageCount,
+)
+
+STICKER = 0.001
+"""Thickness of the tiles of a calibration target in pictures, m."""
 
 
 class SpawnedBody(Protocol):
-    """What the simulation says of a body that it spawned."""
+    """Body that the simulation has spawned."""
 
     @property
     def id(self) -> ObjectId | str: ...
@@ -34,7 +51,7 @@ class SpawnedBody(Protocol):
 
 
 def belief_record(o: BeliefObject) -> BodyRecord:
-    """What the planning scene has there."""
+    """Return the record of a body of the planning scene."""
     return BodyRecord(
         id=o.id,
         kind=o.kind,
@@ -54,14 +71,14 @@ def belief_record(o: BeliefObject) -> BodyRecord:
 
 
 def truth_record(body: SpawnedBody) -> BodyRecord:
-    """What the simulation has there."""
+    """Return the record of a body of the simulation, with its seating when it is at a hole."""
     shape = _portable(body.shape)
     seat = body.seat if isinstance(body, SimulatedBody) else None
     return BodyRecord(body.id, body.kind, body.form, body.colour, shape, body.pose, body.role, seat=seat)
 
 
 def changed(change: BeliefChange) -> Event:
-    """A change of the belief, with what was believed before and after."""
+    """Return the event of a change of the belief, with the object before and after it."""
     known = change.after or change.before
     subject = "" if known is None else str(known.id)
     return Event(
@@ -79,7 +96,7 @@ def changed(change: BeliefChange) -> Event:
 
 
 def plan_record(made: PlanEntry) -> Plan:
-    """A request to the planner and its answer."""
+    """Return the record of a planning request and its answer."""
     return Plan(
         made.request,
         made.planner,
@@ -99,7 +116,7 @@ def plan_record(made: PlanEntry) -> Plan:
 
 
 def candidates_record(choice: CandidateSearchEntry) -> Candidates:
-    """The trail of a choice."""
+    """Return the record of a candidate search."""
     return Candidates(
         choice.purpose,
         choice.object,
@@ -123,6 +140,39 @@ def candidates_record(choice: CandidateSearchEntry) -> Candidates:
     )
 
 
+def bin_parts(bins: Iterable[Bin]) -> Iterator[PartRecord]:
+    """Yield the walls and the floor of each bin."""
+    for each in bins:
+        for k, (box, pose) in enumerate(each.parts()):
+            yield PartRecord(f"{each.id}/{k}", each.colour, box, pose)
+
+
+def fixture_parts(fixtures: Iterable[Fixture]) -> Iterator[PartRecord]:
+    """Yield each fixture, and the tiles of its calibration target."""
+    for fixture in fixtures:
+        yield PartRecord(fixture.id, fixture.colour, fixture.shape, fixture.pose, fixture.holes)
+        for tile in fixture.tiles:
+            box, inner = tile_body(tile, STICKER)
+            yield PartRecord(f"{fixture.id}/{tile.colour}", tile.colour, box, fixture.pose @ inner)
+
+
+def run_metadata(run: RunInfo) -> dict[str, str]:
+    """Return the run's settings as text, for the metadata record `picktree`."""
+    return {
+        "format": str(FORMAT),
+        "mission": run.mission,
+        "scene": run.scene,
+        "robot": run.robot,
+        "seed": str(run.seed),
+        "backend": run.backend,
+        "tick": repr(run.tick),
+        "revision": run.revision,
+        "verify": str(run.verify).lower(),
+        **({} if run.limit is None else {"limit": repr(run.limit)}),
+        "own_scene": str(run.own_scene).lower(),
+    }
+
+
 def _portable(shape: Shape) -> Shape:
-    """The same shape on every machine: of the file of a mesh only the name."""
+    """Return the shape without machine-dependent parts: a mesh keeps only its file's name."""
     return replace(shape, source=Path(shape.source).name) if isinstance(shape, ConvexMesh) else shape

@@ -1,4 +1,4 @@
-"""A log on its way to disk: in one file, or in several that each open by themselves."""
+"""Log file on disk: one MCAP file, or several by rotation, each of which opens by itself."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from .foxglove_messages import restamped
 from .rotation import NEXT, PART, PartInfo, Rotation, part_path
 
 _STATE = (topics.TREE, topics.ROBOT, topics.OBJECTS, topics.TRUTH)
-"""What holds until it is written anew."""
+"""Topics whose last message holds until the next one."""
 _EACH_TICK = (topics.JOINTS, topics.TF, topics.WRENCH, topics.CONTROL)
 _KEPT = frozenset(topic.name for topic in (*_STATE, *_EACH_TICK))
 
@@ -33,10 +33,10 @@ class CarriedFile:
 
 
 class RotationState:
-    """Follows what is written to a log, and says how the next file is to begin.
+    """Content that the next file of a rotated log must begin with.
 
-    It begins as of the last tick: with that tick, in which every running node begins and the whole
-    blackboard is written, and with the state of everything else at its time.
+    The next file begins at the last tick. It repeats that tick with every running node as beginning and with
+    the whole blackboard, and the state of all other topics at its time.
     """
 
     def __init__(self) -> None:
@@ -47,13 +47,13 @@ class RotationState:
         self._running: dict[str, TransitionRecord] = {}
         self._tick: Tick | None = None
         self.time = -1
-        """Of the last tick, simulated ns; negative before the first."""
+        """Time of the last tick, simulated ns; negative before the first."""
 
     def metadata(self, name: str, words: Mapping[str, str]) -> None:
         self._metadata[name] = dict(words)
 
     def file(self, file: CarriedFile, slot: str) -> None:
-        """Of the files of a slot the last is carried over."""
+        """Keep an attached file, in place of an earlier one with the same slot."""
         self._files.pop(slot, None)
         self._files[slot] = file
 
@@ -80,7 +80,7 @@ class RotationState:
         return tuple(self._files.values())
 
     def all_messages(self) -> list[tuple[Topic, bytes]]:
-        """As of `time`."""
+        """Return the messages that hold at `time`, with their topics."""
         found: list[tuple[Topic, bytes]] = []
         for topic in _STATE:
             if topic.name in self._messages:
@@ -101,7 +101,7 @@ class RotationState:
 
 
 class Heartbeat:
-    """Calls `beat` every `interval` wall seconds until it is stopped or answers False."""
+    """Thread that calls `beat` every `interval` wall seconds until it is stopped or `beat` returns False."""
 
     def __init__(self, beat: Callable[[], bool], interval: float, name: str) -> None:
         self._beat = beat
@@ -113,7 +113,7 @@ class Heartbeat:
         self._thread.start()
 
     def stop(self) -> None:
-        """Returns when the last beat is over."""
+        """Stop the thread. Returns when the last beat is over."""
         self._stopped.set()
         if self._thread.is_alive():
             self._thread.join()
@@ -126,13 +126,17 @@ class Heartbeat:
 
 _BEAT = 0.2
 _AGE = 0.3
-"""Wall seconds: how often a look is taken, and after how long a message must not wait any more. Together with
-the time that a checkpoint takes they stay below a second."""
+"""Wall seconds of `_BEAT`, the period of the heartbeat, and `_AGE`, the longest wait of a message.
+
+Together with the time that a checkpoint takes they stay below a second.
+"""
 
 
 class LogFile:
-    """Writes topics, files and metadata of one run. Times are ns and never go back. All methods raise
-    PicktreeError when the disk refuses or has refused."""
+    """Writer of topics, files and metadata of one run. Times are ns and never decrease.
+
+    All methods raise PicktreeError when the disk refuses or has refused.
+    """
 
     def __init__(
         self,
@@ -149,14 +153,15 @@ class LogFile:
         self._carried = RotationState() if rotation else None
         self._number = 1
         self._start = 0
-        """Of the first tick that is new in the present file, simulated ns."""
+        """Time of the first tick that is new in the present file, simulated ns."""
         self._heartbeat: Heartbeat | None = None
         self._checkpoint, self._chunk_bytes, self._wall = checkpoint, chunk_bytes, wall
         self._channels: dict[str, int] = {}
         self._file = self._new_file(path, self._channels)
 
     def start_heartbeat(self) -> None:
-        """From now on messages reach the disk within a second, however long the next one is in coming."""
+        """Start the thread that brings each message to disk within a second, even when no further one
+        follows."""
         self._heartbeat = Heartbeat(self._beat, _BEAT, "log")
         self._heartbeat.start()
 
@@ -166,12 +171,12 @@ class LogFile:
 
     @property
     def closed(self) -> bool:
-        """Finished, or given up because the disk refused."""
+        """Whether the file is finished, or given up because the disk refused."""
         return self._file.closed
 
     @property
     def failed(self) -> bool:
-        """Whether the disk has refused."""
+        """Whether the disk has refused a write."""
         return self._file.failed
 
     @property
@@ -188,12 +193,12 @@ class LogFile:
             self._carried.message(topic, at, data)
 
     def tick(self, at: int, tick: Tick) -> None:
-        """What the message of that tick says, for the beginning of a further file."""
+        """Keep the content of a tick's message for the beginning of a further file."""
         if self._carried is not None:
             self._carried.tick(at, tick)
 
     def attachment(self, name: str, media_type: str, data: bytes, slot: str = "") -> None:
-        """Of the files of one slot a further part of the log repeats only the last."""
+        """Write an attachment. A further part of the log repeats only the last one of each slot."""
         self._file.attachment(name, media_type, data)
         if self._carried is not None:
             self._carried.file(CarriedFile(name, media_type, data), slot or name)
@@ -210,7 +215,8 @@ class LogFile:
         self._file.finish()
 
     def rotate_if_due(self, at: int, digest: str) -> None:
-        """Between two ticks: go on in a further file when the present one has reached its limit."""
+        """Continue in a further file when the present one has reached its limit. Call it between two
+        ticks."""
         carried = self._carried
         if carried is None:
             return
@@ -264,5 +270,5 @@ class LogFile:
         try:
             self._file.keep_up(_AGE)
         except PicktreeError:
-            return False  # whoever writes next is told
+            return False  # the next write raises the error
         return not self._file.failed

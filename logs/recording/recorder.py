@@ -1,10 +1,10 @@
-"""The recorder: each tick's values in, one log file out, its digest at hand at any time."""
+"""Recorder: writes each tick's values into one log, and computes the digest of everything simulated."""
 
 from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,13 +15,11 @@ from ...errors import PicktreeError
 from ...world.belief.planning_scene import BeliefChange, BeliefObject
 from ...world.journal import CandidateSearchEntry, Entry, ImageEntry, JournalEvent, PlanEntry
 from ...world.protocols import RgbdImage
-from ...world.scene.calibration_results import tile_body
 from ...world.scene.description import Bin, Fixture
 from ...world.values import GripperState, JointState, Pose, Wrench
 from ..schema import topics
 from ..schema.json_records import encode
 from ..schema.records import (
-    FORMAT,
     Control,
     Event,
     Joints,
@@ -48,37 +46,35 @@ from .rotation import NEVER, Rotation
 from .true_state import StateWriter
 
 EVERY = 1.0
-"""Simulated seconds after which belief and truth are written again, changed or not."""
+"""Period after which belief and truth are written again even without a change, simulated s."""
 
-STICKER = 0.001
-"""Thickness of the squares of a target in pictures, m."""
 _WARNINGS = frozenset({"recovery", "safety_stop", "fault"})
-"""Kinds of event that the log line topic repeats for people, as warnings."""
+"""Kinds of event that are repeated as warnings on the topic of log lines, for people."""
 
 Listener: TypeAlias = Callable[[Topic, int, bytes], None]
-"""Is shown messages: topic, simulated ns, payload."""
+"""Receiver of messages: topic, simulated ns, payload."""
 
 
 @dataclass(frozen=True, slots=True)
 class RecordingState:
-    """What the next messages of a log depend on, besides what is handed over; for checkpoints."""
+    """State of a recorder in a checkpoint, as far as the following messages depend on it."""
 
     believed: float
-    """When the belief was written last, simulated s."""
+    """Time of the last message of the belief, simulated s."""
     true: float
-    """When the truth was."""
+    """Time of the last message of the ground truth, simulated s."""
     failing: tuple[str, ...]
     """Paths of the nodes that failed in the last tick."""
     cameras: tuple[tuple[str, Pose], ...]
-    """Frames of the cameras that took a picture."""
+    """Frames of the cameras that have taken an image, with their poses in the world."""
     digest: str
-    """Of everything simulated so far, in hex."""
+    """Digest of everything simulated so far, in hex."""
 
 
 class Recorder:
-    """Writes one run's log. Times are simulated seconds and never go back.
+    """Writer of one run's log. Times are simulated seconds and never decrease.
 
-    Use it as a context manager: whatever ends the run (an exception, SIGINT, SIGTERM), the file is finished.
+    Use it as a context manager: however the run ends (an exception, SIGINT, SIGTERM), the file is finished.
     All methods raise PicktreeError when the disk refuses.
     """
 
@@ -95,8 +91,12 @@ class Recorder:
         tap: Callable[[str, int, bytes], None] | None = None,
         listener: Listener | None = None,
     ) -> None:
-        """`resumed`: the run goes on from a checkpoint, and so does its digest. `tap` is shown each message
-        that is part of the digest: topic, time in ns, payload; `listener` every message that is written."""
+        """Open the log and write its metadata.
+
+        `resumed`: the run resumes from a checkpoint, and its digest continues. `tap` receives each message
+        that is part of the digest: topic, time in ns, payload. `listener` receives every message that is
+        written.
+        """
         self.path = path.absolute()
         self._file = LogFile(
             self.path, rotation=rotation, checkpoint=checkpoint, chunk_bytes=chunk_bytes, wall=wall
@@ -112,7 +112,7 @@ class Recorder:
         self._truths = foxglove_messages.SceneMessages(locked=False)
         self._states = StateWriter()
         self._part = 0
-        """The file of the log that has the last state."""
+        """Number of the log's file that holds the last state of the simulation."""
         self._fixed: tuple[PartRecord, ...] = ()
         self._standing: tuple[PartRecord, ...] = ()
         self._cameras: dict[str, Pose] = {}  # by frame
@@ -120,7 +120,7 @@ class Recorder:
         self._failing: frozenset[str] = frozenset()
         if resumed is not None:
             self._take_up(resumed)
-        self._file.metadata("picktree", _run_words(run))
+        self._file.metadata("picktree", journal_records.run_metadata(run))
         self._file.metadata("picktree.parameters", run.parameters)
         self._file.metadata("picktree.physics", run.physics)
         self._file.metadata("picktree.versions", run.versions)
@@ -136,7 +136,7 @@ class Recorder:
         return self
 
     def settle(self) -> None:
-        """An interrupt was heard; it is raised no more."""
+        """Acknowledge an interrupt, which is then no longer raised."""
         self._interrupts.settle()
 
     def __exit__(
@@ -145,7 +145,8 @@ class Recorder:
         self.settle()
         try:
             self._file.stop_heartbeat()
-            if not (self._file.failed and isinstance(error, PicktreeError)):  # that error has said it
+            # that error has already been raised
+            if not (self._file.failed and isinstance(error, PicktreeError)):
                 self.finish({"ended": "orderly" if kind is None else kind.__name__})
         finally:
             self._interrupts.__exit__(kind, error, trace)
@@ -157,7 +158,7 @@ class Recorder:
 
     @property
     def failed(self) -> bool:
-        """Whether the disk has refused."""
+        """Whether the disk has refused a write."""
         return self._file.failed
 
     def state(self) -> RecordingState:
@@ -171,8 +172,11 @@ class Recorder:
 
     @contextmanager
     def preamble(self) -> Generator[None]:
-        """What is written in here says from where a resumed run goes on, so that its log stands alone. It is
-        no part of the digest: the run that it continues has written the same in its own time."""
+        """Mark the messages written inside as the state from which a resumed run continues.
+
+        They make its log complete by itself. They are no part of the digest, because the first run has
+        written the same.
+        """
         assert self._resumed is not None
         self._preamble = True
         self._believed = self._true = -math.inf
@@ -187,12 +191,12 @@ class Recorder:
         self._failing, self._cameras = frozenset(state.failing), dict(state.cameras)
 
     def checkpoint(self) -> None:
-        """Bring everything so far into the file; happens by itself each second."""
+        """Write everything so far into the file. This also happens by itself each second."""
         with self._interrupts.held():
             self._file.checkpoint()
 
     def finish(self, result: Mapping[str, str] | None = None) -> None:
-        """Add the run's result and the digest to the metadata, and close the file; once."""
+        """Add the run's result and the digest to the metadata, and close the file, once."""
         if self._file.closed and not self._file.failed:
             return
         with self._interrupts.held():
@@ -205,51 +209,54 @@ class Recorder:
     def attach(
         self, name: str, content: str | bytes, media_type: str = "text/plain", *, slot: str = ""
     ) -> None:
-        """A file that the run was made from: mission, scene, robot, URDF, faults. Of the files of one slot
-        the last is enough to go on from there: a further part of a rotated log repeats no other."""
+        """Write a file of the recipe: mission, scene, robot, URDF, faults.
+
+        Of the files with the same `slot`, only the last is needed to resume: a further part of a rotated log
+        repeats no other.
+        """
         data = content.encode() if isinstance(content, str) else content
         with self._interrupts.held():
             self._file.attachment(name, media_type, data, slot)
 
     def tree(self, tree: Tree, now: float = 0.0) -> None:
-        """The tree as it was loaded: a message, and a metadata record for readers that seek."""
+        """Write the tree as it was loaded: a message, and a metadata record for readers that seek."""
         data = encode(tree)
         self._write(topics.TREE, now, data)
         with self._interrupts.held():
             self._file.metadata("picktree.tree", {"json": data.decode()})
-            self._file.checkpoint()  # a run that dies at once still tells what it was
+            self._file.checkpoint()  # The log of a run that dies at once then still holds its tree.
 
     def edited_tree(self, now: float, tree: Tree) -> None:
-        """The tree of an edited mission: the next tick is the first of it."""
+        """Write the tree of an edited mission, which is ticked from the next tick on."""
         self._write(topics.TREE, now, encode(tree))
 
     def robot_model(self, meshes: Iterable[LinkMesh], now: float = 0.0) -> None:
-        """What the links look like, from `robot_meshes.link_meshes`."""
+        """Write the visual meshes of the links, from `link_meshes`."""
         self._write(topics.ROBOT, now, foxglove_messages.encode_robot(_ns(now), meshes))
         self.checkpoint()
 
     def fixed(
         self, fixtures: Iterable[Fixture], bins: Iterable[Bin], really: Iterable[Fixture] | None = None
     ) -> None:
-        """What never moves; it stands in each message of the belief and of the truth from now on. `really`:
-        the fixtures where they truly stand, if that is elsewhere."""
-        walls = tuple(
-            PartRecord(f"{b.id}/{k}", b.colour, box, pose)
-            for b in bins
-            for k, (box, pose) in enumerate(b.parts())
-        )
-        self._fixed = (*_parts(fixtures), *walls)
-        self._standing = self._fixed if really is None else (*_parts(really), *walls)
+        """Set the bodies that never move; each message of the belief and of the truth contains them from now
+        on.
+
+        `really`: the fixtures at their true poses; None: at the believed ones.
+        """
+        walls = tuple(journal_records.bin_parts(bins))
+        self._fixed = (*journal_records.fixture_parts(fixtures), *walls)
+        self._standing = self._fixed if really is None else (*journal_records.fixture_parts(really), *walls)
 
     # At each tick
 
     def rotate_if_due(self, now: float) -> None:
-        """Before the first word on a tick: go on in a further file when the present one is full."""
+        """Continue in a further file when the present one is full. Call it before the first message of a
+        tick."""
         with self._interrupts.held():
             self._file.rotate_if_due(_ns(now), self.digest)
 
     def tick(self, now: float, tick: Tick) -> None:
-        """The whole tree after a tick. A failure that begins in this tick also becomes a line for people."""
+        """Write the whole tree after a tick. A failure that begins in this tick also becomes a log line."""
         self._write(topics.TICK, now, encode(tick))
         self._file.tick(_ns(now), tick)
         failing = [n for n in tick.nodes if n.status == "FAILURE" and n.cause and n.ticked]
@@ -270,7 +277,10 @@ class Recorder:
         gripper: GripperState | None = None,
         fingers_at: Sequence[float] = (),
     ) -> None:
-        """The arm's joints, and those of the fingers: at `fingers_at`, else each at half of the opening."""
+        """Write the joints of arm and fingers.
+
+        Fingers are at `fingers_at`, or each at half of the gripper's width.
+        """
         position, velocity, effort = (a.tolist() for a in (state.position, state.velocity, state.effort))
         if gripper is not None:
             position += fingers_at or [gripper.width / 2] * len(fingers)
@@ -288,8 +298,10 @@ class Recorder:
         objects: Iterable[BeliefObject] = (),
         moving: Mapping[str, Pose] | None = None,
     ) -> None:
-        """Every link and every believed object in the world, by name, and cameras: those that are `moving`
-        where they are now, others by themselves where they were when they took a picture."""
+        """Write the poses of all links, believed objects and cameras in the world, by name.
+
+        A camera in `moving` has its present pose, any other the pose of its last image.
+        """
         frames = dict(links)
         for o in objects:
             frames[o.id] = o.pose
@@ -298,18 +310,18 @@ class Recorder:
         self._write(topics.TF, now, self._transforms.encode(_ns(now), frames))
 
     def wrench(self, now: float, wrench: Wrench) -> None:
-        """The external wrench at the wrist, in the world's axes."""
+        """Write the external wrench at the wrist, in world axes."""
         reading = WrenchReading(Vector(*wrench.force), Vector(*wrench.torque), wrench.magnitude())
         self._write(topics.WRENCH, now, encode(reading))
 
     def control(self, now: float, control: Control) -> None:
-        """What the arm's servo had been told."""
+        """Write the set point of the arm's servo."""
         self._write(topics.CONTROL, now, encode(control))
 
     def belief(
         self, now: float, objects: Iterable[BeliefObject], changes: Iterable[BeliefChange] = ()
     ) -> None:
-        """The belief, written when something changed or a second has passed; each change is an event."""
+        """Write the belief when something changed or a second has passed. Each change is an event."""
         changed = False
         for change in changes:
             changed = True
@@ -320,11 +332,11 @@ class Recorder:
             self._write(topics.OBJECTS, now, self._beliefs.encode(_ns(now), scene))
 
     def truth_due(self, now: float) -> bool:
-        """Whether a second has passed: the simulation need not be asked more often."""
+        """Whether a second has passed since the last ground truth."""
         return now - self._true >= EVERY - 1e-6
 
     def truth(self, now: float, bodies: Iterable[SpawnedBody]) -> None:
-        """The simulator's truth, for the analyst only."""
+        """Write the ground truth, which only the analyst sees."""
         self._true = now
         scene = Scene(
             tuple(map(journal_records.truth_record, bodies)),
@@ -333,18 +345,18 @@ class Recorder:
         self._write(topics.TRUTH, now, self._truths.encode(_ns(now), scene))
 
     def state_due(self, now: float) -> bool:
-        """Whether it is time to write the simulation's own state."""
+        """Whether the simulation's own state is due."""
         return self._states.due(now)
 
     def true_state(self, now: float, state: Mapping[str, Any]) -> None:
-        """The simulation's own state, as plain values, from which it can be built again."""
+        """Write the simulation's own state as plain values, from which it can be rebuilt."""
         anew, self._part = self._part != self._file.part, self._file.part
         self._write(topics.STATE, now, self._states.encode(now, state, anew=anew))
 
     # As they happen
 
     def entry(self, now: float, entry: Entry) -> None:
-        """Whatever the journal holds."""
+        """Write an entry of the journal."""
         match entry:
             case PlanEntry():
                 self._write(topics.PLAN, now, encode(journal_records.plan_record(entry)))
@@ -359,7 +371,7 @@ class Recorder:
                     self.log(now, "WARNING", message, node)
 
     def image(self, now: float, image: RgbdImage) -> None:
-        """Colour, depth and calibration of a camera shot."""
+        """Write colour, depth and calibration of a camera image."""
         camera, frame, at = image.camera, _camera_frame(image.camera), _ns(now)
         self._cameras[frame] = image.camera_in_world
         calibration = foxglove_messages.encode_calibration(at, frame, image.intrinsics)
@@ -370,7 +382,7 @@ class Recorder:
         self._write(topics.depth_topic(camera), now, depth)
 
     def log(self, now: float, level: str, message: str, name: str = "") -> None:
-        """A line for people; `level` is DEBUG, INFO, WARNING, ERROR or FATAL."""
+        """Write a log line for people; `level` is DEBUG, INFO, WARNING, ERROR or FATAL."""
         self._write(topics.LOG, now, foxglove_messages.encode_log(_ns(now), LogLine(level, message, name)))
 
     def _event(self, now: float, event: Event) -> None:
@@ -397,30 +409,5 @@ def _camera_frame(camera: str) -> str:
 
 
 def _origins(failing: Sequence[NodeStatusRecord]) -> list[NodeStatusRecord]:
-    """The failing nodes below which none of the others is: where the failure came from."""
+    """Return the failing nodes without a failing node below: the origins of the failure."""
     return [n for n in failing if not any(other.path.startswith(n.path + "/") for other in failing)]
-
-
-def _run_words(run: RunInfo) -> dict[str, str]:
-    return {
-        "format": str(FORMAT),
-        "mission": run.mission,
-        "scene": run.scene,
-        "robot": run.robot,
-        "seed": str(run.seed),
-        "backend": run.backend,
-        "tick": repr(run.tick),
-        "revision": run.revision,
-        "verify": str(run.verify).lower(),
-        **({} if run.limit is None else {"limit": repr(run.limit)}),
-        "own_scene": str(run.own_scene).lower(),
-    }
-
-
-def _parts(fixtures: Iterable[Fixture]) -> Iterator[PartRecord]:
-    """Each fixture, and the squares on it."""
-    for fixture in fixtures:
-        yield PartRecord(fixture.id, fixture.colour, fixture.shape, fixture.pose, fixture.holes)
-        for tile in fixture.tiles:
-            box, inner = tile_body(tile, STICKER)
-            yield PartRecord(f"{fixture.id}/{tile.colour}", tile.colour, box, fixture.pose @ inner)

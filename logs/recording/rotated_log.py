@@ -1,4 +1,4 @@
-"""A log in several files, read as the one that it is."""
+"""Rotated log: several files, read as one log."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class ChannelInfo:
 
 @dataclass(frozen=True, slots=True)
 class _Part:
-    """One file. Of a further one only what comes after `since` (ns) is new."""
+    """One file of a log. In a further file only messages later than `since` (ns) are new."""
 
     reading: McapReader
     metadata: dict[str, dict[str, str]]
@@ -41,10 +41,11 @@ class _Part:
 
 
 class JoinedLog:
-    """The log in the file at `path`, and in those beside it that go on with it; a file that goes on with
-    another stands alone. Raises PicktreeError, also from all methods.
+    """Log in the file at `path` and in the files beside it that continue it; a file that continues another is
+    read alone.
 
-    `recovered` is a sentence when something is missing or damaged, else empty.
+    The constructor and all methods raise PicktreeError. `recovered` is a sentence when something is missing
+    or damaged, else empty.
     """
 
     def __init__(self, path: Path) -> None:
@@ -54,7 +55,7 @@ class JoinedLog:
             first = self._open(path)
             self._parts.append(first)
             self.goes_on = first.info
-            """What the file goes on with; None for the beginning of a log."""
+            """Part information of a log that begins with a later file; None for the beginning of a log."""
             gaps = self._join(path, first) if first.info is None else []
         except PicktreeError:
             self.close()
@@ -72,7 +73,8 @@ class JoinedLog:
 
     @property
     def metadata(self) -> dict[str, dict[str, str]]:
-        """As the log began with them; what is new in later files is added, but for how they hang together."""
+        """Metadata with the values of the log's beginning, and new names of later files; without the links
+        between files."""
         merged: dict[str, dict[str, str]] = {}
         for part in reversed(self._parts):
             merged.update(part.metadata)
@@ -109,7 +111,7 @@ class JoinedLog:
         return tuple(dict.fromkeys(names))
 
     def attachment(self, name: str) -> bytes | None:
-        """None when there is none of that name."""
+        """Return the attachment's content; None when there is none of that name."""
         for part in self._parts:
             found = part.reading.attachment(name)
             if found is not None:
@@ -124,7 +126,7 @@ class JoinedLog:
         *,
         newest_first: bool = False,
     ) -> Iterator[RawMessage]:
-        """Messages of these topics with start ≤ time ≤ end (ns), in the order of time."""
+        """Yield messages of these topics with start ≤ time ≤ end (ns), in order of time."""
         for part in reversed(self._parts) if newest_first else self._parts:
             yield from part.reading.messages(topics, part.after(start), end, newest_first=newest_first)
 
@@ -143,10 +145,10 @@ class JoinedLog:
         return _Part(reading, metadata, info, None)
 
     def _join(self, path: Path, first: _Part) -> list[str]:
-        """Add the files that go on with the first. Answers what is missing, as sentences."""
+        """Add the files that continue the first. Return sentences about missing ones."""
         beside = part_paths(path)
         gaps: list[str] = []
-        lost = ""  # why there is a gap before the next part
+        lost = ""  # reason for a gap before the next part
         last = max(beside, default=1)
         for number in range(2, last + 1):
             file = part_path(path, number)
@@ -173,7 +175,7 @@ class JoinedLog:
         return gaps
 
     def _goes_on(self, part: _Part, number: int, *, adjacent: bool) -> bool:
-        """Whether this part is of the same log, as far as the files tell."""
+        """Whether this part continues the log, according to the metadata of the files."""
         before = self._parts[-1]
         if part.info is None or part.info.number != number:
             return False

@@ -1,4 +1,4 @@
-"""Logs in several files: when one goes on in the next, and what the files are called."""
+"""Log rotation: limits of a file, names of the further files, and metadata that connects them."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from typing import Final
 import orjson
 
 PART = "picktree.part"
-"""Metadata of each file after the first: what it goes on from."""
+"""Name of the metadata in each file after the first: the state that it continues from."""
 NEXT = "picktree.next"
-"""Metadata of each file before the last: what it goes on in."""
+"""Name of the metadata in each file before the last: the file that continues it."""
 
 
 @dataclass(frozen=True, slots=True)
 class Rotation:
-    """A log goes on in a further file when one has `size` bytes or spans `seconds` (simulated); 0 for no
+    """Limits at which a log continues in a further file: `size` in bytes, `seconds` simulated; 0: no
     limit."""
 
     size: int = 0
@@ -30,21 +30,22 @@ class Rotation:
 
 NEVER: Final = Rotation()
 FOR_FEEDS: Final = Rotation(size=32_000_000)
-"""Of a run with a feed, which may go on for days, unless another is asked for."""
+"""Default for a run with a feed, which may last for days."""
 
 
 @dataclass(frozen=True, slots=True)
 class PartInfo:
-    """What a file that goes on with a log says of itself."""
+    """Description of a further file of a log."""
 
     number: int
-    """2 for the second file."""
+    """Number of the file, 2 for the second."""
     start: int
-    """Simulated ns: what stands at this time or before repeats the file before."""
+    """Time of the last repeated message, simulated ns: messages at this time or before repeat the file
+    before."""
     digest: str
-    """Of everything simulated in the files before, in hex."""
+    """Digest of everything simulated in the files before, in hex."""
     repeated: Mapping[str, int]
-    """By topic, how many messages repeat the file before."""
+    """Number of messages that repeat the file before, by topic."""
 
     def words(self) -> dict[str, str]:
         return {
@@ -56,7 +57,7 @@ class PartInfo:
 
     @classmethod
     def from_words(cls, words: Mapping[str, str]) -> PartInfo:
-        """Raises ValueError or KeyError when these are not the words of a part."""
+        """Parse the metadata. Raises ValueError or KeyError when it does not describe a part."""
         return cls(
             int(words["number"]), int(words["start"]), words["digest"], orjson.loads(words["repeated"])
         )
@@ -71,7 +72,7 @@ def part_path(first: Path, number: int) -> Path:
 
 
 def part_paths(first: Path) -> dict[int, Path]:
-    """Files beside the first that by their names go on with its log, by number."""
+    """Return the files beside the first that continue its log according to their names, by number."""
     found = first.parent.glob(f"{escape(first.stem)}-[0-9][0-9][0-9][0-9]*{first.suffix}")
     numbers = {path: path.stem.removeprefix(f"{first.stem}-") for path in found}
     return {int(n): path for path, n in sorted(numbers.items()) if n.isdigit() and int(n) > 1}

@@ -1,7 +1,7 @@
-"""The simulation's own state in the log, several times a second, so that a run can go on as things stood.
+"""State of the simulation in the log, several times a second, from which a run can resume as it stood.
 
-It is no part of the digest: what it says is simulated, but it is written for nobody who watches the run. Most
-of it stays as it is, so that a message holds what changed since the one before; every few seconds it holds
+It is no part of the digest: its content is simulated, but it is not written for viewers of the run. Most of
+it stays the same, so a message holds the changes since the one before. Every few seconds a message holds
 everything, in case one is lost.
 """
 
@@ -15,15 +15,15 @@ import orjson
 from ..schema.records import TrueState
 
 EVERY: Final = 0.2
-"""Simulated seconds between two messages."""
+"""Period of the messages, simulated s."""
 WHOLE_EVERY: Final = 10.0
-"""Simulated seconds after which everything is written again."""
+"""Period after which everything is written again, simulated s."""
 _ITEMS: Final = "items"
-"""The field that is a list of bodies, each with its `id`: of these, too, only those that changed are told."""
+"""Field with the list of bodies, each with its `id`; of these, too, only changed ones are written."""
 
 
 class StateWriter:
-    """Makes messages of states."""
+    """Encoder of states."""
 
     def __init__(self) -> None:
         self._before: Mapping[str, Any] = {}
@@ -33,7 +33,7 @@ class StateWriter:
         return now - self._at >= EVERY - 1e-6
 
     def encode(self, now: float, state: Mapping[str, Any], *, anew: bool = False) -> bytes:
-        """`anew`: who reads this message has none before it."""
+        """Encode a state. `anew`: the file holds no earlier message, so everything is written."""
         whole = anew or now - self._whole_at >= WHOLE_EVERY - 1e-6
         self._at = now
         self._whole_at = now if whole else self._whole_at
@@ -43,7 +43,7 @@ class StateWriter:
 
 
 def read_state(data: bytes) -> TrueState:
-    """Raises ValueError for something else."""
+    """Decode a message. Raises ValueError for something else."""
     said = cast("dict[str, Any]", orjson.loads(data))
     if not isinstance(said.get("whole"), bool) or not isinstance(said.get("state"), dict):
         raise ValueError("no state of a simulation")
@@ -51,7 +51,7 @@ def read_state(data: bytes) -> TrueState:
 
 
 def folded(messages: Iterable[TrueState]) -> dict[str, Any] | None:
-    """What all of them say together, the first of which is whole; None without any."""
+    """Return the state after all messages, of which the first is whole; None without any."""
     state: dict[str, Any] | None = None
     for message in messages:
         if message.whole or state is None:

@@ -1,1 +1,1 @@
-"""What a log holds: records, topics, JSON Schemas."""
+"""Schema of a log: records, topics, JSON Schemas."""

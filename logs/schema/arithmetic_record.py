@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from typing import Final
 
 PREFIXES: Final = ("version of ", "kernels of ", "probe of ")
-"""Of the entries of a flat table, in the order of the fields."""
+"""Prefixes of a flat table's entries, in the order of the fields."""
 
 
 def _no_words() -> dict[str, str]:
@@ -20,7 +20,8 @@ def _no_words() -> dict[str, str]:
 
 @dataclass(frozen=True)
 class Arithmetic:
-    """What decides about the last bit of a floating-point number; empty where it was not recorded."""
+    """Properties that decide about the last bit of a floating-point number; empty where they were not
+    recorded."""
 
     versions: Mapping[str, str] = field(default_factory=_no_words)
     """Version of each library that computes, of glibc and of Python."""
@@ -33,7 +34,7 @@ class Arithmetic:
         return bool(self.versions)
 
     def words(self) -> dict[str, str]:
-        """The record as a flat table, for metadata and tables of results."""
+        """Return the record as a flat table, for metadata and tables of results."""
         return {
             prefix + name: value
             for prefix, part in zip(PREFIXES, (self.versions, self.kernels, self.probe), strict=True)
@@ -42,7 +43,7 @@ class Arithmetic:
 
     @classmethod
     def from_words(cls, words: Mapping[str, str]) -> Arithmetic:
-        """The inverse of `words`; other entries of the table are left out."""
+        """Parse a flat table made by `words`; other entries of the table are ignored."""
         return cls(*({k.removeprefix(p): v for k, v in words.items() if k.startswith(p)} for p in PREFIXES))
 
 

@@ -1,4 +1,4 @@
-"""Records as JSON, and the JSON Schema that a viewer needs to offer their fields."""
+"""JSON encoding of records, and the JSON Schemas with which a viewer offers their fields."""
 
 from __future__ import annotations
 
@@ -14,22 +14,23 @@ R = TypeVar("R")
 if TYPE_CHECKING:
     from pydantic import TypeAdapter
 
-_adapters: dict[type, TypeAdapter[Any]] = {}  # by kind of record, as they are slow to make
+# Adapters are slow to make, so there is one for each kind of record.
+_adapters: dict[type, TypeAdapter[Any]] = {}
 
 _SCALARS: dict[object, str] = {str: "string", int: "integer", float: "number", bool: "boolean"}
 
 
 def encode(record: object) -> bytes:
-    """A record of `records` as one line of JSON. Raises TypeError for what JSON cannot say."""
+    """Encode a record as one line of JSON. Raises TypeError for values that JSON cannot express."""
     return orjson.dumps(record, option=orjson.OPT_SERIALIZE_NUMPY | orjson.OPT_NON_STR_KEYS)
 
 
 def decode(kind: type[R], data: bytes) -> R:
-    """The record of that kind. Unknown fields of a younger log are passed over.
+    """Decode a record of that kind. Unknown fields of a younger log are ignored.
 
     Raises ValueError when a field is missing or has another type.
     """
-    from pydantic import TypeAdapter  # only reading needs it, and it is slow to import
+    from pydantic import TypeAdapter  # needed for reading only, and slow to import
 
     adapter = _adapters.get(kind)
     if adapter is None:
@@ -39,10 +40,11 @@ def decode(kind: type[R], data: bytes) -> R:
 
 
 def schema(kind: type) -> dict[str, object]:
-    """JSON Schema (2020-12) of a dataclass, for viewers, of which some understand little of it.
+    """Return the JSON Schema (2020-12) of a dataclass, reduced to the features that viewers understand.
 
-    No references, as they resolve none. A field that Lichtblick's reader could not say (any value, a list of
-    lists) is named as required only, because it would refuse the whole topic; see `_sayable`.
+    There are no references, as viewers resolve none. Lichtblick's reader cannot express some fields: any
+    value, a list of lists. They are only listed as required, because with their schema the viewer refuses
+    the whole topic; see `_sayable`.
     """
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": kind.__name__, **_of(kind)}
 
@@ -63,7 +65,8 @@ def _of(kind: object) -> dict[str, object]:
     if origin is tuple:
         return {"type": "array", "items": _of(arguments[0])}
     if isinstance(origin, type) and issubclass(origin, Mapping):
-        free: dict[str, object] = {"type": "object", "properties": {}}  # without properties it is refused
+        # without `properties` viewers refuse it
+        free: dict[str, object] = {"type": "object", "properties": {}}
         return free if arguments[1] is object else {**free, "additionalProperties": _of(arguments[1])}
     if origin in (Union, types.UnionType):
         raise TypeError(f"{kind}: a field of the log has one type")

@@ -1,4 +1,4 @@
-"""Everything that a log holds, as values: what the recorder takes and what the reader gives back.
+"""Records of a log: values that the recorder writes and the reader returns.
 
 Times are simulated seconds, wall times (only in `Timing`) are seconds of the wall clock. The classes have no
 slots, because orjson writes those eight times as slowly.
@@ -17,7 +17,7 @@ from ...world.values import Pose, Vector3
 from .arithmetic_record import Arithmetic
 
 FORMAT = 2
-"""Of the log as a whole. Raised when an older reader could no longer make sense of it."""
+"""Version of the log's format. It is raised when an older reader could no longer interpret a log."""
 
 Values: TypeAlias = Mapping[str, object]
 """Plain JSON values by name."""
@@ -33,20 +33,24 @@ def _no_words() -> Mapping[str, str]:
 
 @dataclass(frozen=True)
 class ResumedFrom:
-    """Of a run that goes on from a checkpoint of another."""
+    """Origin of a run that resumes from a checkpoint of another run."""
 
     log: str
-    """Path of the other's log when this run began."""
+    """Path of the other run's log when this run began."""
     checkpoint: str
-    """Name of the checkpoint in it."""
+    """Name of the checkpoint in the other log."""
     time: float
-    """Simulated s. What this log holds of that moment only says how things stood."""
+    """Time of the checkpoint, simulated s. Messages of this log at that time only describe the state
+    there."""
     items_done: int
     digest: str
-    """Of the other run up to there. The digest of this one goes on from it."""
+    """Digest of the other run up to the checkpoint. The digest of this run continues it."""
     as_it_stands: bool = False
-    """The simulation is as the other log told of it last, at rest, while the robot knows what it knew at the
-    checkpoint: it looks first."""
+    """Whether the run resumes from the simulation's last recorded state, at rest, instead of the
+    checkpoint's.
+
+    The robot's knowledge is still that of the checkpoint; it looks first.
+    """
 
     def words(self) -> Mapping[str, str]:
         return {
@@ -60,7 +64,7 @@ class ResumedFrom:
 
     @classmethod
     def from_words(cls, words: Mapping[str, str]) -> ResumedFrom:
-        """The inverse of `words`. Raises KeyError or ValueError."""
+        """Parse the text made by `words`. Raises KeyError or ValueError."""
         return cls(
             words["log"],
             words["checkpoint"],
@@ -73,7 +77,7 @@ class ResumedFrom:
 
 @dataclass(frozen=True)
 class RunInfo:
-    """What a run was started with. All of it stands in the log's metadata."""
+    """Settings with which a run was started, all of them in the log's metadata."""
 
     mission: str
     scene: str
@@ -81,31 +85,31 @@ class RunInfo:
     seed: int
     backend: str
     tick: float
-    """Length of a tick, s."""
+    """Length of a tick, simulated s."""
     parameters: Mapping[str, str] = field(default_factory=_no_words)
-    """Of the mission, as given by `--set`."""
+    """Parameters of the mission, as given by `--set`."""
     physics: Mapping[str, str] = field(default_factory=_no_words)
-    """Settings of the simulation, thinking costs among them."""
+    """Settings of the simulation, with the costs of thinking."""
     versions: Mapping[str, str] = field(default_factory=_no_words)
     revision: str = ""
-    """Git revision of picktree, empty outside a checkout."""
+    """Git revision of picktree; empty outside a checkout."""
     verify: bool = False
     limit: float | None = None
     """Simulated seconds after which the run is ended; None in older logs."""
     own_scene: bool = True
-    """The scene is the one that the mission names, not another that was given."""
+    """Whether the scene is the one that the mission names."""
     machine: Mapping[str, str] = field(default_factory=_no_words)
-    """The computer that it ran on; empty in older logs."""
+    """Computer of the run; empty in older logs."""
     arithmetic: Arithmetic = field(default_factory=Arithmetic)
-    """Libraries and kernels that it was computed with; empty in older logs."""
+    """Libraries and kernels that computed the run; empty in older logs."""
     files: Mapping[str, str] = field(default_factory=_no_words)
-    """By name of the attachment: SHA-256 in hex and path of the file that it was made from."""
+    """SHA-256 in hex and path of the original file, by name of the attachment."""
     continues: ResumedFrom | None = None
 
 
 @dataclass(frozen=True)
 class TreeNode:
-    """One node of the tree as it was loaded. `parent` is empty for the root."""
+    """Node of the tree as it was loaded. `parent` is empty for the root."""
 
     path: str
     id: str
@@ -113,21 +117,21 @@ class TreeNode:
     name: str
     parent: str
     children: tuple[str, ...] = ()
-    """Paths, in order."""
+    """Paths of the children, in order."""
     ports: Mapping[str, str] = field(default_factory=_no_words)
-    """As written in the mission."""
+    """Values of the ports, as written in the mission."""
 
 
 @dataclass(frozen=True)
 class Tree:
-    """All nodes, parents before their children."""
+    """Tree: all nodes, parents before their children."""
 
     nodes: tuple[TreeNode, ...]
 
 
 @dataclass(frozen=True)
 class NodeStatusRecord:
-    """One node after a tick."""
+    """Status of a node after a tick."""
 
     path: str
     id: str
@@ -142,7 +146,7 @@ class NodeStatusRecord:
 
 @dataclass(frozen=True)
 class WriteRecord:
-    """One write to the blackboard."""
+    """Write to the blackboard."""
 
     key: str
     value: object
@@ -151,17 +155,17 @@ class WriteRecord:
 
 @dataclass(frozen=True)
 class TransitionRecord:
-    """A node begins (RUNNING) or has ended (SUCCESS, FAILURE, SKIPPED; IDLE: it was halted)."""
+    """Start of a node (RUNNING) or its end (SUCCESS, FAILURE, SKIPPED; IDLE: it was halted)."""
 
     path: str
     status: str
     inputs: Values = field(default_factory=_no_values)
-    """Of a node that begins: what it read through references, by port."""
+    """Values that a starting node has read through references, by port; empty at an end."""
     subject: str = ""
-    """Of a node that begins: the object that its first port of type `object` names, if any."""
+    """Object that the first port of type `object` of a starting node names; empty when there is none."""
     cause: str = ""
     origin: str = ""
-    """Of a failure: path of the node that it came from."""
+    """Path of the node from which a failure came; empty without a failure."""
     message: str = ""
     evidence: Values = field(default_factory=_no_values)
 
@@ -175,7 +179,7 @@ class Tick:
     nodes: tuple[NodeStatusRecord, ...]
     writes: tuple[WriteRecord, ...] = ()
     transitions: tuple[TransitionRecord, ...] = ()
-    """Which nodes began and ended in this tick, in order. Empty in logs of format 1."""
+    """Starts and ends of nodes in this tick, in order. Empty in logs of format 1."""
 
 
 @dataclass(frozen=True)
@@ -186,7 +190,7 @@ class NodeTime:
 
 @dataclass(frozen=True)
 class Timing:
-    """Wall seconds that one tick took, in all and by part."""
+    """Wall seconds of one tick, in all and by part."""
 
     total: float
     physics: float = 0.0
@@ -200,7 +204,7 @@ class Timing:
 
 @dataclass(frozen=True)
 class Vector:
-    """Components as a viewer's plot names them: `/wrench.force.z`."""
+    """Vector with components as a viewer's plot names them: `/wrench.force.z`."""
 
     x: float
     y: float
@@ -209,7 +213,7 @@ class Vector:
 
 @dataclass(frozen=True)
 class WrenchReading:
-    """External force (N) and torque (Nm) at the wrist, in the world's axes."""
+    """External force (N) and torque (Nm) at the wrist, in world axes."""
 
     force: Vector
     torque: Vector
@@ -218,7 +222,7 @@ class WrenchReading:
 
 @dataclass(frozen=True)
 class Plan:
-    """One request to the planner and its answer; see `world.journal.PlanMade`. Older logs lack what has a
+    """Planning request and its answer; see `world.journal.PlanEntry`. Older logs lack the fields with a
     default."""
 
     request: str
@@ -239,7 +243,7 @@ class Plan:
 
 @dataclass(frozen=True)
 class StageCount:
-    """How many candidates reached a stage of a choice."""
+    """Number of candidates that reached a stage of a search."""
 
     name: str
     count: int
@@ -261,7 +265,8 @@ class Candidate:
 
 @dataclass(frozen=True)
 class Candidates:
-    """The trail of a choice; see `world.journal.CandidatesRanked`. Older logs lack what has a default."""
+    """Candidate search; see `world.journal.CandidateSearchEntry`. Older logs lack the fields with a
+    default."""
 
     purpose: str
     object: str
@@ -272,7 +277,7 @@ class Candidates:
 
 @dataclass(frozen=True)
 class Event:
-    """Something worth a line: item done, fault injected, recovery, checkpoint, operator answer, belief."""
+    """Event: item done, injected fault, recovery, checkpoint, operator answer, change of the belief, …"""
 
     kind: str
     message: str
@@ -282,7 +287,7 @@ class Event:
 
 @dataclass(frozen=True)
 class LogLine:
-    """A line for people. `level` is DEBUG, INFO, WARNING, ERROR or FATAL; `name` is the node's path."""
+    """Log line for people. `level` is DEBUG, INFO, WARNING, ERROR or FATAL; `name` is the node's path."""
 
     level: str
     message: str
@@ -291,7 +296,7 @@ class LogLine:
 
 @dataclass(frozen=True)
 class Joints:
-    """By joint: rad or m, rad/s or m/s, Nm or N."""
+    """Joint readings by joint: rad or m, rad/s or m/s, Nm or N."""
 
     names: tuple[str, ...]
     position: tuple[float, ...]
@@ -301,7 +306,7 @@ class Joints:
 
 @dataclass(frozen=True)
 class TrueState:
-    """Of the simulation at a tick: all of it, or what is otherwise than in the message before."""
+    """State of the simulation at a tick: all of it, or the changes since the message before."""
 
     whole: bool
     state: Mapping[str, Any]
@@ -309,14 +314,14 @@ class TrueState:
 
 @dataclass(frozen=True)
 class Control:
-    """What the arm's servo had been told for the moment at which the tick's joints were read."""
+    """Set point of the arm's servo at the moment at which the tick's joints were read."""
 
     controller: str
-    """Who commands: `Hold`, `Track`, `Brake`, …"""
+    """Name of the controller: `Hold`, `Track`, `Brake`, …"""
     reference: tuple[float, ...] = ()
-    """By joint of the arm, rad; empty while torques are commanded."""
+    """Reference position by joint of the arm, rad; empty while torques are commanded."""
     error: tuple[float, ...] = ()
-    """Reference less position, rad."""
+    """Reference minus position by joint, rad."""
 
 
 @dataclass(frozen=True)
@@ -330,7 +335,7 @@ class Transform:
 
 @dataclass(frozen=True)
 class LinkMesh:
-    """What a link of the robot looks like: a binary glTF file (Y up), in the link's own frame."""
+    """Visual mesh of a link: a binary glTF file (Y up), in the link's own frame."""
 
     link: str
     glb: bytes
@@ -338,7 +343,7 @@ class LinkMesh:
 
 @dataclass(frozen=True)
 class BlockRecord:
-    """A box along the axes of its body's frame: edge lengths and centre, m."""
+    """Box along the axes of its body's frame: edge lengths and centre, m."""
 
     size: Vector3
     at: Vector3
@@ -346,7 +351,7 @@ class BlockRecord:
 
 @dataclass(frozen=True)
 class BodyRecord:
-    """A movable body as it is believed, or as it truly is. `pose` is in the world."""
+    """Movable body as believed, or as it truly is. `pose` is in the world."""
 
     id: str
     kind: str
@@ -362,26 +367,26 @@ class BodyRecord:
     sigma_angle: float = 0.0
     last_seen: float = 0.0
     blocks: tuple[BlockRecord, ...] = ()
-    """Of an obstacle: the boxes in its frame that it takes up; `shape` is then the box about all."""
+    """Boxes of an obstacle in its frame; `shape` is then the box around all of them."""
     seat: HoleSeating | None = None
-    """Of a true item that is at a hole: how."""
+    """Seating of a true item at a hole; None: not at a hole, or a believed body."""
 
 
 @dataclass(frozen=True)
 class PartRecord:
-    """A piece of a body that never moves: `pose` is in the world."""
+    """Part of a body that never moves. `pose` is in the world."""
 
     id: str
     colour: str
     shape: Shape
     pose: Pose
     holes: tuple[Hole, ...] = ()
-    """In a box, from its top face."""
+    """Holes of a box, from its top face."""
 
 
 @dataclass(frozen=True)
 class Scene:
-    """One message of `/scene/objects` or `/truth/objects`."""
+    """Scene: one message of `/scene/objects` or `/truth/objects`."""
 
     bodies: tuple[BodyRecord, ...]
     fixed: tuple[PartRecord, ...]

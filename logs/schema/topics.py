@@ -1,4 +1,4 @@
-"""The table of topics: what each is called, how it is encoded, and whether it belongs to the digest."""
+"""Topics of a log: name, encoding and schema of each, and whether it belongs to the digest."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ from .json_records import schema
 
 @dataclass(frozen=True, slots=True)
 class Topic:
-    """A topic's name in the log and the schema of its messages.
+    """Topic: its name in the log and the schema of its messages.
 
-    `simulated` topics make up the digest; the others hold wall times or what merely decorates.
+    `simulated` topics make up the digest; the others hold wall times or decoration.
     """
 
     name: str
@@ -51,7 +51,7 @@ TF = Topic("/tf", "foxglove.FrameTransforms", "protobuf")
 ROBOT = Topic("/scene/robot", "foxglove.SceneUpdate", "protobuf", simulated=False)
 OBJECTS = Topic("/scene/objects", "foxglove.SceneUpdate", "protobuf")
 TRUTH = Topic("/truth/objects", "foxglove.SceneUpdate", "protobuf")
-# Who goes on as things stood needs it; nothing that happens in a run is told here alone.
+# Needed to resume from the simulation's state; no event of a run is recorded here alone.
 STATE = Topic("/truth/state", "picktree.TrueState", "json", simulated=False)
 WRENCH = Topic("/wrench", "picktree.Wrench", "json")
 CONTROL = Topic("/control", "picktree.Control", "json")
@@ -71,7 +71,7 @@ def colour_topic(camera: str) -> Topic:
 
 
 def depth_topic(camera: str) -> Topic:
-    """Depth as a 16-bit PNG in mm, 0 where unknown."""
+    """Return the topic of depth images: 16-bit PNG in mm, 0 where unknown."""
     return Topic(f"/camera/{camera}/depth", "foxglove.CompressedImage", "protobuf")
 
 
@@ -97,7 +97,7 @@ _PROTOBUF: dict[str, Descriptor] = {
 
 
 def message_class(schema: str) -> type[Message] | None:
-    """The class that reads messages of a schema in protobuf; None for those in JSON."""
+    """Return the class that reads messages of a protobuf schema; None for JSON."""
     return GetMessageClass(_PROTOBUF[schema]) if schema in _PROTOBUF else None
 
 
@@ -114,7 +114,7 @@ def _schema_data(name: str) -> bytes:
 
 
 def _collect(file: FileDescriptor, found: dict[str, FileDescriptor]) -> None:
-    """The file after everything that it imports."""
+    """Collect the file after everything that it imports."""
     for imported in file.dependencies:
         _collect(imported, found)
     found.setdefault(file.name, file)

@@ -1,1 +1,1 @@
-"""Going on with a run that was killed, interrupted, paused or ended at its limit."""
+"""Resumption of a run that was killed, interrupted, paused or ended at its limit."""

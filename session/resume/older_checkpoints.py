@@ -1,4 +1,4 @@
-"""What the checkpoints of older logs do not hold, from the log itself."""
+"""Completion of older checkpoints: counters and recording state, computed from the log itself."""
 
 from __future__ import annotations
 
@@ -18,14 +18,16 @@ from ..checkpoints import RunState
 from ..run_tally import RunCounters
 
 _JUST = 1e-6
-"""Less than a tick, s."""
+"""Time below the length of a tick, s."""
 
 
 def simulated_messages(
     log: RunLog, start: float | None = None, end: float | None = None
 ) -> Iterator[RawMessage]:
-    """In their order, later than `start` and up to `end` (simulated s); of a run that goes on from a
-    checkpoint without those that only say how things stood there."""
+    """Yield the simulated messages later than `start` and up to `end` (simulated s), in order.
+
+    For a run that resumes from a checkpoint, the messages that only describe the state there are left out.
+    """
     fixed = {topic.name for topic in topics.FIXED if topic.simulated}
     wanted = [name for name in log.topics if name in fixed or name.startswith("/camera/")]
     continues = log.run.continues
@@ -35,8 +37,10 @@ def simulated_messages(
 
 
 def completed(state: RunState, run: RunRecord) -> RunState:
-    """The state with tally and state of the recording. What was followed last stays unknown: a way back is
-    then none."""
+    """Return the state with counters and recording state.
+
+    The path that the arm followed last stays unknown, so a retreat along it is impossible.
+    """
     if state.tally is None:
         state = replace(state, tally=tally_of(run, state.time).state())
     if state.recording is None:
@@ -45,7 +49,7 @@ def completed(state: RunState, run: RunRecord) -> RunState:
 
 
 def tally_of(run: RunRecord, time: float) -> RunCounters:
-    """What the run amounted to by then, simulated s."""
+    """Return the counters of the run up to `time`, simulated s."""
     tally = RunCounters()
     coming = list(run.trees)
     events: dict[float, list[JournalEvent]] = {}

@@ -1,4 +1,4 @@
-"""A recipe as one file, from which it can be run wherever and whenever: a ZIP archive of its files."""
+"""Recipe archive: a ZIP file of a recipe's files, from which it can be run on any machine at any time."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ from .unpacking import Unpacking
 
 CARD = "recipe.json"
 _EPOCH = (1980, 1, 1, 0, 0, 0)
-"""Of all files in an archive, so that the same recipe is the same file."""
+"""Time stamp of all files in an archive, so that equal recipes give equal archives."""
 
 
 @dataclass(frozen=True, slots=True)
 class RecipeHeader:
-    """What a recipe says besides its files and the seed."""
+    """Settings of a recipe besides its files and the seed."""
 
     mission: str
     scene: str
@@ -37,14 +37,14 @@ class RecipeHeader:
     limit: float = LIMIT
     own_scene: bool = True
     files: Mapping[str, str] = field(default_factory=dict[str, str])
-    """By name in the archive: SHA-256 in hex and path of the file that it was made from."""
+    """SHA-256 in hex and path of the original file, by name in the archive."""
 
 
 _ADAPTER = TypeAdapter(RecipeHeader)
 
 
 def write_recipe(recipe: Recipe, path: Path) -> None:
-    """Without its seed. Raises PicktreeError when the file cannot be written."""
+    """Write a recipe without its seed. Raises PicktreeError when the file cannot be written."""
     files = list(recipe_files(recipe))
     card = RecipeHeader(
         recipe.mission.name,
@@ -68,10 +68,11 @@ def write_recipe(recipe: Recipe, path: Path) -> None:
 
 
 class RecipeFile:
-    """A recipe that was written. Its files are unpacked into a folder that goes with this.
+    """Recipe archive that is open for reading. Its files are unpacked into a folder that exists until
+    `close`.
 
-    Raises PicktreeError for a file that is none, or damaged; FileError where this version of picktree no
-    longer takes a file in it.
+    Raises PicktreeError for a file that is no archive of a recipe, or damaged. Raises FileError where this
+    version of picktree no longer accepts a file in it.
     """
 
     def __init__(self, path: Path) -> None:
@@ -99,7 +100,8 @@ class RecipeFile:
         self.close()
 
     def attachment(self, name: str) -> bytes:
-        """Raises PicktreeError when it is not there, or is not what was put there."""
+        """Return a file's content. Raises PicktreeError when it is missing or was changed since it was
+        written."""
         try:
             data = self._archive.read(name)
         except (KeyError, zipfile.BadZipFile, OSError):
@@ -109,7 +111,7 @@ class RecipeFile:
         return data
 
     def recipe(self, seed: int) -> Recipe:
-        """With that seed."""
+        """Return the recipe with that seed."""
         unpacking, card = Unpacking(self, Path(self._folder.name)), self.run
         made = Recipe(
             unpacking.mission(),

@@ -1,4 +1,4 @@
-"""A run as it can be run again: from its log alone."""
+"""Recorded recipe: a run that can be repeated from its log alone."""
 
 from __future__ import annotations
 
@@ -24,11 +24,12 @@ from .unpacking import Unpacking
 
 _CHECKPOINT: Final = re.compile(r"checkpoint-\d+\.json")
 _EARLY: Final = 1e-6
-"""Simulated s."""
+"""Tolerance of time comparisons, simulated s."""
 
 
 class RecordedRun:
-    """What one log holds to run again. Its files are unpacked into a folder that goes with this.
+    """Recipe, checkpoints, edits and answers of one log. Its files are unpacked into a folder that exists
+    until `close`.
 
     Raises PicktreeError where the log lacks something, FileError for a file that is no longer accepted.
     """
@@ -53,7 +54,7 @@ class RecordedRun:
         self.close()
 
     def recipe(self) -> Recipe:
-        """As the run began, at time 0 or at the checkpoint of another run."""
+        """Return the recipe with which the run started, at time 0 or at the checkpoint of another run."""
         info, log = self.run.info, self.run.log
         if info.backend not in ("physics", "kinematic"):
             raise PicktreeError(f"{log.path}: the log is of the unknown backend {info.backend!r}")
@@ -77,13 +78,13 @@ class RecordedRun:
         )
 
     def edits(self, since: float = -1.0) -> RecordedEdits:
-        """The edits that were taken over under the run later than `since`, simulated s."""
+        """Return the edits that were taken over during the run later than `since`, simulated s."""
         later = [(time, files) for time, files in self._edits if time > since + _EARLY]
         return RecordedEdits(self._unpacking, later)
 
     def answers(self, since: float = -1.0, after: Operator | None = None) -> Operator:
-        """What a person answered later than `since`, simulated s, when the run asked for help; then `after`
-        is asked."""
+        """Return an operator with the answers that were given later than `since`, simulated s; then `after`
+        answers."""
         given = [
             (at.record.node, str(at.record.data["answer"]))
             for at in self.run.events
@@ -92,14 +93,15 @@ class RecordedRun:
         return RecordedAnswers(given, after)
 
     def checkpoints(self) -> tuple[str, ...]:
-        """Names of the checkpoints in the log, in the order of time."""
+        """Return the names of the log's checkpoints in order of time."""
         return tuple(sorted(name for name in self.run.log.attachments if _CHECKPOINT.fullmatch(name)))
 
     def state(self, checkpoint: str) -> RunState:
         return completed(RunState.from_json(self.run.log.attachment(checkpoint)), self.run)
 
     def last_checkpoint(self, time: float) -> tuple[str, RunState] | None:
-        """The last one at that simulated time or before."""
+        """Return name and state of the last checkpoint at `time` (simulated s) or before; None when there is
+        none."""
         before: tuple[str, RunState] | None = None
         for name in self.checkpoints():
             state = RunState.from_json(self.run.log.attachment(name))
@@ -108,7 +110,7 @@ class RecordedRun:
         return None if before is None else (before[0], completed(before[1], self.run))
 
     def from_checkpoint(self, name: str, state: RunState) -> Recipe:
-        """The run from there on, with the mission as it was by then."""
+        """Return a recipe that starts from this checkpoint, with the version of the mission at its time."""
         recipe = self.recipe()
         edits = [files for time, files in self._edits if time <= state.time + _EARLY]
         if edits:
@@ -119,7 +121,10 @@ class RecordedRun:
         return replace(recipe, start=StartCheckpoint(state, continues))
 
     def _limit(self) -> float:
-        """Of an older log that does not tell it: what the run came to when it was ended at it."""
+        """Return the limit of the run, simulated s.
+
+        For an older log without one: the end of a run that reached its limit, else the default.
+        """
         if self.run.info.limit is not None:
             return self.run.info.limit
         result = self.run.result
@@ -127,7 +132,7 @@ class RecordedRun:
 
 
 class RecordedEdits:
-    """The versions of a mission that were taken over under a run, each at its time."""
+    """Versions of a mission that were taken over during a run, each at its time."""
 
     def __init__(self, unpacking: Unpacking, edits: list[tuple[float, str]]) -> None:
         self.pending: Mission | None = None
@@ -135,7 +140,7 @@ class RecordedEdits:
         self._edits = edits
 
     def look(self, current: Mission, now: float) -> tuple[ReloadMessage, ...]:
-        # One at a time, and not before: a plug-in of a later version would replace the one that runs.
+        # One version at a time, at its time: loading a plug-in of a later version replaces the one that runs.
         if self._edits and now >= self._edits[0][0] - _EARLY:
             self.pending = self._unpacking.mission(self._edits.pop(0)[1])
         return ()

@@ -1,4 +1,5 @@
-"""A run that did not come to its end, made ready to go on: from its last checkpoint, or as things stand."""
+"""Resumption of an unfinished run: from its last checkpoint, or from the last recorded state of the
+simulation."""
 
 from __future__ import annotations
 
@@ -42,10 +43,11 @@ _NEVER = -1.0
 
 
 def recipe_from_truth(recorded: RecordedRun) -> tuple[Recipe, str, float]:
-    """The recipe of a run that goes on as things stood last; what it knows, as a sentence; and up to when it
-    knows what happened, simulated s, -1 when it knows nothing.
+    """Return the recipe that resumes from the last recorded state, a sentence about it, and the end of its
+    knowledge.
 
-    Raises PicktreeError for a log that does not tell how things stood.
+    The end of its knowledge is the simulated time up to which the robot remembers events, s; -1 for nothing.
+    Raises PicktreeError for a log that lacks the state of the simulation.
     """
     run = recorded.run
     last = _last_state(run)
@@ -89,15 +91,15 @@ def recipe_from_truth(recorded: RecordedRun) -> tuple[Recipe, str, float]:
 
 @dataclass(frozen=True, slots=True)
 class _Last:
-    """What the log tells last of how things stood."""
+    """Last recorded state of the simulation."""
 
     time: float
-    """Simulated s."""
+    """Time of the state, simulated s."""
     simulation: dict[str, Any]
     faults: tuple[FaultState, ...]
-    """How far they had come."""
+    """Progress of the faults."""
     bias: tuple[float, ...]
-    """Of the wrist's sensor, (6,); empty when it was not learnt yet."""
+    """Bias of the wrist sensor, (6,), N and Nm; empty when it was not learnt yet."""
 
 
 def _last_state(run: RunRecord) -> _Last:
@@ -127,13 +129,13 @@ def _last_state(run: RunRecord) -> _Last:
 def _control(
     known: Mapping[str, Any], position: tuple[float, ...], bias: tuple[float, ...]
 ) -> dict[str, Any]:
-    """The control loop, holding the arm there; the bias stays with the sensor."""
+    """Return a control loop state that holds the arm at `position`; the learnt bias is kept."""
     now = {"hold": list(position), "readings": [], "stamps": [], "standing": 0}
     return {**known, **now, **({"bias": list(bias)} if bias else {})}
 
 
 def _beginning(recipe: Recipe) -> RunState:
-    """All that the robot knows when nothing has happened yet."""
+    """Return the state of a robot that has not seen or done anything yet."""
     hardware = build_hardware(recipe.backend, recipe.scene, recipe.robot, recipe.seed)
     world = assemble_world(hardware, recipe.scene, recipe.robot, recipe.seed, verify=recipe.verify)
     tree = build(recipe.mission, world, recipe.parameters)
@@ -142,8 +144,12 @@ def _beginning(recipe: Recipe) -> RunState:
 
 
 def _tally(run: RunRecord, known: RunState, since: float, until: float) -> RunCountersState:
-    """What the run amounted to by then: all of it did happen, whatever the robot has forgotten. What it
-    believes to be done is for it to find out, and the troubles that it was in are those of the checkpoint."""
+    """Return the counters of the run up to `until`, simulated s: events between the checkpoint and then
+    count.
+
+    The number of items done and the open episodes are those of the checkpoint, since the robot must find out
+    about them itself.
+    """
     before = known.tally if known.tally is not None else RunCounters().state()
     tally = RunCounters.resumed(before)
     tally.follow(run.tree_at(since).nodes)
@@ -177,26 +183,29 @@ _FINISHED: Final = {
 
 @dataclass(frozen=True)
 class ResumeRequest:
-    """Which run goes on, and where its further record goes. Everything else is said by its log."""
+    """Request to resume a run: which run, and where its further log goes. The log determines everything
+    else."""
 
     log: str | Path
     """Log file, a run's folder, or `last`."""
     out: Path | None = None
-    """Folder in which the new run's folder is made; by default `runs`."""
+    """Folder in which the new run's folder is made; None: `runs`."""
     limit: float | None = None
-    """Simulated s, counted from the beginning of the first run; None: as it was."""
+    """Limit in simulated s, counted from the beginning of the first run; None: as it was."""
     rotation: Rotation = NEVER
     as_it_stands: bool = False
-    """Not from where things stood at the checkpoint, but from where they stood last: only what the robot
-    knows is that of the checkpoint. It looks first."""
+    """Whether to resume from the last recorded state of the simulation instead of the checkpoint's.
+
+    The robot's knowledge is still that of the checkpoint, and it looks first.
+    """
     answers: tuple[str, ...] = ()
-    """What is answered when the run asks for help, one for each question."""
+    """Answers for the run's requests for help, one for each question."""
 
 
 class Resumption:
-    """The run of a log, ready to go on. A context manager: what was unpacked goes when it is left.
+    """Run of a log that is ready to resume. A context manager: unpacked files are deleted at its exit.
 
-    Raises PicktreeError for a run that is finished, and where the log lacks what is needed.
+    Raises PicktreeError for a run that is finished, and where the log lacks necessary data.
     """
 
     def __init__(self, request: ResumeRequest) -> None:
@@ -224,7 +233,8 @@ class Resumption:
         listener: Listener | None = None,
         operator: Operator | None = None,
     ) -> Session:
-        """What goes on when it is run; `operator` answers what nobody has answered before."""
+        """Return the session that resumes the run. `operator` answers the questions that have no recorded
+        answer."""
         return Session(
             self.recipe,
             watcher,
@@ -238,18 +248,18 @@ class Resumption:
 
     @property
     def since(self) -> float:
-        """When it goes on, simulated s; -1 when it begins anew."""
+        """Time at which the run resumes, simulated s; -1 when it starts from the beginning."""
         return self.recipe.start.state.time if self.recipe.start else -1.0
 
     def _recipe(self) -> tuple[Recipe, str, float]:
-        """What goes on, which it is, as a sentence, and up to when it knows what happened, simulated s."""
+        """Return the recipe, a sentence about its start, and the end of its knowledge, simulated s."""
         limit = self.request.limit
         found = recipe_from_truth(self.recorded) if self.request.as_it_stands else self._from_checkpoint()
         recipe, told, knows = found
         return (recipe if limit is None else replace(recipe, limit=limit)), told, knows
 
     def _from_checkpoint(self) -> tuple[Recipe, str, float]:
-        """From the last one, else from the beginning."""
+        """Return the recipe from the last checkpoint, else from the beginning."""
         run, recorded = self.run, self.recorded
         found = recorded.last_checkpoint(run.end)
         if found is None:
@@ -281,7 +291,7 @@ def _done(items: int) -> str:
 
 
 def _refuse_finished(run: RunRecord, limit: float | None) -> None:
-    """Raises PicktreeError for a run that came to its end, and for a limit that it has reached already."""
+    """Raise PicktreeError for a run that has come to its end, and for a limit that it has already reached."""
     status = run.log.result.get("status", "")
     if status in _FINISHED:
         raise PicktreeError(

@@ -1,7 +1,7 @@
-"""The files of a run out of its log, put into a folder where they can be read as they were the first time.
+"""Unpacking of a run's files from its log into a folder, in which the usual loaders read them.
 
-A text is read as it stands, unless it names a file that cannot stand where it says; then a copy is read that
-names it elsewhere, and the value keeps the text of the log.
+A text is read as it is, unless it names a file that cannot be placed there. Then a copy is read that names it
+elsewhere, and the value keeps the text of the log.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from ..recipe import ROBOT_MESHES, plain_reference
 
 
 class RecordedFileNames(Protocol):
-    """What the files of a run were called, as `RunInfo` tells."""
+    """Names of a run's files, as `RunInfo` has them."""
 
     @property
     def mission(self) -> str: ...
@@ -44,7 +44,7 @@ class RecordedFileNames(Protocol):
 
 
 class RecordedFileStore(Protocol):
-    """Where the files of a run are kept: its log, or a recipe of a batch."""
+    """Store of a run's files: its log, or a recipe of a batch."""
 
     @property
     def path(self) -> Path: ...
@@ -53,13 +53,16 @@ class RecordedFileStore(Protocol):
     @property
     def attachments(self) -> tuple[str, ...]: ...
     def attachment(self, name: str) -> bytes:
-        """Raises PicktreeError when it is not there."""
+        """Return a file's content. Raises PicktreeError when it is missing."""
         ...
 
 
 class Unpacking:
-    """Reads the files of one run. All methods raise PicktreeError for what the log does not hold, and
-    FileError where this version of picktree no longer takes a file."""
+    """Reader of one run's files.
+
+    All methods raise PicktreeError for a file that the log lacks, and FileError where this version of
+    picktree no longer accepts a file.
+    """
 
     def __init__(self, log: RecordedFileStore, folder: Path) -> None:
         self._log = log
@@ -68,7 +71,8 @@ class Unpacking:
         self._info = log.run
 
     def mission(self, edit: str = "") -> Mission:
-        """With what it includes and its plug-ins. `edit`: the folder in the log of an edited version."""
+        """Return the mission with its includes and plug-ins. `edit`: folder in the log of an edited
+        version."""
         prefix = f"{edit}/" if edit else ""
         folder = self._folder / "mission"
         text = self._text(f"{prefix}mission.yaml")
@@ -88,7 +92,7 @@ class Unpacking:
                 moved = self._put_mesh(kind, mesh, entry, folder) or moved
         robot = str(data.get("robot"))
         if robot not in robot_names():
-            # Only that there is such a file is looked at here; its content is read by `robot`.
+            # This text only needs a robot file that exists; `robot` reads its content.
             data["robot"], moved = "robot/robot.yaml", True
             self._put(folder / "robot" / "robot.yaml", self._log.attachment("robot.yaml"))
         return replace(parse_scene(_dumped(data) if moved else text, path), text=text)
@@ -123,7 +127,7 @@ class Unpacking:
         return replace(parse_faults(_dumped(data) if named else text, path), text=text)
 
     def _put_mesh(self, kind: str, mesh: str, entry: dict[str, Any], folder: Path) -> bool:
-        """Put the mesh where the scene names it; True when it is named elsewhere now."""
+        """Put the mesh where the scene names it. True when the entry names another place now."""
         base = posixpath.basename(mesh)
         name = next((n for n in (f"mesh/{kind}/{base}", f"mesh/{base}") if n in self._names), None)
         if name is None:
@@ -135,7 +139,8 @@ class Unpacking:
         return at != mesh
 
     def _with_meshes(self, urdf: bytes, folder: Path, installed: Path | None) -> bytes:
-        """The URDF, its meshes beside it: those of the log, else the same ones of the installed package."""
+        """Return the URDF, with its meshes beside it: those of the log, else the same ones of the installed
+        package."""
         root = ElementTree.fromstring(urdf)
         for mesh in root.iter("mesh"):
             filename = mesh.get("filename", "")
@@ -151,7 +156,7 @@ class Unpacking:
 
     def _installed_mesh(self, name: str, filename: str, installed: Path | None) -> bytes:
         digest, _, path = self._info.files.get(name, "").partition(" ")
-        # A mesh of an installed package is found by its name alone, whatever stands beside the URDF here.
+        # A mesh of an installed package is found by its name alone, whatever file is beside the URDF here.
         beside = installed or self._folder / "robot" / "robot.urdf"
         for file in (Path(path) if path else None, mesh_file(beside, filename)):
             if file is not None and file.is_file():
@@ -164,7 +169,7 @@ class Unpacking:
         )
 
     def _below(self, prefix: str) -> list[tuple[str, str]]:
-        """Attachments whose name begins so: the rest of the name, the name."""
+        """Return the attachments whose name starts with `prefix`: the rest of the name, the name."""
         return [(name.removeprefix(prefix), name) for name in self._names if name.startswith(prefix)]
 
     def _text(self, name: str) -> str:
@@ -174,7 +179,7 @@ class Unpacking:
             raise PicktreeError(f"{self._log.path}: the file {name!r} in the log is damaged") from None
 
     def _stem(self, name: str, otherwise: str) -> str:
-        """What the file was called, which names a mission that does not name itself."""
+        """Return the stem of the file's original name; it names a mission that has no name of its own."""
         path = self._info.files.get(name, "").partition(" ")[2]
         return Path(path).stem if path else _inside(otherwise)
 
@@ -184,7 +189,7 @@ class Unpacking:
 
 
 def _inside(name: str) -> str:
-    """The name as one that leads out of no folder."""
+    """Return the name as one that leads out of no folder."""
     return plain_reference(name) or "unnamed"
 
 
@@ -204,7 +209,8 @@ def _dumped(data: Mapping[str, Any]) -> str:
 
 
 def _parsed_or_none(text: str, path: Path) -> RobotDescription | None:
-    """None when the package of its URDF is not installed here, or has another one that does not fit."""
+    """Parse a robot file. None when the package of its URDF is not installed here, or has another one that
+    does not fit."""
     try:
         return parse_robot(text, path)
     except FileError:

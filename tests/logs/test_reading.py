@@ -166,7 +166,7 @@ def test_a_log_is_found_by_file_folder_and_last(
 def test_a_newer_format_is_refused_with_a_sentence(
     sample: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("picktree.logs.recording.recorder.FORMAT", 3)
+    monkeypatch.setattr("picktree.logs.recording.journal_records.FORMAT", 3)
     path = tmp_path / "log.mcap"
     sample.record(path, ticks=2)
     with pytest.raises(PicktreeError) as raised:

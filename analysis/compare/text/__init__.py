@@ -1,1 +1,1 @@
-"""A comparison of two runs, rendered as text and as JSON."""
+"""Comparison of two runs as text and as JSON."""

@@ -1,4 +1,4 @@
-"""A comparison of two runs as text for a terminal, what matters first."""
+"""Comparison of two runs, as text for a terminal with the most important facts first, and as JSON."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from .divergence_text import first_value_lines, parting_lines
 
 
 def to_json_text(diff: RunDiff) -> str:
-    """One object, with a line's end."""
+    """Return one JSON object, with a trailing newline."""
     return json.dumps(to_json(diff), ensure_ascii=False, indent=2, allow_nan=False, default=str) + "\n"
 
 
@@ -89,15 +89,15 @@ def _spent_json(spent: TimeUse) -> dict[str, Any]:
 
 
 MOST = 8
-"""Rows of a table; what follows is counted only."""
+"""Maximum number of rows of a table; the others are only counted."""
 _DIFF_LINES = 24
-"""Lines of one file's changes."""
+"""Maximum number of lines about one file's changes."""
 _MOVED = 0.005
-"""s. Less is shown as no change."""
+"""Change below which a time counts as unchanged, s."""
 
 
 def to_text(diff: RunDiff) -> str:
-    """Without a line's end."""
+    """Return the text without a trailing newline."""
     return "\n".join(_lines(diff))
 
 
@@ -134,7 +134,7 @@ def _head(diff: RunDiff) -> Iterator[str]:
 
 
 def _from(diff: RunDiff) -> str:
-    """From where on they are compared, when that is not the beginning."""
+    """Return the start of the comparison; empty when it is the beginning."""
     return f"from {diff.alignment.since:.3f} " if diff.alignment.since else ""
 
 
@@ -234,7 +234,7 @@ def _times(changes: Iterable[TimeChange], names: Mapping[str, str]) -> Iterator[
 
 
 def _told_once(diff: RunDiff) -> Iterator[TimeChange]:
-    """The nodes without those whose parent took the same time as often."""
+    """Yield the nodes except those whose parent has the same times and counts."""
     above = _above(diff)
     known = {change.name: (change.a, change.b) for change in diff.time.by_node}
     for change in diff.time.by_node:
@@ -243,7 +243,7 @@ def _told_once(diff: RunDiff) -> Iterator[TimeChange]:
 
 
 def _above(diff: RunDiff) -> Mapping[str, str]:
-    """The path of each node's parent, all as in A; of what only B has, as in B."""
+    """Return the path of each node's parent as in A; as in B for nodes that only B has."""
     nodes, path_in_a = diff.alignment.nodes, diff.alignment.nodes.a_by_b
     return {
         **{node.path: path_in_a.get(node.parent, node.parent) for node in nodes.only_b},
@@ -313,7 +313,7 @@ def _listed(title: str, names: list[str]) -> Iterator[str]:
 
 
 def _tops(nodes: Sequence[TreeNode]) -> Iterator[str]:
-    """Those that have none of the others above them, with the number of the others below."""
+    """Yield the nodes that are below none of the others, with the number of the others below each."""
     paths = [node.path for node in nodes]
     for path in paths:
         if not any(path.startswith(f"{other}/") for other in paths):
@@ -322,7 +322,7 @@ def _tops(nodes: Sequence[TreeNode]) -> Iterator[str]:
 
 
 def _table(rows: list[tuple[str, ...]], *, right: bool = False) -> Iterator[str]:
-    """Columns as wide as they must be; `right`: numbers from the second column on."""
+    """Yield rows with columns of minimum width; `right`: numbers from the second column on."""
     widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))] if rows else []
     for row in rows:
         cells = (

@@ -1,4 +1,4 @@
-"""Where two runs part, as lines of text."""
+"""Divergence of two runs, as lines of text."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def parting_lines(parting: Divergence) -> Iterator[str]:
 
 
 def first_value_lines(first: MessageDifference) -> Iterator[str]:
-    """The first simulated value that differs."""
+    """Yield lines about the first simulated value that differs."""
     where = f"tick {first.tick}, {first.time:.2f} s, {first.topic}"
     if first.missing:
         side, value = ("B", first.b) if first.missing == "a" else ("A", first.a)
@@ -57,7 +57,7 @@ def first_value_lines(first: MessageDifference) -> Iterator[str]:
 
 
 def _apart(title: str, a: Values, b: Values) -> Iterator[str]:
-    """The values that differ; in lists the first element that does."""
+    """Yield the values that differ; for lists the first differing element."""
     if not a or not b:
         for side, values in (("A", a), ("B", b)):
             if values:

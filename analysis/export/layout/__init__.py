@@ -1,1 +1,1 @@
-"""A layout for Foxglove and Lichtblick, made for one log's own tree, topics, joints and cameras."""
+"""Layout for Foxglove and Lichtblick, made for one log's own tree, topics, joints and cameras."""

@@ -1,4 +1,4 @@
-"""Which nodes are worth a lane of their own, and what the lane is called."""
+"""Choice of the nodes that get a lane of their own, and the labels of the lanes."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from ....logs.schema.records import Tree, TreeNode
 from ...run import Run
 
 LEAVES = 12
-"""At most so many lanes of leaves,"""
+"""Maximum number of lanes of leaves."""
 INNER = 5
-"""and of nodes with children, the root not counted."""
+"""Maximum number of lanes of nodes with children, besides the root."""
 
 
 @dataclass(frozen=True, slots=True)
 class Lane:
-    """`label` is the shortest end of the path that no other lane has."""
+    """Lane of a node; `label` is the shortest end of the path that no other lane has."""
 
     path: str
     label: str
@@ -25,21 +25,21 @@ class Lane:
 
 @dataclass(frozen=True, slots=True)
 class _Activity:
-    """Of a node over a run, in ticks."""
+    """Activity of the nodes over a run."""
 
     ticks: Mapping[str, int]
-    """In which it was busy: reached, and not idle."""
+    """Number of ticks in which a node was busy: reached, and not idle."""
     failed: frozenset[str]
     """Nodes that failed with a cause."""
     began: Mapping[str, int]
-    """How often it became busy."""
+    """Number of times that a node became busy."""
     leaves: frozenset[str]
 
 
 def lanes(run: Run) -> tuple[Lane, ...]:
-    """The root, the busiest leaves (those that failed first) and the busiest sub-trees, in the tree's order.
+    """Return the root, the busiest leaves (failed ones first) and the busiest sub-trees, in the tree's order.
 
-    Of nodes that wrap each other, always busy together, one has a lane: the outermost, or the leaf.
+    Of nodes that wrap each other and are always busy together, one has a lane: the outermost, or the leaf.
     """
     nodes = _nodes(tree.record for tree in run.trees)
     if not nodes:
@@ -61,7 +61,7 @@ def lanes(run: Run) -> tuple[Lane, ...]:
 
 
 def labels(paths: Sequence[str]) -> tuple[str, ...]:
-    """For each path its last parts, as few as tell it from the others.
+    """Return for each path its shortest end that no other path has.
 
     >>> labels(["Main", "Main/A/Grasp", "Main/B/Grasp"])
     ('Main', 'A/Grasp', 'B/Grasp')
@@ -71,13 +71,13 @@ def labels(paths: Sequence[str]) -> tuple[str, ...]:
 
 
 def _ends(path: str) -> tuple[str, ...]:
-    """The shortest first, the whole path last."""
+    """Return the ends of the path, the shortest first, the whole path last."""
     parts = path.split("/")
     return tuple("/".join(parts[k:]) for k in range(len(parts) - 1, -1, -1))
 
 
 def _nodes(trees: Iterable[Tree]) -> tuple[TreeNode, ...]:
-    """Of all trees of the run, each once, as the first of them to have it tells."""
+    """Return the nodes of all trees of the run, each once, in its first form."""
     found: dict[str, TreeNode] = {}
     for tree in trees:
         for node in tree.nodes:
@@ -86,7 +86,7 @@ def _nodes(trees: Iterable[Tree]) -> tuple[TreeNode, ...]:
 
 
 def _wraps_or_wrapped(node: TreeNode, activity: _Activity) -> bool:
-    """Whether its parent was busy whenever it was, and no longer; or one of its children."""
+    """Whether the node's parent, or a leaf below it, was busy at exactly the same times."""
     return any(
         activity.ticks[node.path] == activity.ticks.get(other)
         and activity.began[node.path] == activity.began[other]
@@ -96,7 +96,7 @@ def _wraps_or_wrapped(node: TreeNode, activity: _Activity) -> bool:
 
 
 def _activity(run: Run, leaves: frozenset[str]) -> _Activity:
-    """Read from the ticks alone, which logs of every format have."""
+    """Return the activity from the ticks alone, which logs of every format have."""
     ticks, began = Counter[str](), Counter[str]()
     failed: set[str] = set()
     before: frozenset[str] = frozenset()

@@ -1,4 +1,4 @@
-"""A layout made for one log, as the file that Lichtblick and Foxglove import."""
+"""Layout of one log, as the file that Lichtblick and Foxglove import."""
 
 from __future__ import annotations
 
@@ -22,17 +22,18 @@ from . import panels
 from .layout_format import CameraState, Entities, Frustum, Grid, LayoutFile, Panel, Split, TabEntry, ThreeDee
 
 _AZIMUTH, _ELEVATION = -30.0, 25.0
-"""Of the camera as seen from the scene, degrees; the azimuth is about z, from +x."""
+"""Direction of the camera as seen from the scene, degrees; the azimuth is about z, from +x."""
 _FOV = 45.0
 _AIR = 1.15
-"""The scene's sphere fills the picture but for this."""
+"""Factor by which the view is larger than the scene's sphere."""
 _TRUTH = "#ff00ff59"
-"""Of what truly is, over what is believed."""
+"""Colour of the ground truth over the belief."""
 _EMPTY = np.array([[-0.5, -0.5, 0.0], [0.5, 0.5, 1.0]])
 
 
 def three_dee(log: RunLog, title: str, *, truth: bool) -> ThreeDee:
-    """With the belief; and the truth over it, tinted, when `truth`. The panels' cameras move together."""
+    """Return a 3-D panel with the belief; `truth` adds the tinted ground truth. The panels' cameras move
+    together."""
     frames = log.transforms_at(log.end)
     transforms = frames.record if frames is not None else ()
     shown: dict[str, Entities | Frustum] = {
@@ -75,7 +76,7 @@ def three_dee(log: RunLog, title: str, *, truth: bool) -> ThreeDee:
 
 
 def camera_state(centre: Array, radius: float) -> CameraState:
-    """That sees a sphere about `centre` (m, in the world) as large as it can be.
+    """Return a camera that sees a sphere about `centre` (m, in the world) as large as possible.
 
     The panel puts its camera at `centre` + `distance` · (−sin φ sin θ, −sin φ cos θ, cos φ).
     """
@@ -94,15 +95,15 @@ def camera_state(centre: Array, radius: float) -> CameraState:
 
 
 def _extent(points: Array) -> tuple[float, Array]:
-    """Diagonal (m) and centre of the box about all points (n, 3)."""
+    """Return the diagonal (m) and the centre of the box about all points (n, 3)."""
     low, high = points.min(axis=0), points.max(axis=0)
     return float(np.linalg.norm(high - low)), (low + high) / 2
 
 
 def _points(scene: Scene | None, transforms: Sequence[Transform]) -> Array:
-    """Corners of what is believed to stand and lie, and the origins of all links, in the world (n, 3), m.
+    """Return the corners of the believed bodies and the origins of all links, in the world (n, 3), m.
 
-    The table that everything stands on counts by what stands on it: it reaches far beyond.
+    Of the fixed parts only those of bins and tiles count, since the table reaches far beyond the scene.
     """
     found: list[Array] = [np.array(t.pose.position)[None] for t in transforms]
     if scene is not None:
@@ -113,7 +114,8 @@ def _points(scene: Scene | None, transforms: Sequence[Transform]) -> Array:
 
 
 def _frames(log: RunLog) -> tuple[str, ...]:
-    """All that ever were, in the order in which they appeared: their axes would hide the scene."""
+    """Return all frames of the run in the order in which they appeared; their axes are hidden, as they would
+    cover the scene."""
     return (WORLD, *dict.fromkeys(t.child for at in log.transforms() for t in at.record))
 
 
@@ -123,21 +125,21 @@ class ViewerLayout:
 
     @property
     def lanes(self) -> int:
-        """How many lanes of statuses and events there are."""
+        """Number of lanes of statuses and events."""
         return sum(len(paths_of(panel)) for key, panel in self.panels if key.startswith("StateTransitions!"))
 
     @property
     def panels(self) -> tuple[tuple[str, Panel], ...]:
-        """With their ids, `TYPE!NAME`; without those that merely hold others as tabs."""
+        """Panels with their ids, `TYPE!NAME`, without tab containers."""
         return tuple((key, p) for key, p in self.file["configById"].items() if not key.startswith("Tab!"))
 
     def to_json_text(self) -> str:
-        """With a line's end."""
+        """Return the file as JSON, with a trailing newline."""
         return json.dumps(self.file, ensure_ascii=False, indent=1, allow_nan=False) + "\n"
 
 
 class _Desk:
-    """Collects panels under the ids by which the arrangement names them."""
+    """Collection of panels under the ids by which the arrangement names them."""
 
     def __init__(self) -> None:
         self.panels: dict[str, Panel] = {}
@@ -149,7 +151,7 @@ class _Desk:
         return key
 
     def tabs(self, entries: Sequence[tuple[str, str]]) -> str:
-        """One panel as itself, more of them behind tabs; a pair is the tab's title and the panel."""
+        """Return one panel itself, several as tabs; a pair is the tab's title and the panel."""
         if len(entries) == 1:
             return entries[0][1]
         tabs: list[TabEntry] = [{"title": title, "layout": panel} for title, panel in entries]
@@ -157,7 +159,8 @@ class _Desk:
 
 
 def layout(run: Run) -> ViewerLayout:
-    """For the run's own tree, topics, joints and cameras. Raises PicktreeError where the log is damaged."""
+    """Return the layout for the run's own tree, topics, joints and cameras. Raises PicktreeError for a
+    damaged log."""
     desk = _Desk()
     view = desk.tabs(
         [
@@ -187,7 +190,7 @@ def layout(run: Run) -> ViewerLayout:
 
 
 def _column(panes: Sequence[str], percentage: float) -> str | Split:
-    """The panes below each other, the first with that share of the height."""
+    """Return the panes below each other, the first with that share of the height, percent."""
     first, *others = panes
     return functools.reduce(lambda above, pane: _split("column", above, pane, percentage), others, first)
 
@@ -199,7 +202,7 @@ def _split(
 
 
 def paths_of(panel: Panel) -> tuple[str, ...]:
-    """The message paths that a panel shows; whole topics are none."""
+    """Return the message paths that a panel shows, without whole topics."""
     if "paths" in panel:
         return tuple(path["value"] for path in panel["paths"])
     return (panel["topicPath"],) if "topicPath" in panel else ()

@@ -1,4 +1,4 @@
-"""The layout file of Lichtblick and of Foxglove Studio, as far as it is written here.
+"""Format of the layout file of Lichtblick and of Foxglove Studio, as far as picktree writes it.
 
 Names and types are theirs: `packages/suite-base/src/panels/*/types.ts` of Lichtblick 1.28.
 """
@@ -9,12 +9,13 @@ from typing import Literal, NotRequired, TypedDict
 
 
 class CameraState(TypedDict):
-    """Degrees and m. The camera orbits `targetOffset`; `target` is kept by the file, and ignored."""
+    """Camera of a 3-D panel; degrees and m. It orbits `targetOffset`; the file keeps `target`, but viewers
+    ignore it."""
 
     distance: float
     perspective: bool
     phi: float
-    """From the vertical."""
+    """Angle from the vertical, degrees."""
     target: list[float]
     targetOffset: list[float]
     targetOrientation: list[float]
@@ -40,21 +41,21 @@ class Grid(TypedDict):
 
 
 class Entities(TypedDict):
-    """Of a topic of scene updates."""
+    """Display of a topic of scene updates."""
 
     visible: bool
     color: NotRequired[str]
-    """Instead of the entities' own, with alpha."""
+    """Colour with alpha, in place of the entities' own."""
     showOutlines: NotRequired[bool]
 
 
 class Frustum(TypedDict):
-    """Of a topic of camera calibrations."""
+    """Display of a topic of camera calibrations."""
 
     visible: bool
     color: str
     distance: float
-    """How far the frustum reaches, m."""
+    """Length of the frustum, m."""
 
 
 class TopicVisibility(TypedDict):
@@ -77,7 +78,7 @@ class ThreeDee(TypedDict):
     followTf: str
     scene: ThreeDeeScene
     transforms: dict[str, TopicVisibility]
-    """By `frame:NAME`."""
+    """Visibility of frames, by `frame:NAME`."""
     topics: dict[str, Entities | Frustum]
     layers: dict[str, Grid]
     foxglovePanelTitle: str
@@ -167,7 +168,7 @@ Panel = ThreeDee | StateTransitions | PlotPanel | RawMessages | LogPanel | Image
 
 class LayoutFile(TypedDict):
     configById: dict[str, Panel]
-    """By `TYPE!NAME`."""
+    """Panels by `TYPE!NAME`."""
     globalVariables: dict[str, str]
     userNodes: dict[str, str]
     playbackConfig: Playback

@@ -1,9 +1,9 @@
-"""The panels besides the 3-D one: lanes of statuses, plots, raw messages, images, lines for people.
+"""Panels besides the 3-D one: lanes of statuses, plots, raw messages, images, log lines; and their message
+paths.
 
-Message paths, as Lichtblick's and Foxglove's panels take them: a topic, then fields, slices and filters.
-
-`/bt/tick.nodes[:]{path=="Main/Grasp"}.status`, `/joint_states.joints[:]{name=="j1"}.position`. What is
-read here is the grammar of Lichtblick's `message-path` package without variables and without modifiers.
+Message paths, as Lichtblick's and Foxglove's panels take them, are a topic, then fields, slices and filters:
+`/bt/tick.nodes[:]{path=="Main/Grasp"}.status`, `/joint_states.joints[:]{name=="j1"}.position`. The parser
+reads the grammar of Lichtblick's `message-path` package without variables and without modifiers.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ class Slice:
 
 @dataclass(frozen=True, slots=True)
 class Filter:
-    """Goes on only with what has this value at this field; `path` is one or more names."""
+    """Selection of the values that have this value at this field; `path` is one or more names."""
 
     path: tuple[str, ...]
     operator: str
@@ -67,14 +67,17 @@ _COMPARE: Mapping[str, Callable[[Any, Any], bool]] = {
 
 
 def literal(text: str) -> str | None:
-    """The text as a value in a filter; None when it has both kinds of quote, since none can be escaped."""
+    """Return the text as a value in a filter.
+
+    None when it has both kinds of quote, since none can be escaped.
+    """
     if '"' not in text:
         return f'"{text}"'
     return f"'{text}'" if "'" not in text else None
 
 
 def parse(text: str) -> MessagePath:
-    """Raises ValueError, with the place, for what the viewers would not understand.
+    """Parse a message path. Raises ValueError, with the place, for text that the viewers do not understand.
 
     >>> parse('/wrench.force.z').parts
     (Field(name='force'), Field(name='z'))
@@ -90,7 +93,7 @@ def parse(text: str) -> MessagePath:
 
 
 def _part(text: str, at: int, parts: list[Part]) -> int:
-    """Read one part into `parts`; the place after it."""
+    """Read one part into `parts`, and return the place after it."""
     if found := _FIELD.match(text, at):
         parts.append(Field(found[1]))
     elif (found := _SLICE.match(text, at)) and parts and isinstance(parts[-1], Field) and found[0] != "[]":
@@ -112,7 +115,8 @@ def _part(text: str, at: int, parts: list[Part]) -> int:
 
 
 def values(path: MessagePath, message: object) -> tuple[object, ...]:
-    """What a panel would be given of a message (mappings, sequences, plain values) of the path's topic."""
+    """Return the values that a panel shows of a message (mappings, sequences, plain values) of the path's
+    topic."""
     return tuple(_values(path.parts, message))
 
 
@@ -149,18 +153,18 @@ def _field(value: object, name: str) -> object:
 
 
 def _elements(value: object) -> Sequence[object]:
-    """None where the value is no list."""
+    """Return the elements of a list; none for another value."""
     if isinstance(value, Sequence) and not isinstance(value, (str, bytes)):
         return cast("Sequence[object]", value)
     return ()
 
 
 _EVENTS = ("fault", "pick", "recovery", "item_done", "safety_stop", "mission_edited")
-"""Kinds of event that have a lane, where the log holds any."""
+"""Kinds of event that have a lane where the log holds any."""
 
 
 def state_transitions(run: Run) -> StateTransitions:
-    """A lane for the root, for the nodes that matter, and for each kind of event that happened."""
+    """Return lanes for the root, for the chosen nodes, and for each kind of event in the log."""
     paths = [_transition("root status", f"{topics.TICK.name}.root_status")]
     for lane in lanes(run):
         name = literal(lane.path)
@@ -176,7 +180,8 @@ def state_transitions(run: Run) -> StateTransitions:
 
 
 def plots(run: Run) -> tuple[PlotPanel, ...]:
-    """Wrench, positions, velocities, tracking error, gripper and wall time: of what the log holds."""
+    """Return plots of wrench, positions, velocities, tracking error, gripper and wall time, as far as the log
+    has them."""
     held = {name for name, info in run.log.topics.items() if info.messages}
     made: list[PlotPanel] = []
     if topics.WRENCH.name in held:
@@ -207,7 +212,7 @@ def running_nodes() -> RawMessages:
 
 
 def raw_messages(run: Run) -> tuple[RawMessages, ...]:
-    """Of events, plans, candidates and what was written to the blackboard: of what the log holds."""
+    """Return panels of events, plans, candidates and writes to the blackboard, as far as the log has them."""
     held = {name for name, info in run.log.topics.items() if info.messages}
     wanted = (
         ("Failing nodes", topics.TICK.name, '.nodes[:]{status=="FAILURE"}'),
@@ -220,7 +225,7 @@ def raw_messages(run: Run) -> tuple[RawMessages, ...]:
 
 
 def images(run: Run) -> tuple[Image, ...]:
-    """Colour and depth of each camera."""
+    """Return panels of colour and depth for each camera."""
     return tuple(
         {
             "imageMode": {
@@ -244,8 +249,11 @@ def log() -> LogPanel:
 
 
 def _joints(run: Run) -> tuple[Sequence[str], Sequence[str]]:
-    """Names of the arm's joints and of the fingers', as the log has them: a waypoint of a plan has as many
-    values as the arm has joints. All are the arm's when nothing was planned."""
+    """Return the names of the arm's joints and of the fingers' in the log.
+
+    A waypoint of a plan has one value for each joint of the arm. Without a plan all joints count as the
+    arm's.
+    """
     first = next(run.log.joints(), None)
     if first is None:
         return (), ()

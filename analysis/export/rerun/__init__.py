@@ -1,1 +1,1 @@
-"""A run as a Rerun recording."""
+"""Rerun recording of a run."""

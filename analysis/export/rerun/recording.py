@@ -1,4 +1,4 @@
-"""A run as a recording for Rerun, with a blueprint that arranges it."""
+"""Rerun recording of a run, with a blueprint that arranges it."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _LOOK = rr.StateConfiguration(
 )
 _AXES = ("x", "y", "z")
 _COLOURS = (0xE0443EFF, 0x2E9E5BFF, 0x3D8BFDFF, 0xC98A1AFF, 0x8E5BD0FF, 0x17A2A8FF, 0xC2528BFF, 0x6B7A8FFF)
-"""Of the series of a plot, in their order: x red, y green, z blue."""
+"""Colours of the series of a plot, in order: x red, y green, z blue."""
 
 
 def write_course(sheet: RerunWriter, run: Run) -> None:
@@ -47,13 +47,13 @@ def write_course(sheet: RerunWriter, run: Run) -> None:
 
 
 def _about(run: Run) -> str:
-    """What the run was, and what came of it, as a table."""
+    """Return settings and outcome of the run as a table."""
     words = [(row.key, row.value.replace("|", "\\|").replace("\n", " ")) for row in about(run)]
     return "\n".join(["| | |", "|---|---|", *(f"| {key} | {value} |" for key, value in words)])
 
 
 _LEVELS = {"WARNING": "WARN", "FATAL": "CRITICAL"}
-"""As Rerun calls them, where it does otherwise."""
+"""Rerun's names of the levels, where they differ from the log's."""
 
 
 def lane_entity(path: str) -> str:
@@ -61,11 +61,11 @@ def lane_entity(path: str) -> str:
 
 
 def _lanes(sheet: RerunWriter, run: Run) -> None:
-    """A node's visits, each in the colour of how it ended; nothing between them."""
+    """Write each node's visits in the colour of their outcome; nothing between them."""
     lanes: dict[str, list[tuple[float, str]]] = {}
     for path, time, state in _changes(run):
         lane = lanes.setdefault(path, [])
-        if lane and time <= lane[-1][0]:  # began anew at once
+        if lane and time <= lane[-1][0]:  # began again in the same tick
             lane.pop()
         lane.append((time, state))
     for path, lane in lanes.items():
@@ -76,7 +76,10 @@ def _lanes(sheet: RerunWriter, run: Run) -> None:
 
 
 def _changes(run: Run) -> Iterator[tuple[str, float, str]]:
-    """(path, time, state) by time for each node. From the statuses alone where the log has no transitions."""
+    """Yield (path, time, state), by time for each node.
+
+    Where the log has no transitions, they come from the statuses alone.
+    """
     if run.log.format > 1:
         for visit in run.visits:
             yield visit.path, visit.start, visit.outcome
@@ -110,7 +113,8 @@ def _signals(sheet: RerunWriter, run: Run) -> None:
 
 
 def _arm(run: Run) -> int:
-    """How many of the joints are the arm's: a waypoint of a plan has as many values; else all are."""
+    """Return the number of the arm's joints: the length of a plan's waypoint, or of all joints without a
+    plan."""
     return next((len(at.record.path[0]) for at in run.plans if at.record.path), len(run.joints.names))
 
 
@@ -121,7 +125,7 @@ def _series(
     values: NDArray[np.float64],
     names: Sequence[str],
 ) -> None:
-    """Values (n, series) at times (n,)."""
+    """Write values (n, series) at times (n,)."""
     if not values.size:
         return
     colours = np.array([_COLOURS[k % len(_COLOURS)] for k in range(len(names))], dtype=np.uint32)
@@ -131,11 +135,11 @@ def _series(
 
 
 _EVENTS = ["$origin/**", "- /events/belief/**", "- /events/image/**"]
-"""Without those of which each image brings many; they are in the recording."""
+"""Filter of the event view. It hides events of which each image brings many; they are in the recording."""
 
 
 def write_rerun(run: Run, path: Path) -> None:
-    """Raises OSError when the disk refuses, PicktreeError where the log is damaged."""
+    """Write the recording. Raises OSError when the disk refuses, PicktreeError where the log is damaged."""
     name = f"{run.info.mission}, seed {run.info.seed}"
     sheet = RerunWriter(path, name, blueprint(run))
     try:
@@ -146,7 +150,7 @@ def write_rerun(run: Run, path: Path) -> None:
 
 
 def blueprint(run: Run) -> rrb.Blueprint:
-    """The scene beside the images and what is said, above the nodes' lanes and the signals."""
+    """Return a blueprint: scene beside images and log lines, above the nodes' lanes and the signals."""
     contents = [f"+ {lane_entity(lane.path)}" for lane in lanes(run)]
     images = [
         rrb.Spatial2DView(origin=f"{camera_entity(camera)}/{kind}", name=f"{camera}, {kind}")

@@ -1,4 +1,4 @@
-"""The scene for Rerun: robot, fixtures, belief, truth, planned paths and cameras, under `/world`."""
+"""Rerun scene: robot, fixtures, belief, ground truth, planned paths and cameras, under `/world`."""
 
 from __future__ import annotations
 
@@ -22,14 +22,15 @@ from ....world.values import Pose
 from ...run import Run
 
 TIMELINE = "sim_time"
-"""Simulated seconds."""
+"""Name of the timeline in simulated seconds."""
 
 
 class RerunWriter:
-    """Everything goes straight to the file. Raises OSError when the disk refuses to open it."""
+    """Rerun recording that is written straight to the file. Raises OSError when the disk refuses to open
+    it."""
 
     def __init__(self, path: Path, name: str, blueprint: rrb.Blueprint) -> None:
-        path.open("wb").close()  # the library's own error says nothing of the reason
+        path.open("wb").close()  # The library's own error does not contain the reason.
         self._recording = rr.RecordingStream("picktree", recording_id=name, send_properties=False)
         self._recording.set_log_time_enabled(False)
         self._recording.set_log_tick_enabled(False)
@@ -56,9 +57,9 @@ class RerunWriter:
 
 
 _Z_UP_FROM_Y_UP = rr.Quaternion(xyzw=(math.sin(math.pi / 4), 0.0, 0.0, math.cos(math.pi / 4)))
-"""glTF has Y up, the links' frames have Z up."""
+"""Rotation from glTF, which has Y up, to the links' frames, which have Z up."""
 _STRETCH = 10_000
-"""Poses of a frame that are held at a time: a run may last for hours."""
+"""Maximum number of poses of a frame in memory: a run may last for hours."""
 _TRUTH = (255, 0, 255)
 _PLANNED, _REFUSED = (40, 200, 120), (230, 60, 60)
 
@@ -88,7 +89,7 @@ def write_stage(sheet: RerunWriter, run: Run) -> None:
 
 
 def _robot(sheet: RerunWriter, run: Run) -> None:
-    """The meshes once; they follow their links' frames."""
+    """Write the meshes once; they follow their links' frames."""
     for mesh in run.log.robot_model():
         model = f"/world/robot/{rr.escape_entity_path_part(mesh.link)}/model"
         sheet.always(model, rr.Asset3D(contents=upright(mesh.glb), media_type="model/gltf-binary"))
@@ -112,7 +113,7 @@ def _bodies(
     scenes: Sequence[tuple[float, tuple[BodyRecord, ...]]],
     fill: rr.components.FillMode,
 ) -> None:
-    """Shapes when they appear or change, poses at each message, and the end of what is no longer there."""
+    """Write shapes when they appear or change, poses at each message, and the removal of bodies."""
     there: Mapping[str, tuple[Shape, str, tuple[BlockRecord, ...]]] = {}
     for time, bodies in scenes:
         present = {body.id: (body.shape, body.colour, body.blocks) for body in bodies}
@@ -128,7 +129,7 @@ def _bodies(
 
 
 def _frames(sheet: RerunWriter, run: Run) -> None:
-    """Each tick's pose of the links, of cameras, and of the believed objects between two beliefs."""
+    """Write poses at each tick: links, cameras, and the believed objects between two beliefs."""
     links = {mesh.link for mesh in run.log.robot_model()}
     believed = _believed(run)
     tracks: dict[str, list[tuple[float, Pose]]] = {}
@@ -158,7 +159,7 @@ def _believed(run: Run) -> frozenset[str]:
 
 
 def _frame_entity(t: Transform, links: set[str], believed: frozenset[str]) -> str | None:
-    """None for frames that nothing is drawn in."""
+    """Return the entity of a frame; None for frames without anything to draw."""
     if t.child in links:
         return f"/world/robot/{rr.escape_entity_path_part(t.child)}"
     if t.child in believed:
@@ -167,7 +168,7 @@ def _frame_entity(t: Transform, links: set[str], believed: frozenset[str]) -> st
 
 
 def _plans(sheet: RerunWriter, run: Run) -> None:
-    """The tool's way of the last plan; nothing where no way was found."""
+    """Write the TCP path of the last plan; nothing where no plan was found."""
     for at in run.plans:
         way = [at.record.tool_path] if len(at.record.tool_path) > 1 else []
         colour = _PLANNED if at.record.outcome == "found" else _REFUSED
@@ -175,7 +176,7 @@ def _plans(sheet: RerunWriter, run: Run) -> None:
 
 
 def _camera(sheet: RerunWriter, run: Run, camera: str) -> None:
-    """Colour and depth as they stand in the log, on the plane of a pinhole camera."""
+    """Write colour and depth as they are in the log, on the plane of a pinhole camera."""
     entity = camera_entity(camera)
     for message in run.log.messages([topics.calibration_topic(camera).name]):
         i = foxglove_messages.read_calibration(message.data)
@@ -202,7 +203,7 @@ def _entity(source: str, name: str) -> str:
 
 
 def camera_entity(camera: str) -> str:
-    """Its colour and depth images are below it."""
+    """Return the entity above a camera's colour and depth images."""
     return f"/world/camera/{rr.escape_entity_path_part(camera)}"
 
 

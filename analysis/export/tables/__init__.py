@@ -1,1 +1,1 @@
-"""A run as tables: their columns and rows, and the files that hold them."""
+"""Tables of a run: their columns and rows, and the files that hold them."""

@@ -1,6 +1,6 @@
-"""A table as CSV: RFC 4180, UTF-8, a first line with the columns' names, CRLF, text quoted where it must be.
+"""CSV file of a table: RFC 4180, UTF-8, a first line with the columns' names, CRLF, text quoted where needed.
 
-An empty cell is a missing value or an empty text. Numbers are written so that they read back as they were.
+An empty cell is a missing value or an empty text. Numbers are written so that they read back unchanged.
 """
 
 from __future__ import annotations
@@ -16,11 +16,11 @@ from .row_types import Cell, TableSpec, cells
 R = TypeVar("R")
 
 _FORMULA = re.compile(r"'*[=+\-@\t\r]")
-"""A text that begins so is a formula to a spreadsheet, and may do what a program does, unless ' precedes."""
+"""Beginnings of text that a spreadsheet takes as a formula, which could run a program, unless ' precedes."""
 
 
 def write_csv(path: Path, table: TableSpec[R], rows: Iterable[R]) -> int:
-    """How many rows were written. Raises OSError when the disk refuses."""
+    """Write the rows and return their number. Raises OSError when the disk refuses."""
     count = 0
     with path.open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file, lineterminator="\r\n")
@@ -32,7 +32,7 @@ def write_csv(path: Path, table: TableSpec[R], rows: Iterable[R]) -> int:
 
 
 def read_csv(path: Path, table: TableSpec[R]) -> tuple[R, ...]:
-    """What `write_csv` wrote. Raises ValueError for another file."""
+    """Read a file of `write_csv`. Raises ValueError for another file."""
     with path.open(encoding="utf-8", newline="") as file:
         reader = csv.reader(file, strict=True)
         names = next(reader, list[str]())

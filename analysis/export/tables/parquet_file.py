@@ -1,4 +1,5 @@
-"""A table as Parquet (zstd): typed columns, each with its unit and its meaning in the field's metadata."""
+"""Parquet file (zstd) of a table: typed columns, each with its unit and its meaning in the field's
+metadata."""
 
 from __future__ import annotations
 
@@ -15,12 +16,12 @@ from .row_types import Column, TableSpec, cells
 R = TypeVar("R")
 
 _GROUP = 100_000
-"""Rows that are held at a time: a run may last for hours."""
+"""Maximum number of rows in memory: a run may last for hours."""
 TYPES = {"int": pa.int64(), "float": pa.float64(), "bool": pa.bool_(), "text": pa.string()}
 
 
 def write_parquet(path: Path, table: TableSpec[R], rows: Iterable[R]) -> int:
-    """How many rows were written. Raises OSError when the disk refuses."""
+    """Write the rows and return their number. Raises OSError when the disk refuses."""
     schema = pa.schema(
         [field_of(column) for column in table.columns],
         metadata={"picktree.table": table.name, "picktree.row": table.meaning},
@@ -39,7 +40,7 @@ def write_parquet(path: Path, table: TableSpec[R], rows: Iterable[R]) -> int:
 
 
 def read_parquet(path: Path, table: TableSpec[R]) -> tuple[R, ...]:
-    """What `write_parquet` wrote. Raises ValueError for another file."""
+    """Read a file of `write_parquet`. Raises ValueError for another file."""
     read = parquet.read_table(path)
     if read.schema.names != [column.name for column in table.columns]:
         raise ValueError(f"{path}: the columns are {', '.join(read.schema.names)}")

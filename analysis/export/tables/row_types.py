@@ -1,4 +1,4 @@
-"""The rows of each table. Times are simulated seconds from the run's start; paths name nodes of the tree."""
+"""Row types of the tables. Times are simulated seconds from the run's start; paths name nodes of the tree."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _KINDS: Final[dict[type, Kind]] = {int: "int", float: "float", bool: "bool", str
 
 @dataclass(frozen=True, slots=True)
 class ColumnDoc:
-    """What a column holds, for people; `unit` is empty for what has none."""
+    """Description of a column for people; `unit` is empty for a column without one."""
 
     meaning: str
     unit: str = ""
@@ -33,18 +33,18 @@ class Column:
     name: str
     kind: Kind
     optional: bool
-    """Whether a cell may be empty (None). A text that is missing is the empty text instead."""
+    """Whether a cell may be empty (None). A missing text is the empty text instead."""
     unit: str
     meaning: str
 
 
 @dataclass(frozen=True, slots=True)
 class TableSpec(Generic[R]):
-    """`row` is a dataclass whose fields are `Annotated[int | float | bool | str, Says(…)]`."""
+    """Table; `row` is a dataclass whose fields are `Annotated[int | float | bool | str, ColumnDoc(…)]`."""
 
     name: str
     meaning: str
-    """What a row is."""
+    """Meaning of a row."""
     row: type[R]
     rows: Callable[[Run], Iterable[R]]
 
@@ -55,13 +55,13 @@ class TableSpec(Generic[R]):
 
 @cache
 def columns(row: type) -> tuple[Column, ...]:
-    """In the order of the fields. Raises TypeError for a field that is no column."""
+    """Return the columns in the order of the fields. Raises TypeError for a field that is no column."""
     said = hints(row, include_extras=True)
     return tuple(_column(field.name, said[field.name]) for field in dataclasses.fields(row))
 
 
 def cells(row: object) -> tuple[Cell, ...]:
-    """The row's values in the order of its columns."""
+    """Return the row's values in the order of its columns."""
     return tuple(getattr(row, column.name) for column in columns(type(row)))
 
 
@@ -224,7 +224,7 @@ class EventRow:
 
 @dataclass(frozen=True, slots=True)
 class ObjectRow:
-    """The belief and the truth in one table, to be compared by id and time."""
+    """Objects of the belief and of the ground truth in one table, to be compared by id and time."""
 
     time: Time
     source: Annotated[str, ColumnDoc("belief, or truth, which the robot did not know")]
@@ -245,7 +245,7 @@ class ObjectRow:
 
 @dataclass(frozen=True, slots=True)
 class JointRow:
-    """One joint at one tick: for a column a joint, pivot by `joint`."""
+    """Joint at a tick: for a column for each joint, pivot by `joint`."""
 
     time: Time
     joint: Annotated[str, ColumnDoc("name in the URDF")]
@@ -256,7 +256,7 @@ class JointRow:
 
 @dataclass(frozen=True, slots=True)
 class WrenchRow:
-    """What acts on the wrist from outside, in the world's axes."""
+    """External wrench at the wrist, in world axes."""
 
     time: Time
     fx: Annotated[float, ColumnDoc("force, x", "N")]
@@ -269,7 +269,7 @@ class WrenchRow:
 
 @dataclass(frozen=True, slots=True)
 class ControlRow:
-    """What the arm's servo had been told for the moment at which the joint was read."""
+    """Set point of the arm's servo at the moment at which the joint was read."""
 
     time: Time
     controller: Annotated[str, ColumnDoc("who commands: Hold, Track, Brake, …")]
@@ -280,7 +280,7 @@ class ControlRow:
 
 @dataclass(frozen=True, slots=True)
 class TimingRow:
-    """Of the wall clock, which no run has twice."""
+    """Wall times of a tick, which differ in every run."""
 
     time: Time
     total: Annotated[float, ColumnDoc("wall time of the tick", "s")]

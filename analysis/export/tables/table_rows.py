@@ -1,4 +1,4 @@
-"""The rows of each table, from a run."""
+"""Rows of each table, made from a run."""
 
 from __future__ import annotations
 
@@ -191,7 +191,7 @@ def timings(run: Run) -> Iterator[row_types.TimingRow]:
 
 
 def about(run: Run) -> Iterator[row_types.RunRow]:
-    """What the run was started with, and what came of it."""
+    """Yield the settings of the run and its result."""
     told = asdict(run.info)
     groups = {"parameter": "parameters", "physics": "physics", "version": "versions"}
     for key, value in told.items():

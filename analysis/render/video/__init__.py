@@ -1,1 +1,1 @@
-"""A run as a film."""
+"""Films of a run."""

@@ -1,4 +1,4 @@
-"""Pictures into a film: H.264 in MP4, which every browser plays, or GIF."""
+"""Encoding of images into a film: H.264 in MP4, which every browser plays, or GIF."""
 
 from __future__ import annotations
 
@@ -16,19 +16,20 @@ if TYPE_CHECKING:
 
 _BT709 = 1
 _LIMITED = 1
-"""Numbers of H.273 for the usual colours of films: which, and that 16 is black and 235 is white."""
+"""Numbers of H.273 for the usual colours of films: BT.709, and limited range with black at 16 and white at
+235."""
 _KEY = 2.0
-"""A film can be entered at a point each so many seconds."""
+"""Interval between points at which playback of a film can start, s."""
 
 
 def require_encoder() -> None:
-    """Raises PicktreeError when the library that encodes is not installed."""
+    """Raise PicktreeError when the encoder's library is not installed."""
     with optional_import("video", "av", "A video"):
         import av  # noqa: F401 # pyright: ignore[reportUnusedImport]
 
 
 def write_mp4(path: Path, pictures: Iterable[Picture], size: tuple[int, int], fps: int) -> int:
-    """Write pictures (h, w, 3) with even sides, and say how many. Raises OSError."""
+    """Write images (h, w, 3) with even sides, and return their number. Raises OSError."""
     import av
 
     count = 0
@@ -37,7 +38,7 @@ def write_mp4(path: Path, pictures: Iterable[Picture], size: tuple[int, int], fp
         stream.width, stream.height = size
         stream.pix_fmt = "yuv420p"
         stream.gop_size = max(1, round(_KEY * fps))
-        # Said in the file, because players guess differently.
+        # Set explicitly, because players guess differently.
         context = stream.codec_context
         context.color_primaries = context.color_trc = context.colorspace = _BT709
         context.color_range = _LIMITED
@@ -54,7 +55,7 @@ def write_mp4(path: Path, pictures: Iterable[Picture], size: tuple[int, int], fp
 def write_gif(
     path: Path, pictures: Iterable[Picture], size: tuple[int, int], fps: int, sample: Sequence[Picture]
 ) -> int:
-    """Write pictures (h, w, 3) in 256 colours that suit the pictures of `sample`, and say how many.
+    """Write images (h, w, 3) in 256 colours chosen from the images of `sample`, and return their number.
 
     Raises OSError.
     """
@@ -65,7 +66,7 @@ def write_gif(
     graph = Graph()
     source = graph.add_buffer(width=size[0], height=size[1], format="rgb24", time_base=Fraction(1, fps))
     colours = graph.add_buffer(width=16, height=16, format=palette.format.name, time_base=Fraction(1, fps))
-    # An ordered pattern stands still where the picture does, so that the file stays small.
+    # An ordered pattern stays the same where the image does, so the file stays small.
     use = graph.add("paletteuse", "dither=bayer:bayer_scale=4:diff_mode=rectangle")
     sink = graph.add("buffersink")
     source.link_to(use, 0, 0)
@@ -95,7 +96,7 @@ def write_gif(
 
 
 def _palette(sample: Sequence[Picture]) -> VideoFrame:
-    """256 colours as a picture of 16 × 16."""
+    """Return 256 colours as an image of 16 × 16."""
     import av
     from av.filter import Graph
 
@@ -116,7 +117,7 @@ def _palette(sample: Sequence[Picture]) -> VideoFrame:
 
 
 def _pulled(graph: Graph) -> list[VideoFrame]:
-    """What the graph has ready."""
+    """Return the frames that the graph has ready."""
     from av.error import BlockingIOError, EOFError
 
     ready: list[VideoFrame] = []

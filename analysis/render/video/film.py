@@ -1,4 +1,4 @@
-"""A film of a run, from its log alone."""
+"""Film of a run, from its log alone."""
 
 from __future__ import annotations
 
@@ -28,12 +28,12 @@ from ..viewpoint import VIEWS, PictureView
 from .encoding import require_encoder, write_gif, write_mp4
 
 _AHEAD = 2
-"""Frames that wait at each process: none stands idle, and few are in memory."""
+"""Maximum number of frames that wait at each process: no process is idle, and few frames are in memory."""
 
 
 @dataclass(frozen=True, slots=True)
 class FrameSetup:
-    """What all frames of a film have in common."""
+    """Settings of all frames of a film."""
 
     robot: tuple[LinkMesh, ...]
     view: PictureView
@@ -41,7 +41,8 @@ class FrameSetup:
 
 
 class FrameWorkers:
-    """Use it as a context manager. With one process everything is drawn in this one."""
+    """Processes that draw frames; a context manager. With one process everything is drawn in the present
+    one."""
 
     def __init__(self, setup: FrameSetup, processes: int) -> None:
         self._setup, self._count = setup, processes
@@ -49,7 +50,7 @@ class FrameWorkers:
 
     def __enter__(self) -> FrameWorkers:
         if self._count > 1:
-            # Started anew, because a fork would take over locks of libraries' threads.
+            # Spawned, because a fork would take over locks of libraries' threads.
             context = multiprocessing.get_context("spawn")
             for _ in range(self._count):
                 ours, theirs = context.Pipe()
@@ -71,7 +72,7 @@ class FrameWorkers:
         self._painters.clear()
 
     def pictures(self, frames: Iterable[FrameContent]) -> Iterator[Picture]:
-        """RGB (h, w, 3) of each frame, in order. Raises PicktreeError when a process dies."""
+        """Yield RGB (h, w, 3) of each frame, in order. Raises PicktreeError when a process dies."""
         if not self._painters:
             scenery = _scenery(self._setup)
             for frame in frames:
@@ -104,8 +105,8 @@ def _died() -> PicktreeError:
 
 
 def _paint(line: Connection, setup: FrameSetup) -> None:
-    """Life of a process: draw what comes until nothing does."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # who started it decides
+    """Draw received frames until the connection closes: the main function of a process."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent process decides
     scenery = _scenery(setup)
     try:
         while True:
@@ -127,35 +128,35 @@ def _drawn(scenery: SceneRenderer, frame: FrameContent) -> Picture:
 
 ENDINGS: Final = (".mp4", ".gif")
 HOLD = 2.0
-"""How long a failure stands in the film, s of the film."""
+"""Time for which a failure is shown, s of the film."""
 _FEW = 60
-"""Frames for which further processes are not worth their start."""
+"""Number of frames up to which further processes do not pay for their start."""
 _SAMPLE = 5
-"""Pictures from which a GIF's colours are taken."""
+"""Number of images from which a GIF's colours are chosen."""
 
 
 @dataclass(frozen=True, slots=True)
 class FilmRequest:
-    """What a film shows and how. None takes what suits the kind of file."""
+    """Content and settings of a film. None means the default for the kind of file."""
 
     start: float = 0.0
-    """Simulated s."""
+    """Start, simulated s."""
     end: float | None = None
-    """Simulated s; None: of the last message."""
+    """End, simulated s; None: time of the last message."""
     speed: float = 1.0
     """Simulated seconds in a second of the film."""
     fps: int | None = None
     size: tuple[int, int] | None = None
-    """Pixels."""
+    """Width and height, pixels."""
     view: PictureView = VIEWS["corner"]
     show: Show = "belief"
     processes: int = 1
-    """How many draw; more than one only from a program whose main module may be imported again."""
+    """Number of drawing processes; more than one needs a program whose main module may be imported again."""
 
 
 @dataclass(frozen=True, slots=True)
 class Film:
-    """What was written."""
+    """Written film."""
 
     path: Path
     frames: int
@@ -163,7 +164,7 @@ class Film:
     size: tuple[int, int]
     bytes: int
     wall: float
-    """Seconds that it took."""
+    """Time to make the film, wall s."""
 
     @property
     def seconds(self) -> float:
@@ -194,10 +195,10 @@ def film(
     request: FilmRequest | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Film:
-    """Make the film `output`, an .mp4 or .gif. `progress` is told how many frames are done, of how many.
+    """Make the film `output`, an .mp4 or .gif. `progress` receives the number of finished frames, and of all.
 
-    Whatever stops it leaves no file behind. Raises PicktreeError for a kind of file that is not known, a
-    span without a picture, and where the file cannot be written.
+    When it is stopped, no file remains. Raises PicktreeError for an unknown kind of file, a span without an
+    image, and where the file cannot be written.
     """
     began = time.monotonic()
     request = request or FilmRequest()

@@ -1,1 +1,1 @@
-"""What several panels of a report share: packing, motions, ticks, texts."""
+"""Data for several panels of a report: packing, motions, ticks, texts."""

@@ -1,4 +1,4 @@
-"""What moved in a run, tick by tick: frames of links and cameras, bodies as believed, bodies as they were."""
+"""Motion in a run, tick by tick: frames of links and cameras, believed bodies, true bodies."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from .poses import row
 
 Flags = NDArray[np.bool_]
 Span = tuple[int, int]
-"""First and last tick, both included."""
+"""First and last tick, both inclusive."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Frames:
-    """Every frame of `/tf` in the world at each tick: (n, 7), NaN where it is not there."""
+    """Poses of all frames of `/tf` in the world at each tick, (n, 7); NaN where a frame is missing."""
 
     tracks: Mapping[str, Array]
     ticks: int
@@ -32,7 +32,7 @@ class Frames:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BodyAppearance:
-    """A body as it is thought to be from one tick on."""
+    """Believed shape, colour and role of a body from one tick on."""
 
     tick: int
     body: BodyRecord
@@ -40,11 +40,11 @@ class BodyAppearance:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BelievedBody:
-    """One body of the belief over the run."""
+    """Body of the belief over the run."""
 
     id: str
     track: Array
-    """(n, 7) in the world, NaN where the robot knows nothing of it."""
+    """Poses in the world, (n, 7); NaN where it is not in the belief."""
     held: Flags
     looks: tuple[BodyAppearance, ...]
 
@@ -55,12 +55,12 @@ class BelievedBody:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TrueBodySamples:
-    """One true body at the times at which the simulator's truth was written down."""
+    """True body at the times of the logged ground truth."""
 
     body: BodyRecord
     ticks: NDArray[np.int64]
     poses: Array
-    """(samples, 7)."""
+    """Poses in the world, (samples, 7)."""
 
 
 def frames_of(run: Run) -> Frames:
@@ -79,7 +79,7 @@ def frames_of(run: Run) -> Frames:
 
 
 def believed_of(run: Run, frames: Frames) -> list[BelievedBody]:
-    """In the order in which they were first believed."""
+    """Return the believed bodies in the order in which they entered the belief."""
     ticks = len(run.ticks)
     looks: dict[str, list[BodyAppearance]] = {}
     held: dict[str, Flags] = {}
@@ -96,7 +96,7 @@ def believed_of(run: Run, frames: Frames) -> list[BelievedBody]:
 
 
 def truths_of(run: Run) -> list[TrueBodySamples]:
-    """Up to the tick at which a fault took a body away."""
+    """Return the true bodies, each up to the tick at which a fault removed it."""
     bodies: dict[str, BodyRecord] = {}
     found: dict[str, list[tuple[int, tuple[float, ...]]]] = {}
     taken = _taken(run)
@@ -122,7 +122,7 @@ def truths_of(run: Run) -> list[TrueBodySamples]:
 
 
 def _taken(run: Run) -> dict[str, int]:
-    """The tick at which it was taken away, by the true body's id."""
+    """Return the tick of the removal by a fault, by the true body's id."""
     taken: dict[str, int] = {}
     for at in run.events:
         data = at.record.data
@@ -132,7 +132,7 @@ def _taken(run: Run) -> dict[str, int]:
 
 
 def spans(flags: Flags) -> list[Span]:
-    """Where they are true."""
+    """Return the spans in which the flags are true."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(np.int8)))
     return [(int(first), int(after) - 1) for first, after in zip(edges[::2], edges[1::2], strict=True)]
 

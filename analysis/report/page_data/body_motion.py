@@ -1,4 +1,5 @@
-"""What moved in a run, read once for all panels: frames, belief, truth, and which of both belong together."""
+"""Motion in a run, read once for all panels: frames, belief, ground truth, and pairs of believed and true
+bodies."""
 
 from __future__ import annotations
 
@@ -21,24 +22,24 @@ class SceneMotion:
     believed: list[BelievedBody]
     truths: list[TrueBodySamples]
     partners: list[int | None]
-    """For each true body the number of the believed one, if any."""
+    """Number of the believed body for each true one; None: there is none."""
 
 
 @dataclass(frozen=True, slots=True)
 class BeliefDeviation:
-    """How far the truth was from the belief, from a tick on."""
+    """Distance between truth and belief, from a tick on."""
 
     tick: int
     object: str
-    """Id of the believed object; empty where the robot believed in none then."""
+    """Id of the believed object; empty where the robot believed in none at that time."""
     body: BodyRecord
-    """The true one."""
+    """True body."""
     distance: float
-    """Between both positions, m; NaN where one of both is not there."""
+    """Distance between both positions, m; NaN where one of them is missing."""
 
 
 _FINE = 5e-4
-"""Changes of a distance below this are none, m."""
+"""Smallest change of a distance that counts, m."""
 _MOTIONS: WeakKeyDictionary[Run, SceneMotion] = WeakKeyDictionary()
 
 
@@ -52,8 +53,11 @@ def motion_of(run: Run) -> SceneMotion:
 
 
 def deviations(motion: SceneMotion) -> Iterator[BeliefDeviation]:
-    """Body by body: at every sample of the truth, and between two of them, where the scene shows it
-    interpolated, whenever the distance has become another."""
+    """Yield the deviations body by body.
+
+    There is one at every sample of the ground truth. Between two samples, where the scene interpolates, there
+    is one at each change of the distance.
+    """
     for truth, partner in zip(motion.truths, motion.partners, strict=True):
         samples = frozenset(truth.ticks.tolist())
         one = None if partner is None else motion.believed[partner]

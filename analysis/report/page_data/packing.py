@@ -1,8 +1,9 @@
-"""How a report's data stand in its page: JSON with arrays of numbers beside it, compressed, as base64.
+"""Packing of a report's data into its page: JSON and arrays of numbers, compressed, as base64.
 
-    uint32 length of the JSON · JSON · arrays, each at the place that the JSON says
+    uint32 length of the JSON · JSON · arrays, each at the offset in the JSON
 
-An array is `{"~": kind, "at": offset, "shape": [...]}` in the JSON; `src/unpacking.js` reads it back."""
+An array is `{"~": kind, "at": offset, "shape": [...]}` in the JSON; `src/unpacking.js` reads it back.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +20,7 @@ from numpy.typing import NDArray
 
 
 class StringTable:
-    """Numbers texts in the order in which they come; the empty text is 0."""
+    """Numbers for texts in the order in which they come; the empty text is 0."""
 
     def __init__(self) -> None:
         self._numbers: dict[str, int] = {"": 0}
@@ -32,7 +33,7 @@ class StringTable:
 
     @property
     def texts(self) -> tuple[str, ...]:
-        """By their numbers."""
+        """Texts in the order of their numbers."""
         return tuple(self._numbers)
 
 
@@ -41,17 +42,17 @@ AnyArray: TypeAlias = NDArray[Any]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Quantised:
-    """Numbers that the page gets as multiples of a step, in 32-bit floats; NaN stays NaN."""
+    """Numbers that the page receives as multiples of a step, in 32-bit floats; NaN stays NaN."""
 
     levels: NDArray[np.int32]
-    """(n, …), multiples of `step`; `GAP` for NaN."""
+    """Multiples of `step`, (n, …); `GAP` for NaN."""
     step: float
 
 
 Packable: TypeAlias = (
     "None | bool | int | float | str | AnyArray | Quantised | Sequence[Packable] | Mapping[str, Packable]"
 )
-"""JSON, with numpy arrays and `Quantised` wherever a value may stand."""
+"""JSON in which numpy arrays and `Quantised` may occur as values."""
 
 GAP: Final = -(2**31)
 _KINDS: Final[Mapping[str, str]] = {
@@ -61,14 +62,14 @@ _KINDS: Final[Mapping[str, str]] = {
 
 @dataclass(frozen=True, slots=True)
 class Section:
-    """What one panel of the page shows. `{"empty": sentence}` as data: the page shows the sentence."""
+    """Data of one panel of the page. With `{"empty": sentence}` the page shows the sentence."""
 
     name: str
     data: Packable
 
 
 def quantised(values: AnyArray, step: float) -> Quantised:
-    """`values` (n, …) to the nearest multiple of `step`. Raises ValueError beyond 31 bits."""
+    """Round `values` (n, …) to the nearest multiples of `step`. Raises ValueError beyond 31 bits."""
     with np.errstate(invalid="ignore"):
         levels = np.round(np.asarray(values, dtype=np.float64) / step)
     gaps = np.isnan(levels)
@@ -78,7 +79,7 @@ def quantised(values: AnyArray, step: float) -> Quantised:
 
 
 def pack(sections: Iterable[Section]) -> str:
-    """All sections as one line of base64."""
+    """Return all sections as one line of base64."""
     blobs = _Blobs()
     head = orjson.dumps({section.name: blobs.plain(section.data) for section in sections})
     head += b" " * (-(len(head) + 4) % 8)  # arrays begin at multiples of 8
@@ -87,14 +88,14 @@ def pack(sections: Iterable[Section]) -> str:
 
 
 class _Blobs:
-    """The arrays of a report, one behind the other."""
+    """Arrays of a report, one behind the other."""
 
     def __init__(self) -> None:
         self.parts: list[bytes] = []
         self._length = 0
 
     def plain(self, value: object) -> object:
-        """`value` as plain JSON, its arrays put away."""
+        """Return `value` as plain JSON, and store its arrays."""
         match value:
             case None | bool() | int() | float() | str():
                 return value
@@ -119,8 +120,10 @@ class _Blobs:
         return {"~": kind, "at": self._put(data), "shape": list(array.shape)}
 
     def _quantised(self, numbers: Quantised) -> object:
-        """Column by column, as differences from row to row, all low bytes before all high ones: what
-        changes slowly or not at all then packs into next to nothing."""
+        """Store the numbers by column, as differences from row to row, all low bytes before all high ones.
+
+        Values that change slowly or not at all then compress to almost nothing.
+        """
         levels = numbers.levels
         rows = levels.reshape(len(levels), -1) if levels.size else levels.reshape(len(levels), 0)
         # 32-bit arithmetic wraps around, here and in the page.

@@ -12,14 +12,14 @@ def row(pose: Pose) -> tuple[float, ...]:
 
 
 def rotated(q: Array, v: Array) -> Array:
-    """Vectors (n, 3) turned by quaternions (n, 4)."""
+    """Rotate vectors (n, 3) by quaternions (n, 4)."""
     u, w = q[:, :3], q[:, 3:]
     t = 2.0 * np.cross(u, v)
     return v + w * t + np.cross(u, t)
 
 
 def product(a: Array, b: Array) -> Array:
-    """Hamilton product of quaternions (n, 4)."""
+    """Return the Hamilton product of quaternions (n, 4)."""
     u, s = a[:, :3], a[:, 3:]
     v, t = b[:, :3], b[:, 3:]
     vector = s * v + t * u + np.cross(u, v)
@@ -28,7 +28,7 @@ def product(a: Array, b: Array) -> Array:
 
 
 def composed(a: Array, b: Array) -> Array:
-    """`b`, given in the frame `a`, in the frame in which `a` is given."""
+    """Return the pose `b`, given in frame `a`, in the parent frame of `a`."""
     return np.hstack([rotated(a[:, 3:], b[:, :3]) + a[:, :3], product(a[:, 3:], b[:, 3:])])
 
 
@@ -38,8 +38,10 @@ def inverse(a: Array) -> Array:
 
 
 def between(a: Array, b: Array, share: Array) -> Array:
-    """From `a` (share 0) to `b` (share 1); `share` (n,). Turned along the chord, which is enough for a tick
-    or a small angle."""
+    """Interpolate from `a` (share 0) to `b` (share 1); `share` (n,).
+
+    Quaternions are interpolated along the chord, which is enough for a tick or a small angle.
+    """
     s = share[:, None]
     sign = np.where(np.sum(a[:, 3:] * b[:, 3:], axis=1, keepdims=True) < 0, -1.0, 1.0)
     q = (1 - s) * a[:, 3:] + s * sign * b[:, 3:]
@@ -47,7 +49,7 @@ def between(a: Array, b: Array, share: Array) -> Array:
 
 
 def continuous(a: Array) -> Array:
-    """The same poses with quaternions that do not change their sign from row to row."""
+    """Return the same poses with quaternions that do not change their sign from row to row."""
     if len(a) < 2:
         return a
     flips = np.sum(a[1:, 3:] * a[:-1, 3:], axis=1) < 0
@@ -56,7 +58,7 @@ def continuous(a: Array) -> Array:
 
 
 def filled(a: Array) -> Array:
-    """Rows of NaN as the last row before them that is not, or the first one after."""
+    """Replace rows of NaN by the last valid row before them, or the first one after."""
     known = ~np.isnan(a[:, 0])
     if not known.any():
         return np.tile(np.array(row(Pose())), (len(a), 1))

@@ -1,6 +1,7 @@
-"""All ticks of a run at once: the status of each node and what was written to the blackboard.
+"""Tick table: status of each node at each tick, and writes to the blackboard.
 
-The ticks are read as plain JSON here, several times as fast as into records: a report reads all of them."""
+The ticks are read as plain JSON, several times as fast as into records, because a report reads all of them.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +22,7 @@ from ...run import Run
 
 @dataclass(frozen=True, slots=True)
 class RunNode:
-    """A node of any of the run's trees."""
+    """Node of any of the run's trees."""
 
     path: str
     id: str
@@ -32,8 +33,10 @@ class RunNode:
 
 
 def nodes_of(trees: Iterable[Tree]) -> tuple[RunNode, ...]:
-    """All nodes, parents before their children, siblings in the order of their trees. A node's number is its
-    place here. What an edit brought in comes after its older siblings."""
+    """Return all nodes, parents before their children, siblings in the order of their trees.
+
+    A node's number is its place in the result. Nodes that an edit has added come after their older siblings.
+    """
     known: dict[str, TreeNode] = {}
     children: dict[str, dict[str, None]] = {}
     for tree in trees:
@@ -59,11 +62,11 @@ def _below(path: str, children: dict[str, dict[str, None]]) -> Iterator[str]:
 
 
 STATUSES: Final = ("IDLE", "RUNNING", "SUCCESS", "FAILURE", "SKIPPED")
-"""A status by its code."""
+"""Statuses by code."""
 ABSENT: Final = 255
-"""The code of a node that is not in the tree of that tick."""
+"""Code of a node that is not in the tree of that tick."""
 TICKED: Final = 8
-"""Added to the code where the tick reached the node."""
+"""Addend of the code where the tick reached the node."""
 
 _Json: TypeAlias = Mapping[str, Any]
 _CODES: Final = {status: code for code, status in enumerate(STATUSES)}
@@ -71,7 +74,7 @@ _CODES: Final = {status: code for code, status in enumerate(STATUSES)}
 
 @dataclass(frozen=True, slots=True)
 class TickWrite:
-    """A write to the blackboard, with the number of its tick."""
+    """Write to the blackboard, with the number of its tick."""
 
     tick: int
     write: WriteRecord
@@ -79,7 +82,7 @@ class TickWrite:
 
 @dataclass(frozen=True, slots=True)
 class NodeMessage:
-    """What a failing node said in a tick."""
+    """Cause and message of a failing node in a tick."""
 
     cause: str
     message: str
@@ -89,16 +92,16 @@ class NodeMessage:
 class TickTable:
     nodes: tuple[RunNode, ...]
     times: NDArray[np.float64]
-    """(ticks,) simulated s."""
+    """Times of the ticks, (ticks,), simulated s."""
     codes: NDArray[np.uint8]
-    """(nodes, ticks): status codes, `TICKED` added; or `ABSENT`."""
+    """Status codes, (nodes, ticks), with `TICKED` added; or `ABSENT`."""
     writes: tuple[TickWrite, ...]
     said: Mapping[tuple[int, int], NodeMessage]
-    """By node and tick: of failures."""
+    """Messages of failures, by node and tick."""
 
     @property
     def statuses(self) -> NDArray[np.uint8]:
-        """(nodes, ticks): the codes without `TICKED`."""
+        """Status codes without `TICKED`, (nodes, ticks)."""
         return np.where(self.codes == ABSENT, ABSENT, self.codes % TICKED).astype(np.uint8)
 
 
@@ -106,7 +109,7 @@ _TABLES: WeakKeyDictionary[Run, TickTable] = WeakKeyDictionary()
 
 
 def tick_table(run: Run) -> TickTable:
-    """Read once for each run. Raises PicktreeError where the log is damaged."""
+    """Return the table, read once for each run. Raises PicktreeError where the log is damaged."""
     table = _TABLES.get(run)
     if table is None:
         table = _TABLES[run] = _read(run)

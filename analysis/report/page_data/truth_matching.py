@@ -1,4 +1,4 @@
-"""The truth between the seconds at which it was written down, and which true body is which believed one."""
+"""Matching of true and believed bodies, and interpolation of the ground truth between its samples."""
 
 from __future__ import annotations
 
@@ -11,17 +11,20 @@ from .body_frames import BelievedBody, TrueBodySamples
 from .poses import between, composed, filled, inverse
 
 RIDES = 0.03
-"""A held body that is truly within this distance (m) of where it is believed moves with the hand."""
+"""Maximum distance between truth and belief of a held body that moves with the hand, m."""
 FAR = 0.3
-"""Distances (m) beyond it tell nothing more of which body is which."""
+"""Distance above which two bodies match equally badly, m."""
 NEVER = 10.0
-"""What an item costs that would be an obstacle, m."""
+"""Cost of a pair of an item and an obstacle, m."""
 UNLIKE = 0.1
-"""What another kind or another colour counts for in a match, m each."""
+"""Cost of a different kind, and of a different colour, in a match, m each."""
 
 
 def matched(believed: Sequence[BelievedBody], truths: Sequence[TrueBodySamples]) -> list[int | None]:
-    """For each true body the believed one (its number), or None: with the least sum of mean distances."""
+    """Return for each true body the number of the believed one, or None.
+
+    The sum of mean distances is minimal.
+    """
     from scipy.optimize import linear_sum_assignment
 
     costs = np.array([[_cost(one, truth) for one in believed] for truth in truths])
@@ -48,10 +51,11 @@ def _cost(one: BelievedBody, truth: TrueBodySamples) -> float:
 
 
 def track(truth: TrueBodySamples, one: BelievedBody | None, ticks: int) -> Array:
-    """Where a true body was at each tick: (n, 7), NaN before its first and after its last sample.
+    """Return the poses of a true body at each tick, (n, 7); NaN before its first and after its last
+    sample.
 
-    Between two samples it moves with the believed one while both agree that it is in the hand, and straight
-    from one to the other else; it was not recorded there.
+    Between two samples it moves with the believed body while both agree that it is in the hand. Otherwise it
+    moves straight from one sample to the other, since nothing was recorded between them.
     """
     found = np.full((ticks, 7), np.nan)
     poses = None if one is None else filled(one.track)
@@ -73,7 +77,7 @@ def track(truth: TrueBodySamples, one: BelievedBody | None, ticks: int) -> Array
 
 
 def _in_hand(poses: Array, held: np.ndarray, start: Array, end: Array, share: Array) -> Array:
-    """From one sample to the next, in which the robot holds the body all the time or a part of it."""
+    """Interpolate between two samples during which the robot holds the body for some time."""
     before = composed(inverse(poses[:1]), start[:1])
     after = composed(inverse(poses[-1:]), end[-1:])
     rides_before = held[0] and np.linalg.norm(before[0, :3]) < RIDES
@@ -81,11 +85,11 @@ def _in_hand(poses: Array, held: np.ndarray, start: Array, end: Array, share: Ar
     ones = np.ones((len(poses), 1))
     if rides_before and rides_after:
         return composed(poses, between(ones * before, ones * after, share))
-    if rides_after:  # taken in between
+    if rides_after:  # gripped between the samples
         taken = int(np.argmax(held))
         riding = composed(poses, ones * after)
         return np.where(np.arange(len(poses))[:, None] < taken, start, riding)
-    if rides_before:  # let go of, or lost
+    if rides_before:  # released or lost between the samples
         let_go = int(np.argmin(held)) if not held.all() else 0
         riding = composed(poses, ones * before)
         rest = np.clip((np.arange(len(poses)) - let_go) / max(len(poses) - 1 - let_go, 1), 0.0, 1.0)

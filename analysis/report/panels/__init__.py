@@ -1,1 +1,1 @@
-"""What each panel of a report shows."""
+"""Data of the panels of a report."""

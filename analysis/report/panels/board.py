@@ -1,4 +1,4 @@
-"""What the blackboard and the belief held at each moment."""
+"""Blackboard panel: values of the blackboard and of the belief at each moment."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ from ..page_data.packing import Packable, Section, StringTable, quantised
 from ..page_data.tick_table import TickTable, tick_table
 
 _STILL: Final = 2e-4
-"""A change of a believed position below this is none, m."""
+"""Smallest change of a believed position that counts, m."""
 
 
 @dataclass(frozen=True, slots=True)
 class BeliefSighting:
-    """An object as it is believed from a moment on; `body` is None when it is believed no more."""
+    """Believed object from a moment on; `body` is None when it has left the belief."""
 
     time: float
     id: str
@@ -42,7 +42,7 @@ def pack_board(run: Run) -> Section:
 
 
 def sightings(run: Run) -> tuple[BeliefSighting, ...]:
-    """Every change of the belief in an item, in the order of time."""
+    """Return every change of a believed item, in order of time."""
     found: list[BeliefSighting] = []
     present: dict[str, BodyRecord] = {}
     for at in run.log.beliefs():
@@ -68,13 +68,14 @@ def _differs(before: BodyRecord, after: BodyRecord) -> bool:
 
 
 def _angle(a: Pose, b: Pose) -> float:
-    """Between two orientations, rad."""
+    """Return the angle between two orientations, rad."""
     dot = abs(sum(p * q for p, q in zip(a.orientation, b.orientation, strict=True)))
     return 2.0 * math.acos(min(dot, 1.0))
 
 
 def yaw_and_tilt(pose: Pose) -> tuple[float, float]:
-    """About the vertical, and of the object's own z axis from it; rad."""
+    """Return the rotation about the vertical, and the angle of the object's own z axis from the vertical;
+    rad."""
     x, y, z, w = pose.orientation
     yaw = math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
     return yaw, math.acos(max(-1.0, min(1.0, 1 - 2 * (x * x + y * y))))
@@ -96,7 +97,8 @@ def _json(value: object) -> str:
 
 
 def _belief(seen: Sequence[BeliefSighting]) -> Packable:
-    """Column by column: positions in m, angles in rad, NaN for an object that is believed no more."""
+    """Pack the belief by column: positions in m, angles in rad, NaN for an object that has left the
+    belief."""
     words = StringTable()
     bodies = [sighting.body for sighting in seen]
     nothing = (math.nan,) * 7
@@ -123,8 +125,11 @@ def _numbers(body: BodyRecord) -> tuple[float, ...]:
 
 
 def _truth(motion: SceneMotion) -> Packable:
-    """`distance` in mm by object; of a believed object that was not there any more, NaN. `unknown`: what
-    was there and the robot did not believe in, whenever that is something else than before."""
+    """Pack the distances between truth and belief, and the unknown bodies.
+
+    `distance` is in mm by object, NaN for a believed object that no longer exists. `unknown` are true bodies
+    without a believed one, at each change.
+    """
     told = sorted(deviations(motion), key=lambda one: one.tick)
     believed = [one for one in told if one.object]
     words = StringTable()
@@ -140,7 +145,8 @@ def _truth(motion: SceneMotion) -> Packable:
 
 
 def _gone(motion: SceneMotion) -> list[Packable]:
-    """Since when a believed object stands for nothing, by its id: a fault took it away."""
+    """Return the objects that still are in the belief after a fault has removed them, with the tick of the
+    removal."""
     last = max((int(truth.ticks[-1]) for truth in motion.truths), default=0)
     return [
         {"object": motion.believed[partner].id, "tick": int(truth.ticks[-1])}
@@ -152,7 +158,7 @@ def _gone(motion: SceneMotion) -> list[Packable]:
 def unknown_bodies(
     told: Sequence[BeliefDeviation], motion: SceneMotion
 ) -> Iterator[tuple[int, tuple[str, ...]]]:
-    """Ticks at which other bodies are unknown to the robot than before, and which they are from then on."""
+    """Yield the ticks at which the set of unknown true bodies changes, with the new set."""
     ends = {truth.body.id: int(truth.ticks[-1]) for truth in motion.truths}
     last = max(ends.values(), default=0)
     unknown: dict[str, str] = {}

@@ -1,4 +1,4 @@
-"""What the list of events shows: what happened, plans and changes of the belief among it."""
+"""Events panel: journal events, plans, changes of the belief and failures in one list."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from ..page_data.packing import Packable, Section, StringTable
 
 
 def pack_failures(run: Run) -> Section:
-    """All of `run.explanation`, field by field, with the causes of its episodes in `causes`."""
+    """Pack all of `run.explanation`, field by field, with the causes of its episodes in `causes`."""
     explanation = run.explanation
     named = {field.name: plain(getattr(explanation, field.name)) for field in fields(explanation)}
     causes = explanation.recovery.causes
@@ -23,7 +23,7 @@ def pack_failures(run: Run) -> Section:
 
 
 def _counted(found: CauseCount) -> dict[str, Packable]:
-    """How often a cause was seen and cured, what that cost, and in words by what."""
+    """Return counts, time lost and cures of a cause."""
     total = found.total
     return {
         "cause": found.cause,
@@ -35,7 +35,7 @@ def _counted(found: CauseCount) -> dict[str, Packable]:
 
 
 def plain(value: object) -> Packable:
-    """A dataclass and what it holds as JSON: fields by name."""
+    """Return a dataclass and its content as JSON: fields by name."""
     if value is None or isinstance(value, bool | int | float | str):
         return value
     if is_dataclass(value) and not isinstance(value, type):
@@ -48,15 +48,15 @@ def plain(value: object) -> Packable:
 
 
 _REPEATED: Final = frozenset({"image"})
-"""Kinds that have a panel of their own."""
+"""Kinds of event with a panel of their own."""
 _RANKS: Final = {"failure": 1, "recovery": 2, "handled": 3}
-"""What follows from what within one tick."""
+"""Order of events within one tick."""
 
 
 @dataclass(frozen=True, slots=True)
 class ReportEvent:
     time: float
-    """Simulated s."""
+    """Time of the event, simulated s."""
     kind: str
     text: str
     node: str
@@ -80,7 +80,7 @@ def pack_events(run: Run) -> Section:
 
 
 def happenings(run: Run) -> tuple[ReportEvent, ...]:
-    """In the order of time; in one tick failures before what is done about them."""
+    """Return the events in order of time; in one tick failures before their recoveries."""
     found = [*_events(run), *_plans(run), *_lines(run)]
     return tuple(sorted(found, key=lambda one: (one.time, _RANKS.get(one.kind, 0))))
 
@@ -99,7 +99,7 @@ def _plans(run: Run) -> Iterator[ReportEvent]:
 
 
 def plan_words(plan: Plan) -> str:
-    """A plan in one line."""
+    """Return a plan in one line."""
     cost = f"{plan.checks} checks by {plan.planner}" if plan.planner else f"{plan.checks} checks"
     if plan.outcome == "found":
         return f"{plan.request}: {plan.duration:.2f} s of motion, {cost}"
@@ -108,7 +108,7 @@ def plan_words(plan: Plan) -> str:
 
 
 def _lines(run: Run) -> Iterator[ReportEvent]:
-    """Lines for people that no event tells: failures, and what the mission itself says."""
+    """Yield the log lines without an event: failures, and messages of the mission."""
     told = {(at.time, at.record.message) for at in run.events}
     for at in run.lines:
         line = at.record

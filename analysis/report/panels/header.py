@@ -1,4 +1,4 @@
-"""What run a report is of, and what all panels share: the times of its ticks, its failures, its landmarks."""
+"""Header panel: the run's settings and outcome, and data for all panels: tick times, failures, landmarks."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from ...run import Run
 from ..page_data.packing import Packable, Section
 
 _WORDS = {"success": "success", "paused": "open", "interrupted": "open", "killed": "open"}
-"""Of the outcome's colour; anything else is a failure."""
+"""Colour class of the outcome; any other outcome is a failure."""
 
 
 def pack_run(run: Run) -> Section:
@@ -48,7 +48,7 @@ def pack_run(run: Run) -> Section:
 
 
 def summary(run: Run) -> str:
-    """The run in one line."""
+    """Return the run in one line."""
     outcome = run.explanation.outcome
     items = _items(outcome)
     return f"{run.info.mission}, seed {run.info.seed}: {outcome.status}" + (f", {items}" if items else "")
@@ -70,7 +70,7 @@ def _items(outcome: ExplainedOutcome) -> str:
 
 
 def _facts(run: Run) -> list[tuple[str, str]]:
-    """Name and value, in the order in which they are worth reading."""
+    """Return names and values, the most important ones first."""
     info, result = run.info, run.result
     rows = [
         ("Outcome", run.explanation.outcome.sentence),
@@ -94,7 +94,7 @@ def _facts(run: Run) -> list[tuple[str, str]]:
 
 
 def _notes(run: Run) -> list[str]:
-    """What a reader must know before they believe the page."""
+    """Return remarks that limit the reliability of the page."""
     notes: list[str] = []
     if run.recovered:
         notes.append(run.recovered)

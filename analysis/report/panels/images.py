@@ -1,4 +1,4 @@
-"""What the camera saw: its images at their times, small enough for the page."""
+"""Images panel: the cameras' images at their times, small enough for the page."""
 
 from __future__ import annotations
 
@@ -15,27 +15,27 @@ from ...run import Run
 from ..page_data.packing import Packable, Section
 
 BUDGET: Final = 1_000_000
-"""Bytes of all images together; base64 makes a third more of them."""
+"""Maximum size of all images together, bytes; base64 adds a third."""
 _QUALITIES: Final = (80, 60, 45)
 _SMALLEST: Final = 160
-"""Width below which an image would tell nothing, pixels."""
+"""Minimum width of a readable image, pixels."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ReportImage:
-    """One shot as the page shows it: WebP files."""
+    """Image as the page shows it: WebP files of colour and depth."""
 
     camera: str
     time: float
     colour: bytes
     depth: bytes
     nearest: float
-    """Depth in m of the first colour of the scale, and of the last."""
+    """Depth of the first colour of the scale, m; `farthest` is that of the last."""
     farthest: float
 
 
 def pack_images(run: Run, budget: int = BUDGET) -> Section:
-    """All shots, or as many as `budget` bytes hold, evenly over the run."""
+    """Pack all images, or as many as `budget` bytes hold, evenly over the run."""
     shots = [shot for camera in run.log.cameras for shot in run.log.shots(camera)]
     if not shots:
         return Section("images", {"empty": "No camera took an image in this run."})
@@ -57,8 +57,10 @@ def pack_images(run: Run, budget: int = BUDGET) -> Section:
 
 
 def fitting(shots: Sequence[Stamped[CameraImage]], budget: int) -> list[ReportImage]:
-    """The shots in the best quality that `budget` allows; fewer of them when even the smallest are too
-    many, the first and the last among them."""
+    """Return the images in the best quality that `budget` allows.
+
+    When even the smallest are too many, return fewer, the first and the last among them.
+    """
     some = [shots[k] for k in range(0, len(shots), max(len(shots) // 8, 1))]
     for width, quality in _looks(shots[0].record.colour.shape[1]):
         mean = sum(map(_size, _pictures(some, width, quality))) / len(some)
@@ -72,7 +74,7 @@ def fitting(shots: Sequence[Stamped[CameraImage]], budget: int) -> list[ReportIm
 
 
 def _looks(width: int) -> list[tuple[int, int]]:
-    """Width and quality, from the best to the least."""
+    """Return widths and qualities, from the best to the lowest."""
     whole = min(width, 640)
     small = [(max(whole // 2, _SMALLEST), 60)] if whole > _SMALLEST else []
     return [*((whole, quality) for quality in _QUALITIES), *small]
@@ -102,7 +104,7 @@ def _picture(at: Stamped[CameraImage], width: int, quality: int) -> ReportImage:
 
 
 def _coloured(depth: NDArray[np.float32], nearest: float, farthest: float) -> NDArray[np.uint8]:
-    """Depth as BGR: bright is near, black is unknown."""
+    """Return depth as BGR: bright is near, black is unknown."""
     span = max(farthest - nearest, 1e-6)
     levels = np.clip(255.0 * (farthest - depth) / span, 0.0, 255.0).astype(np.uint8)
     coloured = cv2.applyColorMap(levels, cv2.COLORMAP_VIRIDIS).astype(np.uint8)

@@ -1,4 +1,4 @@
-"""What the lanes show: each node's visits over time, and which item is worked on."""
+"""Lanes panel: each node's visits over time, and the item in work."""
 
 from __future__ import annotations
 
@@ -15,22 +15,22 @@ from ..page_data.packing import Packable, Section, StringTable
 from ..page_data.tick_table import ABSENT, STATUSES, TICKED, TickTable, tick_table
 
 OUTCOMES: Final = ("RUNNING", "SUCCESS", "FAILURE", "SKIPPED", HALTED)
-"""An outcome by its code."""
+"""Outcomes by code."""
 
 _MARKS: Final = frozenset({"recovery", "fault", "item_done", "safety_stop", "mission_edited"})
-"""Kinds of events that the lanes mark."""
+"""Kinds of event that the lanes mark."""
 
 
 @dataclass(frozen=True, slots=True)
 class ItemSpan:
-    """A time in which an item was worked on."""
+    """Span of ticks in which nodes worked on one item."""
 
     item: str
     first: int
-    """Number of the tick."""
+    """Number of the first tick."""
     last: int
     outcome: str
-    """Of the last node that was about it."""
+    """Outcome of the last visit for the item."""
     visit: int
 
 
@@ -77,8 +77,10 @@ def pack_lanes(run: Run) -> Section:
 
 
 def item_spans(visits: Sequence[Visit]) -> tuple[ItemSpan, ...]:
-    """In the order of time. Work on an item by several nodes in a row is one span; the next visit of a
-    node is another one."""
+    """Return the spans in order of time.
+
+    Work on an item by several nodes in a row is one span; the next visit of a node begins another.
+    """
     spans: list[ItemSpan] = []
     paths: set[str] = set()
     for visit in visits:
@@ -106,8 +108,10 @@ def _nodes(table: TickTable) -> list[Packable]:
 
 
 def _visits(visits: Sequence[Visit], table: TickTable) -> Packable:
-    """Column by column, in the order of the beginnings. Texts are numbers of `words`; inputs and evidence
-    are JSON."""
+    """Pack the visits by column, in order of their starts.
+
+    Texts are numbers of `words`; inputs and evidence are JSON.
+    """
     numbers = {node.path: number for number, node in enumerate(table.nodes)}
     known = [visit for visit in visits if visit.path in numbers]
     places = {visit.number: place for place, visit in enumerate(known)}
@@ -136,7 +140,7 @@ def _json(values: object) -> str:
 
 
 def _colours(run: Run) -> dict[str, str]:
-    """The colour of each item that was ever believed in."""
+    """Return the colour of each item that ever was in the belief."""
     found: dict[str, str] = {}
     for at in run.events:
         after = at.record.data.get("after") if at.record.kind == "belief" else None
@@ -147,8 +151,10 @@ def _colours(run: Run) -> dict[str, str]:
 
 
 def _seen(table: TickTable) -> Iterator[Visit]:
-    """Visits as the statuses tell them, for a log that has no transitions: whatever happened between two
-    ticks is lost."""
+    """Yield visits from the statuses alone, for a log without transitions.
+
+    Events between two ticks are lost.
+    """
     found: list[Visit] = []
     last = len(table.times) - 1
     for row, node in enumerate(table.nodes):
@@ -175,7 +181,7 @@ def _seen(table: TickTable) -> Iterator[Visit]:
 
 
 def _runs(table: TickTable, row: int) -> Iterator[tuple[int, int, str]]:
-    """First tick, last tick and outcome of each time in which the node was ticked on end."""
+    """Yield first tick, last tick and outcome of each unbroken run of a node."""
     first: int | None = None
     for tick, code in enumerate(map(int, table.codes[row])):
         status = "IDLE" if code == ABSENT or code < TICKED else STATUSES[code - TICKED]

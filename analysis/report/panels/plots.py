@@ -1,4 +1,4 @@
-"""What the plots show: joints, tracking error, wrench and gripper over time, in few bytes."""
+"""Plots panel: joints, tracking error, wrench and gripper over time, in few bytes."""
 
 from __future__ import annotations
 
@@ -18,20 +18,22 @@ from ..page_data.packing import Packable, Section, quantised
 Floats = NDArray[np.float64]
 
 MOST: Final = 8000
-"""Points of a curve. A longer one is thinned out to the least and the greatest of each stretch, so that no
-peak is lost."""
+"""Maximum number of points of a curve.
+
+Of a longer one only the minimum and the maximum of each stretch remain, so that no peak is lost.
+"""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PlotCurve:
     label: str
     values: Floats
-    """(n,); NaN where there is none."""
+    """Values of the curve, (n,); NaN where there is none."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CurvePlot:
-    """Curves over the same times (n,), in one unit. `step`: to which the page rounds them."""
+    """Curves over the same times (n,), in one unit. `step`: rounding in the page."""
 
     name: str
     title: str
@@ -50,7 +52,7 @@ def pack_plots(run: Run) -> Section:
 
 
 def plots_of(run: Run) -> tuple[CurvePlot, ...]:
-    """All plots in full; those that the log has nothing for have no curves."""
+    """Return all plots in full; without data in the log, a plot has no curves."""
     fingers = _fingers(run)
     joints, told = run.joints, run.controls
     return (
@@ -62,8 +64,8 @@ def plots_of(run: Run) -> tuple[CurvePlot, ...]:
 
 
 def thinned(plot: CurvePlot, most: int = MOST) -> CurvePlot:
-    """The plot with at most `most` points: of each stretch of ticks the least and the greatest value of each
-    curve, in the order in which they came."""
+    """Return the plot with at most `most` points: minimum and maximum of each curve in each stretch, in order
+    of time."""
     n = len(plot.times)
     if n <= most:
         return plot
@@ -85,7 +87,7 @@ def thinned(plot: CurvePlot, most: int = MOST) -> CurvePlot:
 
 
 def _extremes(values: Floats, size: int) -> Floats:
-    """(2 · stretches,): least and greatest of each stretch, NaN where it holds nothing else."""
+    """Return minimum and maximum of each stretch, (2 · stretches,); NaN where it holds nothing else."""
     padded = np.concatenate([values, np.full(-len(values) % size, np.nan)]).reshape(-1, size)
     gaps = np.isnan(padded)
     low = np.where(gaps, np.inf, padded).argmin(axis=1)
@@ -111,7 +113,7 @@ def _joint_plots(joints: JointSeries, fingers: Sequence[str]) -> tuple[CurvePlot
 
 
 def _tracking(joints: JointSeries, told: ControlSeries) -> CurvePlot:
-    """How far the joints were from where the servo had been told to be."""
+    """Return the plot of the joints' deviations from the servo's set points."""
     labels = _short(joints.names[: told.errors.shape[1]])
     curves = tuple(PlotCurve(label, 1000.0 * told.errors[:, k]) for k, label in enumerate(labels))
     return CurvePlot(
@@ -162,7 +164,7 @@ def _packed(plot: CurvePlot) -> Packable:
 
 
 def _fingers(run: Run) -> tuple[str, ...]:
-    """Joints of the gripper, as the robot file in the log names them."""
+    """Return the joints of the gripper, as the robot file in the log names them."""
     try:
         robot: object = yaml.safe_load(run.log.attachment("robot.yaml"))
     except (PicktreeError, yaml.YAMLError):
@@ -175,7 +177,7 @@ def _fingers(run: Run) -> tuple[str, ...]:
 
 
 def _short(names: Sequence[str]) -> list[str]:
-    """Names without the part that all of them begin with."""
+    """Return the names without their common prefix."""
     if len(names) < 2:
         return list(names)
     common = 0

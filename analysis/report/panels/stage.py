@@ -1,4 +1,4 @@
-"""The scene in motion for the panel that shows it in 3-D: the robot, belief, truth, plans."""
+"""Stage panel: the scene in motion in 3-D, with robot, belief, ground truth and plans."""
 
 from __future__ import annotations
 
@@ -26,26 +26,26 @@ from ..page_data.poses import composed, continuous, filled, inverse, row
 from ..page_data.truth_matching import track
 
 MOST_FACES = 3000
-"""Of one link."""
+"""Maximum number of faces of one link."""
 GRAIN = 1e-4
-"""To which vertices are rounded, m."""
+"""Rounding of vertices, m."""
 
 
 def packed_link(model: LinkMesh) -> Packable:
-    """The model of a link; None when it is of another kind than those that picktree writes."""
+    """Return the mesh of a link; None for a format that picktree does not write."""
     try:
         mesh = read_glb(model.glb)
     except (ValueError, KeyError, IndexError, struct.error):
         return None
     if len(mesh.faces) > MOST_FACES:
-        # The file has a vertex for each of its normals; corners that meet are to be one again.
+        # The file has a vertex for each of its normals; corners at one place become one vertex again.
         places, same = np.unique(np.round(mesh.vertices / GRAIN), axis=0, return_inverse=True)
         mesh = smoothed(*thinned(places * GRAIN, same.ravel()[mesh.faces], mesh.colours, MOST_FACES))
     return {"link": model.link, **packed_mesh(mesh)}
 
 
 def packed_mesh(mesh: Mesh) -> dict[str, Packable]:
-    """Corners that are alike are one vertex."""
+    """Pack a mesh with one vertex for all equal corners."""
     corners = np.concatenate(
         [
             np.round(mesh.vertices[mesh.faces.ravel()] / GRAIN),
@@ -76,14 +76,14 @@ def packed_shape(shape: Shape) -> Packable:
 
 
 def packed_part(part: PartRecord) -> Packable:
-    """The shape of a part that never moves; one with holes is a mesh."""
+    """Return the shape of a part that never moves; one with holes is a mesh."""
     if not part.holes:
         return packed_shape(part.shape)
     return {"mesh": packed_mesh(part_mesh(part.shape, part.holes))}
 
 
 def packed_body(body: BodyRecord) -> Packable:
-    """The shape of a body; an obstacle's blocks are one mesh."""
+    """Return the shape of a body; an obstacle's blocks are one mesh."""
     if not body.blocks:
         return packed_shape(body.shape)
     mesh = joined(shape_mesh(shape).placed(pose) for shape, pose in parts_of(body))
@@ -95,11 +95,11 @@ def rgb(name: str) -> list[Packable]:
 
 
 METRES, TURNS = 1e-4, 2e-5
-"""Grain of positions, and of the components of quaternions."""
+"""Rounding of positions, m, and of the components of quaternions."""
 LINGERS = 0.4
-"""How long the path of a motion is shown beyond its planned end, s."""
+"""Time for which the path of a motion is shown beyond its planned end, s."""
 CONSIDERED = 2.0
-"""How long the candidates of a choice are shown, s."""
+"""Time for which the candidates of a search are shown, s."""
 
 
 def pack_stage(run: Run) -> Section:
@@ -128,7 +128,8 @@ def pack_stage(run: Run) -> Section:
 
 
 def _chain(frames: Frames, links: Sequence[str]) -> list[Array]:
-    """Each link in the frame of the one before it, the first in the world: that way little changes."""
+    """Return each link in the frame of the one before it, the first in the world, because few of these poses
+    change."""
     tracks = [filled(frames.track(link)) for link in links]
     return [tracks[k] if k == 0 else composed(inverse(tracks[k - 1]), tracks[k]) for k in range(len(tracks))]
 
@@ -143,7 +144,8 @@ def _grained(values: Array, grain: float) -> Quantised:
 
 
 def _tool(run: Run, links: Sequence[str]) -> Packable:
-    """The point between the fingers: a link's place in the chain and a pose in it."""
+    """Return the TCP: a link's place in the chain and a pose in it; None when the log has no usable robot
+    file."""
     if not links:
         return None
     try:
@@ -204,7 +206,7 @@ def _fixed(run: Run) -> Packable:
 
 
 def _plans(run: Run) -> Packable:
-    """Each with the time from its request to its end, or to the next one."""
+    """Pack the plans, each with the time from its request to its end, or to the next one."""
     found: list[Packable] = []
     for k, at in enumerate(run.plans):
         plan = at.record
@@ -218,7 +220,7 @@ def _plans(run: Run) -> Packable:
 
 
 def _choices(run: Run) -> Packable:
-    """Candidates of grasps and placements, for as long as they are of interest."""
+    """Pack candidates of grasps and places for a limited time."""
     found: list[Packable] = []
     for k, at in enumerate(run.candidates):
         end = at.time + CONSIDERED
@@ -240,7 +242,7 @@ def _choices(run: Run) -> Packable:
 
 
 def _cameras(run: Run, frames: Frames) -> Packable:
-    """Optical frames: z looks out of the camera, y down the image."""
+    """Pack the optical frames: z points out of the camera, y down the image."""
     from ....logs.recording import foxglove_messages
     from ....logs.schema import topics
 

@@ -1,4 +1,4 @@
-"""What the drawn tree shows: its picture, and the status of each node at each tick."""
+"""Tree panel: the drawn behaviour tree, and the status of each node at each tick."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from ..page_data.packing import Packable, Section
 from ..page_data.tick_table import STATUSES, tick_table
 
 _NOWHERE: Final = Path("/nonexistent/picktree/mission.yaml")
-"""Where the mission is said to stand: a report runs no code from beside it."""
+"""Path that replaces the mission's own, so that a report runs no code from beside it."""
 
 
 def charts_of(run: Run) -> tuple[Chart, ...]:
-    """One for each of `run.trees`, in their order."""
+    """Return one chart for each of `run.trees`, in their order."""
     return tuple(_chart(run, place, at.record) for place, at in enumerate(run.trees))
 
 
@@ -46,7 +46,7 @@ def _of_mission(run: Run, folder: str) -> Chart:
 
 
 def _paths(drawn: Chart) -> set[str]:
-    """Of all nodes of the running tree, sub-trees written out."""
+    """Return the paths of all nodes of the running tree, sub-trees expanded."""
     trees = {tree.name: tree for tree in drawn.trees}
     top = drawn.trees[0]
     found = {top.name}
@@ -62,7 +62,7 @@ def _paths(drawn: Chart) -> set[str]:
 
 
 def _of_tree(run: Run, tree: Tree) -> Chart:
-    """What the log's own record of the tree tells: nodes and ports, no labels of branches."""
+    """Return a chart from the log's record of the tree: nodes and ports, no labels of branches."""
     nodes = {node.path: node for node in tree.nodes}
     registry = NodeRegistry()
 
@@ -83,7 +83,7 @@ def _of_tree(run: Run, tree: Tree) -> Chart:
 
     root = tree.nodes[0]
     inner = [drawn(nodes[path]) for path in root.children]
-    # The root is the frame of the whole; where it has not one child, it stands in the frame itself.
+    # The root is the frame of the whole. Unless it has exactly one child, it also appears inside the frame.
     top = inner[0] if len(inner) == 1 else drawn(root)
     return Chart(run.info.mission, "", trees=(ChartTree(root.name, "", (), top),))
 

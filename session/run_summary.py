@@ -1,0 +1,156 @@
+"""Run summary: the result of a session at its end, and the wall time of its parts."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ..errors import PicktreeError
+from ..logs.run_result import (
+    FeedCount,
+    FormCount,
+    HoleItem,
+    ItemCount,
+    PickCount,
+    RunResult,
+    RunStatus,
+    WallSeconds,
+)
+from ..logs.schema.records import NodeTime, Timing
+from ..simulation.scoring.scorer import ItemScore, score
+from ..simulation.scoring.truth import TrueBody
+from ..world.scene.description import SceneDescription
+from ..world.stopwatch import Stopwatch
+
+if TYPE_CHECKING:
+    from .session import Session
+
+LOG = "log.mcap"
+"""Name of the log file in the run's folder."""
+
+
+class RunTimer:
+    """Wall and CPU time of a run from the timer's creation on, and wall time by part of the work."""
+
+    def __init__(self) -> None:
+        self.stopwatch = Stopwatch()
+        self._began = time.perf_counter()
+        self._cpu_began = time.process_time()
+
+    @property
+    def cpu_seconds(self) -> float:
+        """CPU time of this process since the creation, s."""
+        return time.process_time() - self._cpu_began
+
+    def tick_timing(self, before: Mapping[str, float], began: float, nodes: Mapping[str, float]) -> Timing:
+        """Return the wall times of one tick.
+
+        `before`: the stopwatch's seconds at the start of the tick; `began`: `perf_counter` then; `nodes`:
+        seconds by node path.
+        """
+        now = self.stopwatch.seconds()
+        spent = {part: seconds - before.get(part, 0.0) for part, seconds in now.items()}
+        return Timing(
+            time.perf_counter() - began,
+            **{
+                part: spent.get(part, 0.0)
+                for part in ("physics", "control", "planning", "perception", "rendering")
+            },
+            recording=spent.get("logging", 0.0),
+            nodes=tuple(NodeTime(path, seconds) for path, seconds in nodes.items()),
+        )
+
+    def wall_seconds(self) -> WallSeconds:
+        """Return the wall time of the run so far by part, s; rendering counts as perception."""
+        wall = self.stopwatch.seconds()
+        return WallSeconds(
+            total=time.perf_counter() - self._began,
+            physics=wall.get("physics", 0.0),
+            planning=wall.get("planning", 0.0),
+            perception=wall.get("perception", 0.0) + wall.get("rendering", 0.0),
+            logging=wall.get("logging", 0.0),
+        )
+
+
+def items_expected(scene: SceneDescription, truth: Iterable[TrueBody]) -> int:
+    """Return the total number of items of a run, or the number so far when a delivery has no known total."""
+    totals = [delivery.total for delivery in scene.deliveries]
+    known = [total for total in totals if total is not None]
+    if not totals or len(known) < len(totals):
+        return len(tuple(truth))
+    return sum(known) + sum(count for spawn in scene.spawn for _, count in spawn.counts)
+
+
+def summarise(session: Session, status: RunStatus, digest: str) -> RunResult:
+    """Return the result of a session that has ended with `status`, scored against the ground truth.
+
+    A success that misses the goal becomes `incomplete`.
+    """
+    scene, tree, tally = session.scene, session.tree, session.tally
+    desk, now = session.world.operator, session.world.clock.now
+    truth = session.hardware.truth()
+    verdict = score(truth, scene)
+    goal = session.mission.goal.text if session.mission.goal else scene.goal
+    if status == "success" and not verdict.reached(goal):
+        status = "incomplete"
+    failure = tree.failure
+    episodes = tally.episodes.so_far(now)
+    asked = desk.pending if status == "paused" else None
+    return RunResult(
+        status=status,
+        seed=session.recipe.seed,
+        digest=digest,
+        items=ItemCount(
+            verdict.total,
+            verdict.sorted,
+            verdict.misplaced,
+            verdict.left,
+            {form: FormCount(count.total, count.sorted) for form, count in verdict.by_form.items()},
+        ),
+        picks=PickCount(tally.tried, tally.held, tally.tried_objects, tally.held_first_try),
+        failures=dict(tally.failures),
+        recoveries=dict(tally.recovered),
+        cures=episodes.cures,
+        planted=episodes.planted,
+        sim_seconds=now,
+        cpu_seconds=session.timer.cpu_seconds,
+        wall_seconds=session.timer.wall_seconds(),
+        log=(session.folder / LOG).absolute(),
+        folder=session.folder.absolute(),
+        message=asked.reason if asked else failure.message if failure else "",
+        thinking_charged=scene.thinking.collision_check > 0.0 and scene.thinking.image > 0.0,
+        disagreements=session.disagreements if session.recipe.verify else None,
+        holes=tuple(
+            _at_hole(body, item) for body, item in zip(truth, verdict.items, strict=True) if item.seat
+        ),
+        feed=FeedCount(tally.deliveries, tally.exchanges, tally.set_aside) if scene.deliveries else None,
+        asked=asked,
+    )
+
+
+def write_result(result: RunResult, path: Path) -> None:
+    """Write a result as JSON. Raises PicktreeError when the disk refuses."""
+    try:
+        path.write_text(result.to_json_text(), encoding="utf-8")
+    except OSError as error:
+        raise PicktreeError(
+            f"{path}: the result cannot be written: {error.strerror}; the log holds it, too"
+        ) from None
+
+
+def _at_hole(body: TrueBody, item: ItemScore) -> HoleItem:
+    assert item.seat is not None
+    seat = item.seat
+    return HoleItem(
+        str(item.id),
+        body.kind,
+        str(seat.hole),
+        item.verdict,
+        round(seat.depth, 6),
+        seat.bottom,
+        round(seat.tilt, 6),
+        round(seat.penetration, 7),
+        item.reason,
+    )
