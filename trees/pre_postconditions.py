@@ -14,6 +14,7 @@ from ..world.causes import Failure, FailureReport, tree
 from .declaration import PRECONDITIONS
 from .runtime import TreeWorld, Wiring, evaluate
 from .status import NodeStatus
+from .values.failure_reports import with_attached
 
 if TYPE_CHECKING:
     from .mission import Assignment
@@ -58,6 +59,21 @@ def assign_after(wiring: Wiring, world: TreeWorld, state: NodeStatus) -> tuple[F
         except Failure as failure:
             problems.append(FailureReport(failure.cause, f"{name}: {failure.message}", {}, wiring.path))
     return tuple(problems)
+
+
+def after_postconditions(
+    wiring: Wiring, world: TreeWorld, state: NodeStatus, failure: FailureReport | None
+) -> tuple[NodeStatus, FailureReport | None]:
+    """Carry out the postconditions of a node that has ended; return its status and failure after them.
+
+    A postcondition that fails makes a success a failure, and never hides a failure.
+    """
+    problems = assign_after(wiring, world, state)
+    if not problems:
+        return state, failure
+    if state is NodeStatus.FAILURE and failure is not None:
+        return state, with_attached(failure, problems)
+    return NodeStatus.FAILURE, with_attached(problems[0], problems[1:])
 
 
 def _assign(assignment: Assignment, wiring: Wiring, world: TreeWorld) -> None:

@@ -10,11 +10,11 @@ from ..files.expressions.expression import Expression, ExpressionError
 from ..world.causes import Failure, tree
 from .blackboard import Blackboard, Namespace
 from .transitions import TransitionCollector
-from .values.references import Binding, Reference, attribute
+from .values.references import Binding, Constant, Reference, attribute
 
 if TYPE_CHECKING:
     from ..world.belief.planning_scene import PlanningScene
-    from ..world.journal import Journal
+    from ..world.journal import Journal, Plain
     from ..world.protocols import Clock
     from .mission import Assignment
 
@@ -63,6 +63,14 @@ class Wiring:
         default_factory=dict[str, "tuple[Assignment, ...]"]
     )
     breakpoint: Literal["before", "after"] | None = None
+
+    @property
+    def port_texts(self) -> Mapping[str, Plain]:
+        """Constant or reference of each port, as the file has it."""
+        return {
+            key: bound.text if isinstance(bound, Constant) else str(bound)
+            for key, bound in self.ports.items()
+        }
 
 
 class Scope(Mapping[str, object]):

@@ -5,8 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from ..world.causes import Evidence
+from ..world.causes import Evidence, FailureReport
+from .ports import PortDeclaration
 from .status import NodeStatus
+from .values.port_types import plain_copy
+from .values.references import Binding, Reference
 
 
 def _no_inputs() -> Mapping[str, object]:
@@ -33,6 +36,33 @@ class NodeTransition:
     """Of a failure: path of the node that it came from."""
     message: str = ""
     evidence: Evidence = field(default_factory=_no_evidence)
+
+
+def started(
+    path: str,
+    wired: Mapping[str, Binding],
+    ports: tuple[PortDeclaration, ...],
+    inputs: Mapping[str, object],
+) -> NodeTransition:
+    """Describe the start of a node with these input ports and values."""
+    read = {key: plain_copy(value) for key, value in inputs.items() if isinstance(wired.get(key), Reference)}
+    of_objects = (port.key for port in ports if port.type.name == "object")
+    subject = next((str(inputs[key]) for key in of_objects if inputs.get(key)), "")
+    return NodeTransition(path, NodeStatus.RUNNING, read, subject)
+
+
+def ended(path: str, status: NodeStatus, failure: FailureReport | None, message: str) -> NodeTransition:
+    """Describe the end of a node; `message` is its feedback where it has not failed with a report."""
+    if failure is None:
+        return NodeTransition(path, status, message=message)
+    return NodeTransition(
+        path,
+        status,
+        cause=failure.cause.name,
+        origin=failure.node,
+        message=failure.message,
+        evidence=failure.evidence,
+    )
 
 
 class TransitionCollector:

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Final, cast
 
 from ...files.shipped_files import ROOT, rooms
-from ...world.causes import Evidence, FailureReport, cause_named, matches
+from ...world.causes import Evidence, FailureReport, cause_named, internal, matches
 from ...world.journal import Plain
 from .port_types import plain_copy
 
@@ -38,6 +38,14 @@ def without_addresses(text: str) -> str:
     '<Wave object at 0x…>'
     """
     return _ADDRESS.sub("0x…", text)
+
+
+def internal_error_report(error: BaseException, doing: str, path: str) -> FailureReport:
+    """Report an exception of a node's own code as internal.error, with its portable trace."""
+    name = type(error).__name__
+    message = f"{name} while {doing}: {without_addresses(str(error))}"
+    evidence: Evidence = {"exception": name, "traceback": portable_trace(error)}
+    return FailureReport(internal.ERROR, message, evidence, path)
 
 
 def _portable(file: str) -> str:
