@@ -1,8 +1,8 @@
-"""Pre- and postconditions of a node, as BehaviorTree.CPP has them.
+"""Pre- and postconditions of a node, as in BehaviorTree.CPP.
 
-Before: `_failureIf`, `_successIf`, `_skipIf` are asked, in this order, when the node would start; `_while` at
-every tick. After: `_onSuccess` or `_onFailure`, then `_post`; `_onHalted` when it was stopped while RUNNING.
-A skipped node assigns nothing, and a halted one nothing but `_onHalted`.
+`_failureIf`, `_successIf` and `_skipIf` are evaluated in this order before the node starts; `_while` at every
+tick. After the end `_onSuccess` or `_onFailure` runs, then `_post`; after a halt while RUNNING `_onHalted`
+runs. A skipped node assigns nothing, and a halted one only `_onHalted`.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ _SETTLED: Mapping[str, NodeStatus] = {
 
 
 def settled_before(wiring: Wiring, world: TreeWorld, *, running: bool) -> NodeStatus | None:
-    """The status that a precondition gives the node in place of a tick; None: it is ticked.
+    """Return the status that a precondition sets instead of a tick; None: the node is ticked.
 
     Raises Failure when a precondition has no value.
     """
@@ -49,7 +49,7 @@ def settled_before(wiring: Wiring, world: TreeWorld, *, running: bool) -> NodeSt
 
 
 def assign_after(wiring: Wiring, world: TreeWorld, state: NodeStatus) -> tuple[FailureReport, ...]:
-    """Carry out what belongs to that end; IDLE: to having been halted. What could not be, as reports."""
+    """Carry out the assignments for this end (IDLE: a halt); return reports of those that failed."""
     names = (ON_HALTED,) if state is NodeStatus.IDLE else _AFTER.get(state, ())
     problems: list[FailureReport] = []
     for name in names:

@@ -1,4 +1,4 @@
-"""The statuses of a node, in BehaviorTree.CPP's words."""
+"""Statuses of a node, in BehaviorTree.CPP's words."""
 
 from __future__ import annotations
 

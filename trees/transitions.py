@@ -1,4 +1,4 @@
-"""What happened to the nodes of a tree within one tick, in order: which began, and how they ended."""
+"""Node transitions within one tick, in order: starts and ends of nodes."""
 
 from __future__ import annotations
 
@@ -22,18 +22,18 @@ def _no_evidence() -> Evidence:
 
 @dataclass(frozen=True, slots=True)
 class NodeTransition:
-    """A node begins (RUNNING) or has ended (SUCCESS, FAILURE, SKIPPED; IDLE: it was halted)."""
+    """Start (RUNNING) or end of a node (SUCCESS, FAILURE, SKIPPED; IDLE: halted)."""
 
     path: str
     status: NodeStatus
     inputs: Mapping[str, object] = field(default_factory=_no_inputs)
-    """Of a node that begins: what it read through references, by port."""
+    """Values that a starting node read through references, by port."""
     subject: str = ""
-    """Of a node that begins: the object that its first port of type `object` names, if any."""
+    """Object named by the first port of type `object` of a starting node; empty: none."""
     cause: str = ""
-    """Of a failure: its name; empty for a false condition."""
+    """Name of a failure's cause; empty for a false condition."""
     origin: str = ""
-    """Of a failure: path of the node that it came from."""
+    """Path of the node in which the failure arose."""
     message: str = ""
     evidence: Evidence = field(default_factory=_no_evidence)
 
@@ -66,7 +66,7 @@ def ended(path: str, status: NodeStatus, failure: FailureReport | None, message:
 
 
 class TransitionCollector:
-    """Collects them while a tree is ticked."""
+    """Collector of node transitions while a tree is ticked."""
 
     def __init__(self) -> None:
         self._noted: list[NodeTransition] = []
@@ -75,7 +75,7 @@ class TransitionCollector:
         self._noted.append(transition)
 
     def take(self) -> tuple[NodeTransition, ...]:
-        """Those since it was last asked."""
+        """Return and clear the transitions since the last call."""
         noted = tuple(self._noted)
         self._noted.clear()
         return noted
