@@ -81,7 +81,8 @@ class Namespace:
         return wired[0].has(wired[1].key) if wired else f"{self._prefix}/{key}" in self._board
 
     def read(self, reference: Reference, scene: PlanningScene) -> Plain:
-        """Read a reference. Raises KeyError for an unwritten key, Failure for an unknown object or attribute."""
+        """Read a reference. Raises KeyError for an unwritten key, Failure for an unknown object or
+        attribute."""
         wired = self._wired.get(reference.key)
         if wired is None:
             value = self._board.read(f"{self._prefix}/{reference.key}")

@@ -1,4 +1,5 @@
-"""Runtime data of a tree: the parts that all nodes share, each node's wiring, and evaluation of expressions."""
+"""Runtime data of a tree: the parts that all nodes share, each node's wiring, and evaluation of
+expressions."""
 
 from __future__ import annotations
 

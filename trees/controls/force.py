@@ -97,7 +97,8 @@ class ForceFailure(Decorator):
 
 
 def _hide_failures(flow: NodeOutcomes, walk: FlowAnalysis, ends: OutcomeCollector) -> None:
-    """Collect the outcomes of a child other than success, with failures turned into successes where allowed."""
+    """Collect the outcomes of a child other than success, with failures turned into successes where
+    allowed."""
     for state, reasons in flow.failure.items():
         ends.fail_at(state, reasons.only(walk.unhidable))
         if hidden := reasons.only(~walk.unhidable).any:

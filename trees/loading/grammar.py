@@ -26,7 +26,8 @@ from .registry import NodeRegistry
 
 @dataclass(frozen=True, slots=True)
 class _Site:
-    """Place of a node: `loc` of the body under its ID, `start` of the whole node, and its path in the tree."""
+    """Place of a node: `loc` of the body under its ID, `start` of the whole node, and its path in the
+    tree."""
 
     loc: Location
     start: Location

@@ -77,7 +77,8 @@ class NodeRegistry:
         return (*names, *(f"{family}.*" for family in sorted(families)), "*")
 
     def plugins_of(self, nodes: Iterable[type[Node]]) -> tuple[Plugin, ...]:
-        """Return the plug-ins of `plugins:`, and the installed ones of others that offer one of these nodes."""
+        """Return the plug-ins of `plugins:`, and the installed ones of others that offer one of these
+        nodes."""
         used = {self._from.get(node.declaration.id) for node in nodes}
         foreign = (plugin for plugin in self._plugins if not _is_ours(plugin.name))
         return tuple(plugin for plugin in foreign if plugin.name in used | self._asked)

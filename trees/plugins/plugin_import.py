@@ -48,7 +48,8 @@ def importing(plugin: str) -> Generator[None]:
 
 
 def own_traceback(error: BaseException) -> str:
-    """Return the traceback without the frames of picktree and of Python's own machinery, shortened when long."""
+    """Return the traceback without the frames of picktree and of Python's own machinery, shortened when
+    long."""
     seen: set[int] = set()
     todo: list[BaseException | None] = [error]
     while todo:
@@ -122,7 +123,8 @@ def _stdout_to_stderr() -> Generator[None]:
 
 @contextmanager
 def _interrupts() -> Generator[list[int]]:
-    """Record SIGINTs that arrive, to distinguish them from a KeyboardInterrupt that the code itself raises."""
+    """Record SIGINTs that arrive, to distinguish them from a KeyboardInterrupt that the code itself
+    raises."""
     pressed: list[int] = []
     before = signal.getsignal(signal.SIGINT)
     if not callable(before) or threading.current_thread() is not threading.main_thread():

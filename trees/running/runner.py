@@ -156,7 +156,8 @@ class BehaviourTree:
         )
 
     def save(self) -> dict[str, Plain]:
-        """Return the state of nodes and blackboard as plain values. Raises PicktreeError while a leaf runs."""
+        """Return the state of nodes and blackboard as plain values. Raises PicktreeError while a leaf
+        runs."""
         if not self.quiescent:
             raise PicktreeError("a tree cannot be saved while a skill is running")
         nodes: dict[str, Plain] = {node.path: cast("Plain", node.save()) for node in self._nodes}

@@ -47,7 +47,8 @@ def transfer_state(nodes: Sequence[Node], saved: Mapping[str, Mapping[str, Plain
 def _take_over(
     node: Node, state: Mapping[str, Plain], saved: Mapping[str, Mapping[str, Plain]], active: bool
 ) -> bool:
-    """Take over the state, and halt nodes that cannot continue; False when the node was RUNNING and restarts."""
+    """Take over the state, and halt nodes that cannot continue; False when the node was RUNNING and
+    restarts."""
     memory = _memory(node, state)
     try:
         report_from_plain(state["failure"])

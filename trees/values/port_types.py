@@ -88,7 +88,8 @@ _LIST = "list of "
 
 @dataclass(frozen=True, slots=True)
 class PortType:
-    """Type of a port by its name in mission files, or a list of it; `optional`: null is a valid value, too."""
+    """Type of a port by its name in mission files, or a list of it; `optional`: null is a valid value,
+    too."""
 
     name: Name
     many: bool = False

@@ -88,7 +88,8 @@ ATTRIBUTES: tuple[str, ...] = tuple(ATTRIBUTE_TYPES)
 
 @dataclass(frozen=True, slots=True)
 class Reference:
-    """Reference to a key of the blackboard; with attributes, to those of the object whose id the key holds."""
+    """Reference to a key of the blackboard; with attributes, to those of the object whose id the key
+    holds."""
 
     key: str
     attributes: tuple[str, ...] = ()
