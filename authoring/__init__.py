@@ -1,1 +1,1 @@
-"""Tools on the language: checks, rehearsal, drawing, schemas, the reference, XML."""
+"""Authoring tools for missions: checks, rehearsal, drawings, schemas, reference, XML."""

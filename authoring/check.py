@@ -1,4 +1,4 @@
-"""Checking a mission file as a whole: its language, its scene, the names that it uses, and the linter."""
+"""Check of a whole mission file: its language, its scene, the names that it uses, and the linter."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _CODE = "P240"
 
 
 def check_scene_names(reading: MissionReadResult, known: SceneNames) -> Iterator[Diagnostic]:
-    """A fault for each literal, and each default that counts, that names nothing of scene or robot.
+    """Yield an error for each literal, and each default in use, that names nothing of scene or robot.
 
     Trees of other files count only where the mission uses them.
     """
@@ -69,7 +69,7 @@ def _named(arrival: ArrivingValue, known: SceneNames) -> Iterator[Diagnostic]:
 
 
 def _attributes(known: SceneNames) -> Mapping[str, ValueType]:
-    """The attributes of an object, with the texts that they can be in this scene."""
+    """Return the types of object attributes, with the texts that are possible in this scene."""
     bins = (*known.names.get("bin", ()), *known.names.get("hole", ()))
     choices = {
         "kind": (*known.names.get("kind", ()), "unknown"),
@@ -84,7 +84,7 @@ def _attributes(known: SceneNames) -> Mapping[str, ValueType]:
 def _asked(
     asked: MissionExpression, keys: TreeKeys, attributes: Mapping[str, ValueType], pointer: ExpressionLocator
 ) -> Iterator[Diagnostic]:
-    """An expression that has a value in general, and not with the names of this scene."""
+    """Check an expression that is valid in general, but may not be with the names of this scene."""
     if not asked.expression.paths:
         return
     try:
@@ -100,7 +100,7 @@ def _asked(
 def _cases(
     placed: PlacedNode, attributes: Mapping[str, ValueType], known: SceneNames
 ) -> Iterator[Diagnostic]:
-    """Cases for what an attribute never is in this scene."""
+    """Check for cases that match no value of the attribute in this scene."""
     if placed.spec.node is None:
         return
     for slot in placed.spec.node.declaration.slots:
@@ -120,19 +120,19 @@ def _cases(
 
 @dataclass(frozen=True, slots=True)
 class MissionCheck:
-    """What was found in a mission file. `mission` is None when the text has errors of its own."""
+    """Result of the check of a mission file. `mission` is None when the text has errors of its own."""
 
     mission: Mission | None
     faults: tuple[Diagnostic, ...]
-    """In the order of the files; also those of the scene and the robot, with their own places."""
+    """Diagnostics in the order of the files, those of scene and robot (with their own places) included."""
 
 
 def check_mission(
     document: Document, registry: NodeRegistry | None = None, known: SceneNames | None = None
 ) -> MissionCheck:
-    """Everything that can be said of a document of kind `mission`; never raises for what stands in it.
+    """Check a document of kind `mission` completely; never raises for its content.
 
-    `known` are the names of the scene and the robot that it runs with, by default those that it names.
+    `known`: names of scene and robot of the run, by default those that the mission names.
     """
     reading = examine(document, registry)
     known, faults = (known, []) if known is not None else _surroundings(reading.mission)
@@ -147,7 +147,7 @@ def check_mission(
 
 
 def _surroundings(mission: Mission) -> tuple[SceneNames | None, list[Diagnostic]]:
-    """The names of the mission's scene and robot; None when it names no scene, or a faulty one."""
+    """Return the names of the mission's scene and robot; None without a scene, or with a faulty one."""
     if mission.scene is None:
         return None, []
     try:

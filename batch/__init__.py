@@ -1,1 +1,1 @@
-"""Many runs: what is to be run, workers, results, and what follows from them."""
+"""Batches of runs: plans, workers, results and statistics."""

@@ -1,1 +1,1 @@
-"""picktree."""
+"""Command line of picktree."""

@@ -1,4 +1,4 @@
-"""The commands, and the border where every outcome becomes an exit code.
+"""Command-line application: the commands, and the conversion of outcomes to exit codes.
 
 0: done. 1: the answer is no. 2: bad input. 3: a fault of picktree. 130: interrupted.
 """
@@ -99,7 +99,7 @@ def _told(error: PicktreeError) -> str:
 
 
 def answer(arguments: Sequence[str]) -> int:
-    """Carry out one command line and return the exit code."""
+    """Run one command line and return the exit code."""
     try:
         _command()(args=list(arguments), prog_name="picktree")
     except SystemExit as end:

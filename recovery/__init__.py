@@ -1,4 +1,4 @@
-"""Recovery: nodes that cure failures by their cause, and bring the arm to safety."""
+"""Recovery: nodes that react to failures by their cause, and bring the arm to safety."""
 
 from ..trees.node import Node
 from .ask_for_help import AskForHelp
@@ -26,4 +26,4 @@ NODES: tuple[type[Node], ...] = (
     SafeRetreat,
     SetAside,
 )
-"""What the entry point `picktree.nodes` offers."""
+"""Node classes of the entry point `picktree.nodes`."""

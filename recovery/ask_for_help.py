@@ -1,4 +1,4 @@
-"""AskForHelp: the arm waits at rest until a person says how to go on."""
+"""AskForHelp: the arm waits at rest until the operator decides how to continue."""
 
 from __future__ import annotations
 
@@ -28,12 +28,13 @@ _INSERTED: Final = re.compile(r"\{[A-Za-z_]\w{0,59}(?:\.[A-Za-z_]\w{0,59}){0,9}\
 
 
 class AskForHelp(Node):
-    """Brake, and ask a person how to go on: the reason and the choices are shown, the answer is an output.
+    """Brake, and ask the operator how to go on: the reason and the choices are shown, the answer is an
+    output.
 
-    Simulated time stands still while the person thinks. Where nobody can be asked, without a terminal and in
-    batches, the run ends `paused`; `picktree run --resume` asks again, or takes the answer with `--answer`.
-    With the answer `give_up` the node fails with tree.given_up. In `reason` a reference as {item.kind} stands
-    for its value. The answer changes nothing by itself: what it means is for the nodes after it to say.
+    Simulated time is frozen until the answer. Without a terminal and in batches the run ends `paused`;
+    `picktree run --resume` asks again, or takes the answer with `--answer`. With the answer `give_up` the
+    node fails with tree.given_up. In `reason` a reference as {item.kind} is replaced by its value. The answer
+    itself changes nothing: the nodes after this one act on it.
     """
 
     example = """
@@ -56,7 +57,7 @@ class AskForHelp(Node):
     uses = (ARM,)
     remembers = ("_asks",)
     _asks: bool = False
-    """The arm is at rest, and the question was put."""
+    """Whether the arm is at rest and the question was asked."""
 
     def __init__(self, wiring: Wiring, runtime: Runtime) -> None:
         super().__init__(wiring, runtime)
@@ -133,7 +134,7 @@ class AskForHelp(Node):
         )
 
     def _text(self) -> str:
-        """The reason, with the values of what it refers to. Raises Failure for one that has none."""
+        """Return the reason with its references replaced by values. Raises Failure when one has no value."""
         return _INSERTED.sub(self._value, self.reason)
 
     def _value(self, found: re.Match[str]) -> str:

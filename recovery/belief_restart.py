@@ -1,7 +1,7 @@
-"""Taking stock: the robot wakes up with an older belief, and looks before it goes on with anything.
+"""Resynchronisation of an older belief with the scene at the restart of a run.
 
-What is in the hand is felt and put down, the arm gets clear and goes home, all cameras look, and what was
-done meanwhile is told from what is seen.
+The hand's content is measured and put down, the arm retreats and moves home, and all cameras look. The images
+then show which items were sorted in the time between.
 """
 
 from __future__ import annotations
@@ -27,20 +27,20 @@ if TYPE_CHECKING:
     from ..cell.world import World
 
 PROBE: Final = 0.004
-"""By how much the fingers try to close, m: where nothing is between them they do."""
+"""Distance by which the fingers try to close, m: they do when nothing is between them."""
 YIELDS: Final = 0.5
-"""Share of it from which they count as closing."""
+"""Share of PROBE from which the fingers count as closing."""
 GENTLY: Final = 5.0
-"""Force a finger with which they try, N, unless they press more firmly already."""
+"""Least force of each finger during the probe, N; a higher force already set is kept."""
 SPAN: Final = 0.10
-"""Of what is in the hand, along the pads and downwards: nobody knows what it is, m."""
+"""Assumed size of the unknown object in the hand, along the pads and downwards, m."""
 TRIES: Final = 2
-"""How often the hand is emptied: the second time where it is."""
+"""Maximum number of attempts to empty the hand."""
 UNKNOWN: Final = ObjectId("in_hand")
 LOWERED: Final = 0.15
-"""How far down what weighs next to nothing is let, m: until it touches."""
+"""Maximum descent of an object that weighs next to nothing, m; contact ends it."""
 TOUCH, SLOWLY = 5.0, 0.05
-"""Force that says that it does, N, and the speed, m/s."""
+"""Contact force that ends the descent, N, and its speed, m/s."""
 _HEAD: Final = "picktree: 1\nkind: mission\nname: taking stock\ntrees:\n  Main:\n    "
 _HOME: Final = f"{_HEAD}SafeRetreat\n"
 _LET_GO: Final = f"{_HEAD}SafeRetreat: {{hand: open}}\n"
@@ -53,18 +53,21 @@ _PUT_DOWN: Final = f"""\
 
 @dataclass(frozen=True, slots=True)
 class ResyncReport:
-    """What was found: ids of items as the belief knows them."""
+    """Result of a resynchronisation: ids of items in the belief."""
 
     done: tuple[ObjectId, ...]
-    """To be done by the older belief, and seen where they belong now."""
+    """Items that were to do in the older belief, and are seen at their destination."""
     gone: tuple[ObjectId, ...]
-    """To be done by the older belief, and no longer seen anywhere."""
+    """Items that were to do in the older belief, and are no longer seen anywhere."""
     held: bool
-    """Something was in the hand."""
+    """Whether an object was in the hand."""
 
 
 def resync_belief(world: World) -> Generator[None, None, ResyncReport]:
-    """Each yield is one tick. It never fails: what it cannot do it says, and leaves to the mission."""
+    """Resynchronise the belief; the arm moves, and each yield is one tick.
+
+    It never fails: steps that are impossible are recorded and left to the mission.
+    """
     _note(world, "the run goes on as things stand: it looks first, with the belief of before", {})
     try:
         yield from world.move.rest()
@@ -85,7 +88,7 @@ def resync_belief(world: World) -> Generator[None, None, ResyncReport]:
             yield from _lower(world)
         yield from _carry_out(_PUT_DOWN if carried else _LET_GO, world)
         if world.scene.find(UNKNOWN) is not None:
-            # The cameras tell what it is, under the name that it had.
+            # The cameras identify the object, under its former name.
             world.scene.remove(UNKNOWN, "it is looked what it was")
     if not held:
         yield from _carry_out(_HOME, world)
@@ -96,13 +99,13 @@ def resync_belief(world: World) -> Generator[None, None, ResyncReport]:
 
 
 def _feel(world: World) -> Generator[None, None, GripCheck | None]:
-    """What is in the hand, which is then believed there as something unknown; None: nothing."""
+    """Measure the content of the hand, and believe it there as an unknown object; None: the hand is empty."""
     yield from world.control.settle()
     grip = world.grip.state
     hold = GripCheck(grip.width, world.control.load())
     if hold.empty:
         return None
-    # Nobody knows what the fingers were told last. Less force than now might drop what they hold.
+    # The last force command is unknown. Less force than the present might drop a held object.
     least = max(grip.width - PROBE, 0.0)
     reached = yield from world.grip.move(least, max(abs(grip.force), GENTLY))
     if reached < grip.width - YIELDS * (grip.width - least):
@@ -120,7 +123,7 @@ def _feel(world: World) -> Generator[None, None, GripCheck | None]:
 
 
 def _lower(world: World) -> Generator[None, None, None]:
-    """Down until it touches: it may stand on something already."""
+    """Move the arm down until contact; the object may touch its support already."""
     try:
         yield from world.move.guarded((0.0, 0.0, -1.0), LOWERED, TOUCH, SLOWLY)
     except Failure as failure:
@@ -128,7 +131,7 @@ def _lower(world: World) -> Generator[None, None, None]:
 
 
 def _carry_out(text: str, world: World) -> Generator[None, None, None]:
-    """A tree of its own, so that the mission's is not touched."""
+    """Run a separate tree, so that the mission's tree stays unchanged."""
     tree = build(parse_mission(text, Path("taking_stock.yaml"), NodeRegistry()), world, {})
     tree.step()
     while tree.status is NodeStatus.RUNNING:
@@ -148,8 +151,10 @@ def _look(world: World) -> Generator[None, None, None]:
 
 
 def _recognise(world: World, known: Mapping[ObjectId, BeliefObject]) -> None:
-    """What is no longer where it was known to be, and is seen elsewhere for the first time, is the same: of
-    its kind and colour the nearest. While it was in the hand nobody saw it anywhere."""
+    """Give newly seen items the ids of items that have gone missing, by kind, colour and least distance.
+
+    An item in the hand was visible to no camera before.
+    """
     new = [o for o in world.scene.objects if o.role == "item" and o.id not in known]
     lost = [o for o in known.values() if world.scene.find(o.id) is None]
     pairs = [
@@ -165,7 +170,7 @@ def _recognise(world: World, known: Mapping[ObjectId, BeliefObject]) -> None:
 
 
 def _told(world: World, to_do: Sequence[ObjectId], held: bool) -> ResyncReport:
-    """Count what was done meanwhile, and say what nobody can know."""
+    """Count the items sorted in the time between, and record what cannot be known."""
     done: list[ObjectId] = []
     gone: list[ObjectId] = []
     for name in to_do:

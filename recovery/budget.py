@@ -1,4 +1,4 @@
-"""Budget: what recovery may cost, for one item or for a whole branch."""
+"""Budget: limit on the cost of recovery, for one item or for a whole branch."""
 
 from __future__ import annotations
 
@@ -19,17 +19,17 @@ if TYPE_CHECKING:
 
 
 class Budget(Decorator):
-    """Bounds what recovery below may cost: how many handlers may run, and how much time that may take.
+    """Bounds the cost of recovery below: how many handlers may run, and how much time they may take.
 
-    Each handler that a `Recover` or `RecoveryNode` below starts counts, and the time from a first failure
-    until it is cured or given up. What is going on when the time is over is finished; the next handler is
-    refused: those below give up, with their `give_up`, and the budget fails with tree.budget, the failure
-    that nobody paid for attached, whatever stands between. Without recovery the child may run as long as it
-    likes.
+    Each handler that a `Recover` or `RecoveryNode` below starts counts. The time from a first
+    failure until it is cured or given up counts, too. A handler that runs when the
+    time is over is finished; the next is refused. The nodes below then give up, with their `give_up`. The
+    budget fails with tree.budget, with the failure that was not handled attached. Without recovery the child
+    may run without limit.
 
-    With `of` there is an account for each object, kept from one time to the next until the child succeeds
-    with it; without it, each start of the node begins a new one. Budgets may stand in one another: a recovery
-    is charged to all of them.
+    With `of` each object has an account, which is kept until the child succeeds with that object. Without
+    `of` each start of the node opens a new account. Budgets may be nested: a recovery is charged to all of
+    them.
     """
 
     example = """
@@ -54,12 +54,12 @@ class Budget(Decorator):
     by_turns = True
     remembers = ("_accounts", "_before", "_given_up")
     _accounts: dict[str, list[float]] = {}  # noqa: RUF012 - replaced, never changed
-    """By object: handlers run, seconds spent. Of those that did not succeed last."""
+    """Handlers run and seconds spent by object, without objects whose last run succeeded."""
     _before: float = 0.0
-    """When it was ticked last."""
+    """Simulated time of the last tick, s."""
     _given_up: FailureReport | None = None
     _recovering: bool = False
-    """Whether somebody below is recovering in this tick."""
+    """Whether a node below is recovering in this tick."""
 
     @classmethod
     def check_ports(cls, given: PortValues) -> tuple[str, ...]:
@@ -69,10 +69,10 @@ class Budget(Decorator):
             return ("without `tries` or `time` nothing is bounded",)
         return ()
 
-    # What those below say, who recover.
+    # Called by the recovering nodes below.
 
     def refusal(self, last: FailureReport) -> FailureReport | None:
-        """Why one more handler is not paid for after that failure; None: it is."""
+        """Return why no further handler is allowed after this failure; None: one is allowed."""
         self._given_up = None  # somebody further up is about to give up; it ends when they have
         count, seconds = self._account()
         if (self.tries < 0 or count < self.tries) and (not self.time or seconds < self.time):
@@ -96,19 +96,19 @@ class Budget(Decorator):
         return FailureReport(tree.BUDGET, message, evidence, self.path, (last,))
 
     def charge(self) -> None:
-        """One more handler starts."""
+        """Count one more handler."""
         count, seconds = self._account()
         self._set_account(count + 1, seconds)
 
     def is_recovering(self) -> None:
-        """The time of this tick goes into recovery."""
+        """Charge the time of this tick to recovery."""
         self._recovering = True
 
     def has_given_up(self, report: FailureReport) -> None:
-        """What was refused a handler has ended."""
+        """Store the report of a node below that gave up after a refusal."""
         self._given_up = report
 
-    # As a node.
+    # Called as for every node.
 
     def on_start(self) -> None:
         self._given_up = None
@@ -124,7 +124,7 @@ class Budget(Decorator):
             self._set_account(count, seconds + now - self._before)
         self._before = now
         if self._given_up is not None and state is not NodeStatus.FAILURE:
-            # Somebody between has passed it over.
+            # A node in between has ignored the failure.
             self.body.halt()
             return self.fail_with(self._given_up)
         if state is NodeStatus.SUCCESS:
@@ -153,11 +153,11 @@ class Budget(Decorator):
 
 
 _KEPT = 200
-"""Accounts of other objects, so that hours of items that were given up do not grow the state."""
+"""Maximum number of accounts of other objects: items given up over hours must not enlarge the state."""
 
 
 def budgets_above(node: Node) -> tuple[Budget, ...]:
-    """Those that pay for recovery at that node, the nearest first."""
+    """Return the budgets that are charged for recovery at this node, the nearest first."""
     found: list[Budget] = []
     above = cast("Node | None", node.parent)
     while above is not None:

@@ -1,4 +1,4 @@
-"""FreeSpot: a place on the table where what the hand holds can be put down for a while."""
+"""FreeSpot: a place on the table where the held object can be put down for a while."""
 
 from __future__ import annotations
 
@@ -22,20 +22,20 @@ if TYPE_CHECKING:
     from ..world.scene.description import Fixture
 
 GRID = 0.03
-"""Between two places that are tried, m."""
+"""Grid spacing of the tested places, m."""
 FROM_EDGE = 0.08
-"""What is put down stays so far from the edge of what it stands on, m."""
+"""Least distance from an object that is put down to the edge of its table, m."""
 ROOM = 0.04
-"""Around it, so that the hand fits around it again, m."""
+"""Clearance around the object, so that the hand fits around it again, m."""
 NEAREST, FARTHEST = 0.32, 0.70
-"""From the robot's base, m: where an arm of a table-top size reaches down."""
+"""Range of distances from the robot's base, m: a table-top arm can reach down there."""
 REACHED = 25
-"""Free places of which it is asked whether the arm reaches them."""
+"""Maximum number of free places that are tested for reachability."""
 
 
 @dataclass(frozen=True, slots=True)
 class TableSpot:
-    """A point of a table's top, by its place in words."""
+    """A point on a table's top, named by its position."""
 
     name: str
     at: tuple[float, float, float]
@@ -80,7 +80,7 @@ class FreeSpot(Skill):
         )
 
     def _spots(self, world: World) -> list[TableSpot]:
-        """On all tables, the nearest to the hand first."""
+        """Return the places on all tables, the nearest to the hand first."""
         hand = world.control.tcp.position
         found: list[TableSpot] = []
         for fixture in world.scene.fixtures.values():
@@ -99,7 +99,7 @@ class FreeSpot(Skill):
 
 
 def _top(fixture: Fixture) -> float | None:
-    """Height of the upper side of a board, m; None for anything else."""
+    """Return the height of a board's upper side, m; None for anything else."""
     if not isinstance(fixture.shape, Box) or fixture.shape.size[2] > min(fixture.shape.size[:2]):
         return None
     up = fixture.pose.rotation()[:, 2]
@@ -107,7 +107,7 @@ def _top(fixture: Fixture) -> float | None:
 
 
 def _on(fixture: Fixture) -> list[TableSpot]:
-    """Points of a grid over a board, in the part that an arm at the origin reaches."""
+    """Return grid points on a board, in the part within reach of an arm at the origin."""
     height = _top(fixture)
     if height is None or not isinstance(fixture.shape, Box):
         return []

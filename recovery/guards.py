@@ -1,4 +1,4 @@
-"""Guards in a handler: whether the failure that is being handled is one that a cure may help against."""
+"""Guards in a handler: conditions on whether a recovery may help against the handled cause."""
 
 from __future__ import annotations
 
@@ -21,18 +21,18 @@ if TYPE_CHECKING:
 
 
 class CauseGuard(Node, abstract=True):
-    """SUCCESS when the cause is one of a list, else FAILURE without a report, as a condition."""
+    """Base class of conditions on the cause: SUCCESS when it is in a list, else FAILURE without a report."""
 
     kind = "condition"
     played = False
     steady = True
 
     def patterns(self) -> tuple[str, ...]:
-        """The causes that it says yes to."""
+        """Return the cause patterns for which the guard succeeds."""
         raise NotImplementedError
 
     def handled(self) -> Cause | None:
-        """The cause that is asked about; None before the first failure."""
+        """Return the handled cause; None before the first failure."""
         name = str(self.input("cause"))
         try:
             return cause_named(name) if name else None
@@ -50,7 +50,7 @@ class CauseGuard(Node, abstract=True):
 
 
 class WouldHelp(CauseGuard, abstract=True):
-    """A guard for one kind of cure."""
+    """Base class of guards for one kind of recovery."""
 
     helps: ClassVar[tuple[str, ...]] = ()
 

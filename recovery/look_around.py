@@ -1,4 +1,4 @@
-"""LookAround: look through every camera that there is, until one shows what is looked for."""
+"""LookAround: look through every camera until one shows the expected object."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ if TYPE_CHECKING:
     from ..world.scene.description import CameraDescription
 
 VIEWS = ("observe", "rest", "home")
-"""Poses of the robot from which a camera on the hand looks, and in which the arm is out of the others' view,
-if it has them."""
+"""Named poses of the robot for looking: the hand camera sees the scene, or the arm leaves the other cameras'
+view. Missing ones are skipped."""
 
 
 class LookAround(Skill):
@@ -65,7 +65,7 @@ class LookAround(Skill):
     def _look(
         self, world: World, cameras: list[CameraDescription]
     ) -> Doing[tuple[bool, list[CameraDescription]]]:
-        """Whether what is expected was seen, and the cameras that gave no picture."""
+        """Return whether the expected object was seen, and the cameras that gave no image."""
         blind: list[CameraDescription] = []
         for camera in cameras:
             try:

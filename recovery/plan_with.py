@@ -1,4 +1,4 @@
-"""PlanWith: plan otherwise while a branch runs."""
+"""PlanWith: planner overrides while a branch runs."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ class PlanWith(Decorator):
         return ()
 
     def on_tick(self) -> NodeStatus:
-        # In a rehearsal nobody plans.
+        # A rehearsal has no planner.
         plan = cast("PlanService | None", getattr(self.world, "plan", None))
         manner = PlannerOverrides(self.seed, self.budget, self.clearance)
         with plan.in_manner(manner) if plan is not None else nullcontext():

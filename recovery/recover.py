@@ -1,4 +1,4 @@
-"""Recover: a branch, and for each cause in which it can end what may cure it."""
+"""Recover, RecoveryNode and ForAttempt: run a branch, handle its failures by cause, and repeat it."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ if TYPE_CHECKING:
 class RecoveryNode(RecoveryControl):
     """Runs its first child; when it fails, runs the second, then the first again, as Nav2's.
 
-    The first child runs once more than `number_of_retries`. The node fails when the second child fails or is
-    skipped, with the first one's cause, the cure's attached; and when all retries are used up, with the last
-    cause, the earlier ones attached. SKIPPED when the first child is. The tick ends between the two.
-    `Recover` chooses the cure by the cause.
+    The first child runs once more than `number_of_retries`. When the second child fails or is skipped, the
+    node fails with the first one's cause, the second one's attached. When all retries are used up, it fails
+    with the last cause, the earlier ones attached. SKIPPED when the first child is. The tick ends between the
+    two. `Recover` chooses the handler by the cause.
     """
 
     example = """
@@ -53,7 +53,7 @@ class RecoveryNode(RecoveryControl):
         return self.number_of_retries + 1
 
     def cure_of(self, report: FailureReport) -> str:
-        # A fault of the program is cured only where somebody names it, which this node cannot.
+        # A program fault is handled only where it is named, which this node cannot do.
         return "" if matches(str(internal.ANY), report.cause) else self.parts[1].name
 
     def cure(self, label: str) -> Node:
@@ -115,13 +115,13 @@ class ForAttempt(Node):
 class Recover(RecoveryControl):
     """Runs `do`; when it fails, runs the handler of the cause, then `do` again, at most `attempts` times.
 
-    The first pattern of `when` that matches the cause is used, in the order of the file, else `otherwise`;
-    a cause without a handler fails at once. A handler that fails ends the node with the original cause, the
-    handler's attached. When all attempts are used up, `give_up` is run, so that the arm is left in a state
-    from which others can go on, and the node fails with the last cause, the earlier ones attached.
-    A fault of the program is handled only where `when` names it: `internal.error`. `do`, the handlers and
-    `give_up` read from the outputs which attempt it is and what is being handled. The tick ends between a
-    handler and the next attempt.
+    The first pattern of `when` that matches the cause is used, in the order of the file, else `otherwise`.
+    A cause without a handler fails at once. A handler that fails ends the node with the original cause, the
+    handler's attached. When all attempts are used up, `give_up` is run: it leaves the arm in a state from
+    which others can go on. The node then fails with the last cause, the earlier ones attached. A fault of the
+    program is handled only where `when` names it: `internal.error`. The outputs give `do`, the handlers and
+    `give_up` the number of the attempt and the handled failure. The tick ends between a handler and the next
+    attempt.
     """
 
     example = """
@@ -161,7 +161,7 @@ class Recover(RecoveryControl):
         for pattern in self.handlers:
             if matches(pattern, report.cause):
                 return pattern
-        # A fault of the program is not to be handled by accident.
+        # A program fault must not be handled by accident.
         if self.otherwise is None or matches(str(internal.ANY), report.cause):
             return ""
         return _OTHERWISE

@@ -1,4 +1,4 @@
-"""The base of nodes that run a branch, cure its failure, and run it again."""
+"""Base class of nodes that run a branch, handle its failure, and run it again."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ if TYPE_CHECKING:
 
 
 class RecoveryControl(ControlNode, abstract=True):
-    """Runs `tried`; after a failure runs its cure, then `tried` again, a tick apart.
+    """Runs `tried`; after a failure runs a handler, then `tried` again, a tick apart.
 
-    Its outputs `attempt`, `cause`, `message` and `failed` tell those below what is going on, cures above all.
-    What a cure costs is charged to every `Budget` above; one that is used up refuses the next.
+    The outputs `attempt`, `cause`, `message` and `failed` describe the recovery to the nodes below. Handlers
+    are charged to every `Budget` above; one that is used up refuses the next.
     """
 
     by_turns = True
@@ -33,47 +33,47 @@ class RecoveryControl(ControlNode, abstract=True):
     _runs: int = 0
     _reports: tuple[FailureReport, ...] = ()
     _handler: str = ""
-    """Label of the cure that runs; empty while `tried` runs."""
+    """Label of the running handler; empty while `tried` runs."""
     _giving_up: bool = False
     _refused: bool = False
-    """A budget above has no cure left to pay for."""
+    """Whether a budget above has refused the next handler."""
 
-    # What a sub-class says.
+    # Written by sub-classes.
 
     @abstractmethod
     def tried(self) -> Node:
-        """What is to succeed."""
+        """Child that must succeed."""
         ...
 
     @abstractmethod
     def most_runs(self) -> int:
-        """How often it may run."""
+        """Maximum number of runs of `tried`."""
         ...
 
     @abstractmethod
     def cure_of(self, report: FailureReport) -> str:
-        """The label of the cure of a failure, of one that `cure` knows; empty when there is none."""
+        """Return the label of the handler for a failure, as `cure` knows it; empty when there is none."""
         ...
 
     @abstractmethod
     def cure(self, label: str) -> Node: ...
 
     def resort(self) -> Node | None:
-        """What is run before failing for good."""
+        """Node that runs before the final failure; None: none."""
         return None
 
     @classmethod
     def goes_on_after(cls, cure: NodeStatus) -> bool:
-        """Whether `tried` runs again after a cure that ended so."""
+        """Return whether `tried` runs again after a handler with this end."""
         return cure is not NodeStatus.FAILURE
 
     @classmethod
     @abstractmethod
     def recovery(cls, spec: NodeSpec, walk: FlowAnalysis) -> RecoverySpec:
-        """The same of a node in the text."""
+        """Return the same properties for a node in the mission text."""
         ...
 
-    # What they share.
+    # Shared by sub-classes.
 
     def on_start(self) -> None:
         self._runs, self._reports, self._handler, self._giving_up = 0, (), "", False
@@ -132,7 +132,7 @@ class RecoveryControl(ControlNode, abstract=True):
         return NodeStatus.RUNNING
 
     def _tell(self, report: FailureReport | None) -> None:
-        """Write the outputs: the attempt that runs, or that failed with the report last."""
+        """Write the outputs: the running attempt, or the failed one with its report."""
         if report is None:
             self.output("attempt", self._runs + 1)
             if self._reports:
@@ -142,7 +142,7 @@ class RecoveryControl(ControlNode, abstract=True):
         self.output("failed", report.node if report else "")
 
     def _pay(self) -> FailureReport | None:
-        """Charge one cure to all budgets above, or answer why one of them has none left."""
+        """Charge one handler to all budgets above; return the refusal when one of them allows no more."""
         budgets = budgets_above(self)
         last = self._reports[-1]
         for budget in budgets:

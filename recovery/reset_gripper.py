@@ -1,4 +1,4 @@
-"""ResetGripper: move the empty fingers to and fro, and measure whether they follow."""
+"""ResetGripper: move the empty fingers open and closed, and measure whether they follow."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ class ResetGripper(Skill):
         )
 
     def _to_and_fro(self, world: World) -> Doing[str]:
-        """What went wrong; empty when all went well."""
+        """Open, close and open the fingers; return the error, empty when they follow."""
         most = world.robot.description.gripper.max_width
         for opens in (True, False, True):
             before = world.grip.width
@@ -84,6 +84,6 @@ class ResetGripper(Skill):
 
 
 SHORT = 5e-3
-"""Fingers that stay this far short of fully open do not follow, m."""
+"""Opening error above which open fingers do not follow, m."""
 MOVED = 0.5
-"""Share of the opening that they must close by; something may stand between them."""
+"""Share of the opening by which the fingers must close; an object may be between them."""

@@ -1,4 +1,4 @@
-"""SafeRetreat: come to rest, acknowledge a safety stop, get clear, and go home."""
+"""SafeRetreat: brake, acknowledge a safety stop, retreat, and move home."""
 
 from __future__ import annotations
 
@@ -21,15 +21,15 @@ if TYPE_CHECKING:
     from ..cell.world import World
 
 LONGEST = 90.0
-"""Simulated time after which no other way is begun, s."""
+"""Simulated time after which no other escape path is started, s."""
 
 
 class SafeRetreat(Skill):
     """Brake, acknowledge a latched safety stop, stop pressing, get clear, then go to a safe pose.
 
-    Out of what the arm is believed to be in it goes slowly where the depths shrink fastest, the whole arm
-    considered; what is touched, with any part of the arm, is given way to, and another direction tried. When
-    there is no safe way it says so, with what was tried, and stays where it is.
+    Where the arm is believed to be in contact, it moves slowly in the direction that reduces the depth
+    fastest, the whole arm considered. It gives way to contact at any part of the arm, and tries another
+    direction. When there is no safe way it fails with what was tried, and stays where it is.
     """
 
     example = """
@@ -56,7 +56,7 @@ class SafeRetreat(Skill):
 
     @classmethod
     def hand_with(cls, ports: Mapping[str, Binding]) -> tuple[Hand, tuple[Hand, ...]]:
-        # Even where it finds no way, nothing better can be done about what is held.
+        # Even without an escape path, nothing better can be done about the held object.
         match ports.get("hand", Constant("keep", "keep")):
             case Constant(value="keep"):
                 return "kept", ("kept",)
@@ -79,7 +79,7 @@ class SafeRetreat(Skill):
             except Failure as failure:
                 if failure.cause is not control.GRIPPER:
                     raise
-                # Something beside them that nobody knows of: further away they may have room.
+                # An unknown body is next to the fingers; further away they may have room.
                 leaving.tried.append(failure.message)
         if not (yield from self._out(world, leaving)):
             raise self._no_way(world, leaving, left)
@@ -92,7 +92,7 @@ class SafeRetreat(Skill):
             try:
                 yield from put_down(world, leaving, scaling, self.path)
             except Failure as failure:
-                # It is kept then, and home is the better place to say so.
+                # The object is kept, and the failure is reported from home.
                 refused = self._not_put_down(world, failure)
                 self._acknowledge(world)
         if not (yield from go_home(world, leaving, self.pose, scaling, self.path)):
@@ -110,14 +110,14 @@ class SafeRetreat(Skill):
 
     @staticmethod
     def _not_held(world: World) -> None:
-        """Fingers that have met hold nothing, whatever is believed."""
+        """Release the believed object when the fingers have met: they hold nothing."""
         if world.scene.held is not None and world.grip.width <= EMPTY_WIDTH:
             release_object(world.scene, "the fingers have met: nothing is between them")
             world.control.wrist.carry(None)
 
     @staticmethod
     def _room_to_open(world: World) -> bool:
-        """Whether the fingers can open without pressing at what is believed beside them."""
+        """Return whether the fingers can open without contact with believed bodies next to them."""
         held = world.scene.held
         ignored = () if held is None else (str(held.id),)
         wide = world.robot.description.gripper.max_width
@@ -137,7 +137,8 @@ class SafeRetreat(Skill):
         return Failure(place.OCCUPIED, message, object=held.id, because=failure.cause.name)
 
     def _out(self, world: World, leaving: RetreatMotion) -> Doing[bool]:
-        """Clear of what it is believed to be in; where no way leads out, it is looked whether it is there."""
+        """Move out of believed contacts. Without an escape path, look whether those bodies are really
+        there."""
         if (yield from leaving.out()):
             return True
         believed = world.plan.contacts()
@@ -148,7 +149,7 @@ class SafeRetreat(Skill):
         return (yield from leaving.out())
 
     def _still_held(self, world: World) -> Steps:
-        """Raise grasp.slipped when what was to be kept is not felt in the hand."""
+        """Raise grasp.slipped when an object to be kept is not measured in the hand."""
         held = world.scene.held
         if held is None:
             return
@@ -167,7 +168,7 @@ class SafeRetreat(Skill):
         )
 
     def _no_way(self, world: World, leaving: RetreatMotion, left: float) -> Failure:
-        """The failure that says what is in the way and what was tried; the arm is held where it is."""
+        """Return the failure with the obstacles and the attempts; the arm holds its position."""
         contacts = world.plan.contacts()
         named = [f"{c.a} at {c.b} ({-c.distance * 1000:.0f} mm deep)" for c in contacts if c.distance < 0.0]
         last = leaving.tried[-1] if leaving.tried else "nothing could be tried"

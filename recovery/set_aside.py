@@ -1,4 +1,4 @@
-"""SetAside: give up an item that cannot be had, so that it keeps nobody waiting."""
+"""SetAside: give up an item, so that the mission no longer waits for it."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from ..trees.mission import NodeSpec
 
 _GIVEN_UP = "given up"
-"""Of each time that an item was given up, in the memory of what was tried."""
+"""Entry in the memory of attempts for each time that an item was given up."""
 
 
 class SetAside(Node):

@@ -1,4 +1,4 @@
-"""The skills that come with picktree: leaves that move the robot or look through its cameras."""
+"""Skills that come with picktree: leaves that move the robot or look through its cameras."""
 
 from ..trees.node import Node
 from .await_items import AwaitItems
@@ -31,4 +31,4 @@ NODES: tuple[type[Node], ...] = (
     TouchTarget,
     WatchScene,
 )
-"""What the entry point `picktree.nodes` offers."""
+"""Node classes of the entry point `picktree.nodes`."""

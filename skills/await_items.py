@@ -1,4 +1,4 @@
-"""AwaitItems: tell the feed that the robot is ready, and wait until something has come."""
+"""AwaitItems: report to the feed that the robot is ready, and wait for items."""
 
 from __future__ import annotations
 

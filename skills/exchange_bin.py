@@ -1,4 +1,4 @@
-"""ExchangeBin: ask for an empty bin in a full one's place, and wait until it stands there."""
+"""ExchangeBin: request an empty bin in place of a full one, and wait for it."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class ExchangeBin(Skill):
 
     @classmethod
     def empties_with(cls, inputs: Mapping[str, object]) -> str:
-        # In a rehearsal no heap is ever high.
+        # In a rehearsal no heap reaches a height.
         return "" if inputs.get("fill") else str(inputs["bin"])
 
     def run(self, world: World) -> Steps:

@@ -1,4 +1,4 @@
-"""Grasp: take an object between the fingers, feel that it is held, and lift it clear."""
+"""Grasp: grip an object, check that it is held, and lift it clear."""
 
 from __future__ import annotations
 
@@ -40,19 +40,20 @@ if TYPE_CHECKING:
     from ..world.belief.planning_scene import BeliefObject
 
 LIFTED = 0.5
-"""Share of the way up from a grasp from which an object is clear of its neighbours."""
+"""Share of the lift height above which an object is clear of its neighbours."""
 SAME_START = 0.005
-"""A plan whose start is further from where the arm stands was made for elsewhere, rad in a joint."""
+"""Start error above which a plan belongs to another configuration, rad in any joint."""
 
 
 class Grasp(Skill):
     """Grasp an object between the fingers from above and lift it clear.
 
-    Candidates are grasps with the places that they lead to, ranked; one counts only if the hand fits between
-    the neighbours, the arm reaches it, and the object can from there be put where it belongs. The fingers
-    close by feel, the hand giving way to the one that touches first. Whether the object is held is felt, by
-    the opening of the fingers and by the load on the wrist; what slips is gripped more firmly. When it was
-    missed or lost, it is grasped once more, if it is seen from there or was lost where it was gripped.
+    Candidates are grasps with the places that they lead to, ranked. A candidate counts only if the hand fits
+    between the neighbours and the arm reaches it. From there the arm must also be able to put the object
+    where it belongs. The fingers close until contact, and the hand gives way to the one that touches first.
+    Finger opening and load on the wrist show whether the object is held; an object that slips is gripped more
+    firmly. An object that was missed or lost is grasped once more, if it is seen from there or was lost where
+    it was gripped.
     """
 
     example = """
@@ -111,14 +112,17 @@ class Grasp(Skill):
             yield from self._pick(world)
 
     def _pick(self, world: World) -> Steps:
-        """The best candidate that is left, to the lifted object. When something gets into the way to it, or
-        the object is seen elsewhere, the arm stops and candidates are looked for anew."""
+        """Pick with the best remaining candidate, up to the lifted object.
+
+        The arm stops and replans when an obstacle blocks the path, or the object is seen elsewhere.
+        """
         replans = ReplanBudget(world, self.path, self.object)
         while not (yield from self._try(world, replans)):
             pass
 
     def _try(self, world: World, replans: ReplanBudget) -> Doing[bool]:
-        """False: the arm has stopped on the way to the object, and another plan may help."""
+        """Run one attempt. Return False when the arm stopped on the way to the object and a new plan may
+        help."""
         belief = world.scene.get(self.object)
         ranked = grasp_candidates(belief, world.robot.description.gripper)
         first = world.attempts.count(self.path, self.object) == 0
@@ -133,7 +137,7 @@ class Grasp(Skill):
             try:
                 if self.servo and world.eyes.hand is not None:
                     pick = yield from servo_to_grasp(world, pick, self.path, first=first, watch=watch)
-                    # What the hand has seen of it counts; a camera elsewhere may err by its mounting.
+                    # Detections of the hand camera count; another camera may err by its mounting.
                     watch = None
                 carried = self._prepared(world, pick)
                 yield from self._approach(world, pick, carried, watch)
@@ -151,7 +155,7 @@ class Grasp(Skill):
             return True
 
     def _next(self, world: World, stream: CandidateSearch) -> Doing[PickPlaceCandidate | None]:
-        """The next candidate. An arm that is believed to stand within something gets clear of it first."""
+        """Return the next candidate. An arm in believed contact first moves out of it."""
         try:
             return (yield from stream.find(speed=self.speed))
         except Failure as failure:
@@ -161,7 +165,8 @@ class Grasp(Skill):
         return (yield from stream.find(speed=self.speed))
 
     def _none(self, stream: CandidateSearch, ranked: int, tried_before: int) -> Failure:
-        """Why there is no candidate: what the planner said of the last one that came so far, or the trail."""
+        """Return the failure for "no candidate": the planner's last failure at the place stage, or the
+        rejections."""
         if stream.refused is not None and stream.trail.count(PLACE):
             return stream.refused
         trail = stream.trail.entry()
@@ -191,7 +196,7 @@ class Grasp(Skill):
         yield from world.control.settle()
         hold = GripCheck(world.grip.width, world.control.load())
         if not hold.empty and not hold.loaded:
-            # What is between the fingers may stand on something, or in it.
+            # The object between the fingers may touch or be inside another body.
             yield from lift_off(world, self.path)
             yield from world.control.settle()
             hold = GripCheck(world.grip.width, world.control.load())
@@ -207,8 +212,10 @@ class Grasp(Skill):
         )
 
     def _prepared(self, world: World, pick: PickPlaceCandidate) -> LookaheadResult[MotionPlan] | None:
-        """The transfer, planned while the arm approaches. What is flat is felt for: where the fingers will
-        close is known then only."""
+        """Start look-ahead planning of the transfer during the approach.
+
+        None for flat objects, whose grasp height is known only after contact.
+        """
         if pick.above is None or pick.landing is None or pick.grasp.flat or not self.onward:
             return None
         holding = HeldObject(self.object, pick.object_in_tcp)
@@ -224,8 +231,10 @@ class Grasp(Skill):
         carried: LookaheadResult[MotionPlan] | None,
         target: TargetWatch | None,
     ) -> Steps:
-        """To the pre-grasp and down in one motion, until it turns out that there is no way on from there, or
-        that the object is elsewhere."""
+        """Move to the pre-grasp and down in one motion.
+
+        The arm stops when no transfer exists from there, or the object is elsewhere.
+        """
 
         def in_vain() -> Failure | None:
             known = carried is not None and carried.ready <= world.clock.now
@@ -298,11 +307,11 @@ class Grasp(Skill):
     def _from_here(
         self, world: World, pick: PickPlaceCandidate, object_in_tcp: Pose
     ) -> LookaheadResult[MotionPlan]:
-        """The transfer from where the arm stands, planned while the fingers close."""
+        """Plan the transfer from the present configuration while the fingers close."""
         assert pick.landing is not None
         holding = HeldObject(self.object, object_in_tcp)
         tcp = world.control.tcp
-        # Held a little higher or lower than was thought: the object lands where it was meant to.
+        # The object is held higher or lower than planned; it must land at the planned place.
         moved = pick.grasp.tcp_in_world.position[2] - tcp.position[2]
         above = pick.landing.above.shifted((0.0, 0.0, -moved))
         start = world.control.held_position
@@ -318,7 +327,7 @@ class Grasp(Skill):
         carried: LookaheadResult[MotionPlan] | None,
         felt: GripCheck,
     ) -> Doing[GripCheck]:
-        """Out of the neighbours, and what is felt then: on the way to the bin, or at rest."""
+        """Lift the object and measure the grip, on the way to the bin or at rest."""
         plan = None if carried is None or felt.empty else (yield from self._onward(world, carried))
         if plan is not None and pick.landing is not None:
             lifted = plan.passes[0] + world.tick
@@ -348,12 +357,13 @@ class Grasp(Skill):
 
     @staticmethod
     def _is_clear(world: World, pick: PickPlaceCandidate) -> bool:
-        """Whether the hand has lifted the object out of what stood around it."""
+        """Return whether the hand has lifted the object out of its surroundings."""
         risen = world.control.tcp.position[2] - pick.grasp.tcp_in_world.position[2]
         return risen > LIFTED * world.handling.approach
 
     def _onward(self, world: World, carried: LookaheadResult[MotionPlan]) -> Doing[MotionPlan | None]:
-        """The plan for the way on, if there is one that starts where the arm stands and still holds."""
+        """Return the planned transfer if it starts at the present configuration and is still valid, else
+        None."""
         try:
             plan = yield from world.plan.take(carried)
         except Failure:
@@ -366,7 +376,7 @@ class Grasp(Skill):
     def _note(
         self, world: World, belief: BeliefObject, candidate: GraspCandidate, hold: GripCheck, *, first: bool
     ) -> None:
-        """One closing of the fingers, and what they hold as far as it was felt."""
+        """Record one closing of the fingers, and the measured grip."""
         world.journal.note(
             JournalEvent(
                 "pick",

@@ -1,4 +1,4 @@
-"""OpenGripper and CloseGripper: the fingers alone."""
+"""OpenGripper and CloseGripper: motions of the fingers alone."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Insert: put what the hand holds into a hole by feeling for it."""
+"""Insert: put the held object into a hole, searched by contact."""
 
 from __future__ import annotations
 
@@ -26,23 +26,23 @@ if TYPE_CHECKING:
     from ..world.belief.planning_scene import BeliefObject
 
 LINEAR, ANGULAR = 600.0, 30.0
-"""Of the spring that the arm is while it feels, N/m and Nm/rad."""
+"""Stiffness of the Cartesian impedance during the search, N/m and Nm/rad."""
 TAKE_UP = 0.4
-"""Time in which the pads take the object up anew after the grip was tightened, s."""
+"""Time in which the pads settle on the object after the grip was tightened, s."""
 LONGEST = 120.0
-"""Of one insertion by feeling, s."""
+"""Time limit of one insertion by contact, s."""
 CHANGED = 0.0015
-"""Change of the opening that says that the object has turned in the hand, m."""
+"""Change of the opening that shows that the object has turned in the hand, m."""
 SEEN = 0.002
-"""How far off a mouth may be that the camera on the hand has seen, m."""
+"""Uncertainty of a mouth's position seen by the hand camera, m."""
 
 
 class Insert(Skill):
     """Put the held object into a hole or slot whose place is known roughly: touch, search, press, let go.
 
-    It feels for the surface, searches the mouth, presses with a wiggle down to the bottom, and lets go. Where
-    the object gets stuck it is pulled back and pressed again, then drawn out and the search made otherwise;
-    when nothing helps, it ends with the object in the hand above the hole.
+    The arm descends to contact, searches the mouth, presses with a wiggle down to the bottom, and lets go.
+    Where the object gets stuck it is pulled back and pressed again, then drawn out and searched for with
+    another pattern. When nothing helps, the skill ends with the object in the hand above the hole.
     """
 
     example = """
@@ -118,10 +118,10 @@ class Insert(Skill):
         yield from withdraw(world, self.path)
         yield from self._gone(world, held, plan, course, hanging)
 
-    # Before
+    # Before the search.
 
     def _choose(self, world: World, held: BeliefObject) -> Doing[InsertionTask]:
-        """The hole, and how the object is held for it."""
+        """Return the hole, and how the object is held for it."""
         scene = world.scene
         into = self.into or scene.destination(self.object)
         if into is None:
@@ -156,7 +156,7 @@ class Insert(Skill):
         return plan if seen is None else plan.seen_at(seen, SEEN)
 
     def _over(self, world: World, plan: InsertionTask) -> Steps:
-        """The object upright over the mouth."""
+        """Move the object upright above the mouth."""
         poses = poses_over(plan, ABOVE)
         if not poses:
             raise Failure(
@@ -174,7 +174,7 @@ class Insert(Skill):
             node=self.path,
         )
 
-    # By feeling
+    # Search by contact.
 
     def _feel(self, world: World, plan: InsertionTask) -> Doing[InsertionMotion]:
         touch = InsertionParameters(
@@ -196,7 +196,7 @@ class Insert(Skill):
         return course
 
     def _out(self, world: World, plan: InsertionTask, course: InsertionMotion, width: float) -> Steps:
-        """It is not in the hole, and the arm is above it: what there is to say."""
+        """Check the grip above the hole after a failed insertion, and raise the failure."""
         yield from world.control.settle()
         hold = GripCheck(world.grip.width, world.control.load())
         if not hold.held:
@@ -240,7 +240,7 @@ class Insert(Skill):
             clearance=round(plan.slack, 5),
         )
 
-    # After
+    # After the insertion.
 
     def _let_go(self, world: World, held: BeliefObject, plan: InsertionTask) -> Steps:
         pose = inserted_pose(plan, world.control.tcp)
@@ -255,7 +255,7 @@ class Insert(Skill):
     def _gone(
         self, world: World, held: BeliefObject, plan: InsertionTask, course: InsertionMotion, hanging: float
     ) -> Steps:
-        """Whether the hand has really let go of it; then it is done."""
+        """Check that the hand has released the object; then finish."""
         yield from world.control.settle()
         after = world.control.load()
         if not is_released(hanging, after):

@@ -1,4 +1,4 @@
-"""Jog: move the tool by a velocity, slower where it must be, until something stops it."""
+"""Jog: move the tool with a velocity, slower near limits, until a stop."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ class Jog(Skill):
     """Move the tool with a velocity and turn it, for a time, a distance, or until something stops it.
 
     Nothing is planned. The arm slows down towards joint limits, singularities, the edge of the workspace and
-    whatever it is believed to touch, and stops before; more than `guard` N stop it, too. With
-    `when_stopped: succeed` that is what was asked for, and `stopped_by` says what it was.
+    believed bodies, and stops before contact. A force above `guard` N stops it, too. With `when_stopped:
+    succeed` a stop is a success, and `stopped_by` names its reason.
     """
 
     example = """

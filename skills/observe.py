@@ -1,4 +1,4 @@
-"""Observe: look through a camera and bring the planning scene up to date."""
+"""Observe: look through a camera and update the planning scene."""
 
 from __future__ import annotations
 

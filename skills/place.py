@@ -1,4 +1,4 @@
-"""Place: put what the hand holds into a bin or down at a point, and feel that it is gone."""
+"""Place: put the held object into a bin or down at a point, and check that it is released."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 Room: TypeAlias = PlaceWatch | PutDownWatch
 
 ELSEWHERE = (planning.NO_IK, planning.GOAL_IN_COLLISION, planning.NO_PATH, planning.BUDGET)
-"""Causes for which another spot may do."""
+"""Causes for which another place may succeed."""
 
 
 class Place(Skill):
@@ -108,8 +108,10 @@ class Place(Skill):
         yield from self._release(world, held, hanging)
 
     def _carried(self, world: World, replans: ReplanBudget) -> Doing[bool]:
-        """Whether a motion that `Grasp` has left brings the object to where it is to go. It is finished then;
-        else the arm comes to rest."""
+        """Return whether the motion that `Grasp` has left brings the object to its place.
+
+        The motion is then finished; otherwise the arm is stopped.
+        """
         left, going = world.underway.take(), world.move.ongoing
         if left is None or going is None or not self._fits(world, left, going.trajectory):
             yield from world.move.rest()
@@ -124,8 +126,10 @@ class Place(Skill):
         return (yield from self._arrives(motion, watch, replans))
 
     def _fits(self, world: World, left: Handover, going: Trajectory) -> bool:
-        """Whether what was left is about this object and this bin, and the object is still in the hand. What
-        is believed since is asked on the way: whether that is free, and whether there is room."""
+        """Return whether the handover concerns this object and this bin, and the object is still held.
+
+        Changes of the belief are checked during the motion: free path, and room at the place.
+        """
         held = world.scene.held
         return (
             not self.at
@@ -137,8 +141,10 @@ class Place(Skill):
 
     @staticmethod
     def _arrives(motion: Steps, watch: _OnTheWay, replans: ReplanBudget) -> Doing[bool]:
-        """Follow a motion; False when it was stopped because the fingers moved on the way, because something
-        came into it, or because the place was taken."""
+        """Follow a motion to its end.
+
+        Return False when it was stopped: the fingers moved, an obstacle blocked it, or the place was taken.
+        """
         try:
             yield from motion
         except Failure as failure:
@@ -162,7 +168,7 @@ class Place(Skill):
         return bin_
 
     def _held(self, world: World) -> Doing[BeliefObject]:
-        """What the hand holds, felt; raises grasp.slipped when it is no longer there."""
+        """Measure and return the held object. Raises grasp.slipped when it is no longer there."""
         held, hold = yield from check_held_object(world, self.object)
         update_payload_mass(world, hold)
         return held
@@ -195,7 +201,7 @@ class Place(Skill):
         raise refused
 
     def _down(self, world: World, over: tuple[Pose, ...], drop: float) -> Doing[MotionPlan]:
-        """To one of the poses over the bin, and straight down from it as far as that is free."""
+        """Plan to a pose above the bin, and straight down from it as far as that is free."""
         goal, scaling = PoseGoal(over), world.handling.scaling(self.speed)
         if drop > 0.0:
             try:
@@ -234,7 +240,8 @@ class Place(Skill):
         )
 
     def _release(self, world: World, held: BeliefObject, before: float) -> Steps:
-        """`before`: the load while the object hung in the hand, N; lowered onto something it weighs less."""
+        """Release the object. `before`: load of the hanging object, N; lowered onto a support it weighs
+        less."""
         held = world.scene.get(held.id)
         where = self.into or "table"
         try:
@@ -269,7 +276,7 @@ class Place(Skill):
         )
 
     def _clear(self, world: World) -> Steps:
-        """Straight up from what the hand would crush on its way, as far as there is one."""
+        """Withdraw straight up as far as possible, away from bodies that the hand would crush."""
         try:
             yield from withdraw(world, self.path)
         except Failure as failure:
@@ -277,7 +284,7 @@ class Place(Skill):
                 raise
 
     def _resting(self, world: World, held: BeliefObject) -> Pose:
-        """Where the object is believed to come to rest."""
+        """Return the pose in which the object is believed to come to rest."""
         if self.at:
             return held.pose
         bin_ = self._bin(world)
@@ -287,7 +294,7 @@ class Place(Skill):
 
 @dataclass(frozen=True, slots=True)
 class _OnTheWay:
-    """Asked each tick while the arm carries the object: is it still held, and is there room for it?"""
+    """Monitor of a carrying motion, called each tick: is the object held, and is there room at the place?"""
 
     grip: GripMonitor
     room: Room
@@ -297,6 +304,6 @@ class _OnTheWay:
 
 
 def _reached(over: Sequence[PlaceCandidate], plan: MotionPlan, world: World) -> PlaceCandidate:
-    """The one of the landings to which a plan leads."""
+    """Return the place candidate to which a plan leads."""
     ends = world.robot.tcp(plan.trajectory.end)
     return min(over, key=lambda landing: landing.above.angle(ends))

@@ -1,4 +1,4 @@
-"""Push: move an object over its table with the finger tips, stroke by stroke, and look in between."""
+"""Push: move an object over its table with the finger tips, stroke by stroke, with images in between."""
 
 from __future__ import annotations
 
@@ -41,15 +41,15 @@ if TYPE_CHECKING:
     from ..world.belief.planning_scene import BeliefObject
 
 PICTURES = 5
-"""Taken of an object between two strokes."""
+"""Number of images of an object between two strokes."""
 LONGEST = 0.06
-"""Way of one stroke unless so few are allowed that it has to be longer, m."""
+"""Maximum length of one stroke, m; longer only when few strokes are allowed."""
 STUCK = 0.004
-"""What was pushed, blocked, and has moved by less does not move, m."""
+"""Least motion of a blocked object that counts as motion, m."""
 TRIED = 12
-"""Pushes that make room of which it is found out whether the arm can make them."""
+"""Maximum number of singulation pushes that are tested for reachability."""
 IN_ROW = 2
-"""So many strokes in a row that lose the object, or do not move it, are enough."""
+"""Number of consecutive strokes without success (object lost or unmoved) after which the skill fails."""
 
 
 class Push(Skill):
@@ -143,7 +143,7 @@ class Push(Skill):
         yield from self._to(world, belief, aim)
 
     def _apart(self, world: World) -> Steps:
-        """Push until the target can be grasped; what is unknown, until it is recognised or stands alone."""
+        """Push until the target can be grasped; an unknown one until it is recognised or isolated."""
         yield from self._look(world)
         name = self.object or most_crowded_object(world)
         if not name:
@@ -178,7 +178,7 @@ class Push(Skill):
         yield from world.eyes.look(self.camera)
 
     def _parting(self, world: World, target: BeliefObject) -> tuple[SingulationPush, FeasibleStroke]:
-        """The best push that makes room and that the arm can make; one that was made before comes last."""
+        """Return the best feasible singulation push; pushes that were made before come last."""
         found = singulation_pushes(world, target)
         offered = world.attempts.remaining(self.path, target.id, found)
         why: list[str] = []
@@ -247,7 +247,7 @@ class Push(Skill):
         return fuse_estimates(estimate_from_contact(before, stroke, pushed.ends, shape), sight, shape.turn)
 
     def _check(self, world: World, belief: BeliefObject, aim: PushGoal) -> None:
-        """Nothing is pushed towards a place where it cannot be in the end."""
+        """Raise Failure when the goal is no possible place for the object."""
         yaw = planar(belief.shape, belief.pose).yaw if aim.yaw is None else aim.yaw
         why = pose_refusal(world, belief, [PlanarPose(aim.x, aim.y, yaw)])
         if why is not None:
@@ -264,7 +264,7 @@ class Push(Skill):
         return aim.off(planar(belief.shape, belief.pose), shape.turn)
 
     def _seen(self, world: World, after: PushResult | None) -> Doing[BeliefObject]:
-        """The object as several pictures show it; the arm gets out of the way if it hides it."""
+        """Return the object as several images show it; the arm moves out of the view if it hides it."""
         belief = yield from observe_closely(world, self.camera, self.object, PICTURES)
         if belief is None:
             yield from go_looking(world, self.path)
@@ -298,7 +298,7 @@ class Push(Skill):
     def _choice(
         self, world: World, belief: BeliefObject, aim: PushGoal, left: int, bad: set[str]
     ) -> FeasibleStroke:
-        """The best stroke that is free and that the arm can make."""
+        """Return the best stroke that is free and feasible."""
         at = planar(belief.shape, belief.pose)
         longest = max(LONGEST, 2.0 * at.distance(PlanarPose(aim.x, aim.y)) / left)
         why: list[str] = []
@@ -326,7 +326,7 @@ class Push(Skill):
         )
 
     def _helps(self, stroke: PushStroke, belief: BeliefObject, aim: PushGoal) -> bool:
-        """Whether it leaves less to be done than there is."""
+        """Return whether the stroke reduces the remaining error."""
         shape = outline(belief.shape, belief.pose)
         before = _error(*aim.off(planar(belief.shape, belief.pose), shape.turn))
         return _error(*aim.off(stroke.ends, shape.turn)) < before - 1e-5
@@ -370,5 +370,5 @@ def _error(off: float, turned: float) -> float:
 
 
 def _told(off: float, turned: float) -> str:
-    """`1.2 mm and 0.5 deg`"""
+    """Return the errors in words, as `1.2 mm and 0.5 deg`."""
     return f"{off * 1000:.1f} mm and {math.degrees(turned):.1f} deg"

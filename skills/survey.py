@@ -1,4 +1,4 @@
-"""Survey: look at a calibration target, with a camera on the hand from many places."""
+"""Survey: images of a calibration target, with a hand camera from many places."""
 
 from __future__ import annotations
 
@@ -18,21 +18,21 @@ if TYPE_CHECKING:
     from ..world.scene.description import CameraDescription
 
 OFFERED = 3
-"""Places that are tried for each view that is wanted: not all are within reach."""
+"""Number of tested places for each required view: not all are within reach."""
 ASIDE = ("observe", "rest", "home")
-"""Poses of the robot in which it may leave the target to a camera that hangs still, if it has them."""
+"""Named poses in which the arm leaves a fixed camera's view of the target; missing ones are skipped."""
 UNSURE = 0.01
-"""Motions keep so far from everything beyond the usual margins: where tool and target are is not known, m."""
+"""Clearance of motions beyond the usual margins, m: the poses of tool and target are uncertain."""
 TOGETHER = 2
-"""Pictures from each place of a camera on the hand."""
+"""Number of images from each place of a hand camera."""
 
 
 class Survey(Skill):
-    """Look at a target for calibrating, and record exactly where its squares are in the pictures.
+    """Look at a calibration target, and record exactly where its squares are in the pictures.
 
     A camera on the hand is taken to places all around it, which differ as much in their turn as the arm
-    allows; what is out of reach is passed over. Before one that hangs still the arm gets out of the way, and
-    many pictures are averaged. Nothing is corrected yet: `picktree calibrate` does that.
+    allows. Places out of reach are passed over. Before a fixed camera the arm gets out of the way, and many
+    pictures are averaged. Nothing is corrected yet: `picktree calibrate` does that.
     """
 
     example = """
@@ -121,7 +121,7 @@ class Survey(Skill):
     def _shot(
         self, world: World, target: CalibrationTarget, camera: CameraDescription, pictures: int
     ) -> Doing[TargetImage | None]:
-        """What several pictures from here show together; None when that is not the target."""
+        """Return the average of several images from here; None when they do not show the target."""
         from ..calibration.target_detection import average_tiles, detect_tiles  # needs OpenCV
 
         yield from world.control.settle()

@@ -1,4 +1,4 @@
-"""TouchTarget: touch a calibration target with the closed fingers, from all sides."""
+"""TouchTarget: touch a calibration target with the closed fingers from all sides."""
 
 from __future__ import annotations
 
@@ -21,20 +21,19 @@ if TYPE_CHECKING:
     from ..world.values import Pose
 
 CLEAR = 0.03
-"""Of the fingers from a face before they touch it: more than what the target's place is known to, m."""
+"""Distance of the fingers from a face before the touch, m: more than the uncertainty of the target's pose."""
 BEYOND = 0.02
-"""How far behind where a face should be it is felt for, m."""
+"""Depth behind the expected face at which the search ends, m."""
 UNSURE = 0.01
-"""Free motions keep this away from everything beyond the usual margins: neither the target's place nor the
-tool's is known yet, m."""
+"""Clearance of free motions beyond the usual margins, m: the poses of target and tool are uncertain."""
 SPEED = 0.02
-"""m/s"""
+"""Speed of a touch, m/s."""
 FORCES = (3.0, 6.0)
-"""Of touches, in turn: from two that differ, how much fingers and target give way shows, N."""
+"""Contact forces used in turn, N: two different ones show the compliance of fingers and target."""
 CLOSING = 10.0
-"""With which the fingers are kept closed, N."""
+"""Force that keeps the fingers closed, N."""
 FEWEST = 8
-"""Touches that tell where the tip is."""
+"""Minimum number of touches that determine the tip."""
 
 
 class TouchTarget(Skill):
@@ -87,7 +86,8 @@ class TouchTarget(Skill):
             )
 
     def _room(self, world: World, way: tuple[TouchPoint, ...]) -> float:
-        """How far joints stay from limits in the touches that take the hand round by half a turn, rad."""
+        """Return the least distance of the joints from their limits in touches that turn the hand by half a
+        turn, rad."""
         room = math.inf
         for contact in way:
             q = world.plan.reachable(_before(contact)[0]) if len(contact.tcp) == 1 else None
@@ -98,7 +98,7 @@ class TouchTarget(Skill):
         return room
 
     def _touch(self, world: World, contact: TouchPoint, force: float) -> Doing[TargetTouch | None]:
-        """Up to the face, against it and back; None when that cannot be done here."""
+        """Move to the face, touch it and move back; None when that is impossible here."""
         away = np.array(contact.normal) * CLEAR
         try:
             goal = PoseGoal(_before(contact))
@@ -125,7 +125,7 @@ class TouchTarget(Skill):
                 if world.control.monitor.stopped is not None:
                     raise
                 why = failure.message
-            # As compliant as it came: a stiff servo next to a face turns tenths of a millimetre into force.
+            # The arm stays compliant: near a face a stiff servo turns tenths of a millimetre into force.
             yield from world.move.guarded(
                 away, CLEAR, force=world.handling.guard, speed=2 * SPEED, node=self.path
             )
@@ -144,6 +144,6 @@ class TouchTarget(Skill):
 
 
 def _before(contact: TouchPoint) -> tuple[Pose, ...]:
-    """Where the tool waits before it touches."""
+    """Return the poses of the tool before a touch."""
     away = np.array(contact.normal) * CLEAR
     return tuple(pose.shifted(away) for pose in contact.tcp)

@@ -1,4 +1,4 @@
-"""WatchScene: somebody looks while the arm moves."""
+"""WatchScene: images at intervals while the arm moves."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ if TYPE_CHECKING:
     from ..trees.runtime import TreeWorld
 
 UNSETTLED = 0.5
-"""What was just let go falls and rolls: no picture is taken for so long, s."""
+"""Time without images after a release, s: released objects fall and roll."""
 MOVING = 0.001
-"""Fingers around something that move by more in a tick let it go, or lose it, m."""
+"""Finger motion in a tick above which an object in the hand is released or lost, m."""
 _ROUNDING = 1e-9
 
 
@@ -70,7 +70,7 @@ class WatchScene(Decorator):
             self._width = self.world.grip.width
 
     def on_tick(self) -> NodeStatus:
-        # In a rehearsal nothing is seen.
+        # A rehearsal has no images.
         if isinstance(self.world, World):
             self._watch(self.world)
         return self.relay()
@@ -79,7 +79,7 @@ class WatchScene(Decorator):
         self._pending = None
 
     def save(self) -> dict[str, Plain]:
-        """A picture that is being thought about is not kept: the run goes on without it, too."""
+        """Save the state without a picture in processing: the run continues without it, too."""
         self._pending = None
         return super().save()
 
@@ -87,7 +87,7 @@ class WatchScene(Decorator):
         now = world.clock.now
         held, width = _in_hand(world), world.grip.width
         if held != self._held or (held and abs(width - self._width) > MOVING):
-            # Where things were a moment ago says nothing of where they are: they may be falling by now.
+            # Old positions say nothing of the present ones: the objects may be falling.
             self._pending = None
             self._next = max(self._next, now + UNSETTLED)
         self._held, self._width = held, width

@@ -1,1 +1,1 @@
-"""The language of missions: node declarations, control nodes, loader, registry, runner."""
+"""Behaviour-tree language of missions: node declarations, control nodes, loader, registry, runner."""

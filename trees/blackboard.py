@@ -1,6 +1,6 @@
-"""The blackboard: plain values by key, one namespace for each instance of a sub-tree, a log of writes.
+"""Blackboard of one tree: plain values by key, a namespace for each sub-tree instance, a log of writes.
 
-It belongs to one tree, so that two missions in a process share nothing (py_trees' is global).
+Each tree has its own, so that two missions in a process share nothing; py_trees' blackboard is global.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ class BlackboardWrite:
 
 
 class Blackboard:
-    """All values of a tree by their full keys. What goes in and comes out is a copy."""
+    """All values of a tree by their full keys. Values are copied when written and when read."""
 
     def __init__(self) -> None:
         self._values: dict[str, Plain] = {}
@@ -37,16 +37,16 @@ class Blackboard:
         return iter(self._values)
 
     def read(self, key: str) -> Plain:
-        """Raises KeyError when nothing was written there."""
+        """Return a copy of the value. Raises KeyError when nothing was written under the key."""
         return plain_copy(self._values[key])
 
     def write(self, key: str, value: object, node: str) -> None:
-        """Raises TypeError or ValueError for a value that is not plain."""
+        """Write a copy of the value. Raises TypeError or ValueError for a value that is not plain."""
         self._values[key] = plain_copy(value)
         self._writes.append(BlackboardWrite(key, plain_copy(value), node))
 
     def take_writes(self) -> tuple[BlackboardWrite, ...]:
-        """Writes since the last call, in their order."""
+        """Return the writes since the last call, in order."""
         writes = tuple(self._writes)
         self._writes.clear()
         return writes
@@ -60,7 +60,7 @@ class Blackboard:
 
 
 class Namespace:
-    """What the nodes of one sub-tree instance see: its own keys, and those wired to its caller's."""
+    """Keys of one sub-tree instance: its own, and those that are wired to keys of the caller."""
 
     def __init__(self, board: Blackboard, prefix: str) -> None:
         self._board = board
@@ -68,11 +68,11 @@ class Namespace:
         self._wired: dict[str, tuple[Namespace, Reference]] = {}
 
     def wire(self, key: str, outer: Namespace, reference: Reference) -> None:
-        """From now on `key` means the caller's `reference`."""
+        """Make `key` an alias of the caller's `reference`."""
         self._wired[key] = (outer, reference)
 
     def full_key(self, key: str) -> str:
-        """What the key is called on the blackboard."""
+        """Return the key's full name on the blackboard."""
         wired = self._wired.get(key)
         return wired[0].full_key(wired[1].key) if wired else f"{self._prefix}/{key}"
 
@@ -81,7 +81,8 @@ class Namespace:
         return wired[0].has(wired[1].key) if wired else f"{self._prefix}/{key}" in self._board
 
     def read(self, reference: Reference, scene: PlanningScene) -> Plain:
-        """Raises KeyError when nothing was written there, Failure when the object or attribute is unknown."""
+        """Read a reference. Raises KeyError for an unwritten key, Failure for an unknown object or
+        attribute."""
         wired = self._wired.get(reference.key)
         if wired is None:
             value = self._board.read(f"{self._prefix}/{reference.key}")
@@ -90,7 +91,8 @@ class Namespace:
         return resolve(scene, reference, value)
 
     def write(self, key: str, value: object, node: str) -> None:
-        """Raises TypeError or ValueError for a value that is not plain, or a key that is read-only here."""
+        """Write a key. Raises TypeError or ValueError for a value that is not plain, or a key that is
+        read-only here."""
         wired = self._wired.get(key)
         if wired is None:
             self._board.write(f"{self._prefix}/{key}", value, node)
@@ -100,7 +102,7 @@ class Namespace:
             wired[0].write(wired[1].key, value, node)
 
     def names(self) -> list[str]:
-        """The keys that can be read at this moment."""
+        """Return the keys that can be read now, sorted."""
         own = f"{self._prefix}/"
         local = [key[len(own) :] for key in self._board if key.startswith(own) and "/" not in key[len(own) :]]
         return sorted({*local, *(key for key in self._wired if self.has(key))})

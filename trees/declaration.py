@@ -1,4 +1,4 @@
-"""The one declaration of a node, from which loader, schema, linter and reference are made."""
+"""Declaration of a node: the single source of loader, schema, linter and reference."""
 
 from __future__ import annotations
 
@@ -26,21 +26,21 @@ if TYPE_CHECKING:
 Kind: TypeAlias = Literal["action", "condition", "control", "decorator", "subtree"]
 
 Hand: TypeAlias = Literal["unchanged", "full", "empty", "kept"]
-"""What is in the hand after success; `kept`: what was held still is, on purpose and in a safe place."""
+"""Content of the hand after success; `kept`: an object is still held, on purpose and in a safe place."""
 
 IDENTIFIER = re.compile(r"[A-Za-z_]\w{0,59}", re.ASCII)
 PRECONDITIONS = ("_failureIf", "_successIf", "_skipIf", "_while")
-"""In the order in which BT.CPP tries them."""
+"""Precondition keys, in the order in which BT.CPP evaluates them."""
 POSTCONDITIONS = ("_onHalted", "_onFailure", "_onSuccess", "_post")
-"""Assignments that BT.CPP runs when the node was halted, failed, succeeded, or ended in any way."""
+"""Postcondition keys: assignments that BT.CPP runs after a halt, a failure, a success, or any end."""
 BREAKPOINT = "breakpoint"
-"""The key that stops `run --debug` before or after the node."""
+"""Key that stops `run --debug` before or after the node."""
 COMMON_KEYS = ("name", *PRECONDITIONS, *POSTCONDITIONS, BREAKPOINT)
-"""What may stand under every node, sub-trees included."""
+"""Keys that every node may have, sub-trees included."""
 
 
 class Resource(StrEnum):
-    """What two skills cannot use at once."""
+    """Hardware that two skills cannot use at once."""
 
     ARM = "arm"
     GRIPPER = "gripper"
@@ -49,7 +49,7 @@ class Resource(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class NodeDeclaration:
-    """Everything that can be known of a node without running it."""
+    """Static description of a node: all that is known of it without running it."""
 
     id: str
     doc: str
@@ -60,7 +60,7 @@ class NodeDeclaration:
     slots: tuple[SlotDeclaration, ...] = ()
     hand_after: Hand = "unchanged"
     example: str = ""
-    """A node of this kind as a mission writes it, for the reference; it is checked."""
+    """A node of this kind as a mission writes it, for the reference; a test checks it."""
 
     def port(self, key: str) -> PortDeclaration | None:
         return next((p for p in self.ports if p.key == key), None)
@@ -78,12 +78,15 @@ class NodeDeclaration:
 
     @property
     def keys(self) -> tuple[str, ...]:
-        """All keys that may stand under the node in a file."""
+        """Keys that the node may have in a file."""
         return (*(p.key for p in self.ports), *(s.key for s in self.slots), *COMMON_KEYS)
 
 
 def declare(node: type[Node]) -> NodeDeclaration:
-    """Read the class body: ports become descriptors. Raises PicktreeError for what cannot be a node."""
+    """Read the declaration from the class body; ports become descriptors.
+
+    Raises PicktreeError when the class cannot be a node.
+    """
     identity = node.node_id or node.__name__
     if not IDENTIFIER.fullmatch(identity):
         raise PicktreeError(f"node {identity!r}: an ID is a letter or '_', then letters, digits and '_'")
@@ -142,7 +145,7 @@ def _descriptor(where: str, attribute: str, spec: PortSpec, annotation: object) 
         raise PicktreeError(f"port {where}: {key!r} cannot be a key")
     choices = spec.choices if spec.choices is not None else choices
     default = spec.default
-    # An empty text as the default of an id or a choice says "not given": it need not convert.
+    # The empty default of an id or a choice means "not given" and need not convert.
     if not isinstance(default, Required) and default != "":
         try:
             default = convert_literal(default, kind, spec.unit, choices, spec.within)
@@ -167,7 +170,8 @@ def _descriptor(where: str, attribute: str, spec: PortSpec, annotation: object) 
 
 
 def _annotations(node: type[Node], names: tuple[str, ...], identity: str) -> dict[str, object]:
-    # Only the ports' own: a port named `list` must not change what `list` means in the next line.
+    # Only the ports' own annotations: a port named `list` must not change the meaning of `list` in the next
+    # line.
     texts = {name: node.__annotations__[name] for name in names if name in node.__annotations__}
     carrier = type(node.__name__, (), {"__annotations__": texts, "__module__": node.__module__})
     try:
@@ -177,7 +181,7 @@ def _annotations(node: type[Node], names: tuple[str, ...], identity: str) -> dic
 
 
 def _members(node: type[Node]) -> list[object]:
-    """Ports and slots in the order of declaration, those of the bases first."""
+    """Return ports and slots in the order of declaration, those of base classes first."""
     found: dict[str, object] = {}
     for cls in reversed(node.__mro__):
         for name, value in vars(cls).items():

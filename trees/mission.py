@@ -1,4 +1,4 @@
-"""A mission as values: what a mission file says, checked and converted, before anything is built."""
+"""Mission as values: the content of a mission file, checked and converted, before a tree is built."""
 
 from __future__ import annotations
 
@@ -18,23 +18,23 @@ from .values.fault_collector import MAX_NODES
 from .values.references import Binding
 
 LIBRARY: Final = Path(__file__).parent / "library"
-"""Sub-trees that come with picktree."""
+"""Folder of the sub-trees that come with picktree."""
 IN_LIBRARY: Final = "library/"
 
 
 class MissionFiles(Protocol):
-    """Gives included files by name: `common.yaml`, `parts/bins.yaml`, or `library/recovery`.
+    """Source of included files by name: `common.yaml`, `parts/bins.yaml`, or `library/recovery`.
 
     A name is relative to the mission's folder and never leads out of it.
     """
 
     def document(self, name: str) -> Document:
-        """Raises PicktreeError when there is no such file, FileError when it cannot be read."""
+        """Return the file. Raises PicktreeError when there is none, FileError when it cannot be read."""
         ...
 
 
 class FilesOnDisk:
-    """The files beside a mission, and the library."""
+    """Files in the mission's folder, and the library."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
@@ -49,7 +49,7 @@ class FilesOnDisk:
 
 
 class RecordedFiles:
-    """The texts that a record kept, by the names under which the mission included them."""
+    """Texts of included files from a log, by the names under which the mission includes them."""
 
     def __init__(self, texts: Mapping[str, str], folder: Path) -> None:
         self._texts, self._folder = texts, folder
@@ -61,21 +61,21 @@ class RecordedFiles:
 
 
 def path_of(name: str, folder: Path) -> Path:
-    """Where the file of that name stands, or stood."""
+    """Return the path of a file by the name under which a mission in `folder` includes it."""
     if name.startswith(IN_LIBRARY) and not name.endswith((".yaml", ".yml")):
         return LIBRARY / f"{name.removeprefix(IN_LIBRARY)}.yaml"
     return folder / name
 
 
 def name_of(path: Path, folder: Path) -> str:
-    """The name of the file at that path, for a mission in that folder: the inverse of `path_of`."""
+    """Return the name under which a mission in `folder` includes a file: the inverse of `path_of`."""
     if path.parent == LIBRARY:
         return f"{IN_LIBRARY}{path.stem}"
     return path.relative_to(folder).as_posix()
 
 
 def library_names() -> tuple[str, ...]:
-    """What may stand after `library/`."""
+    """Return the names that are valid after `library/`."""
     return shipped_names(LIBRARY)
 
 
@@ -98,33 +98,34 @@ MAIN = "Main"
 
 @dataclass(frozen=True, slots=True)
 class Plugin:
-    """A plug-in that was taken in."""
+    """A plug-in that was loaded."""
 
     name: str
-    """As `plugins:` names it; of an installed one its module."""
+    """Name in `plugins:`; for an installed plug-in its module."""
     nodes: tuple[type[Node], ...]
     file: Path | None = None
-    """Where its source is; None when it has none, as a compiled module."""
+    """Source file; None when there is none, as for a compiled module."""
     source: bytes = b""
-    """What was run, for the record."""
+    """Source code that was run, for the record."""
     distribution: str = ""
-    """Of an installed one: name and version of its distribution."""
+    """Name and version of the distribution of an installed plug-in; else empty."""
 
 
 @dataclass(frozen=True, slots=True)
 class Assignment:
-    """`key := expression` of a postcondition; not `new`: `key = expression`, for a key that is there."""
+    """Assignment of a postcondition: `key := expression`, or without `new` `key = expression` for an existing
+    key."""
 
     key: str
     value: Expression
     new: bool = True
     at: int = 0
-    """The character (from 0) of the postcondition's text at which the value begins."""
+    """Index of the value's first character in the postcondition's text."""
 
 
 @dataclass(frozen=True, slots=True)
 class NodeSpec:
-    """One node of the text. `node` is its class; None: it is an instance of the sub-tree `id`."""
+    """One node of the mission text. `node` is its class; None: an instance of the sub-tree `id`."""
 
     id: str
     name: str
@@ -134,21 +135,21 @@ class NodeSpec:
     slots: Mapping[str, tuple[tuple[str, NodeSpec], ...]] = field(
         default_factory=dict[str, "tuple[tuple[str, NodeSpec], ...]"]
     )
-    """Children by slot: (label, node); the label is a table's key, else empty."""
+    """Children by slot as (label, node); the label is a table's key, else empty."""
     preconditions: Mapping[str, Expression] = field(default_factory=dict[str, Expression])
     postconditions: Mapping[str, tuple[Assignment, ...]] = field(
         default_factory=dict[str, "tuple[Assignment, ...]"]
     )
     breakpoint: Literal["before", "after"] | None = None
     places: Mapping[str, Mark] = field(default_factory=dict[str, Mark])
-    """Where the values of its ports, conditions and slots stand, by key."""
+    """Places of the values of ports, conditions and slots, by key."""
 
     @property
     def children(self) -> tuple[NodeSpec, ...]:
         return tuple(node for filled in self.slots.values() for _, node in filled)
 
     def iterate(self) -> Iterator[NodeSpec]:
-        """This node and all below it in the same tree, parents first."""
+        """Yield this node and its descendants in the same tree, parents first."""
         todo: list[NodeSpec] = [self]
         while todo:
             node = todo.pop()
@@ -158,14 +159,14 @@ class NodeSpec:
 
 @dataclass(frozen=True, slots=True)
 class TreeSpec:
-    """One tree of a mission: its ports (for `Main`: the mission's parameters) and its root."""
+    """One tree of a mission: its ports (for `Main` the mission's parameters) and its root."""
 
     name: str
     mark: Mark
     ports: tuple[PortDeclaration, ...]
     root: NodeSpec
     places: Mapping[str, Mark] = field(default_factory=dict[str, Mark])
-    """Where its ports are declared, by key."""
+    """Places of the port declarations, by key."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -176,15 +177,15 @@ class Mission:
     trees: Mapping[str, TreeSpec]
     document: Document
     scene: str | None = None
-    """A shipped scene, or a file beside the mission."""
+    """Shipped scene, or a file relative to the mission; None when the mission names none."""
     goal: Expression | None = None
     plugins: tuple[str, ...] = ()
     included: tuple[Document, ...] = ()
-    """Files whose trees this mission took in, each once."""
+    """Included files, each once."""
     library: bool = False
-    """It holds sub-trees for other missions only: no `Main`, no scene, no goal."""
+    """Whether the file only holds sub-trees for other missions: no `Main`, no scene, no goal."""
     sources: tuple[Plugin, ...] = ()
-    """The plug-ins that it names, and the installed ones whose nodes it uses."""
+    """Plug-ins that the mission names, and installed ones whose nodes it uses."""
 
     @property
     def main(self) -> TreeSpec:
@@ -200,22 +201,22 @@ class Mission:
 
     @property
     def files(self) -> dict[str, str]:
-        """The texts of the included files by the names under which they were included."""
+        """Return the texts of the included files by the names under which they are included."""
         folder = self.document.path.parent
         return {name_of(document.path, folder): document.text for document in self.included}
 
 
 MAX_DEPTH: Final = 120
-"""Nodes above one another, sub-trees written out."""
+"""Maximum depth of a mission in nodes, with sub-trees expanded."""
 
 
 def called_by(tree: TreeSpec) -> tuple[str, ...]:
-    """The sub-trees that the tree uses, each once."""
+    """Return the sub-trees that the tree calls, each once."""
     return tuple(dict.fromkeys(node.id for node in tree.root.iterate() if node.node is None))
 
 
 def reachable(trees: Mapping[str, TreeSpec]) -> frozenset[str]:
-    """The trees that a run may come to."""
+    """Return the names of the trees that a run can reach from `Main`."""
     found: set[str] = set()
     todo = [MAIN]
     while todo:
@@ -227,13 +228,13 @@ def reachable(trees: Mapping[str, TreeSpec]) -> frozenset[str]:
 
 
 def bottom_up(trees: Mapping[str, TreeSpec]) -> tuple[str, ...]:
-    """The trees, each after those that it uses. Raises CycleError."""
+    """Return the names of the trees, each after those that it calls. Raises CycleError."""
     calls = {name: [c for c in called_by(tree) if c in trees] for name, tree in trees.items()}
     return tuple(TopologicalSorter(calls).static_order())
 
 
 def check_calls(trees: Mapping[str, TreeSpec]) -> Iterable[Diagnostic]:
-    """A fault for a circle, and for a mission too large to be built."""
+    """Yield an error for a circle of calls, and for a mission too large to be built."""
     try:
         order = bottom_up(trees)
     except CycleError as error:
@@ -255,7 +256,7 @@ def check_calls(trees: Mapping[str, TreeSpec]) -> Iterable[Diagnostic]:
 
 
 def _size(spec: NodeSpec, sizes: Mapping[str, tuple[int, int]]) -> tuple[int, int]:
-    """Number and depth of the nodes with sub-trees written out; those are in `sizes` already."""
+    """Return number and depth of the nodes with sub-trees expanded; `sizes` holds those of called trees."""
     below = [_size(child, sizes) for child in spec.children]
     if spec.node is None and spec.id in sizes:
         below = [sizes[spec.id]]

@@ -1,4 +1,4 @@
-"""The base of every node of a tree."""
+"""Base classes of all nodes and of control nodes."""
 
 from __future__ import annotations
 
@@ -14,90 +14,79 @@ from ..world.causes import Cause, Failure, FailureReport, Family, internal, matc
 from ..world.journal import JournalEvent, Plain
 from .declaration import Hand, Kind, NodeDeclaration, Resource, declare
 from .flow.default_flow import any_order_outcomes
-from .ports import PortDeclaration
-from .pre_postconditions import assign_after, settled_before
+from .port_values import accept_output, constant_inputs, read_input, wired_references
+from .pre_postconditions import after_postconditions, assign_after, settled_before
 from .runtime import Runtime, TreeWorld, Wiring, evaluate
-from .status import NodeStatus
-from .transitions import NodeTransition
+from .status import PY_TREES_STATUS, NodeStatus
+from .transitions import ended, started
 from .values.failure_reports import (
+    internal_error_report,
     pack,
     plain_evidence,
-    portable_trace,
     report_from_plain,
     report_to_plain,
     unpack,
-    with_attached,
-    without_addresses,
 )
-from .values.port_types import PortProblem, PortValues, accept_value, plain_copy
-from .values.references import Binding, Constant, Reference
+from .values.port_types import PortProblem, PortValues, plain_copy
+from .values.references import Binding, Constant
 
 if TYPE_CHECKING:
     from .flow import FlowState, NodeOutcomes
     from .flow.flow_walk import FlowAnalysis
     from .mission import NodeSpec
 
-_PY_TREES: Mapping[NodeStatus, Status] = {
-    NodeStatus.IDLE: Status.INVALID,
-    NodeStatus.RUNNING: Status.RUNNING,
-    NodeStatus.SUCCESS: Status.SUCCESS,
-    NodeStatus.FAILURE: Status.FAILURE,
-    NodeStatus.SKIPPED: Status.INVALID,
-}
 _ALWAYS_POSSIBLE = (tree.MISSING_INPUT, tree.TIMEOUT, world.UNKNOWN_OBJECT, internal.ERROR)
 
 
 class Node(Behaviour):
     """A node of a tree. A parent calls `step` for a tick and `halt` to stop it.
 
-    A sub-class writes `on_tick`, and where it needs them `on_start` and `on_halt`. Its status is that of its
-    present activation: when a node starts, everything below it goes back to IDLE first; when it ends, what
-    still runs below it is halted, and what ended keeps its status and failure until the next start.
+    A sub-class writes `on_tick`, and where needed `on_start` and `on_halt`. The status is that of the present
+    activation. A start resets all descendants to IDLE. An end halts the descendants that still run; those
+    that have ended keep status and failure until the next start.
     """
 
     node_id: ClassVar[str] = ""
     """The ID in mission files; the class's name unless given."""
     kind: ClassVar[Kind] = "control"
     causes: ClassVar[tuple[Cause | Family, ...]] = ()
-    """What the node itself may fail with; what its children fail with comes on top."""
+    """Causes with which the node itself may fail; those of its children are added."""
     uses: ClassVar[tuple[Resource, ...]] = ()
     hand_after: ClassVar[Hand] = "unchanged"
-    """What is in the hand after its success, for the linter."""
+    """Content of the hand after the node's success, for the linter."""
     shares: ClassVar[tuple[Resource, ...]] = ()
-    """Of what it uses that which others may use meanwhile: it takes nothing away from them."""
+    """Resources in `uses` that other nodes may use in the same tick."""
     played: ClassVar[bool] = True
-    """Whether a stand-in takes its place in a rehearsal; not of a leaf that asks and changes the belief only.
-    """
+    """Whether a stub replaces the node in a rehearsal. Not leaves that only read or change the belief."""
     by_turns: ClassVar[bool] = False
-    """Whether it runs one child at a time and leaves it alone until it ends, for the linter."""
+    """Whether the node runs one child at a time, each until it ends, for the linter."""
     gives_up: ClassVar[bool] = False
-    """Whether its success takes an item out of what is to be done without having it done, for the linter."""
+    """Whether success drops an item from the work that is left, though it is not done, for the linter."""
     steady: ClassVar[bool] = False
-    """Whether it takes no time, touches nothing but the blackboard, and answers alike, its children too, as
-    long as keys and facts do not change; for the linter."""
+    """Whether node and children take no time, write the blackboard only, and follow from keys and facts."""
     lasting: ClassVar[int] = 0
-    """How many facts outlast its end, of those that it remembers: its `flow` has a flag for each."""
+    """Number of remembered facts that outlast the node's end; its `flow` has a flag for each."""
     example: ClassVar[str] = ""
     """The node as a mission writes it, for the reference."""
     remembers: ClassVar[tuple[str, ...]] = ()
     """Attributes that change how the node goes on: plain values, FailureReports, tuples of them."""
     positions: ClassVar[tuple[str, ...]] = ()
-    """Those of `remembers` that point at children: an index in the list, a tuple of them, a table's label.
-    They follow the child when the mission is edited under a run."""
+    """Attributes in `remembers` that name children: list index, tuple of indices, or label of a table.
+    They follow the child when the mission is edited during a run."""
     counted: ClassVar[tuple[NodeStatus, ...]] = ()
-    """Statuses of children of which it keeps a count: it begins anew when such a child is edited away."""
+    """Statuses of children that the node counts: it restarts when an edit removes such a child."""
     declaration: ClassVar[NodeDeclaration]
 
     path: str
     ticked: bool
     """Whether it was ticked in the tree's present or last tick."""
     failure: FailureReport | None
-    """Why it is in FAILURE; None for a false condition."""
+    """Reason for FAILURE; None for a false condition."""
     seconds: float
-    """Wall time that its last tick took, children included. For the record only."""
+    """Wall time of the node's last tick, children included, s. For the record only."""
 
     def __init_subclass__(cls, *, abstract: bool = False) -> None:
-        """Declare the node; `abstract=True` for a base of nodes that stands in no file."""
+        """Declare the node; `abstract=True` marks a base class that no file may name."""
         super().__init_subclass__()
         if not abstract:
             cls.declaration = declare(cls)
@@ -116,54 +105,58 @@ class Node(Behaviour):
         self._inputs: dict[str, object] = {}
         self._outputs: dict[str, object] = {}
 
-    # What a sub-class writes.
+    # Written by sub-classes.
 
     def on_start(self) -> None:
-        """Called before `on_tick` when the node was not RUNNING: forget what was. May raise Failure."""
+        """Reset the node; called before `on_tick` when it was not RUNNING. May raise Failure."""
 
     def on_tick(self) -> NodeStatus:
         """Do one tick's work and return the status. May raise Failure."""
         raise NotImplementedError(f"{type(self).__name__}.on_tick")
 
     def on_halt(self) -> None:
-        """Called when the node is stopped while RUNNING, before its children are."""
+        """Clean up; called when the node is halted while RUNNING, before its children are."""
 
     def on_rewired(self, ports: frozenset[str]) -> None:
-        """Called when the node goes on under an edited mission that says something else for these ports."""
+        """Adapt to an edited mission that changes these ports; called while the node continues."""
 
     def pass_over(self, elements: Collection[str]) -> None:
-        """Called while the node runs when these elements of a list, ids as a rule, need nothing any more."""
+        """Skip these list elements (as a rule ids), which need no more work; called while the node runs."""
 
     @classmethod
     def check_ports(cls, given: PortValues) -> tuple[str | PortProblem, ...]:
-        """What is wrong with what a file gives: rules about several keys, and about values that no bound of
-        a port can say. A sentence concerns the node, a Misfit one of its keys."""
+        """Return the errors in a file's values: rules over several keys, or beyond the bounds of a port.
+
+        A str concerns the whole node, a PortProblem one of its keys.
+        """
         return ()
 
-    # What a sub-class may say of itself for the linter, where the declaration is not the whole truth.
+    # Overrides for the linter, where the declaration is not exact enough.
 
     @classmethod
     def causes_with(cls, ports: Mapping[str, Binding]) -> tuple[Cause | Family, ...]:
-        """What it may fail with when its ports are wired so."""
+        """Return the causes with which the node may fail under this wiring."""
         return cls.causes
 
     @classmethod
     def hand_with(cls, ports: Mapping[str, Binding]) -> tuple[Hand, tuple[Hand, ...]]:
-        """What is in the hand after success when its ports are wired so, and all that may be there else."""
+        """Return the hand's content after success under this wiring, and all contents after any end."""
         return cls.hand_after, ("unchanged", cls.hand_after)
 
     @classmethod
     def empties_with(cls, inputs: Mapping[str, object]) -> str:
-        """The bin that is empty after its success with such inputs, for rehearsals; empty text for none."""
+        """Return the bin that is empty after success with these inputs, for rehearsals; "" for none."""
         return ""
 
     @classmethod
     def flow(cls, spec: NodeSpec, entry: FlowState, walk: FlowAnalysis) -> NodeOutcomes:
-        """In which ways it may end when it starts in that state. The most cautious answer unless overridden;
-        a class that overrides `on_tick` below one that overrides this gets that answer, too."""
+        """Return the outcomes that the node may have when it starts in this state.
+
+        The default is the most cautious. A class that overrides only `on_tick` gets it, too.
+        """
         return any_order_outcomes(cls, spec, entry, walk)
 
-    # What a parent and the runner call.
+    # Called by the parent and the runner.
 
     @property
     def state(self) -> NodeStatus:
@@ -171,8 +164,7 @@ class Node(Behaviour):
 
     @property
     def saveable(self) -> bool:
-        """Whether its state can be saved while it is RUNNING: a leaf says so where nothing but what it
-        `remembers` decides how it goes on."""
+        """Whether the state can be saved while RUNNING: for leaves, only if `remembers` holds all of it."""
         return bool(self.children)
 
     @property
@@ -185,11 +177,11 @@ class Node(Behaviour):
 
     @property
     def below(self) -> tuple[Node, ...]:
-        """All children, in the order of the slots and of the file."""
+        """Children in the order of the slots and of the file."""
         return cast("tuple[Node, ...]", tuple(self.children))
 
     def step(self) -> NodeStatus:
-        """One tick. Never raises for what a node does: a fault of its own code is `internal.error`."""
+        """Run one tick. An exception in the node's code becomes the failure `internal.error`."""
         began = time.perf_counter()
         self.ticked = True
         try:
@@ -203,7 +195,7 @@ class Node(Behaviour):
                 if node.state is NodeStatus.RUNNING:
                     node.halt()
         if self._wiring.postconditions:
-            state = self._postconditions(state)
+            state, self.failure = after_postconditions(self._wiring, self.world, state, self.failure)
         self._set(state)
         if state is not NodeStatus.FAILURE:
             self.failure = None
@@ -212,7 +204,7 @@ class Node(Behaviour):
         return state
 
     def halt(self) -> None:
-        """Stop what runs here and below; then all of it is IDLE. Never raises."""
+        """Stop the node and its descendants; afterwards all are IDLE. Never raises."""
         if self._state is NodeStatus.IDLE:
             return
         if self._state is NodeStatus.RUNNING:
@@ -228,15 +220,12 @@ class Node(Behaviour):
         self._note_end()
 
     def save(self) -> dict[str, Plain]:
-        """What `restore` needs to go on from here, as plain values."""
+        """Return the state for `restore` as plain values."""
         remembered: dict[str, Plain] = {name: pack(getattr(self, name)) for name in self.remembers}
         return {
             "id": self._wiring.id,
             "children": [node.path for node in self.below],
-            "ports": {
-                key: bound.text if isinstance(bound, Constant) else str(bound)
-                for key, bound in self._wiring.ports.items()
-            },
+            "ports": dict(self._wiring.port_texts),
             "state": self._state.value,
             "failure": report_to_plain(self.failure),
             "message": self.feedback_message,
@@ -247,7 +236,7 @@ class Node(Behaviour):
         }
 
     def restore(self, saved: Mapping[str, Plain]) -> None:
-        """Go back to what `save` gave."""
+        """Restore a state that `save` returned."""
         self._set(NodeStatus(str(saved["state"])))
         self._begun = self._state is NodeStatus.RUNNING
         self.failure = report_from_plain(saved["failure"])
@@ -257,10 +246,10 @@ class Node(Behaviour):
         for name, value in cast("dict[str, Plain]", saved["memory"]).items():
             setattr(self, name, unpack(value))
 
-    # What `on_tick` and `on_start` may use.
+    # For use in `on_tick` and `on_start`.
 
     def slot(self, key: str) -> tuple[tuple[str, Node], ...]:
-        """The children of a slot: (label, node); the label is a table's key, else empty."""
+        """Return the children of a slot as (label, node); the label is a table's key, else empty."""
         return self._slots.get(key, ())
 
     def fill(self, slots: Mapping[str, tuple[tuple[str, Node], ...]]) -> None:
@@ -272,12 +261,12 @@ class Node(Behaviour):
                 self.children.append(node)
 
     def fail_with(self, report: FailureReport | None) -> NodeStatus:
-        """FAILURE with that report, which may be a child's: causes travel up unchanged."""
+        """Set the failure report and return FAILURE. A child's report travels up unchanged."""
         self.failure = report
         return NodeStatus.FAILURE
 
     def fail(self, cause: Cause, message: str, *, attached: tuple[FailureReport, ...] = ()) -> NodeStatus:
-        """FAILURE of this node's own making, with others' reports attached."""
+        """Fail with a cause of this node, with other reports attached; return FAILURE."""
         return self.fail_with(FailureReport(cause, message, {}, self.path, attached))
 
     def holds(self, expression: Expression) -> bool:
@@ -285,59 +274,49 @@ class Node(Behaviour):
         return bool(evaluate(expression, self._wiring.namespace, self.world))
 
     def input(self, key: str) -> object:
-        """The input as it was when the node started."""
+        """Return the input's value as read at the node's start."""
         return self._inputs[key]
 
     def read_inputs(self) -> None:
-        """Read all inputs anew; for control nodes that follow a value while they run. Raises Failure."""
+        """Read all inputs; control nodes that follow a value call it while they run. Raises Failure."""
         self._inputs = self._constants()
-        for key, wired in self._wiring.ports.items():
-            port = self.declaration.port(key)
-            if isinstance(wired, Reference) and port is not None and port.direction == "in":
-                self._inputs[key] = self._read(port, wired)
+        for port, reference in wired_references(self.declaration.inputs, self._wiring):
+            self._inputs[port.key] = read_input(port, reference, self._wiring, self.world)
 
     def read_again(self, full_keys: Collection[str]) -> None:
-        """Read the inputs anew that come from these keys of the blackboard, while the node runs. Raises
-        Failure."""
-        for key, wired in self._wiring.ports.items():
-            port = self.declaration.port(key)
-            if not isinstance(wired, Reference) or port is None or port.direction != "in":
-                continue
-            if self._wiring.namespace.full_key(wired.key) in full_keys:
-                self._inputs[key] = self._read(port, wired)
+        """Reread the inputs that come from these blackboard keys while the node runs. Raises Failure."""
+        for port, reference in wired_references(self.declaration.inputs, self._wiring):
+            if self._wiring.namespace.full_key(reference.key) in full_keys:
+                self._inputs[port.key] = read_input(port, reference, self._wiring, self.world)
 
     def output(self, key: str, value: object) -> None:
         """Write an output. Raises TypeError for a value that is not of the port's type."""
         port = self.declaration.port(key)
         if port is None or port.direction != "out":
             raise TypeError(f"{self.declaration.id} has no output {key!r}")
-        try:
-            checked = plain_copy(accept_value(value, port.type, port.choices))
-        except (TypeError, ValueError) as error:
-            raise TypeError(f"output {key!r}: {error}") from None
-        self._outputs[key] = checked
+        self._outputs[key] = checked = accept_output(port, value)
         wired = self._wiring.ports.get(key)
         if wired is not None and not isinstance(wired, Constant):
             self._wiring.namespace.write(wired.key, checked, self.path)
 
     def written(self, key: str) -> object:
-        """The output as this activation wrote it last. Raises AttributeError before."""
+        """Return the output that this activation wrote last. Raises AttributeError before the first."""
         if key not in self._outputs:
             raise AttributeError(f"output {key!r} is read before it is written")
         return plain_copy(self._outputs[key])
 
     def note(self, kind: str, message: str, **data: Plain) -> None:
-        """Tell the journal that something happened here."""
+        """Add an event of this node to the journal."""
         self.world.journal.note(JournalEvent(kind, message, self.path, data))
 
-    # py_trees' own ways in, so that its tools work on our trees.
+    # Entry points of py_trees, so that its tools work on these trees.
 
     def tick(self) -> Iterator[Behaviour]:
         self.step()
         yield from (node for node in self.iterate() if cast("Node", node).ticked)
 
     def update(self) -> Status:
-        return _PY_TREES[self.step()]
+        return PY_TREES_STATUS[self.step()]
 
     def stop(self, new_status: Status) -> None:
         self.halt()
@@ -346,8 +325,13 @@ class Node(Behaviour):
 
     def _one_tick(self) -> NodeStatus:
         if self._wiring.preconditions:
-            settled = self._precondition()
+            try:
+                settled = settled_before(self._wiring, self.world, running=self._state is NodeStatus.RUNNING)
+            except Failure:
+                self.halt()
+                raise
             if settled is not None:
+                self.halt()
                 return settled
         if self._state is not NodeStatus.RUNNING:
             self._start()
@@ -356,22 +340,9 @@ class Node(Behaviour):
     def _note_end(self) -> None:
         if self._begun and self._state is not NodeStatus.RUNNING:
             self._begun = False
-            self._runtime.transitions.note(self._ending())
+            self._runtime.transitions.note(ended(self.path, self._state, self.failure, self.feedback_message))
             for hook in self._runtime.end_hooks:
                 hook(self.path)
-
-    def _ending(self) -> NodeTransition:
-        if self.failure is None:
-            return NodeTransition(self.path, self._state, message=self.feedback_message)
-        report = self.failure
-        return NodeTransition(
-            self.path,
-            self._state,
-            cause=report.cause.name,
-            origin=report.node,
-            message=report.message,
-            evidence=report.evidence,
-        )
 
     def _start(self) -> None:
         for node in self.below:
@@ -386,66 +357,17 @@ class Node(Behaviour):
         try:
             self.read_inputs()
         finally:
-            self._runtime.transitions.note(self._beginning())
+            self._runtime.transitions.note(
+                started(self.path, self._wiring.ports, self.declaration.inputs, self._inputs)
+            )
         self.on_start()
 
-    def _beginning(self) -> NodeTransition:
-        wired = self._wiring.ports
-        read = {
-            key: plain_copy(v) for key, v in self._inputs.items() if isinstance(wired.get(key), Reference)
-        }
-        of_objects = (port.key for port in self.declaration.inputs if port.type.name == "object")
-        subject = next((str(self._inputs[key]) for key in of_objects if self._inputs.get(key)), "")
-        return NodeTransition(self.path, self._state, read, subject)
-
-    def _precondition(self) -> NodeStatus | None:
-        """The status that a precondition gives in place of a tick. Raises Failure when one has no value."""
-        try:
-            settled = settled_before(self._wiring, self.world, running=self._state is NodeStatus.RUNNING)
-        except Failure:
-            self.halt()
-            raise
-        if settled is not None:
-            self.halt()
-        return settled
-
-    def _postconditions(self, state: NodeStatus) -> NodeStatus:
-        """One that cannot be carried out makes a success a failure, and never hides a failure."""
-        problems = assign_after(self._wiring, self.world, state)
-        if not problems:
-            return state
-        if state is NodeStatus.FAILURE and self.failure is not None:
-            return self.fail_with(with_attached(self.failure, problems))
-        return self.fail_with(with_attached(problems[0], problems[1:]))
-
-    def _read(self, port: PortDeclaration, wired: Reference) -> object:
-        where = f"input {port.key!r} of {self._wiring.id}: "
-        evidence = {"port": port.key, "reference": str(wired)}
-        try:
-            value = self._wiring.namespace.read(wired, self.world.scene)
-        except KeyError:
-            message = f"{where}nothing has written {wired} yet"
-            raise Failure(tree.MISSING_INPUT, message, **evidence) from None
-        if value is None and not port.type.optional and port.type.name != "any":
-            raise Failure(tree.MISSING_INPUT, f"{where}{wired} is empty", **evidence)
-        try:
-            return accept_value(value, port.type, port.choices, port.within)
-        except ValueError as error:
-            raise Failure(tree.MISSING_INPUT, f"{where}{wired}: {error}", **evidence) from None
-
     def _constants(self) -> dict[str, object]:
-        """The inputs that no reference feeds."""
-        found: dict[str, object] = {}
-        for port in self.declaration.inputs:
-            wired = self._wiring.ports.get(port.key)
-            value = wired.value if isinstance(wired, Constant) else port.default
-            if not isinstance(wired, Reference):
-                found[port.key] = plain_copy(cast("Plain", value)) if isinstance(value, list) else value
-        return found
+        return constant_inputs(self.declaration.inputs, self._wiring)
 
     def _set(self, state: NodeStatus) -> None:
         self._state = state
-        self.status = _PY_TREES[state]
+        self.status = PY_TREES_STATUS[state]
 
     def _report(self, failure: Failure) -> FailureReport:
         declared = (*self.causes, *_ALWAYS_POSSIBLE)
@@ -455,12 +377,9 @@ class Node(Behaviour):
         return FailureReport(failure.cause, failure.message, plain_evidence(failure.evidence), self.path)
 
     def _fault(self, error: Exception, doing: str) -> FailureReport:
-        trace = portable_trace(error)
-        said = without_addresses(str(error))
-        message = f"{type(error).__name__} while {self._wiring.id} was {doing}: {said}"
-        self.note("internal_error", message, traceback=trace)
-        evidence = {"exception": type(error).__name__, "traceback": trace}
-        return FailureReport(internal.ERROR, message, evidence, self.path)
+        report = internal_error_report(error, f"{self._wiring.id} was {doing}", self.path)
+        self.note("internal_error", report.message, traceback=str(report.evidence["traceback"]))
+        return report
 
     def _guarded_halt(self) -> None:
         try:
@@ -470,6 +389,6 @@ class Node(Behaviour):
 
 
 class ControlNode(Node, abstract=True):
-    """Base of the nodes that decide which of several children is ticked."""
+    """Base class of the nodes that decide which of several children is ticked."""
 
     kind = "control"

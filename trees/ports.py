@@ -16,12 +16,15 @@ T = TypeVar("T")
 
 
 NameKind: TypeAlias = Literal["camera", "pose", "bin", "hole", "fixture", "kind", "colour"]
-"""What a text may name: a camera, bin, hole (or a fixture with holes), fixture, kind of item or colour of the
-scene, a named pose of the robot. Where scene and robot are known, only their names are valid."""
+"""Kind of name that a text port accepts: camera, bin, hole (or a fixture with holes), fixture, kind or colour
+of items, or named pose.
+
+Where scene and robot are known, only their names are valid.
+"""
 
 
 class Required:
-    """The default of a port that has none."""
+    """Default of a port without one: the file must give a value."""
 
     def __repr__(self) -> str:
         return "required"
@@ -32,12 +35,12 @@ REQUIRED: Final = Required()
 
 @dataclass(frozen=True, slots=True)
 class PortDeclaration:
-    """What the schema, the loader and the reference know of one port."""
+    """Declaration of one port, for schema, loader and reference."""
 
     key: str
-    """Its name in the mission file."""
+    """Name in the mission file."""
     attribute: str
-    """Its name in the class."""
+    """Name of the attribute in the class."""
     direction: Literal["in", "out"]
     type: PortType
     doc: str
@@ -47,9 +50,9 @@ class PortDeclaration:
     names: NameKind | None = None
     within: Range = ANY_NUMBER
     like: str | None = None
-    """Of an output: the input whose value it passes on."""
+    """Key of the input whose value an output passes on; None: none."""
     each_of: str | None = None
-    """Of an output: the input whose elements it takes, one after the other."""
+    """Key of the input whose elements an output takes one after the other; None: none."""
 
     @property
     def required(self) -> bool:
@@ -58,7 +61,7 @@ class PortDeclaration:
 
 @dataclass(frozen=True, slots=True)
 class PortSpec:
-    """What `port(...)` wrote down; the class makes a descriptor of it."""
+    """Arguments of `port(...)`; `declare` replaces them with a descriptor."""
 
     doc: str
     unit: str | None
@@ -72,7 +75,7 @@ class PortSpec:
 
 
 class In(Generic[T]):
-    """An input: read once when the node starts, so that it does not change under a running skill."""
+    """Descriptor of an input: read once at the node's start, so that it is constant while a skill runs."""
 
     def __init__(self, declaration: PortDeclaration) -> None:
         self.declaration = declaration
@@ -88,7 +91,7 @@ class In(Generic[T]):
 
 
 class Out(Generic[T]):
-    """An output: assigning to it writes the blackboard at once, and checks the type."""
+    """Descriptor of an output: an assignment checks the type and writes the blackboard at once."""
 
     def __init__(self, declaration: PortDeclaration) -> None:
         self.declaration = declaration
@@ -122,10 +125,10 @@ def port(
 ) -> Any:
     """Declare a port: `object: In[ObjectId] = port("what to grasp")`.
 
-    unit: of a number; literals may then be written with a unit. choices: the only values allowed.
-    key: the name in the file where it cannot be the attribute's (`in`, `while`).
-    names: what in scene or robot the text names. least, most, above: bounds of a number, in its unit.
-    like, each_of: the key of the input whose value an output passes on, or whose elements it takes.
+    The name in the file is `key` where it cannot be the attribute's (`in`, `while`). A number has a `unit`,
+    in which literals may be written, and the bounds `least`, `most`, `above` in that unit. A text may be
+    limited to `choices`, or to `names`, a kind of name in scene or robot. An output passes on the value of
+    the input `like`, or takes the elements of the input `each_of` in turn.
     """
     allowed = tuple(choices) if choices is not None else None
     return PortSpec(doc, unit, default, allowed, key, names, Range(least, most, above), like, each_of)

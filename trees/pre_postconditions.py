@@ -1,8 +1,8 @@
-"""Pre- and postconditions of a node, as BehaviorTree.CPP has them.
+"""Pre- and postconditions of a node, as in BehaviorTree.CPP.
 
-Before: `_failureIf`, `_successIf`, `_skipIf` are asked, in this order, when the node would start; `_while` at
-every tick. After: `_onSuccess` or `_onFailure`, then `_post`; `_onHalted` when it was stopped while RUNNING.
-A skipped node assigns nothing, and a halted one nothing but `_onHalted`.
+`_failureIf`, `_successIf` and `_skipIf` are evaluated in this order before the node starts; `_while` at every
+tick. After the end `_onSuccess` or `_onFailure` runs, then `_post`; after a halt while RUNNING `_onHalted`
+runs. A skipped node assigns nothing, and a halted one only `_onHalted`.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from ..world.causes import Failure, FailureReport, tree
 from .declaration import PRECONDITIONS
 from .runtime import TreeWorld, Wiring, evaluate
 from .status import NodeStatus
+from .values.failure_reports import with_attached
 
 if TYPE_CHECKING:
     from .mission import Assignment
@@ -31,7 +32,7 @@ _SETTLED: Mapping[str, NodeStatus] = {
 
 
 def settled_before(wiring: Wiring, world: TreeWorld, *, running: bool) -> NodeStatus | None:
-    """The status that a precondition gives the node in place of a tick; None: it is ticked.
+    """Return the status that a precondition sets instead of a tick; None: the node is ticked.
 
     Raises Failure when a precondition has no value.
     """
@@ -48,7 +49,7 @@ def settled_before(wiring: Wiring, world: TreeWorld, *, running: bool) -> NodeSt
 
 
 def assign_after(wiring: Wiring, world: TreeWorld, state: NodeStatus) -> tuple[FailureReport, ...]:
-    """Carry out what belongs to that end; IDLE: to having been halted. What could not be, as reports."""
+    """Carry out the assignments for this end (IDLE: a halt); return reports of those that failed."""
     names = (ON_HALTED,) if state is NodeStatus.IDLE else _AFTER.get(state, ())
     problems: list[FailureReport] = []
     for name in names:
@@ -58,6 +59,21 @@ def assign_after(wiring: Wiring, world: TreeWorld, state: NodeStatus) -> tuple[F
         except Failure as failure:
             problems.append(FailureReport(failure.cause, f"{name}: {failure.message}", {}, wiring.path))
     return tuple(problems)
+
+
+def after_postconditions(
+    wiring: Wiring, world: TreeWorld, state: NodeStatus, failure: FailureReport | None
+) -> tuple[NodeStatus, FailureReport | None]:
+    """Carry out the postconditions of a node that has ended; return its status and failure after them.
+
+    A postcondition that fails makes a success a failure, and never hides a failure.
+    """
+    problems = assign_after(wiring, world, state)
+    if not problems:
+        return state, failure
+    if state is NodeStatus.FAILURE and failure is not None:
+        return state, with_attached(failure, problems)
+    return NodeStatus.FAILURE, with_attached(problems[0], problems[1:])
 
 
 def _assign(assignment: Assignment, wiring: Wiring, world: TreeWorld) -> None:

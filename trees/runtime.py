@@ -1,4 +1,5 @@
-"""What the nodes of one tree share, and what tells one of them from the other."""
+"""Runtime data of a tree: the parts that all nodes share, each node's wiring, and evaluation of
+expressions."""
 
 from __future__ import annotations
 
@@ -10,17 +11,17 @@ from ..files.expressions.expression import Expression, ExpressionError
 from ..world.causes import Failure, tree
 from .blackboard import Blackboard, Namespace
 from .transitions import TransitionCollector
-from .values.references import Binding, Reference, attribute
+from .values.references import Binding, Constant, Reference, attribute
 
 if TYPE_CHECKING:
     from ..world.belief.planning_scene import PlanningScene
-    from ..world.journal import Journal
+    from ..world.journal import Journal, Plain
     from ..world.protocols import Clock
     from .mission import Assignment
 
 
 class TreeWorld(Protocol):
-    """What the language itself asks of the world, for its own nodes; skills are given the whole `World`."""
+    """Part of the world that control nodes use; skills get the whole `World`."""
 
     @property
     def clock(self) -> Clock: ...
@@ -33,25 +34,25 @@ class TreeWorld(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Runtime:
-    """Shared by all nodes of a tree."""
+    """State shared by all nodes of a tree."""
 
     world: TreeWorld
     blackboard: Blackboard = field(default_factory=Blackboard)
     start_hooks: list[Callable[[str], None]] = field(default_factory=list[Callable[[str], None]])
-    """Called with a node's path when it starts, before it reads its inputs."""
+    """Hooks called with a node's path at its start, before it reads its inputs."""
     end_hooks: list[Callable[[str], None]] = field(default_factory=list[Callable[[str], None]])
-    """Called with a node's path when it has ended or was halted; its status and failure are set by then."""
+    """Hooks called with a node's path after it has ended or was halted, with status and failure set."""
     transitions: TransitionCollector = field(default_factory=TransitionCollector)
     stand_ins: dict[str, Callable[[], Generator[None, None, None]]] = field(
         default_factory=dict[str, "Callable[[], Generator[None, None, None]]"]
     )
-    """Bodies that take the place of those of skills, by path, in the skill's next tick: faults of the program
-    that are planted. What the skill did ends as if it was halted."""
+    """Bodies that replace those of skills in their next tick, by path, for injected program faults. The
+    replaced body ends as after a halt."""
 
 
 @dataclass(frozen=True, slots=True)
 class Wiring:
-    """Where one node stands and what its ports are connected to."""
+    """Identity of one node, and the connections of its ports."""
 
     id: str
     name: str
@@ -64,9 +65,17 @@ class Wiring:
     )
     breakpoint: Literal["before", "after"] | None = None
 
+    @property
+    def port_texts(self) -> Mapping[str, Plain]:
+        """Constant or reference of each port, as the file has it."""
+        return {
+            key: bound.text if isinstance(bound, Constant) else str(bound)
+            for key, bound in self.ports.items()
+        }
+
 
 class Scope(Mapping[str, object]):
-    """The names of an expression: the keys of the namespace, then the facts of the world."""
+    """Names in an expression: keys of the namespace, then facts of the world."""
 
     def __init__(self, namespace: Namespace, world: TreeWorld) -> None:
         self._namespace, self._world = namespace, world
@@ -93,7 +102,7 @@ class Scope(Mapping[str, object]):
 
 
 def evaluate(expression: Expression, namespace: Namespace, world: TreeWorld) -> object:
-    """The expression's value now. Raises Failure(tree.missing_input) when it has none."""
+    """Evaluate the expression now. Raises Failure(tree.missing_input) when it has no value."""
 
     def attribute_of(owner: object, name: str) -> object:
         return attribute(world.scene, owner, name)

@@ -1,4 +1,4 @@
-"""The base of all leaves that act: typed ports, and a body that is a generator."""
+"""Base class of all acting leaves: typed ports, and a body that is a generator."""
 
 from __future__ import annotations
 
@@ -22,18 +22,18 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 
 Steps: TypeAlias = Generator[None, None, None]
-"""The body of a skill: each `yield` is one tick RUNNING."""
+"""Body of a skill: each `yield` is one tick RUNNING."""
 Doing: TypeAlias = Generator[None, None, T]
-"""A part of a body that ends with a value: `value = yield from part()`."""
+"""Part of a body that returns a value: `value = yield from part()`."""
 
 ARM: Final = Resource.ARM
 GRIPPER: Final = Resource.GRIPPER
 CAMERA: Final = Resource.CAMERA
 
 _CLOSINGS = 3
-"""How often a body that yields while it is closed is told again; then it is left to itself."""
+"""Maximum number of `close()` calls for a body that yields while it is closed."""
 SLOW = 0.25
-"""Share of the joints' speed limits below which a skill gets more time, in proportion."""
+"""Share of the joints' speed limits below which a skill gets proportionally more time."""
 
 
 class Skill(Node, abstract=True):
@@ -45,16 +45,16 @@ class Skill(Node, abstract=True):
 
     kind = "action"
     takes_over: ClassVar[bool] = False
-    """Whether it knows what to do with an arm that is still on the way when it starts, as `Grasp` leaves it
-    for `Place`. Before any other that uses robot or camera the arm is brought to rest."""
+    """Whether the skill can start while the arm still moves, as `Place` can after `Grasp`. Before any other
+    skill that uses robot or camera the arm is stopped."""
     sees_to_stops: ClassVar[bool] = False
-    """Whether it goes on when the safety monitor latches a stop, as `SafeRetreat` must. Any other that uses
-    the arm fails with the stop's cause, also while it does not move."""
+    """Whether the skill continues after a latched safety stop, as `SafeRetreat` must. Any other skill that
+    uses the arm fails with the stop's cause, even at rest."""
     limit: ClassVar[float] = 120.0
-    """Simulated time after which it is stopped with tree.timeout, s: many times what it ever takes, so that
-    one that would never end does. See `time_limit`."""
+    """Simulated time after which the skill fails with tree.timeout, s: many times its longest duration. See
+    `time_limit`."""
     waits_for: ClassVar[str] = ""
-    """The port that says how long it may wait, s: `limit` counts from there on."""
+    """Port with the allowed waiting time, s, which is added to `limit`."""
 
     def __init__(self, wiring: Wiring, runtime: Runtime) -> None:
         super().__init__(wiring, runtime)
@@ -64,7 +64,7 @@ class Skill(Node, abstract=True):
 
     @abstractmethod
     def run(self, world: World) -> Steps:
-        """The body. Inputs are read before it starts; every output is assigned before it returns."""
+        """Run the body. Inputs are read before it starts; every output is assigned before it returns."""
         ...
 
     @classmethod
@@ -77,8 +77,11 @@ class Skill(Node, abstract=True):
         self._known_stop = self._stop()
 
     def time_limit(self) -> float:
-        """Simulated time that this activation has, s: `limit`, the longer the slower a `speed` below a
-        quarter lets it go, and beyond what it may wait by its ports."""
+        """Return the simulated time of this activation, s.
+
+        It is `limit`, divided by the share when `speed` is below a quarter, plus the waiting time of
+        `waits_for`.
+        """
         time = self.limit
         speed = self.input("speed") if self.declaration.port("speed") is not None else None
         if isinstance(speed, int | float) and 0.0 < speed < SLOW:
@@ -88,7 +91,7 @@ class Skill(Node, abstract=True):
 
     @classmethod
     def limit_words(cls) -> str:
-        """The same for the reference."""
+        """Return the time limit as a sentence, for the reference."""
         beyond = f" beyond `{cls.waits_for}`" if cls.waits_for else ""
         slow = f", longer at a `speed` below {SLOW:g}" if cls.declaration.port("speed") is not None else ""
         return f"It is stopped with tree.timeout after {cls.limit:g} s{beyond}{slow}."
@@ -112,7 +115,8 @@ class Skill(Node, abstract=True):
         return NodeStatus.RUNNING
 
     def _stop(self) -> FailureReport | None:
-        """The stop that is latched, where that is this skill's affair; a rehearsal has none."""
+        """Return the latched safety stop if it concerns this skill. None in a rehearsal, which has no
+        monitor."""
         control = getattr(self.world, "control", None)
         if control is None or ARM not in self.uses or self.sees_to_stops:
             return None
@@ -140,14 +144,14 @@ class Skill(Node, abstract=True):
             self.note("internal_error", f"{self.wiring.id} yields while it is halted: a finally cannot wait")
 
     def _give_way(self) -> None:
-        """To a body that is to go on in the place of the skill's own, if there is one."""
+        """Replace the skill's body with the stand-in of the runtime, if there is one."""
         body = self._runtime.stand_ins.pop(self.path, None)
         if body is not None:
             self.on_halt()
             self._steps = body()
 
     def _timed_out(self) -> NodeStatus:
-        """Stop the body as a halt does: what it holds of the robot is given back, and the arm brakes."""
+        """Stop the body as a halt does and fail: leases are released, and the arm brakes."""
         seconds, limit = self.world.clock.now - self._began, self.time_limit()
         self.on_halt()
         message = f"{self.wiring.id} still ran after {limit:g} s, its longest time, and was stopped"

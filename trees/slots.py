@@ -1,4 +1,4 @@
-"""Where the children of a control node stand in the file, declared once in its class body."""
+"""Slots: places for the children of a control node in the file, declared once in the class body."""
 
 from __future__ import annotations
 
@@ -14,7 +14,11 @@ Arity: TypeAlias = Literal["one", "many", "table"]
 
 @dataclass(frozen=True, slots=True)
 class SlotDeclaration:
-    """one: a node, or a list that is run as a Sequence. many: a list. table: a mapping name → as `one`."""
+    """Declaration of a slot.
+
+    one: a node, or a list that runs as a Sequence. many: a list. table: a mapping from names to entries as in
+    `one`.
+    """
 
     key: str
     arity: Arity
@@ -22,18 +26,18 @@ class SlotDeclaration:
     required: bool = True
     least: int = 1
     most: int | None = None
-    """Of `many`: how many children it takes."""
+    """Maximum number of children of a `many` slot; None: no limit."""
     of: Literal["cause", "value"] = "value"
-    """Of `table`: whether its keys are patterns of causes."""
+    """Kind of the keys of a `table`: patterns of causes, or values."""
     labels: tuple[str, ...] = ()
-    """Of `many`, where places differ in meaning: what each child is, for pictures ("then", "else"; "recovery"
-    is one that runs after a failure)."""
+    """Roles of the children of a `many` slot by place, for pictures ("then", "else"; "recovery" runs after a
+    failure)."""
     matches: str | None = None
-    """Of `table`: the input whose value its keys are compared with."""
+    """Key of the input that a `table`'s keys are compared with; None: none."""
 
 
 class Slot:
-    """What all slots share: their declaration, under the attribute's name unless told otherwise."""
+    """Base class of slots: a declaration, stored under the attribute's name by default."""
 
     def __init__(self, declaration: SlotDeclaration) -> None:
         self.declaration = declaration
@@ -81,19 +85,19 @@ class TableSlot(Slot):
 
 
 def child(doc: str, *, key: str = "do") -> OneSlot:
-    """Exactly one child."""
+    """Declare exactly one child."""
     return OneSlot(SlotDeclaration(key, "one", doc))
 
 
 def optional_child(doc: str, *, key: str) -> OptionalSlot:
-    """One child or none."""
+    """Declare an optional child."""
     return OptionalSlot(SlotDeclaration(key, "one", doc, required=False))
 
 
 def children(
     doc: str, *, key: str = "do", least: int = 1, most: int | None = None, labels: tuple[str, ...] = ()
 ) -> ManySlot:
-    """A list of children; `labels` say what each is where the place in the list gives it a meaning."""
+    """Declare a list of children; `labels` give the roles by place."""
     return ManySlot(SlotDeclaration(key, "many", doc, least=least, most=most, labels=labels))
 
 
@@ -105,8 +109,9 @@ def table(
     required: bool = False,
     matches: str | None = None,
 ) -> TableSlot:
-    """Children by name, in the order of the file; with `of="cause"` the names are patterns of causes.
+    """Declare a table of children by name, in the order of the file.
 
-    matches: the key of the input whose value the names are compared with.
+    of: "cause" makes the names patterns of causes. matches: key of the input that the names are compared
+    with.
     """
     return TableSlot(SlotDeclaration(key, "table", doc, required=required, of=of, matches=matches))

@@ -1,1 +1,1 @@
-"""Pictures of a mission: SVG, HTML, DOT and text. Graphviz lays the nodes out."""
+"""Drawings of missions: SVG, HTML, DOT and text, with the layout by Graphviz."""

@@ -1,6 +1,8 @@
-"""What a picture shows of a mission, as plain values: trees of nodes with their ports and labelled branches.
+"""Chart of a mission, the content of a drawing as plain values: trees of nodes with ports and labelled
+branches.
 
-The texts are as the mission file writes them. Nothing here knows how a picture looks."""
+The texts are as in the mission file. The appearance of the drawing is defined elsewhere.
+"""
 
 from __future__ import annotations
 
@@ -11,10 +13,10 @@ from typing import Final, Literal, TypeAlias
 from ...trees.declaration import Kind, NodeDeclaration
 
 PortRole: TypeAlias = Literal["literal", "reference", "output"]
-"""A value, a key of the blackboard that is read, a key that is written."""
+"""Role of a port: a value, a key of the blackboard that is read, or a key that is written."""
 
 BranchRole: TypeAlias = Literal["child", "choice", "cure"]
-"""A plain child, one of several by its label, or what is done after a failure."""
+"""Role of a branch: a plain child, one of several selected by its label, or the handler of a failure."""
 
 Symbol: TypeAlias = Literal[
     "action", "branch", "clock", "condition", "control", "decorator", "fallback", "force", "loop", "not",
@@ -24,7 +26,7 @@ Symbol: TypeAlias = Literal[
 
 @dataclass(frozen=True, slots=True)
 class ChartPort:
-    """A port of a node with what the file gives it, or (of a tree) with its type."""
+    """Port of a node with its value in the file, or port of a tree with its type."""
 
     key: str
     value: str
@@ -34,7 +36,7 @@ class ChartPort:
 
 @dataclass(frozen=True, slots=True)
 class Rule:
-    """A precondition or postcondition: `_skipIf` and its expression."""
+    """Precondition or postcondition: its key, as `_skipIf`, and its expression."""
 
     key: str
     text: str
@@ -42,11 +44,11 @@ class Rule:
 
 @dataclass(frozen=True, slots=True)
 class ChartNode:
-    """One node. `calls` names the tree that a sub-tree node stands for; its branches are in that tree."""
+    """One node. `calls` names the tree of a sub-tree node; the branches are in that tree."""
 
     id: str
     name: str
-    """Its last part in paths: `Observe#2`."""
+    """Last part of the node's path: `Observe#2`."""
     kind: Kind
     symbol: Symbol
     place: str = ""
@@ -54,10 +56,10 @@ class ChartNode:
     doc: str = ""
     calls: str = ""
     written_as_list: bool = False
-    """A Sequence that the file writes as a bare list, and that is called as the slot it fills."""
+    """Whether the node is a Sequence that the file writes as a bare list, named after its slot."""
     ports: tuple[ChartPort, ...] = ()
     defaults: tuple[ChartPort, ...] = ()
-    """Inputs that the file does not give."""
+    """Inputs without a value in the file."""
     before: tuple[Rule, ...] = ()
     after: tuple[Rule, ...] = ()
     breakpoint: Literal["before", "after"] | None = None
@@ -67,13 +69,14 @@ class ChartNode:
 
     @property
     def given_name(self) -> str:
-        """The name, where it says more than the ID: the author's, or the number of an equal sibling."""
+        """Name, where it differs from the ID: the author's, or the number among equal siblings; else
+        empty."""
         if self.written_as_list or self.name == self.id:
             return ""
         return self.name.removeprefix(self.id) if self.name.startswith(f"{self.id}#") else self.name
 
     def iterate(self) -> Iterator[ChartNode]:
-        """This node and all below it in the same tree, parents first."""
+        """Yield this node and its descendants in the same tree, parents first."""
         yield self
         for branch in self.branches:
             yield from branch.node.iterate()
@@ -81,7 +84,7 @@ class ChartNode:
 
 @dataclass(frozen=True, slots=True)
 class Branch:
-    """A child with what leads to it: `when grasp.missed`, `otherwise`, `else`; empty for a plain child."""
+    """Child with its label: `when grasp.missed`, `otherwise`, `else`; empty for a plain child."""
 
     label: str
     role: BranchRole
@@ -90,7 +93,7 @@ class Branch:
 
 @dataclass(frozen=True, slots=True)
 class ChartTree:
-    """One tree of the mission and its ports."""
+    """One tree of the mission with its ports."""
 
     name: str
     place: str
@@ -100,7 +103,7 @@ class ChartTree:
 
 @dataclass(frozen=True, slots=True)
 class Chart:
-    """All trees of a mission: `Main` first, then the others in the order in which they are called."""
+    """All trees of a mission: `Main` first, then the others in the order of their calls."""
 
     title: str
     file: str
@@ -113,12 +116,12 @@ class Chart:
 
     @property
     def size(self) -> int:
-        """How many nodes are written in all trees."""
+        """Number of nodes written in all trees."""
         return sum(1 for tree in self.trees for _ in tree.root.iterate())
 
 
 RECOVERY: Final = "recovery"
-"""The label of a child that runs after a failure."""
+"""Label of a child that runs after a failure."""
 _WORDS: Final[tuple[tuple[str, Symbol], ...]] = (
     ("Parallel", "parallel"),
     ("Fallback", "fallback"),
@@ -135,14 +138,14 @@ _WORDS: Final[tuple[tuple[str, Symbol], ...]] = (
     ("Inverter", "not"),
     ("Force", "force"),
 )
-"""Parts of names that behaviour trees share everywhere; the first that fits counts."""
+"""Symbols by parts of names that are common to behaviour trees; the first match counts."""
 
 CHARACTERS: Final[Mapping[Symbol, str]] = {
     "action": "□", "branch": "◇", "clock": "◷", "condition": "○", "control": "■", "decorator": "δ",
     "fallback": "?", "force": "!", "loop": "↻", "not": "¬", "parallel": "⇉", "recover": "✚",
     "sequence": "→", "subtree": "▣",
 }  # fmt: skip
-"""One character for each, as in the literature where there is a usual one."""
+"""One character for each symbol, as in the literature where one is usual."""
 
 MEANINGS: Final[Mapping[Symbol, str]] = {
     "action": "action", "branch": "one branch by a value", "clock": "decorator of time",

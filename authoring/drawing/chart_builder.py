@@ -1,4 +1,4 @@
-"""From a mission to its chart."""
+"""Builder of charts: converts a mission to its chart."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from .chart import (
 
 
 def chart_of_file(path: Path) -> Chart:
-    """Of a mission file, or of one with sub-trees for others. Raises FileError with all its faults."""
+    """Return the chart of a mission or library file. Raises FileError with all its errors."""
     reading = examine(open_document(path, "mission"))
     if reading.faults:
         raise FileError(reading.faults)
@@ -38,7 +38,7 @@ def chart_of_file(path: Path) -> Chart:
 
 
 def chart(mission: Mission) -> Chart:
-    """What a picture shows of the mission. Trees of included files are shown where they are used."""
+    """Return the chart of a mission. Trees of included files are drawn where they are used."""
     charting = _Charting(mission)
     return Chart(
         mission.name,
@@ -50,7 +50,7 @@ def chart(mission: Mission) -> Chart:
 
 
 def _shown(mission: Mission) -> list[str]:
-    """Main, what it calls, what those call; then the mission's own trees that nobody calls."""
+    """Return the names of Main, the trees it calls, their calls, then the mission's own uncalled trees."""
     file = str(mission.document.path)
     own = [name for name, tree in mission.trees.items() if tree.mark.file == file]
     order: list[str] = []
@@ -124,7 +124,8 @@ class _Charting:
     def _branch(
         self, slot: SlotDeclaration, index: int, label: str, child: NodeSpec, *, cures: bool
     ) -> Branch:
-        """`label` is a table's key. What a list is called when it fills the slot tells that it was one."""
+        """Return a child's branch. `label`: key in a table. A Sequence with the slot's name was written as a
+        list."""
         shown, called = label, label
         match slot.arity:
             case "one" if slot.key != "do":
@@ -140,7 +141,7 @@ class _Charting:
         return Branch(shown, role, self._node(child, called))
 
     def _place(self, mark: Mark) -> str:
-        """File and line. The file by its name in the mission's folder, wherever that is."""
+        """Return file and line of a place; the file relative to the mission's folder where possible."""
         try:
             name = name_of(Path(mark.file), self._folder)
         except ValueError:
@@ -179,7 +180,7 @@ def _value(bound: Binding) -> str:
 
 
 def _text(value: object) -> str:
-    """A value on one line, much as YAML writes it."""
+    """Return a value in one line, similar to YAML."""
     match value:
         case None:
             return "null"
@@ -199,7 +200,7 @@ def _text(value: object) -> str:
 
 
 def _printable(text: str) -> str:
-    """Line breaks and control characters as escapes."""
+    """Return the text with line breaks and control characters escaped."""
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode("ascii") for c in text)
 
 

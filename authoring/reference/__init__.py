@@ -1,1 +1,1 @@
-"""The reference of nodes: what each does, takes and may fail with, from their declarations."""
+"""Reference of nodes: purpose, ports and causes, from their declarations."""

@@ -1,4 +1,4 @@
-"""What is known of a node, in words: the one source of the terminal's page, of JSON, and of docs/nodes.md."""
+"""Entries of the node reference: the single source of the terminal's page, of JSON, and of docs/nodes.md."""
 
 from __future__ import annotations
 
@@ -19,19 +19,19 @@ from ...world.journal import Plain
 from .port_wording import default_words, expression_words, hand_words, type_words, unwrapped
 
 _MOST = 10
-"""Optional keys of a node of which all combinations are tried."""
+"""Maximum number of a node's optional keys whose combinations are all tried."""
 
 
 @dataclass(frozen=True, slots=True)
 class RequiredOneOf:
-    """Without any of the keys the node is wrong, whatever else is given; `sentence` says so."""
+    """Keys of which the node needs at least one; `sentence` is its error message without any."""
 
     keys: tuple[str, ...]
     sentence: str
 
 
 def required_one_of(node: type[Node]) -> RequiredOneOf | None:
-    """The keys of which the node needs one, asked of its own rule; None when it needs none so."""
+    """Return the keys of which the node needs one, by its own check; None when there are none."""
     declaration = node.declaration
     every = (*declaration.ports, *declaration.slots)
     required = [part.key for part in every if part.required]
@@ -47,7 +47,7 @@ def required_one_of(node: type[Node]) -> RequiredOneOf | None:
 
 
 def _complaint(node: type[Node], keys: Collection[str]) -> str:
-    """What is wrong when just these keys are given, whatever their values; empty when nothing is."""
+    """Return the node's error when just these keys are given; empty when there is none."""
     found = node.check_ports(PortValues(frozenset(keys)))
     return next((wrong for wrong in found if isinstance(wrong, str)), "")
 
@@ -63,7 +63,7 @@ TITLES: Final[Mapping[Kind, str]] = {
     "decorator": "Decorators",
     "subtree": "Sub-trees",
 }
-"""Of the kinds, in the order in which an author meets them."""
+"""Titles of the kinds of nodes, in the order of the reference."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,25 +72,25 @@ class PortEntry:
 
     key: str
     direction: str
-    """in or out"""
+    """Direction: "in" or "out"."""
     type: str
-    """As people say it: `number in N, or as "20 N"`."""
+    """Type in words: `number in N, or as "20 N"`."""
     doc: str
     required: bool
     default: str
-    """As a file would say it; empty when there is none."""
+    """Default as a file writes it; empty when there is none."""
     unit: str
     choices: tuple[str, ...]
     names: str
-    """What in scene or robot it names: camera, pose, bin, …; empty when nothing."""
+    """Kind of name in scene or robot (camera, pose, bin, …); empty: no name."""
     bounds: str
     may_use: str
-    """Of an expression: which names it knows."""
+    """Names that an expression may use; empty for other ports."""
 
 
 @dataclass(frozen=True, slots=True)
 class SlotEntry:
-    """Where children stand."""
+    """Slot for children."""
 
     key: str
     form: str
@@ -100,7 +100,7 @@ class SlotEntry:
 
 @dataclass(frozen=True, slots=True)
 class CauseEntry:
-    """Why the node itself may fail; a family has `members`."""
+    """Cause with which the node itself may fail; a family has `members`."""
 
     name: str
     sentence: str
@@ -121,11 +121,11 @@ class NodeEntry:
     causes: tuple[CauseEntry, ...]
     uses: tuple[str, ...]
     hand_after: str
-    """A sentence, empty when the hand stays as it is."""
+    """Sentence about the hand after success, empty when the hand does not change."""
     limit: str
-    """After which simulated time it is stopped; empty when it never is."""
+    """Sentence about the simulated time limit; empty when there is none."""
     rule: str
-    """What its keys have to do with one another; empty when nothing."""
+    """Rule that relates several keys; empty when there is none."""
     example: str
 
     @property
@@ -138,7 +138,8 @@ class NodeEntry:
 
 
 def node_entry(node: NodeDeclaration, causes: Iterable[Cause], of: type[Node] | None = None) -> NodeEntry:
-    """`causes`: all that there are, to tell what a family means. `of`: its class; None for a sub-tree."""
+    """Return a node's entry. `causes`: all known causes, for families. `of`: its class; None for a
+    sub-tree."""
     needed = required_one_of(of) if of is not None else None
     known = tuple(causes)
     doc = unwrapped(node.doc)

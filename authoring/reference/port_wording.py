@@ -1,4 +1,4 @@
-"""Declarations in the words of people: what a port takes, its default; for editors and the reference."""
+"""Declarations in words, for editors and the reference: accepted values and defaults of ports."""
 
 from __future__ import annotations
 
@@ -43,11 +43,11 @@ COMMON_DOCS: Mapping[str, str] = {
     "_post": _ASSIGNMENTS + "ends or is halted, whatever the outcome.",
     "breakpoint": "Where `picktree run --debug` stops: `before` the node starts, or `after` its end.",
 }
-"""What may stand under every node, by key."""
+"""Documentation of the keys that every node may have."""
 
 
 def type_words(port: PortDeclaration) -> str:
-    """What the port takes: `number in m, or as "30 mm"`, `name of a camera of the scene`."""
+    """Return a port's type in words: `number in m, or as "30 mm"`, `name of a camera of the scene`."""
     if port.names is not None and not port.type.many:
         words = _NAMED[port.names]
     else:
@@ -59,12 +59,12 @@ def type_words(port: PortDeclaration) -> str:
 
 
 def unit_example(unit: str) -> str:
-    """A quantity with a unit, where a bare number is in `unit`."""
+    """Return an example of a quantity with a unit, where a bare number is in `unit`."""
     return "2 s" if unit == "ms" else example(unit)
 
 
 def default_words(port: PortDeclaration) -> str:
-    """The default as a file would say it; `none` for one that means "not given", empty when there is none."""
+    """Return the default as a file writes it; `none` when it means "not given", empty when there is none."""
     match port.default:
         case Required():
             return ""
@@ -79,19 +79,19 @@ def default_words(port: PortDeclaration) -> str:
 
 
 def expression_words(port: PortDeclaration) -> str:
-    """What an expression may use; empty for other ports."""
+    """Return the names that an expression may use; empty for other ports."""
     if port.type.name != "expression":
         return ""
     return f"of the blackboard's keys and the facts {', '.join(FACTS)}"
 
 
 def uses_words(node: NodeDeclaration) -> str:
-    """`arm and gripper`; empty for a node that uses nothing."""
+    """Return the used resources, as `arm and gripper`; empty for none."""
     return listed([str(resource.value) for resource in node.uses])
 
 
 def hand_words(node: NodeDeclaration) -> str:
-    """What is in the hand after success; empty when the node does not change it."""
+    """Return a sentence about the hand after success; empty when the node does not change it."""
     match node.hand_after:
         case "full":
             return "After success the hand holds the object."
@@ -104,7 +104,7 @@ def hand_words(node: NodeDeclaration) -> str:
 
 
 def unwrapped(doc: str) -> str:
-    """A docstring without the line breaks that fit it to the code; paragraphs stay."""
+    """Return a docstring without line breaks inside its paragraphs."""
     paragraphs = re.split(r"\n\s*\n", doc)
     return "\n\n".join(" ".join(paragraph.split()) for paragraph in paragraphs)
 

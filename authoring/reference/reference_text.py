@@ -1,4 +1,4 @@
-"""The reference as a page of the documentation."""
+"""Text of the node reference, for the terminal and for docs/nodes.md."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ WIDTH = 100
 
 
 def table(nodes: Iterable[NodeEntry]) -> str:
-    """All nodes by kind, a line each."""
+    """Return all nodes by kind, one per line."""
     entries = tuple(nodes)
     width = max((len(node.id) for node in entries), default=0)
     lines: list[str] = []
@@ -28,7 +28,7 @@ def table(nodes: Iterable[NodeEntry]) -> str:
 
 
 def page(node: NodeEntry) -> str:
-    """Everything about one node."""
+    """Return the full text about one node."""
     parts = [f"{node.id} ({node.kind})", _wrapped(node.doc)]
     for title, ports in (("Inputs", node.inputs), ("Outputs", node.outputs)):
         if ports:
@@ -54,7 +54,7 @@ def page(node: NodeEntry) -> str:
 
 
 def facts(port: PortEntry) -> str:
-    """What a port takes, in a line."""
+    """Return the accepted values of a port in one line."""
     if port.direction == "out":
         return f"{port.type}; written to a key of the blackboard"
     choices = "one of " + ", ".join(port.choices) if port.choices else port.type
@@ -104,7 +104,7 @@ _HEAD = (
 
 
 def markdown(nodes: Iterable[NodeEntry], causes: Iterable[Cause]) -> str:
-    """The whole page."""
+    """Return the whole reference as Markdown."""
     entries = tuple(nodes)
     lines = ["\n\n".join(_HEAD), ""]
     for kind, title in TITLES.items():

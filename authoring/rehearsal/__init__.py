@@ -1,1 +1,2 @@
-"""Missions without physics: leaves answer as a case says, and the case says what must come of it."""
+"""Rehearsal of missions without physics: leaves answer as a case defines, and its expectations are
+checked."""

@@ -1,4 +1,4 @@
-"""Rehearsing a mission: its real tree is ticked, its leaves answer as each case says."""
+"""Rehearsal of a mission: its real tree is ticked, and its leaves answer as each case defines."""
 
 from __future__ import annotations
 
@@ -28,13 +28,13 @@ from .verdict.rehearsal_text import short_names
 from .verdict.verdict import CaseOutcome, differences
 
 MOST_TICKS = 10_000
-"""Of a case that does not say how many it may take."""
+"""Default limit of a case, ticks."""
 
 
 def rehearse_files(mission: Path, cases: Path | None = None, names: Collection[str] = ()) -> Rehearsal:
-    """As `rehearse`, of files. Without a cases file it is the one of the mission's name in `cases` beside it.
+    """Rehearse the files. Default for `cases`: the file with the mission's name in `cases` next to it.
 
-    Raises FileError with all faults of the mission, of its scene or of the cases.
+    Raises FileError with all errors of the mission, of its scene or of the cases.
     """
     if cases is None:
         cases = mission.parent / "cases" / mission.name
@@ -51,7 +51,7 @@ def rehearse_files(mission: Path, cases: Path | None = None, names: Collection[s
 
 
 def rehearse(mission: Mission, cases: CaseFile, names: Collection[str] = ()) -> Rehearsal:
-    """Rehearse all cases of the file, or those of these names. The cases were checked for this mission.
+    """Rehearse all cases of the file, or those with these names. The cases were checked for this mission.
 
     Raises PicktreeError for an unknown name, and for a faulty scene of the mission.
     """
@@ -81,7 +81,7 @@ def rehearse(mission: Mission, cases: CaseFile, names: Collection[str] = ()) -> 
 def rehearse_case(
     staging: StubbedMission, case: RehearsalCase, document: Document, reached: CoverageRecord
 ) -> CaseResult:
-    """Rehearse one case, and add what it reaches."""
+    """Rehearse one case, and add its coverage to `reached`."""
     world = _world(staging, case)
     parameters = cast("Mapping[str, Plain]", case.parameters)
     tree = build(staging.mission, world, parameters)

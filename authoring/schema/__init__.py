@@ -1,6 +1,6 @@
-"""JSON Schema (draft-07) of the files that people write, made from the declarations that check them.
+"""JSON Schema (draft-07) of the files that people write, generated from the declarations that check them.
 
-Editors complete, explain and underline by it. Its rule: what the schema refuses, the checker refuses too; the
-checker sees more. Where several forms are allowed it uses keywords that each concern one type of value only,
-rather than alternatives, so that a language server can say which of them is meant and what is wrong with it.
+Editors use it for completion, documentation and error marks. The checker refuses everything that the schema
+refuses, and more. Where several forms are allowed, each keyword concerns one type of value only, without
+alternatives. A language server can then show which form is meant and what is wrong with it.
 """

@@ -1,4 +1,4 @@
-"""Schemas that pydantic wrote (draft 2020-12) as editors understand them best: in draft-07."""
+"""Conversion of pydantic's schemas (draft 2020-12) to draft-07, which editors support best."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ NULL: Schema = {"type": "null"}
 
 
 def tidy(raw: Schema) -> Schema:
-    """The same in draft-07: numbers with units, null beside a type, no generated titles and defaults."""
+    """Convert to draft-07: numbers with units, null next to a type, no generated titles and defaults."""
     found: Schema = {}
     for key, value in raw.items():
         match key:
@@ -38,12 +38,12 @@ def tidy(raw: Schema) -> Schema:
 
 
 def model_name(name: str) -> str:
-    """Of a definition: the model's, less what only its class is called."""
+    """Return a definition's name from that of its model class."""
     return name.removeprefix("_").removesuffix("File")
 
 
 def schema(value: object) -> Schema:
-    """A sub-schema, which may be the `true` of "anything"."""
+    """Return a sub-schema, empty for the `true` of "anything"."""
     return dict(cast("Schema", value)) if isinstance(value, dict) else {}
 
 
@@ -52,7 +52,7 @@ def schemas(value: object) -> list[Schema]:
 
 
 def unless_null(raw: Schema) -> Schema:
-    """What an optional value is when it is given."""
+    """Return the schema of an optional value without null."""
     parts = schemas(raw.get("anyOf"))
     return parts[0] if len(parts) == 2 and parts[1] == NULL else raw
 
@@ -64,7 +64,7 @@ def _tuple(parts: list[Schema]) -> Schema:
 
 
 def _with_null(found: Schema) -> Schema:
-    """`anyOf: [X, null]` as X with one more type or value, where that can be said."""
+    """Merge `anyOf: [X, null]` into X with one more type or value, where possible."""
     one = unless_null(found)
     if one is found:
         return found

@@ -1,4 +1,4 @@
-"""What a schema can know of a mission before it is read: of any mission, or of one that stands in a file."""
+"""Context of a mission schema: names and sub-trees known for any mission, or for one given file."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from .port_schema import ProposedNames
 
 
 def any_mission() -> MissionSpecifics:
-    """The names of the shipped scenes are proposed; others are as good."""
+    """Return the context of any mission: names of the shipped scenes as proposals, others allowed."""
     names: dict[NameKind, dict[str, None]] = {}
     for scene in scene_names():
         for kind, found in load_surroundings(scene).names.items():
@@ -28,7 +28,7 @@ def any_mission() -> MissionSpecifics:
 
 
 def one_mission(document: Document, registry: NodeRegistry) -> MissionSpecifics:
-    """Of a mission file, which may be faulty. Its plug-ins' nodes are added to the registry.
+    """Return the context of one mission file, which may be faulty. Nodes of its plug-ins join the registry.
 
     Raises PicktreeError for a plug-in that fails.
     """
@@ -44,7 +44,7 @@ def one_mission(document: Document, registry: NodeRegistry) -> MissionSpecifics:
         declared = TreePorts(file, MissionDiagnostics())
         for name, body in (bodies if isinstance(bodies, dict) else {}).items():
             trees[name] = declared.of(name, body)
-    # A name that a node has already is a fault, and no tree.
+    # A tree with the name of a node is an error, and no tree.
     trees = {name: ports for name, ports in trees.items() if registry.find(name) is None}
     known = _known(mission)
     names = ProposedNames(known.names, all=True) if known else ProposedNames()

@@ -1,4 +1,4 @@
-"""The schema of mission files: of all missions, or of one whose sub-trees, plug-ins and scene are known."""
+"""Schema of mission files: of all missions, or of one with known sub-trees, plug-ins and scene."""
 
 from __future__ import annotations
 
@@ -25,7 +25,10 @@ from .schema_parts import DRAFT, ID_PATTERN, Schema, escaped, header, if_bare, r
 
 
 def causes_schema(causes: Iterable[Cause], patterns: Iterable[str], *, closed: bool) -> Schema:
-    """`patterns` are the causes' names, their families and `*`. `closed`: there are no other causes."""
+    """Return the schema of a cause table. `patterns`: names of causes, families and `*`.
+
+    `closed`: there are no other causes.
+    """
     known = {cause.name: cause for cause in causes}
     properties: dict[str, Schema] = {}
     for pattern in patterns:
@@ -40,7 +43,7 @@ def causes_schema(causes: Iterable[Cause], patterns: Iterable[str], *, closed: b
 
 
 def cause_markdown(cause: Cause) -> str:
-    """The cause in a sentence, and what to try first."""
+    """Return the cause in a sentence, and its first remedy."""
     return f"{cause.sentence} First remedy: {cause.remedy}."
 
 
@@ -52,7 +55,7 @@ def _family(pattern: str, known: Iterable[str]) -> str:
 
 def _handler(markdown: str) -> Schema:
     said: Schema = {"description": markdown.replace("`", ""), "markdownDescription": markdown}
-    # First of all, so that the cause is explained and not the node that handles it.
+    # First, so that the cause is explained and not the node that handles it.
     return {"allOf": [said, ref("child")]} | said
 
 
@@ -61,14 +64,14 @@ _TYPES = (*NAMES_IN_FILES, *(f"list of {name}" for name in NAMES_IN_FILES))
 
 @dataclass(frozen=True, slots=True)
 class MissionSpecifics:
-    """What is known of a mission: its sub-trees with their ports, and the names of its scene and robot.
+    """Known specifics of a mission: sub-trees with their ports, and names of its scene and robot.
 
     closed: there are no other sub-trees, nodes and causes than those that are known.
     """
 
     closed: bool = False
     scenes: tuple[str, ...] = ()
-    """Those that come with picktree."""
+    """Scenes that come with picktree."""
     trees: Mapping[str, tuple[PortDeclaration, ...]] = field(
         default_factory=dict[str, "tuple[PortDeclaration, ...]"]
     )
@@ -76,7 +79,7 @@ class MissionSpecifics:
 
 
 def mission_schema(registry: NodeRegistry, particular: MissionSpecifics) -> Schema:
-    """JSON Schema of a mission that may use the registry's nodes."""
+    """Return the JSON Schema of a mission that may use the registry's nodes."""
     declared = registry.declarations()
     classes = {name: node for name in registry.ids() if (node := registry.find(name)) is not None}
     together = {name: required_one_of(node) for name, node in classes.items()}

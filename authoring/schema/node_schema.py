@@ -1,4 +1,4 @@
-"""A node as a schema: its ports, its children in all forms that a mission may give them, its doc."""
+"""Schema of a node: its ports, all forms of its children, its documentation."""
 
 from __future__ import annotations
 
@@ -21,39 +21,39 @@ _WORD = "[A-Za-z0-9_]*"
 
 @dataclass(frozen=True, slots=True)
 class NodeIds:
-    """`closed`: there are no other sub-trees and nodes than these; else a plain ID may be one."""
+    """IDs of nodes and sub-trees. `closed`: there are no others; else a plain ID may be another sub-tree."""
 
     nodes: tuple[str, ...]
     trees: tuple[str, ...] = ()
     needing: tuple[str, ...] = ()
-    """Those that need a port or a child, so that the bare ID is not enough."""
+    """IDs that need a port or a child, so that the bare ID is invalid."""
     closed: bool = False
 
     def properties(self) -> dict[str, Schema]:
-        """What stands under each ID."""
+        """Return the schema of each node's body by ID."""
         found = {name: ref(f"node.{name}") for name in self.nodes}
         return found | {name: ref(f"tree.{name}") for name in self.trees}
 
     def single(self) -> Schema:
-        """One node: a mapping with its ID as the one key, or the bare ID."""
+        """Return the schema of one node: a mapping with its ID as the only key, or the bare ID."""
         found: Schema = {
             "title": "node",
             "type": ["object", "string"],
             "properties": self.properties(),
-            # Beside the properties, a count would keep the server from proposing any in an empty line.
+            # Next to the properties, a count would keep language servers from proposing any in an empty line.
             "allOf": [if_bare(), {"minProperties": 1, "maxProperties": 1}],
         }
         return found | self.others()
 
     def others(self) -> Schema:
-        """Of a mapping that holds a node: what other keys it may have."""
+        """Return the rule for other keys of a mapping that holds a node."""
         if self.closed:
             return {"additionalProperties": False}
         names = {"pattern": ID_PATTERN, "patternErrorMessage": "this is no ID of a node or a sub-tree"}
         return {"propertyNames": names, "additionalProperties": ref("unknown")}
 
     def bare(self) -> Schema:
-        """Of a text: which IDs may stand alone."""
+        """Return the rule for a bare ID: those that are valid without a body."""
         if self.closed:
             alone = [name for name in (*self.nodes, *self.trees) if name not in self.needing]
             pattern = f"^(?:{'|'.join(map(escaped, alone))}){_END}"
@@ -65,9 +65,10 @@ class NodeIds:
         return {"pattern": pattern, "patternErrorMessage": said}
 
     def only_child(self, owner: str, keys: list[str]) -> Schema:
-        """Of a mapping without `do`, but with a key that is none of the owner's `keys`: that is the child.
+        """Return the rule for a mapping without `do`, in which a key other than the owner's `keys` is the
+        child.
 
-        An unknown one in lower case may be a sub-tree, unless another key names the child.
+        An unknown key in lower case may be a sub-tree, unless another key names the child.
         """
         said = f"{owner} has no such port, and there is no such node"
         own = "|".join(map(escaped, keys))
@@ -89,7 +90,7 @@ class NodeIds:
 
 
 def common_definitions() -> dict[str, Schema]:
-    """What may stand under every node, by key."""
+    """Return the definitions of the keys that every node may have."""
     forms: dict[str, Schema] = {
         "name": {
             "type": ["string", "null"],
@@ -113,7 +114,7 @@ def common_properties() -> dict[str, Schema]:
 def node_schema(
     node: NodeDeclaration, needed: RequiredOneOf | None, ids: NodeIds, known: ProposedNames
 ) -> Schema:
-    """What may stand under the node's ID."""
+    """Return the schema of a node's body."""
     main = node.slot("do")
     properties: dict[str, Schema] = {port.key: port_schema(port, known) for port in node.ports}
     properties |= {slot.key: slot_schema(slot) for slot in node.slots}
@@ -140,7 +141,7 @@ def node_schema(
 
 
 def tree_schema(name: str, ports: tuple[PortDeclaration, ...], known: ProposedNames) -> Schema:
-    """What may stand under the name of a sub-tree of the mission."""
+    """Return the schema of the body of a sub-tree's call."""
     required = [p.key for p in ports if p.required]
     properties: dict[str, Schema] = {port.key: port_schema(port, known) for port in ports}
     return {
@@ -154,13 +155,13 @@ def tree_schema(name: str, ports: tuple[PortDeclaration, ...], known: ProposedNa
 
 
 def needs_body(node: NodeDeclaration, needed: RequiredOneOf | None) -> bool:
-    """Whether a bare ID is not enough."""
+    """Whether a bare ID is invalid."""
     keys = (*node.ports, *node.slots)
     return needed is not None or any(key.required for key in keys)
 
 
 def slot_schema(slot: SlotDeclaration) -> Schema:
-    """What may stand at a slot: a node, a list of nodes, a table of them."""
+    """Return the schema of a slot: a node, a list of nodes, or a table of nodes."""
     said: Schema = {"description": slot.doc}
     most: Schema = {"maxItems": slot.most} if slot.most is not None else {}
     match slot.arity:
@@ -182,7 +183,7 @@ def slot_schema(slot: SlotDeclaration) -> Schema:
 
 
 def node_markdown(node: NodeDeclaration) -> str:
-    """What hovering over the node shows."""
+    """Return the text shown when the pointer is over the node."""
     parts = [unwrapped(node.doc)]
     if node.causes:
         parts.append("Fails with " + ", ".join(_cause(cause.name, cause) for cause in node.causes) + ".")
@@ -198,14 +199,14 @@ def _cause(name: str, cause: object) -> str:
 
 
 def _with_main(node: NodeDeclaration, main: SlotDeclaration, ids: NodeIds, *, ported: bool) -> Schema:
-    """The forms in which the children may stand: under `do`, as a list, or as the one key that is a node.
+    """Return the forms of the children: under `do`, as a list, or as the single key that is a node.
 
-    ported: some port must be given, so that the children cannot stand by themselves.
+    ported: some port is required, so that the children cannot replace the body.
     """
     types = ["object"]
     found: Schema = {"type": types}
     if not ported:
-        # A list or a bare ID is the value of `do`; then there is no place for ports.
+        # A list or a bare ID is the value of `do`, without ports.
         types.append("array")
         found |= {"items": ref("node"), "minItems": max(main.least, 1)}
         if main.arity == "many" and main.most is not None:
@@ -232,7 +233,7 @@ def _with_main(node: NodeDeclaration, main: SlotDeclaration, ids: NodeIds, *, po
 
 
 def bare_docs(nodes: Iterable[NodeDeclaration]) -> Schema:
-    """Of a bare ID: what hovering over it shows."""
+    """Return the texts shown when the pointer is over a bare ID."""
     return {
         "allOf": [
             {"if": {"const": node.id}, "then": {"title": node.id, "markdownDescription": node_markdown(node)}}

@@ -1,4 +1,5 @@
-"""Files that are laid on another of their kind: nothing in them is required, and null takes away."""
+"""Schema of patch files, which are merged into another file of their kind: nothing is required, null
+removes."""
 
 from __future__ import annotations
 
@@ -9,9 +10,9 @@ from .schema_parts import Schema, ref
 
 
 def patch(full: Schema) -> Schema:
-    """The schema of what may be laid on something of which `full` is the schema (RFC 7396).
+    """Return the schema of a patch for values with the schema `full` (RFC 7396).
 
-    Lists replace as a whole, so what stands in them is not partial.
+    Lists are replaced as a whole, so their content is not partial.
     """
     found: Schema = {}
     for key, value in full.items():
@@ -26,11 +27,11 @@ def patch(full: Schema) -> Schema:
             case "additionalProperties" if value not in (True, False):
                 found[key] = patch(schema(value))
             case "anyOf" | "allOf":
-                # What keys have to do with one another can be said of the whole only.
+                # Rules over several keys hold for the merged whole only.
                 parts = [patch(part) for part in schemas(value) if "if" not in part]
                 found |= {key: parts} if parts else {}
             case "markdownDescription":
-                # What a scene requires, its base may have given.
+                # The base scene may supply a required key.
                 found[key] = str(value).replace("; required*", "*").replace("\n\n*required*", "")
             case "type":
                 found[key] = _with_null(value)

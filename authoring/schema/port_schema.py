@@ -1,4 +1,4 @@
-"""What may stand at a port, as a schema: literals of its type, references, and its documentation."""
+"""Schema of a port: literals of its type, references, and its documentation."""
 
 from __future__ import annotations
 
@@ -19,32 +19,32 @@ from .schema_parts import (
 )
 
 _EXAMPLES: dict[str, list[str]] = {"object": ["{item}"], "bin": ["{item.destination}"]}
-"""What is often written at a port of that type, or that names a thing of that kind."""
+"""Common values by type of port, or by kind of name."""
 
 
 @dataclass(frozen=True, slots=True)
 class ProposedNames:
-    """Names of cameras, poses, bins: those of the mission's scene and robot (`all`), or a few to propose."""
+    """Names of cameras, poses and bins: all of the mission's scene and robot (`all`), or proposals."""
 
     names: Mapping[NameKind, tuple[str, ...]] = field(default_factory=dict[NameKind, tuple[str, ...]])
     all: bool = False
 
 
 def port_schema(port: PortDeclaration, known: ProposedNames) -> Schema:
-    """A port of a node or of a sub-tree."""
+    """Return the schema of a port of a node or of a sub-tree."""
     described: Schema = {"description": port.doc} if port.doc else {}
     described["markdownDescription"] = port_markdown(port)
     if port.direction == "out":
         return key_reference() | {"examples": ["{" + port.key + "}"]} | described
     found = _input(port, known) | described
     if not isinstance(port.default, Required) and port.default not in (None, "", []):
-        # Beside the type, language servers would write the default out wherever the node is chosen.
+        # Next to the type, language servers would insert the default whenever the node is chosen.
         found["allOf"] = [{"default": port.default}]
     return found
 
 
 def port_markdown(port: PortDeclaration) -> str:
-    """What hovering over the port shows."""
+    """Return the text shown when the pointer is over the port."""
     facts = [type_words(port), port.within.words(), expression_words(port)]
     if port.direction == "out":
         facts = [f"output: {type_words(port)}", 'a key of the blackboard, as "{key}"']
@@ -71,11 +71,11 @@ def _input(port: PortDeclaration, known: ProposedNames) -> Schema:
 
 
 def _literal(port: PortDeclaration, known: ProposedNames) -> Schema:
-    """A literal, or a reference where one stands by itself."""
+    """Return the schema of a literal, or of a reference in its place."""
     choices = _choices(port, known)
     if choices is not None:
         usual: Schema = {"examples": _EXAMPLES[port.names]} if port.names in _EXAMPLES else {}
-        # A schema may not list nothing: where there is no such thing, as in a scene without holes.
+        # An enum must not be empty, as in a scene without holes.
         named: list[Schema] = [{"enum": list(choices)}] if choices else []
         alternatives: list[Schema] = [
             *named,
@@ -110,7 +110,7 @@ def _list(port: PortDeclaration, known: ProposedNames) -> Schema:
 
 
 def _item(port: PortDeclaration, choices: Sequence[Plain] | None) -> Schema:
-    """An element of a list, which is no reference."""
+    """Return the schema of a list's element, which is no reference."""
     if choices is not None:
         return {"enum": list(choices)} if choices else {"not": {}}
     match port.type.name:
@@ -132,7 +132,7 @@ def _item(port: PortDeclaration, choices: Sequence[Plain] | None) -> Schema:
 
 
 def _or_reference(kind: str, said: str) -> Schema:
-    """A value that is no text; a text is then a reference."""
+    """Return the schema of a value other than a text; a text is then a reference."""
     return reference() | {"type": ["string", kind], "patternErrorMessage": said}
 
 

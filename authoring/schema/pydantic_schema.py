@@ -18,7 +18,7 @@ from .schema_parts import DRAFT, Schema, exactly_one, header
 
 
 def attribute_docs(cls: type) -> dict[str, str]:
-    """By attribute, those of the bases included; a class whose source is not at hand has none."""
+    """Return the docstrings of attributes by name, with those of bases; empty without source code."""
     found: dict[str, str] = {}
     for base in reversed(cls.__mro__):
         if base.__module__.partition(".")[0] == cls.__module__.partition(".")[0]:
@@ -45,7 +45,7 @@ _BOUNDS = (("exclusiveMinimum", "more than"), ("minimum", "at least"), ("maximum
 
 
 def model_schema(kind: str, root: type[BaseModel]) -> Schema:
-    """The schema of a kind of file whose content, the header aside, is that model."""
+    """Return the schema of a kind of file whose content, without the header, is that model."""
     raw = schema(root.model_json_schema())
     models = {model.__name__: model for model in _models(root)}
     found = _documented(raw, root)
@@ -60,7 +60,7 @@ def model_schema(kind: str, root: type[BaseModel]) -> Schema:
 
 
 def _models(root: type[BaseModel]) -> Iterator[type[BaseModel]]:
-    """The root and all models that its fields use."""
+    """Yield the root and all models that its fields use."""
     waiting, seen = [root], set[type[BaseModel]]()
     while waiting:
         model = waiting.pop()
@@ -73,7 +73,7 @@ def _models(root: type[BaseModel]) -> Iterator[type[BaseModel]]:
 
 
 def _inside(part: object) -> Iterator[type[BaseModel]]:
-    """The models in an annotation, or in what a validator says that it reads."""
+    """Yield the models in an annotation, or in the input type of a validator."""
     part = getattr(part, "json_schema_input_type", part)
     if isinstance(part, type):
         if issubclass(part, BaseModel):
@@ -85,7 +85,7 @@ def _inside(part: object) -> Iterator[type[BaseModel]]:
 
 
 def _documented(raw: Schema, model: type[BaseModel]) -> Schema:
-    """The schema of one model, each of its keys with what is known of it in words."""
+    """Return the schema of one model, with the documentation of its keys."""
     docs = attribute_docs(model)
     names = {field.alias or name: name for name, field in model.model_fields.items()}
     required = cast("list[str]", raw.get("required", []))
@@ -111,7 +111,7 @@ def _key(raw: Schema, doc: str, *, required: bool) -> Schema:
         found = {"allOf": [{"$ref": found["$ref"]}]}  # beside a $ref nothing else counts
     default = raw.get("default")
     if default is not None and not isinstance(default, dict):
-        # Apart from the type: language servers would write it out wherever the mapping around it is begun.
+        # Separate from the type: language servers would insert it wherever the mapping around it is started.
         parts = [*schemas(found.get("allOf")), {"default": default}]
         found |= {"allOf": parts}
     facts = [_bounds(raw), _unit(raw), "required" if required else _default(raw)]
@@ -121,7 +121,7 @@ def _key(raw: Schema, doc: str, *, required: bool) -> Schema:
 
 
 def _number(raw: Schema) -> Schema:
-    """The number that a value is, or that a list has of one sort."""
+    """Return the number schema of a value, or of a list of equal numbers."""
     one = unless_null(raw)
     parts = [*schemas(one.get("prefixItems")), *([schema(one["items"])] if "items" in one else [])]
     return parts[0] if parts and all(part == parts[0] for part in parts) else one
@@ -146,7 +146,7 @@ def _default(raw: Schema) -> str:
 
 
 def _shown(value: object, unit: str) -> str:
-    """A value with its unit as a file may say it; angles in degrees, which people read."""
+    """Return a value with its unit as a file may write it; angles in degrees."""
     match value:
         case bool():
             return str(value).lower()

@@ -1,4 +1,4 @@
-"""Small pieces of schemas: texts of a form, numbers with a unit, references to the blackboard."""
+"""Parts of schemas: text patterns, numbers with a unit, references to the blackboard."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ Schema: TypeAlias = dict[str, object]
 
 DRAFT: Final = "http://json-schema.org/draft-07/schema#"
 _END = r"(?![\s\S])"
-"""The very end: in Python `$` would also match before a last line break."""
+"""End of the text: in Python `$` also matches before a last line break."""
 _ID = r"[A-Za-z_][A-Za-z0-9_]*"
 ID_PATTERN: Final = f"^{_ID}{_END}"
 NAME_PATTERN: Final = r"^[^/#\u0000-\u001f]{1,60}" + _END
-"""Of a node's own name, and of a case."""
+"""Pattern of a node's name, and of a case."""
 REFERENCE: Final = rf"\{{{_ID}(?:\.(?:{'|'.join(ATTRIBUTES)}))*\}}"
 _LITERAL = rf"(?!\{{[\s\S]*\}}{_END})"
-"""A text that does not stand in braces."""
+"""Pattern of a text that is not in braces."""
 _NUMBER = r"\s*[-+]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][-+]?[0-9]+)?\s*"
 REFERENCE_RULE: Final = 'a reference is "{key}" or "{key.attribute}", the attribute one of ' + ", ".join(
     ATTRIBUTES
@@ -32,7 +32,7 @@ REFERENCE_RULE: Final = 'a reference is "{key}" or "{key.attribute}", the attrib
 
 
 def to_text(schema: Schema) -> str:
-    """As it stands in a file."""
+    """Return the schema as a file's text."""
     return json.dumps(schema, indent=1, ensure_ascii=False) + "\n"
 
 
@@ -41,12 +41,15 @@ def ref(name: str) -> Schema:
 
 
 def if_bare() -> Schema:
-    """A text is the bare ID of a node. Asked first: what is shared by all nodes would lend them its title."""
+    """Return the rule that a text is the bare ID of a node.
+
+    It comes first: rules shared by all nodes would give it their title.
+    """
     return {"if": {"type": "string"}, "then": ref("bare")}
 
 
 def header(kind: str) -> dict[str, Schema]:
-    """The two keys with which every file begins."""
+    """Return the schema of the two keys at the top of every file."""
     return {
         "picktree": {"const": FORMAT, "description": "The version of the format of the file."},
         "kind": {"const": kind, "description": f"What the file is: {', '.join(KINDS[:-1])} or {KINDS[-1]}."},
@@ -54,7 +57,7 @@ def header(kind: str) -> dict[str, Schema]:
 
 
 def text_or_reference() -> Schema:
-    """Any text, but in braces only a reference."""
+    """Return the schema of any text; in braces only a reference is valid."""
     return {
         "type": "string",
         "pattern": f"^(?:{REFERENCE}{_END}|{_LITERAL})",
@@ -67,7 +70,7 @@ def reference() -> Schema:
 
 
 def key_reference() -> Schema:
-    """Where an output is written to."""
+    """Return the schema of an output's key."""
     return {
         "type": "string",
         "pattern": rf"^\{{{_ID}\}}{_END}",
@@ -76,14 +79,14 @@ def key_reference() -> Schema:
 
 
 def quantity_pattern(unit: str, *, or_reference: bool = False) -> str:
-    """Of a text that is a number with a unit like `unit`, or a bare one."""
+    """Return the pattern of a text that is a number with a unit like `unit`, or a bare number."""
     units = "|".join(map(escaped, spellings(unit)))
     form = rf"{_NUMBER}(?:{units})?\s*"
     return f"^(?:{form}|{REFERENCE}){_END}" if or_reference else f"^{form}{_END}"
 
 
 def quantity(unit: str, *, or_reference: bool = False) -> Schema:
-    """A number in `unit`, or a text with a unit."""
+    """Return the schema of a number in `unit`, or of a text with a unit."""
     return {
         "type": ["string", "number"],
         "pattern": quantity_pattern(unit, or_reference=or_reference),
@@ -92,13 +95,13 @@ def quantity(unit: str, *, or_reference: bool = False) -> Schema:
 
 
 def bounds(within: Range) -> Schema:
-    """Of a bare number; those of a text with a unit no schema can see."""
+    """Return the bounds of a bare number; a schema cannot check those of a text with a unit."""
     found: Schema = {"minimum": within.least, "maximum": within.most, "exclusiveMinimum": within.above}
     return {key: value for key, value in found.items() if value is not None}
 
 
 def escaped(text: str) -> str:
-    """The text as a pattern, in the syntax that Python and JavaScript (flag u) share."""
+    """Return the text as a pattern, in the syntax that Python and JavaScript (flag u) share."""
     return re.sub(r"[\\^$.*+?()\[\]{}|]", r"\\\g<0>", text)
 
 
@@ -106,7 +109,7 @@ _GIVEN: Schema = {"not": {"type": "null"}}
 
 
 def exactly_one(keys: Sequence[str]) -> list[Schema]:
-    """One of the keys is given, and of several the later ones are too much."""
+    """Return the rules that exactly one of the keys is given; the later ones of several are marked."""
     named = ", ".join(keys)
     too_much: Schema = {"type": "null", "errorMessage": f"only one of {named} may be given"}
     found = [one_needed(keys, f"one of {named} is missing")]
@@ -117,20 +120,20 @@ def exactly_one(keys: Sequence[str]) -> list[Schema]:
 
 
 def one_needed(keys: Sequence[str], sentence: str) -> Schema:
-    """At least one of the keys is given, or that sentence is true."""
+    """Return the rule that at least one of the keys is given; `sentence` is the error."""
     none: Schema = {"not": {"anyOf": [{"required": [key]} for key in keys]}}
     return {"if": none, "then": {"required": [keys[0]], "errorMessage": sentence}}
 
 
 def belonging(keys: Sequence[str], owner: str, other: str) -> list[Schema]:
-    """The keys belong to `owner` and may not stand beside `other`."""
+    """Return the rule that the keys belong to `owner` and are invalid next to `other`."""
     given: Schema = {"required": [other], "properties": {other: _GIVEN}}
     wrong: Schema = {key: {"type": "null", "errorMessage": f"'{key}' belongs to '{owner}'"} for key in keys}
     return [{"if": given, "then": {"properties": wrong}}]
 
 
 def by_value(key: str, needs: Mapping[str, Sequence[str]], may: Mapping[str, Sequence[str]]) -> list[Schema]:
-    """With each value of `key` some keys are needed, and of those that any value may have others are not."""
+    """Return the rules that each value of `key` needs some keys, and excludes those of other values."""
     special = dict.fromkeys(name for names in may.values() for name in names)
     found: list[Schema] = []
     for value, names in may.items():

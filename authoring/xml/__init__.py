@@ -1,1 +1,1 @@
-"""Missions as BehaviorTree.CPP 4 XML, out and in."""
+"""Export and import of missions as BehaviorTree.CPP 4 XML."""

@@ -1,4 +1,4 @@
-"""One file into the other form, whichever it is in."""
+"""Conversion of a file to the other form, mission or XML."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from .importing.mission_import import xml_to_mission
 
 
 def convert(path: Path, registry: NodeRegistry | None = None) -> str:
-    """A mission file as XML, an XML file as a mission. Raises FileError with all that is wrong with it."""
+    """Convert a mission file to XML, or an XML file to a mission. Raises FileError with all its errors."""
     return convert_text(read_text(path), path, registry)
 
 
 def convert_text(text: str, path: Path, registry: NodeRegistry | None = None) -> str:
-    """As `convert`, of a text that was read already."""
+    """Convert a text as `convert` converts a file."""
     if text.lstrip().startswith("<"):
         return xml_to_mission(text, path, registry)
     reading = examine(read_document(text, path, "mission"), registry)

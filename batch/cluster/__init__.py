@@ -1,1 +1,1 @@
-"""Workers on the machines of a Ray cluster. Ray is loaded by processes of its own alone."""
+"""Workers on the machines of a Ray cluster. Only separate processes load Ray."""

@@ -1,4 +1,4 @@
-"""Being connected with a Ray cluster: one that runs, or one of this machine that goes when this goes."""
+"""Connection to a Ray cluster: a running one, or one of this machine that ends with this process."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ import ray
 from ...errors import PicktreeError
 
 _ANSWER = 5.0
-"""Wall s within which a cluster's port answers."""
+"""Time limit for a reply of the cluster's port, wall s."""
 _STORE = 100 << 20
-"""Bytes of memory for what is on its way between processes of a cluster of this machine."""
+"""Size of the object store of a cluster of this machine, bytes."""
 
 
 @dataclass(frozen=True, slots=True)
 class ClusterNode:
-    """A machine of the cluster."""
+    """Machine of the cluster."""
 
     id: str
     address: str
@@ -28,7 +28,7 @@ class ClusterNode:
 
 
 def connect(address: str | None, workers: int | None, folder: Path) -> None:
-    """To the cluster at `address`; None: start one with so many CPUs, its files in `folder`.
+    """Connect to the cluster at `address`; None: start one with this number of CPUs, its files in `folder`.
 
     Raises PicktreeError when there is none.
     """
@@ -46,7 +46,7 @@ def connect(address: str | None, workers: int | None, folder: Path) -> None:
 
 
 def nodes() -> tuple[ClusterNode, ...]:
-    """Those that are there now and have CPUs to give."""
+    """Return the present nodes that have CPUs."""
     made = (
         ClusterNode(str(n["NodeID"]), str(n["NodeManagerAddress"]), int(n["Resources"].get("CPU", 0)))
         for n in ray.nodes()
@@ -68,7 +68,7 @@ def _start(cpus: int, folder: Path) -> None:
 
 
 def _require_answer(address: str) -> None:
-    """Ray itself ends the process when it finds nobody there."""
+    """Check that the port replies: Ray itself ends the process when it does not."""
     host, _, port = address.rpartition(":")
     if not host or "/" in address or not port.isdigit():
         raise PicktreeError(f"--address {address}: the address of a Ray cluster is HOST:PORT, or auto")

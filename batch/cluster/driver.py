@@ -1,7 +1,7 @@
-"""The process that speaks with Ray for a batch.
+"""Driver: the process that communicates with Ray for a batch.
 
-Ray takes a process over: it has signal handlers, threads and output of its own, and ends the process when the
-cluster is gone. So the batch's own process does not load it.
+Ray takes a process over with signal handlers, threads and output, and ends the process when the cluster is
+gone. So the batch's own process does not load it.
 """
 
 from __future__ import annotations
@@ -23,13 +23,13 @@ from .messages import STOP, ClusterRefusal, ClusterSettings, News, Said
 from .worker_pool import WorkerPool
 
 _JOIN = 45.0
-"""Wall s within which this process is part of the cluster."""
+"""Time limit for joining the cluster, wall s."""
 _LAST = 15.0
-"""Wall s that taking leave may last; then the process ends, and with it a cluster that it started."""
+"""Time limit for leaving, wall s; then the process ends, and with it a cluster that it started."""
 
 
 def main(batch: Connection) -> None:
-    """Serve the batch at the other end until that is gone."""
+    """Serve the batch at the other end until its connection closes."""
     settings: ClusterSettings = batch.recv()
     os.chdir(settings.folder)  # Ray has its workers look for modules where it is started
     try:
@@ -49,7 +49,7 @@ def main(batch: Connection) -> None:
 
 @contextmanager
 def _in_time(batch: Connection, address: str | None) -> Generator[None]:
-    """Ray waits without end where this machine is no node of the cluster."""
+    """Limit the time for joining: Ray waits without end where this machine is no node of the cluster."""
 
     def give_up() -> None:
         if address is None:
@@ -104,7 +104,7 @@ async def _work(crew: WorkerPool) -> None:
 
 
 def _listen(batch: Connection, loop: asyncio.AbstractEventLoop, hear: Callable[[Said | None], None]) -> None:
-    """In a thread of its own: waits for what the batch says."""
+    """Wait for messages of the batch, in a separate thread."""
     while True:
         try:
             said: Said | None = batch.recv()

@@ -1,4 +1,4 @@
-"""What of picktree a machine has, so that no job runs on one that would run another."""
+"""Installation of picktree on a machine, compared so that no job runs with other code or libraries."""
 
 from __future__ import annotations
 
@@ -14,23 +14,24 @@ from ...session.environment import hashes, sources, versions
 from ...trees.loading.registry import GROUP
 
 _OF_WORKERS: Final = ("batch", "analysis/explain", "analysis/resim")
-"""Folders with code of a worker that is none of a run, and so not among `sources`."""
+"""Folders with code that workers run but runs do not, and that `sources` therefore lacks."""
 _NOT_OF_WORKERS: Final = "batch/report"
-"""Folder in one of those that no worker needs."""
+"""Folder within those that no worker needs."""
 
 
 @dataclass(frozen=True, slots=True)
 class Installation:
-    """Equal on two machines that give the same rows for the same job, as far as this can be told."""
+    """Versions and sources, equal on two machines that give the same rows for the same job, as far as
+    known."""
 
     versions: Mapping[str, str]
-    """Of the libraries, of installed plug-ins, and of Python."""
+    """Versions of the libraries, of installed plug-ins, and of Python."""
     sources: Mapping[str, str]
-    """Beginning of the SHA-256 of each file of picktree, by its path."""
+    """Start of the SHA-256 of each file of picktree, by path."""
 
 
 def installed() -> Installation:
-    """Here."""
+    """Return the installation of this machine."""
     plugins = {entry.dist.name: entry.dist.version for entry in entry_points(group=GROUP) if entry.dist}
     of_workers = (
         file
@@ -47,7 +48,7 @@ def installed() -> Installation:
 
 
 def difference(here: Installation, there: Installation) -> str:
-    """Why no job is given there; empty when nothing speaks against it."""
+    """Return the difference that keeps jobs from running there; empty when there is none."""
     names = sorted({*here.versions, *there.versions})
     others = [
         f"{name} {there.versions.get(name, 'missing')}, here {here.versions.get(name, 'missing')}"

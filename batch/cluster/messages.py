@@ -1,4 +1,4 @@
-"""What a batch and the process that speaks with Ray for it say to each other."""
+"""Messages between a batch and its driver, the process that communicates with Ray."""
 
 from __future__ import annotations
 
@@ -12,48 +12,48 @@ from .installation import Installation
 
 @dataclass(frozen=True, slots=True)
 class ClusterSettings:
-    """The first word of the batch."""
+    """First message of the batch."""
 
     address: str | None
-    """Of a running cluster; None: start one on this machine, and stop it in the end."""
+    """Address of a running cluster; None: start one on this machine, and stop it at the end."""
     workers: int | None
-    """At most so many at once; None: one for each CPU of the cluster."""
+    """Maximum number of concurrent workers; None: one for each CPU of the cluster."""
     folder: Path
-    """Of this process alone."""
+    """Folder for this process alone."""
     output: Path
-    """File with what this process prints."""
+    """File with the output of this process."""
     here: Installation
-    """What the batch's own machine has."""
+    """Installation of the batch's machine."""
 
 
 @dataclass(frozen=True, slots=True)
 class Task:
-    """An order to be seen to."""
+    """Order for the driver."""
 
     order: JobOrder
     token: str
-    """What stands in the file `TOKEN` of the order's folder."""
+    """Content of the file `TOKEN` in the order's folder."""
 
 
 @dataclass(frozen=True, slots=True)
 class WorkerCount:
-    """How many there are now, with those that are about to be started."""
+    """Present number of workers, with those that are about to start."""
 
     count: int
 
 
 @dataclass(frozen=True, slots=True)
 class ClusterRefusal:
-    """It cannot be, and why: the batch is over."""
+    """Reason why the cluster cannot be used; the batch ends."""
 
     reason: str
 
 
 STOP: Final = "stop"
-"""Break off all that is under way."""
+"""Message to break off all running orders."""
 TOKEN: Final = ".from-the-batch"
-"""A file in the folder of an order: a worker that can take it away sees the same folder as the batch."""
+"""File in an order's folder: a worker that can remove it shares the folder with the batch."""
 Said: TypeAlias = Task | Literal["stop"]
-"""By the batch, after its settings; that it is gone is told by the end of the connection."""
+"""Message of the batch after its settings; the end of the connection shows that the batch is gone."""
 News: TypeAlias = WorkerCount | ClusterRefusal | Event
-"""For the batch."""
+"""Message to the batch."""

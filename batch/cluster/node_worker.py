@@ -1,7 +1,7 @@
-"""The foreman: what stands on a node of the cluster, and has one local worker carry out order after order.
+"""Worker on a node of the cluster: an actor that runs one order after the other with a local executor.
 
-The run itself goes on in a process of its own below the foreman, as on the batch's machine: limits, breaking
-off, and what is said of a worker that dies are those of `LocalExecutor`.
+Each run has a separate process below the worker, as on the batch's machine. Limits, stops and messages about
+lost workers are those of `LocalExecutor`.
 """
 
 from __future__ import annotations
@@ -24,33 +24,33 @@ from .installation import Installation, installed
 from .messages import TOKEN, Task
 
 _LOOK = 0.02
-"""Wall s between two looks at the worker."""
+"""Interval between checks of the worker, wall s."""
 _PREFIX: Final = "picktree-foreman-"
 
 
 @dataclass(frozen=True, slots=True)
 class ResultFile:
-    """One that is to be brought to the batch's machine."""
+    """File that must be copied to the batch's machine."""
 
     name: str
-    """In the order's folder."""
+    """Path in the order's folder."""
     size: int
 
 
 @dataclass(frozen=True, slots=True)
 class TaskReport:
-    """What came of a task."""
+    """Result of a task."""
 
     event: Event
     files: tuple[ResultFile, ...]
-    """Nothing when they are where they belong."""
+    """Files to copy; empty when they are in place already."""
 
 
 class NodeWorker:
-    """An actor of Ray: all methods are called from afar, one after the other but for `stop`."""
+    """Actor of Ray: its methods are called remotely, one after the other except `stop`."""
 
     def __init__(self) -> None:
-        # What a process is spawned from is read again in it; that of Ray's workers would load Ray.
+        # A spawned process rereads its parent's main file; that of Ray's workers would load Ray.
         vars(sys.modules["__main__"]).pop("__file__", None)
         _clear_after_the_dead()
         self._place = Path(tempfile.mkdtemp(prefix=f"{_PREFIX}{os.getpid()}-"))
@@ -59,14 +59,14 @@ class NodeWorker:
         self._stopped: set[Path] = set()
 
     async def installed(self) -> Installation:
-        """What this machine has."""
+        """Return the installation of this machine."""
         return installed()
 
     async def is_there(self) -> None:
-        """It is, when this can be asked."""
+        """Do nothing: a reply shows that the worker is alive."""
 
     async def carry_out(self, task: Task, recipe: bytes) -> TaskReport:
-        """In the order's folder when this machine sees that, else in one of its own."""
+        """Run an order in its folder when this machine shares it, else in a separate folder."""
         order = task.order
         shared = _takes_token(task)
         try:
@@ -84,22 +84,22 @@ class NodeWorker:
         return TaskReport(replace(events[0], order=order), () if shared else _files(own.folder))
 
     async def stop(self, folder: Path) -> None:
-        """Break off the order of that folder, which may still be on its way."""
+        """Break off the order of that folder, which may still be in transit."""
         self._stopped.add(folder)
         self._executor.stop()
 
     async def piece(self, folder: str, name: str, offset: int, size: int) -> bytes:
-        """Of a file in a folder of its own."""
+        """Return a part of a file in one of the worker's own folders."""
         with (self._place / folder / name).open("rb") as file:
             file.seek(offset)
             return file.read(size)
 
     async def forget(self, folder: str) -> None:
-        """Its files have arrived."""
+        """Delete an order's files after they were copied."""
         shutil.rmtree(self._place / folder, ignore_errors=True)
 
     async def close(self) -> None:
-        """Let the worker go; nothing is left on this machine."""
+        """End the worker; nothing is left on this machine."""
         self._executor.close()
         shutil.rmtree(self._place, ignore_errors=True)
 
@@ -114,7 +114,7 @@ class NodeWorker:
 
 @contextmanager
 def _no_signal_blocked() -> Generator[None]:
-    """A process that is started meanwhile hears when it is to break off; Ray's threads hear nothing."""
+    """Unblock signals, so that a process started in the block can be stopped; Ray's threads block them."""
     before = signal.pthread_sigmask(signal.SIG_SETMASK, ())
     try:
         yield
@@ -123,7 +123,7 @@ def _no_signal_blocked() -> Generator[None]:
 
 
 def _takes_token(task: Task) -> bool:
-    """Whether the order's folder is the one that the batch made: then its token can be taken away."""
+    """Return whether the order's folder is that of the batch: then the token can be removed."""
     token = task.order.folder / TOKEN
     try:
         if token.read_text() != task.token:
@@ -143,7 +143,7 @@ def _files(folder: Path) -> tuple[ResultFile, ...]:
 
 
 def _clear_after_the_dead() -> None:
-    """Folders of foremen that were killed."""
+    """Delete the folders of workers that were killed."""
     for folder in Path(tempfile.gettempdir()).glob(f"{_PREFIX}*"):
         pid = folder.name.removeprefix(_PREFIX).partition("-")[0]
         if not Path("/proc", pid).exists():

@@ -1,4 +1,4 @@
-"""Workers on the machines of a Ray cluster, or of one on this machine that is there for the batch alone."""
+"""Executor on the machines of a Ray cluster, or of a temporary one on this machine."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ from .installation import installed
 from .messages import STOP, TOKEN, ClusterRefusal, ClusterSettings, News, Said, Task, WorkerCount
 
 _START = 180.0
-"""Wall s that a cluster has for being there, beyond what the driver itself waits."""
+"""Time limit for the start of a cluster, beyond the driver's own waits, wall s."""
 _LEAVE = 30.0
-"""Wall s that the driver has for taking leave."""
+"""Time limit for the driver's end, wall s."""
 _OWN: Final = {
     "RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER": "0",  # on Linux too: every port is one of 127.0.0.1 alone
     "RAY_AUTH_MODE": "token",
@@ -36,22 +36,22 @@ _OWN: Final = {
     "RAY_enable_worker_prestart": "0",  # a foreman for each slot is all that is needed
     "RAY_prestart_worker_first_driver": "0",
 }
-"""Of a cluster on this machine alone; read when Ray is loaded."""
+"""Environment of a cluster on this machine alone, read when Ray is loaded."""
 _STAMP: Final = re.compile(r"^\[[^]]*\] (\S+:\d+: )?")
-"""Before what Ray logs: time, process, place in its source."""
+"""Prefix of Ray's log lines: time, process, place in its source."""
 _LONGEST: Final = 20
-"""Characters of the path of a folder in which there can be Ray's."""
+"""Maximum length of a parent folder for Ray's files, characters."""
 _DRIVER: Final = f"{__package__}.driver"
 
 
 class RayExecutor:
-    """A context manager that lets the workers go, and the cluster when it has started it."""
+    """Executor of a Ray cluster. A context manager that ends the workers, and a cluster that it started."""
 
     def __init__(self, slots: int | None = None, address: str | None = None) -> None:
-        """`address`: of a running cluster, of which this machine is a node; None: one is started here.
+        """`address`: that of a running cluster with this machine as a node; None: start one here.
 
-        `slots`: at most so many workers; by default one for each CPU of the cluster. Raises PicktreeError
-        when there is no such cluster, a node of it would run something else, or ray is not installed.
+        `slots`: maximum number of workers, by default one for each CPU of the cluster. Raises PicktreeError
+        when there is no such cluster, a node has another installation, or ray is not installed.
         """
         with optional_import("ray", "ray", "A batch on a Ray cluster"):
             if find_spec("ray") is None:
@@ -82,7 +82,7 @@ class RayExecutor:
 
     @property
     def slots(self) -> int:
-        """Changes when nodes join and go."""
+        """Number of concurrent orders; it changes when nodes join and leave."""
         return self._slots
 
     def submit(self, order: JobOrder) -> None:
@@ -125,7 +125,7 @@ class RayExecutor:
         self._output.unlink(missing_ok=True)
 
     def _begun(self, *, own: bool) -> tuple[Connection, subprocess.Popen[bytes]]:
-        """The driver, in a session of its own, so that Ctrl-C is for the batch alone."""
+        """Start the driver in a separate session, so that Ctrl-C reaches the batch alone."""
         ours, theirs = socket.socketpair()
         extra = {**_OWN, "RAY_AUTH_TOKEN": secrets.token_hex(32)} if own else {}
         with theirs, self._output.open("wb") as output:
@@ -145,7 +145,8 @@ class RayExecutor:
             self._batch.send(said)
 
     def _heard(self, seconds: float) -> News | None:
-        """None: nothing within that time. Raises PicktreeError when the cluster is gone."""
+        """Return the next message; None: none within that time. Raises PicktreeError when the cluster is
+        gone."""
         try:
             if not self._batch.poll(seconds):
                 return None
@@ -166,7 +167,7 @@ class RayExecutor:
                 return replace(news, order=self._orders.pop(news.order.folder))
 
     def _last_words(self) -> str:
-        """Of the driver: the first sentence of its last line."""
+        """Return the first sentence of the last line that the driver printed, empty when there is none."""
         try:
             lines = self._output.read_text(errors="replace").strip().splitlines()
         except OSError:
@@ -175,6 +176,6 @@ class RayExecutor:
 
 
 def _short_folder() -> Path:
-    """A temporary folder for Ray, which makes sockets deep in it; their paths have at most 107 bytes."""
+    """Create a short temporary folder: Ray creates sockets deep in it, whose paths have at most 107 bytes."""
     place = tempfile.gettempdir()
     return Path(tempfile.mkdtemp(prefix="picktree-ray-", dir=place if len(place) <= _LONGEST else "/tmp"))

@@ -1,4 +1,4 @@
-"""A foreman as the batch's machine sees it: the one place that calls across the cluster."""
+"""Handle of a cluster's worker on the batch's machine: the only place with remote calls."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ __all__ = ["RayError", "WorkerHandle", "reason"]
 
 
 class WorkerHandle:
-    """Takes one CPU of a node. All methods raise RayError when the foreman is gone."""
+    """Worker that takes one CPU of a node. All methods raise RayError when the worker is gone."""
 
     def __init__(self, node: ClusterNode) -> None:
         self.node = node
@@ -34,7 +34,7 @@ class WorkerHandle:
         return await self._actor.installed.remote()
 
     async def is_there(self) -> None:
-        """Nothing, unless it is gone."""
+        """Return when the worker replies; raise RayError when it is gone."""
         await self._actor.is_there.remote()
 
     async def carry_out(self, task: Task, recipe: ray.ObjectRef[bytes]) -> TaskReport:
@@ -53,17 +53,17 @@ class WorkerHandle:
         await self._actor.close.remote()
 
     def kill(self) -> None:
-        """With its worker, whatever that does."""
+        """Kill the worker with its process, whatever that does."""
         ray.kill(self._actor)
 
 
 def shared(content: bytes) -> ray.ObjectRef[bytes]:
-    """Content that many tasks need and each node fetches once."""
+    """Store content that many tasks need and each node fetches once."""
     return ray.put(content)
 
 
 def reason(error: RayError, node: ClusterNode) -> str:
-    """Why a foreman does not answer, in a few words."""
+    """Return the reason why a worker does not reply, in a few words."""
     if isinstance(error, OutOfMemoryError):
         return f"Ray ended its worker: the node {node.address} ran out of memory"
     if "its node has died" in str(error):

@@ -1,4 +1,4 @@
-"""The foremen on all nodes: hired where CPUs are, hired anew when one is lost, and given the tasks."""
+"""Pool of the workers on all nodes: started where CPUs are, replaced when lost, and supplied with tasks."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ from .node_worker import ResultFile
 from .worker_handle import RayError, WorkerHandle, reason, shared
 
 _PIECE = 4 << 20
-"""Bytes that are on their way at once."""
+"""Size of the pieces in which files are copied, bytes."""
 
 
 async def fetch_files(hired: WorkerHandle, files: tuple[ResultFile, ...], folder: Path) -> None:
-    """Into `folder`, which takes its name when everything has arrived.
+    """Copy files into `folder`, which gets its name when all have arrived.
 
     Raises OSError when they cannot be written, RayError when the node is gone.
     """
@@ -47,26 +47,26 @@ async def fetch_files(hired: WorkerHandle, files: tuple[ResultFile, ...], folder
 
 
 _WATCH = 2.0
-"""Wall s between two looks at which nodes there are."""
+"""Interval between checks for nodes, wall s."""
 _AGAIN = 1.0
-"""Wall s between losing a foreman and hiring another."""
+"""Delay between the loss of a worker and its replacement, wall s."""
 _FIRST = 60.0
-"""Wall s within which some foreman is there."""
+"""Time limit for the first worker, wall s."""
 _NOBODY = 300.0
-"""Wall s that nodes which all went have for coming back."""
+"""Time limit for the return of nodes when all have left, wall s."""
 _LEAVE = 5.0
-"""Wall s that a foreman has for leaving nothing behind."""
+"""Time limit for a worker's cleanup, wall s."""
 _SLACK = 120.0
-"""Wall s beyond an order's limit, after which a foreman that is silent counts as lost."""
+"""Time beyond an order's limit after which a silent worker counts as lost, wall s."""
 _GRACE = 30.0
-"""Wall s that all runs have for breaking off; a foreman's own grace for its worker is shorter."""
+"""Time limit for breaking off all runs, wall s; longer than a worker's own limit."""
 _TRIES = 3
-"""How often in a row a foreman may be lost before it is ready; then its node is left out."""
+"""Number of consecutive losses of a worker before it is ready, after which its node is left out."""
 
 
 @dataclass
 class _Post:
-    """A node, and who serves there."""
+    """Node with its workers."""
 
     node: ClusterNode
     slots: list[asyncio.Task[None]] = field(default_factory=list[asyncio.Task[None]])
@@ -75,10 +75,10 @@ class _Post:
 
 
 class WorkerPool:
-    """Tells what comes of its tasks by `tell`, from within the loop that it is used in."""
+    """Pool of workers that reports the results of its tasks through `tell`, within its event loop."""
 
     def __init__(self, here: Installation, limit: int | None, tell: Callable[[News], None]) -> None:
-        """`limit`: at most so many foremen."""
+        """`limit`: maximum number of workers."""
         self._here, self._limit, self._tell = here, limit, tell
         self._tasks: asyncio.Queue[Task] = asyncio.Queue()
         self._posts: dict[str, _Post] = {}
@@ -90,8 +90,11 @@ class WorkerPool:
         self._told: int | None = None
 
     async def gather(self) -> None:
-        """Until every node has a foreman or has had the time for it. Raises PicktreeError when one of them
-        would run something else than the batch's machine, or when nobody is there."""
+        """Wait until every node has a worker or its time is over.
+
+        Raises PicktreeError when a node has another installation than the batch's machine, or no worker
+        exists.
+        """
         self._hire(nodes())
         if not self._posts:
             raise PicktreeError("the Ray cluster has no node with a CPU")
@@ -111,7 +114,7 @@ class WorkerPool:
         self._count()
 
     async def watch(self) -> None:
-        """Hire on nodes that join, for as long as this runs. Raises PicktreeError when nobody is left."""
+        """Start workers on nodes that join, while this runs. Raises PicktreeError when no worker is left."""
         alone = 0.0
         while alone < _NOBODY:
             await asyncio.sleep(_WATCH)
@@ -125,7 +128,7 @@ class WorkerPool:
         self._tasks.put_nowait(task)
 
     def stop(self) -> None:
-        """Break off all that is under way."""
+        """Break off all running orders."""
         while not self._tasks.empty():
             self._tell(JobStopped(self._tasks.get_nowait().order))
         for folder, (task, hired) in self._under_way.items():
@@ -134,13 +137,13 @@ class WorkerPool:
         asyncio.get_running_loop().call_later(_GRACE, self._lose, tuple(self._under_way))
 
     async def close(self) -> None:
-        """Let all foremen go."""
+        """End all workers."""
         for slot in self._slots:
             slot.cancel()
         await asyncio.gather(*self._slots, return_exceptions=True)
 
     def _hire(self, there: tuple[ClusterNode, ...]) -> None:
-        """As many as there should be, spread over the nodes that are there."""
+        """Start the missing workers, spread over the present nodes."""
         for gone in {*self._posts} - {node.id for node in there}:
             del self._posts[gone]
         for node in there:
@@ -157,7 +160,7 @@ class WorkerPool:
         self._count()
 
     def _count(self) -> None:
-        """Tell how many there are, once they have gathered, when that is news."""
+        """Report the number of workers when it has changed after the start."""
         serving = [post for post in self._posts.values() if not post.refused]
         count = sum(not slot.done() for post in serving for slot in post.slots)
         if self._told not in (None, count):
@@ -165,7 +168,7 @@ class WorkerPool:
             self._tell(WorkerCount(count))
 
     async def _serve(self, post: _Post) -> None:
-        """One slot of a node: a foreman, and another one when it is lost, while the node is there."""
+        """Run one slot of a node: a worker, replaced when it is lost, while the node is present."""
         lost = 0
         while not post.refused:
             hired, idle = WorkerHandle(post.node), False
@@ -196,7 +199,7 @@ class WorkerPool:
             self._count()
 
     async def _see_to(self, task: Task, hired: WorkerHandle) -> None:
-        """Raises RayError when the foreman is lost; the task is not, even so."""
+        """Run a task. Raises RayError when the worker is lost; the task itself is never lost."""
         order = task.order
         self._under_way[order.folder] = (task, hired)
         event: Event | None = None
@@ -241,7 +244,7 @@ class WorkerPool:
 
 
 def _spread(there: list[ClusterNode], limit: int | None) -> Mapping[ClusterNode, int]:
-    """How many foremen on which node: one after the other, while there are CPUs."""
+    """Return the number of workers by node: assigned in turn while there are CPUs."""
     found = dict.fromkeys(there, 0)
     left = sum(node.cpus for node in there)
     left = left if limit is None else min(left, limit)

@@ -1,1 +1,1 @@
-"""What a batch is to run: plan files, the matrix, its jobs."""
+"""Plans of batches: plan files, their matrix and its jobs."""

@@ -1,4 +1,4 @@
-"""What is to be run: a matrix of missions, scenes, faults and settings, each with many seeds."""
+"""Plan of a batch: a matrix of missions, scenes, faults and settings, each with many seeds."""
 
 from __future__ import annotations
 
@@ -19,39 +19,39 @@ from ...session.resume.recipe_archive import write_recipe
 from ...simulation.backends import Backend
 
 Keep: TypeAlias = Literal["all", "failures", "none"]
-"""Which logs stay on the disk."""
+"""Logs that are kept."""
 
 
 @dataclass(frozen=True, slots=True)
 class JobLimits:
-    """Of one job."""
+    """Limits of one job."""
 
     simulated: float = 3600.0
-    """Simulated s, after which the run ends as `timeout`."""
+    """Simulated time limit, s; the run then ends as `timeout`."""
     wall: float = 3600.0
-    """Wall s, after which it is ended."""
+    """Wall time limit, s; the job is then ended."""
     memory: int = 4 << 30
-    """Bytes of resident memory, from which on it is ended."""
+    """Limit of resident memory, bytes; the job is then ended."""
     disk: int = 10 * 10**9
-    """Bytes that it may write, from which on it is ended."""
+    """Limit of written data, bytes; the job is then ended."""
 
 
 @dataclass(frozen=True, slots=True)
 class Variant:
-    """One cell of the matrix, still without a seed."""
+    """One cell of the matrix, without a seed."""
 
     mission: Path
     scene: str | None
-    """Instead of the mission's own; the path of a file is absolute."""
+    """Scene that replaces the mission's; the path of a file is absolute. None: the mission's own."""
     faults: Path | None
     settings: Mapping[str, str]
     label: str
-    """What sets it apart from the other variants of its plan."""
+    """Properties that distinguish this variant from the others of its plan."""
 
 
 @dataclass(frozen=True, slots=True)
 class BatchPlan:
-    """A batch as it was asked for. Paths are absolute."""
+    """Requested batch. Paths are absolute."""
 
     name: str
     missions: tuple[Path, ...]
@@ -59,14 +59,14 @@ class BatchPlan:
     scenes: tuple[str | None, ...] = (None,)
     faults: tuple[Path | None, ...] = (None,)
     settings: Mapping[str, tuple[str, ...]] = field(default_factory=dict[str, "tuple[str, ...]"])
-    """Values to be tried, by parameter of the mission or port of its nodes."""
+    """Values to try, by parameter of the mission or port of its nodes."""
     backend: Backend = "physics"
     verify: bool = False
     limits: JobLimits = JobLimits()
     keep: Keep = "failures"
 
     def variants(self) -> Iterator[Variant]:
-        """Every combination, the last list changing fastest."""
+        """Yield every combination; the last list changes fastest."""
         names = list(self.settings)
         for mission, scene, faults in product(self.missions, self.scenes, self.faults):
             for values in product(*self.settings.values()):
@@ -88,31 +88,31 @@ class BatchPlan:
 
 
 RECIPES = "recipes"
-"""Folder of a batch with all that its jobs run, once for each variant."""
+"""Folder of a batch with the recipes of its jobs, one for each variant."""
 
 
 @dataclass(frozen=True, slots=True)
 class Job:
-    """What one worker runs at a time."""
+    """Unit of work of one worker."""
 
     id: str
-    """Hash over the content of its files, its settings, its seed and how it is run."""
+    """Hash over the content of the job's files, its settings, its seed and its options."""
     number: int
-    """Its place in the plan, from 0."""
+    """Index in the plan, from 0."""
     variant: Variant
     seed: int
     recipe: str
-    """Hash over all of that but the seed, which names the file that holds it."""
+    """Hash over the same without the seed; it names the recipe's file."""
 
     def recipe_in(self, folder: Path) -> Path:
-        """What it runs, as the batch in `folder` keeps it."""
+        """Return the recipe's file in the batch's `folder`."""
         return folder / RECIPES / f"{self.recipe}.zip"
 
 
 def jobs_of(plan: BatchPlan, folder: Path) -> tuple[Job, ...]:
-    """Every job of a checked plan, seeds together by variant. What they run is put into the batch's `folder`.
+    """Return every job of a checked plan, by variant, then seed; write their recipes into `folder`.
 
-    Raises FileError for a file that was edited since it was checked, PicktreeError when one cannot be
+    Raises FileError for a file that was edited since the check, PicktreeError when a recipe cannot be
     written.
     """
     jobs: list[Job] = []
@@ -130,7 +130,7 @@ def _id(content: str, seed: int) -> str:
 
 
 def _content(variant: Variant, recipe: Recipe) -> str:
-    """A fingerprint of everything but the seed on which the outcome depends."""
+    """Return a fingerprint of everything but the seed on which the outcome depends."""
     said = {
         "settings": dict(variant.settings),
         "backend": recipe.backend,
@@ -159,13 +159,13 @@ _ADAPTER = TypeAdapter(BatchPlan)
 
 
 def write_plan(plan: BatchPlan, folder: Path) -> None:
-    """Raises PicktreeError when it cannot be written."""
+    """Write the plan. Raises PicktreeError when it cannot be written."""
     with whole([folder / NAME], folder / NAME) as (beside,):
         beside.write_bytes(_ADAPTER.dump_json(plan, indent=1))
 
 
 def read_plan(folder: Path) -> BatchPlan:
-    """Raises PicktreeError when there is none."""
+    """Read the plan of a batch. Raises PicktreeError when there is none."""
     try:
         return _ADAPTER.validate_json((folder / NAME).read_bytes())
     except OSError:

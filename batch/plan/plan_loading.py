@@ -1,4 +1,4 @@
-"""Reading plan files, and checking in full what a plan is about to run."""
+"""Loader of plan files, with a full check of the files that a plan names."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ from .plan_schema import NO_FAULTS, PlanFile
 
 @dataclass(frozen=True, slots=True)
 class PlanCheck:
-    """What was found in a plan file and in the files that it names. `plan` is None when there are errors."""
+    """Result of the check of a plan file and of its files. `plan` is None when there are errors."""
 
     plan: BatchPlan | None
     faults: tuple[Diagnostic, ...]
 
 
 def load_plan(path: Path) -> BatchPlan:
-    """Raises FileError with all faults of the plan and of every file that it names."""
+    """Load a plan. Raises FileError with all errors of the plan and of every file that it names."""
     found = check_plan_file(open_document(path, "plan"))
     if found.plan is None:
         raise FileError([fault for fault in found.faults if fault.severity == "error"])
@@ -37,9 +37,9 @@ def load_plan(path: Path) -> BatchPlan:
 
 
 def plan_of(words: Mapping[str, object]) -> BatchPlan:
-    """The plan that these keys of a plan file amount to; their paths are absolute.
+    """Return the plan with these keys of a plan file; their paths are absolute.
 
-    Raises FileError with all faults of what they name, PicktreeError for a key or setting that does not fit.
+    Raises FileError with all errors of the named files, PicktreeError for an invalid key or setting.
     """
     given = {key: value for key, value in words.items() if value not in (None, [])}
     try:
@@ -57,12 +57,12 @@ def plan_of(words: Mapping[str, object]) -> BatchPlan:
 
 
 def check_plan(document: Document) -> Iterable[Diagnostic]:
-    """Everything that can be said of a document of kind `plan`."""
+    """Return all diagnostics of a document of kind `plan`."""
     return check_plan_file(document).faults
 
 
 def check_plan_file(document: Document) -> PlanCheck:
-    """Everything that can be said of a document of kind `plan`; never raises for what stands in it."""
+    """Check a document of kind `plan` completely; never raises for its content."""
     check = DocumentChecker(document)
     file = check.read(PlanFile)
     if check.faults:
@@ -79,7 +79,7 @@ def check_plan_file(document: Document) -> PlanCheck:
 
 
 def check_files_of(plan: BatchPlan) -> Iterator[Diagnostic]:
-    """The errors in missions, scenes, robots and faults files that the plan names, each once."""
+    """Yield the errors in missions, scenes, robots and faults files that the plan names, each once."""
     seen: dict[Diagnostic, None] = {}
     for scene in plan.scenes:
         for mission in plan.missions:
@@ -94,7 +94,7 @@ def check_files_of(plan: BatchPlan) -> Iterator[Diagnostic]:
 
 
 def check_settings(plan: BatchPlan) -> None:
-    """Raises PicktreeError for the first setting that does not fit one of the missions."""
+    """Check the settings. Raises PicktreeError for the first that is invalid for one of the missions."""
     for name in plan.settings:
         for message in _misfits(plan, name):
             raise PicktreeError(message)
@@ -114,7 +114,7 @@ def _checked(mission: Path, scene: str | None) -> MissionCheck:
 
 
 def _misfits(plan: BatchPlan, name: str) -> Iterator[str]:
-    """What is wrong with a setting, for the first mission that it does not fit."""
+    """Yield the error of a setting, for the first mission in which it is invalid."""
     for path in plan.missions:
         mission = _checked(path, plan.scenes[0]).mission
         if mission is None:

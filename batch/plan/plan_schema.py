@@ -20,7 +20,7 @@ _EXAMPLE = "write 0:100 (half open), 3,7 or both"
 
 
 def parse_seeds(text: str) -> tuple[int, ...]:
-    """In the order of the text, each once. Raises PicktreeError.
+    """Return the seeds in the order of the text, each once. Raises PicktreeError.
 
     >>> parse_seeds("0:3,7")
     (0, 1, 2, 7)
@@ -45,7 +45,7 @@ def parse_seeds(text: str) -> tuple[int, ...]:
 
 _BYTES = {"MB": 10**6, "GB": 10**9, "MiB": 2**20, "GiB": 2**30}
 NO_FAULTS = "none"
-"""In the list of faults files: a run without any."""
+"""Entry in the list of faults files: a run without faults."""
 
 
 def _seeds(value: object) -> tuple[int, ...]:
@@ -106,10 +106,10 @@ Seconds = Annotated[float, quantity("s", above=0)]
 
 
 class PlanFile(FileModel):
-    """What a batch runs: every combination of missions, scenes, faults and settings, with each seed."""
+    """Batch of runs: every combination of missions, scenes, faults and settings, with each seed."""
 
     name: Text | None = None
-    """What the batch is called; the file's name unless given."""
+    """Name of the batch; the file's name unless given."""
     missions: Annotated[list[Text], Field(min_length=1)]
     """Mission files; paths count from this file."""
     scenes: list[Text] = Field(default_factory=list[str])
@@ -134,7 +134,7 @@ class PlanFile(FileModel):
     memory: Memory = 4 * 10**9
     """Memory of a job, as 2 GB; then it is ended."""
     disk: Disk = 10 * 10**9
-    """What a job writes, as 2 GB; then it is ended."""
+    """Data written by a job, as 2 GB; then it is ended."""
     keep: Literal["all", "failures", "none"] = "failures"
     """Whose logs stay on the disk."""
 

@@ -1,1 +1,1 @@
-"""A batch as one page that stands alone."""
+"""Report of a batch as one self-contained page."""

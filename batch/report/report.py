@@ -1,4 +1,4 @@
-"""Writing the page of a batch: what the results say, and links to reports of the worst runs."""
+"""Writer of a batch's report: results on one page, with links to reports of the worst runs."""
 
 from __future__ import annotations
 
@@ -23,20 +23,19 @@ from ..statistics.summary import summarise
 
 _PAGE = Path(__file__).parent / "page"
 MOST_JOBS = 5_000
-"""Jobs that are shown one by one, the first ones of the plan."""
+"""Maximum number of jobs shown one by one, the first ones of the plan."""
 
 
 @dataclass(frozen=True, slots=True)
 class Linked:
-    """A job that missed its goal, and the page that shows it."""
+    """Job that missed its goal, with the page of its run."""
 
     job: WorstJob
     report: Path | None
 
 
 def write_report(folder: Path, output: Path, runs: int = 5) -> None:
-    """The batch in `folder` as one page. The worst `runs` runs whose logs were kept get pages of their own,
-    each beside its log.
+    """Write the batch in `folder` as one page. The worst `runs` runs with a log get pages next to their logs.
 
     Raises PicktreeError when there is no batch, or the page cannot be written.
     """
@@ -111,7 +110,7 @@ def _linked(folder: Path, worst: tuple[WorstJob, ...], runs: int) -> list[Linked
 
 
 def _made(report: Path) -> Path | None:
-    """The page of the run beside its log; None when the log is not there or cannot be read."""
+    """Write the page of a run next to its log; None when the log is missing or unreadable."""
     try:
         with Run(report.parent) as run:
             write_run_report(run, report)
@@ -137,7 +136,7 @@ def _worst(one: Linked, folder: Path, output: Path) -> dict[str, Any]:
 
 
 def _link(page: Path, output: Path) -> str:
-    """From the page to another one; empty when that is not there."""
+    """Return a relative link to another page; empty when that does not exist."""
     if not page.is_file():
         return ""
     return quote(Path(os.path.relpath(page, output.parent)).as_posix())

@@ -1,1 +1,1 @@
-"""The results of a batch: the database, its tables and views, and their export."""
+"""Results of a batch: the database, its tables and views, and their export."""

@@ -1,4 +1,4 @@
-"""The tables of a batch as CSV or Parquet files, one a table, for pandas, DuckDB, polars, R."""
+"""Export of a batch's tables as CSV or Parquet files, one per table, for pandas, DuckDB, polars, R."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ _Write: TypeAlias = Callable[[Path, TableOf, Rows], int]
 
 @dataclass(frozen=True, slots=True)
 class ExportedTables:
-    """What was written: rows by file."""
+    """Written files with their number of rows."""
 
     form: Form
     output: Path
     rows: Mapping[Path, int]
 
     def to_text(self) -> str:
-        """For a terminal, without a line's end."""
+        """Return a text for a terminal, without a trailing newline."""
         width = max(len(str(path)) for path in self.rows)
         return "\n".join(f"{path!s:<{width}}  {count:>8} rows" for path, count in self.rows.items())
 
@@ -42,7 +42,7 @@ class ExportedTables:
 
 
 def export(store: Store, form: Form, output: Path) -> ExportedTables:
-    """Write every table to the folder `output`: all of them whole, or none.
+    """Write every table to the folder `output`, either all or none.
 
     Raises PicktreeError when it cannot be written or a library is missing.
     """
@@ -67,7 +67,7 @@ def _writer(form: Form) -> _Write:
 
 
 def _write_csv(path: Path, table: TableOf, rows: Rows) -> int:
-    """As `logs.export.csv_file` writes those of a run."""
+    """Write a table as CSV, in the form of `csv_file` for a run; return the number of rows."""
     count = 0
     with path.open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file, lineterminator="\r\n")

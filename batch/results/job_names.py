@@ -1,4 +1,4 @@
-"""How people name a recipe or a job of a batch: FOLDER@LABEL, FOLDER@JOB."""
+"""Names of a recipe or a job of a batch on the command line: FOLDER@LABEL, FOLDER@JOB."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ GRAMMAR = "a job's id or its beginning, seed=7, or LABEL,seed=7"
 
 
 def split(where: str) -> tuple[Path, str]:
-    """Folder, and what is named in it: nothing when there is no @. A folder may have an @ in its name."""
+    """Return the folder and the name in it; empty without an @. A folder's name may contain an @."""
     if (Path(where) / NAME).exists():
         return Path(where), ""
     parts = where.split("@")
@@ -28,7 +28,7 @@ def split(where: str) -> tuple[Path, str]:
 
 
 def choose_label(wanted: str, labels: Sequence[str], where: str, folder: Path, after: str = "") -> str:
-    """The label that is meant; a part of it is enough. Raises PicktreeError when none or several fit."""
+    """Return the label that matches; a part of it is enough. Raises PicktreeError when none or several do."""
     exact = [label for label in labels if label == wanted]
     fitting = exact or [label for label in labels if wanted in label]
     if len(fitting) != 1:
@@ -38,7 +38,7 @@ def choose_label(wanted: str, labels: Sequence[str], where: str, folder: Path, a
 
 
 def find_job(store: Store, where: str, named: str) -> Job:
-    """The job that is named by an id, its beginning, or a seed. Raises PicktreeError."""
+    """Return the job named by an id, its beginning, or a seed. Raises PicktreeError."""
     jobs = store.jobs()
     folder = store.path.parent
     by_seed = _BY_SEED.fullmatch(named)

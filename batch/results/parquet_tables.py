@@ -1,4 +1,4 @@
-"""A table of a batch as Parquet (zstd): typed columns, each with its unit and its meaning as metadata."""
+"""Parquet form (zstd) of a batch's table: typed columns, each with unit and meaning as metadata."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from ...analysis.export.tables.row_types import Cell
 from .tables import TableOf
 
 _GROUP = 100_000
-"""Rows that are held at a time."""
+"""Number of rows held at a time."""
 
 
 def write_parquet(path: Path, table: TableOf, rows: Iterator[tuple[Cell, ...]]) -> int:
-    """How many rows were written. Raises OSError when the disk refuses."""
+    """Write the table; return the number of rows. Raises OSError when the disk refuses."""
     schema = pa.schema(
         [field_of(column) for column in table.columns],
         metadata={"picktree.table": table.name, "picktree.row": table.meaning},

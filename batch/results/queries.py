@@ -1,4 +1,4 @@
-"""Reading a batch's results, while a batch may go on: answers to SQL, and whole tables."""
+"""Queries on a batch's results, also while the batch runs: SQL results, and whole tables."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ Read: TypeAlias = Callable[[TableOf], Iterator[tuple[Cell, ...]]]
 
 @dataclass(frozen=True, slots=True)
 class QueryResult:
-    """The answer to a query."""
+    """Result of a query."""
 
     columns: tuple[str, ...]
     rows: tuple[tuple[object, ...], ...]
 
     def to_text(self) -> str:
-        """Columns side by side, numbers to the right."""
+        """Return the columns side by side, numbers aligned right."""
         cells = [[_cell(value) for value in row] for row in self.rows]
         widths = [
             max([len(column), *(len(row[n]) for row in cells)]) for n, column in enumerate(self.columns)
@@ -46,7 +46,7 @@ class QueryResult:
         )
 
     def to_csv(self) -> str:
-        """RFC 4180, with a line of column names."""
+        """Return CSV by RFC 4180, with a line of column names."""
         text = io.StringIO(newline="")
         writer = csv.writer(text)
         writer.writerow(self.columns)
@@ -54,13 +54,14 @@ class QueryResult:
         return text.getvalue()
 
     def to_json_text(self) -> str:
-        """`columns` and `rows`; what JSON has no word for, as text."""
+        """Return JSON with `columns` and `rows`; values without a JSON form become text."""
         rows = [[_plain(value) for value in row] for row in self.rows]
         return json.dumps({"columns": self.columns, "rows": rows}, ensure_ascii=False) + "\n"
 
 
 def run_query(path: Path, sql: str) -> QueryResult:
-    """What a SELECT answers. Raises PicktreeError for faulty SQL, and for what would change anything."""
+    """Run a SELECT. Raises PicktreeError for invalid SQL, and for statements that would change the
+    results."""
     try:
         with closing(_connection(path)) as connection:
             cursor = connection.execute(sql)
@@ -73,8 +74,10 @@ def run_query(path: Path, sql: str) -> QueryResult:
 
 @contextmanager
 def read_tables(path: Path) -> Generator[Read]:
-    """The rows of each table, all as they are at one moment: in the order of the jobs, those of a job as they
-    were recorded. Raises PicktreeError when they cannot be read."""
+    """Yield a reader of tables at one moment: rows in the order of the jobs, within a job as recorded.
+
+    Raises PicktreeError when they cannot be read.
+    """
     with closing(_connection(path)) as connection:
         connection.execute("BEGIN")
 
@@ -102,7 +105,7 @@ def _connection(path: Path) -> sqlite3.Connection:
 
 
 def _in_words(error: Exception) -> str:
-    """With what there is, where something is asked for that is not."""
+    """Return the error's text, with the nearest valid name for an unknown table or column."""
     said = str(error)
     missing, _, name = said.partition(": ")
     match missing:

@@ -1,4 +1,4 @@
-"""What is kept of each job: one row of `jobs`, and many of the other tables."""
+"""Rows of a job's results: one of `jobs`, and many of the other tables."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from ...logs.run_result import RunStatus
 
 Phase: TypeAlias = Literal["observe", "think", "move", "grasp", "place", "recover", "other"]
 JobStatus: TypeAlias = RunStatus | Literal["crashed"]
-"""As a run ends; `crashed`: every try at it came to no result."""
+"""End of a job: that of its run, or `crashed` when every attempt was without a result."""
 
 
 @dataclass(frozen=True, slots=True)
 class JobItemRow:
-    """One true item, and where the scorer found it. `x`, `y`: in the world, m, when it arrived."""
+    """One real item, and the scorer's finding. `x`, `y`: place in the world at its arrival, m."""
 
     item: str
     kind: str
@@ -28,7 +28,7 @@ class JobItemRow:
     x: float
     y: float
     arrived: float
-    """Simulated s at which it was there first; 0.0: at the start."""
+    """Simulated time of the item's first presence, s; 0.0: at the start."""
     destination: str | None
     bin: str | None
     verdict: Literal["sorted", "misplaced", "left"]
@@ -46,7 +46,7 @@ class JobPickRow:
 
 @dataclass(frozen=True, slots=True)
 class JobFailureRow:
-    """One failure with what became of it; see `logs.explaining`."""
+    """One failure with its disposition."""
 
     time: float
     node: str
@@ -60,7 +60,7 @@ class JobFailureRow:
 
 @dataclass(frozen=True, slots=True)
 class EpisodeRow:
-    """One cause that was seen, and what came of it; see `logs.episodes.episode`."""
+    """One observed cause with the result of its recovery."""
 
     time: float
     cause: str
@@ -68,7 +68,7 @@ class EpisodeRow:
     item: str
     ended: End
     handler: str
-    """What was tried last; empty where nothing was."""
+    """Handler that ran last; empty: none."""
     tried: str
     by: str
     tries: int
@@ -77,7 +77,7 @@ class EpisodeRow:
 
 @dataclass(frozen=True, slots=True)
 class PlantedRow:
-    """One fault that was planted, and what failed first after it."""
+    """One injected fault, with the first failure after it."""
 
     time: float
     fault: str
@@ -103,7 +103,7 @@ class JobPlanRow:
 
 @dataclass(frozen=True, slots=True)
 class JobTimingRow:
-    """Simulated s that a run spent in one phase."""
+    """Simulated time that a run spent in one phase, s."""
 
     phase: Phase
     seconds: float
@@ -111,18 +111,18 @@ class JobTimingRow:
 
 @dataclass(frozen=True, slots=True)
 class CrashRow:
-    """One try at a job that came to no result."""
+    """One attempt at a job without a result."""
 
     attempt: int
     reason: str
     last_tick: int | None
     folder: str
-    """Of the run with its log, below the batch's folder; empty when it was not kept."""
+    """Folder of the run with its log, relative to the batch's folder; empty when it was not kept."""
 
 
 @dataclass(frozen=True, slots=True)
 class JobRow:
-    """What a job came to."""
+    """Result of a job."""
 
     status: JobStatus
     message: str
@@ -138,17 +138,17 @@ class JobRow:
     cpu_seconds: float | None
     wall_seconds: float | None
     last_tick: int | None
-    """Number of the last tick in the log."""
+    """Number of the last tick in the log; None: no log."""
     root_cause: str = ""
     look_at: str = ""
     """One line on what to look at."""
     folder: str = ""
-    """Of the run with its log, below the batch's folder; empty when it was not kept."""
+    """Folder of the run with its log, relative to the batch's folder; empty when it was not kept."""
 
 
 @dataclass(frozen=True, slots=True)
 class JobRows:
-    """Everything that is kept of one job."""
+    """All rows of one job."""
 
     job: JobRow
     items: tuple[JobItemRow, ...] = ()
@@ -165,7 +165,7 @@ class JobRows:
 
     @classmethod
     def from_json(cls, data: bytes, source: Path) -> JobRows:
-        """Raises PicktreeError when this is no result of a job."""
+        """Read rows from JSON. Raises PicktreeError when the data are no result of a job."""
         try:
             return _ADAPTER.validate_json(data)
         except ValidationError as error:

@@ -1,4 +1,4 @@
-"""The results of a batch: one SQLite file, written by one process, read by any."""
+"""Store of a batch's results: one SQLite file with one writing process and any number of readers."""
 
 from __future__ import annotations
 
@@ -39,11 +39,13 @@ _CHILDREN = {
 
 
 class Store:
-    """The results in a batch's folder. A context manager. All methods raise PicktreeError when the file
-    cannot be read or written."""
+    """Results in a batch's folder. A context manager.
+
+    All methods raise PicktreeError when the file cannot be read or written.
+    """
 
     def __init__(self, path: Path) -> None:
-        """Open the results that are there."""
+        """Open existing results."""
         if not path.is_file():
             raise PicktreeError(f"{path.parent}: no batch: there is no {path.name} in it")
         self.path = path
@@ -58,7 +60,8 @@ class Store:
 
     @classmethod
     def create(cls, path: Path, jobs: Iterable[Job]) -> Store:
-        """New results for these jobs, none of them run. Raises PicktreeError when there are some already."""
+        """Create results for these jobs, none of them run. Raises PicktreeError when results exist
+        already."""
         if path.exists():
             raise PicktreeError(f"{path.parent}: there is a batch already; go on with it by --resume")
         beside = path.with_suffix(".part")
@@ -98,7 +101,7 @@ class Store:
         self._connection.close()
 
     def jobs(self) -> tuple[Job, ...]:
-        """In the order of the plan."""
+        """Return the jobs in the order of the plan."""
         found = self._connection.execute(
             "SELECT job, number, mission, scene, faults, settings, variant, seed, recipe FROM jobs "
             "ORDER BY number"
@@ -121,12 +124,12 @@ class Store:
         )
 
     def to_do(self) -> frozenset[str]:
-        """Ids of the jobs that were not run, or crashed."""
+        """Return the ids of the jobs that were not run, or crashed."""
         found = self._connection.execute("SELECT job FROM jobs WHERE status IN ('waiting', 'crashed')")
         return frozenset(row[0] for row in found)
 
     def recorded(self) -> tuple[JobRow, ...]:
-        """What was recorded of the jobs that are done, in the order of the plan."""
+        """Return the rows of the finished jobs, in the order of the plan."""
         names = [field.name for field in fields(JobRow)]
         found = self._connection.execute(
             f"SELECT {', '.join(names)} FROM jobs WHERE status NOT IN ('waiting', 'crashed') ORDER BY number"
@@ -134,7 +137,7 @@ class Store:
         return tuple(JobRow(*row) for row in found)
 
     def row(self, job: str) -> JobRow | None:
-        """What was recorded of a job; None when it was not run yet."""
+        """Return the row of a job; None when it was not run yet."""
         names = [field.name for field in fields(JobRow)]
         found = self._connection.execute(
             f"SELECT {', '.join(names)} FROM jobs WHERE job = ? AND status <> 'waiting'", (job,)
@@ -142,16 +145,16 @@ class Store:
         return JobRow(*found) if found else None
 
     def versions(self, job: str) -> dict[str, str]:
-        """What a job was run with."""
+        """Return the versions of the libraries that a job was run with."""
         return dict(self._connection.execute("SELECT library, version FROM versions WHERE job = ?", (job,)))
 
     def set_folder(self, job: str, folder: str) -> None:
-        """Where the run of a job is, below the batch's folder."""
+        """Set the folder of a job's run, relative to the batch's folder."""
         with self._writing():
             self._connection.execute("UPDATE jobs SET folder = ? WHERE job = ?", (folder, job))
 
     def lost_tries(self) -> dict[str, int]:
-        """How many tries were lost of each job that has no result yet."""
+        """Return the number of lost attempts of each job that has no result yet."""
         return dict(
             self._connection.execute(
                 "SELECT job, count(*) FROM crashes JOIN jobs USING (job) WHERE status = 'waiting' "
@@ -160,12 +163,12 @@ class Store:
         )
 
     def lose(self, job: str, crash: CrashRow) -> None:
-        """Keep that a try came to no result."""
+        """Record an attempt without a result."""
         with self._writing():
             self._insert("crashes", CrashRow, job, [crash])
 
     def begin_anew(self, job: str) -> None:
-        """Forget what was recorded of a job that crashed."""
+        """Reset a job that crashed to waiting."""
         with self._writing():
             crashed = self._connection.execute(
                 "UPDATE jobs SET status = 'waiting', message = '', attempts = 0, last_tick = NULL, "
@@ -176,9 +179,9 @@ class Store:
                 self._connection.execute("DELETE FROM crashes WHERE job = ?", (job,))
 
     def record(self, job: str, rows: JobRows, crash: CrashRow | None = None) -> bool:
-        """Keep what a job came to, all of it or nothing. False when it was recorded before.
+        """Record all results of a job, or none; return False when they were recorded before.
 
-        `crash`: its last try, where that came to no result.
+        `crash`: the last attempt, where it had no result.
         """
         names = [field.name for field in fields(JobRow)]
         changes = ", ".join(f"{name} = ?" for name in names)
@@ -203,7 +206,7 @@ class Store:
 
     @contextmanager
     def _writing(self) -> Generator[None]:
-        """One change, all of it or nothing."""
+        """Run the block as one transaction."""
         try:
             with self._connection:
                 yield
@@ -214,11 +217,11 @@ class Store:
             ) from None
 
     def query(self, sql: str) -> QueryResult:
-        """What a SELECT answers; nothing can be changed by it. Raises PicktreeError for faulty SQL."""
+        """Run a SELECT; it cannot change the results. Raises PicktreeError for invalid SQL."""
         return run_query(self.path, sql)
 
     def reading(self) -> AbstractContextManager[Read]:
-        """See `answers.reading`."""
+        """Return a reader of all tables at one moment; see `read_tables`."""
         return read_tables(self.path)
 
     def _insert(self, table: str, kind: type, job: str, rows: Sequence[object]) -> None:

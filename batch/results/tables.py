@@ -1,4 +1,4 @@
-"""The tables of a batch's results: one declaration for the database, the exports and the documents."""
+"""Tables of a batch's results: one declaration for the database, the exports and the documents."""
 
 from __future__ import annotations
 
@@ -8,24 +8,24 @@ from ...analysis.export.tables.row_types import Column, Kind
 from .views import VIEWS
 
 VERSION = 3
-"""Of tables and views, in `PRAGMA user_version`."""
+"""Version of tables and views, in `PRAGMA user_version`."""
 _SQL: dict[Kind, str] = {"int": "INTEGER", "float": "REAL", "bool": "INTEGER", "text": "TEXT"}
 
 
 @dataclass(frozen=True, slots=True)
 class TableOf:
-    """One table. `key`: the columns that name a row; empty where nothing does but its place."""
+    """One table. `key`: columns that identify a row; empty where only its position does."""
 
     name: str
     meaning: str
-    """What a row is."""
+    """Meaning of a row."""
     columns: tuple[Column, ...]
     key: tuple[str, ...] = ()
     index: tuple[str, ...] = ()
-    """Columns by which rows are looked up."""
+    """Columns with an index."""
 
     def to_sql(self) -> str:
-        """CREATE statements; the comments stay in the database."""
+        """Return the CREATE statements; their comments remain in the database."""
         declared = [_declared(column, default=self.name == "jobs") for column in self.columns]
         width = max(map(len, declared)) + 1
         lines = [
@@ -35,7 +35,7 @@ class TableOf:
         lines += [f"    PRIMARY KEY ({', '.join(self.key)}),"] if self.key else []
         if self.name != "jobs":
             lines.append("    FOREIGN KEY (job) REFERENCES jobs,")
-        # The last declaration goes without its comma.
+        # The last declaration has no comma.
         last = lines[-1].partition(",  -- ")
         lines[-1] = f"{last[0]}  -- {last[2]}" if last[1] else lines[-1].removesuffix(",")
         made = [f"CREATE TABLE {self.name} (  -- {self.meaning}", *lines, ") STRICT;"]
@@ -216,7 +216,7 @@ TABLES = (
 _DEFAULTS = {"status": "DEFAULT 'waiting'", "attempts": "DEFAULT 0"} | dict.fromkeys(
     ("message", "digest", "root_cause", "look_at", "folder"), "DEFAULT ''"
 )
-"""Of a job that was not run yet."""
+"""Defaults of a job that was not run yet."""
 
 
 def _declared(column: Column, *, default: bool) -> str:
@@ -226,5 +226,5 @@ def _declared(column: Column, *, default: bool) -> str:
 
 
 def schema() -> str:
-    """SQL that makes all tables and views."""
+    """Return the SQL that creates all tables and views."""
     return "\n".join([*(table.to_sql() for table in TABLES), *(view.to_sql() for view in VIEWS)])

@@ -1,4 +1,4 @@
-"""Views on a batch's results: the questions that are asked every morning."""
+"""Views on a batch's results: common questions as SQL."""
 
 from __future__ import annotations
 
@@ -7,13 +7,13 @@ from dataclasses import dataclass
 CELL = 0.05
 """Side of a cell of the table, m."""
 _Z = 1.959963984540054
-"""Of a standard normal variable, 95 % lie within plus and minus this."""
+"""Quantile of the standard normal variable: 95 % are within plus and minus this value."""
 _FAR = 1000
-"""Cells that no place lies beyond: a cast cuts towards zero, and every SQLite has it."""
+"""Offset larger than any cell number: SQLite's cast rounds towards zero, so numbers must be positive."""
 
 
 def cell_of(coordinate: str) -> str:
-    """SQL: number of the cell that a coordinate lies in. 1e-9: 0.3 / 0.05 is a little less than 6."""
+    """Return SQL for the number of a coordinate's cell. 1e-9: 0.3 / 0.05 is a little less than 6."""
     return f"(CAST({coordinate} / {CELL} + 1e-9 + {_FAR} AS INTEGER) - {_FAR})"
 
 

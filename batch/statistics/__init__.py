@@ -1,1 +1,1 @@
-"""What a batch amounts to, and how two recipes compare."""
+"""Statistics of a batch, and comparison of two recipes."""

@@ -1,4 +1,4 @@
-"""Two recipes compared: in what they differ by more than chance, and which seeds changed sides."""
+"""Comparison of two recipes: differences beyond chance, and seeds with a changed result."""
 
 from __future__ import annotations
 
@@ -30,25 +30,25 @@ from .rates import (
 
 Side: TypeAlias = Literal["A", "B"]
 _ENOUGH = 0.5
-"""Share of the smaller side's seeds that both must have for a comparison by seed."""
+"""Least share of the smaller side's seeds that both must have for a comparison by seed."""
 
 
 @dataclass(frozen=True, slots=True)
 class Criterion:
-    """One thing in which recipes are compared, with a test."""
+    """Criterion in which recipes are compared, with a test."""
 
     name: str
     words: str
-    """What the better one does."""
+    """Advantage of the better recipe in words."""
     more_is_better: bool
     difference: MeanDifference
-    """In a share, for `goal`; else of a job."""
+    """Difference in a share for `goal`; else per job."""
     adjusted: float = 1.0
-    """The p value by Holm's method, over all criteria."""
+    """P value by Holm's method, over all criteria."""
 
     @property
     def better(self) -> Side | None:
-        """None when chance explains it."""
+        """Better side; None when chance explains the difference."""
         if self.adjusted >= SIGNIFICANT or not self.difference.mean:
             return None
         return "B" if (self.difference.mean > 0) == self.more_is_better else "A"
@@ -56,26 +56,26 @@ class Criterion:
 
 @dataclass(frozen=True, slots=True)
 class CauseChange:
-    """Failures of one cause, of a job."""
+    """Difference in failures of one cause, per job."""
 
     cause: str
     difference: MeanDifference
     adjusted: float = 1.0
-    """The p value by Holm's method, over all causes: they explain and do not decide."""
+    """P value by Holm's method, over all causes: they explain and do not decide."""
 
 
 @dataclass(frozen=True, slots=True)
 class ChangedSeed:
-    """A seed on which one recipe succeeded and the other did not."""
+    """Seed on which one recipe succeeded and the other did not."""
 
     seed: int
     winner: Side
     logs: tuple[str, str] | None = None
-    """Of A and B, absolute, where both were kept."""
+    """Absolute paths of the logs of A and B, when both were kept."""
     missing: tuple[Side, ...] = ()
-    """Whose log was not kept."""
+    """Sides whose log was not kept."""
     parting: str = ""
-    """Where the runs part, in a line; empty when it was not looked for."""
+    """Place of the divergence in a line; empty when it was not searched."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,21 +85,22 @@ class RecipeComparison:
     success_a: Rate
     success_b: Rate
     paired: Paired | None
-    """None when the jobs are compared as independent ones."""
+    """Paired result; None when the jobs are compared as independent ones."""
     criteria: tuple[Criterion, ...]
     causes: tuple[CauseChange, ...]
-    """The clearest first."""
+    """Changes of causes, the clearest first."""
     changed: tuple[ChangedSeed, ...]
     shared: int
-    """Seeds that both have."""
+    """Number of seeds that both have."""
     alone: int
-    """Seeds that only one of them has."""
+    """Number of seeds that only one of them has."""
     arithmetic: str = ""
-    """A sentence when jobs were computed with other arithmetic than others, or it was not recorded."""
+    """Sentence when jobs were computed with different arithmetic, or it was not recorded; else empty."""
 
     @property
     def differ(self) -> bool:
-        """By more than chance explains, in any criterion; of one recipe with itself in 5 % of all cases."""
+        """Whether any criterion differs by more than chance explains; for equal recipes in 5 % of all
+        cases."""
         return any(criterion.better for criterion in self.criteria)
 
     def criterion(self, name: str) -> Criterion:
@@ -107,9 +108,9 @@ class RecipeComparison:
 
 
 def compare(a: str, b: str, *, unpaired: bool = False) -> RecipeComparison:
-    """`a` and `b` are batches' folders, or FOLDER@LABEL for one recipe of several.
+    """Compare two recipes, given as batches' folders, or FOLDER@LABEL for one recipe of several.
 
-    They are paired by seed, unless they share less than half of their seeds, or `unpaired` says so. Raises
+    They are paired by seed, unless they share less than half of their seeds, or `unpaired` is set. Raises
     PicktreeError when there is no such recipe, or none of its jobs was run.
     """
     return compare_recipes(read_recipe(a), read_recipe(b), unpaired=unpaired)
@@ -149,7 +150,7 @@ def compare_recipes(a: RecipeOutcomes, b: RecipeOutcomes, *, unpaired: bool = Fa
 
 
 def _departure(a: RecipeOutcomes, b: RecipeOutcomes) -> str:
-    """Of the jobs of B from those of A, or of some jobs of one from the others of it."""
+    """Return the difference in arithmetic between jobs of A and B, or within one of them; empty when none."""
     sides = ((a, b, "in B"), (a, a, "in other jobs of A"), (b, b, "in other jobs of B"))
     said = (
         departure(one, other, where)

@@ -1,4 +1,4 @@
-"""A comparison of two recipes as text and as JSON."""
+"""Text and JSON output of a comparison of two recipes."""
 
 from __future__ import annotations
 
@@ -23,7 +23,8 @@ _MOST_CAUSES = 8
 
 
 def text_of(found: RecipeComparison, program: str = "picktree") -> str:
-    """For a terminal, without a line's end. `program`: what to type for picktree, in commands to copy."""
+    """Return a text for a terminal, without a trailing newline. `program`: name of picktree in commands to
+    copy."""
     return "\n".join(_lines(found, program))
 
 

@@ -1,4 +1,4 @@
-"""Differences of two recipes in a number that each job has: mean, bootstrap interval, permutation test."""
+"""Differences of two recipes in a number per job: mean, bootstrap interval, permutation test."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from .rates import CONFIDENCE, Interval
 
 @dataclass(frozen=True, slots=True)
 class JobOutcome:
-    """Of one job; None where it crashed before it could be told."""
+    """Outcome of one job; None for values that are unknown after a crash."""
 
     job: str
     seed: int
@@ -33,9 +33,9 @@ class JobOutcome:
     picks_held: int | None
     sim_seconds: float | None
     folder: str
-    """Of the log, below the batch's folder; empty when it was not kept."""
+    """Folder of the log, relative to the batch's folder; empty when it was not kept."""
     causes: Mapping[str, int] = field(default_factory=dict[str, int])
-    """Of its failures, how often each."""
+    """Number of failures of the job by cause."""
 
     @property
     def failures(self) -> int:
@@ -43,8 +43,11 @@ class JobOutcome:
 
     @property
     def in_vain(self) -> int | None:
-        """Grasps that brought no item to its bin. A grasp that is broken off between closing and lifting is
-        not counted as tried, though its item may be sorted by the next."""
+        """Number of grasps that brought no item to its bin; None when unknown.
+
+        A grasp that is broken off between closing and lifting does not count as tried, though its item may be
+        sorted by the next.
+        """
         if self.picks_tried is None or self.items_sorted is None:
             return None
         return max(self.picks_tried - self.items_sorted, 0)
@@ -58,18 +61,18 @@ class JobOutcome:
 
 @dataclass(frozen=True, slots=True)
 class RecipeOutcomes:
-    """One recipe of a batch, and what came of its jobs, by seed."""
+    """Recipe of a batch with the outcomes of its jobs by seed."""
 
     label: str
-    """With the batch's folder, as it is named on the command line."""
+    """Label with the batch's folder, as on the command line."""
     folder: Path
     outcomes: Mapping[int, JobOutcome]
     arithmetics: tuple[Arithmetic, ...] = ()
-    """Of the processes that computed its jobs, without repetition."""
+    """Arithmetics of the processes that computed its jobs, without repetition."""
 
 
 def read_recipe(where: str) -> RecipeOutcomes:
-    """`where`: a batch's folder, or FOLDER@LABEL for one recipe of several.
+    """Read a recipe's outcomes. `where`: a batch's folder, or FOLDER@LABEL for one recipe of several.
 
     Raises PicktreeError when there is no such recipe, or none of its jobs was run.
     """
@@ -117,23 +120,23 @@ def _arithmetics(versions: Iterable[tuple[str, str, str]], jobs: Container[str])
 
 _RESAMPLES = 9999
 _SEED = 0
-"""Of the resampling: the same numbers give the same interval and the same p value."""
+"""Seed of the resampling: equal numbers give equal intervals and p values."""
 _Numbers: TypeAlias = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
 class MeanDifference:
-    """Mean of B less that of A."""
+    """Mean of B minus that of A."""
 
     a: float | None
-    """Mean; None of nothing."""
+    """Mean of A; None without values."""
     b: float | None
     interval: Interval
-    """Bootstrap, BCa, 95 %. Infinite when there is too little to tell one."""
+    """Bootstrap interval (BCa, 95 %). Infinite with too few values."""
     p_value: float
-    """Two-sided, of a permutation test: exact where few jobs differ, else by resampling."""
+    """Two-sided p value of a permutation test: exact where few jobs differ, else by resampling."""
     count: int
-    """Pairs; or jobs of the side that has fewer."""
+    """Number of pairs, or of jobs of the smaller side."""
 
     @property
     def mean(self) -> float:
@@ -141,10 +144,10 @@ class MeanDifference:
 
 
 def paired_difference(pairs: Sequence[tuple[float, float]]) -> MeanDifference:
-    """Of values of A and B for the same seed.
+    """Compare values of A and B for the same seeds.
 
-    The test swaps A and B within pairs, which changes nothing when both are one recipe. Pairs that are equal
-    do not count for it.
+    The test swaps A and B within pairs, which changes nothing when both are one recipe. Equal pairs do not
+    count for it.
     """
     if not pairs:
         return MeanDifference(None, None, Interval(-math.inf, math.inf), 1.0, 0)
@@ -160,7 +163,7 @@ def paired_difference(pairs: Sequence[tuple[float, float]]) -> MeanDifference:
 
 
 def unpaired_difference(a: Sequence[float], b: Sequence[float]) -> MeanDifference:
-    """Of values of independent jobs. The test hands the jobs out to A and B anew."""
+    """Compare values of independent jobs. The test redistributes the jobs to A and B."""
     one, other = np.array(a, dtype=float), np.array(b, dtype=float)
     mean_a = float(one.mean()) if len(one) else None
     mean_b = float(other.mean()) if len(other) else None

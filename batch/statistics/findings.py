@@ -1,4 +1,4 @@
-"""What a batch amounts to, as values, as text and as JSON."""
+"""Findings of a batch as values, as text and as JSON."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from .rates import Rate, rate
 
 PHASES: tuple[Phase, ...] = ("observe", "think", "move", "grasp", "place", "recover", "other")
 _PLACES = 5
-"""Places that the text names, the worst first."""
+"""Number of places in the text, the worst first."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,7 +31,7 @@ class Spread:
 
     @classmethod
     def of(cls, values: list[float]) -> Spread | None:
-        """None of nothing."""
+        """Return the spread of the values; None without values."""
         if not values:
             return None
         low, median, high = np.percentile(values, (25, 50, 75)).tolist()
@@ -43,20 +43,20 @@ class Spread:
 
 @dataclass(frozen=True, slots=True)
 class RecipeSummary:
-    """One variant of the plan over its seeds."""
+    """Results of one variant of the plan over its seeds."""
 
     label: str
     success: Rate
-    """Of jobs: goal reached."""
+    """Share of jobs with the goal reached."""
     items: Rate
-    """Of items: sorted."""
+    """Share of items sorted."""
     first_try: Rate
-    """Of objects that were grasped at: held at the first try."""
+    """Share of grasped objects that were held at the first attempt."""
     crashed: int
     picks_an_hour: Spread | None
-    """Simulated, over jobs."""
+    """Picks per simulated hour, over jobs."""
     phases: Mapping[Phase, float]
-    """Simulated s for each object held."""
+    """Simulated time for each held object, s."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,12 +66,12 @@ class CauseTotal:
     cured: int
     jobs: int
     seconds_lost: float
-    """Simulated s until they were decided."""
+    """Simulated time until the failures were decided, s."""
 
 
 @dataclass(frozen=True, slots=True)
 class Share:
-    """Of the items of one form, or colour: sorted."""
+    """Share of sorted items of one form or colour."""
 
     label: str
     rate: Rate
@@ -79,7 +79,8 @@ class Share:
 
 @dataclass(frozen=True, slots=True)
 class TableCellShare:
-    """Of the items that arrived in one cell of the table: sorted. Its corner with least x and y, m, world."""
+    """Share of sorted items that arrived in one cell of the table; its corner with least x and y, world,
+    m."""
 
     x: float
     y: float
@@ -88,30 +89,30 @@ class TableCellShare:
 
 @dataclass(frozen=True, slots=True)
 class Breakdown:
-    """Of one recipe, or of all together (`label` is empty)."""
+    """Breakdown of one recipe, or of all together (empty `label`)."""
 
     label: str
     causes: tuple[CauseTotal, ...]
-    """The most frequent first."""
+    """Causes, the most frequent first."""
     forms: tuple[Share, ...]
     colours: tuple[Share, ...]
     places: tuple[TableCellShare, ...]
     cures: tuple[episode_counts.CauseCount, ...] = ()
-    """What was seen, tried and cured, what cost the most time first; see `logs.episodes.episode`."""
+    """Observed causes with attempts and recoveries, by lost time, the longest first."""
     planted: tuple[PlantedCount, ...] = ()
-    """Planted faults with what failed first after them."""
+    """Injected faults with the first failures after them."""
 
 
 @dataclass(frozen=True, slots=True)
 class WorstJob:
-    """A job that missed its goal."""
+    """Job that missed its goal."""
 
     job: str
     seed: int
     label: str
     status: str
     missed: int | None
-    """Items not sorted."""
+    """Number of items not sorted; None: unknown."""
     look_at: str
     folder: str
 
@@ -136,7 +137,7 @@ class BatchSummary:
         return self.waiting == 0 and all(r.success.successes == r.success.total for r in self.recipes)
 
     def to_text(self) -> str:
-        """For a terminal, without a line's end."""
+        """Return a text for a terminal, without a trailing newline."""
         return "\n".join(_lines(self))
 
     def to_json(self) -> dict[str, Any]:
@@ -205,7 +206,7 @@ def _lines(found: BatchSummary) -> Iterator[str]:
 
 
 def _cures(together: Breakdown) -> Iterator[str]:
-    """What was done about each cause, and how planted faults were seen."""
+    """Yield lines about the recovery of each cause, and about the detection of injected faults."""
     if together.cures:
         width = max(len(c.cause) for c in together.cures)
         yield ""
@@ -225,7 +226,7 @@ def _cures(together: Breakdown) -> Iterator[str]:
 
 
 def _by(found: episode_counts.CauseCount) -> str:
-    """`RetreatAndLook 9 of 10, trying again 2 of 2`: of those for which it was tried last."""
+    """Return the last handlers with their success, as `RetreatAndLook 9 of 10, trying again 2 of 2`."""
     tried = [f"{c.cure} {c.cured} of {c.seen}" for c in found.by_cure if c.cure]
     if found.total.unhandled:
         tried.append(f"nobody {found.total.unhandled}")

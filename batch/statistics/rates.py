@@ -1,4 +1,4 @@
-"""Rates and differences of rates with their intervals, and tests of both, mostly as scipy computes them."""
+"""Rates and differences of rates with intervals, and tests of both, mostly computed by scipy."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from scipy import stats
 
 CONFIDENCE = 0.95
 SIGNIFICANT = 0.05
-"""Of a family of tests together: how often it finds something where there is nothing."""
+"""Significance level of a family of tests: its probability of a false finding."""
 _LARGEST_BOSCHLOO = 400
-"""Jobs of both sides together; with more its time grows, and Fisher's test is as good."""
+"""Maximum number of jobs of both sides for Boschloo's test; with more, Fisher's is faster and as good."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,7 +34,7 @@ class Rate:
 
     @property
     def share(self) -> float | None:
-        """None of nothing."""
+        """Share of successes; None for a total of 0."""
         return self.successes / self.total if self.total else None
 
     def __str__(self) -> str:
@@ -46,7 +46,7 @@ class Rate:
 
 
 def rate(successes: int, total: int) -> Rate:
-    """With Wilson's score interval (Wilson 1927, without continuity correction).
+    """Return the rate with Wilson's score interval (Wilson 1927, without continuity correction).
 
     >>> print(rate(480, 480))
     480 of 480 (100.0 %, 99.2 … 100.0 %)
@@ -59,14 +59,14 @@ def rate(successes: int, total: int) -> Rate:
 
 @dataclass(frozen=True, slots=True)
 class Paired:
-    """Two recipes on the same seeds: how often each alone succeeded, and McNemar's exact test."""
+    """Two recipes on the same seeds: successes of each alone, and McNemar's exact test."""
 
     both: int
     only_a: int
     only_b: int
     neither: int
     p_value: float
-    """Of the seeds that changed sides being split so by chance; two-sided."""
+    """Two-sided p value: probability that chance splits the changed seeds so."""
 
     @property
     def total(self) -> int:
@@ -74,7 +74,7 @@ class Paired:
 
 
 def paired(outcomes: Sequence[tuple[bool, bool]]) -> Paired:
-    """`outcomes`: success of A and of B for each seed. Exact binomial form (McNemar 1947)."""
+    """Compare paired outcomes, success of A and of B for each seed. Exact binomial form (McNemar 1947)."""
     only_a = sum(a and not b for a, b in outcomes)
     only_b = sum(b and not a for a, b in outcomes)
     changed = only_a + only_b
@@ -85,7 +85,8 @@ def paired(outcomes: Sequence[tuple[bool, bool]]) -> Paired:
 
 
 def difference_of_paired_rates(table: Paired) -> Interval:
-    """For the share of B less that of A over the same seeds (Newcombe 1998, paired data, method 10)."""
+    """Return the interval of B's share minus A's over the same seeds (Newcombe 1998, paired data, method
+    10)."""
     a, b, c, d = table.both, table.only_b, table.only_a, table.neither
     product = (a + b) * (c + d) * (a + c) * (b + d)
     excess = a * d - b * c
@@ -96,13 +97,15 @@ def difference_of_paired_rates(table: Paired) -> Interval:
 
 
 def difference_of_rates(a: Rate, b: Rate) -> Interval:
-    """For the share of B less that of A, of independent jobs (Newcombe 1998, method 10)."""
+    """Return the interval of B's share minus A's, for independent jobs (Newcombe 1998, method 10)."""
     return _hybrid(a, b, 0.0)
 
 
 def equal_rates_p(a: Rate, b: Rate) -> float:
-    """Two-sided p value of both shares being one, of independent jobs: Boschloo's exact test, Fisher's for
-    many jobs."""
+    """Return the two-sided p value that both shares are equal, for independent jobs.
+
+    Boschloo's exact test; Fisher's for many jobs.
+    """
     if not a.total or not b.total:
         return 1.0
     table = [[a.successes, b.successes], [a.total - a.successes, b.total - b.successes]]
@@ -114,8 +117,9 @@ def equal_rates_p(a: Rate, b: Rate) -> float:
 
 
 def holm(p_values: Sequence[float]) -> tuple[float, ...]:
-    """The p values of a family, adjusted: that any is below a level by chance alone happens at most as often
-    as the level says (Holm 1979).
+    """Return the adjusted p values of a family of tests (Holm 1979).
+
+    The probability that any of them is below a level by chance alone is at most that level.
 
     >>> holm([0.01, 0.04, 0.03])
     (0.03, 0.06, 0.06)
@@ -129,7 +133,7 @@ def holm(p_values: Sequence[float]) -> tuple[float, ...]:
 
 
 def _hybrid(a: Rate, b: Rate, phi: float) -> Interval:
-    """Of both Wilson intervals; `phi` is the correlation of the outcomes."""
+    """Combine both Wilson intervals; `phi` is the correlation of the outcomes."""
     if not a.total or not b.total:
         return Interval(-1.0, 1.0)
     share_a, share_b = a.successes / a.total, b.successes / b.total

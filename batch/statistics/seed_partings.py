@@ -1,4 +1,4 @@
-"""Where the runs of a seed that changed sides part, each in a line."""
+"""Divergence of the runs of seeds with a changed result, in one line each."""
 
 from __future__ import annotations
 
@@ -33,9 +33,9 @@ def with_divergences(
     remake: bool = False,
     say: Callable[[str], None] = lambda text: None,
 ) -> RecipeComparison:
-    """With the place where the runs part, for up to `most` of the seeds that changed sides.
+    """Add the divergence of the runs for up to `most` of the seeds with a changed result.
 
-    `remake`: logs that were not kept are made again for it, and dropped afterwards; `say` is told which.
+    `remake`: recompute missing logs for it, and delete them afterwards; `say` is called for each.
     """
     changed = list(found.changed)
     able = [n for n, each in enumerate(changed) if remake or each.logs is not None]
@@ -73,7 +73,8 @@ def _said(log_a: Path, log_b: Path) -> str:
 
 
 def divergence_line(found: Alignment, a: Run) -> str:
-    """Where they part, and where something first ends otherwise, when they part in something else before."""
+    """Return the divergence in a line, with the first different end when the runs first differ in something
+    else."""
     parting = found.parting
     if parting is None:
         return "the runs do not part"

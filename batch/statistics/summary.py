@@ -1,4 +1,4 @@
-"""What a batch amounts to, from its results: rates with intervals, causes, and the jobs worth a look."""
+"""Summary of a batch's results: rates with intervals, causes, and the jobs worth a look."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _WORST = 10
 
 
 def summarise(store: Store) -> BatchSummary:
-    """Raises PicktreeError when the results cannot be read."""
+    """Summarise a batch. Raises PicktreeError when the results cannot be read."""
     ((total, waiting),) = _rows(store, "SELECT count(*), coalesce(sum(status = 'waiting'), 0) FROM jobs")
     recipes = _recipes(store)
     by_recipe, together = _breakdowns(store, [recipe.label for recipe in recipes])
@@ -76,7 +76,7 @@ def _recipes(store: Store) -> tuple[RecipeSummary, ...]:
 
 
 def _breakdowns(store: Store, labels: list[str]) -> tuple[tuple[Breakdown, ...], Breakdown]:
-    """Of each recipe, and of all together."""
+    """Return the breakdown of each recipe, and of all together."""
     causes: list[tuple[str, CauseTotal]] = [
         (variant, CauseTotal(*row))
         for variant, *row in _rows(
@@ -119,7 +119,7 @@ def _breakdowns(store: Store, labels: list[str]) -> tuple[tuple[Breakdown, ...],
 def _added(
     rows: tuple[tuple[Any, ...], ...], wanted: Callable[[str], bool]
 ) -> list[tuple[tuple[Any, ...], Rate]]:
-    """Items and sorted items of the wanted recipes by what is between."""
+    """Return the rate of sorted items of the wanted recipes, by the columns in between."""
     counts: dict[tuple[Any, ...], tuple[int, int]] = {}
     for variant, *key, total, good in rows:
         if wanted(variant):
@@ -129,7 +129,7 @@ def _added(
 
 
 def _added_causes(causes: Iterable[CauseTotal]) -> tuple[CauseTotal, ...]:
-    """The most frequent first. A job is of one recipe, so that jobs add up, too."""
+    """Add up causes, the most frequent first. Each job has one recipe, so that jobs add up, too."""
     sums: dict[str, CauseTotal] = {}
     for c in causes:
         b = sums.get(c.cause, CauseTotal(c.cause, 0, 0, 0, 0.0))
@@ -144,5 +144,5 @@ def _added_causes(causes: Iterable[CauseTotal]) -> tuple[CauseTotal, ...]:
 
 
 def _rows(store: Store, sql: str) -> tuple[tuple[Any, ...], ...]:
-    """The columns have the types of the tables, which are strict."""
+    """Return the rows of a query. The columns have the types of the tables, which are strict."""
     return store.query(sql).rows

@@ -1,1 +1,1 @@
-"""Jobs carried out: the batch, executors, worker processes, attempts, what is kept of each."""
+"""Execution of jobs: the batch, executors, worker processes, attempts, and their results."""

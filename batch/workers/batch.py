@@ -1,4 +1,4 @@
-"""A batch: its jobs are handed to workers, and what comes of each is recorded once."""
+"""Execution of a batch: jobs are given to workers, and each result is recorded once."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def try_folder(batch: Path, job: str, attempt: int) -> Path:
 
 
 def result_of(order: JobOrder) -> JobRows | None:
-    """What the try came to; None when it came to nothing, or nothing that can be read."""
+    """Return the result of an attempt; None when it is missing or unreadable."""
     try:
         return JobRows.from_json(order.result.read_bytes(), order.result)
     except (OSError, PicktreeError):
@@ -37,15 +37,15 @@ def result_of(order: JobOrder) -> JobRows | None:
 
 
 def run_folder(order: JobOrder, batch: Path) -> str:
-    """Of the run with its log, below the batch's folder; empty when there is none."""
+    """Return the folder of the run with its log, relative to the batch's folder; empty when there is none."""
     log = _log(order)
     return str(log.parent.relative_to(batch)) if log else ""
 
 
 def lost_attempt(order: JobOrder, reason: str, batch: Path, *, kept: bool) -> CrashRow:
-    """A try that came to no result, with the last tick that its log tells of.
+    """Return the row of an attempt without a result, with the last tick of its log.
 
-    Its folder: of the run, or of the try where no log was begun but something was printed.
+    Its folder is that of the run; without a log that of the attempt, if it printed output.
     """
     folder = ""
     if kept:
@@ -56,7 +56,7 @@ def lost_attempt(order: JobOrder, reason: str, batch: Path, *, kept: bool) -> Cr
 
 
 def crashed_job(crash: CrashRow) -> JobRow:
-    """A job whose last try was lost."""
+    """Return the row of a job whose last attempt was lost."""
     return JobRow(
         status="crashed",
         message=crash.reason,
@@ -93,38 +93,38 @@ def _last_tick(order: JobOrder) -> int | None:
 
 
 TRIES = 2
-"""How often a job is begun before it counts as crashed."""
+"""Number of attempts after which a job counts as crashed."""
 _LOOK = 0.2
-"""Wall s between two looks at whether the batch was told to stop."""
+"""Interval between checks for a stop request, wall s."""
 _ROOM = 200 * 10**6
-"""Bytes that must be free on the batch's disk before another job is begun."""
+"""Least free space on the batch's disk for the start of a job, bytes."""
 Stop: TypeAlias = Literal["no", "finish", "now"]
 
 
 @dataclass(frozen=True, slots=True)
 class RecordedJob:
-    """A job that was recorded."""
+    """Job that was recorded."""
 
     job: Job
     row: JobRow
     causes: tuple[str, ...]
-    """Of its failures, each once."""
+    """Causes of its failures, each once."""
 
 
 class BatchWatcher(Protocol):
-    """Whoever follows a batch; nothing that it does changes it."""
+    """Observer of a batch, without influence on it."""
 
     def started(self, total: int, done: Sequence[JobRow], workers: int) -> None: ...
     def ended(self, ended: RecordedJob) -> None: ...
     def tried_again(self, job: Job, reason: str) -> None: ...
     def stopping(self, under_way: int) -> None: ...
     def waiting(self) -> None:
-        """Several times a second: time goes on."""
+        """Called several times a second while the batch waits."""
         ...
 
 
 class Batch:
-    """One batch in its folder. A context manager: it holds the folder, so that no other process runs it."""
+    """Batch in its folder. A context manager that locks the folder against other processes."""
 
     def __init__(
         self, folder: Path, plan: BatchPlan, jobs: tuple[Job, ...], store: Store, lock: ExitStack
@@ -138,7 +138,7 @@ class Batch:
 
     @classmethod
     def create(cls, folder: Path, plan: BatchPlan) -> Batch:
-        """A new batch of a checked plan. Raises PicktreeError when the folder holds one already."""
+        """Create a batch of a checked plan. Raises PicktreeError when the folder holds one already."""
         try:
             folder.mkdir(parents=True, exist_ok=True)
         except OSError as error:
@@ -150,10 +150,10 @@ class Batch:
 
     @classmethod
     def resume(cls, folder: Path) -> Batch:
-        """The batch in that folder, with what is missing or crashed still to do.
+        """Open the batch in that folder; missing and crashed jobs are still to do.
 
-        It runs what it ran when it began, whatever became of the files since. Raises PicktreeError when there
-        is none, or another process runs it.
+        It runs its recorded recipes, even if the files have changed. Raises PicktreeError when there is none,
+        or another process runs it.
         """
         plan = read_plan(folder)
         with _locked(folder) as lock:
@@ -176,21 +176,22 @@ class Batch:
         self._lock.close()
 
     def stop(self) -> None:
-        """The first time: finish what is under way; the second time: break it off. A signal may call it."""
+        """Request a stop: the first call finishes running jobs, the second breaks them off. Safe in a signal
+        handler."""
         self._stop = "finish" if self._stop == "no" else "now"
 
     def finish(self) -> None:
-        """Finish what is under way, however often it is said. A signal may call it."""
+        """Request a stop after the running jobs, also when called again. Safe in a signal handler."""
         self._stop = "finish" if self._stop == "no" else self._stop
 
     def break_off(self) -> None:
-        """Break off what is under way. A signal may call it."""
+        """Break off the running jobs. Safe in a signal handler."""
         self._stop = "now"
 
     def run(self, executor: Executor, onlooker: BatchWatcher) -> bool:
-        """Run all that is to do. False when it was stopped before the end.
+        """Run all jobs that are to do. Return False when stopped before the end.
 
-        Raises PicktreeError when results cannot be written, or the disk is full; --resume goes on.
+        Raises PicktreeError when results cannot be written, or the disk is full; --resume continues.
         """
         self._take_in()
         to_do, tried = self.store.to_do(), self.store.lost_tries()
@@ -231,7 +232,7 @@ class Batch:
         return not waiting
 
     def _dealt_with(self, event: Event, onlooker: BatchWatcher) -> RecordedJob | None:
-        """What is recorded of it; None when its job is still to do."""
+        """Record the result of an event; return None when its job is still to do."""
         order = event.order
         job = self._by_id[order.job]
         rows = result_of(order)
@@ -272,7 +273,7 @@ class Batch:
         return RecordedJob(job, row, tuple(dict.fromkeys(failure.cause for failure in rows.failures)))
 
     def _begun(self, job: Job, attempt: int) -> JobOrder:
-        """What an earlier try left that was broken off, or is done again, goes."""
+        """Return the order of an attempt; remains of earlier attempts are deleted."""
         order = self._order(job, attempt)
         if attempt == 1:
             self.store.begin_anew(job.id)
@@ -286,7 +287,7 @@ class Batch:
         return JobOrder(job.id, attempt, recipe, job.seed, folder, limits.wall, limits.memory, limits.disk)
 
     def _take_in(self) -> None:
-        """Record what workers had finished when the batch was ended before it could."""
+        """Record results that workers finished after the batch ended."""
         to_do = self.store.to_do()
         for job in self.jobs:
             if job.id not in to_do:
@@ -298,12 +299,12 @@ class Batch:
                     break
 
     def _room(self) -> bool:
-        """Whether there is room on the disk for another job."""
+        """Whether the disk has room for another job."""
         return shutil.disk_usage(self.folder).free >= _ROOM
 
 
 def _locked(folder: Path) -> ExitStack:
-    """A lock on the folder that goes with this process. Raises PicktreeError when another has it."""
+    """Lock the folder until this process ends. Raises PicktreeError when another has the lock."""
     if not folder.is_dir():
         raise PicktreeError(f"{folder}: there is no such folder")
     try:

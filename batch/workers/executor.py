@@ -1,4 +1,4 @@
-"""Who carries jobs out: a small interface, so that a batch does not know where its workers are."""
+"""Interface of executors, so that a batch is independent of the place of its workers."""
 
 from __future__ import annotations
 
@@ -10,40 +10,40 @@ from typing import Protocol, TypeAlias
 
 @dataclass(frozen=True, slots=True)
 class JobOrder:
-    """One try at a job, as it is sent to a worker."""
+    """One attempt at a job, as it is sent to a worker."""
 
     job: str
-    """Its id."""
+    """Id of the job."""
     attempt: int
-    """1 for the first."""
+    """Number of the attempt, from 1."""
     recipe: Path
-    """File with all that it runs but the seed; see `logs.resimulation.recipe_file`."""
+    """File with the recipe, without the seed."""
     seed: int
     folder: Path
-    """Of this try alone; the run's folder is made in it."""
+    """Folder of this attempt alone; the run's folder is created in it."""
     wall: float
-    """Wall s that it may take."""
+    """Wall time limit, s."""
     memory: int
-    """Bytes of resident memory that it may take, with the processes that it starts."""
+    """Limit of resident memory with child processes, bytes."""
     disk: int = 10 * 10**9
-    """Bytes that it may write."""
+    """Limit of written data, bytes."""
 
     @property
     def result(self) -> Path:
-        """Where the worker puts the rows that it found: whole, or not at all."""
+        """File with the rows of the result, written whole or not at all."""
         return self.folder / "rows.json"
 
 
 @dataclass(frozen=True, slots=True)
 class JobFinished:
-    """The worker wrote the try's result."""
+    """The worker wrote the attempt's result."""
 
     order: JobOrder
 
 
 @dataclass(frozen=True, slots=True)
 class JobFailed:
-    """There is no result, and why: an exception, a lost worker, a limit."""
+    """The attempt has no result, with the reason: an exception, a lost worker, a limit."""
 
     order: JobOrder
     reason: str
@@ -51,7 +51,7 @@ class JobFailed:
 
 @dataclass(frozen=True, slots=True)
 class JobStopped:
-    """The try was broken off because the batch was told to stop."""
+    """The attempt was broken off by a stop of the batch."""
 
     order: JobOrder
 
@@ -60,25 +60,25 @@ Event: TypeAlias = JobFinished | JobFailed | JobStopped
 
 
 class Executor(Protocol):
-    """Carries orders out, each in a process that does nothing else meanwhile."""
+    """Runs orders, each in a separate process."""
 
     @property
     def slots(self) -> int:
-        """How many orders can be under way at once."""
+        """Maximum number of concurrent orders."""
         ...
 
     def submit(self, order: JobOrder) -> None:
-        """Begin with it; only while fewer than `slots` are under way."""
+        """Start an order; only while fewer than `slots` are running."""
         ...
 
     def wait(self, seconds: float) -> Sequence[Event]:
-        """What happened, after at most `seconds` of wall time. Each order gets one event."""
+        """Return the events of at most `seconds` of wall time. Each order gets one event."""
         ...
 
     def stop(self) -> None:
-        """Break off all that is under way."""
+        """Break off all running orders."""
         ...
 
     def close(self) -> None:
-        """Let all workers go."""
+        """End all workers."""
         ...

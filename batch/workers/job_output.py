@@ -1,4 +1,4 @@
-"""What a job's process prints, and what its last words say of where it was."""
+"""Output of a job's process, and the place in the code at its end."""
 
 from __future__ import annotations
 
@@ -15,19 +15,19 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 NAME = "output.txt"
-"""In the folder of a try; there is none when nothing was printed."""
+"""File in the folder of an attempt; missing when nothing was printed."""
 ASKING = signal.SIGABRT
-"""The signal on which a process says where it is, and ends."""
+"""Signal on which a process prints its traceback and ends."""
 _LAST = 65536
-"""Bytes of the end in which a traceback is looked for."""
+"""Size of the output's end in which a traceback is searched, bytes."""
 _FRAME = re.compile(r'^  File "(?P<file>.*)", line (?P<line>\d+) in (?P<name>.*)$', re.MULTILINE)
 _LIBRARIES = (sysconfig.get_path("stdlib"), sysconfig.get_path("purelib"), "<")
 
 
 def print_into(folder: Path) -> None:
-    """Everything that this process and its children print goes there, what C and C++ print, too.
+    """Redirect all output of this process and its children there, also that of C and C++.
 
-    So does a traceback when it is ended by a fault, or by SIGABRT.
+    The traceback at a crash or at SIGABRT is written there, too.
     """
     file = os.open(folder / NAME, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o644)
     nothing = os.open(os.devnull, os.O_RDONLY)
@@ -40,7 +40,7 @@ def print_into(folder: Path) -> None:
 
 @contextmanager
 def silence() -> Generator[None]:
-    """Nothing is printed meanwhile, by C and C++ either."""
+    """Suppress all output in the block, also that of C and C++."""
     flush()
     kept = os.dup(1), os.dup(2)
     nothing = os.open(os.devnull, os.O_WRONLY)
@@ -57,7 +57,7 @@ def silence() -> Generator[None]:
 
 
 def flush() -> None:
-    """What is still in the buffers of Python and C."""
+    """Write out the buffers of Python and C."""
     for stream in (sys.stdout, sys.stderr):
         with suppress(OSError, ValueError):
             stream.flush()
@@ -65,15 +65,15 @@ def flush() -> None:
 
 
 def add(folder: Path, line: str) -> None:
-    """What the worker has to say of it."""
+    """Append a line of the worker to the output."""
     with suppress(OSError), (folder / NAME).open("a", encoding="utf-8") as file:
         file.write(f"{line}\n")
 
 
 def last_place(folder: Path) -> str:
-    """Where a process was when it was ended, as `trouble.py:7 in run`; empty when it could not say.
+    """Return the place at which a process was ended, as `trouble.py:7 in run`; empty when unknown.
 
-    A library's own lines are passed over for those of whoever called it.
+    Lines of libraries are skipped in favour of their callers.
     """
     try:
         with (folder / NAME).open("rb") as file:
@@ -90,12 +90,12 @@ def last_place(folder: Path) -> str:
 
 
 def place_of(error: BaseException) -> str:
-    """The same, where an exception was raised."""
+    """Return the place at which an exception was raised, in the same form."""
     frames = traceback.extract_tb(error.__traceback__)
     return _named([(frame.filename, frame.lineno, frame.name) for frame in reversed(frames)])
 
 
 def _named(frames: list[tuple[str, object, str]]) -> str:
-    """Of the innermost frame that is no library's; the innermost is the first."""
+    """Return the place of the innermost frame outside of libraries; the innermost is the first."""
     file, line, name = next((f for f in frames if not f[0].startswith(_LIBRARIES)), frames[0])
     return f"{Path(file).name}:{line} in {name}"

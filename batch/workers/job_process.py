@@ -1,10 +1,11 @@
-"""One try at a job in a process of its own: nothing that it does reaches the next job.
+"""Process of one attempt at a job, isolated from the next job.
 
 The process is forked from a worker that has loaded everything, which costs milliseconds where a fresh one
 would cost seconds. Whatever a job changes in its process ends with it: working directory, environment,
-locale, random numbers, globals, memory, threads. It has a session of its own, so that no Ctrl-C reaches it,
-prints into a file, and puts temporary files into a folder that goes with it. The processes that it leaves
-behind are ended."""
+locale, random numbers, globals, memory, threads. It has a separate session, so that no Ctrl-C reaches it. It
+prints into a file, and its temporary files are in a folder that is deleted with it. Processes that it leaves
+behind are ended.
+"""
 
 from __future__ import annotations
 
@@ -37,7 +38,7 @@ from .result_rows import collect_run_rows
 
 
 def run_attempt(order: JobOrder) -> Event:
-    """Run it and write the result's rows. Never raises for what a run does."""
+    """Run the attempt and write the result's rows. Never raises for a run."""
     try:
         order.folder.mkdir(parents=True, exist_ok=True)
         with RecipeFile(order.recipe) as kept:
@@ -63,7 +64,7 @@ def run_attempt(order: JobOrder) -> Event:
 
 
 def _one_line(text: str) -> str:
-    """The first, without the place to which a recipe was unpacked."""
+    """Return the first line of a text, without the temporary folder of the unpacked recipe."""
     unpacked = rf"{re.escape(tempfile.gettempdir())}/picktree-[^/]+/"
     return re.sub(unpacked, "", text.strip().partition("\n")[0])
 
@@ -81,14 +82,14 @@ def _write_whole(order: JobOrder, data: bytes) -> None:
 
 
 _LOOK = 0.2
-"""Wall s between two looks at what the process takes."""
+"""Interval between checks of the process's resources, wall s."""
 _LAST_WORDS = 2.0
-"""Wall s that it has for saying where it was."""
+"""Time limit for the traceback of a process that is ended, wall s."""
 _TEMPORARY = "tmp"
 
 
 class JobProcess:
-    """A try under way, in a process forked from this one. `end` may be called at any time."""
+    """Running attempt in a process forked from this one. `end` may be called at any time."""
 
     def __init__(self, order: JobOrder) -> None:
         self._order = order
@@ -103,7 +104,7 @@ class JobProcess:
         self._descriptor = os.pidfd_open(self._pid)
 
     def event(self) -> Event:
-        """What came of it, after it is over."""
+        """Wait for the end, within the limits, and return the result."""
         reason = ""
         while not reason and not self._over(_LOOK):
             reason = self._over_its_limits()
@@ -120,7 +121,7 @@ class JobProcess:
         return JobFailed(self._order, f"{reason or how}, at {place}" if place else reason or how)
 
     def end(self) -> None:
-        """End it with everything that it left."""
+        """Kill the process with everything that it left."""
         self._kill(signal.SIGKILL)
         self._clear()
         folder = self._order.folder
@@ -172,7 +173,7 @@ class JobProcess:
 
 
 def _live(order: JobOrder, tell: Connection, parent: int) -> NoReturn:
-    """The process of the job, from its first to its last breath."""
+    """Run the job in its process, from start to exit."""
     code = 1
     try:
         try:
@@ -184,7 +185,7 @@ def _live(order: JobOrder, tell: Connection, parent: int) -> NoReturn:
         tell.send(event)
         code = 0
     finally:
-        # No one waits for threads that a job left, and nothing of the worker is cleared up twice.
+        # Threads that a job left are not awaited, and the worker's cleanup does not run twice.
         os._exit(code)
 
 
@@ -209,7 +210,7 @@ def _settle_in(order: JobOrder, parent: int) -> None:
 
 
 def _written(folder: Path) -> int:
-    """Bytes in the files of a folder."""
+    """Return the number of bytes in the files of a folder."""
     total = 0
     for place, _, files in os.walk(folder):
         for name in files:

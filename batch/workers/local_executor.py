@@ -1,4 +1,4 @@
-"""Workers as processes of this machine."""
+"""Executor with workers as processes of this machine."""
 
 from __future__ import annotations
 
@@ -25,16 +25,16 @@ _PR_SET_PDEATHSIG = 1
 _PR_SET_CHILD_SUBREAPER = 36
 _PAGE = os.sysconf("SC_PAGE_SIZE")
 _ROUNDS = 100
-"""Of ending children, each of which may leave children in its turn."""
+"""Maximum number of rounds of ending children, each of which may leave children."""
 
 
 def die_with_parent(number: signal.Signals) -> None:
-    """This process gets the signal when the one that started it is gone, however it ended."""
+    """Make this process receive the signal when its parent ends, in whatever way."""
     _prctl(_PR_SET_PDEATHSIG, number)
 
 
 def take_in_orphans() -> None:
-    """What descendants leave behind becomes a child of this process, which can end it then."""
+    """Adopt orphaned descendants as children of this process, which can then end them."""
     _prctl(_PR_SET_CHILD_SUBREAPER, 1)
 
 
@@ -48,7 +48,7 @@ def children(pid: int) -> list[int]:
 
 
 def resident(pid: int) -> int:
-    """Bytes of memory that a process and all below it hold; 0 when it is no more."""
+    """Return the resident memory of a process and its descendants, bytes; 0 after its end."""
     try:
         own = int(Path(f"/proc/{pid}/statm").read_text().split()[1]) * _PAGE
     except (OSError, IndexError, ValueError):
@@ -57,7 +57,7 @@ def resident(pid: int) -> int:
 
 
 def end_children(expected: int) -> int:
-    """End every child of this process, with all that they leave. How many there were besides the expected."""
+    """End every child of this process with its descendants; return their number besides the expected."""
     count = 0
     for _ in range(_ROUNDS):
         found = children(os.getpid())
@@ -73,7 +73,8 @@ def end_children(expected: int) -> int:
 
 
 def how_it_ended(code: int) -> str:
-    """Of an exit code as `subprocess` and `multiprocessing` have it: `was ended by SIGSEGV`."""
+    """Return the end in words for an exit code of `subprocess` or `multiprocessing`: `was ended by
+    SIGSEGV`."""
     if code >= 0:
         return f"ended with exit code {code}"
     try:
@@ -87,7 +88,7 @@ def _prctl(option: int, value: int) -> None:
 
 
 READY = "ready"
-"""What a worker says once it has loaded all that it needs."""
+"""Message of a worker that has loaded everything."""
 
 _MODULES = (
     "pybullet",
@@ -100,13 +101,13 @@ _MODULES = (
 
 
 class _Told(BaseException):
-    """The batch tells the worker to break off, or is gone."""
+    """Raised in a worker when the batch stops it, or is gone."""
 
 
 def serve(orders: Connection) -> None:
-    """Carry out what comes, each order in a process of its own, until the other side is closed.
+    """Run each order that arrives in a separate process, until the other side is closed.
 
-    On SIGTERM, and when the batch's process is gone, it ends with all that is under way.
+    On SIGTERM, and when the batch's process is gone, it ends with all running orders.
     """
     os.setsid()  # Ctrl-C is for the batch to deal with
     die_with_parent(signal.SIGTERM)
@@ -143,7 +144,7 @@ def _told(number: int, frame: FrameType | None) -> NoReturn:
 
 
 def load() -> None:
-    """Everything that a job would load in its own time, and what is the same for all of them."""
+    """Load everything that jobs need and share."""
     for module in _MODULES:
         import_module(module)
     from ...logs.meshes.link_meshes import link_meshes
@@ -155,7 +156,7 @@ def load() -> None:
     from ...session.environment import revision, sources
     from ...session.recipe import installed_meshes
 
-    # The robot of the shipped scenes; with another one, each job loads its own.
+    # The robot of the shipped scenes; with another one, each job loads that itself.
     robot = load_robot("panda")
     link_meshes(robot.urdf)
     installed_meshes(robot)
@@ -171,7 +172,7 @@ def load() -> None:
 
 
 _GRACE = 5.0
-"""Wall s that a worker has for ending a job before it is killed."""
+"""Time limit of a worker for ending a job before it is killed, wall s."""
 
 
 @dataclass
@@ -183,10 +184,10 @@ class _Worker:
 
 
 class LocalExecutor:
-    """`slots` processes, started when they are first needed; a context manager that lets them go."""
+    """Executor with `slots` processes, started on demand. A context manager that ends them."""
 
     def __init__(self, slots: int | None = None) -> None:
-        """By default one for each core that this process may use."""
+        """`slots`: by default one for each core that this process may use."""
         self._slots = slots if slots is not None else len(os.sched_getaffinity(0))
         self._workers: list[_Worker] = []
 
@@ -241,7 +242,7 @@ class LocalExecutor:
         self._workers.clear()
 
     def _heard(self, worker: _Worker) -> list[Event]:
-        """What a worker says, or that it is gone."""
+        """Return the events of a worker's message, or of its loss."""
         with suppress(EOFError, OSError):
             if worker.orders.poll():
                 said: Event | str = worker.orders.recv()
@@ -253,7 +254,7 @@ class LocalExecutor:
         return [] if worker.process.exitcode is None else self._gone(worker, worker.process.exitcode)
 
     def _kill_overdue(self) -> None:
-        """The workers that were told to stop and do not."""
+        """Kill the workers that were stopped and do not end."""
         for worker in self._workers:
             if worker.stopped_at is not None and time.monotonic() - worker.stopped_at > _GRACE:
                 worker.process.kill()

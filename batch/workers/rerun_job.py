@@ -1,4 +1,4 @@
-"""Running a job of a batch again, from what the batch recorded of it, to have its log."""
+"""Rerun of a job from the batch's records, to get its log."""
 
 from __future__ import annotations
 
@@ -21,34 +21,34 @@ from .executor import Event, Executor, JobFailed, JobFinished, JobOrder
 from .local_executor import LocalExecutor
 
 _LOOK = 0.5
-"""Wall s between two looks at the worker."""
+"""Interval between checks of the worker, wall s."""
 
 
 @dataclass(frozen=True, slots=True)
 class RerunJob:
-    """A job that was run again, beside what was recorded of it."""
+    """Rerun of a job, next to its recorded result."""
 
     job: Job
     recorded_status: str
     recorded_digest: str
-    """Empty when the job had crashed."""
+    """Recorded digest; empty when the job had crashed."""
     status: str
     digest: str
-    """Empty when it crashed again."""
+    """Digest of the rerun; empty when it crashed."""
     message: str
-    """Why it crashed again."""
+    """Reason of the rerun's crash."""
     log: Path | None
     kept_before: bool
-    """The batch has the log of the recorded run; the new one is dropped."""
+    """Whether the batch has the log of the recorded run; the new one is then deleted."""
     reasons: tuple[str, ...]
-    """What it was run with that is otherwise than then."""
+    """Differences between the environments of the two runs."""
 
     @property
     def identical(self) -> bool:
         return bool(self.digest) and self.digest == self.recorded_digest
 
     def to_text(self) -> str:
-        """For a terminal, without a line's end."""
+        """Return a text for a terminal, without a trailing newline."""
         lines = [f"job         {self.job.id}: seed {self.job.seed}, {self.job.variant.label}"]
         if self.identical:
             lines.append(f"identical   {self.status}, digest {self.digest[:16]} as recorded")
@@ -84,12 +84,12 @@ class RerunJob:
 
 
 def rerun_job(where: str, out: Path | None = None, executor: Executor | None = None) -> RerunJob:
-    """Run the job that `where` names (FOLDER@JOB, see `naming`) again.
+    """Rerun the job that `where` names as FOLDER@JOB.
 
-    The log goes to a folder in `out`. Without it, it goes where the batch would have kept it, and the batch
-    knows of it from then on, if it is that of the recorded run; else beside it. `executor` carries it out, by
-    default one with a worker for it. Raises PicktreeError when there is no such job, it was not run yet, or
-    it cannot be run.
+    The log goes to a folder in `out`. Without `out`, the log of an identical run goes to its place in the
+    batch, and the batch records it. The log of a different run goes next to that place. `executor`: by
+    default one with a single worker. Raises PicktreeError when there is no such job, it was not run yet, or
+    cannot be run.
     """
     folder, named = split(where)
     with Store(folder / NAME) as store, _given(executor) as given:
@@ -97,8 +97,10 @@ def rerun_job(where: str, out: Path | None = None, executor: Executor | None = N
 
 
 def remake_into(store: Store, job: Job, scratch: Path, executor: Executor) -> Path:
-    """Run a job again; the folder of its log, in `scratch`. Raises PicktreeError when it cannot be run, or is
-    not the recorded run."""
+    """Rerun a job and return the folder of its log in `scratch`.
+
+    Raises PicktreeError when it cannot be run, or differs from the recorded run.
+    """
     found = _remake(store, job, f"{store.path.parent}@{job.id}", scratch, executor)
     if not found.identical or found.log is None:
         raise PicktreeError(f"seed {job.seed}, {job.variant.label}: run again, it is another run")
@@ -162,12 +164,12 @@ def _carried_out(order: JobOrder, executor: Executor) -> Event:
 
 
 def _given(executor: Executor | None) -> AbstractContextManager[Executor]:
-    """By default a worker of its own."""
+    """Return the executor; by default a new one with a single worker."""
     return LocalExecutor(1) if executor is None else nullcontext(executor)
 
 
 def _moved(run: Path, target: Path) -> Path:
-    """To that name, or one like it that is free."""
+    """Move the run to that name, or to a similar free one; return its path."""
     target.parent.mkdir(parents=True, exist_ok=True)
     free, number = target, 0
     while free.exists():

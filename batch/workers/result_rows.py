@@ -1,4 +1,4 @@
-"""What is kept of a run, taken from its log and from the scorer."""
+"""Rows of a run's results, from its log and from the scorer."""
 
 from __future__ import annotations
 
@@ -33,11 +33,11 @@ _PHASES: dict[str, Phase] = {
     "GoTo": "move",
     "SafeRetreat": "move",
 }
-"""What a leaf's time counts as outside of recovery."""
+"""Phase of a leaf's time outside of recovery, by node ID."""
 
 
 def collect_run_rows(session: Session, folder: Path, attempts: int) -> JobRows:
-    """Of a session that has ended; `folder` is the run's own."""
+    """Return the rows of a finished session; `folder` is that of the run."""
     with Run(folder) as run:
         result = run.result
         assert result is not None, "a session that has ended writes its result"
@@ -131,7 +131,7 @@ def _items(session: Session, run: Run) -> Iterator[JobItemRow]:
 
 
 def _arrivals(run: Run, wanted: set[ObjectId]) -> dict[ObjectId, tuple[float, Vector3]]:
-    """When and where each item was first, simulated s and m: at the start, or when a feed brought it."""
+    """Return time (simulated s) and place (m) of each item's first presence: at the start, or from a feed."""
     found: dict[ObjectId, tuple[float, Vector3]] = {}
     for number, at in enumerate(run.log.truths()):
         for body in at.record.bodies:
@@ -143,7 +143,10 @@ def _arrivals(run: Run, wanted: set[ObjectId]) -> dict[ObjectId, tuple[float, Ve
 
 
 def _timings(run: Run, failures: Sequence[FailureStory]) -> tuple[JobTimingRow, ...]:
-    """Simulated s by phase. Planning within a skill counts as thinking, a handler's time as recovery."""
+    """Return the simulated time by phase, s.
+
+    Planning within a skill counts as thinking, a handler's time as recovery.
+    """
     spent: defaultdict[Phase, float] = defaultdict(float)
     parents = {visit.parent for visit in run.visits}
     leaves = [visit for visit in run.visits if visit.number not in parents]

@@ -1,1 +1,1 @@
-"""Commands that look into logs."""
+"""Commands that analyse logs."""

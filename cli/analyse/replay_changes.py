@@ -1,4 +1,4 @@
-"""What happened between two ticks of a replay, and its failures, as lines of text."""
+"""Text of the changes between two ticks of a replay, and of its failures."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from ...world.causes import known_causes
 from ..terminal.progress import MARKS
 
 _NAMED = 4
-"""Objects of one change of the belief that are named."""
+"""Maximum number of objects named in one change of the belief."""
 _CANDIDATES = 5
-"""Of a choice that are named."""
+"""Maximum number of candidates named for a choice."""
 
 
 def change_lines(cursor: Cursor, changes: CursorChanges, most: int | None = None) -> Iterator[str]:
-    """What happened, in the order of time; the last `most` of it."""
+    """Yield the changes in the order of time; only the last `most` of them."""
     since = cursor.run.ticks.times[changes.since] if changes.since >= 0 else None
     alone = changes.to - changes.since == 1
     happened = [(time, text) for time, text in _happened(cursor, changes)]
@@ -36,7 +36,7 @@ def change_lines(cursor: Cursor, changes: CursorChanges, most: int | None = None
 
 
 def _happened(cursor: Cursor, changes: CursorChanges) -> list[tuple[float, str]]:
-    """Each with its simulated time, s; what is of one tick in the order in which it is thought of."""
+    """Return the changes with their simulated times, s; those of one tick in a fixed order."""
     names = short_names(node.path for node in cursor.nodes)
     told = [(move.time, _move(move.transition, names)) for move in changes.moves]
     told += [
@@ -80,7 +80,7 @@ def _plan(at: Stamped[Plan]) -> str:
 
 
 def failure_list(cursor: Cursor) -> Iterator[str]:
-    """A line for each failure of the run, the last one up to the cursor marked."""
+    """Yield a line for each failure of the run; the last one up to the cursor is marked."""
     if not cursor.failures:
         yield "no node failed by itself"
     here = cursor.failure
@@ -91,7 +91,7 @@ def failure_list(cursor: Cursor) -> Iterator[str]:
 
 
 def evidence_lines(cursor: Cursor) -> Iterator[str]:
-    """Everything that the log holds of the last failure up to the cursor."""
+    """Yield all evidence in the log on the last failure up to the cursor."""
     visit = cursor.failure
     if visit is None:
         yield "no node has failed by itself yet"
@@ -124,7 +124,7 @@ def evidence_lines(cursor: Cursor) -> Iterator[str]:
 
 
 def _choices(cursor: Cursor, visit: Visit) -> Iterator[str]:
-    """What was chosen from while it ran."""
+    """Yield the candidates of choices during a visit."""
     for at in cursor.run.candidates:
         if not visit.start - 1e-6 <= at.time <= visit.end + 1e-6:
             continue

@@ -1,4 +1,4 @@
-"""The prompt of `picktree replay`: go to a tick, look at it."""
+"""Prompt of `picktree replay`: moves to a tick, and views of it."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from ..terminal.progress import tree_rows
 from . import replay_changes, replay_views
 
 ROWS = 18
-"""Of the tree that are shown after a movement."""
+"""Maximum number of tree lines shown after a move."""
 NEWS = 12
-"""Lines of what changed that are shown after a movement."""
+"""Maximum number of change lines shown after a move."""
 
 TO = (
     "12.5, #250, start, end: that time in seconds, that tick; PATH, ITEM: its next start; PATH after: its "
@@ -30,14 +30,14 @@ When: TypeAlias = Literal["before", "after"]
 
 @dataclass(frozen=True, slots=True)
 class ReplayBreakpoint:
-    """Where `continue` stops: at the beginning of a node, or at its end."""
+    """Breakpoint of `continue`: at the start of a node, or at its end."""
 
     path: str
     when: When
 
 
 class ReplayPrompt(CommandPrompt):
-    """Carries out commands on a cursor. `since` is the tick that was shown before."""
+    """Prompt with commands on a cursor. `since` is the tick that was shown before."""
 
     def __init__(self, cursor: Cursor, read: Callable[[str], str], out: TextIO) -> None:
         super().__init__(read, out)
@@ -71,7 +71,7 @@ class ReplayPrompt(CommandPrompt):
         )  # fmt: skip
 
     def show_here(self, rows: int = ROWS, news: int = NEWS) -> None:
-        """The cursor's place, the nodes that run, and what changed."""
+        """Show the cursor's place, the running nodes, and the changes."""
         cursor = self.cursor
         self._say(replay_views.place(cursor))
         shown = tree_rows(cursor.tree.nodes, replay_views.statuses(cursor), rows, replay_views.moved(cursor))
@@ -98,11 +98,11 @@ class ReplayPrompt(CommandPrompt):
                 return super().arguments(command)
 
     def _nodes(self) -> list[str]:
-        """All that a node may be called by: its path, and the end that is its own."""
+        """Return all names of nodes: their paths, and unique ends of these."""
         names = short_names(node.path for node in self.cursor.nodes)
         return list(dict.fromkeys((*names, *names.values())))
 
-    # Going.
+    # Moves.
 
     def _moved(self, move: Callable[[], object]) -> bool:
         before = self.cursor.number
@@ -182,7 +182,7 @@ class ReplayPrompt(CommandPrompt):
             del self._breakpoints[one]
         return False
 
-    # Looking.
+    # Views.
 
     def _show_all(self, _: str) -> bool:
         self.show_here()
@@ -221,6 +221,6 @@ class ReplayPrompt(CommandPrompt):
 
 
 def _without(text: str, word: str) -> tuple[str, bool]:
-    """The text without that word at its end, and whether it was there."""
+    """Return the text without that word at its end, and whether it had it."""
     name, space, last = text.rpartition(" ")
     return (name, True) if space and last == word else (text, False)

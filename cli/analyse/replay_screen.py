@@ -1,4 +1,4 @@
-"""The replay on a whole terminal: single keys, and the tick at the cursor drawn anew after each."""
+"""Full-screen replay in a terminal: single keys, and the tick at the cursor, redrawn after each key."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ KEYS: Mapping[str, str] = {
     "r": "wrench",
     "q": "quit",
 }
-"""What a key stands for. `:` begins a line with any command; `?` shows all this."""
+"""Commands of the keys. `:` begins a line with any command; `?` shows the keys."""
 _HINT = "←→ tick  ↑↓ change  f F failure  e evidence  t tree  d changes  b blackboard  : command  ? help"
 _ESCAPES: Mapping[bytes, str] = {
     b"[A": "up", b"[B": "down", b"[C": "right", b"[D": "left", b"OA": "up", b"OB": "down", b"OC": "right",
@@ -52,21 +52,21 @@ _ESCAPES: Mapping[bytes, str] = {
     b"[4~": "end", b"OH": "home", b"OF": "end",
 }  # fmt: skip
 _FIRST, _SECOND = 3, 5
-"""Parts of the screen: a third at least for the tree, two fifths of the rest for what changed."""
+"""Divisors of the screen's height: at least a third for the tree, two fifths of the rest for changes."""
 
 
 class Screen:
-    """Draws on the terminal's other screen, and leaves the first one as it was."""
+    """Drawing on the terminal's alternate screen, which leaves the main one unchanged."""
 
     def __init__(self, prompt: ReplayPrompt) -> None:
         self._prompt = prompt
         self._console = Console(highlight=False)
         self._said: list[str] = []
         self._from = 0
-        """The first line that is shown of what a command said."""
+        """Index of the first shown line of a command's output."""
 
     def run(self) -> None:
-        """Until `quit`, or the end of the input. Ctrl-C is KeyboardInterrupt, as everywhere."""
+        """Run until `quit`, or the end of the input. Ctrl-C raises KeyboardInterrupt."""
         with _other_screen(), _single_keys():
             self._draw()
             while True:
@@ -82,7 +82,7 @@ class Screen:
                     return
 
     def _carry_out(self, line: str) -> bool:
-        """Whether the replay is left."""
+        """Run a command line; return whether the replay ends."""
         before = self._prompt.cursor.number
         with self._prompt.into(io.StringIO()) as said:
             left = self._prompt.carry_out(line)
@@ -96,7 +96,7 @@ class Screen:
         self._draw()
 
     def _ask(self) -> str:
-        """A line that is typed below."""
+        """Read a line that is typed below the tree."""
         with _whole_lines():
             try:
                 return input(self._prompt.text).strip()
@@ -104,8 +104,8 @@ class Screen:
                 return ""
 
     def _draw(self) -> None:
-        """The tick at the cursor, and below it what a command said, page by page, or else what changed and
-        the belief."""
+        """Draw the tick at the cursor, and below it a command's output by pages, or else changes and
+        belief."""
         cursor, console = self._prompt.cursor, self._console
         width, height = console.size
         most = max(height // _FIRST, 4)
@@ -148,7 +148,7 @@ def _help() -> list[str]:
 
 
 def _key() -> str | None:
-    """The key that is pressed; None at the end of the input, empty for one that is not known."""
+    """Return the pressed key; None at the end of the input, empty for an unknown key."""
     fd = sys.stdin.fileno()
     first = os.read(fd, 1)
     if not first:
@@ -163,7 +163,7 @@ def _key() -> str | None:
 
 @contextmanager
 def _single_keys() -> Generator[None]:
-    """Keys come at once, and are not shown."""
+    """Deliver keys at once in the block, without echo."""
     fd = sys.stdin.fileno()
     before = termios.tcgetattr(fd)
     tty.setcbreak(fd, termios.TCSADRAIN)  # not TCSAFLUSH: what was typed ahead is kept
@@ -175,7 +175,7 @@ def _single_keys() -> Generator[None]:
 
 @contextmanager
 def _whole_lines() -> Generator[None]:
-    """Within `_single_keys`: lines come when they are whole, and are shown."""
+    """Deliver whole lines with echo in the block; for use within `_single_keys`."""
     fd = sys.stdin.fileno()
     keys = termios.tcgetattr(fd)
     lines = termios.tcgetattr(fd)

@@ -1,4 +1,4 @@
-"""What the replay shows of the tick at the cursor, as lines of text."""
+"""Views of the tick at the cursor of a replay, as lines of text."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from ..terminal.progress import MARKS
 
 
 def place(cursor: Cursor) -> str:
-    """Where the cursor stands, in a line."""
+    """Return the cursor's place in a line."""
     tick = cursor.tick.record
     status = {node.path: node for node in tick.nodes}
     where = status.get(tick.tip) or (tick.nodes[0] if tick.nodes else None)
@@ -23,7 +23,7 @@ def place(cursor: Cursor) -> str:
 
 
 def tree_lines(cursor: Cursor, text: str) -> Iterator[str]:
-    """A line for each node, or for those from the one that `text` means down."""
+    """Yield a line for each node, or for the node that `text` names and its descendants."""
     nodes = cursor.tree.nodes
     top = find_node(text, nodes).path if text else ""
     indent = top.count("/")
@@ -36,7 +36,7 @@ def tree_lines(cursor: Cursor, text: str) -> Iterator[str]:
 
 
 def where_lines(cursor: Cursor) -> Iterator[str]:
-    """The nodes from the root to the one that runs, or ended, deepest."""
+    """Yield the nodes from the root to the deepest that runs, or has ended."""
     status, tip = _by_path(cursor), cursor.tick.record.tip
     for node in cursor.tree.nodes:
         if node.path == tip or tip.startswith(f"{node.path}/") or not (tip or node.parent):
@@ -45,7 +45,7 @@ def where_lines(cursor: Cursor) -> Iterator[str]:
 
 
 def node_lines(cursor: Cursor, text: str) -> Iterator[str]:
-    """What one node is, what it read when it began, and how it ended."""
+    """Yield the state of one node, its inputs at the start, and its end."""
     node = find_node(text or cursor.tick.record.tip or cursor.tree.nodes[0].path, cursor.tree.nodes)
     one = _by_path(cursor)[node.path]
     yield f"{node.path}: {node.id}, {one.status}"
@@ -75,7 +75,7 @@ def _span(cursor: Cursor, visit: Visit) -> str:
 
 
 def blackboard_lines(cursor: Cursor, part: str) -> Iterator[str]:
-    """The keys that contain `part`, with their values; one alone is shown whole."""
+    """Yield the keys that contain `part`, with their values; a single one in full."""
     board = cursor.blackboard
     keys = sorted(key for key in board if part in key)
     if not keys:
@@ -85,7 +85,7 @@ def blackboard_lines(cursor: Cursor, part: str) -> Iterator[str]:
 
 
 def belief_lines(cursor: Cursor, part: str) -> Iterator[str]:
-    """The objects whose id contains `part`, as the robot believed them."""
+    """Yield the believed objects whose id contains `part`."""
     scene = cursor.belief
     bodies = [body for body in scene.bodies if part in body.id] if scene else []
     if not bodies:
@@ -95,7 +95,7 @@ def belief_lines(cursor: Cursor, part: str) -> Iterator[str]:
 
 
 def joint_lines(cursor: Cursor) -> Iterator[str]:
-    """The joints with what the servo still had to go, and the gripper."""
+    """Yield the joints with the servo's remaining error, and the gripper."""
     joints, control = cursor.joints, cursor.control
     if joints is None:
         yield "the log has no joints here"
@@ -126,12 +126,12 @@ def wrench_line(cursor: Cursor) -> str:
 
 
 def moved(cursor: Cursor) -> frozenset[str]:
-    """Paths of the nodes that began or ended at the cursor."""
+    """Return the paths of the nodes that started or ended at the cursor."""
     return frozenset(move.transition.path for move in cursor.changes().moves)
 
 
 def statuses(cursor: Cursor) -> Sequence[NodeStatusRecord]:
-    """Of all nodes of the tree; idle where the tick does not tell."""
+    """Return the statuses of all nodes of the tree; idle where the tick has none."""
     known = {node.path: node for node in cursor.tick.record.nodes}
     return [known.get(node.path) or _idle(node) for node in cursor.tree.nodes]
 

@@ -161,7 +161,7 @@ def _job_again(where: str, out: Path | None, answer: TextIO | None, *, alone: bo
 
 
 class ResimProgress:
-    """One line on a terminal that says how far it is; nothing elsewhere."""
+    """Progress line on a terminal; nothing elsewhere."""
 
     def __init__(self) -> None:
         self._on = sys.stderr.isatty()

@@ -108,7 +108,7 @@ def video(
 
 
 def _progress() -> Callable[[int, int], None]:
-    """One line on the terminal that is written over, with what is still to come."""
+    """Return a function that shows progress and remaining time in one line of the terminal."""
     began = said = time.monotonic()
 
     def tell(done: int, count: int) -> None:

@@ -1,1 +1,1 @@
-"""Commands for whoever writes missions, scenes and nodes."""
+"""Commands for authors of missions, scenes and nodes."""

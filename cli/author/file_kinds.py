@@ -1,4 +1,4 @@
-"""Which function checks which kind of file. Each is imported when a file of its kind is met."""
+"""Check functions by kind of file, each imported when a file of its kind is checked."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def check_cell(document: Document) -> tuple[Diagnostic, ...]:
-    """Everything that can be said of a document of kind `scene`, and of the robot file that it names."""
+    """Check a document of kind `scene`, and the robot file that it names."""
     scene = check_scene(document)
     if scene.robot is None:
         return scene.faults

@@ -1,4 +1,4 @@
-"""The schema of each kind of file beside missions."""
+"""Schemas of all kinds of files except missions."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ FileKind: TypeAlias = Literal["scene", "robot", "faults", "cases"]
 
 
 def file_schema(kind: FileKind) -> Schema:
-    """JSON Schema of that kind of file."""
+    """Return the JSON Schema of a kind of file."""
     match kind:
         case "scene":
             return _scene()
@@ -50,7 +50,7 @@ def _faults() -> Schema:
 
 
 def _propose(found: Schema, key: str, names: tuple[str, ...]) -> None:
-    """Names that may stand at a key among others."""
+    """Add names that a key may have, among others."""
     properties = schema(found["properties"])
     properties[key] = schema(properties[key]) | {"examples": list(names)}
     found["properties"] = properties
@@ -63,7 +63,7 @@ def _cases() -> Schema:
         definition = schema(definitions[name])
         properties = schema(definition.get("properties"))
         if "cause" in properties:
-            # As snippets and not as examples: those would all be shown where somebody hovers over the key.
+            # As snippets, not as examples: editors show all examples when the pointer is over the key.
             snippets = [{"label": cause.name, "body": cause.name} for cause in _our_causes()]
             properties["cause"] = schema(properties["cause"]) | {"defaultSnippets": snippets}
             definitions[name] = definition | {"properties": properties}
@@ -71,12 +71,12 @@ def _cases() -> Schema:
 
 
 def _our_causes() -> list[Cause]:
-    """Without those of plug-ins, of which any may have been imported."""
+    """Return the causes without those of plug-ins, of which any may have been imported."""
     return [cause for cause in all_causes() if cause.name.split(".")[0] in OUR_PREFIXES]
 
 
 def _scene() -> Schema:
-    """With a base, a scene says only what is different."""
+    """Return the schema of scenes; a scene with a base contains only its differences."""
     full = model_schema("scene", SceneFile)
     _propose(full, "robot", robot_names())
     _propose(full, "base", scene_names())

@@ -21,8 +21,7 @@ _TEMPLATES: Final = Path(__file__).parent / "templates"
 
 @dataclass(frozen=True, slots=True)
 class StarterFile:
-    """A file of a start: its name within the folder, what it is for, and of which kind of file it is the
-    schema."""
+    """File of a starter: name within the folder, purpose, and the kind of file for which it is the schema."""
 
     name: str
     doc: str
@@ -30,15 +29,15 @@ class StarterFile:
 
     @property
     def made(self) -> bool:
-        """Whether picktree makes it, so that nothing of the user's own is in it."""
+        """Whether picktree generates the file, so that it has no content of the user."""
         return bool(self.schema)
 
 
 @dataclass(frozen=True, slots=True)
 class StarterFiles:
-    """The files of a start, in the order in which they are read, and the commands to type next.
+    """Files of a starter in reading order, and the commands to type next.
 
-    In a command `{.}` stands for the folder, `{}` for the way into it, MISSION for a mission of the user's.
+    In a command `{.}` stands for the folder, `{}` for the path into it, MISSION for a mission of the user.
     """
 
     parts: tuple[StarterFile, ...]
@@ -87,10 +86,10 @@ STARTS: Final[Mapping[StartKind, StarterFiles]] = {
 
 
 def write_start(kind: StartKind, folder: Path) -> tuple[StarterFile, ...]:
-    """Write the files of a start into the folder, which is made where there is none; what was written.
+    """Write the files of a starter into the folder, which is created if missing; return those written.
 
-    Schemas that are there already stay as they are. Raises PicktreeError, and then nothing was written, when
-    another file is there already or one cannot be written.
+    Existing schemas stay as they are. Raises PicktreeError, without writing anything, when another file
+    exists already or one cannot be written.
     """
     for part in STARTS[kind].parts:
         if not part.made and os.path.lexists(folder / part.name):
@@ -134,7 +133,7 @@ def _text(kind: StartKind, part: StarterFile) -> str:
 
 
 def _mission_schema(kind: StartKind) -> str:
-    """Of any mission with the nodes that are installed, and with those of the start's own plug-in."""
+    """Return the schema of missions with the installed nodes, and with those of the starter's plug-in."""
     from ...authoring.schema.mission_context import any_mission
     from ...authoring.schema.mission_schema import mission_schema
     from ...authoring.schema.schema_parts import to_text
@@ -162,7 +161,7 @@ def new(
 
 
 def _typed(command: str, folder: Path) -> str:
-    """The command with the folder in it, as a shell takes it; relative to where the user is."""
+    """Return the command with the folder, quoted for a shell and relative to the user's folder."""
     inside = "" if folder.resolve() == Path.cwd() else f"{folder}{os.sep}"
     known = {"{.}": str(folder)}
     if (folder / "mission.yaml").exists():

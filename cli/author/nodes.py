@@ -69,7 +69,7 @@ def _named(name: str, declared: tuple[NodeDeclaration, ...]) -> NodeDeclaration:
 
 
 def _sub_trees(path: Path, known: NodeRegistry) -> tuple[NodeDeclaration, ...]:
-    """The mission's sub-trees as nodes; the nodes of its plug-ins are added to `known`."""
+    """Return the mission's sub-trees as nodes; the nodes of its plug-ins are added to `known`."""
     from ...authoring.schema.mission_context import one_mission
     from ...files.yaml.document import open_document
     from ...trees.declaration import NodeDeclaration

@@ -1,1 +1,1 @@
-"""Commands of batches."""
+"""Commands on batches."""

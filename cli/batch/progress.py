@@ -1,4 +1,4 @@
-"""What is shown while a batch runs: a live table on a terminal, lines elsewhere, events as JSON."""
+"""Displays of a running batch: a live table on a terminal, lines elsewhere, events as JSON."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ if TYPE_CHECKING:
     from ...batch.workers.batch import RecordedJob
 
 _PERIOD = 1.0
-"""Wall s between two pictures of the live table."""
+"""Interval between redraws of the live table, wall s."""
 _SHOWN = 8
-"""Last failures that the live table shows."""
+"""Number of recent failures in the live table."""
 
 
 class BatchDisplay(Protocol):
-    """An onlooker of a batch that holds the terminal while it is entered."""
+    """Observer of a batch that holds the terminal while it is entered."""
 
     def __enter__(self) -> Self: ...
     def __exit__(self, *_: object) -> None: ...
@@ -40,7 +40,7 @@ class BatchDisplay(Protocol):
 
 
 class Lines:
-    """A line for each job that failed and, now and then, for the whole."""
+    """Display with a line for each failed job and, now and then, for the whole batch."""
 
     def __init__(self, console: Console, folder: Path) -> None:
         self._console, self._folder = console, folder
@@ -79,7 +79,7 @@ class Lines:
 
 
 class LiveTable:
-    """The count and the last failures, redrawn in place."""
+    """Display with the count and the last failures, redrawn in place."""
 
     def __init__(self, console: Console, folder: Path) -> None:
         from rich.live import Live
@@ -143,7 +143,7 @@ class LiveTable:
 
 
 class EventLines:
-    """One JSON object a line: started, ended, tried_again, stopping, summary."""
+    """Display with one JSON object per line: started, ended, tried_again, stopping, summary."""
 
     def __init__(self, stream: TextIO) -> None:
         self._stream = stream
@@ -187,7 +187,7 @@ class EventLines:
 
 
 class UnlessPipeClosed:
-    """Another's words, for as long as somebody reads them: a reader who leaves does not end a batch."""
+    """Wrapper of a display that goes silent when its reader closes the pipe, so that the batch continues."""
 
     def __init__(self, inner: BatchDisplay, stream: TextIO) -> None:
         self._inner, self._stream = inner, stream
@@ -228,21 +228,21 @@ class UnlessPipeClosed:
 
 
 def discard(stream: TextIO) -> None:
-    """What is still to be written there, and what will be, goes nowhere."""
+    """Discard everything that is or will be written to the stream."""
     nothing = os.open(os.devnull, os.O_WRONLY)
     os.dup2(nothing, stream.fileno())
     os.close(nothing)
 
 
 def progress(folder: Path, answer: TextIO | None) -> BatchDisplay:
-    """A live table on a terminal, lines elsewhere; events where there is an `answer`."""
+    """Return a live table on a terminal, lines elsewhere; events where there is an `answer`."""
     if answer is not None:
         return UnlessPipeClosed(EventLines(answer), answer)
     from rich.console import Console
 
     class Plain(Console):
         def on_broken_pipe(self) -> None:
-            """Rich would end the program."""
+            """Prevent rich from ending the program."""
             raise
 
     console = Plain(highlight=False)

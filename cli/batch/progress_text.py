@@ -1,4 +1,4 @@
-"""Where a batch stands, in words: how many jobs, how well, how fast, until when."""
+"""Progress of a batch in words: number of jobs, success, speed, expected end."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _DAY = 86400.0
 
 
 class BatchCount:
-    """`clock`: wall s, for tests."""
+    """Counts of a batch's jobs. `clock`: wall time, s; replaceable in tests."""
 
     def __init__(self, clock: Callable[[], float] = time.time) -> None:
         self.total = self.done = self.failed = 0
@@ -26,7 +26,7 @@ class BatchCount:
         self._began = self._last = clock()
 
     def start(self, total: int, done: Sequence[JobRow]) -> None:
-        """What was done before the batch was gone on with says nothing about how fast it goes now."""
+        """Start counting. Jobs done before a resumption do not count for the present speed."""
         self.total, self.done, self._before = total, len(done), len(done)
         reached = sum(row.status == "success" for row in done)
         self.failed = self.done - reached
@@ -45,12 +45,12 @@ class BatchCount:
 
     @property
     def seconds_a_job(self) -> float | None:
-        """Wall s from one end to the next, workers side by side; None before the first end."""
+        """Wall time per job with all workers, s; None before the first end."""
         fresh = self.done - self._before
         return (self._last - self._began) / fresh if fresh and self._last > self._began else None
 
     def speed(self) -> str:
-        """`412 jobs an hour`; empty before the first end."""
+        """Return the speed, as `412 jobs an hour`; empty before the first end."""
         each = self.seconds_a_job
         if each is None:
             return ""
@@ -58,7 +58,8 @@ class BatchCount:
         return f"{an_hour:.0f} jobs an hour" if an_hour >= 10 else f"{an_hour:.1f} jobs an hour"
 
     def end_in_words(self) -> str:
-        """`in 18 min, at 23:14`, as the pace so far has it; empty before the first end and after the last."""
+        """Return the expected end, as `in 18 min, at 23:14`; empty before the first end and after the
+        last."""
         each = self.seconds_a_job
         if each is None or self.done >= self.total:
             return ""
@@ -73,7 +74,7 @@ class BatchCount:
 
 
 def span(seconds: float) -> str:
-    """As exact as it matters: `40 s`, `18 min`, `2 h 05 min`."""
+    """Return a duration, rounded: `40 s`, `18 min`, `2 h 05 min`."""
     if seconds < 59.5:
         return f"{seconds:.0f} s"
     hours, minutes = divmod(round(seconds / 60), 60)

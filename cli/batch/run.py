@@ -29,7 +29,7 @@ _OF_A_MATRIX = (
     *("seeds", "scene", "faults", "set_", "backend", "verify"),
     *("limit", "wall_limit", "memory", "disk", "keep"),
 )
-"""Options that say what a plan file says."""
+"""Options that a plan file replaces."""
 
 
 def run(
@@ -127,7 +127,7 @@ def run(
 
 
 def _refuse_what_a_plan_says(context: typer.Context, also: Sequence[str]) -> None:
-    """Raises PicktreeError for an option that would change nothing."""
+    """Raise PicktreeError for an option that would have no effect."""
     for name in (*_OF_A_MATRIX, *also):
         source = context.get_parameter_source(name)
         if source is not None and source.name == "COMMANDLINE":
@@ -139,7 +139,7 @@ def _refuse_what_a_plan_says(context: typer.Context, also: Sequence[str]) -> Non
 def _hands(
     executor: Literal["local", "ray"], workers: int | None, address: str | None
 ) -> LocalExecutor | RayExecutor:
-    """Who carries the jobs out. A cluster is there then, before there is a batch."""
+    """Return the executor. A cluster is connected before the batch is created."""
     if executor == "ray":
         from ...batch.cluster.ray_executor import RayExecutor
 
@@ -153,7 +153,7 @@ def _hands(
 def _matrix(
     missions: list[Path], faults: list[str], settings: list[str], options: Mapping[str, object]
 ) -> Mapping[str, object]:
-    """The keys of a plan file that say what the options say."""
+    """Return the keys of a plan file that correspond to the options."""
     from ..run.run import parse_parameters
 
     return {
@@ -166,7 +166,7 @@ def _matrix(
 
 
 def _carry_out(made: Batch, executor: Executor, answer: TextIO | None) -> None:
-    """Run what is to do, show it, and end with the exit code that it comes to."""
+    """Run all jobs that are to do, show the progress, and end with the exit code."""
     from ...batch.statistics.summary import summarise
     from .progress import EventLines, discard, progress
 
@@ -203,9 +203,9 @@ def _new_folder(plan: BatchPlan) -> Path:
 
 @contextmanager
 def _stopped_by_signals(made: Batch) -> Generator[None]:
-    """Ctrl-C finishes what runs, the second one breaks it off; SIGTERM comes from who will not wait long.
+    """Handle signals: Ctrl-C finishes running jobs, a second one and SIGTERM break them off.
 
-    A terminal that goes finishes what runs, too; under nohup it is no matter.
+    The loss of the terminal finishes running jobs, too; under nohup it has no effect.
     """
     heard = {signal.SIGINT: made.stop, signal.SIGTERM: made.break_off, signal.SIGHUP: made.finish}
 

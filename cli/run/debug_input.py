@@ -1,4 +1,4 @@
-"""The debugger's prompt, at a terminal or of what is piped into stdin."""
+"""Input of the debugger's prompt, from a terminal or from a pipe."""
 
 from __future__ import annotations
 

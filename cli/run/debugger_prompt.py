@@ -1,4 +1,4 @@
-"""The prompt of `picktree run --debug`: look, step, go on."""
+"""Prompt of `picktree run --debug`: views, steps, breakpoints."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ MARKS: Mapping[NodeStatus, str] = {
 
 
 def place(tree: BehaviourTree, stop: DebuggerStop) -> str:
-    """Where the run stands still, in a line."""
+    """Return the place of the stop in a line."""
     now = f"{tree.root.world.clock.now:.2f} s"
     if not stop.path:
         return f"{now}, end of the tick; {deepest(tree).path} is {deepest(tree).state}"
@@ -42,13 +42,13 @@ def place(tree: BehaviourTree, stop: DebuggerStop) -> str:
 
 
 def deepest(tree: BehaviourTree) -> Node:
-    """The node that runs and below which none does; the root when none runs."""
+    """Return the deepest running node; the root when none runs."""
     running = [node for node in tree.nodes if node.state is NodeStatus.RUNNING]
     return running[-1] if running else tree.root
 
 
 def tree_lines(tree: BehaviourTree, top: Node, stop: DebuggerStop) -> Iterator[str]:
-    """A line for each node from `top` down, the one of the stop marked."""
+    """Yield a line for each node from `top` down; the stop's node is marked."""
     indent = top.path.count("/")
     for node in tree.nodes:
         if node.path != top.path and not node.path.startswith(f"{top.path}/"):
@@ -60,7 +60,7 @@ def tree_lines(tree: BehaviourTree, top: Node, stop: DebuggerStop) -> Iterator[s
 
 
 def where_lines(tree: BehaviourTree, stop: DebuggerStop) -> Iterator[str]:
-    """The nodes from the root to where the run stands."""
+    """Yield the nodes from the root to the place of the stop."""
     end = stop.path or deepest(tree).path
     for node in tree.nodes:
         if node.path == end or end.startswith(f"{node.path}/"):
@@ -69,7 +69,7 @@ def where_lines(tree: BehaviourTree, stop: DebuggerStop) -> Iterator[str]:
 
 
 def node_lines(node: Node, stop: DebuggerStop, breakpoints: Mapping[int, Breakpoint]) -> Iterator[str]:
-    """What one node is, what its ports hold, and why it failed."""
+    """Yield the state of one node, the values of its ports, and its failure."""
     yield f"{node.path}: {node.wiring.id}, {node.kind}, {node.state}"
     # A node that is about to start still has the inputs of its last activation.
     unread = node.state is NodeStatus.IDLE or stop == DebuggerStop("before", node.path)
@@ -97,7 +97,7 @@ def node_lines(node: Node, stop: DebuggerStop, breakpoints: Mapping[int, Breakpo
 
 
 def blackboard_lines(tree: BehaviourTree, part: str) -> Iterator[str]:
-    """The keys that contain `part`, with their values; one alone is shown whole."""
+    """Yield the keys that contain `part`, with their values; a single one in full."""
     board = tree.blackboard
     keys = sorted(key for key in board if part in key)
     if not keys:
@@ -108,7 +108,7 @@ def blackboard_lines(tree: BehaviourTree, part: str) -> Iterator[str]:
 
 
 def belief_lines(tree: BehaviourTree, part: str) -> Iterator[str]:
-    """The objects whose id contains `part`, as the robot believes them."""
+    """Yield the believed objects whose id contains `part`."""
     world = tree.root.world
     objects = [o for o in world.scene.objects if part in o.id]
     if not objects:
@@ -130,7 +130,7 @@ def _said(node: Node) -> str:
 
 
 def _now(node: Node, key: str) -> str:
-    """What a port would read at this moment."""
+    """Return the value that a port would read now."""
     wired = node.wiring.ports.get(key)
     if wired is None:
         port = node.declaration.port(key)
@@ -146,7 +146,7 @@ def _now(node: Node, key: str) -> str:
 
 
 def _read(node: Node, key: str) -> str:
-    """What a port held when the node started."""
+    """Return the value that a port had at the node's start."""
     try:
         return _value(node.input(key))
     except KeyError:
@@ -166,7 +166,7 @@ def _value(value: object) -> str:
 
 @dataclass(frozen=True, slots=True)
 class _Named:
-    """A node by what it may be called."""
+    """Node with its possible names."""
 
     path: str
     name: str
@@ -174,9 +174,9 @@ class _Named:
 
 
 class DebugPrompt(CommandPrompt):
-    """Reads commands at a stop until one of them lets the run go on.
+    """Prompt that reads commands at a stop until one of them continues the run.
 
-    At the end of the input the run goes on without another stop, so that a script need not say so. An
+    At the end of the input the run continues without another stop, so that a script need not request it. An
     empty line repeats the last command.
     """
 
@@ -240,7 +240,7 @@ class DebugPrompt(CommandPrompt):
             self._say(f"`{line}` failed: {type(error).__name__}: {error}")
         return False
 
-    # Looking.
+    # Views.
 
     def _show_tree(self, path: str) -> bool:
         top = self._one(path) if path else self._tree.root
@@ -275,7 +275,7 @@ class DebugPrompt(CommandPrompt):
     def _here(self) -> Node:
         return self._tree.find(self._stop.path) if self._stop.path else deepest(self._tree)
 
-    # Going on.
+    # Continuation.
 
     def _step(self, count: str) -> bool:
         if count and not (count.isdecimal() and int(count) > 0):

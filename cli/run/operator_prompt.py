@@ -1,4 +1,4 @@
-"""A person at the terminal who answers when a mission asks for help."""
+"""Prompt for the operator at the terminal when a mission asks for help."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from ...cell.operator_desk import OperatorQuestion
 
 
 class PersonAtTerminal:
-    """Shows the question and reads the answer; the run waits for it, and its clock with it.
+    """Prompt that shows the question and reads the answer, while run and clock wait.
 
-    `read` gives a line and raises EOFError at the end of the input; `aside` is entered meanwhile, so that
-    nobody else writes to the terminal.
+    `read` returns a line and raises EOFError at the end of the input. `aside` is entered during the prompt,
+    so that no other display writes to the terminal.
     """
 
     def __init__(
@@ -26,7 +26,7 @@ class PersonAtTerminal:
         self._out, self._aside, self._read = out, aside, read
 
     def answer(self, question: OperatorQuestion) -> str | None:
-        """None when the person leaves (end of the input): the run ends `paused`."""
+        """Return the answer; None at the end of the input: the run ends `paused`."""
         with self._aside():
             self._say("", f"Help is wanted: {question.reason}", f"  {question.situation}")
             for number, choice in enumerate(question.choices, 1):
@@ -50,5 +50,5 @@ class PersonAtTerminal:
 
 
 def person(out: TextIO, aside: Callable[[], AbstractContextManager[None]]) -> PersonAtTerminal | None:
-    """Whoever sits at the terminal; None when there is none."""
+    """Return the operator's prompt; None when stdin is no terminal."""
     return PersonAtTerminal(out, aside) if sys.stdin.isatty() else None

@@ -161,11 +161,11 @@ def run(
 
 
 _SAID_BY_THE_LOG = ("mission", "scene", "robot", "seed", "set_", "faults", "backend", "verify", "watch")
-"""Parameters that cannot be given with --resume."""
+"""Parameters that are invalid with --resume, because the log has them."""
 
 
 def refuse_contradictions(context: typer.Context) -> None:
-    """Raises PicktreeError for an option that says what the log of the run says already."""
+    """Raise PicktreeError for an option that the run's log already determines."""
     for name in _SAID_BY_THE_LOG:
         source = context.get_parameter_source(name)
         if source is not None and source.name == "COMMANDLINE":
@@ -213,7 +213,7 @@ def parse_limit(text: str) -> float:
 
 @contextmanager
 def _live_view(wanted: bool, port: int) -> Generator[Listener | None]:
-    """The live view, if it is wanted; where it is goes to stderr."""
+    """Serve the live view in the block, if it is wanted; its address goes to stderr."""
     if not wanted:
         yield None
         return
@@ -234,7 +234,8 @@ def _debugger(*, to_stderr: bool) -> Debugger:
 
 
 def _view(*, to_stderr: bool, lines: bool) -> RunDisplay:
-    """`lines`: no live view, whatever the terminal, because somebody types into it."""
+    """Return the display of the run. `lines`: no live tree on any terminal, because the user types into
+    it."""
     from rich.console import Console
 
     from ..terminal.progress import LinesDisplay, LiveDisplay

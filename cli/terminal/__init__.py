@@ -1,1 +1,1 @@
-"""What commands share: output, prompts, progress."""
+"""Terminal functions shared by commands: output, prompts, progress."""

@@ -1,4 +1,4 @@
-"""An object of the belief in a line: of a mission that runs, or of a log."""
+"""Line of text for a believed object, of a running mission or of a log."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class BelievedLike(Protocol):
 
 
 def belief_line(o: BelievedLike, now: float) -> str:
-    """`now` in simulated s."""
+    """Return the line; `now`: simulated time, s."""
     x, y, z = o.pose.position
     place = "in the hand" if o.attached else o.place or "somewhere"
     seen = f"seen {now - o.last_seen:.1f} s ago, confidence {o.confidence:.2f}"

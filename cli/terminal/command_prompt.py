@@ -1,4 +1,4 @@
-"""A prompt with commands: shortened, repeated, completed, explained. Debugger and replay are two of them."""
+"""Prompt with commands that can be shortened, repeated, completed and explained, for debugger and replay."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Out = TypeVar("Out", bound=TextIO)
 
 @dataclass(frozen=True, slots=True)
 class Command:
-    """What may be typed; `run` answers whether the prompt is left then."""
+    """Command of a prompt; `run` returns whether it leaves the prompt."""
 
     usage: str
     help: str
@@ -25,9 +25,9 @@ class Command:
 
 
 class CommandPrompt:
-    """Reads commands until one of them leaves the prompt. An empty line repeats the last command.
+    """Prompt that reads commands until one of them leaves it. An empty line repeats the last command.
 
-    `read` shows the text of a prompt and gives a line; it raises EOFError at the end of the input.
+    `read` shows the text of the prompt and returns a line; it raises EOFError at the end of the input.
     """
 
     text = "(picktree) "
@@ -42,7 +42,7 @@ class CommandPrompt:
         self._commands.update({command.usage.split()[0]: command for command in commands})
 
     def converse(self) -> bool:
-        """Carry out lines; False at the end of the input, True when a command left the prompt."""
+        """Run command lines; return False at the end of the input, True when a command left the prompt."""
         while True:
             try:
                 line = self._read(self.text).strip() or self._last
@@ -54,7 +54,7 @@ class CommandPrompt:
 
     @contextmanager
     def into(self, out: Out) -> Generator[Out]:
-        """Say everything into `out` instead, for as long."""
+        """Redirect the output to `out` in the block."""
         before, self._out = self._out, out
         try:
             yield out
@@ -62,7 +62,7 @@ class CommandPrompt:
             self._out = before
 
     def carry_out(self, line: str) -> bool:
-        """One command. Bad input is told, not raised."""
+        """Run one command. Bad input is reported, not raised."""
         word, _, rest = line.partition(" ")
         name = self._named(word)
         if not name:
@@ -74,7 +74,7 @@ class CommandPrompt:
         return False
 
     def completions(self, line: str) -> list[str]:
-        """What the last word of a line may become."""
+        """Return the possible completions of a line's last word."""
         word, _, rest = line.lstrip().partition(" ")
         if not rest and not line.endswith(" "):
             return [f"{name} " for name in self._commands if name.startswith(word)]
@@ -85,11 +85,11 @@ class CommandPrompt:
         return sorted(text for text in self.arguments(meant[0]) if text.startswith(last))
 
     def arguments(self, command: str) -> Iterable[str]:
-        """What may follow a command."""
+        """Return the possible arguments of a command."""
         return self._commands if command == "help" else ()
 
     def show_help(self, word: str) -> bool:
-        """For a command `help [COMMAND]`."""
+        """Show the help of a command, or of all, for `help [COMMAND]`."""
         name = self._named(word) if word else ""
         if word and not name:
             return False
@@ -103,7 +103,8 @@ class CommandPrompt:
         return self._show(lines)
 
     def _named(self, word: str) -> str:
-        """The command that a word or its beginning means; empty, and said, when none or several do."""
+        """Return the command of a word or its beginning; empty, with a message, when none or several
+        match."""
         fitting = self._meant(word)
         if len(fitting) == 1:
             return fitting[0]
@@ -116,7 +117,7 @@ class CommandPrompt:
         return ""
 
     def _meant(self, word: str) -> list[str]:
-        """The commands that a word or its beginning may mean."""
+        """Return the commands that match a word or its beginning."""
         exact = [name for name, command in self._commands.items() if word in (name, command.short)]
         return exact or [name for name in self._commands if name.startswith(word)]
 
@@ -130,7 +131,7 @@ class CommandPrompt:
 
 
 def line_reader(out: TextIO) -> Callable[[str], str]:
-    """Reads from stdin. What is piped in is shown behind the prompt, so that it reads as a conversation."""
+    """Return a reader of stdin. Piped input is echoed after the prompt, so that the output is complete."""
     if sys.stdin.isatty():
         return input
 
@@ -145,7 +146,7 @@ def line_reader(out: TextIO) -> Callable[[str], str]:
 
 
 def complete_with(prompt: CommandPrompt) -> None:
-    """Let Tab complete the lines that are typed for this prompt."""
+    """Complete lines for this prompt with the Tab key."""
     try:
         import readline
     except ImportError:  # Python may be built without it

@@ -1,4 +1,4 @@
-"""The nodes that a command is to know."""
+"""Registry of the nodes that a command may use."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ if TYPE_CHECKING:
 
 
 def registry(*, shipped: bool = False) -> NodeRegistry:
-    """All installed nodes, or (`shipped`) only those that come with picktree.
+    """Return all installed nodes, or with `shipped` only those that come with picktree.
 
-    What cannot be imported is told on stderr: its nodes are missing in the answer.
+    Plug-ins that cannot be imported are reported on stderr; their nodes are missing.
     """
     from ...trees.loading.registry import NodeRegistry
 

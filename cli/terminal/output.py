@@ -1,4 +1,4 @@
-"""Where a command's answer goes."""
+"""Output of a command's answer."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ if TYPE_CHECKING:
 
 
 def keep_stdout() -> TextIO:
-    """The present stdout, for the answer alone: from now on all else that is written there goes to stderr.
+    """Return the present stdout for the answer alone; all other output goes to stderr from now on.
 
-    Done on the file descriptor, because the libraries in C++ print on their own.
+    The file descriptor is redirected, because libraries in C++ print directly.
     """
     sys.stdout.flush()
     kept = os.fdopen(os.dup(1), "w", encoding="utf-8")
@@ -28,7 +28,7 @@ def keep_stdout() -> TextIO:
 
 
 def show(text: str, output: Path | None) -> None:
-    """Print the text, or write it to that file. Raises PicktreeError when it cannot be written."""
+    """Print the text, or write it to a file. Raises PicktreeError when it cannot be written."""
     if output is None:
         sys.stdout.write(text)
         return
@@ -41,7 +41,7 @@ def show(text: str, output: Path | None) -> None:
 
 
 def program() -> str:
-    """What to type to call picktree as it was called now, for commands that are shown to be copied."""
+    """Return the shell command with which picktree was called, for commands to copy."""
     called = Path(sys.argv[0])
     if called.name == "__main__.py":
         return f"{shlex.quote(sys.executable)} -m picktree"
@@ -52,7 +52,8 @@ def program() -> str:
 
 
 def painter(stream: TextIO) -> Paint:
-    """How to colour text for that stream: not at all unless it is a terminal that wants it."""
+    """Return a function that colours text for the stream; without colours where it is no suitable
+    terminal."""
     if not stream.isatty() or os.environ.get("NO_COLOR") or os.environ.get("TERM") == "dumb":
         return lambda text, role: text
     return lambda text, role: typer.style(text, **_STYLES[role])

@@ -1,4 +1,4 @@
-"""What is shown while a mission runs: a live tree on a terminal, plain lines elsewhere."""
+"""Displays of a running mission: a live tree on a terminal, plain lines elsewhere."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ if TYPE_CHECKING:
     from ...trees.running.runner import NodeInfo, NodeReport, TickReport
 
 _PERIOD = 0.1
-"""Wall seconds between two pictures of the live view."""
+"""Interval between redraws of the live view, wall s."""
 _NEWS = 30.0
-"""Simulated seconds between two lines when nothing else is to be said."""
+"""Interval between lines when there are no other events, simulated s."""
 MARKS = {
     "IDLE": ("·", "dim"),
     "RUNNING": ("▶", "bold cyan"),
@@ -31,7 +31,7 @@ MARKS = {
 
 
 class RunDisplay(Protocol):
-    """A watcher of a session that holds the terminal while it is entered."""
+    """Observer of a session that holds the terminal while it is entered."""
 
     def __enter__(self) -> Self: ...
     def __exit__(
@@ -43,12 +43,12 @@ class RunDisplay(Protocol):
     def told(self, now: float, text: str) -> None: ...
     def finished(self, result: RunResult) -> None: ...
     def aside(self) -> AbstractContextManager[None]:
-        """Meanwhile the terminal is somebody else's."""
+        """Release the terminal to another user in the block."""
         ...
 
 
 class LinesDisplay:
-    """One line for each item done and each failed leaf, and one when nothing happened for long."""
+    """Display with a line for each finished item and each failed leaf, and one after a long time without."""
 
     def __init__(self, console: Console) -> None:
         self._console = console
@@ -97,7 +97,8 @@ class LinesDisplay:
 
 
 class LiveDisplay:
-    """The tree with its statuses, redrawn a few times a second of the wall clock, and gone at the end."""
+    """Display of the tree with its statuses, redrawn a few times per second of wall time, removed at the
+    end."""
 
     def __init__(self, console: Console) -> None:
         self._live = Live(console=console, auto_refresh=False, transient=True)
@@ -153,12 +154,12 @@ class LiveDisplay:
 
 
 def deepest_running(nodes: Sequence[NodeReport]) -> str:
-    """Path of the last running node, parents coming first; "nothing" when none runs."""
+    """Return the path of the last running node, parents first; "nothing" when none runs."""
     return next((node.path for node in reversed(nodes) if node.status == "RUNNING"), "nothing")
 
 
 class ShownNode(Protocol):
-    """A node of the tree: of a mission that runs, or of a log."""
+    """Node of a displayed tree: of a running mission, or of a log."""
 
     @property
     def path(self) -> str: ...
@@ -168,12 +169,12 @@ class ShownNode(Protocol):
     def name(self) -> str: ...
     @property
     def parent(self) -> str | None:
-        """None or empty for the root."""
+        """Path of the parent; None or empty for the root."""
         ...
 
 
 class Status(Protocol):
-    """How a node stands after a tick."""
+    """Status of a node after a tick."""
 
     @property
     def path(self) -> str: ...
@@ -181,7 +182,7 @@ class Status(Protocol):
     def status(self) -> str: ...
     @property
     def cause(self) -> str | None:
-        """None or empty when there is none."""
+        """Name of the failure's cause; None or empty without one."""
         ...
 
     @property
@@ -191,8 +192,10 @@ class Status(Protocol):
 def tree_rows(
     structure: Sequence[ShownNode], nodes: Sequence[Status], room: int, also: Collection[str] = ()
 ) -> list[Text]:
-    """A row for each node that runs or has a running parent, and for the paths `also`; at most `room` of
-    them: the running ones and those nearest to the last of them are kept."""
+    """Return a row for each node that runs or has a running parent, and for the paths `also`.
+
+    At most `room` rows are kept: the running nodes, and those nearest to the last of them.
+    """
     reports = {node.path: node for node in nodes}
     depths = _depths(structure)
     shown = [

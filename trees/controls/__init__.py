@@ -1,4 +1,4 @@
-"""The control nodes, decorators and leaves that belong to the language itself."""
+"""Control nodes, decorators and leaves of the language itself."""
 
 from ..node import Node
 from .branches import IfThenElse, WhileDoElse

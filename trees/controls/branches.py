@@ -1,4 +1,4 @@
-"""IfThenElse and WhileDoElse: one child decides which other is ticked."""
+"""IfThenElse and WhileDoElse: a condition selects the branch that is ticked."""
 
 from __future__ import annotations
 
@@ -118,9 +118,10 @@ class WhileDoElse(ControlNode):
 def _branch(
     spec: NodeSpec, starts: States, walk: FlowAnalysis, ends: OutcomeCollector, *, asked_anew: bool = False
 ) -> States:
-    """Gather the ends of the branch that the condition chooses; the states in which something may run on.
+    """Collect the outcomes of the branch that the condition selects; return the states in which a node may
+    run.
 
-    `asked_anew`: while a branch runs on, the condition is asked at every tick.
+    `asked_anew`: the condition is ticked again at every tick while a branch runs.
     """
     condition, *branches = spec.children
     asked = walk.child(condition, starts)

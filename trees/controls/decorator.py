@@ -1,4 +1,4 @@
-"""The base of nodes with exactly one child."""
+"""Base class of nodes with exactly one child."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from ..status import NodeStatus
 
 
 class Decorator(Node, abstract=True):
-    """Changes when its child is ticked, or what its answer means."""
+    """Node that changes when its one child is ticked, or how the child's status is reported."""
 
     kind = "decorator"
     body = child("the child")
 
     def relay(self) -> NodeStatus:
-        """Tick the child and answer as it does, with its failure."""
+        """Tick the child; return its status and take over its failure."""
         state = self.body.step()
         return self.fail_with(self.body.failure) if state is NodeStatus.FAILURE else state

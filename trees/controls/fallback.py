@@ -1,4 +1,4 @@
-"""Fallback and ReactiveFallback: the first child that succeeds."""
+"""Fallback and ReactiveFallback: children in order until one succeeds."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ class ReactiveFallback(ControlNode):
     """Tries every child anew at each tick, from the first.
 
     When an earlier child runs or succeeds, a later one that was RUNNING is halted, after the earlier was
-    ticked: both hold the arm for a moment, and the one that acquired it last keeps it.
+    ticked. Both hold the arm for a moment, and the one that acquired it last keeps it.
     """
 
     steady = True
@@ -107,9 +107,9 @@ class ReactiveFallback(ControlNode):
 def _try_all(
     spec: NodeSpec, starts: States, walk: FlowAnalysis, ends: OutcomeCollector, *, asked_anew: bool = False
 ) -> States:
-    """Gather the ends of trying the children once; the states in which one of them may run on.
+    """Collect the outcomes of one pass over the children; return the states in which a child may run.
 
-    `asked_anew`: while a child runs on, those before it are asked at every tick.
+    `asked_anew`: the children before the running one are ticked again at every tick.
     """
     skipped: States = starts
     failed: Failures = {}

@@ -1,4 +1,4 @@
-"""ForEach: the same branch for each element of a list."""
+"""ForEach: one branch for each element of a list."""
 
 from __future__ import annotations
 
@@ -103,7 +103,7 @@ class ForEach(Decorator):
             flow = walk.child(part, tidy(state.written(element) for state in starts))
             passed = set(flow.success)
             for state, reasons in flow.failure.items():
-                # A safety stop is passed over if somebody has acknowledged it by then.
+                # A safety stop may be passed over once the operator has acknowledged it.
                 ends.fail_at(state, reasons.only(walk.unhidable) if on_failure == "continue" else reasons)
                 passed |= {state} if on_failure != "fail" else set()
             ends.succeed(passed)

@@ -1,4 +1,4 @@
-"""Inverter, ForceSuccess, ForceFailure: what a child's answer means."""
+"""Inverter, ForceSuccess, ForceFailure: decorators that change the child's status."""
 
 from __future__ import annotations
 
@@ -97,7 +97,8 @@ class ForceFailure(Decorator):
 
 
 def _hide_failures(flow: NodeOutcomes, walk: FlowAnalysis, ends: OutcomeCollector) -> None:
-    """Gather the ends of a child other than success, its failures made successes where that may be."""
+    """Collect the outcomes of a child other than success, with failures turned into successes where
+    allowed."""
     for state, reasons in flow.failure.items():
         ends.fail_at(state, reasons.only(walk.unhidable))
         if hidden := reasons.only(~walk.unhidable).any:

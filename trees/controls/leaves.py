@@ -1,4 +1,4 @@
-"""The leaves of the language itself: they neither move the robot nor take time."""
+"""Leaves of the language itself: they neither move the robot nor take time."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ if TYPE_CHECKING:
 
 
 class ConditionNode(Node, abstract=True):
-    """A question. No is FAILURE without a report: a status, not a failure that needs a cure."""
+    """Base class of conditions. False is FAILURE without a report: a status that needs no recovery."""
 
     kind = "condition"
 
     @abstractmethod
     def answer(self, world: World) -> bool:
-        """Whether it holds now. Raise Failure when that cannot be said."""
+        """Return whether the condition holds now. Raise Failure when that cannot be decided."""
         ...
 
     def on_tick(self) -> NodeStatus:

@@ -83,7 +83,7 @@ class Parallel(ControlNode):
                     skipped += 1
                 case _:
                     pass
-            # As BT.CPP: of a number that counts from the end, skipped children need not succeed.
+            # As in BT.CPP: with a number that counts from the end, skipped children need not succeed.
             spared = skipped if self.success_count < 0 and skipped < total else 0
             if self._succeeded + spared >= wanted:
                 return NodeStatus.SUCCESS
@@ -106,5 +106,5 @@ class Parallel(ControlNode):
 
 
 def _count(number: int, total: int) -> int:
-    """A number below zero counts from the end."""
+    """Return the number of children meant: a number below zero counts from the end."""
     return max(0, total + number + 1) if number < 0 else number

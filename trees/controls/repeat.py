@@ -1,4 +1,4 @@
-"""Repeat and KeepRunningUntilFailure: the same branch again."""
+"""Repeat and KeepRunningUntilFailure: loops over one branch."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""RetryUntilSuccessful: the same branch again after a failure."""
+"""RetryUntilSuccessful: repeats a branch after a failure."""
 
 from __future__ import annotations
 
@@ -56,10 +56,10 @@ class RetryUntilSuccessful(Decorator):
         self._attempts += 1
         report = self.body.failure
         fault = report is not None and matches(str(internal.ANY), report.cause)
-        # More than allowed, when the number was edited under the run.
+        # The count can exceed the limit when an edit during the run lowers the limit.
         if fault or 0 < self.num_attempts <= self._attempts:
             return self._give_up(report)
-        # Without end, so that hours of retrying do not grow the state.
+        # Reports are limited, so that the state does not grow over hours of attempts.
         self._reports = (*self._reports, *((report,) if report else ()))[-_KEPT:]
         return NodeStatus.RUNNING
 

@@ -1,4 +1,4 @@
-"""RoundRobin: the children take turns."""
+"""RoundRobin: children in turn."""
 
 from __future__ import annotations
 
@@ -111,8 +111,11 @@ def _take_turns(
     again: bool,
     whole: bool,
 ) -> None:
-    """Gather the ends of trying the children in that order. `again`: those skipped before a child ran on may
-    have another turn after it. `whole`: SKIPPED when all of them are."""
+    """Collect the outcomes of one pass over the children in this order.
+
+    `again`: children that were skipped before one ran may get another turn after it. `whole`: the pass is
+    SKIPPED when all children are.
+    """
     skipped: States = frozenset((entry,))
     failed: Failures = {}
     running: set[FlowState] = set()

@@ -101,9 +101,9 @@ class ReactiveSequence(ControlNode):
 def _go_through(
     spec: NodeSpec, starts: States, walk: FlowAnalysis, ends: OutcomeCollector, *, asked_anew: bool = False
 ) -> States:
-    """Gather the ends of one way through the children; the states in which one of them may run on.
+    """Collect the outcomes of one pass over the children; return the states in which a child may run.
 
-    `asked_anew`: while a child runs on, those before it are asked at every tick.
+    `asked_anew`: the children before the running one are ticked again at every tick.
     """
     skipped, going = starts, NONE
     """States after children that were all skipped, and after others."""

@@ -85,7 +85,8 @@ class Switch(ControlNode):
                 flow = walk.child(part, starts)
                 ends.take(flow)
                 running |= flow.running
-            # That the value changes while a case runs on is rare: reckoned with, and nothing reported of it.
+            # The value seldom changes while a case runs. The analysis allows for it, and reports nothing
+            # about it.
             after = tidy(starts | {state.in_doubt() for state in running} if len(chosen) > 1 else starts)
             if after == starts:
                 return ends.flow()
@@ -98,7 +99,7 @@ class Switch(ControlNode):
 
 
 def _value_of(name: str) -> object:
-    """What two names of cases have in common that are chosen by the same values."""
+    """Return the number in a case's name, else the name; equal results are selected by the same values."""
     try:
         return float(name)
     except ValueError:

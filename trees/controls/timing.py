@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from ..mission import NodeSpec
 
 _ROUNDING = 1e-9
-"""Seconds by which a sum of ticks may fall short of the time that it means."""
+"""Tolerance for the rounding of summed ticks, s."""
 
 
 class Timeout(Decorator):

@@ -1,1 +1,1 @@
-"""From a mission file to a Mission."""
+"""Loading of mission files: text to checked Mission values."""

@@ -1,4 +1,4 @@
-"""The children of a node: lists, tables, and single ones, with a name of its own for each."""
+"""Reader of a node's children: lists, tables and single nodes, each with a unique name."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from ..values.port_types import show
 from .registry import NodeRegistry
 
 NAME = re.compile(r"[^/#\x00-\x1f]{1,60}")
-"""Of a node, or of a case."""
+"""Valid name of a node, or of a case."""
 Filled: TypeAlias = tuple[tuple[str, NodeSpec], ...]
-"""The children of a slot, each with its name in a table, else with nothing."""
+"""Children of a slot as (label, node); the label is the name in a table, else empty."""
 
 
 @dataclass(slots=True)
 class ChildNames:
-    """Gives each child of a node a name of its own: the second `Observe` is `Observe#2`."""
+    """Allocator of unique names among siblings: the second `Observe` is `Observe#2`."""
 
     _counts: dict[str, int] = field(default_factory=dict[str, int])
 
@@ -34,7 +34,7 @@ class ChildNames:
 
 
 class ChildReader:
-    """Reads the slots of nodes; `node` is how one node is read."""
+    """Reader of the slots of nodes. `node` reads a single node."""
 
     def __init__(
         self,
@@ -68,7 +68,7 @@ class ChildReader:
                 return self._table(slot, value, loc, trail, names)
 
     def _one(self, value: Value, loc: Location, trail: str, names: ChildNames, label: str) -> NodeSpec | None:
-        """One node; a list is a Sequence, which under `do` is called so and elsewhere as its slot."""
+        """Read one node. A list is a Sequence, named so under `do` and after its slot elsewhere."""
         if not isinstance(value, list):
             return self._node(value, loc, trail, names)
         if not value:
@@ -135,7 +135,7 @@ class ChildReader:
 
 
 def labels_of(slot: SlotDeclaration, value: Value) -> tuple[str, ...]:
-    """One entry for each child under a slot: its name in a table, else empty."""
+    """Return one label for each child under a slot: its name in a table, else empty."""
     if slot.arity == "table":
         return tuple(value) if isinstance(value, dict) else ()
     return ("",) * len(value) if isinstance(value, list) else ("",)

@@ -1,4 +1,5 @@
-"""The grammar of nodes: from the values under `trees:` to NodeSpecs, with all faults and their places.
+"""Grammar of nodes: converts the values under `trees:` to NodeSpecs, and reports all errors with their
+places.
 
 A node is a mapping with one key, `NodeID: {port: value, …}`, or the bare ID. Children are a list under the
 node, or `do:` where it has ports of its own; other slots have names. Where one child is wanted, a list is a
@@ -25,7 +26,8 @@ from .registry import NodeRegistry
 
 @dataclass(frozen=True, slots=True)
 class _Site:
-    """Where a node stands: `loc` of what is under its ID, `start` of the whole, and its path in the tree."""
+    """Place of a node: `loc` of the body under its ID, `start` of the whole node, and its path in the
+    tree."""
 
     loc: Location
     start: Location
@@ -33,12 +35,12 @@ class _Site:
 
     @property
     def keyed(self) -> bool:
-        """Whether the ID is the key of a mapping, and not a bare text."""
+        """Whether the ID is the key of a mapping, not a bare text."""
         return self.loc != self.start
 
 
 class NodeSpecReader:
-    """Reads the nodes of one document."""
+    """Reader of the nodes of one document."""
 
     def __init__(
         self,
@@ -50,7 +52,7 @@ class NodeSpecReader:
         *,
         lacking: bool = False,
     ) -> None:
-        """lacking: a file with more trees could not be read, so that no name is missed."""
+        """`lacking`: a file with more trees could not be read, so unknown names are not reported."""
         self._lacking = lacking
         self._document = document
         self._registry = registry
@@ -73,7 +75,7 @@ class NodeSpecReader:
         self._faults.at(self._document, loc, trail, message, hint, code=code, key=key, detail=detail)
 
     def node(self, value: Value, loc: Location, above: str, names: ChildNames) -> NodeSpec | None:
-        """One node and all below it; None when it cannot be read at all."""
+        """Read a node with all its descendants; None when it cannot be read at all."""
         if not self._faults.has_room(self._document, loc):
             return None
         match value:
@@ -129,7 +131,7 @@ class NodeSpecReader:
         else:
             hint = "a letter or '_', then letters, digits and '_'"
             self._fault(loc, above, f"{show(identity)} is not an ID", hint, code="P208", key=key)
-        # What stands below is still looked at: all faults are reported at once.
+        # Descendants are checked too, so that all errors are reported at once.
         inner, at = (body.get("do"), (*loc, "do")) if isinstance(body, dict) else (body, loc)
         if isinstance(inner, list):
             self._children.listed(inner, at, site.trail, ChildNames())
@@ -196,7 +198,7 @@ class NodeSpecReader:
         locations: Mapping[str, Location],
         site: _Site,
     ) -> None:
-        """What the class itself finds wrong."""
+        """Report the errors that the node's class finds in its values (`check_ports`)."""
         constants = {key: bound.value for key, bound in bindings.items() if isinstance(bound, Constant)}
         slots = [slot for slot in node.declaration.slots if slot.key in given]
         labels = {slot.key: labels_of(slot, given[slot.key]) for slot in slots}
@@ -222,7 +224,7 @@ class NodeSpecReader:
         slots: Mapping[str, Filled],
         places: Mapping[str, Mark],
     ) -> NodeSpec:
-        """The node with what may stand under every node."""
+        """Return the NodeSpec with the keys that every node may have."""
         loc, trail = site.loc, site.trail
         return NodeSpec(
             identity,
@@ -240,7 +242,7 @@ class NodeSpecReader:
     def _body(
         self, declaration: NodeDeclaration, body: Value, site: _Site
     ) -> tuple[dict[str, Value], dict[str, Location]]:
-        """The node's keys with their values, and where each value stands."""
+        """Return the node's keys with their values, and the place of each value."""
         main, loc = declaration.slot("do"), site.loc
         if main is not None and isinstance(body, str | list):
             return {"do": body}, {"do": loc}
@@ -248,7 +250,7 @@ class NodeSpecReader:
         places: dict[str, Location] = {key: (*loc, key) for key in given}
         strange = [key for key in given if key not in declaration.keys]
         if main is not None and "do" not in given and len(strange) == 1 and self._is_node(strange[0]):
-            # `Inverter: {Condition: {if: holding}}`: the one key that is no port is the child.
+            # `Inverter: {Condition: {if: holding}}`: the single key that is no port is the child.
             child = strange[0]
             given["do"] = {child: given.pop(child)}
             places["do"] = loc
@@ -271,7 +273,7 @@ class NodeSpecReader:
         return {}
 
     def _unknown_key(self, identity: str, key: str, known: Iterable[str], loc: Location, trail: str) -> None:
-        # Conditions are known to those who want them; in a hint they would only be noise.
+        # Hints omit the condition keys unless the author has written an underscore: they are seldom meant.
         names = [name for name in known if not name.startswith("_") or key.startswith("_")]
         hint = self._faults.nearest(key, names)
         self._fault(loc, trail, f"{identity} has no port {show(key)}", hint, code="P218", key=True)

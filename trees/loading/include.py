@@ -1,4 +1,4 @@
-"""`include:` in a mission: which files belong to it, each once, and what may not be included."""
+"""Reader of `include:`: the files that belong to a mission, each once, and the checks on them."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from ..values.fault_collector import MissionDiagnostics
 
 MAX_FILES: Final = 50
 MAX_CHARACTERS: Final = 1_000_000
-"""Of all included files together."""
+"""Limit of the total size of all included files, characters."""
 _SUFFIXES = (".yaml", ".yml")
 
 
 class IncludeReader:
-    """Follows the `include:` of one mission through all its files."""
+    """Reader that follows `include:` from the mission through all its files."""
 
     def __init__(self, files: MissionFiles, faults: MissionDiagnostics) -> None:
         self._files = files
@@ -26,12 +26,13 @@ class IncludeReader:
         self._characters = 0
 
     def of(self, document: Document) -> tuple[Document, ...]:
-        """The files that the mission takes in, in the order in which it names them, each once."""
+        """Return the files that the mission includes, each once, in the order of their first mention."""
         self._follow(document, "", (document.path.name,))
         return tuple(found for found in self._found.values() if found is not None)
 
     def _follow(self, document: Document, folder: str, trail: tuple[str, ...]) -> None:
-        """`folder` is the document's own below the mission's; `trail` the names that led here."""
+        """Follow the entries of one document. `folder`: the document's folder below the mission's; `trail`:
+        names of the including files."""
         entries = document.data.get("include")
         if entries is None:
             return
@@ -87,7 +88,7 @@ class IncludeReader:
         return included
 
     def _name(self, document: Document, entry: Value, folder: str, index: int) -> str | None:
-        """The name of an entry counted from the mission's folder; None when it may not be included."""
+        """Return an entry's name relative to the mission's folder; None when it may not be included."""
         if not isinstance(entry, str) or not entry:
             message = "an included file is named by a text"
             self._fault(document, (index,), message, "as 'common.yaml' or 'library/recovery'", code="P242")

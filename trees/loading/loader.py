@@ -1,4 +1,4 @@
-"""From a mission file to a Mission: everything that can be wrong in the text is found here, all at once."""
+"""Loader of missions: mission file to Mission. All errors of the text are found and reported at once."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ _GOAL_NAMES = ("total", "sorted", "misplaced", "left", "outstanding")
 
 
 class MissionHead:
-    """Reads the top of one document; plug-ins are added to the registry."""
+    """Reader of a document's top-level keys; it adds the plug-ins to the registry."""
 
     def __init__(
         self,
@@ -54,7 +54,7 @@ class MissionHead:
 
     @property
     def library(self) -> bool:
-        """Whether the file holds sub-trees for others only."""
+        """Whether the file only holds sub-trees for other missions."""
         return self._document.data.get("library") is True
 
     def check_keys(self) -> None:
@@ -69,7 +69,7 @@ class MissionHead:
                 self._fault((key,), message, code="P248", key=True)
 
     def text(self, key: str) -> str | None:
-        """The text under a key; None when there is none."""
+        """Return the text under a key; None when there is none."""
         value = self._document.data.get(key)
         if value is None or (isinstance(value, str) and value):
             return value
@@ -77,7 +77,8 @@ class MissionHead:
         return None
 
     def goal(self) -> Expression | None:
-        """What the scorer is to find after the run."""
+        """Return the expression that the scorer evaluates after the run; None when there is none or it is
+        wrong."""
         value = self._document.data.get("goal")
         if value is None:
             return None
@@ -104,7 +105,7 @@ class MissionHead:
         self._faults.add(Diagnostic(mark, "goal", message, "", code))
 
     def plugins(self) -> tuple[str, ...]:
-        """The plug-ins that the file names."""
+        """Load and return the plug-ins that the file names."""
         value = self._document.data.get("plugins")
         if value is None:
             return ()
@@ -133,12 +134,12 @@ class MissionHead:
 
 @dataclass(frozen=True, slots=True)
 class MissionReadResult:
-    """What a mission file gave. With faults the mission is only what could be read of it."""
+    """Result of reading a mission file. With errors the mission holds only the parts that could be read."""
 
     mission: Mission
     faults: tuple[Diagnostic, ...]
     circuit: ValueFlow | None
-    """What is wired to what; None where sub-trees call each other in a circle."""
+    """Connections between ports; None where sub-trees call each other in a circle."""
     pointer: ExpressionLocator
 
 
@@ -154,10 +155,10 @@ def parse_mission(
     files: MissionFiles | None = None,
     facts: Mapping[str, ValueType] = FACT_TYPES,
 ) -> Mission:
-    """As `load_mission`, of a text that was read already; `path` says what lies beside it.
+    """Read a mission from a text. `path`: the place of the file, for files next to it.
 
-    `files` gives the included files, by default from the disk; `facts` are what expressions may name of the
-    world.
+    `files` supplies the included files, by default from the disk. `facts`: world facts that expressions may
+    use. Raises FileError as `load_mission` does.
     """
     return read_mission(read_document(text, path, "mission"), registry, files, facts)
 
@@ -168,7 +169,7 @@ def read_mission(
     files: MissionFiles | None = None,
     facts: Mapping[str, ValueType] = FACT_TYPES,
 ) -> Mission:
-    """Check a document of kind `mission`. Raises FileError with all its faults, and for a library."""
+    """Check a document of kind `mission`. Raises FileError with all its errors, and for a library."""
     reading = examine(document, registry, files, facts)
     faults = [fault for fault in reading.faults if fault.severity == "error"]
     if not faults and reading.mission.library:
@@ -185,7 +186,7 @@ def examine(
     files: MissionFiles | None = None,
     facts: Mapping[str, ValueType] = FACT_TYPES,
 ) -> MissionReadResult:
-    """As `read_mission`, for who wants to look at a faulty mission too, or at a library."""
+    """Read a mission as `read_mission` does, but return faulty missions and libraries, too."""
     beside = files or FilesOnDisk(document.path.parent)
     return _Reader(document, (registry or NodeRegistry()).copy(), beside, facts).read()
 
@@ -231,13 +232,13 @@ class _Reader:
         return MissionReadResult(mission, faults.all(), circuit, pointer)
 
     def _circuit(self, trees: Mapping[str, TreeSpec], pointer: ExpressionLocator) -> ValueFlow | None:
-        """What is wired to what, checked: what can be wrong between nodes that are right by themselves."""
+        """Check the connections between nodes; report errors that single nodes do not show."""
         calls = tuple(check_calls(trees))
         for fault in calls:
             self._faults.add(fault)
         if calls:
             return None
-        # Where a node could not be read, a key may be written that nobody sees.
+        # Nodes that could not be read may write further keys.
         unfinished = [name for name in trees if self._faults.within(name)]
         circuit = ValueFlow(trees, self._facts)
         for fault in (*wiring_faults(circuit), *expression_faults(circuit, pointer, unfinished)):
@@ -246,5 +247,5 @@ class _Reader:
 
 
 def _classes(trees: Mapping[str, TreeSpec]) -> set[type[Node]]:
-    """The classes of all nodes in the trees."""
+    """Return the classes of all nodes in the trees."""
     return {spec.node for tree in trees.values() for spec in tree.root.iterate() if spec.node is not None}

@@ -1,8 +1,7 @@
-"""What stands at the ports of a node and in its conditions: references, literals, expressions.
+"""Reader of a node's ports and conditions: references, literals, expressions and postcondition assignments.
 
-Assignments of postconditions: `key := expression` or `key = expression`, several with `;`.
-
-`:=` writes the key whether it was there or not; `=` only changes one that is there, as in BehaviorTree.CPP.
+Assignments are `key := expression` or `key = expression`, separated by `;`. `:=` always writes the key; `=`
+only changes an existing key, as in BehaviorTree.CPP.
 """
 
 from __future__ import annotations
@@ -29,7 +28,7 @@ _CHANGE = re.compile(r"\s*([A-Za-z_]\w{0,59})\s*([-+*/])=", re.ASCII)
 
 
 def parse_assignments(text: str) -> tuple[Assignment, ...]:
-    """Raises ExpressionError with the character at which it goes wrong."""
+    """Parse assignments. Raises ExpressionError with the index of the wrong character."""
     if len(text) > MAX_LENGTH:
         raise ExpressionError(f"the assignments are longer than {MAX_LENGTH} characters")
     found: list[Assignment] = []
@@ -45,7 +44,8 @@ def parse_assignments(text: str) -> tuple[Assignment, ...]:
 
 
 def _parts(text: str) -> Iterator[tuple[int, str]]:
-    """What stands between the `;`, each with its first character's place; a quoted `;` divides nothing."""
+    """Yield the texts between the `;`, each with the index of its first character. A quoted `;` does not
+    separate."""
     start = 0
     for piece in _PIECE.finditer(text):
         if piece[0] == ";":
@@ -75,7 +75,7 @@ def _assignment(part: str, at: int) -> Assignment:
 
 
 class PortReader:
-    """Reads the values under the nodes of one document."""
+    """Reader of the values under the nodes of one document."""
 
     def __init__(self, document: Document, faults: MissionDiagnostics, pointer: ExpressionLocator) -> None:
         self._document = document
@@ -83,7 +83,8 @@ class PortReader:
         self._pointer = pointer
 
     def binding(self, port: PortDeclaration, value: Value, loc: Location, trail: str) -> Binding | None:
-        """What a port is connected to; None when it cannot be."""
+        """Return the reference or constant of a port; None (with an error reported) when the value does not
+        fit."""
         what = f"port {port.key!r}"
         if isinstance(value, str) and port.type.name != "expression":
             try:
@@ -136,7 +137,7 @@ class PortReader:
                 message = f"port {port.key!r} is missing" + (f": {port.doc}" if port.doc else "")
                 self._fault(loc, trail, message, code="P219", key=key)
 
-    # What may stand under every node.
+    # Keys that every node may have.
 
     def preconditions(self, given: Mapping[str, Value], loc: Location, trail: str) -> dict[str, Expression]:
         found: dict[str, Expression] = {}

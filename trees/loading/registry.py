@@ -1,4 +1,4 @@
-"""Which nodes there are: the language's own, installed ones (entry points), those of `plugins:`."""
+"""Registry of node classes: built-in nodes, installed plug-ins (entry points), and plug-ins of `plugins:`."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ GROUP = "picktree.nodes"
 
 @dataclass(frozen=True, slots=True)
 class PluginProblem:
-    """A plug-in that could not be used: a sentence, and its own traceback."""
+    """A plug-in that cannot be used: one sentence, and its own traceback."""
 
     plugin: str
     message: str
@@ -27,7 +27,8 @@ class PluginProblem:
 
 
 class NodeRegistry:
-    """Node classes by ID. Installed plug-ins are imported when a name is asked for that is not built in."""
+    """Node classes by ID. Installed plug-ins are imported on the first request for an ID that is not built
+    in."""
 
     def __init__(self, nodes: Iterable[type[Node]] = (), *, installed: bool = True) -> None:
         from ..controls import NODES  # the control nodes are made from the base, which the registry serves
@@ -56,13 +57,13 @@ class NodeRegistry:
 
     @property
     def problems(self) -> tuple[PluginProblem, ...]:
-        """Installed plug-ins that failed. Only a mission that misses a node needs to hear of it."""
+        """Installed plug-ins that failed to load. Only missions that lack a node report them."""
         self._load_installed()
         return tuple(self._problems)
 
     @property
     def causes(self) -> tuple[Cause, ...]:
-        """Our own causes, and those under the prefixes that the nodes of this registry declare."""
+        """Return the built-in causes, and those with the prefixes that this registry's nodes declare."""
         self._load_installed()
         declared = (cause for node in self._nodes.values() for cause in node.declaration.causes)
         prefixes = {*OUR_PREFIXES, *(cause.name.split(".")[0] for cause in declared)}
@@ -70,19 +71,20 @@ class NodeRegistry:
 
     @property
     def patterns(self) -> tuple[str, ...]:
-        """What may stand under `when:`: causes, families of them (`grasp.*`), and `*`."""
+        """Return the patterns valid under `when:`: causes, families of causes (`grasp.*`), and `*`."""
         names = [cause.name for cause in self.causes]
         families = {name[:at] for name in names for at, letter in enumerate(name) if letter == "."}
         return (*names, *(f"{family}.*" for family in sorted(families)), "*")
 
     def plugins_of(self, nodes: Iterable[type[Node]]) -> tuple[Plugin, ...]:
-        """The plug-ins of `plugins:`, and the installed ones of others that offer one of the nodes."""
+        """Return the plug-ins of `plugins:`, and the installed ones of others that offer one of these
+        nodes."""
         used = {self._from.get(node.declaration.id) for node in nodes}
         foreign = (plugin for plugin in self._plugins if not _is_ours(plugin.name))
         return tuple(plugin for plugin in foreign if plugin.name in used | self._asked)
 
     def copy(self) -> NodeRegistry:
-        """A registry that can take in a mission's plug-ins without this one changing."""
+        """Return a copy; a mission's plug-ins are added to it and leave this registry unchanged."""
         other = NodeRegistry(installed=False)
         other._nodes, other._from = dict(self._nodes), dict(self._from)
         other._plugins, other._asked = list(self._plugins), set(self._asked)
@@ -90,7 +92,7 @@ class NodeRegistry:
         return other
 
     def add(self, nodes: Iterable[type[Node]], source: str) -> None:
-        """All of them or none. Raises PluginError when an ID is taken by another class."""
+        """Add all classes or none. Raises PluginError when another class has the ID."""
         given = tuple(nodes)
         for number, node in enumerate(given):
             identity = node.declaration.id
@@ -108,7 +110,7 @@ class NodeRegistry:
             self._from.setdefault(node.declaration.id, source)
 
     def add_plugin(self, plugin: str, folder: Path) -> None:
-        """A module by its name, or a Python file in `folder`. Raises PluginError with what went wrong."""
+        """Add a module by its name, or a Python file in `folder`. Raises PluginError with the reason."""
         self._load_installed()  # so that it is the mission's plug-in that hears that an ID is taken
         self._take(load_plugin(plugin, folder))
         self._asked.add(plugin)
@@ -122,7 +124,7 @@ class NodeRegistry:
         if not self._pending:
             return
         self._pending = False
-        # Ours first: it is not a plug-in of ours that fails when another offers a node of the same ID.
+        # The built-in entry comes first: when two offer the same ID, the foreign plug-in fails.
         entries = sorted(entry_points(group=GROUP), key=lambda e: (not _is_ours(e.value), e.name, e.value))
         for entry in entries:
             try:

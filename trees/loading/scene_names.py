@@ -1,4 +1,4 @@
-"""The names that scene and robot give to a mission: cameras, bins, kinds, named poses."""
+"""Names that scene and robot define for a mission: cameras, bins, kinds, named poses."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from ..ports import NameKind
 
 @dataclass(frozen=True, slots=True)
 class SceneNames:
-    """What a mission may name, by the kind of name; `scene` and `robot` say where the names come from."""
+    """Names that a mission may use, by kind of name; `scene` and `robot` are the sources."""
 
     scene: str
     robot: str
@@ -23,7 +23,7 @@ class SceneNames:
 
 
 def load_surroundings(name: str, beside: Path | None = None) -> SceneNames:
-    """Of the shipped scene of that name, or of a file whose path counts from `beside`; with its robot.
+    """Load the names of a shipped scene, or of a scene file relative to `beside`, and of its robot.
 
     Raises FileError for a faulty file, PicktreeError when there is none.
     """
@@ -32,7 +32,7 @@ def load_surroundings(name: str, beside: Path | None = None) -> SceneNames:
 
 
 def scene_names(scene: SceneDescription, robot: RobotDescription) -> SceneNames:
-    """The names of that scene and that robot."""
+    """Return the names that the scene and the robot define."""
     bins = tuple(str(body.id) for body in scene.bins)
     colours = dict.fromkeys(colour for entry in scene.loads for colour in entry.colours)
     bored = [fixture for fixture in scene.fixtures if fixture.holes]

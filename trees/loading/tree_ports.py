@@ -1,4 +1,4 @@
-"""The `ports:` of a tree: its parameters, declared in the file with type, unit, default and choices."""
+"""Reader of a tree's `ports:`: parameters declared in the file with type, unit, default and choices."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _KEYS = ("type", "default", "doc", "unit", "choices", "direction")
 
 @dataclass(frozen=True, slots=True)
 class _Given:
-    """The declaration of one port, and where it stands."""
+    """Declaration of one port, and its place."""
 
     entry: Mapping[str, Value]
     loc: Location
@@ -29,14 +29,14 @@ class _Given:
 
 
 class TreePorts:
-    """Reads the ports of the trees of one document."""
+    """Reader of the ports of the trees of one document."""
 
     def __init__(self, document: Document, faults: MissionDiagnostics) -> None:
         self._document = document
         self._faults = faults
 
     def of(self, tree: str, body: Value) -> tuple[PortDeclaration, ...]:
-        """The ports of the tree whose whole body is given."""
+        """Return the ports of a tree, given the tree's whole body."""
         loc: Location = ("trees", tree, "ports")
         value = body.get("ports") if isinstance(body, dict) else None
         if value is None:
@@ -48,7 +48,7 @@ class TreePorts:
         return tuple(port for port in found if port is not None)
 
     def _port(self, name: str, value: Value, loc: Location) -> PortDeclaration | None:
-        """The port; where its declaration is faulty, one that takes anything."""
+        """Return the port; with a faulty declaration, one that accepts anything. None for an invalid name."""
         if not IDENTIFIER.fullmatch(name) or name.startswith("_") or name in COMMON_KEYS:
             self._fault(loc, f"{name!r} cannot be the name of a port", code="P214", key=True)
             return None

@@ -1,4 +1,4 @@
-"""The trees of all files of a mission, read with one list of names."""
+"""Reader of the trees of all files of a mission, with one common set of names."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from .tree_ports import TreePorts
 
 
 class TreeSetReader:
-    """Reads what stands under `trees:` of several documents. `lacking`: not all files could be read."""
+    """Reader of `trees:` of several documents. `lacking`: some included file could not be read."""
 
     def __init__(
         self, registry: NodeRegistry, faults: MissionDiagnostics, pointer: ExpressionLocator, *, lacking: bool
@@ -29,7 +29,7 @@ class TreeSetReader:
         self._lacking = lacking
 
     def read(self, documents: tuple[Document, ...]) -> dict[str, TreeSpec]:
-        """The trees that could be read, by name. A name belongs to the first file that gives it."""
+        """Return the trees that could be read, by name. A name belongs to the first file that defines it."""
         bodies = [(document, self._bodies(document)) for document in documents]
         ports: dict[str, tuple[PortDeclaration, ...]] = {}
         homes: dict[str, Document] = {}
@@ -53,7 +53,7 @@ class TreeSetReader:
         return trees
 
     def _bodies(self, document: Document) -> Mapping[str, Value]:
-        """What stands under `trees:` of one file, by name."""
+        """Return the bodies under `trees:` of one file, by name."""
         value = document.data.get("trees")
         library = document.data.get("library") is True
         if value is None:

@@ -1,1 +1,1 @@
-"""Nodes that others bring."""
+"""Plug-ins: nodes from outside picktree."""

@@ -1,4 +1,4 @@
-"""A plug-in: a Python file beside the mission, or an installed module, that offers nodes."""
+"""Loading of plug-ins: a Python file next to the mission, or an installed module, that offers nodes."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from .plugin_import import PluginError, importing
 
 
 def offered(module: ModuleType, plugin: str, attribute: str) -> tuple[type[Node], ...]:
-    """The node classes that the plug-in's module names. Raises PluginError for what is no good node."""
+    """Return the node classes that a plug-in's module lists. Raises PluginError for an invalid class."""
     nodes: object = getattr(module, attribute, None)
     if not isinstance(nodes, tuple | list):
         what = "has no" if nodes is None else "has something else as"
@@ -47,7 +47,7 @@ def offered(module: ModuleType, plugin: str, attribute: str) -> tuple[type[Node]
 
 
 def _is_node(value: object, module: ModuleType | None = None) -> TypeGuard[type[Node]]:
-    """Whether it is a class of nodes, and of that module's own making."""
+    """Whether the value is a node class, and one that this module itself defines."""
     if not (isinstance(value, type) and issubclass(value, Node)):
         return False
     own = module is None or value.__module__ == module.__name__
@@ -61,7 +61,7 @@ def _shown(value: object) -> str:
 
 
 def _check(node: type[Node], plugin: str) -> None:
-    """What would otherwise come out when the mission is built, or at the node's first failure."""
+    """Check a node class for errors that would otherwise appear at the build or at its first failure."""
     declaration = node.declaration
 
     def wrong(message: str, hint: str = "") -> PluginError:
@@ -117,16 +117,16 @@ def _check_cause(cause: Cause | Family, plugin: str, node: str) -> None:
 
 _DOTTED = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)*")
 _LAST = "__picktree_run__"
-"""Under this name a file's module keeps what was run."""
+"""Attribute under which a file's module keeps its `_Run`."""
 
 
 def load_plugin(plugin: str, folder: Path) -> Plugin:
-    """A Python file in `folder` (`wave.py`), or a module by its name. Raises PluginError."""
+    """Load a Python file in `folder` (`wave.py`), or a module by its name. Raises PluginError."""
     return _file(plugin, folder) if plugin.endswith(".py") else _named(plugin, folder)
 
 
 def load_installed(module: str, distribution: str = "") -> Plugin:
-    """What an entry point names: a module, or `module:attribute`. Raises PluginError."""
+    """Load the target of an entry point: a module, or `module:attribute`. Raises PluginError."""
     name, _, attribute = module.partition(":")
     with importing(name):
         found = importlib.import_module(name)
@@ -153,7 +153,7 @@ def _named(name: str, folder: Path) -> Plugin:
 
 
 def _is_part(missing: str | None, name: str) -> bool:
-    """Whether the missing module is the one that was asked for or one that contains it."""
+    """Whether the missing module is the requested one or a package that contains it."""
     return missing is not None and (name == missing or name.startswith(f"{missing}."))
 
 
@@ -179,7 +179,8 @@ def _file(plugin: str, folder: Path) -> Plugin:
 
 @dataclass(frozen=True, slots=True)
 class _Run:
-    """A file as it was run: the same text is not run again, an edited one replaces it with its causes."""
+    """Record of an executed plug-in file. An unchanged text is not run again; an edited one replaces it and
+    its causes."""
 
     digest: str
     causes: frozenset[str]
@@ -187,7 +188,7 @@ class _Run:
 
 @contextmanager
 def _replaced(name: str) -> Generator[ModuleType | None]:
-    """The module that has the name now; it comes back when what is inside fails."""
+    """Yield the module that now has the name; restore it when the block fails."""
     before = sys.modules.get(name)
     try:
         yield before
@@ -199,7 +200,7 @@ def _replaced(name: str) -> Generator[ModuleType | None]:
 
 
 def _run(name: str, path: Path, source: bytes, before: ModuleType | None) -> ModuleType:
-    """The file's module. Two missions that name the same file share its classes, as with an import."""
+    """Return the file's module. Missions that name the same file share its classes, as with an import."""
     digest = hashlib.sha256(source).hexdigest()
     last: _Run | None = getattr(before, _LAST, None)
     if before is not None and last is not None:

@@ -1,4 +1,5 @@
-"""Running the code of a plug-in: quietly, and whatever it raises becomes one error with its own traceback."""
+"""Execution of plug-in code: output goes to stderr, and any exception becomes one error with its own
+traceback."""
 
 from __future__ import annotations
 
@@ -15,12 +16,12 @@ from ...errors import PicktreeError
 from ...world.causes import CauseError, known_causes, restore_causes
 
 _MOST_LINES = 40
-"""Of a traceback; an endless recursion leaves thousands."""
+"""Maximum length of a traceback, lines; an endless recursion produces thousands."""
 _KEPT_AT_START = 8
 
 
 class PluginError(PicktreeError):
-    """A plug-in that cannot be used: a sentence, what would be right, and the plug-in's own traceback."""
+    """A plug-in that cannot be used: one sentence, a hint, and the plug-in's own traceback."""
 
     def __init__(self, message: str, hint: str = "", *, code: str, detail: str = "") -> None:
         self.message, self.hint, self.code, self.detail = message, hint, code, detail
@@ -30,10 +31,10 @@ class PluginError(PicktreeError):
 
 @contextmanager
 def importing(plugin: str) -> Generator[None]:
-    """Run what is inside as a plug-in's code. Raises PluginError for everything that it raises.
+    """Run the block as a plug-in's code. Raises PluginError for everything that the block raises.
 
-    What it prints goes to stderr: stdout is the answer's. The causes that it registered before it failed are
-    forgotten. A Ctrl-C of the user is no error of the plug-in.
+    Its output goes to stderr, because stdout carries the command's result. Causes registered before a failure
+    are removed. An interrupt by the user (Ctrl-C) is passed on.
     """
     causes = known_causes()
     with _stdout_to_stderr(), _interrupts() as pressed:
@@ -47,7 +48,8 @@ def importing(plugin: str) -> Generator[None]:
 
 
 def own_traceback(error: BaseException) -> str:
-    """The traceback without the frames of picktree and of Python's own machinery, cut when it is long."""
+    """Return the traceback without the frames of picktree and of Python's own machinery, shortened when
+    long."""
     seen: set[int] = set()
     todo: list[BaseException | None] = [error]
     while todo:
@@ -66,12 +68,12 @@ def own_traceback(error: BaseException) -> str:
 
 def _failed(plugin: str, error: BaseException) -> PluginError:
     detail = own_traceback(error)
-    # What we ourselves say against it is the message already, and need not end the traceback too.
+    # The message holds picktree's own objection already; the traceback need not end with it.
     where = detail.rpartition("\n")[0]
     if isinstance(error, CauseError):
         return PluginError(f"the plug-in {plugin!r}: {error}", code="P255", detail=where)
     if isinstance(error, PicktreeError):
-        # The declaration of a node is checked when its class is made.
+        # The declaration of a node is checked when its class is created.
         return PluginError(f"the plug-in {plugin!r}: {error}", code="P254", detail=where)
     return PluginError(
         f"the plug-in {plugin!r} cannot be imported: {_in_a_line(error)}", code="P252", detail=detail
@@ -88,7 +90,7 @@ def _in_a_line(error: BaseException) -> str:
 
 
 def _foreign(trace: TracebackType | None) -> TracebackType | None:
-    """The traceback's frames that are neither picktree's nor the import system's."""
+    """Return the traceback's frames that belong neither to picktree nor to the import system."""
     frames: list[TracebackType] = []
     while trace is not None:
         frames.append(trace)
@@ -104,7 +106,7 @@ def _foreign(trace: TracebackType | None) -> TracebackType | None:
 
 @contextmanager
 def _stdout_to_stderr() -> Generator[None]:
-    """Both of Python's stdout and of the file descriptor, which libraries in C and child processes use."""
+    """Redirect both Python's stdout and the file descriptor that C libraries and child processes use."""
     sys.stdout.flush()
     kept: int | None = None
     with suppress(OSError):  # a program may run without one of the two
@@ -121,7 +123,8 @@ def _stdout_to_stderr() -> Generator[None]:
 
 @contextmanager
 def _interrupts() -> Generator[list[int]]:
-    """Notes the SIGINTs that arrive, to tell them from a KeyboardInterrupt that the code raises itself."""
+    """Record SIGINTs that arrive, to distinguish them from a KeyboardInterrupt that the code itself
+    raises."""
     pressed: list[int] = []
     before = signal.getsignal(signal.SIGINT)
     if not callable(before) or threading.current_thread() is not threading.main_thread():

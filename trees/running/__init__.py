@@ -1,1 +1,1 @@
-"""A tree that runs: built, ticked, debugged, edited."""
+"""Execution of trees: build, tick, debug, adopt edits."""

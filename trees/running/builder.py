@@ -1,4 +1,4 @@
-"""From a Mission to a Tree that can be ticked: sub-trees are written out, each with its own namespace."""
+"""Builder: Mission to tickable tree. Sub-trees are expanded, each instance with its own namespace."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ from .runner import BehaviourTree
 
 
 class SubTree(Node):
-    """Ticks its one child in a namespace of its own.
+    """Node that ticks its one child in a separate namespace.
 
-    A port that is wired to a key of the caller *is* that key; literals and defaults are written when the
-    sub-tree starts. `inside` is what the nodes of the sub-tree see.
+    A port wired to a key of the caller is an alias of that key. Literals and defaults are written when the
+    sub-tree starts. `inside` is the namespace of the sub-tree's nodes.
     """
 
     node_id = "SubTree"
@@ -48,9 +48,9 @@ class SubTree(Node):
 
 
 def build(mission: Mission, world: TreeWorld, parameters: Mapping[str, Plain] | None = None) -> BehaviourTree:
-    """The mission as a tree. `parameters` are set from outside, as `read_settings` takes them.
+    """Build the mission's tree. `parameters`: settings for this run, as `read_settings` takes them.
 
-    Raises PicktreeError for one that is unknown, missing or unfitting.
+    Raises PicktreeError for a setting that is unknown, missing or of the wrong type.
     """
     runtime = Runtime(world)
     main = mission.main
@@ -68,7 +68,7 @@ class _Builder:
         self._overrides = overrides
 
     def tree(self, tree: TreeSpec, call: NodeSpec, path: str, outer: Namespace) -> SubTree:
-        """An instance of a tree: its ports are wired to the caller's namespace or hold constants."""
+        """Build an instance of a tree. Its ports are wired to the caller's namespace or hold constants."""
         inside = Namespace(self._runtime.blackboard, path)
         bindings: dict[str, Binding] = {}
         for port in tree.ports:

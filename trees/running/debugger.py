@@ -1,4 +1,4 @@
-"""Stopping a tree where a person wants to look: before a node starts, after it has ended, between ticks."""
+"""Debugger: stops a tree before a node starts, after it has ended, or between ticks."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ When: TypeAlias = Literal["before", "after"]
 
 @dataclass(frozen=True, slots=True)
 class Breakpoint:
-    """Stops before the node starts, or after it has ended or was halted."""
+    """Stop before a node starts, or after it has ended or was halted."""
 
     path: str
     when: When
@@ -21,27 +21,27 @@ class Breakpoint:
 
 @dataclass(frozen=True, slots=True)
 class DebuggerStop:
-    """Where the tree stands still. `path` is empty between two ticks."""
+    """Place where the tree is stopped. `path` is empty between two ticks."""
 
     when: When | Literal["tick"]
     path: str = ""
 
 
 class DebuggerPrompt(Protocol):
-    """Whoever is asked what to do at a stop. It looks, tells the debugger how to go on, and returns."""
+    """User interface at a stop. It inspects the tree, sets how the debugger continues, and returns."""
 
     def __call__(self, debugger: Debugger, stop: DebuggerStop) -> None: ...
 
 
 class Debugger:
-    """Called by the tree and the session; asks its prompt at each stop. Simulated time stands still there.
+    """Stops at breakpoints and steps, called by tree and session. Simulated time is frozen during a stop.
 
-    It only reads, so that a run is the same with and without it. An exception of the prompt ends the run as
-    one that is raised anywhere else: KeyboardInterrupt interrupts it.
+    It only reads, so that a run is the same with and without it. An exception from the prompt ends the run
+    like any other: KeyboardInterrupt interrupts it.
     """
 
     def __init__(self, prompt: DebuggerPrompt, *, at_start: bool = True) -> None:
-        """`at_start`: stop before the first node already, so that there is a moment to set breakpoints."""
+        """`at_start`: also stop before the first node starts, so that breakpoints can be set."""
         self._prompt = prompt
         self._tree: BehaviourTree | None = None
         self._breakpoints: dict[int, Breakpoint] = {}
@@ -51,16 +51,16 @@ class Debugger:
         self._next = at_start
         self._off = False
 
-    # The session's side.
+    # Called by the session.
 
     def attach(self, tree: BehaviourTree) -> None:
-        """Listen to the tree from its first tick on."""
+        """Observe the tree from its first tick on."""
         tree.on_start.insert(0, self._starts)
         tree.on_end.insert(0, self._ended)
         self.follow(tree)
 
     def follow(self, tree: BehaviourTree) -> None:
-        """Another version of the mission goes on: its breakpoints replace those of the former file."""
+        """Follow another version of the mission: its breakpoints replace those of the former file."""
         self._tree = tree
         for number in self._of_the_file:
             self._breakpoints.pop(number, None)
@@ -70,7 +70,7 @@ class Debugger:
                 self._of_the_file.add(self.add(node.path, node.wiring.breakpoint))
 
     def ticked(self) -> None:
-        """A tick has ended, and is in the record."""
+        """Handle the end of a tick, after it was recorded."""
         if self._ticks is None:
             return
         self._ticks -= 1
@@ -93,7 +93,7 @@ class Debugger:
         self._ticks, self._next = None, False
         self._prompt(self, stop)
 
-    # The prompt's side.
+    # Called by the prompt.
 
     @property
     def tree(self) -> BehaviourTree:
@@ -102,11 +102,11 @@ class Debugger:
 
     @property
     def breakpoints(self) -> Mapping[int, Breakpoint]:
-        """By number."""
+        """Breakpoints by number."""
         return dict(self._breakpoints)
 
     def add(self, path: str, when: When = "before") -> int:
-        """Stop there from now on; answers the breakpoint's number."""
+        """Add a breakpoint; return its number."""
         for number, known in self._breakpoints.items():
             if known == Breakpoint(path, when):
                 return number
@@ -115,18 +115,18 @@ class Debugger:
         return self._number
 
     def remove(self, number: int) -> bool:
-        """Whether there was one of that number."""
+        """Remove a breakpoint; return whether it existed."""
         self._of_the_file.discard(number)
         return self._breakpoints.pop(number, None) is not None
 
     def step(self, ticks: int = 1) -> None:
-        """Go on to the end of a tick: that of the present one, if the stop is inside of it."""
+        """Continue to the end of a tick; inside a tick, to the end of the present one."""
         self._ticks = ticks
 
     def next(self) -> None:
-        """Go on to the next start or end of any node."""
+        """Continue to the next start or end of any node."""
         self._next = True
 
     def turn_off(self) -> None:
-        """Go on to the end of the run without another stop."""
+        """Continue to the end of the run without another stop."""
         self._off = True

@@ -1,4 +1,4 @@
-"""What is set from outside for one run: parameters of the mission, and ports of nodes given by a pattern."""
+"""Settings of one run: parameters of the mission, and port values for nodes selected by a pattern."""
 
 from __future__ import annotations
 
@@ -17,22 +17,23 @@ from ..values.port_types import PortProblem, PortValues, convert_literal
 from ..values.references import Binding, Constant
 
 Overrides: TypeAlias = Mapping[str, Mapping[str, Constant]]
-"""By path of a node in the built tree: what its ports get instead of what the mission says."""
+"""Port values that replace those of the mission, by path of the node in the built tree."""
 
 
 @dataclass(frozen=True, slots=True)
 class RunSettings:
-    """Checked values. `parameters`: for the ports of `Main`."""
+    """Checked settings. `parameters`: values for the ports of `Main`."""
 
     parameters: Mapping[str, Binding]
     overrides: Overrides
 
 
 def read_settings(mission: Mission, given: Mapping[str, Plain]) -> RunSettings:
-    """`{"rounds": 2, "SortOne/Grasp.force": "15 N"}` for this mission: a name is a parameter of the mission,
-    a pattern with a dot the port of every node that fits it. Texts are read as in a file.
+    """Check settings such as `{"rounds": 2, "SortOne/Grasp.force": "15 N"}` against this mission.
 
-    Raises PicktreeError for one that is unknown, missing or unfitting.
+    A plain name is a parameter of the mission. A pattern with a dot is the port of every node that matches.
+    Texts are read as in a file. Raises PicktreeError for a setting that is unknown, missing or of the wrong
+    type.
     """
     plain = {name: value for name, value in given.items() if "." not in name}
     patterns = {name: value for name, value in given.items() if "." in name}
@@ -40,7 +41,7 @@ def read_settings(mission: Mission, given: Mapping[str, Plain]) -> RunSettings:
 
 
 def parameter_value(value: Plain, port: PortDeclaration) -> object:
-    """The value that a parameter of the mission gets; a text is read as in a file. Raises ValueError."""
+    """Convert the value of a mission parameter; a text is read as in a file. Raises ValueError."""
     if isinstance(value, str) and port.type.many:
         value = [_scalar(part.strip(), port) for part in value.split(",") if part.strip()]
     elif isinstance(value, str):
@@ -49,7 +50,7 @@ def parameter_value(value: Plain, port: PortDeclaration) -> object:
 
 
 def _scalar(text: str, port: PortDeclaration) -> Plain:
-    # A text from the command line means what it would mean in a file.
+    # A text from the command line means the same as in a file.
     return text if port.type.name in ("string", "object") else resolve(text)
 
 
@@ -100,7 +101,7 @@ def _overrides(mission: Mission, given: Mapping[str, Plain]) -> dict[str, dict[s
 
 
 def _port(mission: Mission, spec: NodeSpec, name: str, key: str) -> PortDeclaration:
-    """The input of that name that the node has. Raises PicktreeError when there is none."""
+    """Return the node's input of that name. Raises PicktreeError when there is none."""
     ports = mission.trees[spec.id].ports if spec.node is None else spec.node.declaration.ports
     inputs = [port for port in ports if port.direction == "in"]
     port = next((port for port in inputs if port.key == key), None)
@@ -111,7 +112,7 @@ def _port(mission: Mission, spec: NodeSpec, name: str, key: str) -> PortDeclarat
 
 
 def _check_together(spec: NodeSpec, overrides: Mapping[str, Constant]) -> None:
-    """What the node's class finds wrong with its ports as they are then. Raises PicktreeError."""
+    """Check the node's ports, overrides included, with its class. Raises PicktreeError for an error."""
     if spec.node is None:
         return
     ports: dict[str, Binding] = {**spec.ports, **overrides}
@@ -127,7 +128,7 @@ def _check_together(spec: NodeSpec, overrides: Mapping[str, Constant]) -> None:
 
 
 def _written_out(mission: Mission) -> Iterator[tuple[str, NodeSpec]]:
-    """Every node below the root with the path that it gets in the built tree."""
+    """Yield every node below the root with its path in the built tree."""
     todo = [(mission.main.name, mission.main.root)]
     while todo:
         above, spec = todo.pop()

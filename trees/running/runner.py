@@ -1,4 +1,4 @@
-"""A tree that is ticked, and what one tick looked like."""
+"""Behaviour tree in execution, and reports of its ticks."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from .tree_adoption import StateTransfer, transfer_state
 
 @dataclass(frozen=True, slots=True)
 class NodeReport:
-    """One node at the end of a tick. `cause` and `evidence` are set where it is in FAILURE with a report."""
+    """State of one node at the end of a tick. `cause` and `evidence` are set for a FAILURE with a report."""
 
     path: str
     id: str
@@ -34,8 +34,7 @@ class NodeReport:
 
 @dataclass(frozen=True, slots=True)
 class TickReport:
-    """One tick: every node, parents first; the writes to the blackboard, and which nodes began and ended, in
-    their order."""
+    """Report of one tick: all nodes, parents first; blackboard writes and node transitions in order."""
 
     nodes: tuple[NodeReport, ...]
     writes: tuple[BlackboardWrite, ...]
@@ -44,7 +43,7 @@ class TickReport:
 
 @dataclass(frozen=True, slots=True)
 class NodeInfo:
-    """What does not change about a node: for the record, once."""
+    """Constant properties of a node, recorded once."""
 
     path: str
     id: str
@@ -53,11 +52,11 @@ class NodeInfo:
     parent: str | None
     children: tuple[str, ...]
     ports: Mapping[str, Plain]
-    """As the mission file says it."""
+    """Port values as in the mission file."""
 
 
 class BehaviourTree:
-    """The nodes of a mission with their blackboard. One tick is one call of `tick`."""
+    """Nodes of a mission with their blackboard. One call of `tick` is one tick."""
 
     def __init__(self, root: Node, runtime: Runtime) -> None:
         self._root = root
@@ -68,12 +67,12 @@ class BehaviourTree:
 
     @property
     def root(self) -> Node:
-        """For py_trees' own tools: its display, its visitors."""
+        """Root node, for py_trees' own tools (display, visitors)."""
         return self._root
 
     @property
     def nodes(self) -> tuple[Node, ...]:
-        """Parents first."""
+        """All nodes, parents first."""
         return self._nodes
 
     @property
@@ -82,12 +81,12 @@ class BehaviourTree:
 
     @property
     def on_start(self) -> list[Callable[[str], None]]:
-        """Called with the path of each node that starts, before it reads its inputs."""
+        """Hooks that get the path of each node that starts, before it reads its inputs."""
         return self._runtime.start_hooks
 
     @property
     def on_end(self) -> list[Callable[[str], None]]:
-        """Called with the path of each node that has ended or was halted, its status set."""
+        """Hooks that get the path of each node that has ended or was halted, after its status is set."""
         return self._runtime.end_hooks
 
     @property
@@ -96,7 +95,7 @@ class BehaviourTree:
 
     @property
     def failure(self) -> FailureReport | None:
-        """Why the mission failed."""
+        """Failure of the mission; None when it has none."""
         return self._root.failure
 
     @property
@@ -106,40 +105,40 @@ class BehaviourTree:
 
     @property
     def quiescent(self) -> bool:
-        """Whether no leaf is RUNNING but those that can be saved meanwhile."""
+        """Whether every RUNNING leaf can be saved."""
         return not any(node.state is NodeStatus.RUNNING and not node.saveable for node in self._nodes)
 
     def tick(self) -> TickReport:
-        """Tick the root once. After the root has ended, another tick starts the mission anew."""
+        """Tick the root once and report. A tick after the root has ended restarts the mission."""
         self.step()
         return self._report()
 
     def step(self) -> None:
-        """As `tick`, for who looks at the nodes itself; the writes stay with the blackboard."""
+        """Tick the root once without a report; the writes remain with the blackboard."""
         for node in self._nodes:
             node.ticked = False
             node.seconds = 0.0
         self._root.step()
 
     def halt(self) -> TickReport:
-        """Stop whatever runs; every node is IDLE then."""
+        """Halt all running nodes and report; every node is IDLE afterwards."""
         for node in self._nodes:
             node.ticked = False
         self._root.halt()
         return self._report()
 
     def find(self, path: str) -> Node:
-        """Raises PicktreeError for an unknown path."""
+        """Return the node at a path. Raises PicktreeError for an unknown path."""
         if path not in self._by_path:
             raise PicktreeError(f"the tree has no node {path!r}")
         return self._by_path[path]
 
     def seconds(self) -> dict[str, float]:
-        """Wall time of the nodes that the last tick ticked, children included; no part of the digest."""
+        """Return the wall times of the nodes ticked last, children included, s; not part of the digest."""
         return {node.path: node.seconds for node in self._nodes if node.ticked}
 
     def structure(self) -> tuple[NodeInfo, ...]:
-        """The shape of the tree, parents first."""
+        """Return the structure of the tree, parents first."""
         return tuple(
             NodeInfo(
                 node.path,
@@ -157,14 +156,15 @@ class BehaviourTree:
         )
 
     def save(self) -> dict[str, Plain]:
-        """All state of nodes and blackboard as plain values. Raises PicktreeError while a leaf runs."""
+        """Return the state of nodes and blackboard as plain values. Raises PicktreeError while a leaf
+        runs."""
         if not self.quiescent:
             raise PicktreeError("a tree cannot be saved while a skill is running")
         nodes: dict[str, Plain] = {node.path: cast("Plain", node.save()) for node in self._nodes}
         return {"nodes": nodes, "blackboard": cast("Plain", self.blackboard.save())}
 
     def restore(self, saved: Mapping[str, Plain]) -> None:
-        """Go back to a saved state of the same mission. Raises PicktreeError when it is of another."""
+        """Restore a saved state. Raises PicktreeError when it belongs to another mission."""
         nodes = cast("dict[str, dict[str, Plain]]", saved["nodes"])
         if set(nodes) != set(self._by_path):
             strange = sorted(set(nodes) ^ set(self._by_path))
@@ -177,30 +177,34 @@ class BehaviourTree:
         self._runtime.transitions.take()
 
     def adopt(self, saved: Mapping[str, Plain]) -> StateTransfer:
-        """Go on from a saved state of another version of the mission; this tree is new, not yet ticked.
+        """Continue from the saved state of another version of the mission. This tree must not have been
+        ticked.
 
-        The blackboard is taken over whole, and each node whose path and type are the same goes on where it
-        was; the others begin anew.
+        The blackboard is taken over whole. Nodes with the same path and type continue; the others restart.
         """
         self.blackboard.restore(cast("dict[str, Plain]", saved["blackboard"]))
         return transfer_state(self._nodes, cast("dict[str, dict[str, Plain]]", saved["nodes"]))
 
     def read_again(self, full_keys: Collection[str]) -> None:
-        """Let the running nodes have what is on the blackboard now under these keys, which they had read when
-        they started. Raises Failure for a value that a node does not take."""
+        """Reread these blackboard keys in running nodes that read them at their start.
+
+        Raises Failure for a value that a node does not accept.
+        """
         for node in self._nodes:
             if node.state is NodeStatus.RUNNING:
                 node.read_again(full_keys)
 
     def pass_over(self, elements: Collection[str]) -> None:
-        """Let the running loops leave out these elements of their lists, as far as they are yet to come."""
+        """Make running loops skip these elements of their lists, as far as their turn is still to come."""
         for node in self._nodes:
             if node.state is NodeStatus.RUNNING:
                 node.pass_over(elements)
 
     def acting(self, path: str = "") -> str | None:
-        """Path of the first skill that runs, of those at or below the node at `path`; empty when none does.
-        None: the node itself does not run."""
+        """Return the path of the first running skill at or below `path`; empty when there is none.
+
+        None: the node itself does not run.
+        """
         if path and (path not in self._by_path or self._by_path[path].state is not NodeStatus.RUNNING):
             return None
         within = (node for node in self._nodes if not path or f"{node.path}/".startswith(f"{path}/"))
@@ -208,15 +212,17 @@ class BehaviourTree:
         return next((node.path for node in running), "")
 
     def stand_in(self, path: str, body: Callable[[], Generator[None, None, None]]) -> bool:
-        """Let that body go on in the place of a skill's own from its next tick on, as if the skill was halted
-        before; False: the node is no skill."""
+        """Replace a skill's body from its next tick on, as if the skill was halted before.
+
+        Return False when the node is no skill.
+        """
         if not isinstance(self._by_path.get(path), Skill):
             return False
         self._runtime.stand_ins[path] = body
         return True
 
     def look(self) -> TickReport:
-        """The nodes as they stand, with what was written, began and ended since the last tick."""
+        """Report the nodes as they are, with writes and transitions since the last tick."""
         return self._report()
 
     def _report(self) -> TickReport:

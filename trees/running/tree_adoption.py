@@ -1,4 +1,4 @@
-"""Going on under an edited mission: what the nodes of a new tree take over from the state of an old one."""
+"""State transfer to an edited mission: nodes of the new tree take over the state of the old one."""
 
 from __future__ import annotations
 
@@ -17,19 +17,19 @@ from ..values.references import Reference
 
 @dataclass(frozen=True, slots=True)
 class StateTransfer:
-    """What became of the nodes: paths, parents first."""
+    """Result of a state transfer: paths of nodes, parents first."""
 
     kept: tuple[str, ...]
-    """They go on as they were."""
+    """Nodes that continue."""
     fresh: tuple[str, ...]
-    """They are new, of another type, or stood at a child that is gone: they begin anew."""
+    """Nodes that restart: new, of another type, or positioned at a child that is gone."""
     gone: tuple[str, ...]
 
 
 def transfer_state(nodes: Sequence[Node], saved: Mapping[str, Mapping[str, Plain]]) -> StateTransfer:
-    """Give each node of a new tree (parents first) the saved state of the node of its path and type.
+    """Give each node of a new tree (parents first) the saved state of the node with its path and type.
 
-    What stands below a node that begins anew is halted: it is IDLE, and remembers what outlasts that.
+    Descendants of a node that restarts are halted: they are IDLE, and keep memory that outlasts a halt.
     """
     kept: list[str] = []
     for node in nodes:
@@ -47,7 +47,8 @@ def transfer_state(nodes: Sequence[Node], saved: Mapping[str, Mapping[str, Plain
 def _take_over(
     node: Node, state: Mapping[str, Plain], saved: Mapping[str, Mapping[str, Plain]], active: bool
 ) -> bool:
-    """Take over the state, and halt what cannot go on; False when it ran and begins anew."""
+    """Take over the state, and halt nodes that cannot continue; False when the node was RUNNING and
+    restarts."""
     memory = _memory(node, state)
     try:
         report_from_plain(state["failure"])
@@ -65,7 +66,7 @@ def _take_over(
 
 
 def _rewired(node: Node, state: Mapping[str, Plain]) -> bool:
-    """Let a running node see what the edited text says of its ports; False when that has no value yet."""
+    """Pass changed port values to a running node; False when a new value does not exist yet."""
     before = cast("dict[str, Plain]", state["ports"])
     now = cast("dict[str, Plain]", node.save()["ports"])
     changed = frozenset(key for key, text in now.items() if key not in before or before[key] != text)
@@ -80,13 +81,14 @@ def _rewired(node: Node, state: Mapping[str, Plain]) -> bool:
 
 
 def _inputs(node: Node, state: Mapping[str, Plain]) -> dict[str, Plain]:
-    """The inputs that were read from the blackboard and still are."""
+    """Return the inputs that were read from the blackboard and still are."""
     inputs = cast("dict[str, Plain]", state["inputs"])
     return {k: v for k, v in inputs.items() if isinstance(node.wiring.ports.get(k), Reference)}
 
 
 def _memory(node: Node, state: Mapping[str, Plain]) -> dict[str, Plain]:
-    """What the node remembers, its positions following their children; without those that are lost."""
+    """Return the node's memory with positions moved to their children's new places; lost positions are left
+    out."""
     memory = cast("dict[str, Plain]", state["memory"])
     found: dict[str, Plain] = {}
     for name in node.remembers:
@@ -102,7 +104,7 @@ def _memory(node: Node, state: Mapping[str, Plain]) -> dict[str, Plain]:
 
 
 def _position(node: Node, position: object, children: Sequence[str]) -> object:
-    """Where the children that the position means stand now; None when one of them is gone."""
+    """Return the new position of the children that a position names; None when one is gone."""
     match position:
         case str():
             keys = [slot.key for slot in node.declaration.slots]
@@ -119,7 +121,7 @@ def _position(node: Node, position: object, children: Sequence[str]) -> object:
 
 
 def _index(node: Node, index: int, children: Sequence[str]) -> int | None:
-    """The place in the list of the child that had that place."""
+    """Return the new list index of the child at an old index; None when it is gone."""
     now = [child.path for child in node.below]
     if index == len(children):  # it has been through all of them
         return len(now)
@@ -129,7 +131,7 @@ def _index(node: Node, index: int, children: Sequence[str]) -> int | None:
 
 
 def _lost_count(node: Node, state: Mapping[str, Plain], saved: Mapping[str, Mapping[str, Plain]]) -> bool:
-    """Whether a child is gone that the node has counted."""
+    """Return whether a child that the node has counted is gone."""
     now = {child.path for child in node.below}
     gone = (path for path in cast("list[str]", state["children"]) if path not in now)
     return any(NodeStatus(str(saved[path]["state"])) in node.counted for path in gone)

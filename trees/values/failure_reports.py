@@ -1,4 +1,4 @@
-"""Failure reports on their way up and into a saved state."""
+"""Failure reports: portable tracebacks, attachment of reports, and conversion to plain values."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Final, cast
 
 from ...files.shipped_files import ROOT, rooms
-from ...world.causes import Evidence, FailureReport, cause_named, matches
+from ...world.causes import Evidence, FailureReport, cause_named, internal, matches
 from ...world.journal import Plain
 from .port_types import plain_copy
 
@@ -18,7 +18,8 @@ _ADDRESS: Final = re.compile(r"\b0x[0-9a-fA-F]{6,}\b")
 
 
 def portable_trace(error: BaseException) -> str:
-    """As Python prints it, with names of files in place of paths, and without addresses of objects."""
+    """Return the traceback as Python prints it, with file names in place of paths and without object
+    addresses."""
     summary = traceback.TracebackException.from_exception(error)
     todo: list[traceback.TracebackException | None] = [summary]
     while todo:
@@ -40,6 +41,14 @@ def without_addresses(text: str) -> str:
     return _ADDRESS.sub("0x…", text)
 
 
+def internal_error_report(error: BaseException, doing: str, path: str) -> FailureReport:
+    """Report an exception of a node's own code as internal.error, with its portable trace."""
+    name = type(error).__name__
+    message = f"{name} while {doing}: {without_addresses(str(error))}"
+    evidence: Evidence = {"exception": name, "traceback": portable_trace(error)}
+    return FailureReport(internal.ERROR, message, evidence, path)
+
+
 def _portable(file: str) -> str:
     path = Path(file)
     if path.is_relative_to(ROOT) and path.relative_to(ROOT).parts[0] in rooms():
@@ -51,18 +60,18 @@ def _portable(file: str) -> str:
 
 
 def cannot_be_hidden(report: FailureReport | None) -> bool:
-    """Whether no node may turn this failure into a success: a safety stop, or a fault of the program."""
+    """Whether no node may turn this failure into a success: a safety stop, or a program fault."""
     return report is not None and (matches("safety.*", report.cause) or matches("internal.*", report.cause))
 
 
 def with_attached(report: FailureReport, others: Iterable[FailureReport]) -> FailureReport:
-    """The report with the others attached to it."""
+    """Return the report with the others attached."""
     added = tuple(others)
     return replace(report, attached=(*report.attached, *added)) if added else report
 
 
 def decisive_report(reports: Iterable[FailureReport | None]) -> FailureReport | None:
-    """The last that is a report at all (a false condition has none), with the earlier ones attached."""
+    """Return the last report with the earlier ones attached; None entries (false conditions) are ignored."""
     known = [report for report in reports if report is not None]
     return with_attached(known[-1], known[:-1]) if known else None
 
@@ -80,7 +89,7 @@ def report_to_plain(report: FailureReport | None) -> Plain:
 
 
 def report_from_plain(value: Plain) -> FailureReport | None:
-    """The inverse of `report_to_plain`."""
+    """Convert back from the result of `report_to_plain`."""
     if not isinstance(value, dict):
         return None
     attached = cast("list[Plain]", value["attached"])
@@ -94,7 +103,7 @@ def report_from_plain(value: Plain) -> FailureReport | None:
 
 
 def plain_evidence(evidence: Mapping[str, object]) -> Evidence:
-    """Evidence as it may be logged: numbers of other libraries become Python's, anything else its text."""
+    """Return evidence that can be logged: foreign numbers as Python's, other values as text."""
     return cast("Evidence", {key: _evidence(value) for key, value in evidence.items()})
 
 
@@ -110,7 +119,7 @@ def _evidence(value: object) -> Plain:
 
 
 def pack(value: object) -> Plain:
-    """A remembered value as a plain one; reports and tuples stay recognisable."""
+    """Return a remembered value as a plain one; reports and tuples stay recognisable."""
     if isinstance(value, FailureReport):
         return {"report": report_to_plain(value)}
     if isinstance(value, tuple):
@@ -121,7 +130,7 @@ def pack(value: object) -> Plain:
 
 
 def unpack(value: Plain) -> object:
-    """The inverse of `pack`."""
+    """Convert back from the result of `pack`."""
     match value:
         case {"report": report}:
             return report_from_plain(report)

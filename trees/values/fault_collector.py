@@ -1,4 +1,4 @@
-"""Gathering what is wrong with a mission: each fault with its place, as many as anyone reads."""
+"""Collector of a mission's errors: each with its place, up to a maximum number."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from typing import Final
 from ...files.yaml.document import Diagnostic, Document, Location, suggest_name
 
 MAX_NODES: Final = 10_000
-"""Of a mission with all sub-trees written out."""
+"""Maximum number of nodes of a mission, with sub-trees expanded."""
 MAX_FAULTS: Final = 200
-"""More are counted, not kept."""
+"""Maximum number of errors that are kept; further ones are counted."""
 
 
 class MissionDiagnostics:
-    """The faults of one mission, whichever of its files they stand in."""
+    """Errors of one mission, over all its files."""
 
     def __init__(self) -> None:
         self._kept: list[Diagnostic] = []
@@ -22,7 +22,7 @@ class MissionDiagnostics:
         self._nodes = 0
 
     def has_room(self, document: Document, loc: Location) -> bool:
-        """Count a node of the text; false when there are too many for the mission to be built."""
+        """Count a node of the text; return False when there are too many for the mission to be built."""
         self._nodes += 1
         if self._nodes == MAX_NODES + 1:
             message = f"here is node number {self._nodes} of the mission"
@@ -31,7 +31,7 @@ class MissionDiagnostics:
 
     @property
     def full(self) -> bool:
-        """Whether another fault would only be counted."""
+        """Whether another error would only be counted."""
         return len(self._kept) >= MAX_FAULTS
 
     def __len__(self) -> int:
@@ -55,7 +55,7 @@ class MissionDiagnostics:
         key: bool = False,
         detail: str = "",
     ) -> None:
-        """A fault of the value there, or (`key`) of its key."""
+        """Add an error about the value at `loc`, or (`key`) about its key."""
         if self.full:
             self._more += 1
             return
@@ -63,17 +63,17 @@ class MissionDiagnostics:
         self._kept.append(Diagnostic(mark, trail, message, hint, code, detail=detail))
 
     def nearest(self, name: str, known: Iterable[str]) -> str:
-        """As `suggest_name`, which is dear: nothing when nobody will read it."""
+        """Return the nearest name as `suggest_name`, which is costly; empty when the list is full."""
         return "" if self.full else suggest_name(name, known)
 
     def within(self, tree: str) -> bool:
-        """Whether any of them stands in that tree."""
+        """Whether any error lies in that tree."""
         starts = (f"{tree}/", f"trees.{tree}.")
         names = (tree, f"trees.{tree}")
         return any(f.where in names or f.where.startswith(starts) for f in self._kept)
 
     def all(self) -> tuple[Diagnostic, ...]:
-        """In the order of the files; the last one says how many are left out."""
+        """Return the errors in the order of the files; the last one gives the number that was left out."""
         kept = sorted(dict.fromkeys(self._kept), key=lambda fault: fault.mark)
         if self._more:
             message = f"and {self._more} more faults"

@@ -1,4 +1,4 @@
-"""The types of ports: what a literal must convert to, and what may flow from an output to an input."""
+"""Types of ports: the values that a literal may have, and those that may flow from an output to an input."""
 
 from __future__ import annotations
 
@@ -18,27 +18,27 @@ from ...world.values import ObjectId
 
 @dataclass(frozen=True, slots=True)
 class PortValues:
-    """The keys that stand under a node, and what is known of them."""
+    """Keys given under a node, and the values known of them."""
 
     keys: frozenset[str]
     constants: Mapping[str, object] = field(default_factory=dict[str, object])
-    """The values of inputs that stand there as literals, converted; what comes over a key is not known."""
+    """Values of inputs given as literals, converted. Values that come through keys are not known."""
     labels: Mapping[str, tuple[str, ...]] = field(default_factory=dict[str, tuple[str, ...]])
-    """By slot, one entry a child: its name in a table, else empty."""
+    """Labels of the children by slot: the name in a table, else empty."""
 
     def any_of(self, *keys: str) -> bool:
         """Whether at least one of these keys is given."""
         return not self.keys.isdisjoint(keys)
 
     def number(self, key: str) -> float | None:
-        """The number that stands there as a literal; None when there is none."""
+        """Return the number given as a literal; None when there is none."""
         value = self.constants.get(key)
         return value if isinstance(value, int | float) and not isinstance(value, bool) else None
 
 
 @dataclass(frozen=True, slots=True)
 class PortProblem:
-    """What is wrong with the value of one key; `key` may be `slot/label`."""
+    """Error in the value of one key; `key` may be `slot/label`."""
 
     key: str
     message: str
@@ -46,11 +46,11 @@ class PortProblem:
 
 
 _LARGEST = 2**63 - 1
-"""A log holds 64 bits."""
+"""Largest integer: a log holds 64 bits."""
 
 
 def plain_copy(value: object) -> Plain:
-    """A deep copy that shares nothing. Raises TypeError for what is not plain, ValueError for NaN."""
+    """Return a deep copy. Raises TypeError for a value that is not plain, ValueError for NaN."""
     match value:
         case None | bool():
             return value
@@ -88,7 +88,8 @@ _LIST = "list of "
 
 @dataclass(frozen=True, slots=True)
 class PortType:
-    """One of a few names, as a mission file writes them, or a list of it; `optional`: null is a value too."""
+    """Type of a port by its name in mission files, or a list of it; `optional`: null is a valid value,
+    too."""
 
     name: Name
     many: bool = False
@@ -96,7 +97,7 @@ class PortType:
 
     @classmethod
     def parse(cls, text: str) -> PortType:
-        """From a mission file: `object`, `list of object`. Raises ValueError."""
+        """Parse a type of a mission file: `object`, `list of object`. Raises ValueError."""
         stem = text.removeprefix(_LIST)
         for name in NAMES_IN_FILES:
             if stem == name:
@@ -105,7 +106,7 @@ class PortType:
 
     @classmethod
     def of(cls, annotation: object) -> tuple[PortType, tuple[Plain, ...] | None]:
-        """From a Python annotation, and the choices that a Literal gives. Raises TypeError."""
+        """Convert a Python annotation; return the type and the choices of a Literal. Raises TypeError."""
         origin, args = typing.get_origin(annotation), typing.get_args(annotation)
         if origin in (typing.Union, types.UnionType) and len(args) == 2 and type(None) in args:
             inner, choices = cls.of(next(a for a in args if a is not type(None)))
@@ -126,7 +127,7 @@ class PortType:
         return (_LIST if self.many else "") + self.name
 
     def words(self) -> str:
-        """As it reads in a sentence: "a list of numbers"."""
+        """Return the type in words: "a list of numbers"."""
         if self.many:
             return "a list" if self.name == "any" else f"a list, each {_WORDS[self.name]}"
         return _WORDS[self.name]
@@ -134,14 +135,14 @@ class PortType:
 
 @dataclass(frozen=True, slots=True)
 class Range:
-    """Which numbers a port takes, in its unit: not under `least`, not over `most`, greater than `above`."""
+    """Valid numbers of a port, in its unit: at least `least`, at most `most`, greater than `above`."""
 
     least: float | None = None
     most: float | None = None
     above: float | None = None
 
     def check(self, number: float) -> None:
-        """Raises ValueError with a sentence."""
+        """Check a number. Raises ValueError with a sentence."""
         if self.least is not None and number < self.least:
             raise ValueError(f"{number:g} is less than {self.least:g}")
         if self.most is not None and number > self.most:
@@ -150,7 +151,7 @@ class Range:
             raise ValueError(f"{number:g} is not more than {self.above:g}")
 
     def words(self) -> str:
-        """`more than 0, at most 1`; empty when every number will do."""
+        """Return the bounds in words, as `more than 0, at most 1`; empty when every number is valid."""
         bounds = (("more than", self.above), ("at least", self.least), ("at most", self.most))
         return ", ".join(f"{words} {bound:g}" for words, bound in bounds if bound is not None)
 
@@ -166,7 +167,7 @@ def convert_literal(
     choices: Collection[Plain] | None = None,
     within: Range = ANY_NUMBER,
 ) -> object:
-    """A literal of a file as the port's type. Raises ValueError with a sentence."""
+    """Convert a literal of a file to the port's type. Raises ValueError with a sentence."""
     if value is None and kind.optional:
         return None
     if kind.many:
@@ -190,9 +191,9 @@ def accept_value(
     choices: Collection[Plain] | None = None,
     within: Range = ANY_NUMBER,
 ) -> object:
-    """A value that comes over the blackboard or from a skill. Raises ValueError with a sentence.
+    """Convert a value from the blackboard or a skill. Raises ValueError with a sentence.
 
-    Other than in a literal a text is never read as a number.
+    Unlike in a literal, a text is never read as a number.
     """
     if isinstance(value, str) and kind.name in ("float", "int") and not kind.many:
         raise ValueError(f"{show(value)} is not {kind.words()}")
@@ -200,12 +201,12 @@ def accept_value(
 
 
 def show(value: object) -> str:
-    """A value as it stands in a message."""
+    """Return a value as messages show it."""
     if value is None:
         return "null"
     if isinstance(value, bool):
         return str(value).lower()
-    # No more is written out than is shown: a value may be as large as a file.
+    # Only the part that is shown is converted: a value may be as large as a file.
     text = repr(cast("list[object] | str", value)[:_SHOWN] if isinstance(value, str | list) else value)
     return text if len(text) <= _SHOWN else text[: _SHOWN - 3] + "..."
 
@@ -240,7 +241,7 @@ def _float(value: object, unit: str | None) -> float:
 
 
 def _milliseconds(value: str | int | float) -> float:
-    # BT.CPP's ports `msec` and `delay_msec`: there a bare number is in ms, and so it is here.
+    # BT.CPP's ports `msec` and `delay_msec` take bare numbers in ms; here, too.
     if not isinstance(value, str):
         return parse_quantity(value, "s")
     try:

@@ -1,4 +1,4 @@
-"""`"{item}"` and `"{item.colour}"`: references to the blackboard, and what may be asked of an object."""
+"""References to the blackboard, `"{item}"` and `"{item.colour}"`, and the attributes of objects."""
 
 from __future__ import annotations
 
@@ -24,16 +24,17 @@ _LINE = re.compile(r"\r?\n")
 
 
 class ExpressionLocator:
-    """Knows the lines of the files of one mission."""
+    """Locator of expression errors in the lines of a mission's files."""
 
     def __init__(self, documents: Iterable[Document]) -> None:
         self._texts = {str(document.path): document.text for document in documents}
         self._lines: dict[str, list[str]] = {}
 
     def told(self, start: Mark, text: str, error: ExpressionError, before: int = 0) -> tuple[Mark, str]:
-        """Where and what is wrong with an expression that stands `before` characters after `start`.
+        """Return place and message of an error in an expression that begins `before` characters after
+        `start`.
 
-        Where the file has it otherwise than it reads (escapes, lines) the sentence names the character.
+        Where the file's text differs from its value (escapes, lines), the message names the character.
         """
         line = self._line(start)
         quote = line[:1] if line[:1] in ("'", '"') else ""
@@ -44,7 +45,7 @@ class ExpressionLocator:
         return start, error.told(text)
 
     def _line(self, start: Mark) -> str:
-        """The rest of the line from there."""
+        """Return the rest of the line from there."""
         if start.file not in self._lines:
             self._lines[start.file] = _LINE.split(self._texts.get(start.file, ""))
         lines = self._lines[start.file]
@@ -63,11 +64,11 @@ _CHOICES: Mapping[str, tuple[str, ...]] = {
 
 
 def _attribute_types() -> dict[str, ValueType]:
-    """The plain fields of a BeliefObject, its plain properties, and `destination`."""
+    """Return the types of BeliefObject's plain fields, its plain properties, and `destination`."""
     hints = typing.get_type_hints(BeliefObject)
     found = {f.name: hints[f.name] for f in fields(BeliefObject)}
     for name, member in vars(BeliefObject).items():
-        # A property's type stands on its getter.
+        # The type of a property is that of its getter.
         getter = member.fget if isinstance(member, property) else None
         if getter is not None:
             found[name] = typing.get_type_hints(getter).get("return")
@@ -81,20 +82,21 @@ def _attribute_types() -> dict[str, ValueType]:
 
 
 ATTRIBUTE_TYPES: Mapping[str, ValueType] = _attribute_types()
-"""What may stand after the dot, with its type; where all its texts are known, with these."""
+"""Attributes that are valid after the dot, with their types; choices where all texts are known."""
 ATTRIBUTES: tuple[str, ...] = tuple(ATTRIBUTE_TYPES)
 
 
 @dataclass(frozen=True, slots=True)
 class Reference:
-    """A key of the blackboard; with attributes: of the object whose id is there."""
+    """Reference to a key of the blackboard; with attributes, to those of the object whose id the key
+    holds."""
 
     key: str
     attributes: tuple[str, ...] = ()
 
     @classmethod
     def parse(cls, text: str) -> Reference | None:
-        """None when the text is a literal. Raises ValueError for braces that are no reference."""
+        """Parse a reference; None for a literal. Raises ValueError for braces that are no reference."""
         match = _REFERENCE.fullmatch(text)
         if match is None:
             if _BRACES.fullmatch(text):
@@ -108,7 +110,7 @@ class Reference:
 
 @dataclass(frozen=True, slots=True)
 class Constant:
-    """A literal that was converted to the port's type already; `text` is what the file says."""
+    """Literal, converted to the port's type; `text` is its form in the file."""
 
     value: object
     text: Plain
@@ -118,7 +120,7 @@ Binding: TypeAlias = Reference | Constant
 
 
 def attribute(scene: PlanningScene, owner: object, name: str) -> Plain:
-    """`owner.name`, read from the belief of this moment.
+    """Read `owner.name` from the present belief.
 
     Raises ValueError when there is no such attribute, Failure(world.unknown_object) when no such object.
     """

@@ -1,1 +1,1 @@
-"""Charts as SVG, HTML, DOT and text."""
+"""Formats of drawings: SVG, HTML, DOT and text."""

@@ -1,4 +1,4 @@
-"""A chart as Graphviz text, for whoever wants to lay it out or print it in another way."""
+"""Chart as Graphviz text, for other layouts or print."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _EDGES: Final[Mapping[BranchRole, str]] = {
 
 
 def dot(chart: Chart, *, expand: bool = False) -> str:
-    """The trees as clusters; a call points to the tree that it calls, or (`expand`) holds it."""
+    """Return the chart as DOT: trees as clusters. A call points to its tree, or with `expand` contains it."""
     rows = [
         f"digraph {_quoted(chart.title)} {{",
         "  graph [ordering=out, compound=true, nodesep=0.15, ranksep=0.4, fontsize=14,"
@@ -39,7 +39,7 @@ def dot(chart: Chart, *, expand: bool = False) -> str:
 
 
 def _cluster(chart: Chart, tree: ChartTree, path: str, call: ChartNode | None, expand: bool) -> Iterator[str]:
-    """`path` of the node that stands for the tree in the running tree."""
+    """Yield the lines of a tree's cluster. `path`: path of the tree's node in the running tree."""
     yield f"subgraph {_quoted(f'cluster {path}')} {{"
     ports = tree.ports if call is None else call.ports
     label = _label([f"{CHARACTERS['subtree']} {tree.name}", *map(_port, ports)])
@@ -64,7 +64,7 @@ def _node(chart: Chart, node: ChartNode, path: str, expand: bool) -> Iterator[st
 
 
 def _calls(chart: Chart, node: ChartNode, above: str) -> Iterator[str]:
-    """Edges to called trees. They stand outside of the clusters: inside, they would draw the root in."""
+    """Yield the edges to called trees. They are outside the clusters: inside, they would draw the root in."""
     path = f"{above}/{node.name}"
     if node.calls:
         called = chart.tree(node.calls)
@@ -110,7 +110,7 @@ def _colours(node: ChartNode) -> str:
 
 
 def _label(lines: list[str], *, centred: bool = False) -> str:
-    """Lines, flush left; Graphviz reads entities in labels."""
+    """Return a label of left-aligned lines; Graphviz reads entities in labels."""
     end = "" if centred or len(lines) == 1 else "\\l"
     text = "".join(escape(line).replace("\\", "\\\\") + end for line in lines)
     return f'"{text}"'

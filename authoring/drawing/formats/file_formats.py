@@ -1,4 +1,4 @@
-"""The kinds of pictures, by the suffix of the file."""
+"""Formats of drawings by file suffix."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _DRAWERS: Final[Mapping[Suffix, _Drawer]] = {".svg": svg, ".html": html, ".dot":
 
 
 def suffix_of(name: str) -> Suffix:
-    """What kind of picture a file of that name holds. Raises PicktreeError."""
+    """Return the drawing format of a file name. Raises PicktreeError when there is none."""
     for suffix in _DRAWERS:
         if name.lower().endswith(suffix):
             return suffix
@@ -31,5 +31,5 @@ def suffix_of(name: str) -> Suffix:
 
 
 def drawn(chart: Chart, suffix: Suffix, *, expand: bool = False) -> str:
-    """The text of such a file; the same chart gives the same text on every machine."""
+    """Return the text of a drawing file; equal charts give equal texts on every machine."""
     return _DRAWERS[suffix](chart, expand=expand)

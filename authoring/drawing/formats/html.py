@@ -1,4 +1,4 @@
-"""A chart as one HTML file: the tree can be opened and closed, zoomed, searched, and asked for details."""
+"""Chart as one HTML file: the tree can be folded, zoomed and searched, and shows details."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _SCRIPTS: Final = ("libraries.js", "arranging.js", "viewer.js", "page.js")
 
 
 def html(chart: Chart, *, expand: bool = False) -> str:
-    """The page, with all that it needs in it. `expand`: it opens with every sub-tree written out."""
+    """Return the self-contained page. `expand`: it opens with every sub-tree expanded."""
     template = Template((PAGE / "page.html").read_text(encoding="utf-8"))
     scripts = [(PAGE / name).read_text(encoding="utf-8") for name in _SCRIPTS]
     about = [chart.file, f"scene {chart.scene}" if chart.scene else "", chart.goal]
@@ -46,7 +46,8 @@ def html(chart: Chart, *, expand: bool = False) -> str:
 
 
 def chart_json(chart: Chart, *, expand: bool = False) -> dict[str, Json]:
-    """What `PicktreeDrawing` of viewer.js draws: the trees by name, each node with its card as SVG."""
+    """Return the data that `PicktreeDrawing` of viewer.js draws: trees by name, each node with its card as
+    SVG."""
     return {
         "title": chart.title,
         "expand": expand,
@@ -57,7 +58,7 @@ def chart_json(chart: Chart, *, expand: bool = False) -> dict[str, Json]:
 
 
 def _tree(chart: Chart, tree: ChartTree) -> dict[str, Json]:
-    # The frame of a tree that nobody calls is a node, too: that of the whole run.
+    # The frame of an uncalled tree needs a node, too: that of the whole run.
     call = ChartNode(
         tree.name, tree.name, "subtree", "subtree", tree.place, calls=tree.name, ports=tree.ports
     )
@@ -68,7 +69,7 @@ def _tree(chart: Chart, tree: ChartTree) -> dict[str, Json]:
 
 
 def _node(chart: Chart, branch: Branch, room: int) -> dict[str, Json]:
-    """`room` is that of the widest label among its siblings'."""
+    """Return a node's data. `room`: width of the widest label among its siblings, px."""
     node, drawn, label = branch.node, card(branch.node), pill(branch)
     rooms = [below.width for b in node.branches if (below := pill(b)) is not None]
     found: dict[str, Json] = {
@@ -121,7 +122,7 @@ def _rule(rule: Rule) -> Json:
 
 
 def _words(branch: Branch) -> str:
-    """What a search looks through."""
+    """Return the text that a search in the page looks through, in lower case."""
     node = branch.node
     parts = [branch.label, node.id, node.name, *node.causes, *node.uses]
     for port in node.ports:
@@ -141,5 +142,5 @@ def _legend() -> str:
 
 
 def _script_json(found: dict[str, Json]) -> str:
-    """JSON that cannot end the script element that holds it."""
+    """Return JSON that cannot end the script element around it."""
     return orjson.dumps(found).decode("utf-8").replace("</", "<\\/").replace("<!--", "\\u003c!--")

@@ -1,4 +1,4 @@
-"""Cards, pills, edges and frames as SVG. What a viewer shows and what is written to a file is drawn here."""
+"""Cards, labels, edges and frames as SVG, for the viewer and for files."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _UNFIT = re.compile("[^\t\n\r\u0020-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
 
 def escape(text: str) -> str:
-    """For element content and attributes; what no XML file may hold becomes a replacement character.
+    """Escape text for XML elements and attributes; invalid characters become a replacement character.
 
     >>> escape('a < "b"')
     'a &lt; &quot;b&quot;'
@@ -60,7 +60,7 @@ _STROKES: Final[Mapping[Icon, str]] = {
 
 
 def definitions(icons: Iterable[Icon]) -> str:
-    """The symbols for `use`, in one order whatever the order of the icons."""
+    """Return the symbols for `use`, in one order whatever the order of the icons."""
     return "".join(
         f'<symbol id="i-{icon}" viewBox="0 0 14 14"><path d="{_STROKES[icon]}"/></symbol>'
         for icon in sorted(set(icons))
@@ -107,13 +107,13 @@ DARK: Final[Mapping[str, str]] = {
 
 
 def style() -> str:
-    """The rules for nodes, edges and frames. No variables: not all viewers of SVG know those."""
+    """Return the CSS of nodes, edges and frames, without variables, which not all SVG viewers know."""
     template = Template((PAGE / "drawing.css").read_text(encoding="utf-8"))
     return _themed(template)
 
 
 def page_style() -> str:
-    """The rules for the page around a drawing."""
+    """Return the CSS of the page around a drawing."""
     return _themed(Template((PAGE / "page.css").read_text(encoding="utf-8")))
 
 
@@ -130,12 +130,12 @@ _ROUND: Final = {"condition": 13, "subtree": 3, "control": 3, "decorator": 8, "a
 
 
 def classes(node: ChartNode) -> str:
-    """Kind of the node, and whether it is there to recover from failures."""
+    """Return the CSS classes of a node: its kind, and whether it recovers from failures."""
     return f"{node.kind} recovers" if node.symbol == "recover" else node.kind
 
 
 def card_svg(card: NodeCard) -> str:
-    """The card's box and texts, with its upper left corner at 0, 0."""
+    """Return the card's box and texts as SVG, with the upper left corner at (0, 0)."""
     node = card.node
     radius = LEAST // 2 if node.written_as_list else _ROUND[node.kind]
     box = f'<rect class="box" width="{card.width}" height="{card.height}" rx="{radius}"/>'
@@ -145,20 +145,20 @@ def card_svg(card: NodeCard) -> str:
 
 
 def header_svg(header: Header, call: ChartNode | None, width: int) -> str:
-    """The bar on top of a frame of that width, and its texts."""
+    """Return the bar on top of a frame of that width, with its texts."""
     bar = f'<path class="bar" d="M1 {header.height}V8a7 7 0 0 1 7-7H{width - 8}'
     bar += f'a7 7 0 0 1 7 7V{header.height}z"/>'
     return bar + header_texts(header, call)
 
 
 def header_texts(header: Header, call: ChartNode | None = None) -> str:
-    """What stands in the bar of a frame."""
+    """Return the texts in the bar of a frame."""
     flag = _flag(call, header.width) if call is not None else ""
     return _texts("subtree", header.head, header.lines) + flag
 
 
 def pill_svg(pill: BranchLabel) -> str:
-    """The label of a branch, with its upper left corner at 0, 0."""
+    """Return the label of a branch as SVG, with the upper left corner at (0, 0)."""
     radius = min(pill.height / 2, 9)
     rows = "".join(
         f'<text x="{pill.width / 2:g}" y="{PILL_LINE * index + 13}">{escape(line)}</text>'
@@ -169,7 +169,7 @@ def pill_svg(pill: BranchLabel) -> str:
 
 
 def edge_svg(edge: Edge) -> str:
-    """Level to the end of the column, over to the child's height, and on through its label."""
+    """Return an edge as SVG: level to the column's end, over to the child's height, through its label."""
     bend = (edge.to_x - edge.turn) / 2
     over = f"C{edge.turn + bend:g} {edge.y} {edge.turn + bend:g} {edge.to_y} {edge.to_x} {edge.to_y}"
     if edge.y == edge.to_y:
@@ -178,7 +178,7 @@ def edge_svg(edge: Edge) -> str:
 
 
 def tooltip(node: ChartNode) -> str:
-    """What a viewer shows while the pointer rests on a node."""
+    """Return the text that a viewer shows while the pointer rests on a node."""
     title = f"{node.id} {node.given_name}".strip() if not node.given_name.startswith("#") else node.name
     rows = [f"{title} ({MEANINGS[node.symbol]})"]
     rows += [node.doc.partition("\n\n")[0].replace("\n", " ")] if node.doc else []
@@ -213,7 +213,7 @@ def _text(line: TextLine, x: float, y: int) -> str:
 
 
 def _gap(line: TextLine, index: int) -> str:
-    """A space between what is beside one another, for whoever copies the text."""
+    """Return a space between neighbouring texts, so that copied text has one."""
     return " " if index + 1 < len(line.spans) else ""
 
 

@@ -1,4 +1,4 @@
-"""A chart as an SVG file: self-contained, for light and dark screens, with text that can be selected."""
+"""Chart as a self-contained SVG file for light and dark screens, with selectable text."""
 
 from __future__ import annotations
 
@@ -24,16 +24,16 @@ from .shapes import (
 
 MARGIN: Final = 24
 _TOP: Final = 62
-"""Height of the title and the line below it."""
+"""Height of the title and the line below it, px."""
 _BOTTOM: Final = 26
-"""Height of the legend."""
+"""Height of the legend, px."""
 _LEGEND_GAP: Final = 18.0
 
 
 def svg(chart: Chart, *, expand: bool = False, statuses: Mapping[str, NodeStatus] | None = None) -> str:
-    """The picture. `expand`: each call is written out where it stands, instead of each tree once.
+    """Return the drawing. `expand`: each call is expanded at its place, instead of one drawing per tree.
 
-    `statuses`, by the nodes' paths in the running tree, colours an expanded picture.
+    `statuses`, by the nodes' paths in the running tree, colours an expanded drawing.
     """
     frames = [expanded(chart)] if expand else [frame_of(tree) for tree in chart.trees]
     sheet = page([(frame.width, frame.height) for frame in frames])
@@ -68,7 +68,7 @@ class _Drawing:
         self._links = links
 
     def frame(self, frame: TreeFrame, x: int, y: int, path: str) -> str:
-        """`path` is that of the sub-tree's node in the running tree."""
+        """Return a frame as SVG. `path`: path of the sub-tree's node in the running tree."""
         called = frame.call is not None
         look = " called" if called else ""
         mark = "" if called else f' id="tree-{frame.tree.name}"'
@@ -117,7 +117,7 @@ def _heading_width(chart: Chart) -> int:
 
 
 def _legend(chart: Chart) -> list[Symbol]:
-    """The symbols that occur, in one order."""
+    """Return the symbols in use, in a fixed order."""
     used = {node.symbol for tree in chart.trees for node in tree.root.iterate()} | {"subtree"}
     return [symbol for symbol in MEANINGS if symbol in used]
 

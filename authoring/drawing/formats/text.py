@@ -1,4 +1,4 @@
-"""A chart as indented text for a terminal."""
+"""Chart as indented text for a terminal."""
 
 from __future__ import annotations
 
@@ -9,15 +9,15 @@ from typing import Final
 from ..chart import CHARACTERS, Branch, Chart, ChartNode, ChartPort, ChartTree
 
 WIDTH: Final = 100
-"""Columns, unless a terminal says otherwise."""
+"""Default width, columns."""
 _READABLE: Final = 40
-"""Columns that a node has at least, however deep it stands."""
+"""Minimum width of a node's line at any depth, columns."""
 _LEAST: Final = 8
-"""Columns that are left of a value when it is shortened."""
+"""Minimum width of a shortened value, columns."""
 
 
 def text(chart: Chart, *, columns: int = WIDTH, expand: bool = False) -> str:
-    """Each tree with its nodes below one another. `expand`: each call is followed by what it calls."""
+    """Return the trees as text, one node per line. `expand`: each call is followed by its tree."""
     about = [chart.title, *([f"scene {chart.scene}"] if chart.scene else [])]
     rows = [_cut(" · ".join(about), columns)]
     for tree in chart.trees[:1] if expand else chart.trees:
@@ -71,7 +71,7 @@ def _port(port: ChartPort) -> str:
 
 
 def _row(indent: str, title: str, words: Sequence[str], columns: int) -> str:
-    """One line, the longest words shortened until it fits; of a deep node it may be longer than asked for."""
+    """Return one line with the longest words shortened to fit; lines of deep nodes may be longer."""
     words = list(words)
     columns = max(columns, _cells(indent) + _READABLE)
     room = columns - _cells(indent) - _cells(title) - 2 * len(words)
@@ -86,7 +86,7 @@ def _row(indent: str, title: str, words: Sequence[str], columns: int) -> str:
 
 
 def _cut(line: str, columns: int) -> str:
-    """The line, with an ellipsis where it is longer than that many columns."""
+    """Return the line, ended by an ellipsis where it is longer than the columns."""
     if _cells(line) <= columns:
         return line
     kept, room = "", columns - 1
@@ -99,7 +99,7 @@ def _cut(line: str, columns: int) -> str:
 
 
 def _cells(line: str) -> int:
-    """Columns of a terminal that the line takes."""
+    """Return the number of terminal columns of the line."""
     return sum(
         0 if unicodedata.combining(c) else 2 if unicodedata.east_asian_width(c) in "WF" else 1 for c in line
     )

@@ -1,1 +1,1 @@
-"""Where the cards of a chart stand."""
+"""Layout of a chart: text sizes, cards, frames and positions."""

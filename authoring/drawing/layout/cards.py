@@ -1,9 +1,7 @@
-"""A node as a card: its lines of text, and the size that they need. All lengths are in pixels.
+"""Cards: text lines and size of a node's box, px, and estimated widths of texts.
 
-How wide a text is, without asking for fonts: they differ between machines, and a server has none.
-
-The widths are those of DejaVu Sans, which is among the widest fonts that browsers fall back to: in other
-fonts a text takes less room than it was given.
+Widths are computed without fonts, which differ between machines and are missing on servers. They are those of
+DejaVu Sans, one of the widest fonts that browsers fall back to; other fonts need less room.
 """
 
 from __future__ import annotations
@@ -33,7 +31,7 @@ _BOLD = (
     716, 716, 493, 595, 478, 712, 652, 924, 645, 652, 582, 712, 365, 712, 838,
 )  # fmt: skip
 _FIRST = 32
-"""The code of the first character of the tables, which hold thousandths of the font's size."""
+"""Code of the first character in the tables, which hold thousandths of the font size."""
 _TABLES: Final[Mapping[Face, tuple[int, ...]]] = {"regular": _REGULAR, "bold": _BOLD, "mono": (602,) * 95}
 
 
@@ -69,7 +67,7 @@ def wrapped(text: str, most: float, size: float, face: Face = "regular", lines: 
 
 
 def _fitting(text: str, most: float, size: float, face: Face) -> int:
-    """How many characters fit, one at least."""
+    """Return the number of characters that fit, at least 1."""
     table, room = _TABLES[face], most * 1000 / size
     for index, character in enumerate(text):
         room -= _em(character, table)
@@ -97,14 +95,14 @@ PADDING: Final = 5
 SIDE: Final = 9
 ICON: Final = 14
 ICON_ROOM: Final = 21
-"""From the icon's left edge to the title."""
+"""Distance from the icon's left edge to the title, px."""
 LEAST: Final = 26
-"""Height of a card without lines."""
+"""Height of a card without lines, px."""
 PILL_LINE: Final = 14
 PILL_SIDE: Final = 8
 PILL_GAP: Final = 12
 _MOST: Final = 240.0
-"""Width of a text before it is broken."""
+"""Maximum width of a text before it is broken, px."""
 _MOST_LABEL: Final = 190.0
 _FLAG_ROOM: Final = 16
 _SIZES: Final[dict[SpanClass, tuple[float, Face]]] = {
@@ -116,7 +114,7 @@ _SIZES: Final[dict[SpanClass, tuple[float, Face]]] = {
 
 @dataclass(frozen=True, slots=True)
 class TextSpan:
-    """A piece of a line; `x` counts from where the line begins."""
+    """Part of a line; `x` counts from the line's start, px."""
 
     text: str
     look: SpanClass
@@ -127,7 +125,7 @@ class TextSpan:
 class TextLine:
     spans: tuple[TextSpan, ...]
     arrow: float | None = None
-    """Where the arrow of an output stands."""
+    """Position of an output's arrow, px; None: no arrow."""
 
     @property
     def width(self) -> float:
@@ -136,7 +134,7 @@ class TextLine:
 
 @dataclass(frozen=True, slots=True)
 class BranchLabel:
-    """The label of a branch, which stands before its card."""
+    """Label of a branch, drawn before the card."""
 
     lines: tuple[str, ...]
     role: BranchRole
@@ -146,7 +144,7 @@ class BranchLabel:
 
 @dataclass(frozen=True, slots=True)
 class NodeCard:
-    """A node's box: head lines beside the icon, then ports, conditions and assignments."""
+    """Box of a node: head lines next to the icon, then ports, conditions and assignments."""
 
     node: ChartNode
     head: tuple[TextLine, ...]
@@ -157,7 +155,7 @@ class NodeCard:
 
 @dataclass(frozen=True, slots=True)
 class Header:
-    """The head of a tree's frame: its name and ports, or those of the node that calls it."""
+    """Head of a tree's frame: name and ports of the tree, or those of the calling node."""
 
     name: str
     head: tuple[TextLine, ...]
@@ -175,7 +173,7 @@ def card(node: ChartNode) -> NodeCard:
 
 
 def pill(branch: Branch) -> BranchLabel | None:
-    """None for a plain child."""
+    """Return the label of a branch; None for a plain child."""
     if not branch.label:
         return None
     lines = wrapped(branch.label, _MOST_LABEL, SMALL, "bold")
@@ -184,7 +182,7 @@ def pill(branch: Branch) -> BranchLabel | None:
 
 
 def header(tree: ChartTree, call: ChartNode | None = None) -> Header:
-    """Of a tree that is drawn on its own, or where `call` stands."""
+    """Return the head of a tree's frame: on its own, or in place of `call`."""
     if call is not None:
         head, lines = _head(call), _lines(call)
     else:
@@ -226,7 +224,7 @@ def _port(port: ChartPort, doc: str = "") -> list[TextLine]:
 
 
 def _entry(key: TextSpan, text: str, look: SpanClass, *, arrow: bool) -> list[TextLine]:
-    """A key, and its value beside it in one or more lines."""
+    """Return the lines of a key with its value next to it."""
     size, face = _SIZES[look]
     at = _width(key.text, key.look) + 5.0
     x = at + (ICON + 2 if arrow else 0)
@@ -243,7 +241,7 @@ def _across(head: tuple[TextLine, ...], lines: tuple[TextLine, ...], flag: int) 
 
 
 def _down(head: tuple[TextLine, ...], lines: tuple[TextLine, ...]) -> int:
-    """An even height, so that boxes that stand level have their middles at the same pixel."""
+    """Return the height of a box, px; even, so that level boxes have their middles at the same pixel."""
     below = LINE * len(lines) + PADDING - 2 if lines else 0
     height = max(HEAD_LINE * len(head) + 2 * PADDING, LEAST) + below
     return height + height % 2

@@ -1,4 +1,4 @@
-"""A tree as a frame: its cards at their places, and the edges between them."""
+"""Frames: a tree's cards at their places, with the edges between them."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from .graphviz_layout import BESIDE, BoxPosition, LayoutBox, lay_out_boxes
 
 GAP: Final = 28
 _SHAPE: Final = 1.5
-"""Width through height of a page that a screen shows well."""
+"""Target ratio of width to height of a page."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,7 +24,7 @@ class FramePage:
 
 
 def page(sizes: Sequence[tuple[int, int]]) -> FramePage:
-    """The page whose shape is nearest to that of a screen, of those with one column, two, and so on."""
+    """Return the page nearest to a screen's shape among those with one column, two, and so on."""
     pages = [_in_columns(sizes, count) for count in range(1, len(sizes) + 1)]
     return min(pages, key=lambda p: max(p.width / p.height / _SHAPE, p.height * _SHAPE / p.width))
 
@@ -49,18 +49,18 @@ def _in_columns(sizes: Sequence[tuple[int, int]], count: int) -> FramePage:
 
 
 INSET: Final = 16
-"""Between a frame and what it holds."""
+"""Distance between a frame and its content, px."""
 
 
 @dataclass(frozen=True, slots=True)
 class PlacedCard:
-    """A node at its place: `x`, `y` of its pill, or of its body where it has none, within the frame."""
+    """Node at its place: `x`, `y` of its label, or of its body without a label, within the frame, px."""
 
     path: str
-    """The node's path within its tree: `Repeat/Sequence/Observe`."""
+    """Path of the node within its tree: `Repeat/Sequence/Observe`."""
     pill: BranchLabel | None
     room: int
-    """For the pill, and for those of its siblings, so that what follows stands flush."""
+    """Width for the labels of the node and its siblings, px, so that the bodies are aligned."""
     body: NodeCard | TreeFrame
     x: int
     y: int
@@ -83,7 +83,7 @@ class PlacedCard:
 
 @dataclass(frozen=True)
 class TreeFrame:
-    """A tree with its header; `call` is the node that it is drawn in place of, None for a tree of its own."""
+    """Tree with its header; `call` is the node that it replaces, None for a separate tree."""
 
     tree: ChartTree
     call: ChartNode | None
@@ -110,7 +110,7 @@ class TreeFrame:
 
 @dataclass(frozen=True, slots=True)
 class Edge:
-    """From the right of a parent, straight to `turn`, then over to the child, through its pill."""
+    """Edge from a parent's right side straight to `turn`, then over to the child, through its label."""
 
     x: int
     y: int
@@ -122,18 +122,18 @@ class Edge:
 
 
 def frame_of(tree: ChartTree) -> TreeFrame:
-    """The tree with its calls as cards."""
+    """Return a tree's frame with its calls as cards."""
     return _Framing(None).frame(tree, None)
 
 
 def expanded(chart: Chart) -> TreeFrame:
-    """The chart's first tree with every call written out."""
+    """Return the frame of the chart's first tree with every call expanded."""
     return _Framing(chart).frame(chart.trees[0], None)
 
 
 @dataclass(frozen=True, slots=True)
 class _Step:
-    """A node, the branch that leads to it, and its parent's number among all steps."""
+    """Node, the branch that leads to it, and the index of its parent among all steps."""
 
     node: ChartNode
     branch: Branch | None
@@ -145,7 +145,7 @@ class _Framing:
     def __init__(self, chart: Chart | None) -> None:
         self._chart = chart
         self._tiles: dict[str, tuple[PlacedCard, ...]] = {}
-        """By tree: each is laid out once, wherever it is called."""
+        """Placed cards by tree: each tree is laid out once, wherever it is called."""
 
     def frame(self, tree: ChartTree, call: ChartNode | None) -> TreeFrame:
         if tree.name not in self._tiles:
@@ -181,7 +181,7 @@ class _Framing:
 
 
 def _steps(root: ChartNode) -> Iterator[_Step]:
-    """All nodes, parents first."""
+    """Yield all nodes, parents first."""
     waiting = [_Step(root, None, None, root.name)]
     count = 0
     while waiting:
@@ -195,7 +195,7 @@ def _steps(root: ChartNode) -> Iterator[_Step]:
 
 
 def _rooms(parents: Sequence[int | None], pills: Sequence[BranchLabel | None]) -> list[int]:
-    """What stands before each body: nothing, or the widest pill among its siblings'."""
+    """Return the width before each body, px: 0, or that of the widest label among its siblings."""
     widest: dict[int | None, int] = {}
     for parent, label in zip(parents, pills, strict=True):
         if label is not None:

@@ -1,4 +1,4 @@
-"""Where the boxes of one tree stand, left to right, children below one another. Graphviz decides."""
+"""Layout of one tree's boxes by Graphviz: left to right, children below one another."""
 
 from __future__ import annotations
 
@@ -8,15 +8,15 @@ from dataclasses import dataclass
 from typing import Final
 
 BESIDE: Final = 44
-"""Pixels between a column and the next."""
+"""Distance between columns, px."""
 BETWEEN: Final = 10
-"""Pixels between two boxes of a column."""
+"""Distance between boxes of a column, px."""
 _PER_INCH: Final = 72.0
 
 
 @dataclass(frozen=True, slots=True)
 class LayoutBox:
-    """A box to be placed; `parent` is the index of an earlier box, None for the root."""
+    """Box to be placed; `parent` is the index of an earlier box, None for the root."""
 
     width: int
     height: int
@@ -25,17 +25,17 @@ class LayoutBox:
 
 @dataclass(frozen=True, slots=True)
 class BoxPosition:
-    """The upper left corner of a box, and where its column begins; in pixels."""
+    """Upper left corner of a box, and start of its column, px."""
 
     x: int
     y: int
 
 
 def lay_out_boxes(boxes: Sequence[LayoutBox]) -> tuple[BoxPosition, ...]:
-    """A spot for each box; no two overlap, all coordinates are at least 0, and so is one of each.
+    """Return a position for each box: without overlaps, with 0 as the least coordinate of each axis.
 
-    Boxes of the same depth stand in one column, flush left. Graphviz gets the tree turned by 90 degrees: its
-    top-down layout keeps the order of children, and knows a rank of boxes of different heights.
+    Boxes of the same depth form one column, aligned left. Graphviz gets the tree turned by 90 degrees. Its
+    top-down layout keeps the order of children, and allows boxes of different heights in a rank.
     """
     from pygraphviz import AGraph
 
@@ -48,8 +48,8 @@ def lay_out_boxes(boxes: Sequence[LayoutBox]) -> tuple[BoxPosition, ...]:
         directed=True, strict=False, ordering="out", splines="false",
         nodesep=f"{BETWEEN / _PER_INCH:.6f}", ranksep=f"{BESIDE / _PER_INCH:.6f}",
     )  # fmt: skip
-    # An only child stands level with its parent.
-    # Without labels Graphviz asks for no font, and so says nothing about fonts that are missing.
+    # An only child is level with its parent. Without labels Graphviz needs no font, and so prints nothing
+    # about missing fonts.
     graph.node_attr.update(shape="box", fixedsize="true", label="", margin="0")
     for index, (box, depth) in enumerate(zip(boxes, depths, strict=True)):
         graph.add_node(

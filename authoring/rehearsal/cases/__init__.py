@@ -1,1 +1,1 @@
-"""Cases files, read."""
+"""Reader of cases files."""

@@ -1,4 +1,4 @@
-"""Cases as values: how the world is, how the leaves answer, what must come of it."""
+"""Cases as values: state of the world, answers of the leaves, and expectations."""
 
 from __future__ import annotations
 
@@ -15,34 +15,34 @@ EndStatus: TypeAlias = Literal["SUCCESS", "FAILURE", "SKIPPED", "RUNNING", "IDLE
 
 STATUSES: tuple[AnswerStatus, ...] = ("SUCCESS", "FAILURE", "SKIPPED", "RUNNING")
 OUTCOMES = ("SUCCESS", "FAILURE", "SKIPPED", "HALTED", "RUNNING")
-"""How a leaf's run may have ended, besides the causes."""
+"""Possible ends of a leaf's run, besides the causes."""
 ANY_LEAVES = "..."
-"""In `order`: any leaves, also none."""
+"""Entry of `order` for any number of leaves, also none."""
 EMPTY_HAND = "empty"
 
 Objects: TypeAlias = Mapping[str, ObjectFile | None]
-"""By id; None: not in the belief."""
+"""Objects by id; None: not in the belief."""
 
 
 @dataclass(frozen=True, slots=True)
 class Effects:
-    """What is otherwise in the world once a leaf has answered."""
+    """Changes of the world after a leaf's answer."""
 
     facts: Mapping[str, object] = field(default_factory=dict[str, object])
     objects: Objects = field(default_factory=dict[str, "ObjectFile | None"])
     hand: str | None = None
-    """An object's id, EMPTY_HAND, or None: as it follows from the leaf."""
+    """Id of an object, or EMPTY_HAND; None: as the leaf's declaration implies."""
 
 
 @dataclass(frozen=True, slots=True)
 class LeafAnswer:
-    """What a leaf does when it is started once; `loc` is where the file says it."""
+    """Answer of a leaf to one start; `loc` is its place in the file."""
 
     loc: Location
     status: AnswerStatus = "SUCCESS"
     cause: str = ""
     ticks: int = 0
-    """Ticks RUNNING before it ends."""
+    """Number of ticks RUNNING before the end."""
     message: str = ""
     outputs: Mapping[str, object] = field(default_factory=dict[str, object])
     then: Effects = field(default_factory=Effects)
@@ -50,13 +50,13 @@ class LeafAnswer:
 
 @dataclass(frozen=True, slots=True)
 class LeafScript:
-    """Answers of all leaves that fit the pattern, for one start after the other."""
+    """Answers of all leaves that match the pattern, one start after the other."""
 
     loc: Location
     pattern: str
     answers: tuple[LeafAnswer, ...]
     otherwise: LeafAnswer | None = None
-    """When the answers are used up; None: the last again."""
+    """Answer when the others are used up; None: the last one repeats."""
 
     @property
     def everything(self) -> tuple[LeafAnswer, ...]:
@@ -65,7 +65,7 @@ class LeafScript:
 
 @dataclass(frozen=True, slots=True)
 class ExpectedStart:
-    """One entry of `order`: the pattern of a leaf, and how its run ended; ANY_LEAVES stands for any."""
+    """One entry of `order`: pattern of a leaf, and end of its run; ANY_LEAVES matches any leaves."""
 
     loc: Location
     pattern: str
@@ -74,7 +74,7 @@ class ExpectedStart:
 
 @dataclass(frozen=True, slots=True)
 class ExpectedHandling:
-    """A failure that some node must take up."""
+    """Failure that a node must handle."""
 
     loc: Location
     cause: str
@@ -85,7 +85,7 @@ class ExpectedHandling:
 
 @dataclass(frozen=True, slots=True)
 class Expectation:
-    """What must come of a case; None and empty: it does not matter."""
+    """Expected result of a case; None or empty: any."""
 
     loc: Location
     status: EndStatus | None = None
@@ -101,7 +101,7 @@ class Expectation:
 
 @dataclass(frozen=True, slots=True)
 class RehearsalCase:
-    """One case. What the file says for all cases is laid under its own already."""
+    """One case, merged with the settings for all cases of the file."""
 
     name: str
     loc: Location
@@ -116,7 +116,7 @@ class RehearsalCase:
 
 @dataclass(frozen=True, slots=True)
 class CaseFile:
-    """A cases file, read. `mission` is the file that it names."""
+    """Content of a cases file. `mission` is the file that it names."""
 
     document: Document
     mission: Path | None

@@ -1,4 +1,4 @@
-"""From a document of kind `cases` to its cases; names are held against the mission elsewhere."""
+"""Loader of cases: converts a document of kind `cases`; names are checked against the mission elsewhere."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ from .cases_schema import (
 
 
 class ExpectationReader:
-    """Reads the mappings `expect` of one document."""
+    """Reader of the mappings `expect` of one document."""
 
     def __init__(self, check: DocumentChecker) -> None:
         self._check, self._document = check, check.document
@@ -68,7 +68,7 @@ class ExpectationReader:
         return found
 
     def _sense(self, expect: Expectation, halt_after: int | None) -> None:
-        """What contradicts itself."""
+        """Report contradictions within an expectation."""
 
         def fault(key: str, message: str, hint: str = "") -> None:
             self._check.fault((*expect.loc, key), message, hint, code="P714")
@@ -115,13 +115,13 @@ class ExpectationReader:
 
 
 class AnswerReader:
-    """Reads the mappings `leaves` of one document."""
+    """Reader of the mappings `leaves` of one document."""
 
     def __init__(self, check: DocumentChecker) -> None:
         self._check, self._document = check, check.document
 
     def scripts(self, above: Location) -> tuple[LeafScript, ...]:
-        """Those under `leaves` of the mapping at `above`, as far as they can be read."""
+        """Return the scripts under `leaves` of the mapping at `above`, as far as they can be read."""
         loc: Location = (*above, "leaves")
         value = self._document.get(loc)
         if not isinstance(value, dict):
@@ -188,7 +188,7 @@ class AnswerReader:
         )
 
     def _keys(self, model: type[TurnsFile], loc: Location) -> None:
-        """Refuse keys that the model does not have."""
+        """Report keys that the model does not have."""
         known = [field.alias or name for name, field in model.model_fields.items()]
         value = self._document.get(loc)
         for key in value if isinstance(value, dict) else ():
@@ -202,17 +202,17 @@ def _effects(then: EffectsFile | None) -> Effects:
 
 
 MOST_CASES = 500
-"""In one file: what is beyond is no longer read by people, nor checked in a second."""
+"""Maximum number of cases in a file: more are neither read by people, nor checked in a second."""
 
 
 def read_cases(check: DocumentChecker) -> CaseFile:
-    """What could be read of the checker's document; what is wrong with its form is with the checker."""
+    """Return the readable part of the checker's document; the checker collects the format errors."""
     return _Reader(check).read()
 
 
 @dataclass(frozen=True, slots=True)
 class _Common:
-    """What the file says for all cases."""
+    """Settings for all cases of the file."""
 
     parameters: Mapping[str, object]
     objects: Objects
@@ -264,6 +264,6 @@ class _Reader:
 
 
 class _Top(CasesFile):
-    """The file without its cases, which are read one by one."""
+    """Root of the file without its cases, which are read one by one."""
 
     cases: dict[str, CaseEntry] = {}  # noqa: RUF012 - pydantic copies it

@@ -1,4 +1,4 @@
-"""The grammar of cases files: one model for each part."""
+"""Grammar of cases files: one pydantic model for each part."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ T = TypeVar("T")
 
 
 def or_else(read: Callable[[], T], default: T) -> T:
-    """A part of a model, or the default where it could not be read; the fault is reported already."""
+    """Return a part of a model, or the default where it could not be read; the error is reported already."""
     try:
         return read()
     except UnreadPart:
@@ -22,7 +22,7 @@ def or_else(read: Callable[[], T], default: T) -> T:
 
 
 def entries(mapping: Mapping[str, T]) -> dict[str, T]:
-    """The entries of a mapping that could be read."""
+    """Return the entries of a mapping that could be read."""
     found: dict[str, T] = {}
     for key in mapping:
         with suppress(UnreadPart):
@@ -64,7 +64,7 @@ class ObjectFile(FileModel):
 
 
 class EffectsFile(FileModel):
-    """What is otherwise in the world once a leaf has answered."""
+    """Changes of the world after a leaf's answer."""
 
     facts: dict[str, object] = Field(
         default_factory=dict[str, object],
@@ -80,7 +80,7 @@ class EffectsFile(FileModel):
 
 
 class AnswerFile(FileModel):
-    """What a leaf does when it is started once."""
+    """Answer of a leaf to one start."""
 
     status: Literal["SUCCESS", "FAILURE", "SKIPPED", "RUNNING"] | None = Field(
         None,
@@ -113,7 +113,7 @@ Leaf = Annotated[
         lambda v: v, json_schema_input_type=AnswerFile | Text | list[AnswerFile | Text] | TurnsFile
     ),
 ]
-"""One answer for every start; a list for one after the other, the last repeated; or answers and else."""
+"""One answer for every start; a list of answers in turn, the last repeated; or answers with `else`."""
 
 Leaves = dict[str, Leaf]
 _LEAVES = (
@@ -140,7 +140,7 @@ class HandledFile(FileModel):
 
 
 class ExpectFile(FileModel):
-    """What must come of it."""
+    """Expected result of a case."""
 
     status: Literal["SUCCESS", "FAILURE", "SKIPPED", "RUNNING", "IDLE"] | None = Field(
         None,

@@ -1,1 +1,1 @@
-"""Cases held against their mission."""
+"""Check of cases against their mission."""

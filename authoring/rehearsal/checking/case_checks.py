@@ -1,4 +1,4 @@
-"""Checking a cases file, by itself and against its mission: all faults at once."""
+"""Check of a cases file, by itself and against its mission, with all errors at once."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ from .expect_checks import ExpectChecks, WorldChecks
 from .known_names import CaseNames
 
 _ALWAYS = (tree.MISSING_INPUT, tree.TIMEOUT, world.UNKNOWN_OBJECT, internal.ERROR)
-"""What every node may fail with; with a fault of the program because some want it handled."""
+"""Causes with which every node may fail; a program fault is included, because missions may handle it."""
 
 
 class LeafChecks:
-    """Holds the answers of one case against the leaves that give them."""
+    """Check of one case's answers against the leaves that give them."""
 
     def __init__(self, known: CaseNames, case: RehearsalCase, worlds: WorldChecks) -> None:
         self._known, self._case, self._worlds = known, case, worlds
@@ -120,7 +120,7 @@ class LeafChecks:
         self._known.fault(loc, f"{declaration.id} has no output {key!r}", hint, code="P707", key=True)
 
     def _outputs(self, answer: LeafAnswer, role: NodeRole, *, of_itself: bool) -> bool:
-        """A fault for an output that somebody may read and nobody gives; whether there was one."""
+        """Report an output that a node may read and no answer gives; return whether there was one."""
         assert role.spec.node is not None
         declaration = role.spec.node.declaration
         for port in role.needed:
@@ -142,11 +142,11 @@ def _at(answer: LeafAnswer, key: str) -> Location:
 
 @dataclass(frozen=True, slots=True)
 class CasesCheck:
-    """What a cases file gave. With errors the cases are only what could be read of them."""
+    """Result of the check of a cases file. With errors the cases are only those that could be read."""
 
     cases: CaseFile
     mission: Mission | None
-    """The given one, or the one that the file names."""
+    """The given mission, or the one that the file names."""
     faults: tuple[Diagnostic, ...]
 
     @property
@@ -155,14 +155,14 @@ class CasesCheck:
 
 
 def check_cases(document: Document, registry: NodeRegistry | None = None) -> tuple[Diagnostic, ...]:
-    """All that is wrong with a document of kind `cases`; the mission is the one that it names."""
+    """Return all errors of a document of kind `cases`, checked against the mission that it names."""
     return examine_cases(document, None, registry).faults
 
 
 def load_cases(path: Path, mission: Mission | None = None) -> CaseFile:
-    """The cases of a file, for that mission or for the one that it names.
+    """Load the cases of a file, for that mission or for the one that it names.
 
-    Raises FileError with all faults, also those of the scene when the mission is given.
+    Raises FileError with all errors, also those of the scene when the mission is given.
     """
     found = examine_cases(load_document(path, "cases"), mission)
     if found.errors:
@@ -173,7 +173,10 @@ def load_cases(path: Path, mission: Mission | None = None) -> CaseFile:
 def examine_cases(
     document: Document, mission: Mission | None, registry: NodeRegistry | None = None
 ) -> CasesCheck:
-    """As `check_cases`, for who wants the cases, too. Raises only for a faulty scene of the given mission."""
+    """Check a cases file as `check_cases` does, and return the cases, too.
+
+    Raises only for a faulty scene of the given mission.
+    """
     check = DocumentChecker(document)
     cases = read_cases(check)
     if mission is not None:

@@ -1,4 +1,4 @@
-"""Whether what a case expects names nodes, causes, facts and keys that there are."""
+"""Check that the nodes, causes, facts and keys that a case names exist."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ _WORDS = {bool: "true or false", int: "a whole number", float: "a number", str: 
 
 
 class WorldChecks:
-    """Holds what one case says of the world against what there is."""
+    """Check of one case's world against mission and scene."""
 
     def __init__(self, known: CaseNames, case: RehearsalCase) -> None:
         self._known, self._case = known, case
@@ -43,14 +43,14 @@ class WorldChecks:
         self._ids = [*_ids(case), *map(str, fixed)]
 
     def run(self) -> None:
-        """All but what answers and expectations say."""
+        """Check everything but answers and expectations."""
         loc = self._case.loc
         self._parameters()
         self.facts(self._case.facts, loc, "facts", may_set=True)
         self.objects(self._case.objects, loc, "objects")
 
     def facts(self, given: Mapping[str, object], above: Location, key: str, *, may_set: bool) -> None:
-        """`may_set`: the case gives them values; null gives one back, and time cannot be set."""
+        """Check facts. `may_set`: the case sets them; null resets a fact, and time cannot be set."""
         for name, value in given.items():
             loc = self._place((*above, key, name))
             if name not in FACTS or (may_set and name == _SET_BY_CLOCK):
@@ -75,7 +75,7 @@ class WorldChecks:
             self.objects_named(effects.hand, (*loc, "hand"))
 
     def objects_named(self, value: object, loc: Location) -> None:
-        """A warning for an id of no object that this case ever has in its belief."""
+        """Warn about an id that no object in the belief of this case ever has."""
         for one in cast("list[object]", value) if isinstance(value, list) else [value]:
             if isinstance(one, str) and one not in self._ids:
                 hint = suggest_name(one, self._ids) or "list it under 'objects'"
@@ -118,7 +118,7 @@ class WorldChecks:
         self._known.fault(loc, message, hint, code=code, key=key)
 
     def _place(self, loc: Location) -> Location:
-        """Where it is really said: what stands at the top of the file counts for every case."""
+        """Return the place where a value is written: settings at the file's top apply to every case."""
         case = self._case.loc
         if loc[: len(case)] == case and not self._known.given(loc):
             above = loc[len(case) :]
@@ -140,7 +140,7 @@ def _is(value: object, kind: type) -> bool:
 
 
 class ExpectChecks:
-    """Holds the expectation of one case against the mission."""
+    """Check of one case's expectation against the mission."""
 
     def __init__(self, known: CaseNames, expect: Expectation, worlds: WorldChecks) -> None:
         self._known, self._expect, self._worlds = known, expect, worlds
@@ -213,7 +213,7 @@ class ExpectChecks:
 
 
 def _keys(tree: TreeSpec) -> Iterator[str]:
-    """All keys of a tree's blackboard that its text names."""
+    """Yield all blackboard keys that a tree's text names."""
     yield from (port.key for port in tree.ports)
     for spec in tree.root.iterate():
         yield from (bound.key for bound in spec.ports.values() if isinstance(bound, Reference))
@@ -222,7 +222,7 @@ def _keys(tree: TreeSpec) -> Iterator[str]:
 
 
 def _handlers(role: NodeRole) -> Iterator[str]:
-    """What a node calls its handlers: the patterns of its table of causes, and what stands beside it."""
+    """Yield the labels of a node's handlers: patterns of its cause table, and `otherwise`."""
     node = role.spec.node
     tables = [slot for slot in node.declaration.slots if slot.of == "cause"] if node else []
     for slot in tables:

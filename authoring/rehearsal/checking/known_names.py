@@ -1,4 +1,4 @@
-"""What a cases file may name: the nodes of its mission, causes, and what the mission's scene has."""
+"""Names that a cases file may use: nodes of its mission, causes, and names of the mission's scene."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from ..stage.rehearsal_world import HAND, TABLE, UNKNOWN
 
 
 class CaseNames:
-    """The names that are valid, and a word about those that are not.
+    """Valid names, and the errors about unknown ones.
 
-    Without a mission only what every mission knows is held against the file.
+    Without a mission only names common to every mission are checked.
     """
 
     def __init__(
@@ -58,7 +58,8 @@ class CaseNames:
     # Nodes.
 
     def nodes(self, pattern: str, loc: Location, *, key: bool = False) -> tuple[NodeRole, ...]:
-        """The nodes that fit a pattern; a fault when there are none. Of `Main` itself there is no pattern."""
+        """Return the nodes that match a pattern; report an error when there are none. `Main` itself has no
+        pattern."""
         if self.roles is None or not pattern.strip("/"):
             return ()
         if pattern not in self._fitting:
@@ -70,7 +71,7 @@ class CaseNames:
         return found
 
     def leaves(self, pattern: str, loc: Location, *, key: bool = False) -> tuple[NodeRole, ...]:
-        """The leaves that fit a pattern and that cases answer for; a fault when there are none."""
+        """Return the stubbed leaves that match a pattern; report an error when there are none."""
         found = self.nodes(pattern, loc, key=key)
         played = tuple(role for role in found if role.played)
         if found and not played:
@@ -86,7 +87,7 @@ class CaseNames:
         return f"{last!r} stands at {there}" if there else suggest_name(last, self._names(played=False))
 
     def _names(self, *, played: bool) -> list[str]:
-        """Names of nodes, the leaves first, each once."""
+        """Return the names of nodes, the leaves first, each once."""
         assert self.roles is not None
         wanted = [role for role in self.roles.all if role.played or not played]
         ordered = sorted(wanted, key=lambda role: not role.played)
@@ -95,7 +96,8 @@ class CaseNames:
     # Causes.
 
     def cause(self, name: str, loc: Location, *, family: bool = False) -> tuple[Cause, ...]:
-        """The causes of that name, or (`family`) that fit the pattern; a fault when there are none."""
+        """Return the causes of that name, or with `family` of the pattern; report an error when there are
+        none."""
         known = [cause.name for cause in all_causes()]
         if family:
             stems = {one.rpartition(".")[0] for one in known}
@@ -131,7 +133,7 @@ class CaseNames:
 
     @property
     def destinations(self) -> tuple[str, ...] | None:
-        """Bins, fixtures with holes, and their holes."""
+        """Bins, fixtures with holes, and their holes; None when the scene is unknown."""
         if self.scene is None or self.bins is None:
             return None
         return (*self.bins, *(str(f.id) for f in self.scene.fixtures if f.holes), *self.holes)
@@ -141,7 +143,7 @@ class CaseNames:
         return None if self.bins is None else (TABLE, HAND, ASIDE, *self.bins, *self.holes)
 
     def name(self, loc: Location, value: str | None, what: str, known: Iterable[str] | None) -> None:
-        """A fault when a name of the scene is none; None for `known`: nothing is known of them."""
+        """Report a name that the scene does not have. `known` None: the scene's names are unknown."""
         if value is None or known is None:
             return
         names = list(known)

@@ -1,1 +1,1 @@
-"""The stage of a rehearsal: its world, its stand-ins, its trace."""
+"""Stage of a rehearsal: world, stubs, spies and trace."""

@@ -1,4 +1,4 @@
-"""Which answer a leaf gives when it is started."""
+"""Choice of a leaf's answer at its start."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ class _Turns:
 
 
 class ScriptedAnswers:
-    """Counts the starts for each pattern; the first pattern that fits a node is the one that counts."""
+    """Answers by start count of each pattern; the first pattern that matches a node counts."""
 
     def __init__(self, scripts: Iterable[LeafScript]) -> None:
         self._turns = [_Turns(script) for script in scripts]
 
     def answer(self, path: str) -> LeafAnswer | None:
-        """The next answer of the leaf at that path; None when the case says nothing of it."""
+        """Return the next answer of the leaf at that path; None when the case gives none."""
         turns = next((t for t in self._turns if node_matches(t.script.pattern, path)), None)
         if turns is None or not turns.script.answers:
             return None
@@ -33,7 +33,7 @@ class ScriptedAnswers:
         return turns.script.otherwise or turns.script.answers[-1]
 
     def unused(self) -> tuple[Location, ...]:
-        """Where answers stand that no leaf has given."""
+        """Return the places of answers that no leaf has used."""
         return tuple(
             answer.loc
             for turns in self._turns

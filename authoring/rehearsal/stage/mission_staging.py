@@ -1,4 +1,4 @@
-"""A mission made ready for rehearsals: its leaves replaced, its other nodes and its expressions watched."""
+"""Preparation of a mission for rehearsals: stubs for its leaves, spies on its other nodes and expressions."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from .stand_ins import leaf_stub, node_spy
 
 @dataclass(frozen=True, slots=True)
 class CoveredExpression(Expression):
-    """An expression as any other; `seen` are the answers that it gave, as true or false."""
+    """Expression that records its results, as true or false, in `seen`."""
 
     seen: set[bool] = field(default_factory=set[bool], compare=False)
 
@@ -28,7 +28,7 @@ class CoveredExpression(Expression):
         return cls(**{part.name: getattr(expression, part.name) for part in fields(expression)})
 
     def evaluate(self, names: Mapping[str, object], attributes: Attributes | None = None) -> object:
-        # Not super(): a dataclass with slots is made anew, and the cell of super() keeps the former.
+        # super() fails here: a dataclass with slots is a new class, and super()'s cell holds the old one.
         value = Expression.evaluate(self, names, attributes)
         self.seen.add(bool(value))
         return value
@@ -39,20 +39,20 @@ _Watched: TypeAlias = defaultdict[str, dict[str, CoveredExpression]]
 
 @dataclass(frozen=True, slots=True)
 class StubbedMission:
-    """What all cases of a mission share. `expressions` by the node's path in its tree and by key."""
+    """Data shared by all cases of a mission. `expressions`: by the node's path in its tree, then by key."""
 
     mission: Mission
-    """The mission that is built: the author's, with other classes behind its nodes."""
+    """Mission that is built: the author's, with stub and spy classes."""
     roles: NodeRoles
-    """Of the author's mission."""
+    """Roles of the nodes of the author's mission."""
     scene: SceneDescription | None
     expressions: Mapping[str, Mapping[str, CoveredExpression]]
     texts: Mapping[str, str]
-    """Of a node as it is built: its path in the tree that the file writes down."""
+    """Path in the file's tree, by the path of the built node."""
 
 
 def stub_mission(mission: Mission, scene: SceneDescription | None) -> StubbedMission:
-    """Make a mission ready; `scene` gives bins, kinds and destinations."""
+    """Prepare a mission; `scene` supplies bins, kinds and destinations."""
     watched: _Watched = defaultdict(dict)
     trees = {name: _tree(tree, watched) for name, tree in mission.trees.items()}
     roles = roles_of(mission)
@@ -61,7 +61,8 @@ def stub_mission(mission: Mission, scene: SceneDescription | None) -> StubbedMis
 
 
 def scene_of(mission: Mission) -> SceneDescription | None:
-    """The mission's scene, None when it names none. Raises PicktreeError (FileError) for a faulty one."""
+    """Return the mission's scene, None when it names none. Raises PicktreeError (FileError) for a faulty
+    one."""
     if mission.scene is None:
         return None
     return load_scene(mission.scene, mission.document.path.parent)
@@ -81,7 +82,7 @@ def _node(spec: NodeSpec, above: str, watched: _Watched) -> NodeSpec:
     played = spec.node is not None and is_stubbed(spec.node)
 
     def binding(key: str, bound: Binding) -> Binding:
-        # Nobody asks the expressions of a leaf whose place is taken.
+        # The expressions of a stubbed leaf are never evaluated.
         if not played and isinstance(bound, Constant) and isinstance(bound.value, Expression):
             return Constant(watch(key, bound.value), bound.text)
         return bound

@@ -1,4 +1,4 @@
-"""Which nodes a mission has once its sub-trees are written out, and which of them a case answers for."""
+"""Roles of nodes in a rehearsal: all nodes with sub-trees expanded, and those that a case answers for."""
 
 from __future__ import annotations
 
@@ -18,37 +18,36 @@ _OWN = frozenset(NODES)
 
 @dataclass(frozen=True, slots=True)
 class NodeRole:
-    """One node as it will be built. `text` is its path in the tree that the file writes down."""
+    """One node of the built tree. `text` is its path in the tree of the file."""
 
     path: str
     text: str
     spec: NodeSpec
     branch: str = ""
-    """The slot and label under which it stands where they say something: `when grasp.missed`, `otherwise`."""
+    """Slot and label of the node where they have a meaning: `when grasp.missed`, `otherwise`."""
 
     played: bool = False
-    """Whether a case answers for it; the language's own nodes do their own work."""
+    """Whether a case answers for the node; nodes of the language run themselves."""
     causes: tuple[Cause | Family, ...] = ()
-    """What it may fail with by itself, as its ports are wired."""
+    """Causes with which the node itself may fail under its wiring."""
     needed: tuple[PortDeclaration, ...] = ()
-    """Outputs that the mission reads and that only a case can say."""
+    """Outputs that the mission reads and that only a case can give."""
 
 
 def is_stubbed(node: type[Node]) -> bool:
-    """Whether a stand-in takes the node's place: a leaf that is not of the language itself, unless it does
-    nothing but change the belief."""
+    """Whether a stub replaces the node: a leaf outside the language that does more than change the belief."""
     return node.played and node not in _OWN and not node.declaration.slots
 
 
 def may_fail_with(role: NodeRole) -> tuple[Cause | Family, ...]:
-    """What a leaf declares as it is wired; one that looks may be without an image however it is wired."""
+    """Return the causes of a leaf under its wiring; a leaf that looks may lack an image under any wiring."""
     node = role.spec.node
     looks = node is not None and perception.NO_IMAGE in node.causes
     return (*role.causes, perception.NO_IMAGE) if looks else role.causes
 
 
 def follows_from_belief(port: PortDeclaration, uses: tuple[Resource, ...]) -> bool:
-    """Whether an output needs no answer: what a camera lists are the items that the belief has to do."""
+    """Whether an output needs no answer: a camera lists the items that the belief has to do."""
     return Resource.CAMERA in uses and port.type.name == "object" and port.type.many
 
 
@@ -63,7 +62,7 @@ class NodeRoles:
 
 
 def roles_of(mission: Mission) -> NodeRoles:
-    """Every node of the tree that `build` makes of the mission, but for `Main` itself."""
+    """Return the roles of all nodes of the built tree, without `Main` itself."""
     return NodeRoles(tuple(_walk(mission, mission.main.root, mission.main.name, mission.main.name, "")))
 
 

@@ -1,9 +1,8 @@
-"""The world of a rehearsal: a clock that ticks move on, a belief, a journal; no robot stands behind it.
+"""World of a rehearsal: a clock that counts ticks, a belief and a journal, without a robot.
 
-What is believed in a rehearsal: objects, hand and facts, and how they follow from what leaves answer.
-
-Nothing is measured here. A leaf that succeeds leaves in the hand what it declares (`hand_after`), a dropped
-object lies on the table again, a look is a success of a leaf that uses the camera; all else the case says.
+Nothing is measured. Objects, hand and facts follow from the leaves' answers. A successful leaf changes the
+hand as declared (`hand_after`), and a dropped object lies on the table again. A leaf with the camera that
+succeeds counts as a look. The case defines everything else.
 """
 
 from __future__ import annotations
@@ -33,15 +32,15 @@ TABLE = "table"
 HAND = "hand"
 UNKNOWN = "unknown"
 _SHAPE = Box((0.04, 0.04, 0.04))
-"""Of an object whose kind no catalogue has; nobody computes with it."""
+"""Shape of an object whose kind is in no catalogue; nothing is computed with it."""
 
 
 class Contradiction(Exception):
-    """A case lets a leaf do what cannot be: it ends the case, and is never a failure of the mission."""
+    """Impossible answer in a case: it ends the case, and is never a failure of the mission."""
 
 
 class Belief:
-    """The planning scene of a rehearsal with the facts that follow from it, and those that a case sets."""
+    """Planning scene of a rehearsal, with derived facts and those that a case sets."""
 
     def __init__(self, scene: SceneDescription | None) -> None:
         self._exhausted = scene is None or not scene.deliveries
@@ -69,13 +68,13 @@ class Belief:
         return {**found, **self._set}
 
     def to_do(self) -> list[str]:
-        """Ids of the items to be handled: what the hand holds first."""
+        """Ids of the items to do, the held one first."""
         return [o.id for o in sorted(items_to_do(self.scene), key=lambda o: not o.attached)]
 
-    # What a case says.
+    # Changes by the case.
 
     def apply(self, effects: Effects) -> None:
-        """Raises Contradiction when the hand is to hold what is not there."""
+        """Apply effects. Raises Contradiction when the hand should hold an unknown object."""
         self.change(effects.objects)
         self.pin(effects.facts)
         if effects.hand == EMPTY_HAND:
@@ -87,7 +86,7 @@ class Belief:
             self.scene.attach(effects.hand, Pose())
 
     def pin(self, given: Mapping[str, object]) -> None:
-        """Facts with a value of the case's own; None gives one back."""
+        """Set facts to the case's values; None resets a fact."""
         for name, value in given.items():
             if isinstance(value, bool | int | float | str):
                 self._set[name] = value
@@ -106,14 +105,14 @@ class Belief:
         if held is not None:
             self.scene.detach(held.id, held.pose, place)
 
-    # What follows from a leaf's answer.
+    # Consequences of a leaf's answer.
 
     def succeeded(
         self, leaf: NodeDeclaration, hand: Hand, inputs: Mapping[str, Any], *, of_itself: bool
     ) -> None:
-        """A leaf succeeded, after which `hand` is said of the hand; `of_itself`: no case told it to.
+        """Apply a leaf's success, with `hand` as declared; `of_itself`: no case has defined the answer.
 
-        Raises Failure when it must have failed instead, Contradiction when it cannot have succeeded.
+        Raises Failure when the leaf must fail instead, Contradiction when it cannot succeed.
         """
         if Resource.ARM in leaf.uses and self._set.get("stopped", self._stopped):
             self._move(leaf, of_itself=of_itself)
@@ -125,17 +124,17 @@ class Belief:
             self._empty(leaf, inputs)
 
     def failed(self, cause: Cause) -> None:
-        """What the cause says of the world by itself."""
+        """Apply the changes of the world that a cause implies."""
         if cause in (grasp_causes.MISSED, grasp_causes.SLIPPED):
             self.let_go()
         if cause is safety.NO_RETREAT:
-            # Whoever says so has acknowledged the stop; the arm stays where it is.
+            # A node with this failure has acknowledged the stop; the arm stays where it is.
             self._stopped = False
         elif matches("safety.*", cause):
             self._stopped = True
 
     def _move(self, leaf: NodeDeclaration, *, of_itself: bool) -> None:
-        """A stop is latched: it refuses every motion but that of a leaf that brings the arm to safety."""
+        """Apply a latched stop: it refuses every motion but that of a leaf that brings the arm to safety."""
         if leaf.hand_after == "kept":
             self._stopped = False
             self._set.pop("stopped", None)
@@ -174,7 +173,7 @@ class Belief:
         self.let_go(place)
 
     def _seat(self, leaf: NodeDeclaration, inputs: Mapping[str, Any], held: BeliefObject) -> str:
-        """The hole into which what is held goes; its destination where no free hole for it is known."""
+        """Return the hole for the held object; its destination where no free hole for it is known."""
         named = next((inputs[p.key] for p in leaf.inputs if p.names == "hole" and inputs.get(p.key)), None)
         into = str(named or self.scene.destination(held.id) or TABLE)
         if self._known_bins and named and named_holes(self.scene.fixtures.values(), into) is None:
@@ -183,7 +182,7 @@ class Belief:
         return into if hole is None else str(hole.id)
 
     def take_away(self, bin_id: str) -> None:
-        """An empty bin stands in the place of that one. Raises Failure when there is none of that name."""
+        """Replace a bin with an empty one. Raises Failure when there is none of that name."""
         self._refuse_unknown(bin_id)
         for belief in self.scene.objects:
             if belief.place == bin_id:
@@ -228,7 +227,8 @@ def _of_kind(belief: BeliefObject, kind: str, known: CatalogueEntry | None) -> B
 
 
 def _object_of(leaf: NodeDeclaration, inputs: Mapping[str, Any]) -> str | None:
-    """What the leaf takes or lets go: its first input that is an object, and no place of the scene."""
+    """Return the object that a leaf takes or releases: its first object input that is no place of the
+    scene."""
     for port in leaf.inputs:
         if port.type.name == "object" and not port.type.many and port.names is None:
             return str(inputs[port.key]) if inputs.get(port.key) else None
@@ -236,11 +236,11 @@ def _object_of(leaf: NodeDeclaration, inputs: Mapping[str, Any]) -> str | None:
 
 
 TICK = 0.05
-"""Simulated seconds between two ticks, as in a run."""
+"""Simulated time between two ticks, s, as in a run."""
 
 
 class TickClock:
-    """Simulated time, which is the number of ticks that have passed."""
+    """Simulated time: the number of past ticks times TICK."""
 
     def __init__(self) -> None:
         self.ticks = 0
@@ -251,7 +251,7 @@ class TickClock:
 
 
 class _Notes(Journal):
-    """Hands on what nodes tell, instead of keeping it for a log."""
+    """Journal that forwards events instead of storing them for a log."""
 
     def __init__(self, trace: Trace) -> None:
         super().__init__()
@@ -263,7 +263,7 @@ class _Notes(Journal):
 
 
 class RehearsalWorld:
-    """What nodes see of the world while a case is rehearsed: as much as the language itself asks for."""
+    """World that nodes see during a rehearsal: only the part that control nodes need."""
 
     tick = TICK
 

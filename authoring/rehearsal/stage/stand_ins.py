@@ -1,4 +1,4 @@
-"""Stand-ins, which take the place of a mission's leaves, and witnesses, who look on at its other nodes."""
+"""Stubs that replace a mission's leaves, and spies that record its other nodes."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from .rehearsal_world import Contradiction, RehearsalWorld
 
 
 class LeafStub(Node, abstract=True):
-    """Answers as the case says, with the ports and causes of the leaf in whose place it is.
+    """Stub that answers as the case defines, with the ports and causes of the replaced leaf.
 
-    Nothing of the leaf's own code runs, so that neither a robot nor a scene of flesh is needed.
+    The leaf's own code does not run, so that neither a robot nor a real scene is needed.
     """
 
     stands_for: ClassVar[type[Node]]
@@ -78,7 +78,7 @@ class LeafStub(Node, abstract=True):
         return NodeStatus(answer.status)
 
     def _succeed(self, answer: LeafAnswer | None) -> NodeStatus:
-        # Who says what the hand holds, says it instead of the leaf's declaration.
+        # A case that defines the hand's content overrides the leaf's declaration.
         if answer is None or answer.then.hand is None:
             inputs = {port.key: self.input(port.key) for port in self.declaration.inputs}
             given = {key: Constant(value, None) for key, value in inputs.items()}
@@ -106,7 +106,7 @@ class LeafStub(Node, abstract=True):
 
 
 class NodeSpy(Node, abstract=True):
-    """Mixed into a node of the language, which does its own work: tells the trace what comes of it."""
+    """Mixin for a node of the language, which runs itself: it records the node's results in the trace."""
 
     def step(self) -> NodeStatus:
         before = self.state
@@ -129,14 +129,14 @@ class NodeSpy(Node, abstract=True):
 
 @cache
 def leaf_stub(node: type[Node]) -> type[Node]:
-    """The class that takes the leaf's place."""
+    """Return the stub class of a leaf."""
     kept = {name: getattr(node, name) for name in ("declaration", "kind", "causes", "uses", "hand_after")}
     return _made(node.__name__, (LeafStub,), {**kept, "stands_for": node})
 
 
 @cache
 def node_spy(node: type[Node]) -> type[Node]:
-    """The node's own class, with a witness."""
+    """Return a spy class derived from the node's own class."""
     return _made(node.__name__, (NodeSpy, node), {})
 
 

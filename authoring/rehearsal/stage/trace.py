@@ -1,4 +1,4 @@
-"""What happens while a case is rehearsed, in order."""
+"""Trace of a rehearsed case: its events in order."""
 
 from __future__ import annotations
 
@@ -17,19 +17,19 @@ class LeafRun:
     """One run of a leaf, from its start to its end."""
 
     tick: int
-    """In which it started, from 1."""
+    """Tick of the start, from 1."""
     path: str
     last: int | None = None
-    """Tick in which it ended; None while it runs."""
+    """Tick of the end; None while the leaf runs."""
     outcome: str = "RUNNING"
-    """SUCCESS, FAILURE, SKIPPED, HALTED; RUNNING until it has ended."""
+    """SUCCESS, FAILURE, SKIPPED or HALTED; RUNNING before the end."""
     cause: str = ""
     message: str = ""
 
 
 @dataclass(frozen=True, slots=True)
 class LeafStarted:
-    """A leaf starts."""
+    """Start of a leaf."""
 
     tick: int
     run: LeafRun
@@ -37,7 +37,7 @@ class LeafStarted:
 
 @dataclass(frozen=True, slots=True)
 class LeafEnded:
-    """A leaf ends, or is halted."""
+    """End or halt of a leaf."""
 
     tick: int
     run: LeafRun
@@ -45,8 +45,7 @@ class LeafEnded:
 
 @dataclass(frozen=True, slots=True)
 class ConditionAnswered:
-    """A precondition answers for a node, which does not start; or a condition of the language says something
-    else than the last time."""
+    """Answer of a precondition for a node that does not start, or changed answer of a condition node."""
 
     tick: int
     path: str
@@ -55,7 +54,7 @@ class ConditionAnswered:
 
 @dataclass(frozen=True, slots=True)
 class KeyWritten:
-    """A value is written to the blackboard."""
+    """Write of a value to the blackboard."""
 
     tick: int
     path: str
@@ -65,7 +64,7 @@ class KeyWritten:
 
 @dataclass(frozen=True, slots=True)
 class ControlFailed:
-    """A control node fails for a cause of its own."""
+    """Failure of a control node with a cause of its own."""
 
     tick: int
     path: str
@@ -75,7 +74,7 @@ class ControlFailed:
 
 @dataclass(frozen=True, slots=True)
 class FailureHandled:
-    """A failure that went no further: `by` took it up, with its handler `handler` where it names them."""
+    """Failure that went no further: `by` handled it, with `handler` where handlers have names."""
 
     tick: int
     cause: str
@@ -86,7 +85,7 @@ class FailureHandled:
 
 @dataclass(frozen=True, slots=True)
 class NoteTaken:
-    """A node tells the record something."""
+    """Event that a node adds to the journal."""
 
     tick: int
     path: str
@@ -100,15 +99,15 @@ Event: TypeAlias = (
 
 
 MAX_EVENTS = 20_000
-"""Of one case; more would only be scrolled over."""
+"""Maximum number of events of one case: nobody reads more."""
 
 
 class Trace:
-    """Collects the events of one case; nodes and stand-ins tell it what they do."""
+    """Collector of the events of one case, called by nodes and stubs."""
 
     def __init__(self, played: Iterable[str]) -> None:
         self.tick = 1
-        """The present one, from 1."""
+        """Present tick, from 1."""
         self._played = frozenset(played)
         self._open: dict[str, LeafRun] = {}
         self._handlers: dict[str, str] = {}
@@ -118,17 +117,17 @@ class Trace:
         self.runs: list[LeafRun] = []
         self._begun: dict[str, int] = {}
         self.started: dict[str, int] = {}
-        """Every node that has started, and the tick in which it did so first."""
+        """Tick of the first start of every node that has started."""
         self.handled: list[FailureHandled] = []
         self.faults: list[str] = []
-        """What is a fault of the program: internal.error."""
+        """Program faults (internal.error)."""
         self.raised: set[tuple[str, str]] = set()
-        """Path and cause of every failure, where it began."""
+        """Path and cause of every failure, at its origin."""
 
-    # What the tree tells.
+    # Called by the tree.
 
     def begun(self, path: str) -> None:
-        """A node starts."""
+        """Record the start of a node."""
         self.flush()
         self._begun[path] = self.tick
         self.started.setdefault(path, self.tick)
@@ -139,39 +138,40 @@ class Trace:
             self._add(LeafStarted(run.tick, run))
 
     def stepped(self, path: str, before: NodeStatus, status: NodeStatus) -> None:
-        """A node was ticked. That it did not start although it was not RUNNING was a precondition's doing."""
+        """Record a tick. A node that was not RUNNING and did not start was stopped by a precondition."""
         self.flush()
         if before is not NodeStatus.RUNNING and self._begun.get(path) != self.tick:
             self._add(ConditionAnswered(self.tick, path, status))
 
     def ended(self, path: str, status: NodeStatus, failure: FailureReport | None) -> None:
-        """A stand-in is no longer RUNNING."""
+        """Record the end of a stub."""
         if failure is not None:
             self.raised.add((path, failure.cause.name))
         if path in self._open:
             self._end(self._open[path], status.value, failure)
 
     def halted(self, path: str) -> None:
-        """A stand-in is stopped while it runs."""
+        """Record the halt of a running stub."""
         self.flush()
         run = self._open.get(path)
         if run is not None:
             self._end(run, "HALTED", None)
 
     def says(self, path: str, status: NodeStatus) -> None:
-        """A condition of the language has answered; worth a line when it is another answer than before."""
+        """Record the answer of a condition node if it differs from the last."""
         if self._said.get(path) is not status:
             self._said[path] = status
             self._add(ConditionAnswered(self.tick, path, status))
 
     def failed(self, report: FailureReport) -> None:
-        """A control node failed for a cause of its own."""
+        """Record the failure of a control node with a cause of its own."""
         self.flush()
         self.raised.add((report.node, report.cause.name))
         self._add(ControlFailed(self.tick, report.node, report.cause.name, report.message))
 
     def took_up(self, by: str, report: FailureReport, *, by_handlers: bool) -> None:
-        """`by` did not fail although what stands below it did; `by_handlers`: only if it says with which."""
+        """Record that `by` did not fail although a node below did; `by_handlers`: only with a known
+        handler."""
         self.flush()
         handler = self._handlers.pop(by, "")
         if by_handlers and not handler:
@@ -191,7 +191,7 @@ class Trace:
             self._add(NoteTaken(self.tick, entry.node, entry.kind, entry.message))
 
     def flush(self, also: tuple[BlackboardWrite, ...] = ()) -> None:
-        """Take over what was written to the blackboard by now, and what was taken from there before."""
+        """Record the blackboard writes up to now; `also` holds writes taken before."""
         for write in (*also, *self.writes()):
             self._add(KeyWritten(self.tick, write.node, write.key, write.value))
 

@@ -1,1 +1,1 @@
-"""What came of a case, and how it is told."""
+"""Results of rehearsals, and their output."""

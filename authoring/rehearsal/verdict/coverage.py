@@ -1,4 +1,5 @@
-"""What of a mission's text the cases have reached: nodes, branches of recovery and choice, both answers."""
+"""Coverage of a mission's text by cases: nodes, branches of recovery and choice, both results of
+conditions."""
 
 from __future__ import annotations
 
@@ -18,19 +19,19 @@ PointKind: TypeAlias = Literal["node", "branch", "expression", "answer"]
 
 @dataclass(frozen=True, slots=True)
 class CoveragePoint:
-    """One thing that a case can reach. `node` is the path in the tree of the file that `mark` is in."""
+    """Part of a mission that a case can reach. `node`: path in the tree of the file that `mark` is in."""
 
     kind: PointKind
     mark: Mark
     node: str
     missed: str
-    """What is to be said when no case reaches it: `never starts`."""
+    """Message when no case reaches the point: `never starts`."""
     reached: bool
 
 
 @dataclass(frozen=True, slots=True)
 class CauseRaised:
-    """One cause that a leaf declares, and whether some case lets it fail so."""
+    """Cause that a leaf declares, and whether some case makes it fail so."""
 
     mark: Mark
     node: str
@@ -59,20 +60,20 @@ class Coverage:
 
     @property
     def percent(self) -> int:
-        """Rounded down, so that 100 means all."""
+        """Share of reached points, %, rounded down, so that 100 means all."""
         return 100 * self.reached // len(self.points) if self.points else 100
 
 
 @dataclass(slots=True)
 class CoverageRecord:
-    """What cases have reached so far, by paths in the file's trees; expressions remember it themselves."""
+    """Coverage of the cases so far, by paths in the file's trees; expressions record their own results."""
 
     started: set[str] = field(default_factory=set[str])
     raised: set[tuple[str, str]] = field(default_factory=set[tuple[str, str]])
     answered: set[tuple[str, str]] = field(default_factory=set[tuple[str, str]])
 
     def take(self, staging: StubbedMission, trace: Trace) -> None:
-        """Add what one case has reached."""
+        """Add the coverage of one case."""
         texts = staging.texts
         self.started |= {texts[path] for path in trace.started if path in texts}
         self.raised |= {(texts[path], cause) for path, cause in trace.raised if path in texts}
@@ -80,7 +81,7 @@ class CoverageRecord:
 
 
 def coverage(staging: StubbedMission, reached: CoverageRecord) -> Coverage:
-    """What was reached of all that there is; what no call of a tree leads to does not count."""
+    """Return the coverage of all points; trees that are never called do not count."""
     roles = {role.text: role for role in staging.roles.all}
     points = [point for role in roles.values() for point in _points(staging, reached, role)]
     causes = [cause for role in roles.values() if role.played for cause in _causes(reached, role)]

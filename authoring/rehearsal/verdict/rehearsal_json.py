@@ -1,4 +1,4 @@
-"""A rehearsal as one JSON object."""
+"""JSON output of a rehearsal."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from .rehearsal_result import CaseResult, Rehearsal
 
 
 def to_json(rehearsal: Rehearsal) -> dict[str, Plain]:
-    """The whole result, traces included."""
+    """Return the whole result, traces included."""
     return {
         "mission": rehearsal.mission,
         "file": str(rehearsal.file),
@@ -38,7 +38,7 @@ def to_json(rehearsal: Rehearsal) -> dict[str, Plain]:
 
 
 def to_json_text(rehearsal: Rehearsal) -> str:
-    """One object, with a line's end."""
+    """Return one JSON object with a trailing newline."""
     return json.dumps(to_json(rehearsal), ensure_ascii=False, indent=2, allow_nan=False) + "\n"
 
 

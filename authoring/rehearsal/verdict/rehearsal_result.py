@@ -1,4 +1,4 @@
-"""What a rehearsal came to: one value, which `text` and `to_json` render."""
+"""Result of a rehearsal as a value, which `to_text` and `to_json` render."""
 
 from __future__ import annotations
 
@@ -14,25 +14,25 @@ from .verdict import ExpectationMiss
 
 @dataclass(frozen=True, slots=True)
 class CaseResult:
-    """One case: how it ended, and what is otherwise than expected."""
+    """Result of one case: its end, and its differences from the expectation."""
 
     name: str
     doc: str
     mark: Mark
     status: str
-    """The mission's last status."""
+    """Last status of the mission."""
     cause: str
     message: str
     ticks: int
     seconds: float
-    """Simulated."""
+    """Simulated time, s."""
     differences: tuple[ExpectationMiss, ...]
     runs: tuple[LeafRun, ...]
-    """Of the leaves, in the order in which they started."""
+    """Runs of the leaves, in the order of their starts."""
     handled: tuple[FailureHandled, ...]
     events: tuple[Event, ...]
     unused: tuple[Mark, ...]
-    """Answers of the case's own that no leaf has given."""
+    """Answers of the case itself that no leaf has used."""
 
     @property
     def passed(self) -> bool:
@@ -41,7 +41,7 @@ class CaseResult:
 
 @dataclass(frozen=True, slots=True)
 class Rehearsal:
-    """All cases of a file, or those that were asked for."""
+    """Results of all cases of a file, or of the selected ones."""
 
     mission: str
     file: Path
@@ -50,9 +50,9 @@ class Rehearsal:
     complete: bool
     """Whether all cases of the file were rehearsed."""
     warnings: tuple[Diagnostic, ...]
-    """Of the cases file: what may be meant otherwise."""
+    """Warnings about the cases file."""
     names: Mapping[str, str]
-    """Short names of the nodes by their paths, for people."""
+    """Short names of the nodes for display, by path."""
 
     @property
     def passed(self) -> bool:

@@ -1,4 +1,4 @@
-"""A rehearsal as text: the trace of each case, its verdict, and what no case has reached."""
+"""Text output of a rehearsal: trace and verdict of each case, and the coverage gaps."""
 
 from __future__ import annotations
 
@@ -20,12 +20,15 @@ from .coverage import CauseRaised, Coverage, CoveragePoint
 from .rehearsal_result import CaseResult, Rehearsal
 
 _WIDEST = 44
-"""Longest name of a node; a longer one moves the rest of its line."""
+"""Maximum column width for node names; a longer name moves the rest of its line."""
 
 
 def trace_lines(events: tuple[Event, ...], names: Mapping[str, str]) -> list[str]:
-    """One line for each start and end of a leaf (one for both where nothing happens between), write, failure
-    that is taken up, and note; `names` says how nodes are called by their paths."""
+    """Return the lines of a trace; `names` gives the displayed names of nodes by path.
+
+    There is a line for each start and end of a leaf, write, handled failure and note. Start and end share a
+    line when nothing happens between them.
+    """
     rows = [(when, names.get(path, path), what) for when, path, what in _rows(events)]
     wide = max((len(when) for when, _, _ in rows), default=0)
     width = min(_WIDEST, max((len(name) for _, name, _ in rows), default=0))
@@ -33,7 +36,7 @@ def trace_lines(events: tuple[Event, ...], names: Mapping[str, str]) -> list[str
 
 
 def _rows(events: tuple[Event, ...]) -> Iterator[tuple[str, str, str]]:
-    """Tick or ticks, the node's path, what it does."""
+    """Yield (tick or ticks, path of the node, action) for each line."""
     for index, event in enumerate(events):
         if isinstance(event, LeafStarted):
             written, after = _writes(events, index + 1, event.run)
@@ -60,7 +63,7 @@ def _rows(events: tuple[Event, ...]) -> Iterator[tuple[str, str, str]]:
 
 
 def _writes(events: tuple[Event, ...], index: int, run: LeafRun) -> tuple[dict[str, Plain], int]:
-    """What a leaf writes right after it has started, and where the events go on."""
+    """Return a leaf's writes right after its start, and the index of the event after them."""
     written: dict[str, Plain] = {}
     while index < len(events):
         event = events[index]
@@ -72,7 +75,7 @@ def _writes(events: tuple[Event, ...], index: int, run: LeafRun) -> tuple[dict[s
 
 
 def _in_one_line(events: tuple[Event, ...], index: int) -> bool:
-    """Whether an end was told together with its start."""
+    """Whether an end shares the line of its start."""
     ended = events[index]
     while index > 0 and isinstance(events[index - 1], KeyWritten):
         index -= 1
@@ -97,7 +100,7 @@ def _ending(run: LeafRun, written: Mapping[str, Plain]) -> str:
 
 
 def show(value: Plain) -> str:
-    """A value of the blackboard as YAML writes it in one line, cut where it is long."""
+    """Return a blackboard value in one line as YAML writes it, shortened when long."""
     match value:
         case None:
             text = "null"
@@ -113,7 +116,7 @@ def show(value: Plain) -> str:
 
 
 def short_names(paths: Collection[str]) -> dict[str, str]:
-    """For each path the shortest end of it that no other has.
+    """Return for each path its shortest end that no other path has.
 
     >>> short_names(["Main/A/Grasp", "Main/A/Place", "Main/B/Place"])["Main/B/Place"]
     'B/Place'
@@ -137,8 +140,10 @@ _STARTS = ("node", "branch")
 
 
 def to_text(rehearsal: Rehearsal, *, quiet: bool = False, causes: bool = False) -> str:
-    """Trace and verdict of each case, then the coverage if these were all cases, without a line's end.
-    `quiet`: no traces; `causes`: also which declared causes no case has raised."""
+    """Return trace and verdict of each case, then the coverage if all cases ran, without a trailing newline.
+
+    `quiet`: no traces. `causes`: also list the declared causes that no case has raised.
+    """
     lines: list[str] = []
     for case in rehearsal.cases:
         lines += _case(case, rehearsal.names, quiet=quiet)
@@ -175,7 +180,7 @@ def _coverage(coverage: Coverage, *, causes: bool) -> list[str]:
 
 
 def _missed(missed: tuple[CoveragePoint, ...]) -> list[str]:
-    """A line for each that does not go without saying: what stands in a branch that is never used does."""
+    """Return a line for each missed point; points inside an unused branch are implied and left out."""
     starts = {point.node for point in missed if point.kind in _STARTS}
     said = [point for point in missed if _head(point, starts) is None]
     below = Counter(_head(point, starts) for point in missed if point.kind in _STARTS)
@@ -188,7 +193,8 @@ def _missed(missed: tuple[CoveragePoint, ...]) -> list[str]:
 
 
 def _head(point: CoveragePoint, starts: Collection[str]) -> str | None:
-    """The uppermost node above it that never starts; itself where it is about what the node would answer."""
+    """Return the uppermost ancestor that never starts; for points about a result, the node itself counts,
+    too."""
     parts = point.node.split("/")
     most = len(parts) if point.kind in _STARTS else len(parts) + 1
     ends = ("/".join(parts[:n]) for n in range(1, most))

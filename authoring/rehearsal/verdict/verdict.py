@@ -1,4 +1,4 @@
-"""Holding what came of a case against what it expects."""
+"""Comparison of a case's result with its expectation."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from ..stage.trace import LeafRun
 
 @dataclass(frozen=True, slots=True)
 class OrderMismatch:
-    """The first entry of `order` that does not hold."""
+    """First entry of `order` that does not match."""
 
     loc: Location
     message: str
@@ -32,8 +32,11 @@ class OrderMismatch:
 def compare_order(
     order: Sequence[ExpectedStart], runs: Sequence[LeafRun], loc: Location
 ) -> OrderMismatch | None:
-    """None when the leaves start as expected. `...` stands for any number of them; each stretch between two
-    is looked for from left to right, which finds an arrangement whenever there is one."""
+    """Return the first mismatch of the leaves' order; None when all entries match.
+
+    `...` stands for any number of leaves. Each stretch between two of them is searched from left to right,
+    which finds a match whenever one exists.
+    """
     stretches = _stretches(order)
     wrong = _first_wrong(stretches[0], runs, 0, loc, to_end=len(stretches) == 1)
     if wrong is not None or len(stretches) == 1:
@@ -48,7 +51,8 @@ def compare_order(
 
 
 def _stretches(order: Sequence[ExpectedStart]) -> list[tuple[ExpectedStart, ...]]:
-    """Entries before the first `...`, between two, after the last; the outer ones may be empty."""
+    """Return the entries before the first `...`, between two, and after the last; the outer ones may be
+    empty."""
     parts: list[list[ExpectedStart]] = [[]]
     for turn in order:
         if turn.pattern == ANY_LEAVES:
@@ -92,7 +96,7 @@ def _at_end(
 
 
 def _nearest_miss(turns: Sequence[ExpectedStart], runs: Sequence[LeafRun], position: int) -> OrderMismatch:
-    """The entry that fails where most entries before it fit."""
+    """Return the entry that fails where most entries before it match."""
 
     def fitting(begin: int) -> int:
         count = 0
@@ -136,11 +140,11 @@ def _wanted(turn: ExpectedStart) -> str:
 
 @dataclass(frozen=True, slots=True)
 class ExpectationMiss:
-    """One thing that is otherwise than expected: where the file says so, and the tick in which it shows."""
+    """One difference from the expectation: its place in the file, and the tick in which it shows."""
 
     mark: Mark
     where: str
-    """The value's place in its case: `expect.order[3]`."""
+    """Place of the value in its case: `expect.order[3]`."""
     message: str
     tick: int | None = None
 
@@ -151,7 +155,7 @@ class ExpectationMiss:
 
 @dataclass(frozen=True, slots=True)
 class CaseOutcome:
-    """How a case has ended."""
+    """End of a case."""
 
     ticks: int
     status: NodeStatus
@@ -161,7 +165,7 @@ class CaseOutcome:
 
 
 def differences(document: Document, case: RehearsalCase, outcome: CaseOutcome) -> tuple[ExpectationMiss, ...]:
-    """All that is otherwise than the case expects; what cannot be in any case comes first."""
+    """Return all differences from the case's expectation; impossible answers come first."""
     return tuple(_Comparison(document, case, outcome).all())
 
 
@@ -264,7 +268,7 @@ class _Comparison:
 
 
 def namespaces(tree: BehaviourTree, owner: str) -> list[Namespace]:
-    """Of the sub-trees that fit the pattern; of `Main` when it is empty."""
+    """Return the namespaces of sub-trees that match the pattern; that of `Main` when it is empty."""
     root = cast("SubTree", tree.root)
     subtrees = [node for node in tree.nodes if isinstance(node, SubTree)]
     return [node.inside for node in subtrees if node_matches(owner, node.path)] if owner else [root.inside]
@@ -275,7 +279,7 @@ def _times(number: int) -> str:
 
 
 def _same(value: object, wanted: object) -> bool:
-    """Equal as YAML means it: true is not 1, but 1 is 1.0."""
+    """Whether the values are equal in YAML's sense: true is not 1, but 1 is 1.0."""
     if isinstance(value, list) and isinstance(wanted, Sequence) and not isinstance(wanted, str):
         values, all_wanted = cast("list[object]", value), cast("Sequence[object]", wanted)
         return len(values) == len(all_wanted) and all(map(_same, values, all_wanted))

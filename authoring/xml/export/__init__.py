@@ -1,1 +1,1 @@
-"""From missions to BehaviorTree.CPP's XML."""
+"""Export of missions to BehaviorTree.CPP's XML."""

@@ -1,4 +1,4 @@
-"""From a mission to the elements of a BehaviorTree.CPP 4 file."""
+"""Exporter: converts a mission to the elements of a BehaviorTree.CPP 4 file."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from .xml_writer import to_text, unfit
 
 
 def mission_to_xml(mission: Mission) -> str:
-    """The mission as the text of an XML file. Raises FileError with all that cannot be written there."""
+    """Return the mission as XML text. Raises FileError with everything that cannot be expressed there."""
     exporter = XmlExporter(mission)
     root = exporter.root()
     if exporter.faults:
@@ -32,7 +32,7 @@ def mission_to_xml(mission: Mission) -> str:
 
 
 class XmlExporter:
-    """Turns the trees of one mission into elements."""
+    """Converter of the trees of one mission to elements."""
 
     def __init__(self, mission: Mission) -> None:
         self.faults: list[Diagnostic] = []
@@ -42,10 +42,10 @@ class XmlExporter:
         self._called: set[str] = set()
         """Names of the sub-tree instances of the present tree: each may be used once."""
         self._types: dict[str, str] = {}
-        """C++ types of the present tree's keys, as BehaviorTree.CPP's own nodes want them."""
+        """C++ types of the present tree's keys, as BehaviorTree.CPP's own nodes need them."""
 
     def root(self) -> Element:
-        """The whole file."""
+        """Return the root element of the file."""
         comments = self._comments.at_the_top()
         trees = tuple(self.tree(tree) for tree in self._mission.trees.values())
         parts = (*trees, Element("TreeNodesModel", {}, (*self._tree_models(), *self._node_models())))
@@ -77,7 +77,7 @@ class XmlExporter:
             yield tree_nodes_model.tree_model(tree, fields)
 
     def included(self, tree: TreeSpec) -> bool:
-        """Whether the tree stands in another file."""
+        """Whether the tree is in another file."""
         return tree.mark.file != str(self._mission.document.path)
 
     def _node_models(self) -> Iterable[Element]:
@@ -123,7 +123,7 @@ class XmlExporter:
                 return self._plain(spec, node, identity, trail)
 
     def _plain(self, spec: NodeSpec, node: type[Node], identity: str, trail: str) -> Element:
-        """A node whose ports are attributes, and whose children are its elements."""
+        """Return a node with its ports as attributes, and its children as elements."""
         attributes = self._named(spec, identity)
         for key, bound in spec.ports.items():
             port = node.declaration.port(key)
@@ -152,7 +152,7 @@ class XmlExporter:
         return text
 
     def _named(self, spec: NodeSpec, identity: str) -> dict[str, str]:
-        """The attribute `name`, where the node has one that is not its ID."""
+        """Return the attribute `name` if the node's name differs from its ID, else nothing."""
         name = spec.name.partition("#")[0]
         if name == spec.id:
             return {}
@@ -172,7 +172,7 @@ class XmlExporter:
             )
 
     def _set_blackboard(self, spec: NodeSpec, trail: str) -> Element:
-        """A number or truth value keeps its type in a Script; SetBlackboard writes texts and copies."""
+        """Export a SetBlackboard. Numbers and truth values keep their type in a Script only."""
         bound, key = spec.ports["value"], cast("Reference", spec.ports["output_key"]).key
         named = self._named(spec, "SetBlackboard")
         if isinstance(bound, Constant):
@@ -206,7 +206,7 @@ class XmlExporter:
         return Element(identity, attributes, (*(self.node(child, trail) for _, child in cases), last))
 
     def _above(self, mark: Mark) -> tuple[str, ...]:
-        """The comments above a line of the mission's own file."""
+        """Return the comments above a line of the mission's own file."""
         own = mark.file == str(self._mission.document.path)
         return self._comments.above(mark.line) if own else ()
 
@@ -224,7 +224,7 @@ class XmlExporter:
                 attributes[port.key] = f"{{_unused_{port.key}}}"
                 left_out.append(port.key)
             elif value_text(port.default, port.type) == "":
-                # An empty default counts as none there.
+                # BehaviorTree.CPP ignores an empty default.
                 attributes[port.key] = ""
                 left_out.append(port.key)
         if left_out:
@@ -232,7 +232,7 @@ class XmlExporter:
         return Element("SubTree", attributes)
 
     def _instance(self, spec: NodeSpec) -> dict[str, str]:
-        """Its name; BehaviorTree.CPP refuses two instances of the same name in one tree."""
+        """Return the name of a sub-tree instance; BehaviorTree.CPP refuses equal names in one tree."""
         name = self._named(spec, spec.id).get("name")
         if name is None:
             return {}
@@ -246,7 +246,8 @@ class XmlExporter:
     # Conditions.
 
     def _conditioned(self, spec: NodeSpec, element: Element) -> Element:
-        """The conditions as attributes where scripts can say all of them, else on a Guarded around it."""
+        """Return the element with conditions as attributes, or within a Guarded where scripts cannot express
+        all."""
         if not spec.preconditions and not spec.postconditions:
             return element
         try:
@@ -268,7 +269,8 @@ class XmlExporter:
     # Faults.
 
     def _check_type(self, bound: Reference, port: PortDeclaration, spec: NodeSpec, trail: str) -> None:
-        """BehaviorTree.CPP holds a key to the type of the first port of its own that it is wired to."""
+        """Check a key's type: BehaviorTree.CPP derives it from the first port of its own that the key is
+        wired to."""
         if spec.id not in (*btcpp_vocabulary.SAME, "Switch") or port.key not in btcpp_vocabulary.PORT_TYPES:
             return
         kind = btcpp_vocabulary.PORT_TYPES[port.key]

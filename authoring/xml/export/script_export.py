@@ -1,8 +1,9 @@
-"""From our expressions to BehaviorTree.CPP's scripts, where these can say them.
+"""Export of expressions to BehaviorTree.CPP's scripts, where scripts can express them.
 
-What its grammar (4.7 and later) makes of a text is not always what one expects: `&&` and `||` bind equally
-tightly, arithmetic and `!` cannot stand beside each other, a name that begins with `true` is read as the
-constant, texts have no escapes and only ASCII characters. So we write more brackets than it would need."""
+The script grammar (4.7 and later) differs from common ones. `&&` and `||` bind equally tightly. Arithmetic
+and `!` cannot be combined without brackets. A name that begins with `true` is read as the constant. Texts
+have no escapes and only ASCII characters. So the output has more brackets than necessary.
+"""
 
 from __future__ import annotations
 
@@ -26,12 +27,12 @@ from ....files.expressions.syntax_tree import (
 from ....trees.mission import Assignment
 from ....world.belief.facts import FACTS
 
-# How tightly each kind of part binds, as the parser of expressions has it.
+# Precedence of each kind of part, as in the parser of expressions.
 _CHOICE, _OR, _AND, _NOT, _RELATION, _SUM, _PRODUCT, _SIGN, _VALUE = range(9)
 
 
 def expression_text(part: Part) -> str:
-    """A text that parses to the same parts."""
+    """Return a text that parses to the same parts."""
     match part:
         case LiteralValue(value=value):
             return literal_text(value)
@@ -63,7 +64,7 @@ def expression_text(part: Part) -> str:
 
 
 def literal_text(value: str | int | float | bool | None) -> str:
-    """A constant as an expression writes it."""
+    """Return a constant as an expression writes it."""
     match value:
         case None:
             return "null"
@@ -105,21 +106,21 @@ _LOGIC = {"and": "&&", "or": "||"}
 
 
 class NotExpressible(Exception):
-    """BehaviorTree.CPP's scripts cannot say it; the text tells why."""
+    """Expression that BehaviorTree.CPP's scripts cannot express; the text gives the reason."""
 
 
 def script(expression: Expression) -> str:
-    """Raises Unsayable."""
+    """Return the expression as a script. Raises NotExpressible."""
     return _text(expression.root)
 
 
 def assignments_script(assignments: Iterable[Assignment]) -> str:
-    """`a := 1; b = a + 1`. Raises Unsayable."""
+    """Return assignments as `a := 1; b = a + 1`. Raises NotExpressible."""
     return "; ".join(_assignment(assignment) for assignment in assignments)
 
 
 def constant_script(key: str, value: object) -> str:
-    """`key := value` for a scalar. Raises Unsayable."""
+    """Return `key := value` for a scalar. Raises NotExpressible."""
     _check_name(key)
     if not isinstance(value, str | int | float | bool):
         raise NotExpressible("there are no lists and mappings")
@@ -194,13 +195,13 @@ def _atom(part: Part) -> str:
 
 
 def _operand(symbol: str, part: Part) -> str:
-    """On the right of an operator, whose like must not follow without brackets."""
+    """Return a right operand, in brackets if it could be read as part of the operator's chain."""
     tighter = symbol in ("+", "-") and isinstance(part, Arithmetic) and part.symbol in ("*", "/")
     return _text(part) if tighter else _atom(part)
 
 
 def _left_operand(symbol: str, part: Part) -> str:
-    """On the left, where operators of the same kind are taken in their order."""
+    """Return a left operand; operators of the same kind are evaluated in order, without brackets."""
     same = isinstance(part, Arithmetic) and (symbol in ("+", "-") or part.symbol in ("*", "/"))
     return _text(part) if same else _atom(part)
 

@@ -1,4 +1,4 @@
-"""From elements to the text of an XML file."""
+"""Writer of elements as the text of an XML file."""
 
 from __future__ import annotations
 
@@ -8,20 +8,20 @@ from collections.abc import Iterator
 from ..format.element import Element
 
 WIDTH = 110
-"""Of a line; an element that needs more has each attribute on a line of its own."""
+"""Maximum length of a line; longer elements have each attribute on a separate line."""
 _UNFIT = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 _ESCAPES = {"&": "&amp;", "<": "&lt;", ">": "&gt;"}
 _IN_ATTRIBUTES = {**_ESCAPES, '"': "&quot;", "\t": "&#9;", "\n": "&#10;", "\r": "&#13;"}
 
 
 def unfit(text: str) -> str:
-    """The first character that no XML file can hold; empty when there is none."""
+    """Return the first character that no XML file can hold; empty when there is none."""
     found = _UNFIT.search(text)
     return found[0] if found else ""
 
 
 def to_text(root: Element) -> str:
-    """The whole file. What stands in it is free of characters that are `unfit`."""
+    """Return the text of the whole file. The element must be free of characters that are `unfit`."""
     return "\n".join(['<?xml version="1.0" encoding="UTF-8"?>', *_lines(root, ""), ""])
 
 
@@ -44,7 +44,7 @@ def _lines(element: Element, indent: str) -> Iterator[str]:
 
 
 def _in_comment(text: str) -> str:
-    """Two hyphens would end it."""
+    """Return the text with double hyphens split, which would end the comment."""
     return re.sub(r"-(?=-|$)", "- ", text).rstrip()
 
 

@@ -1,1 +1,1 @@
-"""The parts of BehaviorTree.CPP's XML."""
+"""Parts of BehaviorTree.CPP's XML."""

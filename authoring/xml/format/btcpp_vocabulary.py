@@ -1,4 +1,4 @@
-"""The names that BehaviorTree.CPP 4 gives to its nodes, and ours for what it does not have."""
+"""Node names of BehaviorTree.CPP 4, and picktree's names for nodes that it does not have."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ _SPECIAL = re.compile(r"[\\;=]")
 
 
 class SlotRow(NamedTuple):
-    """A label of a table and the index, from 0, of the child that stands there."""
+    """Label of a table and the index, from 0, of the child at that label."""
 
     label: str
     child: int
@@ -23,7 +23,7 @@ def table_text(rows: Iterable[SlotRow]) -> str:
 
 
 def read_table(text: str) -> tuple[SlotRow, ...]:
-    """Raises ValueError."""
+    """Parse a table. Raises ValueError."""
     rows: list[SlotRow] = []
     at = 0
     while at < len(text):
@@ -40,7 +40,7 @@ def indexes_text(indexes: Iterable[int]) -> str:
 
 
 def read_indexes(text: str) -> tuple[int, ...]:
-    """Raises ValueError."""
+    """Parse a list of indexes. Raises ValueError."""
     if not re.fullmatch(r"\s*\d{1,6}\s*(;\s*\d{1,6}\s*)*", text, re.ASCII):
         raise ValueError(f"{text[:30]!r} is not a list of indexes, as '1;2'")
     return tuple(int(part) for part in text.split(";"))
@@ -49,9 +49,9 @@ def read_indexes(text: str) -> tuple[int, ...]:
 FORMAT: Final = "4"
 
 ELEMENTS: Final = ("Action", "Condition", "Control", "Decorator", "SubTree")
-"""Elements that name their node by the attribute ID."""
+"""Elements that name their node in the attribute ID."""
 STRUCTURE: Final = ("root", "Root", "BehaviorTree", "TreeNodesModel", "include", *ELEMENTS)
-"""Names that the format keeps for itself."""
+"""Names that the format reserves."""
 
 SAME: Final = frozenset(
     (
@@ -72,7 +72,7 @@ TRANSLATED: Final = frozenset(
         "LoopDouble", "LoopString", "Switch2", "Switch3", "Switch4", "Switch5", "Switch6",
     )
 )  # fmt: skip
-"""Nodes of BehaviorTree.CPP that we say in another way."""
+"""Nodes of BehaviorTree.CPP that the import translates to other nodes."""
 FOREIGN: Final[dict[str, str]] = {
     "AsyncSequence": "Sequence comes near; here no Sequence is interrupted between two children",
     "AsyncFallback": "Fallback comes near; here no Fallback is interrupted between two children",
@@ -86,15 +86,15 @@ FOREIGN: Final[dict[str, str]] = {
     "SubTreePlus": "this is of format 3; in format 4 it is <SubTree>",
     "SequenceStar": "this is of format 3; in format 4 it is <SequenceWithMemory>",
 }
-"""Nodes of BehaviorTree.CPP without a counterpart, and what comes near."""
+"""Nodes of BehaviorTree.CPP without a counterpart, and the nearest alternative."""
 BUILT_IN: Final = SAME | TRANSLATED | (frozenset(FOREIGN) - {"SubTreePlus", "SequenceStar"})
 
 CHECK: Final = "CheckExpression"
-"""The condition leaf that carries an expression which scripts cannot say."""
+"""Condition leaf for an expression that scripts cannot express."""
 GUARDED: Final = "Guarded"
-"""The decorator that carries conditions of its child which scripts cannot say."""
+"""Decorator for conditions of its child that scripts cannot express."""
 REPEAT_WHILE: Final = "RepeatWhile"
-"""Repeat with `while`."""
+"""Name of Repeat with `while`."""
 OURS: Final = (CHECK, GUARDED, REPEAT_WHILE)
 SWITCH: Final = re.compile(r"Switch[1-9]\d*")
 
@@ -102,21 +102,21 @@ GUARDS: Final[dict[str, str]] = {
     "_failureIf": "failure_if", "_successIf": "success_if", "_skipIf": "skip_if", "_while": "while",
     "_onHalted": "on_halted", "_onFailure": "on_failure", "_onSuccess": "on_success", "_post": "post",
 }  # fmt: skip
-"""Ports of a Guarded by the conditions that they carry."""
+"""Ports of a Guarded by condition key."""
 
 BREAKPOINT: Final = "_breakpoint"
 LEFT_OUT: Final = "_left_out"
-"""Ports that the mission leaves out and BehaviorTree.CPP wants, between spaces."""
+"""Attribute: ports without a value in the mission that BehaviorTree.CPP requires, separated by spaces."""
 OWN_NAME: Final = "_name"
-"""The name in the mission, where BehaviorTree.CPP needs another."""
+"""Attribute: the name in the mission, where BehaviorTree.CPP needs another."""
 NO_CASE: Final = "_no_case"
-"""Marks the default of a Switch that has none."""
+"""Attribute that marks the default of a Switch that has none."""
 IGNORED: Final = ("_uid", "_fullpath", "_description")
-"""What Groot2 writes for itself."""
+"""Attributes that Groot2 adds for itself."""
 
 
 def taken(identity: str) -> bool:
-    """Whether a tree or a node of a plug-in cannot have that name in BehaviorTree.CPP."""
+    """Whether BehaviorTree.CPP reserves the name, so that no tree or plug-in node may have it."""
     return (
         identity in BUILT_IN or identity in STRUCTURE or identity in OURS or bool(SWITCH.fullmatch(identity))
     )

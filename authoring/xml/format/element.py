@@ -1,4 +1,4 @@
-"""One element of an XML file, with its places."""
+"""XML elements and YAML values with their places in the file, and comments."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ _UNFIT = re.compile(r"[^\t -~\u00a0-\ud7ff\ue000-\ufefe\uff00-\ufffd\U00010000-\
 
 
 class Comments:
-    """The comments of one text; each is given once."""
+    """Comments of one text; each is returned once."""
 
     def __init__(self, text: str) -> None:
         self._lines = text.split("\n")
         self._given: set[int] = set()
 
     def at_the_top(self) -> tuple[str, ...]:
-        """Those that begin the file."""
+        """Return the comments at the start of the file."""
         found: list[str] = []
         for index, line in enumerate(self._lines):
             match = _COMMENT.fullmatch(line)
@@ -34,7 +34,7 @@ class Comments:
         return tuple(filter(None, found))
 
     def above(self, line: int) -> tuple[str, ...]:
-        """Those directly above a line, which counts from 1."""
+        """Return the comments directly above a line, which counts from 1."""
         found: list[str] = []
         for index in range(line - 2, -1, -1):
             match = _COMMENT.fullmatch(self._lines[index]) if index < len(self._lines) else None
@@ -46,7 +46,7 @@ class Comments:
 
 
 def one_line(comment: str) -> str:
-    """The comment as one line that any file can hold."""
+    """Return the comment as one line that any file can hold."""
     return _UNFIT.sub("", " ".join(comment.split()))
 
 
@@ -64,7 +64,7 @@ class MarkedEntry:
 
 @dataclass(slots=True)
 class MarkedValue:
-    """A scalar, or with `entries` a mapping, or with `items` a list; `comments` stand above it."""
+    """Scalar, mapping (`entries`) or list (`items`), with the `comments` above it."""
 
     mark: Mark
     scalar: Scalar = None
@@ -77,7 +77,7 @@ class MarkedValue:
         return cls(mark, entries=[])
 
     def put(self, key: str, value: MarkedValue | Scalar, mark: Mark | None = None) -> None:
-        """Add to a mapping; a bare scalar gets the place of its key."""
+        """Add an entry to a mapping; a bare scalar gets the place of its key."""
         assert self.entries is not None
         at = mark or (value.mark if isinstance(value, MarkedValue) else self.mark)
         given = value if isinstance(value, MarkedValue) else MarkedValue(at, value)
@@ -87,7 +87,7 @@ class MarkedValue:
         return next((entry.value for entry in self.entries or () if entry.key == key), None)
 
     def node(self) -> YamlNode:
-        """As the reader of YAML would have it."""
+        """Return the value as the YAML reader represents it."""
         if self.items is not None:
             items = [item.node() for item in self.items]
             return YamlNode([item.value for item in items], self.mark, items=items)
@@ -99,7 +99,7 @@ class MarkedValue:
 
 
 def from_value(value: Value, mark: Mark) -> MarkedValue:
-    """A plain value, all of it at one place."""
+    """Return a plain value with one place for all its parts."""
     match value:
         case list():
             return MarkedValue(mark, items=[from_value(item, mark) for item in value])
@@ -120,9 +120,9 @@ NOWHERE: Final = Mark("", 1, 1)
 
 @dataclass(frozen=True, slots=True)
 class Element:
-    """`text` is what stands between the tags beside children, `comments` what stands before the element.
+    """XML element. `text`: text between the tags next to children. `comments`: comments before the element.
 
-    Two elements are equal when they say the same, wherever they stand.
+    Two elements are equal when their content is, wherever they are.
     """
 
     name: str
@@ -132,26 +132,26 @@ class Element:
     comments: tuple[str, ...] = field(default=(), compare=False)
     mark: Mark = field(default=NOWHERE, compare=False)
     places: Mapping[str, Mark] = field(default_factory=dict[str, Mark], compare=False)
-    """Where the values of the attributes stand."""
+    """Places of the attributes' values."""
 
     def get(self, attribute: str, default: str = "") -> str:
         return self.attributes.get(attribute, default)
 
     @property
     def identity(self) -> str:
-        """The ID of the node that the element stands for: its name, or in the explicit form its ID."""
+        """ID of the element's node: its name, or in the explicit form its attribute ID."""
         return self.get("ID") if self.name in ELEMENTS else self.name
 
     def place(self, attribute: str) -> Mark:
-        """Where the attribute's value stands; of one that is not there, the element's place."""
+        """Return the place of an attribute's value; for a missing one, that of the element."""
         return self.places.get(attribute, self.mark)
 
     def all(self, name: str) -> tuple[Element, ...]:
-        """The children of that name."""
+        """Return the children of that name."""
         return tuple(child for child in self.children if child.name == name)
 
     def iterate(self) -> Iterator[Element]:
-        """This element and all below it, parents first."""
+        """Yield this element and its descendants, parents first."""
         yield self
         for child in self.children:
             yield from child.iterate()

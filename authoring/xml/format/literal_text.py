@@ -1,7 +1,7 @@
-"""Literals of ports as the texts of attributes, and back.
+"""Literals of ports as attribute texts, and back.
 
-Numbers in SI, lists with `;` between their elements, as BehaviorTree.CPP reads them; what these cannot say
-stands behind `json:`, as there.
+Numbers are in SI units and lists have `;` between their elements, as BehaviorTree.CPP reads them. Other
+values follow `json:`, as there.
 """
 
 from __future__ import annotations
@@ -27,19 +27,19 @@ _NAMES: Final = {
     "BT::SimpleString": "string", "long": "int", "unsigned": "int",
 }  # fmt: skip
 _LONG: Final = 1e15
-"""Numbers from here on are written with an exponent."""
+"""Limit from which numbers are written with an exponent."""
 _VECTOR = re.compile(r"std::vector<\s*(?P<of>[\w: ]+?)\s*(?:,.*)?>")
 _TRUTH = {"true": True, "True": True, "TRUE": True, "1": True,
           "false": False, "False": False, "FALSE": False, "0": False}  # fmt: skip
 
 
 def type_text(kind: PortType) -> str:
-    """The type as C++ names it."""
+    """Return the type's C++ name."""
     return f"std::vector<{_TYPES[kind.name]}>" if kind.many else _TYPES[kind.name]
 
 
 def type_name(text: str) -> str:
-    """The type as a mission names it; `any` for what it does not know."""
+    """Return the type's name in a mission; `any` for an unknown one."""
     vector = _VECTOR.fullmatch(text.strip())
     if vector is not None:
         return f"list of {_NAMES.get(vector['of'], 'any')}"
@@ -47,7 +47,7 @@ def type_name(text: str) -> str:
 
 
 def value_text(value: object, kind: PortType) -> str:
-    """A converted literal as text."""
+    """Return a converted literal as text."""
     if kind.many and isinstance(value, list):
         return _list_text(cast("list[Plain]", value), kind)
     if value is None:
@@ -60,9 +60,9 @@ def value_text(value: object, kind: PortType) -> str:
 
 
 def read_value(text: str, kind: PortType) -> Value:
-    """The literal as a mission file would have it; what does not fit the type is left for its checker.
+    """Read a literal as a mission file has it; a value of the wrong type is left to the mission's checker.
 
-    Raises ValueError for a `json:` that is none.
+    Raises ValueError for invalid JSON after `json:`.
     """
     if kind.many:
         return _list(text, kind)
@@ -83,14 +83,14 @@ def read_value(text: str, kind: PortType) -> Value:
 
 
 def default_text(port: PortDeclaration) -> str:
-    """The port's default; empty when it has none, or an empty one."""
+    """Return the port's default as text; empty when it has none, or an empty one."""
     if port.required or port.direction == "out" or port.default is None:
         return ""
     return value_text(port.default, port.type)
 
 
 def is_pointer(text: str) -> bool:
-    """Whether BehaviorTree.CPP takes the text for a key of the blackboard."""
+    """Whether BehaviorTree.CPP reads the text as a key of the blackboard."""
     bare = text.strip(" ")
     return len(bare) >= 3 and bare.startswith("{") and bare.endswith("}")
 
@@ -115,7 +115,7 @@ def _scalar_text(value: str | int | float | bool) -> str:
 
 
 def _any_text(value: Plain) -> str:
-    # A text that reads as something else, and what is no scalar.
+    # Texts that would be read as another value, and values that are no scalars.
     plain = isinstance(value, str) and not value.startswith(JSON) and _resolved(value) == value
     if plain or (isinstance(value, bool | int) and not isinstance(value, str)):
         return _scalar_text(cast("str | int | bool", value))

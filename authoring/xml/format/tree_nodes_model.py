@@ -1,4 +1,4 @@
-"""TreeNodesModel: what nodes there are besides BehaviorTree.CPP's own, and which ports the sub-trees have."""
+"""TreeNodesModel: nodes besides BehaviorTree.CPP's own, and the ports of sub-trees."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from .literal_text import JSON, default_text, type_text, value_text
 UNIT: Final = "unit"
 CHOICES: Final = "choices"
 INCLUDED: Final = "included"
-"""Marks a tree that the mission takes from another file."""
+"""Metadata key of a tree that the mission includes from another file."""
 _TEXT: Final = PortType("string")
 
 
 def node_model(declaration: NodeDeclaration) -> Element:
-    """The model of a node that a program registers under its own ID."""
+    """Return the model of a node that a program registers under its own ID."""
     slots = [slot for slot in declaration.slots if slot.key != "do"]
     kind = {"action": "Action", "condition": "Condition", "decorator": "Decorator"}.get(
         declaration.kind, "Control"
@@ -56,14 +56,14 @@ def repeat_while_model(declaration: NodeDeclaration) -> Element:
 
 
 def switch_model(cases: int) -> Element:
-    """SwitchNode<cases>, which BehaviorTree.CPP itself registers for 2 to 6 cases only."""
+    """Return the model of SwitchNode<cases>; BehaviorTree.CPP registers only those for 2 to 6 cases."""
     keys = ["variable", *(f"case_{index}" for index in range(1, cases + 1))]
     ports = tuple(_port("input_port", key, _TEXT, "", "") for key in keys)
     return Element("Control", {"ID": f"Switch{cases}"}, ports)
 
 
 def tree_model(tree: TreeSpec, metadata: Iterable[Mapping[str, str]]) -> Element:
-    """The ports of a tree; of `Main` they are the mission's parameters. The metadata hold the file's head."""
+    """Return the ports of a tree, for `Main` the mission's parameters. The metadata hold the file's head."""
     parts = [_tree_port(port) for port in tree.ports]
     fields = tuple(Element("Metadata", field) for field in metadata)
     if fields:
@@ -72,7 +72,7 @@ def tree_model(tree: TreeSpec, metadata: Iterable[Mapping[str, str]]) -> Element
 
 
 def head(mission: Mission) -> list[dict[str, str]]:
-    """What stands at the top of the mission file."""
+    """Return the entries at the top of the mission file."""
     data = mission.document.data
     fields = [{"picktree": "1"}]
     if mission.library:
@@ -91,7 +91,7 @@ def head(mission: Mission) -> list[dict[str, str]]:
 def _node_port(port: PortDeclaration) -> Element:
     what = "output_port" if port.direction == "out" else "input_port"
     text = port.doc + (f" [{port.unit}]" if port.unit else "")
-    # A list of whatever it is takes the type of what flows into it.
+    # A list of `any` takes the type of its values.
     kind = PortType("any") if port.type.name == "any" else port.type
     return _port(what, port.key, kind, default_text(port), text)
 
@@ -104,7 +104,8 @@ def _port(what: str, key: str, kind: PortType, default: str, text: str) -> Eleme
 
 
 def _tree_port(port: PortDeclaration) -> Element:
-    """BehaviorTree.CPP reads `default` and `description` of these; the rest is for us."""
+    """Return a port of a tree. BehaviorTree.CPP reads `default` and `description`; the import reads the
+    rest."""
     what = "output_port" if port.direction == "out" else "input_port"
     attributes = {"name": port.key, "type": type_text(port.type)}
     if port.direction == "in" and not port.required:

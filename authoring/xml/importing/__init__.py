@@ -1,1 +1,1 @@
-"""From BehaviorTree.CPP's XML to missions."""
+"""Import of missions from BehaviorTree.CPP's XML."""

@@ -1,4 +1,4 @@
-"""What stands at one element: values of ports, conditions, names, and the number of children."""
+"""Reader of an element's attributes: values of ports, conditions, names; and number of children."""
 
 from __future__ import annotations
 
@@ -21,7 +21,8 @@ CONDITIONS = (*PRECONDITIONS, *POSTCONDITIONS)
 
 @dataclass(slots=True)
 class NodeDraft:
-    """`keys` are those that the node's class knows: a child of such an ID must stand under `do:`."""
+    """Node under construction. `keys`: keys of the node's class; a child with such an ID must be under
+    `do:`."""
 
     id: str
     mark: Mark
@@ -37,7 +38,7 @@ class NodeDraft:
         self.body.put(key, value, mark)
 
     def guarded(self, key: str, condition: str, mark: Mark) -> NodeDraft:
-        """The node with one more condition, asked before its own."""
+        """Return the node with one more condition, evaluated before its own."""
         if any(self.body.get(known) for known in CONDITIONS):
             outer = NodeDraft.of("Sequence", self.mark)
             outer.put(key, condition, mark)
@@ -50,7 +51,7 @@ class NodeDraft:
         return self
 
     def written(self) -> MarkedValue:
-        """In the shortest of the ways in which a mission may write it."""
+        """Return the node in the shortest form that a mission allows."""
         entries = self.body.entries or []
         if not entries:
             return MarkedValue(self.mark, self.id, comments=self.comments)
@@ -74,11 +75,11 @@ COMMON = (
     *POSTCONDITIONS,
     *btcpp_vocabulary.IGNORED,
 )
-"""Attributes that may stand at every node."""
+"""Attributes that every node may have."""
 
 
 class Attributes:
-    """Reads attributes and keeps what is wrong with them."""
+    """Reader of attributes that collects errors."""
 
     def __init__(self) -> None:
         self.faults: list[Diagnostic] = []
@@ -111,7 +112,7 @@ class Attributes:
         self.fault(element.place(key), trail, message, suggest_name(key, known), code="P908")
 
     def only(self, element: Element, known: tuple[str, ...], trail: str) -> None:
-        """Refuse the attributes that a node of BehaviorTree.CPP does not have."""
+        """Report attributes that a node of BehaviorTree.CPP does not have."""
         for key in element.attributes:
             if key not in (*COMMON, *known, "ID"):
                 self.no_port(element, key, element.identity, (*known, "name"), trail)
@@ -156,7 +157,7 @@ class Attributes:
         draft.body.entries += own
 
     def condition(self, element: Element, attribute: str, trail: str) -> str | bool:
-        """The script as an expression."""
+        """Return a script as an expression."""
         try:
             part = read_expression(element.get(attribute))
         except ScriptError as error:

@@ -1,4 +1,4 @@
-"""From the text of a BehaviorTree.CPP 4 file to the text of a mission file."""
+"""Importer: converts the text of a BehaviorTree.CPP 4 file to that of a mission file, and writes its YAML."""
 
 from __future__ import annotations
 
@@ -26,15 +26,15 @@ from .port_import import PortsOfTrees, TreePort
 from .source import XmlSource, read_source
 
 WIDTH = 108
-"""Of a line; what fits is written in one."""
+"""Maximum length of a line; values that fit are written in one."""
 _MOST_IN_LINE = 3
-"""Mappings within one another, or beside one another, that are still read well in a line."""
+"""Maximum number of nested or neighbouring mappings in a line."""
 _PLAIN = re.compile(r"[A-Za-z_](?:[\w./<>=+*()!%' ;-]*[\w./<>=+*()!%';-])?", re.ASCII)
 _IN_QUOTES = re.compile(r"[ !#-\[\]-~\u00a1-\ud7ff\ue000-\ufefe\uff00-\ufffd\U00010000-\U0010ffff]*")
 
 
 def mission_text(document: MarkedValue) -> str:
-    """The whole file: the head, then each tree after an empty line."""
+    """Return the whole file: the head, then each tree after an empty line."""
     lines = [f"# {comment}" for comment in document.comments]
     for entry in document.entries or ():
         if entry.key != "trees":
@@ -48,7 +48,7 @@ def mission_text(document: MarkedValue) -> str:
 
 
 def scalar_text(value: Scalar) -> str:
-    """A scalar that reads back as the same value."""
+    """Return a scalar's text, which reads back as the same value."""
     match value:
         case None:
             return "null"
@@ -79,7 +79,7 @@ def _text(text: str) -> str:
 
 
 def _escaped(text: str) -> str:
-    # JSON's escapes are YAML's, too, but it lets characters through that a YAML file cannot hold.
+    # JSON's escapes are valid in YAML, but JSON allows characters that a YAML file cannot hold.
     quoted = json.dumps(text, ensure_ascii=False)
     return re.sub(r"[^ -~\u00a1-\ud7ff\ue000-\ufefe\uff00-\ufffd\U00010000-\U0010ffff]", _code, quoted)
 
@@ -89,7 +89,7 @@ def _code(match: re.Match[str]) -> str:
 
 
 def _entry(entry: MarkedEntry, indent: str) -> Iterator[str]:
-    """`key: value`, in a line or as a block."""
+    """Yield the lines of `key: value`, in one line or as a block."""
     for comment in entry.value.comments:
         yield f"{indent}# {comment}"
     key = scalar_text(entry.key)
@@ -124,14 +124,14 @@ def _block(value: MarkedValue, indent: str) -> Iterator[str]:
 
 
 def _is_children(entry: MarkedEntry) -> bool:
-    """Whether several children stand there, which are read from top to bottom."""
+    """Whether the entry is a list of several children, which reads better from top to bottom."""
     several = entry.value.items is not None and len(entry.value.items) > 1
     nodes = several and any(item.entries is not None for item in entry.value.items or ())
     return nodes and (entry.key == "do" or entry.key[:1].isupper())
 
 
 def _line(value: MarkedValue) -> str | None:
-    """The value in one line, None when that is not read well."""
+    """Return the value in one line; None where that is hard to read."""
     if _commented(value) or _mappings(value) > _MOST_IN_LINE or _has_children(value):
         return None
     return _flow(value)
@@ -170,9 +170,9 @@ _MANY = ("include", "plugins")
 
 
 def xml_to_mission(text: str, path: Path, registry: NodeRegistry | None = None) -> str:
-    """The XML text as the text of a mission file; `path` says what lies beside it.
+    """Convert XML text to the text of a mission file; `path` is the place of the file.
 
-    Raises FileError with all that is wrong with it, or cannot be said in a mission.
+    Raises FileError with all errors, and with everything that a mission cannot express.
     """
     return _Importer(text, path, (registry or NodeRegistry()).copy()).text()
 
@@ -226,7 +226,7 @@ class _Importer:
         return whole
 
     def _called(self, name: str) -> str:
-        """The tree's name in the mission, which begins with `Main`."""
+        """Return the tree's name in the mission, whose first tree is `Main`."""
         return MAIN if name == self._source.main else name
 
     def _twice(self) -> Iterable[Diagnostic]:
@@ -250,7 +250,7 @@ class _Importer:
                 whole.put(key, MarkedValue(said[0].mark, items=items), said[0].mark)
 
     def _changed(self, mission: Mission) -> Iterable[Diagnostic]:
-        """Trees that the mission takes from other files, where the XML says something else."""
+        """Report trees of other mission files for which the XML differs."""
         exporter = XmlExporter(mission)
         for name in sorted(self._source.included):
             given, tree = self._source.trees.get(name), mission.trees.get(name)
@@ -268,7 +268,7 @@ class _Importer:
 
 
 def _tree(root: NodeDraft, ports: tuple[TreePort, ...], element: Element) -> MarkedValue:
-    """What stands under the tree's name."""
+    """Return the body under the tree's name."""
     written = root.written()
     if not ports:
         written.comments = (*element.comments, *written.comments)
@@ -287,7 +287,7 @@ def _tree(root: NodeDraft, ports: tuple[TreePort, ...], element: Element) -> Mar
 
 
 def _bare(element: Element) -> Element:
-    """Without what Groot2 adds."""
+    """Return the element without the attributes that Groot2 adds."""
     kept = {
         key: value
         for key, value in element.attributes.items()

@@ -1,4 +1,4 @@
-"""From the elements of a tree to the nodes of a mission."""
+"""Import of a tree's elements as nodes of a mission."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from .translations import Translations
 
 
 class XmlNodeReader(Attributes):
-    """Reads elements; `trees` are the ports of the sub-trees, `called` their names in the mission."""
+    """Reader of elements; `trees` are the ports of the sub-trees, `called` their names in the mission."""
 
     def __init__(
         self, registry: NodeRegistry, trees: Mapping[str, tuple[TreePort, ...]], called: Callable[[str], str]
@@ -29,7 +29,7 @@ class XmlNodeReader(Attributes):
         self._translations = Translations(self)
 
     def node(self, element: Element, above: str) -> NodeDraft:
-        """One element and all below it."""
+        """Read one element and its descendants."""
         identity = element.identity
         if not identity:
             message = f"<{element.name}> needs the attribute 'ID'"
@@ -49,7 +49,7 @@ class XmlNodeReader(Attributes):
         return draft
 
     def slot_value(self, child: Element, label: str, trail: str) -> MarkedValue:
-        """A child in a slot of its own; a Sequence that is called as its place is written as a list."""
+        """Return a child in a slot; a Sequence with the slot's name is written as a list."""
         if child.name == "Sequence" and dict(child.attributes) == {"name": label} and child.children:
             below = f"{trail}/{label}"
             items = [self.node(grandchild, below).written() for grandchild in child.children]
@@ -63,7 +63,7 @@ class XmlNodeReader(Attributes):
         if identity == btcpp_vocabulary.REPEAT_WHILE:
             node = self._registry.find("Repeat")
         translation = self._translations.of(identity)
-        # Nobody else's node of that name: those names are refused for nodes of ours.
+        # The ID is BehaviorTree.CPP's own: those names are refused for other nodes.
         if translation is not None and (node is None or identity == "SetBlackboard"):
             return translation(element, trail)
         if node is not None:
@@ -132,7 +132,7 @@ class XmlNodeReader(Attributes):
                 self._slot(draft, slot, rows[slot.key], element, trail)
 
     def _rows(self, element: Element, slot: SlotDeclaration, trail: str) -> tuple[SlotRow, ...]:
-        """Which children stand in the slot."""
+        """Return the children in the slot, by label and index."""
         if slot.key not in element.attributes:
             return ()
         text = element.get(slot.key)

@@ -1,4 +1,4 @@
-"""The ports of the trees of an XML file: from their models, or from how they are called."""
+"""Import of the ports of trees: from their models, or inferred from their calls."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _ASSIGNMENTS = ("_onHalted", "_onFailure", "_onSuccess", "_post")
 
 @dataclass(frozen=True, slots=True)
 class TreePort:
-    """A port as the mission will declare it."""
+    """Port as the mission declares it."""
 
     key: str
     mark: Mark
@@ -32,7 +32,7 @@ class TreePort:
     type: str = "any"
     default: MarkedValue | None = None
     remapped: str = ""
-    """The key of the caller that is meant when the call says nothing, with its braces."""
+    """Key of the caller, in braces, that applies when a call does not wire the port."""
     doc: str = ""
     unit: str = ""
     choices: MarkedValue | None = None
@@ -42,7 +42,7 @@ class TreePort:
         return PortType.parse(self.type)
 
     def declared(self) -> MarkedValue:
-        """As it stands under `ports:`."""
+        """Return the declaration under `ports:`."""
         entry = MarkedValue.mapping(self.mark)
         entry.put("type", self.type)
         if self.direction == "out":
@@ -59,7 +59,7 @@ class TreePort:
 
 
 class PortsOfTrees:
-    """Finds the ports of all trees of a source."""
+    """Finder of the ports of all trees of a source."""
 
     def __init__(self, source: XmlSource, registry: NodeRegistry) -> None:
         self._source = source
@@ -133,7 +133,7 @@ class PortsOfTrees:
             )
             return None
 
-    # From the calls and from what is used inside.
+    # From calls and uses.
 
     def _inferred(self, tree: str, calls: Iterable[Element]) -> Iterator[TreePort]:
         used = self._used(tree)
@@ -172,7 +172,7 @@ class PortsOfTrees:
 
 @dataclass(slots=True)
 class _Used:
-    """Keys of the blackboard that the nodes of a tree read, and those that they write."""
+    """Blackboard keys that the nodes of a tree read, and those that they write."""
 
     read: list[str]
     written: list[str]

@@ -1,4 +1,4 @@
-"""From BehaviorTree.CPP's scripts to our expressions, by its grammar: what binds how is its, not ours."""
+"""Import of BehaviorTree.CPP's scripts as expressions, with the precedence of its grammar."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ _LOGIC: dict[str, Literal["and", "or"]] = {"&&": "and", "||": "or"}
 
 
 class ScriptError(ValueError):
-    """What is wrong with a script, or cannot be said by an expression, and the character (from 0)."""
+    """Error in a script, or a part that expressions lack, with the index of the character."""
 
     def __init__(self, message: str, offset: int) -> None:
         super().__init__(message)
@@ -62,14 +62,14 @@ class _Token:
 
 @dataclass(frozen=True, slots=True)
 class Statement:
-    """`key := value`, `key = value` (not `new`), or a bare value (no key)."""
+    """Statement `key := value`, `key = value` (not `new`), or a bare value (no key)."""
 
     key: str
     new: bool
     value: Part
 
     def constant(self) -> str | int | float | bool | None:
-        """What is written whether the key is there or not: a literal, or `"{key}"` for a copy; else None."""
+        """Literal, or `"{key}"` for a copy, that is written in any case; else None."""
         if not self.new:
             return None
         match self.value:
@@ -87,13 +87,13 @@ class Statement:
                 return None
 
     def text(self) -> str:
-        """As a postcondition writes it."""
+        """Return the statement as a postcondition writes it."""
         operator = ":=" if self.new else "="
         return f"{self.key} {operator} {expression_text(self.value)}"
 
 
 def read_expression(script: str) -> Part:
-    """The script's one expression. Raises ScriptError."""
+    """Return the script's single expression. Raises ScriptError."""
     statements = _Parser(script).statements()
     if len(statements) != 1 or statements[0].key:
         raise ScriptError("one expression without an assignment is wanted", 0)
@@ -101,12 +101,12 @@ def read_expression(script: str) -> Part:
 
 
 def read_condition(script: str) -> str:
-    """The script's one expression as ours. Raises ScriptError."""
+    """Return the script's single expression as text of a mission. Raises ScriptError."""
     return expression_text(read_expression(script))
 
 
 def read_statements(script: str) -> tuple[Statement, ...]:
-    """The script's assignments. Raises ScriptError."""
+    """Return the script's assignments. Raises ScriptError."""
     statements = _Parser(script).statements()
     for statement in statements:
         if not statement.key:
@@ -173,7 +173,7 @@ class _Parser:
     def _statement(self) -> Statement:
         target = self._token
         assigned = target.kind == "name" and self._tokens[self._next + 1].text in (":=", "=")
-        # Any word may be written to, though expressions cannot name each.
+        # Scripts may write to any word, though expressions cannot name each.
         left = Name(target.at, self._take().text) if assigned else self._choice()
         if not self._is(*_ASSIGNMENTS):
             return Statement("", False, left)
@@ -206,7 +206,7 @@ class _Parser:
         return part
 
     def _logic(self) -> Part:
-        """`&&` and `||` bind equally tightly, from left to right."""
+        """Parse `&&` and `||`, which bind equally tightly, from left to right."""
         left, joined = self._comparison(), ""
         while self._is("&&", "||"):
             token = self._take()

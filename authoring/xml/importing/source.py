@@ -1,4 +1,4 @@
-"""An XML file with those that it includes: its trees, their models, and the head of the mission."""
+"""XML file with the files that it includes: its trees, their models, and the head of the mission."""
 
 from __future__ import annotations
 
@@ -33,17 +33,17 @@ class MetadataEntry:
 
 @dataclass(slots=True)
 class XmlSource:
-    """What was found. `main` is the name of the tree to begin with; empty for a library."""
+    """Content of the source. `main` is the name of the first tree; empty for a library."""
 
     root: Element
     main: str = ""
     trees: dict[str, Element] = field(default_factory=dict[str, Element])
-    """The BehaviorTree elements by their ID."""
+    """BehaviorTree elements by ID."""
     models: dict[str, Element] = field(default_factory=dict[str, Element])
-    """The SubTree elements of the models by their ID."""
+    """SubTree elements of the models by ID."""
     head: list[MetadataEntry] = field(default_factory=list[MetadataEntry])
     included: set[str] = field(default_factory=set[str])
-    """Names of the trees that the mission takes from other mission files."""
+    """Names of the trees that the mission includes from other mission files."""
     faults: list[Diagnostic] = field(default_factory=list[Diagnostic])
 
     def said(self, key: str) -> tuple[MetadataEntry, ...]:
@@ -51,7 +51,7 @@ class XmlSource:
 
 
 def read_source(text: str, path: Path) -> XmlSource:
-    """Raises FileError when the file cannot be read at all; else all else is in the faults."""
+    """Read the source. Raises FileError when the file is unreadable; other errors are in `faults`."""
     root = read_xml(text, str(path))
     return _Reader(path, root).read()
 
@@ -148,7 +148,7 @@ class _Reader:
                 self._metadata(identity, model, first=first)
 
     def _metadata(self, identity: str, model: Element, *, first: bool) -> None:
-        """The head of the first file is the mission's; what another file says there is its own affair."""
+        """Read the mission's head from the first file; heads of other files are ignored."""
         for fields in model.all("MetadataFields"):
             for entry in fields.all("Metadata"):
                 for key, value in entry.attributes.items():
@@ -195,7 +195,7 @@ class _Reader:
             return
         self._file(root, path, trail)
 
-    # Where the mission begins.
+    # First tree of the mission.
 
     def _main(self, root: Element) -> str:
         main, trees = root.get("main_tree_to_execute"), self._source.trees

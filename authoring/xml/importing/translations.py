@@ -1,4 +1,5 @@
-"""Nodes of BehaviorTree.CPP that a mission says in another way, and our own for what scripts cannot say."""
+"""Translation of BehaviorTree.CPP's nodes to other nodes of a mission, and of the nodes for inexpressible
+scripts."""
 
 from __future__ import annotations
 
@@ -26,7 +27,7 @@ _LOOPS = {
 
 
 class Translations:
-    """Turns elements into other nodes; their children are read by `reader`, which keeps the faults."""
+    """Translator of elements to other nodes; `reader` reads their children and collects the errors."""
 
     def __init__(self, reader: XmlNodeReader) -> None:
         self._reader = reader
@@ -42,7 +43,7 @@ class Translations:
         }
 
     def of(self, identity: str) -> Translation | None:
-        """How an element of that ID is read; None when it is a node like others."""
+        """Return the translation for an ID; None for a node without one."""
         if btcpp_vocabulary.SWITCH.fullmatch(identity):
             return self._switch
         return self._ways.get(identity)
@@ -56,7 +57,8 @@ class Translations:
         return draft
 
     def _script(self, element: Element, trail: str) -> NodeDraft:
-        """One constant or copy is a SetBlackboard; anything else is done after an AlwaysSuccess."""
+        """Translate a Script: one constant or copy to SetBlackboard, anything else to assignments of an
+        AlwaysSuccess."""
         self._reader.only(element, ("code",), trail)
         self._reader.count(element, element.identity, 0, 0, trail)
         code, mark = self._reader.needed(element, "code", trail), element.place("code")
@@ -128,7 +130,7 @@ class Translations:
         return self._reader.node(element.children[0], trail) if element.children else None
 
     def _apart(self, element: Element, child: NodeDraft) -> NodeDraft:
-        """The child in place of a decorator that vanishes; what stands at the decorator needs a node."""
+        """Return the child in place of a decorator that vanishes; attributes of the decorator need a node."""
         own = [key for key in element.attributes if key in COMMON and key not in btcpp_vocabulary.IGNORED]
         if not own:
             return child
@@ -177,7 +179,7 @@ class Translations:
             draft.put("default", self._reader.slot_value(element.children[count], "default", trail))
         return draft
 
-    # Our own nodes for what scripts cannot say.
+    # Nodes of the export for inexpressible scripts.
 
     def _check(self, element: Element, trail: str) -> NodeDraft:
         self._reader.only(element, ("if",), trail)

@@ -1,7 +1,6 @@
-"""From the text of an XML file to elements with places: no entities, bounded, every refusal with its place.
+"""Reader of XML text as elements with places: without entities, with limits, and errors with their places.
 
-Expat reads; what an entity could do (copy itself a billion times, open other files) is refused with the
-DOCTYPE that would declare it.
+The parser is Expat. A DOCTYPE is refused, because entities can multiply the text or open other files.
 """
 
 from __future__ import annotations
@@ -19,20 +18,20 @@ MAX_CHARACTERS: Final = 4_000_000
 MAX_DEPTH: Final = 100
 MAX_ELEMENTS: Final = 20_000
 MAX_ATTRIBUTES: Final = 1000
-"""Of one element."""
+"""Maximum number of attributes of one element."""
 _ATTRIBUTE = re.compile(rb"""\s+([^\s=]+)\s*=\s*("[^"]*"|'[^']*')""")
 _NAME = re.compile(rb"<[^\s/>]+")
 _BREAK = re.compile(r"\r\n|\r|\n")
 
 
 def read_xml(text: str, file: str) -> Element:
-    """The root element. Raises FileError."""
+    """Return the root element. Raises FileError."""
     return _Reader(text, file).read()
 
 
 @dataclass(slots=True)
 class _Open:
-    """An element whose end is not read yet."""
+    """Element whose end tag is still to come."""
 
     name: str
     attributes: Mapping[str, str]
@@ -78,7 +77,7 @@ class _Reader:
         assert self._root is not None  # expat complains of a file without an element
         return self._root
 
-    # What expat calls.
+    # Called by Expat.
 
     def _start(self, name: str, attributes: dict[str, str]) -> None:
         at = self._parser.CurrentByteIndex
@@ -116,7 +115,7 @@ class _Reader:
     # Places.
 
     def _mark(self, at: int) -> Mark:
-        """The place of a byte. Nearly always it lies behind the last one, from which one looks on."""
+        """Return the place of a byte. Requests mostly ascend, so the search continues from the last one."""
         if at < self._at:
             self._at, self._line, self._column = 0, 1, 1
         between = self._raw[self._at : at].decode("utf-8", "replace")
@@ -127,7 +126,7 @@ class _Reader:
         return Mark(self._file, self._line, self._column)
 
     def _places(self, at: int) -> dict[str, Mark]:
-        """Where the values of the attributes of the start tag stand, which expat does not tell."""
+        """Return the places of the start tag's attribute values, which Expat does not report."""
         name = _NAME.match(self._raw, at)
         at = name.end() if name else at
         places: dict[str, Mark] = {}
