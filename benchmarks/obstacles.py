@@ -206,8 +206,8 @@ def _drawn(
 
 
 def _thing(rng: np.random.Generator, x: float, y: float, across: float) -> tuple[dict[str, Any], Fixture]:
+    from picktree.world.scene.body_schema import UnknownFile
     from picktree.world.scene.loading.scene_entries import hidden_body
-    from picktree.world.scene.scene_schema import UnknownFile
 
     def drawn(low: float, high: float) -> float:
         return round(float(rng.uniform(low, high)), 4)

@@ -1,1 +1,1 @@
-"""Calibrating cameras and tool at a target: where to look from, what to touch, what follows from it."""
+"""Calibration of cameras and tool at a target: viewpoints, touches, observations and their estimate."""

@@ -1,4 +1,5 @@
-"""Target, cameras and tool at once, from all that was seen and touched: robust non-linear least squares."""
+"""Joint estimate of target, cameras and tool from all images and touches, by robust non-linear least
+squares."""
 
 from __future__ import annotations
 
@@ -17,13 +18,14 @@ from .observations import CalibrationData, TargetImage
 from .residuals import CalibrationParameters, CalibrationResiduals
 
 FEWEST = 4
-"""Views by a camera on the hand that fix where it is."""
+"""Minimum number of views by a camera on the hand."""
 SPREAD = math.radians(30.0)
-"""Least angle between axes about which the hand was turned."""
+"""Minimum angle between the hand's rotation axes, rad."""
 SURE = 5e-4
-"""A tool whose place is known worse than this in any direction (standard deviation) is not corrected, m."""
+"""Maximum standard deviation of the tool's position in any direction, m. Above it the tool is not
+corrected."""
 STEPS = 1e-6
-"""Of the differences that stand for derivatives: m and rad."""
+"""Step of the central differences that approximate derivatives, m and rad."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,65 +38,67 @@ class PoseDeviation:
 
 @dataclass(frozen=True, slots=True)
 class CameraEstimate:
-    """A camera's estimated place."""
+    """Estimated pose of a camera."""
 
     name: str
     on_hand: bool
     pose: Pose
-    """Optical frame in the world, or in the frame of the TCP: corrected, where the tool is `sure`."""
+    """Optical frame in the world, or in the TCP for a camera on the hand. The TCP is the corrected one
+    when the tool is `sure`."""
     before: Pose
-    """What was believed: the same frame in the world, or in the TCP as it was believed."""
+    """Believed pose before the calibration: the same frame in the world, or in the believed TCP."""
     deviation: PoseDeviation
     shots: int
     pixels: float
-    """Root mean square of what is left, pixels."""
+    """Root mean square of the residuals, pixels."""
     depth: float
-    """The same of depths, m."""
+    """Root mean square of the depth residuals, m."""
 
     @property
     def moved(self) -> float:
-        """How far the belief was off, m."""
+        """Distance between estimated and believed position, m."""
         return self.pose.distance(self.before)
 
     @property
     def turned(self) -> float:
-        """rad"""
+        """Angle between estimated and believed orientation, rad."""
         return self.pose.angle(self.before)
 
 
 @dataclass(frozen=True, slots=True)
 class ToolEstimate:
-    """The TCP that was felt. Touches with the tips say where it is, not how the hand is turned about it."""
+    """Estimated TCP. Touches with the finger tips determine its position, not the orientation of the hand."""
 
     offset: Vector3
-    """In the frame of the TCP as it was believed, m."""
+    """Estimated TCP in the frame of the believed TCP, m."""
     deviation: Vector3
     touches: int
     left: float
-    """Root mean square of what is left at the faces, m."""
+    """Root mean square of the residuals at the faces, m."""
 
     @property
     def sure(self) -> bool:
-        """Whether the touches tell it in all three directions."""
+        """Whether the touches determine the tool's position in all three directions."""
         return max(self.deviation) < SURE
 
 
 @dataclass(frozen=True, slots=True)
 class CalibrationEstimate:
-    """What a calibration comes to."""
+    """Result of a calibration."""
 
     cameras: tuple[CameraEstimate, ...]
     tool: ToolEstimate | None
-    """None: nothing was touched."""
+    """Estimated tool; None: the data contain no touches."""
     target: Pose
-    """In the world."""
+    """Estimated pose of the target in the world."""
     target_deviation: PoseDeviation
 
 
 def estimate(
     evidence: CalibrationData, tiles: Sequence[TargetTile], size: Vector3, believed: Pose
 ) -> CalibrationEstimate:
-    """`tiles` and `size` of the target, whose pose in the world is `believed` to within centimetres.
+    """Estimate cameras, tool and target from the data. `tiles` and `size` (m) are those of the target;
+    `believed` is its pose in the world to within centimetres.
 
     Starts from the closed form of each camera on the hand; then all residuals at once, outliers losing weight
     (Huber). Standard deviations are those of the normal equations, times what is left over where that is more
@@ -136,7 +140,8 @@ def estimate(
 def _first_target(
     by_camera: dict[str, list[TargetImage]], tiles: Sequence[TargetTile], believed: Pose, *, touched: bool
 ) -> Pose:
-    """Of the target, from the first camera on the hand that tells; else as believed, to be felt."""
+    """Return the first guess of the target's pose in the world: from the first camera on the hand, else
+    the believed pose, which touches correct. Raises PicktreeError when there are neither."""
     on_hand = [shots for shots in by_camera.values() if shots[0].on_hand]
     for shots in on_hand:
         _suffices(shots)
@@ -172,7 +177,7 @@ def _suffices(shots: Sequence[TargetImage]) -> None:
 def _solved(
     residuals: CalibrationResiduals, first: CalibrationParameters
 ) -> tuple[CalibrationParameters, Array]:
-    """The best guess, and the standard deviation (size,) of each of its numbers."""
+    """Return the best parameters, and the standard deviations (size,) of their numbers."""
     best, left = first, np.empty(0)
     jacobian = np.empty((0, 0))
     # Turns are about where a pose was last, so that they stay small: twice is enough.
@@ -205,7 +210,7 @@ def _scale(size: int) -> Array:
 
 
 def _differences(residuals: CalibrationResiduals, at: CalibrationParameters) -> Array:
-    """(n, size): derivatives of the residuals, by central differences."""
+    """Return the Jacobian (n, size) of the residuals, by central differences."""
     steps = np.full(at.size, STEPS)
     steps[-1] = STEPS / 100
     columns = [

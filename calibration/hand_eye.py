@@ -1,4 +1,5 @@
-"""The closed form that calibrating a camera on the hand begins with, and whether the views suffice for it."""
+"""Hand-eye calibration in closed form: first guess of a camera on the hand, and the check that the views
+suffice."""
 
 from __future__ import annotations
 
@@ -14,11 +15,11 @@ from .observations import TargetImage
 from .target_detection import align_points
 
 TURNED = math.radians(10.0)
-"""Two views that are turned by less against each other say little about an axis."""
+"""Minimum rotation between two views, rad; smaller ones determine the rotation axis poorly."""
 
 
 def target_in_camera(shot: TargetImage, tiles: Sequence[TargetTile]) -> Pose:
-    """From the squares' depths alone, without weights."""
+    """Return the target's pose in the camera's optical frame, from the squares' depths alone, unweighted."""
     i = shot.intrinsics
     rays = np.array([((t.pixel[0] - i.cx) / i.fx, (t.pixel[1] - i.cy) / i.fy, 1.0) for t in shot.tiles])
     depths = np.array([t.depth for t in shot.tiles])
@@ -26,8 +27,9 @@ def target_in_camera(shot: TargetImage, tiles: Sequence[TargetTile]) -> Pose:
 
 
 def camera_in_tcp(shots: Sequence[TargetImage], tiles: Sequence[TargetTile]) -> Pose:
-    """The X of AX = XB, for views that `spread` allows: A is the hand's motion from one view to another, B
-    the camera's past the target. Rotation first, then the translation. Park & Martin (1994)."""
+    """Solve AX = XB for X, the camera in the TCP, with views that `spread` accepts. A is the hand's motion
+    between two views, B the camera's motion relative to the target. The rotation is solved first, then the
+    translation. Park & Martin (1994)."""
     views = [(shot.tcp, target_in_camera(shot, tiles)) for shot in shots]
     motions = [
         (hand.inverse() @ first, seen @ there.inverse())
@@ -44,8 +46,8 @@ def camera_in_tcp(shots: Sequence[TargetImage], tiles: Sequence[TargetTile]) -> 
 
 
 def spread(shots: Sequence[TargetImage]) -> float:
-    """The greatest angle between two axes about which the hand was turned from view to view, rad: about one
-    axis alone the place of a camera along it cannot be seen (Tsai & Lenz 1989)."""
+    """Return the greatest angle between two rotation axes of the hand over all pairs of views, rad.
+    Rotations about one axis alone leave the camera's position along it undetermined (Tsai & Lenz 1989)."""
     axes = [axis for one, other in combinations(shots, 2) if (axis := _axis(one.tcp, other.tcp)) is not None]
     if len(axes) < 2:
         return 0.0
@@ -60,7 +62,7 @@ def _axis(one: Pose, other: Pose) -> Array | None:
 
 
 def _turn(pose: Pose) -> Array:
-    """Rotation vector (3,), rad."""
+    """Return the rotation vector (3,), rad."""
     x, y, z, w = pose.orientation
     size = math.sqrt(x * x + y * y + z * z)
     angle = 2.0 * math.atan2(size, abs(w))

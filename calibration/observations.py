@@ -1,4 +1,5 @@
-"""What a calibration has to go by: pictures of a target, and touches of it."""
+"""Calibration data: viewpoints for images of the target, detected squares, touches, and their form in the
+log."""
 
 from __future__ import annotations
 
@@ -13,47 +14,49 @@ from ..world.protocols import Intrinsics
 from ..world.values import Array, Pose, Vector3
 
 TILTS = (0.12, 0.5, 0.68)
-"""Of the line of sight against the target's normal, in turn, rad."""
+"""Angles between line of sight and target normal of successive views, rad."""
 NEARER = (1.0, 1.15, 1.3)
-"""Distances, in turn, as multiples of the nearest at which the target fills its share of the picture."""
+"""Distances of successive views, as multiples of the nearest at which the target fills its share of the
+image."""
 FILLS = 0.8
-"""Share of the picture's shorter side that the target may take."""
+"""Maximum share of the image's shorter side that the target fills."""
 GOLDEN = 2.4
-"""From view to view about the target's normal, rad: any number of them in a row is spread evenly."""
+"""Rotation about the target's normal from view to view, rad. This angle spreads any number of views
+evenly."""
 ROLL = 1.3
-"""The same about the line of sight."""
+"""Rotation about the line of sight from view to view, rad."""
 ROLLS = (0.0, 0.5, -0.5, 1.0, -1.0, math.pi)
-"""Other turns about the line of sight that will do, where a view is out of reach, rad."""
+"""Further rotations about the line of sight to try where a view is out of reach, rad."""
 
 
 @dataclass(frozen=True, slots=True)
 class DetectedTile:
-    """A square in a picture. Pixels (column u, row v) are those of `Intrinsics`."""
+    """Detected square of the target. Pixels (column u, row v) are those of `Intrinsics`."""
 
     index: int
-    """Of the square among those of the target."""
+    """Index of the square among those of the target."""
     pixel: tuple[float, float]
-    """Centroid of its area in the picture."""
+    """Centroid of the square's area in the image, pixels."""
     depth: float
-    """Along the optical axis where the ray of `depth_pixel` meets it, m: harmonic mean over its inside."""
+    """Depth along the optical axis at `depth_pixel`, m: harmonic mean over the inside of the square."""
     depth_pixel: tuple[float, float]
     depth_sigma: float
-    """Standard error of that depth, from the scatter, m."""
+    """Standard error of the depth, from the scatter, m."""
     area: int
-    """Pixels."""
+    """Area in the image, pixels."""
 
 
 @dataclass(frozen=True, slots=True)
 class Viewpoint:
-    """A place to look from; any of the poses will do, the first is the best."""
+    """Viewpoint: camera poses of which any one will do; the first is the best."""
 
     name: str
     camera_in_world: tuple[Pose, ...]
 
 
 def viewpoints(target: Pose, size: Vector3, intrinsics: Intrinsics, count: int) -> tuple[Viewpoint, ...]:
-    """`count` places around a target of that size (m) from which it is seen whole, one after another further
-    round, nearer and further, straight from above and aslant."""
+    """Return `count` viewpoints from which a target of `size` (m) is seen whole. Successive views go round
+    the target at varied distances and tilts."""
     across = math.hypot(size[0], size[1])
     shorter = min(intrinsics.width / intrinsics.fx, intrinsics.height / intrinsics.fy)
     nearest = across / (FILLS * shorter) + size[2] / 2
@@ -84,15 +87,15 @@ SHOT, TOUCH = "calibration_shot", "calibration_touch"
 
 @dataclass(frozen=True, slots=True)
 class TargetImage:
-    """One picture of the target."""
+    """Image of the target, reduced to its detected squares."""
 
     camera: str
     on_hand: bool
     intrinsics: Intrinsics
     tcp: Pose
-    """Of the arm at rest, in the world, by encoders and model."""
+    """Pose of the TCP in the world with the arm at rest, by encoders and model."""
     believed: Pose
-    """Of the optical frame in the TCP's frame, or in the world for a camera that hangs still."""
+    """Believed pose of the optical frame: in the TCP frame, or in the world for a fixed camera."""
     tiles: tuple[DetectedTile, ...]
 
     def to_plain(self) -> dict[str, Plain]:
@@ -126,14 +129,14 @@ class TargetImage:
 
 @dataclass(frozen=True, slots=True)
 class TargetTouch:
-    """The closed fingers at rest against a face of the target."""
+    """Touch: the closed fingers at rest against a face of the target."""
 
     face: Vector3
-    """Normal of the face, out of the target, in its frame."""
+    """Normal of the face in the target's frame, pointing outwards."""
     tcp: Pose
-    """In the world, by encoders and model."""
+    """Pose of the TCP in the world, by encoders and model."""
     force: float
-    """With which they press, N."""
+    """Force with which the fingers press against the face, N."""
     name: str = ""
 
     def to_plain(self) -> dict[str, Plain]:
@@ -147,7 +150,7 @@ class TargetTouch:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CalibrationData:
-    """All that was seen and touched of one target."""
+    """All images and touches of one target."""
 
     shots: tuple[TargetImage, ...]
     touches: tuple[TargetTouch, ...]

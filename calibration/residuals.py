@@ -1,4 +1,4 @@
-"""How far a guess of target, cameras and tool is from what was seen and touched, in standard deviations."""
+"""Residuals of calibration parameters against images and touches, in standard deviations."""
 
 from __future__ import annotations
 
@@ -13,41 +13,45 @@ from .observations import CalibrationData, TargetImage
 from .target_detection import area_and_centroid, pixels_of
 
 PIXEL, OUTLINE = 0.05, 0.3
-"""Error of a square's centroid: this, and that over the length of its edge, pixels. Measured on pictures."""
+"""Standard deviation of a square's centroid, pixels: `PIXEL` plus `OUTLINE` over the length of its edge.
+Measured on images."""
 DEPTH = 3e-5
-"""Of a square's mean depth beyond what its scatter says, m."""
+"""Standard deviation of a square's mean depth beyond that from its scatter, m."""
 TOUCHED = 1e-4
-"""Of where a touch ends, m."""
+"""Standard deviation of the fingers' position at a touch, m."""
 YIELDS = 1e-4
-"""How far fingers and target give way, at most about so much, m/N; found out from touches of unlike force."""
+"""Standard deviation of the compliance of fingers and target, m/N, around 0. Touches of different force
+determine the compliance."""
 ZOOM = 1e-3
-"""Share by which a camera's focal length may differ from what is stated: a standard deviation."""
+"""Standard deviation of a camera's focal length, as a share of the stated one."""
 FAR, TURNED = 0.03, 0.2
-"""What is known of the target and the tool beforehand: standard deviations, m and rad, wide enough to leave
-the word to what is measured."""
+"""Prior standard deviations of the poses of target and tool, m and rad; wide enough that measurements
+dominate."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CalibrationParameters:
-    """What is estimated. Poses change by a shift of the origin and a turn about it, in the parent's axes."""
+    """Parameters of a calibration. A pose changes by a shift of its origin and a rotation about it, in the
+    parent's axes."""
 
     target: Pose
-    """In the world."""
+    """Pose of the target in the world."""
     cameras: tuple[Pose, ...]
-    """Of each camera, its optical frame in the believed TCP's frame, or in the world."""
+    """Optical frame of each camera in the believed TCP, or in the world for a fixed camera."""
     zooms: tuple[float, ...]
-    """Of each camera: by which share the focal length is longer than stated."""
+    """Relative error of each camera's focal length; positive: longer than stated."""
     tool: Array
-    """(3,): the true TCP in the frame of the believed one, m."""
+    """Position (3,) of the true TCP in the frame of the believed one, m."""
     yields: float
-    """m/N"""
+    """Compliance of fingers and target, m/N."""
 
     @property
     def size(self) -> int:
         return 6 + 7 * len(self.cameras) + 4
 
     def moved(self, step: Array) -> CalibrationParameters:
-        """By `step` (size,): m and rad for the target, then each camera; shares; m for the tool; m/N."""
+        """Return the parameters changed by `step` (size,): target and cameras (m, rad), focal lengths
+        (shares), tool (m), compliance (m/N)."""
         poses = [_moved(pose, step[6 * n : 6 * n + 6]) for n, pose in enumerate((self.target, *self.cameras))]
         longer = step[6 * len(poses) : -4].tolist()
         return replace(
@@ -69,7 +73,8 @@ def _moved(pose: Pose, step: Array) -> Pose:
 
 
 class CalibrationResiduals:
-    """Of one body of evidence. `names` are the cameras, in the order of `CalibrationParameters.cameras`."""
+    """Residuals of one set of calibration data. `names` are the cameras, in the order of
+    `CalibrationParameters.cameras`."""
 
     def __init__(
         self,
@@ -90,7 +95,7 @@ class CalibrationResiduals:
         self._camera_of = [names.index(shot.camera) for shot in self._shots]
 
     def of(self, guess: CalibrationParameters) -> Array:
-        """(n,): pixels and depths of all shots, then touches, then what was known before."""
+        """Return all residuals (n,): pixels and depths of all images, then touches, then the prior."""
         parts = [
             np.concatenate([p.ravel(), d])
             for shot, n in zip(self._shots, self._camera_of, strict=True)
@@ -99,7 +104,7 @@ class CalibrationResiduals:
         return np.concatenate([*parts, self._felt(guess), self._known(guess)])
 
     def seen(self, guess: CalibrationParameters, camera: int) -> tuple[Array, Array]:
-        """Pixels (n, 2) and depths (n,) m of one camera, not divided by anything."""
+        """Return the residuals of one camera: pixels (n, 2) and depths (n,) m, not normalised."""
         pixels, depths = zip(
             *(
                 self._misses(shot, guess, camera)
@@ -111,7 +116,7 @@ class CalibrationResiduals:
         return np.concatenate(pixels), np.concatenate(depths)
 
     def felt(self, guess: CalibrationParameters) -> Array:
-        """Of each touch (n,), m: how far the fingers stand off the face that they touch."""
+        """Return the distances (n,) between the fingers and the faces that they touch, m, not normalised."""
         turn, place = guess.target.rotation(), np.array(guess.target.position)
         found: list[float] = []
         for touch in self._touches:

@@ -1,4 +1,5 @@
-"""The coloured squares of a calibration target in a picture: which are seen whole, and exactly where."""
+"""Detection of a calibration target's coloured squares in an image: which are seen whole, and their
+centroids."""
 
 from __future__ import annotations
 
@@ -18,19 +19,19 @@ from ..world.values import Array, Pose
 from .observations import DetectedTile
 
 LEAST = 16
-"""Pixels of a square."""
+"""Minimum area of a square, pixels."""
 MARGIN = 3
-"""A square nearer than this to what hides it is not seen whole, pixels."""
+"""Width of the border around a square in which a nearer surface may hide a part of it, pixels."""
 HIDES = 0.03
-"""What is nearer than a square by this may hide a part of it, m."""
+"""Minimum depth by which a surface in front of a square may hide a part of it, m."""
 NEAR = 0.02
-"""Distances between squares are measured to this, m."""
+"""Tolerance of measured distances between squares, m."""
 FITS = 0.012
-"""A square further from its place on the target than this is another, m."""
+"""Maximum distance of a square from its place on the target, m."""
 WHOLE = 0.15
-"""Share by which the area of a square that is seen whole may differ from what its pose says."""
+"""Maximum relative difference between the seen area of a whole square and the area expected from its pose."""
 FEWEST = 4
-"""Squares that tell a target."""
+"""Minimum number of squares that identify a target."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -38,11 +39,11 @@ class _Patch:
     index: int
     seen: DetectedTile
     point: Array
-    """(3,) in the camera's frame, m."""
+    """Position (3,) in the camera's optical frame, m."""
 
 
 def detect_tiles(image: RgbdImage, tiles: Sequence[TargetTile]) -> tuple[DetectedTile, ...]:
-    """The squares that are seen whole; none when there are too few to be sure that it is the target.
+    """Return the squares that are seen whole; empty when too few are seen to identify the target.
 
     Items may have the squares' colours: what counts is that their distances are those of the target. Next to
     what is nearer, such as the fingers of the hand, a square is taken to be hidden in part.
@@ -61,7 +62,7 @@ def detect_tiles(image: RgbdImage, tiles: Sequence[TargetTile]) -> tuple[Detecte
 
 
 def average_tiles(pictures: Sequence[Sequence[DetectedTile]]) -> tuple[DetectedTile, ...]:
-    """What several pictures from the same place show together: squares that most of them have."""
+    """Return the squares that most of several images from one viewpoint show, averaged."""
     found: list[DetectedTile] = []
     for index in sorted({tile.index for seen in pictures for tile in seen}):
         same = [tile for seen in pictures for tile in seen if tile.index == index]
@@ -77,7 +78,7 @@ def average_tiles(pictures: Sequence[Sequence[DetectedTile]]) -> tuple[DetectedT
 
 
 def _patches(image: RgbdImage, label: NDArray[np.uint8], index: int, colour: str) -> list[_Patch]:
-    """All patches of that colour that nothing cuts off."""
+    """Return the regions of that colour that neither the image border nor a nearer surface cuts off."""
     height, width = label.shape
     found: list[_Patch] = []
     for rows, columns in connected_patches(np.equal(label, blobs.label_of(colour)), LEAST):
@@ -129,7 +130,8 @@ def _measured(image: RgbdImage, own: NDArray[np.uint8], corner: tuple[int, int],
 
 
 def _consistent(patches: list[_Patch], tiles: Sequence[TargetTile]) -> list[_Patch]:
-    """The largest set of patches, one for each square at most, that lie as those of the target do."""
+    """Return the largest set of regions, at most one for each square, whose arrangement is that of the
+    target."""
     places = np.array([tile.centre for tile in tiles])
     best: list[_Patch] = []
     for one, other in combinations(patches, 2):
@@ -155,7 +157,7 @@ def _apart(one: _Patch, other: _Patch, places: Array) -> bool:
 
 
 def _is_whole(patch: _Patch, tile: TargetTile, target_in_camera: Pose, intrinsics: Intrinsics) -> bool:
-    """Whether as much of it is seen as its pose says, give or take a row of pixels on its outline."""
+    """Whether the seen area agrees with the pose, give or take a row of pixels on the outline."""
     corners = target_in_camera.apply(tile.corners())
     pixels = corners[:, :2] / corners[:, 2:] * (intrinsics.fx, intrinsics.fy)
     expected = abs(area_and_centroid(pixels[None])[0][0])
@@ -163,7 +165,7 @@ def _is_whole(patch: _Patch, tile: TargetTile, target_in_camera: Pose, intrinsic
 
 
 def area_and_centroid(polygons: Array) -> tuple[Array, Array]:
-    """Signed areas (n,) and centroids (n, 2) of polygons (n, k, 2)."""
+    """Return the signed areas (n,) and centroids (n, 2) of polygons (n, k, 2)."""
     # About a corner: far from the origin the products would cancel.
     origin = polygons[:, :1]
     here = polygons - origin
@@ -175,7 +177,7 @@ def area_and_centroid(polygons: Array) -> tuple[Array, Array]:
 
 
 def align_points(places: Array, points: Array) -> Pose:
-    """The pose that takes points `places` (n, 3) of a body to `points` (n, 3) best. Kabsch (1976)."""
+    """Return the pose that best maps points `places` (n, 3) of a body to `points` (n, 3). Kabsch (1976)."""
     middle, centre = places.mean(axis=0), points.mean(axis=0)
     u, _, vt = np.linalg.svd((points - centre).T @ (places - middle))
     turn = u @ np.diag([1.0, 1.0, np.sign(np.linalg.det(u @ vt))]) @ vt
@@ -183,5 +185,5 @@ def align_points(places: Array, points: Array) -> Pose:
 
 
 def pixels_of(rays: Array, intrinsics: Intrinsics) -> Array:
-    """Pixels (…, 2) of points (…, 3) in the camera's frame."""
+    """Return the pixels (…, 2) of points (…, 3) in the camera's optical frame."""
     return rays[..., :2] / rays[..., 2:] * (intrinsics.fx, intrinsics.fy) + (intrinsics.cx, intrinsics.cy)

@@ -1,4 +1,5 @@
-"""The target that cameras and tool are calibrated at, as the scene file has it.
+"""Calibration targets of a scene, and the touches at which closed fingers measure the TCP in all three
+directions.
 
 Where the closed fingers touch a target, so that their tip is known in all three directions.
 
@@ -30,30 +31,30 @@ if TYPE_CHECKING:
 
 
 LEAN = math.radians(30.0)
-"""Of the hand, for touches with the tip ahead."""
+"""Tilt of the hand for touches with the tip ahead, rad."""
 LOW = 0.4
-"""How high the fingers' lowest corner is beside a side face, as a share of the target's height."""
+"""Height of the fingers' lowest corner at a side face, as a share of the target's height."""
 OUT = 0.35
-"""Where the top is touched, as a share of its edges from the middle."""
+"""Distance of touches on the top from its middle, as a share of the edges."""
 TOUCHING = 1e-4
-"""Corners of the tips that are so near to the furthest one touch, too, m."""
+"""Tolerance within which further corners of the tips count as touching, m."""
 
 
 @dataclass(frozen=True, slots=True)
 class TouchPoint:
-    """One touch that is wanted."""
+    """Touch point: a face of the target and TCP poses that touch it."""
 
     name: str
     face: Vector3
     """Normal of the face in the target's frame."""
     normal: Vector3
-    """The same in the world."""
+    """Normal of the face in the world."""
     tcp: tuple[Pose, ...]
-    """In the world, where the tips should meet the face; any of them will do."""
+    """TCP poses in the world in which the tips meet the face; any one will do."""
 
 
 def fingertip_corners(model: RobotModel, width: float = 0.0) -> Array:
-    """Corners (16, 3) of both pads in the TCP's frame with the fingers `width` m open, m."""
+    """Return the corners (16, 3) of both pads in the TCP frame with the fingers `width` m open, m."""
     q = model.named("home")
     links, tcp = model.link_poses(q, width), model.tcp(q)
     gripper = model.description.gripper
@@ -66,8 +67,8 @@ def fingertip_corners(model: RobotModel, width: float = 0.0) -> Array:
 
 
 def touch_points(target: Pose, size: Vector3, at_tips: Array, turned: float) -> tuple[TouchPoint, ...]:
-    """All touches of a block of `size` m at `target` in the world; `at_tips` as `fingertip_corners` gives
-    them.
+    """Return all touch points of a block of `size` m at `target` in the world; `at_tips` as from
+    `fingertip_corners`.
 
     `turned`: of the hand's x axis against the target's when it is upright, rad, a multiple of a right angle.
     It makes no difference but to what the arm can reach.
@@ -79,7 +80,7 @@ def touch_points(target: Pose, size: Vector3, at_tips: Array, turned: float) -> 
 
 
 def _wanted(size: Vector3, turned: float) -> Iterator[tuple[str, Array, Array, tuple[Array, ...]]]:
-    """Name, normal, point and the hand's axes (3, 3), in the target's frame."""
+    """Yield name, normal, point and the hand's axes (3, 3), in the target's frame."""
     x, y, z = (length / 2 for length in size)
     up = np.array([0.0, 0.0, 1.0])
     upright = np.array([math.cos(turned), math.sin(turned), 0.0])
@@ -108,7 +109,7 @@ def _wanted(size: Vector3, turned: float) -> Iterator[tuple[str, Array, Array, t
 
 
 def _hand(forward: Array, x: Array) -> Array:
-    """Axes (3, 3) of a TCP that points along `forward`, its x as near to `x` as that allows."""
+    """Return the axes (3, 3) of a TCP that points along `forward`, its x as close to `x` as possible."""
     across = np.cross(forward, x)
     across = across / np.linalg.norm(across)
     return np.column_stack([np.cross(across, forward), across, forward])
@@ -117,8 +118,8 @@ def _hand(forward: Array, x: Array) -> Array:
 def _contact(
     target: Pose, name: str, face: Array, point: Array, hands: tuple[Array, ...], at_tips: Array, low: float
 ) -> TouchPoint:
-    """`point` on the face; beside a side face its height follows from `low`, where the tips' lowest corner is
-    to be in the target's frame."""
+    """Return the touch point at `point` on a face. At a side face the tips' lowest corner comes to height
+    `low` in the target's frame."""
     turn = target.rotation()
     normal = turn @ face
     poses: list[Pose] = []
@@ -140,18 +141,18 @@ def _three(vector: Array) -> Vector3:
 
 @dataclass(frozen=True, slots=True)
 class CalibrationTarget:
-    """A block with coloured squares on its top."""
+    """Calibration target: a block with coloured squares on its top."""
 
     name: str
     pose: Pose
-    """Of its centre in the world, as believed."""
+    """Believed pose of the target's centre in the world."""
     size: Vector3
-    """m"""
+    """Edge lengths along x, y, z, m."""
     tiles: tuple[TargetTile, ...]
 
 
 def targets(fixtures: Iterable[Fixture]) -> tuple[CalibrationTarget, ...]:
-    """All that are among the fixtures."""
+    """Return the calibration targets among the fixtures."""
     return tuple(
         CalibrationTarget(str(f.id), f.pose, f.shape.size, f.tiles)
         for f in fixtures
@@ -160,7 +161,7 @@ def targets(fixtures: Iterable[Fixture]) -> tuple[CalibrationTarget, ...]:
 
 
 def target_named(fixtures: Iterable[Fixture], name: str) -> CalibrationTarget:
-    """The target of that name. Raises Failure(world.unknown_object) when there is none."""
+    """Return the target of that name. Raises Failure(world.unknown_object) when there is none."""
     known = targets(fixtures)
     for target in known:
         if target.name == name:

@@ -1,1 +1,2 @@
-"""One robot cell as skills meet it: the World, vision, handling, the operator, handovers between skills."""
+"""Robot cell as skills use it: the World, cameras, motion parameters, the operator, handovers between
+skills."""

@@ -1,4 +1,4 @@
-"""What one skill leaves to the next: an object on its way to where it belongs, in a hand that moves."""
+"""Handover between skills: a carried object and the motion that takes it to its release pose."""
 
 from __future__ import annotations
 
@@ -10,41 +10,41 @@ from ..world.values import ObjectId, Pose
 
 @dataclass(frozen=True, slots=True)
 class PlaceCandidate:
-    """Where an object is let go over a bin."""
+    """Place candidate: release pose of an object over a bin."""
 
     into: ObjectId
     spot: str
     """Name of the bin's cell."""
     height: float
-    """Of the heap there above the bin's floor, m."""
+    """Height of the heap in this cell above the bin's floor, m."""
     above: Pose
-    """TCP in the world over the bin, where all motions end and begin that are not straight."""
+    """Pose of the TCP in the world over the bin: start and end of all motions that are not straight lines."""
     drop: float
-    """Straight down from there to where the fingers open, m."""
+    """Straight way down from `above` to the pose in which the fingers open, m."""
     name: str = ""
-    """In a few words, for the record."""
+    """Short description for the log."""
 
     @property
     def release(self) -> Pose:
-        """TCP in the world where the fingers open."""
+        """Pose of the TCP in the world in which the fingers open."""
         return self.above.shifted((0.0, 0.0, -self.drop))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Handover:
-    """An object that is carried to its landing by a motion that was handed over."""
+    """Carried object and the motion to its release pose, which one skill leaves to the next."""
 
     object: ObjectId
     object_in_tcp: Pose
     landing: PlaceCandidate
     plan: MotionPlan
-    """Lift, transfer and the way down as one motion."""
+    """Lift, transfer and descent as one motion."""
     version: int
-    """Of the belief that it was handed over in."""
+    """Belief version at the handover."""
 
 
 class HandoverSlot:
-    """At most one carriage, for the skill that comes next.
+    """Slot for at most one handover, which the next skill takes.
 
     It is no part of a checkpoint: those are taken with an empty hand and the arm at rest.
     """
@@ -56,10 +56,10 @@ class HandoverSlot:
         self._left = carriage
 
     def take(self) -> Handover | None:
-        """What was left, once."""
+        """Return the handover and empty the slot; None when it is empty."""
         left, self._left = self._left, None
         return left
 
     def drop(self) -> None:
-        """Nothing is on its way any more."""
+        """Discard the handover."""
         self._left = None

@@ -1,4 +1,4 @@
-"""The desk between whoever needs help and whoever may give it: a question lies there until it is answered."""
+"""Questions to the operator: one pending question, and its answer once the operator has given one."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ GIVE_UP: Final = "give up"
 
 @dataclass(frozen=True, slots=True)
 class OperatorQuestion:
-    """What somebody wants to know of a person, and how things stand meanwhile."""
+    """Question to the operator, with the situation in which a node asks it."""
 
     node: str
-    """Path of who asks."""
+    """Path of the node that asks."""
     reason: str
     choices: tuple[str, ...]
-    """The answers that it knows; at least one."""
+    """Possible answers; at least one."""
     object: str = ""
-    """What it is about; empty: nothing in particular."""
+    """Object that the question is about; empty: none in particular."""
     situation: str = ""
-    """What the robot believes about the world, in a sentence."""
+    """Summary of the robot's belief, in one sentence."""
 
     def to_json(self) -> dict[str, Plain]:
         return {
@@ -41,12 +41,13 @@ class OperatorQuestion:
 
     @classmethod
     def from_json(cls, said: Mapping[str, Any]) -> OperatorQuestion:
-        """What `to_json` gave. Raises KeyError or TypeError for something else."""
+        """Return the question that `to_json` has written. Raises KeyError or TypeError for other data."""
         choices = tuple(str(choice) for choice in said["choices"])
         return cls(said["node"], said["reason"], choices, said["object"], said["situation"])
 
     def choice(self, text: str) -> str | None:
-        """The choice that a text means: its number from 1 on, itself, or a beginning that no other shares.
+        """Return the choice that a text means: its number from 1 on, its name, or an unambiguous beginning of
+        it. None when there is no such choice.
 
         >>> OperatorQuestion("Main/Ask", "it is stuck", ("go on", "give up")).choice("GIVE")
         'give up'
@@ -66,8 +67,8 @@ class OperatorQuestion:
 
 
 class OperatorRequests:
-    """One question at a time. The node lays it down and asks for the answer in later ticks; whoever runs the
-    mission looks here after each tick, and lays an answer beside it.
+    """Slot for one question to the operator and its answer. A node puts a question here and polls for the
+    answer in later ticks. The program that runs the mission looks here after each tick and adds the answer.
 
     It is no part of a checkpoint: who waits for an answer asks again after it.
     """
@@ -78,30 +79,30 @@ class OperatorRequests:
 
     @property
     def pending(self) -> OperatorQuestion | None:
-        """The question that waits for an answer."""
+        """Question that waits for an answer; None when there is none."""
         return self._question if self._answer is None else None
 
     @property
     def answered(self) -> bool:
-        """Whether an answer lies here that nobody has taken yet."""
+        """Whether there is an answer that no node has taken yet."""
         return self._answer is not None
 
     def ask(self, question: OperatorQuestion) -> None:
-        """Lay a question down; another that lay there is taken away."""
+        """Put a question; it replaces an earlier one."""
         self._question, self._answer = question, None
 
     def answer(self, choice: str) -> None:
-        """Answer the question that is pending, with one of its choices."""
+        """Answer the pending question with one of its choices. Raises ValueError for any other answer."""
         if self._question is None or choice not in self._question.choices:
             raise ValueError(f"nobody waits for the answer {choice!r}")
         self._answer = choice
 
     def waits(self, node: str) -> bool:
-        """Whether the question of this node lies here, answered or not."""
+        """Whether this node's question is here, answered or not."""
         return self._question is not None and self._question.node == node
 
     def take(self, node: str) -> str | None:
-        """The answer to this node's question, once; None while there is none."""
+        """Return the answer to this node's question and clear both; None while there is no answer."""
         if not self.waits(node) or self._answer is None:
             return None
         answer = self._answer
@@ -109,13 +110,13 @@ class OperatorRequests:
         return answer
 
     def withdraw(self, node: str) -> None:
-        """The node does not want to know any more."""
+        """Remove the question of this node, if it is here."""
         if self.waits(node):
             self._question = self._answer = None
 
 
 def situation(world: World) -> str:
-    """How things stand, as the robot believes, in a sentence for a person."""
+    """Return the situation in the robot's belief, as one sentence for the operator."""
     held, to_do = world.scene.held, world.to_do()
     parts = ["the arm stands still"]
     stop = world.control.monitor.stopped
@@ -135,4 +136,4 @@ def situation(world: World) -> str:
 
 
 _NAMED = 3
-"""Items that are named."""
+"""Maximum number of items that `situation` names."""

@@ -1,4 +1,4 @@
-"""Looking: take a picture, let perception work on it, bring the belief up to date."""
+"""Observation: capture an image, run perception on it and update the belief."""
 
 from __future__ import annotations
 
@@ -22,17 +22,17 @@ from ..world.values import Array, Pose
 T = TypeVar("T")
 
 FRAMES = 4
-"""How many images a look waits for before it says that none comes: cameras drop one now and then."""
+"""Number of frames that an observation waits for before it fails: cameras drop a frame now and then."""
 FRAME = 0.1
-"""From one to the next, s."""
+"""Time from one frame to the next, s."""
 OLDEST = 0.2
-"""Age of an image from which it does not show what is there now, s: a camera that hangs gives its last one
-again, and a hand at 0.25 m/s has moved by 5 cm."""
+"""Maximum age of an image, s. A camera that hangs returns its last image again, and a hand at 0.25 m/s has
+moved by 5 cm in this time."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CapturedImage:
-    """A picture, and how the robot stood when it was taken: joints (n,) rad, opening m."""
+    """Image with the robot's state at the time of capture: joint angles (n,) rad, gripper opening m."""
 
     image: RgbdImage
     joints: Array
@@ -41,18 +41,18 @@ class CapturedImage:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PendingView:
-    """A picture with what perception made of it; the belief does not know of it yet."""
+    """Image with the result of perception, not yet merged into the belief."""
 
     image: RgbdImage
     view: PerceivedView
     stamp: float
-    """Simulated seconds."""
+    """Simulated time of capture, s."""
     held: Pose | None
-    """Where the object in the hand was in the world when it was taken; None: the hand was empty."""
+    """Pose of the held object in the world at the time of capture; None: the hand was empty."""
 
 
 class Vision:
-    """The cameras and what was last seen of the bins.
+    """Cameras of the cell, and the latest view of each bin.
 
     `joints` and `width` give the arm's configuration (n,) rad and the opening m: the robot masks itself.
     """
@@ -77,18 +77,18 @@ class Vision:
         self._journal = journal
         self._thinking = thinking
         self.cost = cost
-        """Simulated seconds that it takes to work on a picture."""
+        """Simulated time charged for the processing of one image, s."""
         self._joints = joints
         self._width = width
         self._stopwatch = stopwatch or Stopwatch()
         self._still = frozenset(cameras) - perceive.moving
         self.bins: dict[str, BinView] = {}
-        """What was last seen in each bin; part of the state."""
+        """Latest view of each bin; part of the state."""
         self.looks = 0
-        """How often it was looked; part of the state."""
+        """Number of observations merged into the belief; part of the state."""
         self.newest = 0.0
-        """When the newest picture was taken that the belief knows of, s. Only compared with pictures that are
-        under way, of which a checkpoint knows none."""
+        """Time of the newest image in the belief, s. It is compared only with images still in processing,
+        which no checkpoint contains."""
 
     @property
     def hand(self) -> str | None:
@@ -96,7 +96,8 @@ class Vision:
         return next((name for name in self._cameras if name not in self._still), None)
 
     def shoot(self, camera: str) -> Generator[None, None, CapturedImage]:
-        """One picture through `camera`, charged as a look is; nothing is recognised, no belief changes."""
+        """Capture one image with `camera`, at the cost of an observation. Perception does not run and the
+        belief does not change."""
         shot = yield from self._patiently(lambda: self._shot(camera))
         yield from self._charge()
         self._journal.note(ImageEntry(shot.image, ()))
@@ -105,8 +106,8 @@ class Vision:
     def follow(
         self, camera: str, objects: Sequence[BeliefObject]
     ) -> Generator[None, None, tuple[TrackedSighting, ...]]:
-        """Where a picture through `camera` shows objects that are believed to be in it. Charged as a look is;
-        the belief does not change."""
+        """Capture an image with `camera` and locate objects that are believed to be in it. The cost is
+        that of an observation; the belief does not change."""
         shot = yield from self._patiently(lambda: self._shot(camera))
         with self._stopwatch.measure("perception"):
             found = self._perceive.follow(shot.image, shot.joints, shot.width, self._scene, objects)
@@ -116,7 +117,7 @@ class Vision:
         return found
 
     def look(self, camera: str) -> Generator[None, None, ObservationSummary]:
-        """Observe through `camera`; the belief changes when the thinking is over.
+        """Observe with `camera`; the belief changes after the charged time.
 
         Raises Failure: perception.not_found when there is no such camera, perception.no_image when none comes
         within a few frames, or only old ones.
@@ -126,8 +127,8 @@ class Vision:
         return self.take_in(glance)
 
     def glance(self, camera: str) -> PendingView:
-        """A picture through `camera`, and what perception makes of it: nothing is charged, and the belief
-        does not change before `take_in`, which the caller defers until the thinking is over.
+        """Capture an image with `camera` and run perception on it. Nothing is charged, and the belief does
+        not change before `take_in`; the caller defers that until the charged time has passed.
 
         Raises Failure: perception.not_found when there is no such camera, perception.no_image when this frame
         does not come, or is old.
@@ -140,7 +141,7 @@ class Vision:
         return PendingView(shot.image, view, stamp, None if held is None else held.pose)
 
     def take_in(self, glance: PendingView) -> ObservationSummary:
-        """Bring the belief up to date with a picture, as it was when it was taken."""
+        """Merge an image into the belief, for the time at which it was captured."""
         view, image = glance.view, glance.image
         summary = update_belief(self._scene, view, glance.stamp, glance.held)
         for name, seen in view.bins.items():
@@ -169,7 +170,8 @@ class Vision:
         return CapturedImage(image, self._joints(), self._width())
 
     def _patiently(self, take: Callable[[], T]) -> Generator[None, None, T]:
-        """What `take` comes to, which takes a picture: at the next frames, too, where none comes."""
+        """Run `take`, which captures an image, and return its result; repeat it for the next frames when
+        no image comes."""
         begun, missed = self._clock.now, 0
         while True:
             try:

@@ -1,4 +1,5 @@
-"""What skills, recovery and trees see of the robot and its surroundings: beliefs, sensors, motions."""
+"""World: what skills, recovery and trees see of the robot and its surroundings, that is beliefs, sensors
+and motions."""
 
 from __future__ import annotations
 
@@ -31,43 +32,44 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class HandlingParameters:
-    """Defaults for a table-top arm with a parallel gripper. m, N, m/s."""
+    """Motion and force parameters for a table-top arm with a parallel gripper; m, N, m/s."""
 
     approach: float = 0.08
-    """From the pre-grasp pose straight down to the grasp, and up again."""
+    """Height of the pre-grasp pose above the grasp, m; also the length of the straight lift."""
     guard: float = 25.0
-    """Contact force that stops a free motion."""
+    """Contact force that stops a free motion, N."""
     touch: float = 4.0
-    """Contact force that a guarded descent feels for."""
+    """Contact force that ends a guarded descent, N."""
     touch_speed: float = 0.05
     felt_way: float = 0.010
-    """Last bit of the way down that is felt for flat objects."""
+    """Last part of the descent on which contact is watched for flat objects, m."""
     back_off: float = 0.001
-    """Raised again by this much after having touched."""
+    """Distance of the lift after contact, m."""
     free: float = 0.9
     """Share of the joints' speed limits on free motions: the servo overshoots a little."""
     line: float = 0.5
     """Share of the joints' speed limits on straight lines next to objects."""
     lower_speed: float = 0.12
-    """Of a guarded lowering with an object in the hand."""
+    """Speed of a guarded descent with an object in the hand, m/s."""
     rim_clearance: float = 0.005
-    """Of the finger tips above the rim of a bin, when an object is lowered into it."""
+    """Clearance of the finger tips above a bin's rim when an object is lowered into it, m."""
     release: float = 0.03
-    """How much wider than the object the fingers open to release it."""
+    """Extra opening beyond the object's width at release, m."""
 
     def scaling(self, speed: float) -> Scaling:
-        """For free motions at `speed`, a share (0, 1]."""
+        """Return the scaling of free motions at `speed`, a share in (0, 1]."""
         return Scaling(velocity=self.free * speed, acceleration=speed)
 
     @property
     def slowly(self) -> Scaling:
-        """For straight lines next to objects."""
+        """Scaling of straight lines next to objects."""
         return Scaling(velocity=self.line, acceleration=self.line)
 
 
 @dataclass(frozen=True)
 class World:
-    """One robot and one belief, shared by all nodes of a tree. Ground truth is not in here."""
+    """World of one run: one robot and one belief, shared by all nodes of a tree. It contains no ground
+    truth."""
 
     description: SceneDescription
     robot: RobotModel
@@ -89,14 +91,14 @@ class World:
     handling: HandlingParameters = field(default_factory=HandlingParameters)
     operator: OperatorRequests = field(default_factory=OperatorRequests)
     tick: float = 0.05
-    """Seconds between two ticks of the tree."""
+    """Time between two ticks of the tree, s."""
 
     def to_do(self) -> tuple[BeliefObject, ...]:
-        """Items that are believed to lie elsewhere than where they belong, and are not put aside."""
+        """Return the items that are believed to be neither at their destination nor set aside."""
         return items_to_do(self.scene)
 
     def facts(self) -> Mapping[str, bool | int | float | str]:
-        """Names that every expression of a mission may use, with their values now."""
+        """Return the names that every expression of a mission may use, with their present values."""
         return facts(
             self.scene,
             looked=self.eyes.looks > 0,

@@ -1,4 +1,4 @@
-"""What a robot file says, as values. Nothing about a particular arm stands in code."""
+"""Contents of a robot file as values. No arm has code of its own."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class PadContact:
 
 @dataclass(frozen=True, slots=True)
 class Follower:
-    """A joint that follows the driven one: its position is multiplier · drive + offset."""
+    """Joint that follows the driven one: its position is multiplier · drive + offset."""
 
     joint: str
     multiplier: float = 1.0
@@ -41,13 +41,14 @@ class Follower:
 
 @dataclass(frozen=True, slots=True)
 class Linkage:
-    """Fingers that one motor moves through hinges. The tables run from closed to opened, at `angles` rad of
-    the driven joint: distance between the pads, m, and how far the tips reach beyond the TCP, m."""
+    """Finger linkage: hinges that one motor moves. The tables run from closed to opened, at `angles` rad
+    of the driven joint. `widths` are distances between the pads, m; `tips` the reach of the tips beyond
+    the TCP, m."""
 
     drive: str
     followers: tuple[Follower, ...]
     knuckles: tuple[str, str]
-    """The joint of each finger, drive or follower, that is nearest to the hand."""
+    """Joint of each finger, drive or follower, that is nearest to the hand."""
     angles: tuple[float, ...]
     widths: tuple[float, ...]
     tips: tuple[float, ...]
@@ -58,7 +59,7 @@ class GripperDescription:
     """A parallel gripper. In the TCP frame z points out of the hand and the fingers move along y."""
 
     joints: tuple[str, ...]
-    """All that move the fingers: the two sliders, or the driven joint and its followers."""
+    """Joints that move the fingers: the two sliders, or the driven joint and its followers."""
     fingers: tuple[str, str]
     """Links that carry the pads."""
     max_width: float
@@ -81,7 +82,7 @@ class GripperDescription:
     finger_boxes: tuple[Box, Pose]
     """Box that encloses the +y finger at opening 0, in the TCP frame; mirrored for the other."""
     linkage: Linkage | None = None
-    """None for two sliders."""
+    """Finger linkage; None: two sliders."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,9 +106,9 @@ class RobotDescription:
     disabled_pairs: tuple[tuple[str, str], ...]
     """Pairs of links that are not checked against each other."""
     payload: float | None = None
-    """Rated: what may hang on the flange, the hand itself included, kg. None: nobody says."""
+    """Rated payload at the flange, the hand itself included, kg. None: unknown."""
     source: str = ""
     text: str = ""
     tool: Pose = field(default_factory=Pose)
-    """The TCP seen from where URDF and `tcp_in_link` put it: the whole hand is mounted off by it. What is
-    believed of that is calibrated, what is true only the simulation knows."""
+    """True TCP in the frame of the TCP that URDF and `tcp_in_link` give: mounting error of the whole hand.
+    The belief has the calibrated value, the simulation alone the true one."""

@@ -1,4 +1,4 @@
-"""What a finger linkage does, computed from the geometry of its links and pads."""
+"""Finger kinematics of grippers with two sliders or with a linkage, computed from links and pads."""
 
 from __future__ import annotations
 
@@ -17,31 +17,31 @@ from .urdf_tree import UrdfTree
 
 
 class Fingers(Protocol):
-    """How the joints of a gripper open and close it. Widths in m, angles in rad, joints in their order."""
+    """Kinematics of a gripper's joints. Widths in m, angles in rad, joints in the gripper's order."""
 
     def positions(self, width: float) -> tuple[float, ...]:
-        """Of all joints at that opening."""
+        """Return the positions of all joints at that opening."""
         ...
 
     def width(self, positions: Sequence[float]) -> float:
-        """The opening, by what the driven joints measure."""
+        """Return the opening that the driven joints measure, m."""
         ...
 
     def rate(self, positions: Sequence[float], velocities: Sequence[float]) -> float:
-        """How fast the opening grows, m/s."""
+        """Return the rate of the opening, m/s; positive while it grows."""
         ...
 
     def force(self, positions: Sequence[float], efforts: Sequence[float]) -> float:
-        """With which each finger presses, N, by the efforts of the driven joints."""
+        """Return the force with which each finger presses, N, from the efforts of the driven joints."""
         ...
 
     def reach(self, width: float) -> float:
-        """How far the tips reach beyond the TCP at that opening, m."""
+        """Return the reach of the tips beyond the TCP at that opening, m."""
         ...
 
 
 class SliderPair:
-    """Two sliders, each of which goes half of the way."""
+    """Fingers on two sliders, each of which covers half of the opening."""
 
     def __init__(self, gripper: GripperDescription) -> None:
         self._tip = gripper.tip
@@ -63,7 +63,7 @@ class SliderPair:
 
 
 class LinkageFingers:
-    """Fingers that one hinge moves; the others follow it. See `Linkage` for the table that it reads."""
+    """Fingers that one hinge moves; the other joints follow it. The tables are those of `Linkage`."""
 
     def __init__(self, linkage: Linkage) -> None:
         self._linkage = linkage
@@ -74,7 +74,7 @@ class LinkageFingers:
         self._by_angle = linkage.widths if rising else linkage.widths[::-1]
 
     def angle(self, width: float) -> float:
-        """Of the driven joint."""
+        """Return the angle of the driven joint at that opening, rad."""
         return _between(self._widths, self._angles, width)
 
     def positions(self, width: float) -> tuple[float, ...]:
@@ -85,7 +85,8 @@ class LinkageFingers:
         return _between(self._rising, self._by_angle, positions[0])
 
     def opening_per_rad(self, angle: float) -> float:
-        """How much the opening grows with the driven joint, m/rad; negative where it closes."""
+        """Return the derivative of the opening by the driven joint's angle, m/rad; negative where it
+        closes."""
         step = abs(self._rising[-1] - self._rising[0]) / 64
         low, high = max(angle - step, self._rising[0]), min(angle + step, self._rising[-1])
         if low >= high:
@@ -109,12 +110,12 @@ class LinkageFingers:
 
 
 def fingers_of(gripper: GripperDescription) -> Fingers:
-    """How that gripper opens and closes."""
+    """Return the finger kinematics of that gripper."""
     return SliderPair(gripper) if gripper.linkage is None else LinkageFingers(gripper.linkage)
 
 
 def _between(rising: Sequence[float], values: Sequence[float], at: float) -> float:
-    """Linear interpolation; beyond the ends, the values there."""
+    """Interpolate linearly; beyond the ends, return the value there."""
     if at <= rising[0]:
         return values[0]
     if at >= rising[-1]:
@@ -125,30 +126,30 @@ def _between(rising: Sequence[float], values: Sequence[float], at: float) -> flo
 
 
 SAMPLES = 129
-"""Angles of the driven joint for which the opening is computed; between them it is interpolated."""
+"""Number of angles of the driven joint for which the opening is computed; between them it is interpolated."""
 
 
 class UnfitLinkage(ValueError):
-    """Why the joints do not open and close a gripper, in one sentence."""
+    """Joints that do not open and close a gripper; the text is one sentence."""
 
 
 @dataclass(frozen=True, slots=True)
 class LinkageParts:
-    """What the opening follows from."""
+    """Joints, links and pads from which the opening is computed."""
 
     drive: str
     followers: tuple[Follower, ...]
     opened: float
     closed: float
     links: tuple[str, str]
-    """Finger links; the first is on the side of the TCP's +y."""
+    """Finger links; the first is on the TCP's +y side."""
     pads: tuple[tuple[Box, Pose], tuple[Box, Pose]]
     tcp_link: str
     tcp_in_link: Pose
 
 
 def solve_linkage(skeleton: UrdfTree, parts: LinkageParts) -> Linkage:
-    """Opening and reach of the pads over the angle of the driven joint.
+    """Compute opening and reach of the pads over the angle of the driven joint.
 
     The opening is the distance between the inner faces of the two pads along the TCP's y axis. Raises
     UnfitLinkage when it does not grow all the way from closed to opened.
@@ -185,7 +186,7 @@ def _knuckle(skeleton: UrdfTree, parts: LinkageParts, n: int) -> str:
 def _from_touching(
     angles: list[float], widths: list[float], tips: list[float]
 ) -> tuple[list[float], list[float], list[float]]:
-    """The tables from where the pads touch."""
+    """Cut the tables off at the angle at which the pads touch."""
     first = next(k for k, width in enumerate(widths) if width >= 0.0)
     if widths[first] == 0.0:
         return angles[first:], widths[first:], tips[first:]
@@ -202,7 +203,7 @@ def _from_touching(
 
 
 def _pad_in_tcp(skeleton: UrdfTree, parts: LinkageParts, n: int, angle: float) -> Array:
-    """Corners (8, 3) of a pad in the TCP's frame."""
+    """Return the corners (8, 3) of a pad in the TCP frame, m."""
     positions = {parts.drive: angle}
     positions |= {f.joint: f.multiplier * angle + f.offset for f in parts.followers}
     tcp = skeleton.pose(parts.tcp_link, positions) @ parts.tcp_in_link

@@ -1,4 +1,4 @@
-"""A URDF as a robot file wants it: with a gripper hung on the arm, and with inertias put right."""
+"""URDF composition: a gripper mounted on the arm, and corrected inertias."""
 
 from __future__ import annotations
 
@@ -20,33 +20,33 @@ from .urdf_tree import UrdfError, parsed_urdf, skeleton_of
 
 @dataclass(frozen=True, slots=True)
 class NamedUrdf:
-    """A URDF, and by which package it was named: `package:path` in a robot file."""
+    """Path of a URDF, with the package that names it as `package:path` in a robot file."""
 
     path: Path
     package: str = ""
     folder: Path = Path()
-    """Of the package."""
+    """Folder of the package."""
 
 
 @dataclass(frozen=True, slots=True)
 class GripperMount:
-    """Which part of a gripper's URDF is hung where on the arm, by a fixed joint named `joint`."""
+    """Mounting of a part of a gripper's URDF on a link of the arm, by a fixed joint named `joint`."""
 
     gripper: NamedUrdf
     link: str
-    """The gripper's links from this one on; "" for all."""
+    """First link of the gripper that is taken, with all below it; "": all links."""
     to: str
-    """The link of the arm."""
+    """Link of the arm that carries the gripper."""
     pose: Pose
-    """Of the gripper's link in the arm's link."""
+    """Pose of the gripper's link in the arm's link."""
     joint: str
     prefix: str = ""
-    """Put before the gripper's names of links and joints."""
+    """Prefix of the names of the gripper's links and joints."""
 
 
 @dataclass(frozen=True, slots=True)
 class LinkInertia:
-    """About the centre of mass in the link's axes: kg, m, kg·m²."""
+    """Inertia of a link about its centre of mass, in the link's axes: kg, m, kg·m²."""
 
     mass: float
     com: Vector3
@@ -59,7 +59,8 @@ class LinkInertia:
 def write_composed_urdf(
     arm: NamedUrdf, mounting: GripperMount | None, inertias: Mapping[str, LinkInertia] | None = None
 ) -> Path:
-    """A file with the URDF as it is wanted; the same wishes always give the same text and the same file.
+    """Write the composed URDF to a file and return its path. The same arguments always give the same text and
+    the same file.
 
     Meshes of installed packages are named as `package://package/path`, so that the text does not depend on
     where the packages stand. Raises UrdfError when they do not go together.
@@ -68,7 +69,7 @@ def write_composed_urdf(
 
 
 def composed_urdf(arm: NamedUrdf, mounting: GripperMount | None, inertias: Mapping[str, LinkInertia]) -> str:
-    """The text of `write_composed_urdf`."""
+    """Return the text that `write_composed_urdf` writes."""
     whole = parsed_urdf(arm.path)
     skeleton_of(whole)
     _name_meshes(whole, arm)
@@ -96,7 +97,7 @@ def _put_inertia(link: ElementTree.Element, inertia: LinkInertia) -> None:
 
 
 def _hang(whole: ElementTree.Element, mounting: GripperMount) -> None:
-    """Hang the gripper on the arm, whose meshes are named in full already."""
+    """Mount the gripper on the arm, whose mesh paths are complete already."""
     hand = parsed_urdf(mounting.gripper.path)
     arm_tree, hand_tree = skeleton_of(whole), skeleton_of(hand)
     if mounting.to not in arm_tree.links:
@@ -158,7 +159,7 @@ def _text(numbers: tuple[float, float, float]) -> str:
 
 
 def _kept(text: str, stem: str) -> Path:
-    """A file with that text, whose name says what is in it; one that is there already is used."""
+    """Return a file with that text, named by its hash; an existing one is used again."""
     data = text.encode()
     folder = Path(tempfile.gettempdir()) / f"picktree-{os.getuid()}"
     name = f"{stem}-{hashlib.sha256(data).hexdigest()[:16]}.urdf"

@@ -1,4 +1,4 @@
-"""Reading robot files. All faults come at once."""
+"""Robot files: load, check against the URDF, and report all faults at once."""
 
 from __future__ import annotations
 
@@ -31,14 +31,14 @@ SHIPPED = Path(__file__).parents[1] / "world" / "robots"
 
 @dataclass(frozen=True, slots=True)
 class RobotCheck:
-    """What was found in a robot file: the robot, None when there are errors, and all faults."""
+    """Result of checking a robot file: the robot, None when there are errors, and all faults."""
 
     robot: RobotDescription | None
     faults: tuple[Diagnostic, ...]
 
 
 def load_robot(name_or_path: str, beside: Path | None = None) -> RobotDescription:
-    """The robot of that shipped name, or of a file whose path counts from `beside`.
+    """Return the robot of that shipped name, or of a file whose path counts from `beside`.
 
     Raises FileError with all faults of the file, PicktreeError when there is no such file.
     """
@@ -46,7 +46,7 @@ def load_robot(name_or_path: str, beside: Path | None = None) -> RobotDescriptio
 
 
 def parse_robot(text: str, path: Path) -> RobotDescription:
-    """The robot of a file's text, as a log keeps it; `path` is where the file stood."""
+    """Return the robot of a file's text, as a log keeps it; `path` is the original path of the file."""
     return _faultless(read_document(text, path, "robot"))
 
 
@@ -56,7 +56,7 @@ def robot_names() -> tuple[str, ...]:
 
 
 def check_robot(document: Document) -> RobotCheck:
-    """Everything that can be said of a document of kind `robot`; never raises for what stands in it."""
+    """Check a document of kind `robot` completely; never raises for its content."""
     check = DocumentChecker(document)
     robot = check.read(RobotFile)
     urdf: Path | None = None
@@ -121,7 +121,7 @@ def _described(document: Document, robot: RobotFile, urdf: Path, linkage: Linkag
 
 
 def _whole_urdf(check: DocumentChecker, robot: RobotFile, source: Path) -> Path | None:
-    """The URDF, together with that of the gripper where it is mounted."""
+    """Return the arm's URDF, composed with the gripper's where one is mounted."""
     arm = _urdf(check, ("urdf",), robot.urdf, source)
     mount = robot.mount
     hand: NamedUrdf | None = None
@@ -163,7 +163,7 @@ def _mounting(mount: MountFile, hand: NamedUrdf) -> GripperMount:
 
 
 def _urdf(check: DocumentChecker, loc: Location, text: str, source: Path) -> NamedUrdf | None:
-    """The URDF's path: `package:path` inside an installed package, or a path beside the robot file."""
+    """Return the URDF's path: `package:path` inside an installed package, or a path beside the robot file."""
     package, colon, inside = text.partition(":")
     root = Path()
     if colon:
@@ -185,7 +185,7 @@ def _urdf(check: DocumentChecker, loc: Location, text: str, source: Path) -> Nam
 
 
 def _check_form(check: DocumentChecker, gripper: GripperFile) -> None:
-    """Whether it is one of the two forms of a gripper, with all that this form needs."""
+    """Report faults unless the gripper has exactly one of its two forms, with all that this form needs."""
     if check.one_of(("gripper",), ("joints", "linkage")) is None:
         return
     if gripper.joints is not None and gripper.max_width is None:
@@ -238,7 +238,7 @@ def _check_pose(check: DocumentChecker, name: str, robot: RobotFile) -> None:
 
 
 def _check_against(check: DocumentChecker, robot: RobotFile, urdf: Path) -> Linkage | None:
-    """Whether the robot file and the URDF go together; what the gripper's linkage does, if it has one."""
+    """Report where robot file and URDF disagree. Return the gripper's linkage, None without one."""
     try:
         skeleton = read_skeleton(urdf)
     except UrdfError as error:

@@ -1,4 +1,4 @@
-"""Where the files stand that robot files and URDFs name: in a package, or beside the one who names."""
+"""Search for the files that robot files and URDFs name: in a Python package, or beside the naming file."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ PACKAGE = "package://"
 
 
 def package_folder(package: str) -> Path | None:
-    """The folder of an installed Python package; None when there is no such package.
+    """Return the folder of an installed Python package; None when there is no such package.
 
     Located, not imported: an import may run anything.
     """
@@ -24,11 +24,11 @@ def package_folder(package: str) -> Path | None:
 
 
 def mesh_file(urdf: Path, reference: str) -> Path | None:
-    """The mesh that a URDF names; None when it is nowhere.
+    """Return the file of a mesh that a URDF names; None when there is none.
 
-    A plain path counts from the URDF's folder. `package://name/path` is looked for in the installed Python
-    package of that name, then from the URDF's folder upwards, as `path` and as `name/path`, which is how
-    ROS packages lie on a disk.
+    A plain path counts from the URDF's folder. `package://name/path` is searched in the installed Python
+    package of that name, then from the URDF's folder upwards. There it may be `path` or `name/path`, as in
+    ROS packages on a disk.
     """
     plain = Path(reference.removeprefix(PACKAGE).removeprefix("file://"))
     if not reference.startswith(PACKAGE):

@@ -1,4 +1,4 @@
-"""Kinematics and dynamics of the robot, from its URDF, by pinocchio."""
+"""Kinematics and dynamics of the robot, from its URDF, with pinocchio."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ from .urdf_tree import UrdfMesh, UrdfPrimitive, link_geometry
 
 TCP_FRAME = "picktree_tcp"
 LIMIT_RESERVE = 0.03
-"""Distance to the soft limits that planning keeps, rad: following a plan overshoots a little."""
+"""Distance to the soft limits that planning keeps, rad: the arm overshoots a plan slightly."""
 
 
 def se3(pose: Pose) -> pin.SE3:
-    """A pose as pinocchio's rigid transform."""
+    """Convert a pose to pinocchio's rigid transform."""
     return pin.SE3(pose.rotation(), np.array(pose.position))
 
 
 def pose_of(placement: pin.SE3) -> Pose:
-    """Pinocchio's rigid transform as a pose (a copy)."""
+    """Convert pinocchio's rigid transform to a pose (a copy)."""
     x, y, z, qx, qy, qz, qw = pin.SE3ToXYZQUATtuple(placement)
     return Pose((x, y, z), (qx, qy, qz, qw) if qw >= 0.0 else (-qx, -qy, -qz, -qw))
 
@@ -70,56 +70,59 @@ class RobotModel:
 
     @property
     def finger_links(self) -> tuple[str, ...]:
-        """Names of the links that close on things."""
+        """Names of the links that carry the pads."""
         return self.description.gripper.fingers
 
     def full_q(self, q: Array, width: float) -> Array:
-        """Configuration of `full` for the arm at q and an opening of `width` m."""
+        """Return the configuration of `full` for the arm at q and an opening of `width` m."""
         whole = self._neutral.copy()
         whole[self._arm_q] = q
         whole[self._finger_q] = self.fingers.positions(width)
         return whole
 
     def tcp(self, q: Array) -> Pose:
-        """Tool centre point in the world."""
+        """Return the pose of the tool centre point in the world."""
         pin.forwardKinematics(self.arm, self._data, q)
         return pose_of(pin.updateFramePlacement(self.arm, self._data, self.tcp_frame))
 
     def flange(self, q: Array) -> Pose:
-        """Frame of the flange joint in the world: the origin of the wrist's force/torque sensor."""
+        """Return the frame of the flange joint in the world: the origin of the wrist's force/torque
+        sensor."""
         pin.forwardKinematics(self.arm, self._data, q)
         return pose_of(pin.updateFramePlacement(self.arm, self._data, self._flange))
 
     def link_poses(self, q: Array, width: float) -> dict[str, Pose]:
-        """Frame of every link in the world, by link name in the order of the kinematic tree."""
+        """Return the frame of every link in the world, by link name in the order of the kinematic tree."""
         pin.framesForwardKinematics(self.full, self._full_data, self.full_q(q, width))
         return {name: pose_of(self._full_data.oMf[index]) for name, index in self._links}
 
     def jacobian(self, q: Array) -> Array:
-        """(6, n): velocity of the TCP in the world's axes, linear (m/s) then angular (rad/s)."""
+        """Return the Jacobian (6, n) of the TCP in the world's axes: linear (m/s), then angular velocity
+        (rad/s)."""
         pin.computeJointJacobians(self.arm, self._data, q)
         return pin.getFrameJacobian(self.arm, self._data, self.tcp_frame, pin.LOCAL_WORLD_ALIGNED).copy()
 
     def gravity(self, q: Array) -> Array:
-        """Torques (n,) that hold the arm at rest, Nm."""
+        """Return the torques (n,) that hold the arm at rest, Nm."""
         return pin.computeGeneralizedGravity(self.arm, self._data, q).copy()
 
     def bias(self, q: Array, v: Array) -> Array:
-        """Nonlinear terms (n,): gravity, Coriolis and centrifugal, Nm."""
+        """Return the nonlinear terms (n,): gravity, Coriolis and centrifugal torques, Nm."""
         return pin.nonLinearEffects(self.arm, self._data, q, v).copy()
 
     def inverse_dynamics(self, q: Array, v: Array, a: Array) -> Array:
-        """Torques (n,) that accelerate the arm by a rad/s² at q, v, Nm. Recursive Newton-Euler."""
+        """Return the torques (n,) that accelerate the arm by a rad/s² at q, v, Nm. Recursive Newton-Euler."""
         return pin.rnea(self.arm, self._data, q, v, a).copy()
 
     def mass_matrix(self, q: Array) -> Array:
-        """Joint-space inertia (n, n), kg·m²."""
+        """Return the joint-space inertia (n, n), kg·m²."""
         upper: Array = np.triu(pin.crba(self.arm, self._data, q))
         strictly_lower: Array = np.triu(upper, 1).T
         return upper + strictly_lower
 
     def forward_dynamics(self, q: Array, v: Array, tau: Array, wrench_at_tcp: Array | None = None) -> Array:
-        """Acceleration (n,) under torques and a wrench (6,) *on* the TCP: force, torque in world axes."""
+        """Return the acceleration (n,) under torques and a wrench (6,) *on* the TCP: force, torque in
+        world axes."""
         effort = tau - self.bias(q, v)
         if wrench_at_tcp is not None:
             effort = effort + self.jacobian(q).T @ wrench_at_tcp
@@ -127,7 +130,7 @@ class RobotModel:
         return acceleration
 
     def named(self, name: str) -> Array:
-        """A named configuration of the robot file. Raises PicktreeError with the known names."""
+        """Return a named configuration of the robot file. Raises PicktreeError with the known names."""
         try:
             return np.array(self.description.named[name])
         except KeyError:
@@ -141,13 +144,13 @@ class RobotModel:
         return tuple(g for g in link_geometry(self.description.urdf, "collision") if isinstance(g, UrdfMesh))
 
     def collision_shapes(self) -> tuple[UrdfPrimitive, ...]:
-        """Primitives among the collision geometry."""
+        """Return the primitives among the collision geometry."""
         return tuple(
             g for g in link_geometry(self.description.urdf, "collision") if isinstance(g, UrdfPrimitive)
         )
 
     def finger_boxes(self, width: float) -> tuple[tuple[Box, Pose], tuple[Box, Pose]]:
-        """Boxes that enclose the +y and the -y finger at an opening of `width` m, in the TCP frame."""
+        """Return boxes that enclose the +y and the -y finger at an opening of `width` m, in the TCP frame."""
         box, closed = self.description.gripper.finger_boxes
         x, y, z = closed.position
         near = Pose((x, y + width / 2, z), closed.orientation)
@@ -183,7 +186,7 @@ def _whole_robot(description: RobotDescription) -> pin.Model:
 
 
 def _built(description: RobotDescription) -> pin.Model:
-    """The URDF's model; joints of the arm that turn without end are hinges, with the robot file's limits."""
+    """Build the URDF's model. Continuous joints of the arm become hinges with the robot file's limits."""
     root = ElementTree.parse(description.urdf).getroot()
     mount_tool(root, description)
     limits = dict(zip(description.joints, description.limits, strict=False))
@@ -225,7 +228,7 @@ def _q_index(model: pin.Model, joint: str) -> int:
 
 
 def _beyond_flange(model: pin.Model, flange_joint: str) -> tuple[float, Vector3]:
-    """Mass of all that hangs on a fixed joint, kg, and its centre in that joint's frame, fingers closed."""
+    """Return the mass beyond a fixed joint, kg, and its centre in that joint's frame, with closed fingers."""
     data = model.createData()
     pin.framesForwardKinematics(model, data, pin.neutral(model))
     flange = model.getFrameId(flange_joint)

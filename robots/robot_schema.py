@@ -1,4 +1,4 @@
-"""The grammar of robot files: one model for each kind of entry."""
+"""Grammar of robot files: one model for each kind of entry."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class BoxFile(FrameFile):
 
 
 class JointFile(FileModel):
-    """What one joint of the arm may do."""
+    """Limits of one joint of the arm."""
 
     lower: Angle
     """Smallest angle."""
@@ -62,9 +62,9 @@ class PadContactFile(FileModel):
     """How the finger pads touch in simulation: pybullet's soft contact."""
 
     stiffness: Annotated[float, quantity("N/m", above=0)] = PadContact().stiffness
-    """Of the contact."""
+    """Stiffness of the contact."""
     damping: Annotated[float, quantity("", above=0)] = PadContact().damping
-    """Of the contact, in Ns/m."""
+    """Damping of the contact, in Ns/m."""
     friction: Annotated[float, quantity("", above=0)] = PadContact().friction
     """Coulomb's coefficient; it is multiplied with the item's."""
     spinning_friction: Annotated[float, quantity("", least=0)] = PadContact().spinning_friction
@@ -100,13 +100,13 @@ class GripperFile(FileModel):
     max_force: Force
     """Greatest grip force of a finger."""
     speed: Annotated[float, quantity("m/s", above=0)]
-    """Of each finger."""
+    """Speed of each finger."""
     gear: Annotated[float, quantity("")] = -1.0
     """Ratio of the constraint between the finger joints, as pybullet counts it: -1 for a mirror image."""
     tip: Annotated[float, quantity("m", least=0)]
-    """From the TCP out to the finger tips, where they reach furthest."""
+    """Distance from the TCP out to the finger tips, where they reach furthest."""
     palm: Annotated[float, quantity("m", above=0)]
-    """From the TCP back to the palm."""
+    """Distance from the TCP back to the palm."""
     pads: tuple[BoxFile, BoxFile]
     """The pads, each in the frame of its finger link, with edges along the x, y and z of the TCP."""
     pad_contact: PadContactFile = PadContactFile()
@@ -121,7 +121,7 @@ class InertiaFile(FileModel):
     """Mass and inertia of a link, about its centre of mass in the axes of the link."""
 
     mass: Mass
-    """Of the link."""
+    """Mass of the link."""
     at: Vector
     """Its centre of mass in the link's frame."""
     moments: tuple[Moment, Moment, Moment]
@@ -153,7 +153,7 @@ class RobotFile(FileModel):
     mount: MountFile | None = None
     """A gripper of another URDF, for an arm that comes without one."""
     inertias: dict[str, InertiaFile] = Field(default_factory=lambda: dict[str, InertiaFile]())
-    """By the name of the link, instead of what the URDF says: no body can have what it says of some."""
+    """Inertias by the name of the link, instead of those of the URDF where no real body can have them."""
     base: FrameFile = FrameFile()
     """Where its base stands in the world."""
     joints: dict[str, JointFile]

@@ -1,4 +1,5 @@
-"""A hand that is mounted off: the URDF's joint at the flange, moved so that the TCP is where it should be."""
+"""Mounting error of the hand: moves the URDF's flange joint so that the TCP is at its true or calibrated
+pose."""
 
 from __future__ import annotations
 
@@ -10,7 +11,7 @@ from .description import RobotDescription
 
 
 def rpy_of(pose: Pose) -> Vector3:
-    """Roll, pitch, yaw about the fixed axes, rad."""
+    """Return roll, pitch, yaw about the fixed axes, rad."""
     r = pose.rotation()
     pitch = math.atan2(-float(r[2, 0]), math.hypot(float(r[0, 0]), float(r[1, 0])))
     if math.cos(pitch) < 1e-9:
@@ -23,8 +24,8 @@ def rpy_of(pose: Pose) -> Vector3:
 
 
 def mount_tool(root: ElementTree.Element, robot: RobotDescription) -> None:
-    """Move the flange joint of a URDF in place, so that the TCP sits at `robot.tool` in the frame of the one
-    that the file states; all that hangs on that joint moves along."""
+    """Move the flange joint of a URDF in place, with all that hangs on it. The TCP then sits at
+    `robot.tool` in the frame of the TCP that the file states."""
     if robot.tool == Pose():
         return
     joints = {_child(joint): joint for joint in root.findall("joint")}

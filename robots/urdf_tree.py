@@ -1,4 +1,4 @@
-"""Links and joints of a URDF as a tree, read without a library of robots: to check a file, not to move it."""
+"""URDF as a tree of links and joints, and its geometry, read without a robotics library to check a file."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class UrdfPrimitive:
 
 
 def link_geometry(urdf: str, which: Literal["visual", "collision"]) -> tuple[UrdfMesh | UrdfPrimitive, ...]:
-    """All visual or collision elements of a URDF file, in the order of the file."""
+    """Return all visual or collision elements of a URDF file, in the order of the file."""
     root = ElementTree.parse(urdf).getroot()
     found: list[UrdfMesh | UrdfPrimitive] = []
     for link in root.findall("link"):
@@ -83,7 +83,7 @@ def _resolved(urdf: str, filename: str) -> str:
 
 
 def resolved_urdf(urdf: str) -> str:
-    """The text of a URDF with the full path of every mesh, for libraries with other rules of where to look.
+    """Return the text of a URDF with the full path of every mesh, for libraries with other search rules.
 
     Raises PicktreeError for a mesh that is not there.
     """
@@ -102,12 +102,12 @@ ORIGIN = Pose()
 
 
 class UrdfError(ValueError):
-    """What keeps a URDF from being used, in one sentence."""
+    """URDF that cannot be used; the text is one sentence."""
 
 
 @dataclass(frozen=True, slots=True)
 class MimicJoint:
-    """What a joint follows: its position is multiplier · (position of `joint`) + offset."""
+    """Mimic relation of a joint: its position is multiplier · (position of `joint`) + offset."""
 
     joint: str
     multiplier: float = 1.0
@@ -137,7 +137,7 @@ class UrdfJoint:
     mimic: MimicJoint | None = None
 
     def at(self, position: float) -> Pose:
-        """The child link in the parent link, with the joint at `position` rad or m."""
+        """Return the pose of the child link in the parent link, with the joint at `position` rad or m."""
         if self.type == "prismatic":
             x, y, z = self.axis
             return self.child_in_parent @ Pose((position * x, position * y, position * z))
@@ -155,7 +155,7 @@ class UrdfTree:
     joints: Mapping[str, UrdfJoint]
 
     def above(self, joint: str) -> list[str]:
-        """The joints between the root and this one, from the root on."""
+        """Return the joints between the root and this one, from the root on."""
         parents = {each.child: name for name, each in self.joints.items()}
         found: list[str] = []
         name = parents.get(self.joints[joint].parent)
@@ -165,7 +165,7 @@ class UrdfTree:
         return found
 
     def below(self, link: str) -> tuple[str, ...]:
-        """The links that hang on this one, itself first, in the order of the file."""
+        """Return the links below this one, itself first, in the order of the file."""
         found = {link}
         grown = True
         while grown:
@@ -175,14 +175,15 @@ class UrdfTree:
         return (link, *(name for name in self.links if name in found and name != link))
 
     def joints_to(self, link: str) -> tuple[str, ...]:
-        """The joints between the root and a link, from the root on."""
+        """Return the joints between the root and a link, from the root on."""
         for name, joint in self.joints.items():
             if joint.child == link:
                 return (*self.above(name), name)
         return ()
 
     def pose(self, link: str, positions: Mapping[str, float], base: str | None = None) -> Pose:
-        """A link in the root link, or in `base` above it; joints that `positions` does not name stand at 0.
+        """Return a link's pose in the root link, or in `base` above it. Joints that `positions` does not name
+        are at 0.
 
         What a joint mimics is not followed: `positions` names every joint that is not at 0.
         """
@@ -196,12 +197,13 @@ class UrdfTree:
 
 
 def read_skeleton(path: Path) -> UrdfTree:
-    """Raises UrdfError when the file is no URDF, or its links are not one tree."""
+    """Read links and joints of a URDF file. Raises UrdfError when the file is no URDF, or its links are
+    not one tree."""
     return skeleton_of(parsed_urdf(path))
 
 
 def parsed_urdf(path: Path) -> ElementTree.Element:
-    """The file's outermost element. Raises UrdfError when it cannot be read as XML."""
+    """Return the file's outermost element. Raises UrdfError when it cannot be read as XML."""
     try:
         raw = read_bytes(path, MAX_BYTES)
     except Unreadable as error:
@@ -215,7 +217,7 @@ def parsed_urdf(path: Path) -> ElementTree.Element:
 
 
 def skeleton_of(root: ElementTree.Element) -> UrdfTree:
-    """Links and joints of a parsed URDF. Raises UrdfError when they are not one tree."""
+    """Return links and joints of a parsed URDF. Raises UrdfError when they are not one tree."""
     if root.tag != "robot":
         raise UrdfError(f"the outermost element is <{root.tag}>, not <robot>")
     links = tuple(link.get("name", "") for link in root.findall("link"))

@@ -10,7 +10,7 @@ import re
 from collections.abc import Collection
 from contextlib import AbstractContextManager, suppress
 from dataclasses import dataclass
-from typing import Annotated, Any, TypeVar
+from typing import Annotated, Any, TypeVar, cast
 
 import pydantic
 from pydantic import AfterValidator, BaseModel, BeforeValidator, Strict, WithJsonSchema
@@ -39,6 +39,7 @@ __all__ = [
     "Sizes",
     "UnreadPart",
     "Vector",
+    "as_mapping",
     "describe",
     "quantity",
 ]  # fmt: skip
@@ -96,6 +97,17 @@ def quantity(
     given = {"exclusiveMinimum": above, "minimum": least, "maximum": most}
     bounds = tuple((key, bound) for key, bound in given.items() if bound is not None)
     return Quantity(read, float | str, unit, bounds)
+
+
+def as_mapping(key: str, given: object) -> BeforeValidator:
+    """A bare value stands for a mapping with one key; `given` is what may be written."""
+
+    def wrap(value: object) -> object:
+        if value is None or isinstance(value, dict | FileModel):
+            return cast("object", value)
+        return {key: value}
+
+    return BeforeValidator(wrap, json_schema_input_type=given)
 
 
 def _identifier(value: str) -> str:

@@ -24,8 +24,8 @@ from ...files.models.validation import (
 )  # fmt: skip
 from ...files.value_wording import suggest_name
 from ...world.colours import ITEM_COLOURS
+from ...world.scene.body_schema import UnknownFile
 from ...world.scene.description import Form
-from ...world.scene.scene_schema import UnknownFile
 
 
 def _colour(name: str) -> str:

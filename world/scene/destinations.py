@@ -10,8 +10,8 @@ from ...files.expressions.expression import Expression
 from ...files.expressions.type_inference import ValueType
 from ..colours import ITEM_COLOURS
 from ..values import ObjectId
+from .body_schema import FORMS
 from .description import Destination
-from .scene_schema import FORMS
 
 
 class Sortable(Protocol):

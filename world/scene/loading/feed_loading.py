@@ -11,9 +11,10 @@ from ....files.value_wording import describe, suggest_name
 from ....files.yaml.document import Location
 from ...shapes import Box, Cylinder, Shape, Sphere, extents
 from ...values import Bounds, ObjectId, Pose
+from ..body_schema import FixtureFile
 from ..description import CatalogueEntry, Fixture, Spawn
 from ..feed import AtIntervals, AtTimes, Belt, Delivery, When, WhenClear
-from ..scene_schema import FeedFile, FixtureFile, WhenFile
+from ..spawn_schema import FeedFile, WhenFile
 from .scene_entries import body
 from .spawn_areas import check_area, check_crowding, check_kinds
 

@@ -13,9 +13,9 @@ from ....files.yaml.document import Location
 from ...belief.hole_matching import tightest_hole
 from ...shapes import Box, Cylinder, Shape, Sphere
 from ...values import Array, ObjectId, Pose
+from ..body_schema import FixtureFile, HoleFile
 from ..description import CERTAIN, CatalogueEntry, Hole, HoleForm, PlacementUncertainty
 from ..hole_geometry import THINNEST, InterlockedHoles, outline, partition_top, wall_thickness
-from ..scene_schema import FixtureFile, HoleFile
 
 
 def check_holes(check: DocumentChecker, loc: Location, entry: FixtureFile, which: str | None) -> None:

@@ -14,9 +14,10 @@ from ....files.yaml.document import Location
 from ....files.yaml.yaml_errors import Unreadable, read_bytes
 from ...shapes import Box, ConvexMesh, Cylinder, Shape, Sphere
 from ...values import Array, ObjectId, Pose, Vector3
+from ..body_schema import FORMS, CatalogueFile, FixtureFile, UnknownFile
 from ..calibration_results import SMALLEST, tiles_on
 from ..description import Bin, CameraDescription, CatalogueEntry, Fixture, Form
-from ..scene_schema import FORMS, CameraFile, CatalogueFile, FixtureFile, UnknownFile
+from ..scene_schema import CameraFile
 from .hole_loading import check_holes, holes, uncertainty
 
 FORMATS = ("obj", "stl", "ply", "off")

@@ -24,6 +24,7 @@ from ....files.yaml.document import (
     suggest_name,
 )
 from ...values import Bounds, ObjectId, Pose
+from ..body_schema import CatalogueFile, FixtureFile, UnknownFile
 from ..calibration_results import SceneCalibration, apply_calibration
 from ..description import (
     Bin,
@@ -39,18 +40,8 @@ from ..description import (
 )
 from ..destinations import can_hold, rule_names
 from ..feed import Exchange
-from ..scene_schema import (
-    SECTIONS,
-    CalibrationFile,
-    CameraFile,
-    CatalogueFile,
-    DestinationFile,
-    FeedFile,
-    FixtureFile,
-    RestFile,
-    SpawnFile,
-    UnknownFile,
-)
+from ..scene_schema import SECTIONS, CalibrationFile, CameraFile, DestinationFile, RestFile
+from ..spawn_schema import FeedFile, SpawnFile
 from .feed_loading import belt, check_belts, check_feed, delivery
 from .hole_loading import check_fits, holes
 from .scene_entries import body, camera, check_body, check_camera, check_unknown, hidden_body, kind

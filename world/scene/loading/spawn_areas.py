@@ -14,7 +14,7 @@ from ....files.yaml.document import Location
 from ...shapes import Box, Cylinder, Shape, Sphere, corners
 from ...values import Bounds
 from ..description import CatalogueEntry, Fixture
-from ..scene_schema import AreaFile, SpawnFile
+from ..spawn_schema import AreaFile, SpawnFile
 
 CROWDED = 0.8
 """Share of an area that items and their gaps may cover."""
