@@ -15,9 +15,9 @@ from ...world.scene.description import CameraDescription, Fixture, SceneDescript
 from ...world.shapes import Shape
 from ...world.values import Array, ObjectId, Pose
 from ..common.sensor_noise import mislabelled, noisy_colour, noisy_depth
+from ..engine import Client, pb
 from ..faults.device_faults import DeviceFaults
 from ..physics.bodies import add_item, add_obstacle
-from ..physics.engine import Client, pb
 from ..physics.rgbd_camera import CameraRenderer, RenderedImage, StaticScene, in_front, intrinsics
 from ..physics.robot.robot_body import RobotBody
 from ..spawning.spawn import SpawnedItem

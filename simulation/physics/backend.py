@@ -21,6 +21,17 @@ from ...world.values import GRAVITY, ObjectId, Pose, Vector3
 from ..checkpoints.physics_state import Checkpoint, RobotReading
 from ..common.sensor_noise import RobotSensorNoise
 from ..common.uncertain_fixtures import displace_fixtures
+from ..engine import (
+    EVERYDAY,
+    RESIDUAL_THRESHOLD,
+    RESOLUTION,
+    SOLVER_ITERATIONS,
+    Client,
+    check_step_rate,
+    pb,
+    reset,
+    set_step_rate,
+)
 from ..fault_files.device_entries import Ailing, GripperJam, Stall, WrenchDead, counted
 from ..faults.device_faults import DeviceFaults, jammed
 from ..faults.planted_obstacles import ROOM, FreeSpaceCheck
@@ -32,17 +43,6 @@ from .belts import PhysicsBelts
 from .cell_access import PhysicsCell
 from .contact_points import ContactPoints, TrueContact
 from .crushing import CrushDetector
-from .engine import (
-    EVERYDAY,
-    RESIDUAL_THRESHOLD,
-    RESOLUTION,
-    SOLVER_ITERATIONS,
-    Client,
-    check_step_rate,
-    pb,
-    reset,
-    set_step_rate,
-)
 from .items import PhysicsItems
 from .penetration import Penetrations
 from .rgbd_camera import PhysicsCamera, StaticScene

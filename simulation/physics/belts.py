@@ -16,9 +16,9 @@ from ...world.scene.description import Fixture, SceneDescription
 from ...world.scene.feed import Belt
 from ...world.shapes import Box
 from ...world.values import ObjectId
+from ..engine import pb
 from ..feed.belt_drive import BeltDrive, BeltState, check_belts
 from .bodies import FIXED_FRICTION
-from .engine import pb
 
 SET_BACK = 0.01
 """Travel after which the slab is set back, m. Its ends are off the belt's by half of that at most."""

@@ -23,8 +23,8 @@ from ...world.scene.hole_geometry import convex_pieces, surface
 from ...world.shapes import Box, ConvexMesh, Cylinder, Shape, Sphere
 from ...world.values import Array, ObjectId, Pose, Vector3
 from ..common.footprints import floor_height
+from ..engine import pb
 from ..spawning.spawn import SpawnedItem
-from .engine import pb
 
 if TYPE_CHECKING:
     from trimesh import Trimesh

@@ -6,7 +6,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from ...world.values import ObjectId
-from .engine import pb
+from ..engine import pb
 from .items import PhysicsItems
 from .robot.robot_body import RobotBody
 from .static_bodies import StaticBodies

@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 from ...world.journal import JournalEvent
 from ...world.values import ObjectId
 from ..checkpoints.physics_state import PressedItem, RobotReading
+from ..engine import pb
 from ..scoring.truth import TrueBody
-from .engine import pb
 from .items import PhysicsItems
 from .robot.robot_body import RobotBody
 

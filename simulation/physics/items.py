@@ -11,11 +11,11 @@ from ...errors import PicktreeError
 from ...world.scene.description import SceneDescription
 from ...world.values import ObjectId, Pose, Vector3
 from ..checkpoints.physics_state import BodyState, DynamicsChange
+from ..engine import pb
 from ..scoring.truth import TrueBody
 from ..spawning.inventory import Inventory, InventoryState, departed
 from ..spawning.spawn import SpawnedItem
 from .bodies import add_item, forget_contacts, set_friction, set_mass
-from .engine import pb
 from .robot.robot_body import finite
 from .sleeping_items import SleepingItems
 

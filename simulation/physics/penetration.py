@@ -6,7 +6,7 @@ from collections import deque
 from collections.abc import Collection, Mapping
 
 from ...world.values import ObjectId
-from .engine import pb
+from ..engine import pb
 
 WINDOW = 1.0
 """Time for which measured depths are kept, s."""

@@ -14,9 +14,9 @@ from ...world.random_streams import RandomStreams
 from ...world.scene.description import CameraDescription, SceneDescription
 from ...world.values import Pose
 from ..common.sensor_noise import mislabelled, noisy_colour, noisy_depth
+from ..engine import Client, pb
 from ..faults.device_faults import DeviceFaults
 from .bodies import add_scenery
-from .engine import Client, pb
 
 LIGHT = (0.3, 0.2, 1.0)
 """Direction towards the light, in the world."""

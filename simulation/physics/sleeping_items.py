@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterable, Mapping
 
 from ...world.values import ObjectId, Quaternion, Vector3
-from .engine import pb
+from ..engine import pb
 
 EVERY = 12
 """Number of steps between two checks of the items."""

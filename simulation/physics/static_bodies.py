@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from ...world.scene.description import Fixture, SceneDescription
 from ...world.values import ObjectId, Pose
+from ..engine import pb
 from ..faults.planted_obstacles import HiddenObstacles
 from .bodies import add_fixed, add_obstacle
-from .engine import pb
 
 
 class StaticBodies:

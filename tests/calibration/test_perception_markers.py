@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from picktree.calibration.target_detection import area_and_centroid, average_tiles, detect_tiles, pixels_of
+from picktree.simulation.engine import Client
 from picktree.simulation.physics.bodies import add_scenery
-from picktree.simulation.physics.engine import Client
 from picktree.simulation.physics.rgbd_camera import CameraRenderer, intrinsics
 from picktree.world.protocols import RgbdImage
 from picktree.world.scene.description import Fixture, SceneDescription

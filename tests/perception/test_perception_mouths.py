@@ -11,8 +11,8 @@ import pytest
 
 from picktree.perception.fitting.hole_mouths import detect_hole
 from picktree.simulation.common.sensor_noise import noisy_depth
+from picktree.simulation.engine import Client
 from picktree.simulation.physics.bodies import add_scenery
-from picktree.simulation.physics.engine import Client
 from picktree.simulation.physics.rgbd_camera import CameraRenderer, intrinsics
 from picktree.world.protocols import RgbdImage
 from picktree.world.scene.description import Fixture, Hole, SceneDescription

@@ -11,9 +11,9 @@ import pytest
 
 from picktree.errors import PicktreeError
 from picktree.simulation.backends import Backend
+from picktree.simulation.engine import pb
 from picktree.simulation.feed.bin_exchange import goes_with
 from picktree.simulation.physics.backend import PhysicsHardware
-from picktree.simulation.physics.engine import pb
 from picktree.simulation.scoring.scorer import score
 from picktree.simulation.scoring.truth import TrueBody
 from picktree.world.scene.feed import Exchange

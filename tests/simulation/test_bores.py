@@ -13,9 +13,9 @@ from trimesh import Trimesh
 from picktree.robots.loading import load_robot
 from picktree.simulation.checkpoints.physics_state import Checkpoint
 from picktree.simulation.common.uncertain_fixtures import displace_fixtures
+from picktree.simulation.engine import Client, pb
 from picktree.simulation.physics.backend import PhysicsHardware
 from picktree.simulation.physics.bodies import add_fixed, add_item
-from picktree.simulation.physics.engine import Client, pb
 from picktree.simulation.physics.penetration import Penetrations
 from picktree.simulation.scoring.truth import HoledFixtures, HoleSeating
 from picktree.simulation.spawning.spawn import SpawnedItem

@@ -11,8 +11,8 @@ from ....errors import PicktreeError
 from ....world.values import Array, GripperState, JointState, Wrench
 from ...checkpoints.physics_state import GripperCommand, RobotReading
 from ...common.sensor_noise import RobotSensorNoise
+from ...engine import EVERYDAY, RESOLUTION
 from ...faults.device_faults import DeviceFaults
-from ..engine import EVERYDAY, RESOLUTION
 from .robot_body import RobotBody, finite
 
 PERIOD = 1 / EVERYDAY

@@ -15,7 +15,7 @@ from ....robots.description import GripperDescription
 from ....robots.finger_linkage import LinkageFingers
 from ....world.values import Pose, Quaternion, Vector3, rotated
 from ...checkpoints.physics_state import GripperCommand
-from ..engine import pb
+from ...engine import pb
 
 MISSED = 0.86
 """Share of the gear's reaction on the hand that the engine leaves out of the joint feedback.

@@ -8,8 +8,8 @@ import weakref
 from collections.abc import Generator
 from contextlib import contextmanager
 
-from ...errors import PicktreeError
-from ...world.values import GRAVITY
+from ..errors import PicktreeError
+from ..world.values import GRAVITY
 
 __all__ = ["pb"]
 
