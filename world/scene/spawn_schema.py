@@ -23,7 +23,7 @@ def _item_colour(name: str) -> str:
 
 
 def _clear(value: object) -> object:
-    """What stands for no time: the robot says when."""
+    """Validate a time of a load; `clear` becomes None."""
     if isinstance(value, str) and value != "clear":
         hint = "it is clear, {every: 45 s} or {at: [10 s, 60 s]}"
         raise InvalidValue(f"{describe(value)} is no time for a load", hint, code="P108")
