@@ -35,8 +35,8 @@ def _no_code() -> NoReturn:
 
 @dataclass(frozen=True, slots=True)
 class Diagnostic:
-    """One thing that is wrong in a file. `where` is the value's dotted path or the node's path in the tree,
-    `hint` what would be right, `code` names the page that explains it (P104)."""
+    """Fault at a place in a file. `where` is the dotted path of the value, or the node's path in the tree.
+    `hint` says what would be right, `code` names the page that explains the fault (P104)."""
 
     mark: Mark
     where: str
@@ -54,7 +54,7 @@ class Diagnostic:
 
 
 MAX_FAULTS = 100
-"""Of one file: who has a hundred to mend does not read on."""
+"""Maximum number of faults reported for one file."""
 
 
 SPOILT = ("P113", "P116", "P120")
@@ -62,7 +62,8 @@ SPOILT = ("P113", "P116", "P120")
 
 
 def too_many(mark: Mark) -> Diagnostic:
-    """What stands for all faults beyond MAX_FAULTS; `mark` is the place of the first of them."""
+    """Return the fault that stands for all faults beyond MAX_FAULTS; `mark` is the place of the first of
+    them."""
     return Diagnostic(mark, "", f"more than {MAX_FAULTS} faults; the rest is not shown", code="P126")
 
 

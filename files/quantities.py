@@ -123,7 +123,8 @@ def example(unit: str) -> str:
 
 
 def dimension(unit: str) -> str:
-    """What the unit measures: `a length`; nothing for a bare number or an unknown unit."""
+    """Return the dimension that a unit measures, as `a length`; empty for a bare number or an unknown
+    unit."""
     known = _UNITS.get(_ALIASES.get(unit, unit))
     return known.dimension if known is not None and unit not in ("", "%") else ""
 

@@ -60,7 +60,7 @@ _COMMA = re.compile(r"[-+]?[0-9]+,[0-9]+")
 
 
 def suggest_boolean(value: object) -> str:
-    """What to write for a text that YAML 1.1, or another language, takes for true or false.
+    """Return a hint for a text that YAML 1.1, or another language, reads as true or false.
 
     >>> suggest_boolean("Yes"), suggest_boolean("maybe")
     ('write true', '')
@@ -72,7 +72,7 @@ def suggest_boolean(value: object) -> str:
 
 
 def suggest_number(value: object) -> str:
-    """What to write for a text that YAML 1.1, or another language, takes for a number.
+    """Return a hint for a text that YAML 1.1, or another language, reads as a number.
 
     >>> suggest_number("1_000"), suggest_number("0b101"), suggest_number("0,5"), suggest_number("ten")
     ('write 1000', 'write 5', 'write 0.5', '')

@@ -1,4 +1,4 @@
-"""What the floors have to tell the record. They note values here; `logs/` alone knows how they are stored."""
+"""Journal: entries that all rooms note for the log; `logs/` alone defines their storage."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ class PlanEntry:
     """"found" or the name of a failure cause."""
     message: str
     duration: float
-    """Of the timed trajectory, s; 0 when none."""
+    """Duration of the timed trajectory, s; 0 when there is none."""
     path: tuple[tuple[float, ...], ...] = ()
     tool_path: tuple[tuple[float, float, float], ...] = ()
     """Positions of the TCP along the path in the world, m."""
     start: tuple[float, ...] = ()
     """Where it was to begin, rad; also of a failure."""
     version: int = 0
-    """Of the belief that it was planned in."""
+    """Belief version in which the motion was planned."""
     length: float = 0.0
     """Way in joint space, rad."""
     way: float = 0.0
@@ -46,11 +46,11 @@ class CandidateEntry:
     """Candidates of a grasp, or of a grasp with a place, that dropped out alike; or the one that did not."""
 
     name: str
-    """Of the grasp."""
+    """Name of the grasp."""
     pose: Pose
-    """Of the TCP in the world at closing."""
+    """Pose of the TCP in the world at closing."""
     score: float
-    """By which candidates are ranked, the lowest first: seconds, and what is worth some."""
+    """Rank of the candidate, lowest first: seconds with bonuses and penalties."""
     verdict: str
     """Why it dropped out, in words; `accepted` when it did not."""
     place: str = ""
@@ -58,7 +58,7 @@ class CandidateEntry:
     stage: str = ""
     """The stage that it did not pass; of the accepted one the last that it passed."""
     by: str = ""
-    """What was in the way: an id of the scene, or a part of the robot; empty when nothing was."""
+    """Obstacle: an id of the scene or a part of the robot; empty when there was none."""
     gap: float = 0.0
     """Distance to it, negative when it is a depth, m; of several the greatest; 0 when it is not known."""
     count: int = 1

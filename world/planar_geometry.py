@@ -49,7 +49,7 @@ class PlanarPose:
         return np.array([math.cos(self.yaw), math.sin(self.yaw)])
 
     def distance(self, other: PlanarPose) -> float:
-        """Of the two origins, m."""
+        """Distance of the two origins, m."""
         return math.hypot(other.x - self.x, other.y - self.y)
 
 
@@ -94,8 +94,8 @@ class PlanarOutline:
 
 
 def heading(shape: Shape, pose: Pose) -> float:
-    """Turn about the vertical of a body at `pose`: that of its axis if it is a cylinder that lies, else of
-    the first of its axes that is level; 0 for what is round from above."""
+    """Return the rotation of a body at `pose` about the vertical, rad. It is that of a lying cylinder's
+    axis, else of the first level axis; 0 for bodies that are round from above."""
     rotation = pose.rotation()
     match shape:
         case Sphere():
@@ -123,7 +123,7 @@ def moved(shape: Shape, pose: Pose, to: PlanarPose) -> Pose:
 
 
 def outline(shape: Shape, pose: Pose) -> PlanarOutline:
-    """Of a body at `pose`, in its own planar frame."""
+    """Return the outline of a body at `pose`, in its own planar frame."""
     rotation = pose.rotation()
     match shape:
         case Sphere(radius):

@@ -25,7 +25,7 @@ class Arm(Protocol):
     """The joints of the arm, at the control rate."""
 
     def read(self) -> JointState:
-        """What the encoders say in this control period; the same answer until the next step."""
+        """Read the encoders of this control period; the result is the same until the next step."""
         ...
 
     def follow(self, position: Array, velocity: Array) -> None:
@@ -43,8 +43,8 @@ class Gripper(Protocol):
     def read(self) -> GripperState: ...
 
     def command(self, width: float, force: float, speed: float | None = None) -> None:
-        """Drive towards an opening of `width` m with at most `force` N a finger, each finger no faster than
-        `speed` m/s; as fast as it can unless given."""
+        """Drive towards an opening of `width` m with at most `force` N a finger. Each finger moves at most
+        at `speed` m/s; None: as fast as it can."""
         ...
 
 
@@ -52,8 +52,8 @@ class WrenchSensor(Protocol):
     """The force/torque sensor in the wrist."""
 
     def read(self) -> Wrench:
-        """Wrench that the rest of the robot's hand side exerts on the wrist: the weight of hand and load
-        plus contact forces, in the *world's* axes about the sensor's origin, with noise; not tared.
+        """Read the wrench that hand and load exert on the wrist: their weight plus contact forces. It is in
+        the *world's* axes about the sensor's origin, with noise, and not tared.
 
         A load of m kg hanging still adds (0, 0, -9.81·m); a table that pushes the hand up adds +z.
         """
@@ -109,7 +109,7 @@ class SensorStamps:
 
 @dataclass(frozen=True, slots=True)
 class FeedSignals:
-    """What the feed tells the robot over its lines."""
+    """Signals of the feed to the robot."""
 
     exhausted: bool = True
     """Nothing more will come."""
@@ -124,8 +124,8 @@ class FeedSignals:
 
 
 class Feed(Protocol):
-    """Whoever brings items and takes full bins away: people, a feeder, belts. It hears and tells by lines
-    that are high or low, never what was brought or where it lies: cameras see that."""
+    """Feed that brings items and takes full bins away: people, a feeder, belts. It communicates by binary
+    signals only; items and their places are seen by cameras."""
 
     def ready(self) -> None:
         """Say that the robot is done with what lies there: what waits for that may come, belts may run."""

@@ -36,8 +36,8 @@ class Sphere:
 
 @dataclass(frozen=True, slots=True)
 class ConvexMesh:
-    """The convex hull of points, m, given about its centroid; `source` is the file that it came from, and
-    two of the same points are the same wherever they came from."""
+    """Convex hull of points, m, given about its centroid. `source` is the file of origin; it does not
+    count in comparisons."""
 
     vertices: tuple[Vector3, ...]
     source: str = field(compare=False)

@@ -27,8 +27,8 @@ class Stopwatch:
             self._running.pop()
 
     def move(self, seconds: float, part: str) -> None:
-        """Count that many seconds of the part that is being measured for `part` instead: for what is short
-        and frequent, such as a step of the physics."""
+        """Count that many seconds of the part now measured for `part` instead. This suits short and
+        frequent work, such as a physics step."""
         self._seconds[part] = self._seconds.get(part, 0.0) + seconds
         if self._running:
             self._since += seconds

@@ -49,8 +49,8 @@ class Trajectory:
         return position, velocity
 
     def polynomials(self) -> Array:
-        """Coefficients (m - 1, 6, n) of the motion between samples, in powers of the time since the earlier
-        one: of the fifth degree, so that position, velocity and acceleration are continuous."""
+        """Return the coefficients (m - 1, 6, n) of the motion between samples, in powers of the time since
+        the earlier one. The fifth degree keeps position, velocity and acceleration continuous."""
         p, v, a = self.position, self.velocity, self.acceleration
         if len(p) < 2:
             return np.concatenate([p[:, None], np.zeros((len(p), 5, p.shape[1]))], axis=1)

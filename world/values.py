@@ -28,19 +28,20 @@ class Pose:
 
     @classmethod
     def from_matrix(cls, matrix: Array) -> Pose:
-        """From a homogeneous (4, 4) matrix whose upper left block is a rotation."""
+        """Return the pose of a homogeneous (4, 4) matrix whose upper left block is a rotation."""
         x, y, z = matrix[:3, 3]
         return cls((float(x), float(y), float(z)), quaternion_from_rotation(matrix[:3, :3]))
 
     @classmethod
     def from_rotation(cls, position: Array | Vector3, rotation: Array) -> Pose:
-        """From a position (3,) and a rotation matrix (3, 3)."""
+        """Return the pose of a position (3,) and a rotation matrix (3, 3)."""
         x, y, z = position
         return cls((float(x), float(y), float(z)), quaternion_from_rotation(rotation))
 
     @classmethod
     def from_rpy(cls, position: Vector3, rpy: Vector3) -> Pose:
-        """From roll, pitch, yaw about the fixed x, y, z axes (URDF's convention), rad."""
+        """Return the pose of a position and roll, pitch, yaw about the fixed x, y, z axes (URDF's
+        convention), rad."""
         (cr, sr), (cp, sp), (cy, sy) = ((math.cos(a / 2), math.sin(a / 2)) for a in rpy)
         return cls(
             position,
@@ -154,7 +155,7 @@ class Wrench:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class JointState:
-    """What the encoders of the arm say: arrays of shape (n,), rad, rad/s, Nm."""
+    """Encoder readings of the arm: arrays of shape (n,), rad, rad/s, Nm."""
 
     position: Array
     velocity: Array

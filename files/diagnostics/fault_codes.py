@@ -23,7 +23,7 @@ class CodeExample:
 
 @dataclass(frozen=True, slots=True)
 class CodePage:
-    """What a code means: `wrong` is a file that yields it, `right` the same file mended."""
+    """Page of a code: `wrong` is a file that yields it, `right` the same file corrected."""
 
     code: str
     title: str
@@ -105,4 +105,4 @@ FAMILIES = {
     "P8": "plans",
     "P9": "XML",
 }
-"""What the first digit of a code stands for."""
+"""Family of codes by the letter and first digit."""

@@ -39,14 +39,14 @@ class UnsavedText:
 
 @dataclass(frozen=True, slots=True)
 class CheckReport:
-    """What `picktree check` found."""
+    """Result of `picktree check`."""
 
     files: tuple[str, ...]
     """The files that were checked."""
     left_out: tuple[str, ...]
     """Files of folders that are YAML, but not ours."""
     faults: tuple[Diagnostic, ...]
-    """In the order of the files, then of their lines."""
+    """Faults in the order of the files, then of their lines."""
     texts: Mapping[str, str] = field(default_factory=dict[str, str], repr=False)
     """The texts of files in which faults stand, as far as they were read."""
 
@@ -225,7 +225,7 @@ def _name(given: Path | UnsavedText) -> str:
 
 
 def _real(given: Path | UnsavedText) -> Path:
-    """What tells files apart that are named in two ways."""
+    """Return the resolved path, which is the same for two names of one file."""
     path = given.path if isinstance(given, UnsavedText) else given
     try:
         return path.resolve()

@@ -37,7 +37,7 @@ from .tokens import LARGEST, ExpressionError
 __all__ = ["FUNCTIONS", "Attributes", "Expression", "ExpressionError"]
 
 MAX_DIGITS = 15
-"""That `round` takes."""
+"""Maximum number of digits that `round` takes."""
 
 Attributes: TypeAlias = Callable[[object, str], object]
 """Resolves `thing.name`; raises KeyError or ValueError when there is no such attribute."""
@@ -271,7 +271,7 @@ _FUNCTIONS: Mapping[str, Callable[..., object]] = {
 
 
 def type_words(value: object) -> str:
-    """What a value is, in the words of the language."""
+    """Return the type of a value, in the words of the language."""
     match value:
         case None:
             return "null"

@@ -1,4 +1,4 @@
-"""From the text of an expression to its parts. Bounded, and every complaint names its character."""
+"""Expression parser: text to syntax tree, within bounds. Every error names its character."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What an expression is made of. `at` is the character (from 0) that a complaint points at."""
+"""Syntax tree of expressions. `at` is the character (from 0) to which an error refers."""
 
 from __future__ import annotations
 

@@ -9,20 +9,20 @@ from dataclasses import dataclass
 from typing import Final, Literal, NoReturn, TypeAlias, cast
 
 LARGEST: Final = 2**63 - 1
-"""Of whole numbers: what a record holds."""
+"""Largest whole number, as in a log's records."""
 _SHOWN = 80
 _WORDS = ("and", "or", "not", "in", "if", "else")
 
 
 class ExpressionError(ValueError):
-    """What is wrong with an expression, and the character (from 0) where."""
+    """Error in an expression, with its character (from 0)."""
 
     def __init__(self, message: str, offset: int = 0) -> None:
         super().__init__(message)
         self.offset = offset
 
     def told(self, text: str) -> str:
-        """With the character, counted from 1, and the text of the expression or what stands around it."""
+        """Return the message with the character, counted from 1, and the text of the expression around it."""
         if len(text) <= _SHOWN:
             return f"{self}, at character {self.offset + 1} of {text!r}"
         start = max(0, self.offset - _SHOWN // 4)
@@ -81,7 +81,7 @@ _ESCAPES: Mapping[str, str] = {"n": "\n", "t": "\t", "\\": "\\", "'": "'", '"': 
 
 
 def syntax_error(problem: str, at: int) -> ExpressionError:
-    """For a text that is no expression at all."""
+    """Return an error for a text that is no expression at all."""
     return ExpressionError(f"not an expression: {problem}", at)
 
 
@@ -120,7 +120,7 @@ def number_of(token: Token) -> int | float:
 
 
 def text_of(token: Token) -> str:
-    """What stands between the quotes of a token of kind text. Raises ExpressionError."""
+    """Return the text between the quotes of a token of kind text. Raises ExpressionError."""
 
     def escaped(match: re.Match[str]) -> str:
         if match[1] not in _ESCAPES:

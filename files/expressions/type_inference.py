@@ -28,13 +28,13 @@ from .tokens import ExpressionError
 Kind: TypeAlias = Literal[
     "any", "null", "bool", "int", "float", "number", "text", "word", "object", "place", "list", "mapping"
 ]
-"""number: whole or not. text: one that names no object. word: a text that may be the id of an object.
-object: the id of one. place: the id of a bin or of what else things lie on."""
+"""Kind of a value. `number`: whole or not. `text`: names no object. `word`: a text that may be an object's
+id. `object`: an object's id. `place`: id of a bin or another support."""
 
 
 @dataclass(frozen=True, slots=True)
 class ValueType:
-    """What is known of a value. `element` is set for a list, `optional` when it may be null."""
+    """Type of a value. `element` is set for a list, `optional` when the value may be null."""
 
     kind: Kind
     element: ValueType | None = None
@@ -101,7 +101,7 @@ def _joined(types: tuple[ValueType, ...]) -> ValueType:
 
 
 def type_of_value(value: object) -> ValueType:
-    """Of a plain value, as it stands on the blackboard."""
+    """Return the type of a plain value, as on the blackboard."""
     match value:
         case None:
             return NULL

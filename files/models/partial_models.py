@@ -127,7 +127,7 @@ def _below(faulty: Collection[Location], key: str | int) -> list[Location]:
 
 
 def _part(annotation: object, value: object, faulty: Sequence[Location]) -> object:
-    """What an annotation makes of a value; _HOLE when nothing of it could be read."""
+    """Validate a value against an annotation; return _HOLE when no part of it could be read."""
     if not faulty:
         return _adapter(annotation).validate_python(value)
     if () in faulty:

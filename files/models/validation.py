@@ -46,7 +46,7 @@ __all__ = [
 
 HEADER = ("picktree", "kind")
 MAX_ENTRIES = 1000
-"""Of a section."""
+"""Maximum number of entries of a section."""
 
 
 @dataclass(frozen=True)
@@ -151,7 +151,7 @@ class DocumentChecker:
         return len(self.faults) > MAX_FAULTS
 
     def readable(self) -> AbstractContextManager[None]:
-        """What stands under this ends without a word where it needs a part that could not be read."""
+        """Return a context that ends silently where its code needs a part that could not be read."""
         return suppress(UnreadPart)
 
     def fault(

@@ -1,4 +1,4 @@
-"""From what pydantic says of a misfit to a fault in our words, with its place and code."""
+"""Translation of pydantic's errors into faults with place and code."""
 
 from __future__ import annotations
 

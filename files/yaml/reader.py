@@ -1,4 +1,4 @@
-"""From YAML text to plain values with places.
+"""YAML reader: text to plain values with their places.
 
 Scalars are read by YAML 1.2's core schema, as editors read them: `no` and `on` are texts, `1e-3` is a number,
 `010` is ten. Keys are always texts, as they are written.
@@ -22,7 +22,8 @@ Value: TypeAlias = "dict[str, Value] | list[Value] | str | int | float | bool | 
 MAX_BYTES = 1_000_000
 MAX_DEPTH = 200
 MAX_VALUES = 50_000
-"""Of one file, keys counted and aliases counted out: read in less than half a second."""
+"""Maximum number of values of one file, keys and expanded aliases included; they are read in less than 0.5
+s."""
 
 
 @dataclass(slots=True)
@@ -45,7 +46,7 @@ class YamlNode:
 
 @dataclass(frozen=True, slots=True)
 class YamlReadResult:
-    """What a text says, read as far as it could be, and what is wrong with its form."""
+    """Result of reading a text, as far as possible, with the faults of its form."""
 
     root: YamlNode
     faults: tuple[Diagnostic, ...]

@@ -1,4 +1,4 @@
-"""What libyaml's complaints mean to an author."""
+"""File access and libyaml's errors, in words for authors."""
 
 from __future__ import annotations
 
@@ -142,5 +142,5 @@ def describe_yaml_error(error: yaml.MarkedYAMLError, text: str) -> YamlProblem:
 
 
 def _line(text: str, index: int) -> str:
-    """What stands on the line before the character."""
+    """Return the part of the line before the character."""
     return text[:index].rpartition("\n")[2]

@@ -1,1 +1,1 @@
-"""What the robot believes, has tried and has heard."""
+"""Belief of the robot, and memory of failed attempts."""

@@ -15,7 +15,7 @@ C = TypeVar("C", bound=NamedCandidate)
 
 
 class AttemptMemory:
-    """For each (node path, object): the names of the candidates that were tried and failed."""
+    """Names of the candidates that were tried and failed, for each (node path, object)."""
 
     def __init__(self) -> None:
         self._tried: dict[str, list[str]] = {}

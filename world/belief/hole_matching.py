@@ -16,9 +16,9 @@ Slack: TypeAlias = tuple[float, float]
 
 
 def hole_clearance(hole: Hole, shape: Shape) -> Slack | None:
-    """What an item that stands in the hole, its own z upwards, has left on both sides together; negative
-    where it is too wide. None for a form that does not go with the hole's: what is round belongs into what
-    is round, a box into a square hole or a slot, a mesh nowhere."""
+    """Return the clearance of an item that stands in the hole, on both sides together; negative where it
+    is too wide. None when its form does not go with the hole's. Cylinders and spheres go into round holes,
+    boxes into square holes and slots, meshes into none."""
     match shape:
         case Cylinder(radius, _) | Sphere(radius) if hole.form == "round":
             return hole.size[0] - 2 * radius, hole.size[1] - 2 * radius
@@ -36,7 +36,7 @@ def fits_hole(hole: Hole, shape: Shape) -> bool:
 
 
 def tightest_hole(holes: Iterable[Hole], shape: Shape) -> Hole | None:
-    """Of the holes that the item fits the one that leaves it the least room; None when it fits none."""
+    """Return the tightest hole that the item fits; None when it fits none."""
     loose = [
         (max(hole_clearance(hole, shape) or (0.0, 0.0)), n, hole)
         for n, hole in enumerate(holes)
@@ -46,7 +46,8 @@ def tightest_hole(holes: Iterable[Hole], shape: Shape) -> Hole | None:
 
 
 def named_holes(fixtures: Iterable[Fixture], name: str) -> tuple[Hole, ...] | None:
-    """What `board` or `board/left` stands for: all holes of a fixture, or one. None when it is neither."""
+    """Return the holes that a name such as `board` or `board/left` stands for: all of a fixture, or one.
+    None when it is neither."""
     for fixture in fixtures:
         if fixture.holes and fixture.id == name:
             return fixture.holes

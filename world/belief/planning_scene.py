@@ -39,7 +39,7 @@ class BeliefObject:
     shape: Shape
     colour: str
     pose: Pose
-    """In the world; while attached it follows from the TCP and `object_in_tcp`."""
+    """Pose in the world; while attached it follows from the TCP and `object_in_tcp`."""
     sigma_position: float
     """Standard deviation of the position along each axis, m."""
     sigma_angle: float
@@ -53,9 +53,9 @@ class BeliefObject:
     place: str = "table"
     """Where it is believed to lie: `table`, a bin's id, `hand`, or `aside`."""
     blocks: tuple[ObstacleBlock, ...] = ()
-    """Of an obstacle: what it takes up, as far as it is known. `shape` is their convex hull where that wastes
-    little, and collisions are checked with it alone; else the box about them, and they are checked with each.
-    Empty where the shape itself is taken up, as by items, and by the obstacles of older logs."""
+    """Known parts of an obstacle. If their convex hull wastes little, it is the `shape`, and collisions
+    are checked with it alone. Else `shape` is their bounding box, and each part is checked. Empty for
+    items, and for obstacles of older logs."""
 
     @property
     def attached(self) -> bool:
@@ -111,7 +111,7 @@ class PlanningScene:
 
     @property
     def objects(self) -> tuple[BeliefObject, ...]:
-        """In the order of their ids' creation."""
+        """Objects in the order of their ids' creation."""
         return tuple(self._objects.values())
 
     def snapshot(self) -> SceneSnapshot:
@@ -160,7 +160,7 @@ class PlanningScene:
             self._changed(reason, before, None)
 
     def attach(self, object_id: str, object_in_tcp: Pose) -> None:
-        """From now on the object moves with the TCP, for collision checking."""
+        """Attach the object: it moves with the TCP, for collision checking."""
         self.put(
             replace(self.get(object_id), object_in_tcp=object_in_tcp, place="hand"), "attached to the gripper"
         )
@@ -199,8 +199,8 @@ class PlanningScene:
         *,
         allowed: Iterable[tuple[str, str]] = (),
     ) -> PlanningScene:
-        """A copy to plan in, as it would be with `held` attached instead of what is in the hand now, and
-        with these pairs of names allowed to touch. Raises Failure(world.unknown_object)."""
+        """Return a copy for planning, with `held` attached instead of the object in the hand. These pairs
+        of names may touch in it. Raises Failure(world.unknown_object)."""
         copy = PlanningScene((), ())
         copy.fixtures, copy.bins = self.fixtures, self.bins
         copy._destination = self._destination
@@ -225,7 +225,7 @@ class PlanningScene:
         self._changes.append(BeliefChange(self._version, reason, before, after))
 
     def state(self) -> tuple[SceneSnapshot, Mapping[str, int]]:
-        """What `restore` needs; taken when no collision is temporarily allowed."""
+        """Return the state for `restore`; taken when no collision is temporarily allowed."""
         return self.snapshot(), dict(self._numbers)
 
     def restore(self, snapshot: SceneSnapshot, numbers: Mapping[str, int]) -> None:

@@ -61,7 +61,7 @@ class CylinderFile(FileModel):
     """A cylinder that stands on a round face."""
 
     radius: ItemSize
-    """Of the round face."""
+    """Radius of the round face."""
     height: ItemSize
     """Along its axis."""
 
@@ -97,7 +97,7 @@ class HoleFile(FileModel):
     at: Corner
     """The middle of its mouth: x and y from the middle of the box's top face, in the box's own frame."""
     depth: Size
-    """From the mouth to the bottom; through the box when it is the box's height."""
+    """Depth from the mouth to the bottom; the hole goes through the box when this is the box's height."""
     chamfer: Chamfer = 0.0
     """Height and width of the bevel around the mouth."""
     yaw: Angle | None = None
@@ -115,8 +115,8 @@ class UncertaintyFile(FileModel):
 
 
 class FixtureFile(FileModel):
-    """A body that stays where it is: a box as a table or shelf, a bin to put items into, a belt with items
-    on it, or a target for calibrating."""
+    """Body that stays where it is: a box as a table or shelf, a bin, a belt with items on it, or a
+    calibration target."""
 
     one_of: ClassVar[tuple[str, ...]] = ("box", "bin", "belt", "marker")
     """Exactly one of these is given."""
@@ -130,7 +130,7 @@ class FixtureFile(FileModel):
     Needs `speed` and `eye`."""
     marker: Sizes | None = None
     """Edge lengths of a block with six coloured squares on its top, from which cameras and tool are
-    calibrated; `at` is its centre, and need be known to a few millimetres only."""
+    calibrated. `at` is its centre, and need be known to a few millimetres only."""
     at: Vector
     """Where it stands: x, y, z in the world."""
     rpy: Angles | None = None
@@ -140,7 +140,7 @@ class FixtureFile(FileModel):
     wall: Size | None = None
     """Thickness of a bin's walls and floor."""
     speed: BeltSpeed | None = None
-    """Of a belt while it runs."""
+    """Speed of a belt while it runs."""
     eye: Length | None = None
     """Where the light barrier crosses a belt, from its middle along +x: there it stops for the robot."""
     holes: dict[Name, HoleFile] | None = None
@@ -148,7 +148,7 @@ class FixtureFile(FileModel):
     uncertainty: UncertaintyFile | None = None
     """How far a box may really stand from here."""
     colour: PlainColour = "grey"
-    """What cameras see: an unsaturated colour, so that it is told from items."""
+    """Colour that cameras see: an unsaturated one, so that it differs from those of items."""
 
 
 class UnknownFile(FileModel):
@@ -170,7 +170,7 @@ class UnknownFile(FileModel):
     yaw: Angle | None = None
     """How it is turned about the world's z, where that is all. Not beside `rpy`."""
     colour: AnyColour = "grey"
-    """What cameras see; that of items too."""
+    """Colour that cameras see; it may be one of the items' colours."""
 
 
 class CatalogueFile(FileModel):
@@ -190,7 +190,7 @@ class CatalogueFile(FileModel):
     mesh: Annotated[MeshFile | None, as_mapping("file", MeshFile | str | None)] = None
     """A convex body of another shape; a bare text is its mesh file."""
     mass: Mass
-    """Of one item."""
+    """Mass of one item."""
     friction: Annotated[float, quantity("", least=0, most=2)]
     """Coulomb's coefficient against the table and the fingers."""
     force_limit: Force | None = None

@@ -1,4 +1,4 @@
-"""What a calibration has found: where cameras and tool are believed to be from then on."""
+"""Calibration results: believed poses of cameras and tool, and the coloured squares of targets."""
 
 from __future__ import annotations
 
@@ -15,17 +15,18 @@ if TYPE_CHECKING:
 
 
 COLOURS = ("red", "yellow", "blue", "purple", "green", "cyan")
-"""Of the squares, row by row. All differ, so that each square is known by itself and a target that is turned
-by half a turn is not taken for one that is not."""
+"""Colours of the squares, row by row. All differ, so that each square is identified by itself and the
+target's orientation is unambiguous."""
 COLUMNS, ROWS = 3, 2
 FILLED = 0.75
-"""Edge of a square over that of its cell: so much grey is left between squares, and to the block's edges,
-that a camera does not mix them up."""
+"""Edge of a square over that of its cell. The grey between squares, and to the block's edges, lets a
+camera separate them."""
 PROUD = 0.00005
 """Height of the squares, which are printed on, over the block's top, m: a camera that looks from the side
 sees no edge of theirs."""
 SMALLEST = (0.06, 0.04, 0.02)
-"""Of a target along x, y, z, m: what fingers can touch from five sides, and a camera can tell apart."""
+"""Minimum size of a target along x, y, z, m: fingers must reach five sides, and a camera must separate the
+squares."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,7 +35,8 @@ class TargetTile:
 
     colour: str
     centre: Vector3
-    """In the target's frame, which is that of its box: on the face that is seen, m."""
+    """Centre in the target's frame, on the face that is seen, m. That frame is the frame of the target's
+    box."""
     edge: float
     """m"""
 
@@ -74,7 +76,7 @@ class SceneCalibration:
     """The corrected TCP in the frame of the one that the robot file states: the whole hand sits off by it."""
     date: str = ""
     by: str = ""
-    """What has calibrated, in a few words."""
+    """Short description of the calibration's source."""
 
 
 def apply_calibration(camera: CameraDescription, calibration: SceneCalibration | None) -> CameraDescription:

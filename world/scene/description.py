@@ -1,4 +1,4 @@
-"""What a scene file says, as values: what stands where, what may be spawned, where items belong."""
+"""Contents of a scene file as values: bodies, cameras, catalogue, spawn areas, destinations, limits."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ class Hole:
     """Fixture and name: `board/left`."""
     form: HoleForm
     size: tuple[float, float]
-    """Free inside along its own x and y, m. Of a round one both are the diameter of the circle inscribed
-    in its segments, at least 32, so that clearance counts to what is really free."""
+    """Free width inside along the hole's own x and y, m. A round hole has at least 32 segments; both
+    numbers are the diameter of their inscribed circle, which is really free."""
     depth: float
-    """From the mouth to the bottom, m."""
+    """Depth from the mouth to the bottom, m."""
     chamfer: float
     """Height and width of the bevel around the mouth, m; 0 for a sharp edge."""
     pose: Pose
-    """Of the middle of its mouth in the fixture's frame: z points out of the hole, x along a slot."""
+    """Pose of the middle of the mouth in the fixture's frame: z points out of the hole, x along a slot."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,7 +54,7 @@ class Fixture:
     id: ObjectId
     shape: Shape
     pose: Pose
-    """In the world, as everybody believes it."""
+    """Believed pose in the world."""
     colour: str = "grey"
     holes: tuple[Hole, ...] = ()
     uncertainty: PlacementUncertainty = CERTAIN
@@ -158,7 +158,7 @@ class Destination:
 
 @dataclass(frozen=True, slots=True)
 class SafetyLimits:
-    """What the safety monitor enforces."""
+    """Limits that the safety monitor enforces."""
 
     force: float = 60.0
     """Contact force at the wrist, N."""
@@ -189,11 +189,12 @@ class SensorNoise:
     torque: float = 0.01
     """Nm, each axis"""
     force_bias: float = 1.0
-    """Of what the wrist's sensor adds for the whole run, in the hand's axes, N, each axis"""
+    """Standard deviation of the wrist sensor's force bias for the whole run, in the hand's axes, N, each
+    axis."""
     torque_bias: float = 0.05
     """Nm, each axis"""
     drift: float = 0.1
-    """By which share of itself the bias wanders within minutes"""
+    """Share of itself by which the bias wanders within minutes."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -224,7 +225,7 @@ class SceneDescription:
     belts: tuple[Belt, ...] = ()
     """Which of the fixtures are belts."""
     deliveries: tuple[Delivery, ...] = ()
-    """What is brought while a run goes on."""
+    """Deliveries of the feed during a run."""
     exchange: Exchange | None = None
     """None: nobody exchanges bins."""
     unknown: tuple[Fixture, ...] = ()
@@ -234,7 +235,7 @@ class SceneDescription:
     """Where the TCP really is, seen from where the robot file says: the hand is mounted off by it. Only the
     simulation reads it."""
     calibration: SceneCalibration | None = None
-    """What was found out about cameras and tool; the poses in `cameras` are corrected by it already."""
+    """Calibration of cameras and tool; the poses in `cameras` contain its corrections already."""
 
     @property
     def tool(self) -> Pose:
@@ -243,7 +244,7 @@ class SceneDescription:
 
     @property
     def loads(self) -> tuple[Spawn, ...]:
-        """What is there at the beginning, and what is brought."""
+        """Items at the beginning, and the loads of the feed."""
         return (*self.spawn, *(delivery.load for delivery in self.deliveries))
 
     @property

@@ -15,7 +15,7 @@ from .description import Destination
 
 
 class Sortable(Protocol):
-    """What rules look at: an object of the belief, or a true one."""
+    """Object of the belief or true item, as rules see it."""
 
     @property
     def colour(self) -> str: ...
@@ -47,7 +47,7 @@ def is_at(place: str, destination: str) -> bool:
 
 
 def rule_names(kinds: Iterable[str]) -> Mapping[str, ValueType]:
-    """What a rule may ask about an item, and all that may be the answer."""
+    """Return the names that a rule may use about an item, with all their possible values."""
     return {
         "colour": ValueType("word", choices=tuple(ITEM_COLOURS)),
         "form": ValueType("word", choices=FORMS),

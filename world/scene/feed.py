@@ -1,4 +1,4 @@
-"""What is brought while a run goes on, by which belts, and how bins are exchanged: values of a scene."""
+"""Feed of a scene as values: deliveries during a run, belts, and the exchange of bins."""
 
 from __future__ import annotations
 
@@ -47,18 +47,18 @@ When: TypeAlias = WhenClear | AtIntervals | AtTimes
 
 @dataclass(frozen=True, slots=True)
 class Delivery:
-    """An entry of the feed. `load` is what comes at a time, as an entry of `spawn`; for a belt the mixture
-    from which single items are drawn, over the whole of the belt's top."""
+    """Entry of the feed. `load` is the load of one delivery, as an entry of `spawn`. For a belt it is the
+    mixture of single items, over the whole of the belt's top."""
 
     load: Spawn
     when: When = WhenClear()
-    """For a belt always `WhenClear`: it runs when the robot is ready."""
+    """Time of the loads; for a belt always `WhenClear`: it runs when the robot is ready."""
     total: int | None = None
     """Items in all; None: for ever."""
     belt: ObjectId | None = None
     """The belt at whose upstream end the items are set down; None: on the table."""
     spacing: float = 0.15
-    """Of the belt's way from one item to the next, on average, m."""
+    """Mean distance on the belt from one item to the next, m."""
 
 
 @dataclass(frozen=True, slots=True)

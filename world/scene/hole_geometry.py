@@ -1,9 +1,9 @@
-"""The solid that is left of a box when holes are bored into it: convex pieces, to be touched and to be seen.
+"""Solid of a box with holes: convex pieces for contact, and the visible surface.
 
-Seen from above, straight cuts part the box until one hole is left in each piece. What surrounds a hole in
-its piece is parted along the bisectors at the corners of the hole's outline, into one convex wedge for each
-side of it, from the top face down to the underside. A chamfer is one more plane that is cut off each wedge.
-Below a hole there is a plug. Nothing that can be touched is a gap: the pieces share their faces."""
+Straight cuts, seen from above, divide the box until one hole is left in each piece. Around a hole its piece
+is divided along the bisectors at the corners of the outline. Each side of the hole gets one convex wedge from
+the top face to the underside. A chamfer is one more plane that is cut off each wedge. Below a hole there is a
+plug. The pieces share their faces and leave no gaps."""
 
 from __future__ import annotations
 
@@ -61,8 +61,8 @@ def convex_pieces(fixture: Fixture) -> tuple[tuple[ConvexMesh, Pose], ...]:
 
 
 def layered_pieces(box: Box, holes: Sequence[Hole]) -> tuple[tuple[ConvexMesh, Pose], ...]:
-    """The same solid of other pieces: parted also at the height of each bottom, so that no face of a piece is
-    partly hidden by another piece and partly seen."""
+    """Return the same solid as other pieces, cut also at the height of each bottom. No face of a piece is
+    then partly hidden by another piece."""
     return _bored(box, tuple(holes), layers=True)
 
 
@@ -113,8 +113,8 @@ def _parted(plot: Polygon, holes: tuple[Hole, ...]) -> list[tuple[Polygon, Hole 
 
 
 def _cut(holes: Sequence[Hole]) -> tuple[Array, float] | None:
-    """Unit normal (2,) and offset of the line through the widest gap between the holes' mouths; None when
-    no line along the box's sides or any hole's passes between them."""
+    """Return unit normal (2,) and offset of the line through the widest gap between the holes' mouths.
+    None when no line along the sides of the box or of a hole passes between them."""
     best: tuple[float, Array, float] | None = None
     yaws = {0.0, *(_yaw(hole) for hole in holes)}
     mouths = [outline(hole, hole.chamfer) for hole in holes]
@@ -152,7 +152,7 @@ def _yaw(hole: Hole) -> float:
 
 
 def _wedges(plot: Polygon, hole: Hole, low: float, high: float) -> list[tuple[ConvexMesh, Pose]]:
-    """What of a plot stands around its hole, between two heights."""
+    """Return the pieces of a plot around its hole, between two heights."""
     corners = outline(hole)
     pieces: list[tuple[ConvexMesh, Pose]] = []
     for k in range(len(corners)):
@@ -182,7 +182,7 @@ def _outward(one: Array, other: Array) -> Array:
 
 
 def _clipped(polygon: Polygon, normal: Array, most: float) -> Polygon:
-    """What of a convex polygon has `normal` · point ≤ `most` (Sutherland and Hodgman, 1974)."""
+    """Return the part of a convex polygon with `normal` · point ≤ `most` (Sutherland and Hodgman, 1974)."""
     kept: list[Array] = []
     distances = polygon @ normal - most
     for k in range(len(polygon)):
@@ -217,7 +217,7 @@ def _hull(levels: Iterable[tuple[Polygon, float]]) -> tuple[ConvexMesh, Pose]:
 ABOVE = 1e-6
 """A face is seen unless this much above its middle is inside another piece, m."""
 TOUCHING = 1e-8
-"""What is no farther outside a piece than this is inside: faces of pieces meet, m."""
+"""Distance outside a piece up to which a point counts as inside, m: faces of pieces meet."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -232,7 +232,7 @@ class Surface:
 
 @cache
 def surface(box: Box, holes: tuple[Hole, ...]) -> Surface:
-    """What can be seen of a box with holes, their insides included."""
+    """Return the visible surface of a box with holes, their insides included."""
     hulls: list[tuple[Array, ConvexHull]] = []
     for piece, piece_in_fixture in layered_pieces(box, holes):
         points = piece_in_fixture.apply(np.array(piece.vertices))

@@ -45,21 +45,22 @@ class CameraFile(FileModel):
     """A camera for colour and depth, which hangs still or is mounted on the hand."""
 
     on: Literal["world", "hand"] = "world"
-    """`hand`: it moves with the tool, and `at`, `look_at` and `up` are in the frame of the TCP: its z points
-    out of the hand, and along its y the fingers close."""
+    """Mount of the camera. With `hand` it moves with the tool, and `at`, `look_at` and `up` are in the
+    frame of the TCP. Its z points out of the hand, and along its y the fingers close."""
     at: Vector
     """Where it hangs: x, y, z in the world, or in the frame of the TCP."""
     look_at: Vector
     """The point in the middle of its picture, in the same frame."""
     up: Vector | None = None
-    """What is up in the picture, a direction in the same frame; z unless given, x when it looks along z."""
+    """Direction that is up in the picture, in the same frame; z unless given, x when the camera looks
+    along z."""
     size: tuple[Pixels, Pixels] = (320, 240)
     """Width and height of the picture in pixels."""
     fov: FieldOfView = math.radians(60)
     """Vertical field of view."""
     depth_noise: Noise = 0.002
-    """Standard deviation of the depth at 0.7 m; it grows with the square of the depth, and is never less than
-    0.2 mm unless it is zero."""
+    """Standard deviation of the depth at 0.7 m. It grows with the square of the depth, and is never less
+    than 0.2 mm unless it is zero."""
     edge_dropout: Share = 0.5
     """Probability that a pixel on an edge of the depth picture returns nothing."""
     near: Distance = 0.05
@@ -81,7 +82,7 @@ class DestinationFile(FileModel):
     """A rule that says where items belong. The first that holds for an item counts."""
 
     where: str
-    """For which items: an expression of colour, form and kind, as "colour == 'red' and kind != 'can'"."""
+    """Items of the rule: an expression of colour, form and kind, as "colour == 'red' and kind != 'can'"."""
     to: str
     """The bin, or the fixture with holes, by its name under `fixtures`: then any free hole that fits the item
     is right. Or one hole, as board/left."""
@@ -106,16 +107,16 @@ class CalibratedCameraFile(FileModel):
 
 
 class CalibrationFile(FileModel):
-    """What `picktree calibrate` has found: it takes the place of what is stated elsewhere."""
+    """Result of `picktree calibrate`: it takes the place of what is stated elsewhere."""
 
     cameras: Annotated[dict[Name, CalibratedCameraFile], Field(default_factory=dict)]
-    """Of the scene's cameras those that were calibrated, by name."""
+    """Calibrated cameras of the scene, by name."""
     tcp: ToolErrorFile = ToolErrorFile()
     """Where the TCP is, seen from where the robot file says."""
     date: str = ""
     """When it was calibrated."""
     by: str = ""
-    """What has calibrated."""
+    """Source of the calibration."""
 
 
 class WorkspaceFile(FileModel):
@@ -128,7 +129,7 @@ class WorkspaceFile(FileModel):
 
 
 class LimitsFile(FileModel):
-    """What the safety monitor enforces: beyond it the robot stops, and only a SafeRetreat goes on."""
+    """Limits of the safety monitor: beyond them the robot stops, and only a SafeRetreat goes on."""
 
     force: Force = SafetyLimits().force
     """Greatest contact force at the wrist."""
@@ -142,33 +143,33 @@ class ThinkingFile(FileModel):
     """Simulated time that computing costs; zero is allowed, and reports then say so."""
 
     collision_check: Cost = Thinking().collision_check
-    """For each configuration that a planner checks."""
+    """Time for each configuration that a planner checks."""
     image: Cost = Thinking().image
-    """For taking a picture and recognising what is in it."""
+    """Time for taking a picture and recognising what is in it."""
 
 
 class SensorsFile(FileModel):
     """Standard deviations of the sensors other than the cameras."""
 
     encoder: Annotated[float, quantity("rad", least=0, most=0.1)] = SensorNoise().encoder
-    """Of each joint's angle."""
+    """Standard deviation of each joint's angle."""
     width: Annotated[float, quantity("m", least=0, most=0.1)] = SensorNoise().width
-    """Of the opening between the fingers."""
+    """Standard deviation of the opening between the fingers."""
     force: Annotated[float, quantity("N", least=0, most=100)] = SensorNoise().force
-    """Of the force at the wrist, each axis."""
+    """Standard deviation of the force at the wrist, each axis."""
     torque: Annotated[float, quantity("Nm", least=0, most=100)] = SensorNoise().torque
-    """Of the torque at the wrist, each axis."""
+    """Standard deviation of the torque at the wrist, each axis."""
     force_bias: Annotated[float, quantity("N", least=0, most=10)] = SensorNoise().force_bias
-    """Of what the wrist's sensor adds to each axis of the force for a whole run; drawn from the seed, and it
-    turns with the hand."""
+    """Standard deviation of the wrist sensor's force bias, each axis. The bias is drawn from the seed,
+    holds for a whole run and turns with the hand."""
     torque_bias: Annotated[float, quantity("Nm", least=0, most=10)] = SensorNoise().torque_bias
     """Likewise of the torque."""
     drift: Share = SensorNoise().drift
-    """By which share the bias wanders within minutes."""
+    """Share by which the bias wanders within minutes."""
 
 
 class RestFile(FileModel):
-    """What stands in a scene file beside its sections."""
+    """Keys of a scene file beside its sections."""
 
     base: str | None = None
     """A scene, shipped or a file beside this one, on which this one is laid: mappings merge, other values
@@ -176,7 +177,7 @@ class RestFile(FileModel):
     robot: str
     """A shipped robot, or a robot file beside this one."""
     limits: LimitsFile = LimitsFile()
-    """What the safety monitor enforces."""
+    """Limits that the safety monitor enforces."""
     thinking: ThinkingFile = ThinkingFile()
     """Simulated time that computing costs."""
     sensors: SensorsFile = SensorsFile()
@@ -184,16 +185,15 @@ class RestFile(FileModel):
     checkpoint_every: Count = 4
     """How many items are handled from one checkpoint of a run to the next."""
     goal: str | None = None
-    """When a run has reached its goal: an expression of the numbers of items total, sorted, misplaced,
-    left and outstanding (those that the feed still owes); every item at its destination and none outstanding
-    unless given."""
+    """Goal of a run: an expression of the numbers of items total, sorted, misplaced, left and outstanding
+    (those that the feed still owes). Every item at its destination and none outstanding unless given."""
     exchange: ExchangeFile | None = None
-    """Who exchanges full bins; without it nobody does."""
+    """Exchange of full bins; without it nobody exchanges them."""
     tool_error: Annotated[ToolErrorFile, as_mapping("offset", ToolErrorFile | Vector)] = ToolErrorFile()
     """Where the hand is really mounted, seen from where the robot file has it; three lengths stand for
     `offset`. Only the simulation knows."""
     calibration: CalibrationFile | None = None
-    """What is believed of cameras and tool after calibrating; `picktree calibrate` writes it."""
+    """Corrections of cameras and tool after calibrating; `picktree calibrate` writes them."""
 
 
 class SceneFile(RestFile):

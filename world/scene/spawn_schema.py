@@ -23,7 +23,7 @@ def _item_colour(name: str) -> str:
 
 
 def _clear(value: object) -> object:
-    """What stands for no time: the robot says when."""
+    """Validate a time of a load; `clear` becomes None."""
     if isinstance(value, str) and value != "clear":
         hint = "it is clear, {every: 45 s} or {at: [10 s, 60 s]}"
         raise InvalidValue(f"{describe(value)} is no time for a load", hint, code="P108")
@@ -73,7 +73,7 @@ class WhenFile(FileModel):
     """Exactly one of these is given."""
 
     every: Period | None = None
-    """From one load to the next; the first comes after so much time."""
+    """Time from one load to the next; the first comes after the same time."""
     at: Annotated[tuple[Duration, ...], Field(min_length=1)] | None = None
     """Simulated times since the run began, ascending."""
 
@@ -101,9 +101,9 @@ class FeedFile(FileModel):
     when: Annotated[
         WhenFile | None, BeforeValidator(_clear, json_schema_input_type=Literal["clear"] | WhenFile | None)
     ] = None
-    """When a load comes: `clear`, that is when the robot says that it is done with what lies there (unless
-    given), `{every: 45 s}` or `{at: [10 s, 60 s]}`. A belt runs whenever the robot is ready."""
+    """Time of the loads: `clear` (unless given), which is when the robot reports that it is done with what
+    lies there, `{every: 45 s}` or `{at: [10 s, 60 s]}`. A belt runs whenever the robot is ready."""
     spacing: Spacing | None = None
-    """Of a belt's way from one item to the next, on average; 150 mm unless given."""
+    """Mean distance on a belt from one item to the next; 150 mm unless given."""
     total: Total | None = None
     """How many items come in all; without it they come for ever."""

@@ -1,4 +1,4 @@
-"""From the entries of a scene's feed to its values, with what no single value can be wrong about."""
+"""Feed entries of scene files: checks that need several values, and conversion to values of the scene."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""From the entries of a scene file to the values of a scene, with what no single value can be wrong about."""
+"""Entries of scene files: checks that need several values, and conversion to values of the scene."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ FORMATS = ("obj", "stl", "ply", "off")
 """Formats of one file that holds nothing but a mesh: none that names or packs other files."""
 MAX_BYTES = 1_000_000
 MAX_VERTICES = 256
-"""Of the hull: contact costs grow with it."""
+"""Maximum number of vertices of the hull: contact costs grow with it."""
 HOLLOW = 1.05
 """A hull that is larger than its mesh by this factor hides a hollow."""
 
@@ -32,7 +32,7 @@ _DAMAGED = "the mesh file is damaged, or of another format than its name says"
 
 
 class MeshError(ValueError):
-    """What is wrong with a mesh file, and what would be right."""
+    """Error in a mesh file, with a hint at what would be right."""
 
     def __init__(self, message: str, hint: str = "") -> None:
         super().__init__(message)

@@ -68,7 +68,7 @@ SHIPPED = Path(__file__).parents[2] / "scenes"
 ROBOTS = Path(__file__).parents[2] / "robots"
 MAX_BASES = 5
 MAX_ENTRIES = 200
-"""Of a section: what a simulator could still bear."""
+"""Maximum number of entries of a section, for the simulator's sake."""
 RULE_TRIALS = 2_000_000
 """Characters of rules that are evaluated for the question whether any item fulfils them."""
 GOAL_NAMES = ("total", "sorted", "misplaced", "left", "outstanding")
@@ -76,7 +76,7 @@ GOAL_NAMES = ("total", "sorted", "misplaced", "left", "outstanding")
 
 @dataclass(frozen=True, slots=True)
 class SceneCheck:
-    """What was found in a scene file: the scene, None when there are errors, and all faults."""
+    """Result of checking a scene file: the scene, None when there are errors, and all faults."""
 
     scene: SceneDescription | None
     faults: tuple[Diagnostic, ...]
@@ -139,7 +139,7 @@ def _on_base(document: Document, depth: int) -> Document:
 
 
 def _own_faults(document: Document) -> list[Diagnostic]:
-    """What is wrong whatever the base says, which could not be read: nothing that it might have given."""
+    """Return the faults that do not depend on the base, which could not be read."""
     return [fault for fault in _Parts(document).checker.faults if fault.code != "P105"]
 
 
@@ -315,7 +315,7 @@ class _Parts:
                     check.fault(loc, f"there is no camera {name!r}", hint, code="P441", key=True)
 
     def _holes(self) -> Mapping[str, tuple[Hole, ...]]:
-        """What a destination may name beside a bin: a fixture with holes, and each hole of it."""
+        """Return the holes that a destination may name: by the fixture with holes, and by each hole."""
         found: dict[str, tuple[Hole, ...]] = {}
         for name, entry in self.bodies.items():
             with self.checker.readable():
