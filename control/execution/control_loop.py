@@ -153,8 +153,7 @@ class ControlLoop:
         return self._holder
 
     def take_over(self, owner: str, controller: Controller) -> Lease | None:
-        """Return the lease on a motion that was handed over, without braking it. None: the motion has
-        ended."""
+        """Return the lease on a handed-over motion, without braking it. None: the motion has ended."""
         if not self.unattended(controller):
             return None
         self._holder = Lease(self, owner)
@@ -330,8 +329,7 @@ class ControlLoop:
     def run(self, controller: Controller, guard: ForceGuard | None) -> None:
         """Start `controller`; only a lease calls this.
 
-        Raises Failure(safety.stale_sensor) for a motion under Cartesian impedance while the wrist sensor is
-        silent.
+        Raises Failure(safety.stale_sensor) for Cartesian impedance while the wrist sensor is silent.
         """
         if self.monitor.blind and isinstance(controller, CartesianImpedance):
             raise Failure(
@@ -375,8 +373,8 @@ class ControlLoop:
             self._begin(braking)
 
     def _stands_beside(self) -> bool:
-        """Whether the arm stands away from the servo's set-point. It would jump there as soon as the
-        obstruction gives way."""
+        """Whether the arm stands off the servo's set-point: it would jump there when the obstruction gives
+        way."""
         if not self._servo or float(np.abs(self._setpoint.velocity).max()) > REST_SPEED:
             return False
         state = self._state
@@ -385,11 +383,8 @@ class ControlLoop:
 
     @property
     def _off_its_way(self) -> bool:
-        """Whether the stop just latched is a tracking error, a force or a torque.
-
-        The arm is then off its commanded configuration or is pushed, and braking on the path would prolong
-        that.
-        """
+        """Whether the stop just latched is a tracking error, a force or a torque: braking on the path would
+        prolong it."""
         stop = self.monitor.stopped
         return stop is not None and stop.cause in (control.TRACKING, safety.FORCE_LIMIT, safety.TORQUE_LIMIT)
 

@@ -181,13 +181,13 @@ class ArmMotion(TrajectoryMotion):
         duration: float = math.inf,
         distance: float = math.inf,
     ) -> Doing[JogResult]:
-        """Move the tool by a constant twist, or by a callable that returns the twist of each tick; None ends
-        the jog.
+        """Move the tool by a constant twist, or by a callable that returns the twist of each tick.
 
-        A constant twist ends after `duration` s or `distance` m of TCP travel, or where something stops it: a
-        contact of more than `guard` N, a joint limit, a singularity, the edge of the workspace, or a
-        predicted collision. The result says which. The jog slows down for all of them, and ends at rest.
-        Failures: safety.*, control.timeout when the skill was not ticked for a while.
+        None from the callable ends the jog. A constant twist ends after `duration` s or `distance` m of TCP
+        travel, or where something stops it; the result says what. That is a contact of more than `guard` N, a
+        joint limit, a singularity, the workspace's edge, or a predicted collision. The jog slows down for all
+        of them, and ends at rest. Failures: safety.*, control.timeout when the skill was not ticked for a
+        while.
         """
         self._refuse_if_stopped()
         if not (guard > 0.0 and duration > 0.0 and distance > 0.0):
