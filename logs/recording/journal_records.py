@@ -1,8 +1,8 @@
-"""Conversion of journal entries, bodies, fixtures and settings into records of the log."""
+"""Conversion of journal entries, bodies, joints, fixtures and settings into records of the log."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Protocol
@@ -13,7 +13,7 @@ from ...world.journal import CandidateSearchEntry, PlanEntry
 from ...world.scene.calibration_results import tile_body
 from ...world.scene.description import Bin, Fixture
 from ...world.shapes import ConvexMesh, Shape
-from ...world.values import ObjectId, Pose
+from ...world.values import GripperState, JointState, ObjectId, Pose
 from ..schema.records import (
     FORMAT,
     BlockRecord,
@@ -21,6 +21,8 @@ from ..schema.records import (
     Candidate,
     Candidates,
     Event,
+    Joints,
+    NodeStatusRecord,
     PartRecord,
     Plan,
     RunInfo,
@@ -138,6 +140,32 @@ def candidates_record(choice: CandidateSearchEntry) -> Candidates:
         ),
         choice.into,
     )
+
+
+def joints_record(
+    names: Sequence[str],
+    state: JointState,
+    fingers: Sequence[str],
+    gripper: GripperState | None,
+    fingers_at: Sequence[float],
+) -> Joints:
+    """Return the record of the joints of arm and fingers, without fingers when `gripper` is None.
+
+    Fingers are at `fingers_at`, or each at half of the gripper's width when that is empty.
+    """
+    position, velocity, effort = (a.tolist() for a in (state.position, state.velocity, state.effort))
+    if gripper is not None:
+        position += fingers_at or [gripper.width / 2] * len(fingers)
+        for _ in fingers:
+            velocity.append(gripper.speed)
+            effort.append(gripper.force)
+        names = (*names, *fingers)
+    return Joints(tuple(names), tuple(position), tuple(velocity), tuple(effort))
+
+
+def failure_origins(failing: Sequence[NodeStatusRecord]) -> list[NodeStatusRecord]:
+    """Return the failing nodes without a failing node below: the origins of the failure."""
+    return [n for n in failing if not any(other.path.startswith(n.path + "/") for other in failing)]
 
 
 def bin_parts(bins: Iterable[Bin]) -> Iterator[PartRecord]:

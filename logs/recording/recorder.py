@@ -22,10 +22,8 @@ from ..schema.json_records import encode
 from ..schema.records import (
     Control,
     Event,
-    Joints,
     LinkMesh,
     LogLine,
-    NodeStatusRecord,
     PartRecord,
     RunInfo,
     Scene,
@@ -260,7 +258,7 @@ class Recorder:
         self._write(topics.TICK, now, encode(tick))
         self._file.tick(_ns(now), tick)
         failing = [n for n in tick.nodes if n.status == "FAILURE" and n.cause and n.ticked]
-        for node in _origins(failing):
+        for node in journal_records.failure_origins(failing):
             if node.path not in self._failing:
                 self.log(now, "ERROR", f"{node.cause}: {node.message}", node.path)
         self._failing = frozenset(n.path for n in failing)
@@ -277,18 +275,8 @@ class Recorder:
         gripper: GripperState | None = None,
         fingers_at: Sequence[float] = (),
     ) -> None:
-        """Write the joints of arm and fingers.
-
-        Fingers are at `fingers_at`, or each at half of the gripper's width.
-        """
-        position, velocity, effort = (a.tolist() for a in (state.position, state.velocity, state.effort))
-        if gripper is not None:
-            position += fingers_at or [gripper.width / 2] * len(fingers)
-            for _ in fingers:
-                velocity.append(gripper.speed)
-                effort.append(gripper.force)
-            names = (*names, *fingers)
-        joints = Joints(tuple(names), tuple(position), tuple(velocity), tuple(effort))
+        """Write the joints of arm and fingers; see `joints_record`."""
+        joints = journal_records.joints_record(names, state, fingers, gripper, fingers_at)
         self._write(topics.JOINTS, now, foxglove_messages.encode_joints(_ns(now), joints))
 
     def transforms(
@@ -406,8 +394,3 @@ def _ns(seconds: float) -> int:
 
 def _camera_frame(camera: str) -> str:
     return f"camera/{camera}"
-
-
-def _origins(failing: Sequence[NodeStatusRecord]) -> list[NodeStatusRecord]:
-    """Return the failing nodes without a failing node below: the origins of the failure."""
-    return [n for n in failing if not any(other.path.startswith(n.path + "/") for other in failing)]
