@@ -239,7 +239,8 @@ def test_a_used_up_budget_says_what_was_spent_for_what(ports: str, told: str) ->
     (note,) = run.notes("budget")
     assert note.message == f"the budget {told}"
     assert note.data == {
-        "cause": "grasp.slipped", "failed": "Main/Budget/Recover/Do", "object": whose, "tries": 1, "seconds": 0.5
+        "cause": "grasp.slipped", "failed": "Main/Budget/Recover/Do", "object": whose, "tries": 1,
+        "seconds": 0.5,
     }  # fmt: skip
     failure = run.tree.failure
     assert failure is not None
