@@ -107,6 +107,19 @@ WAYS: dict[str, tuple[str, dict[str, list[str]]]] = {
             "handled": ["otherwise"],
         },
     ),
+    "a cure that leaves everything as it was": (
+        """\
+        Recover:
+          do: {CauseIs: {cause: x, of: [grasp.missed]}}
+          otherwise: AlwaysSuccess
+        """,
+        {
+            "success": ["| empty"],
+            "failure": ["| empty: tree.attempts"],
+            "running": ["| empty"],
+            "handled": ["otherwise"],
+        },
+    ),
     "what never fails": (
         """\
         Recover:
@@ -250,6 +263,21 @@ WAYS: dict[str, tuple[str, dict[str, list[str]]]] = {
             "failure": ["s? | empty: perception.not_found", "| empty!: "],
             "skipped": ["| empty"],
             "running": ["s? | empty"],
+        },
+    ),
+    "a watched branch": (
+        """\
+        WatchScene: {do: {Pick: {_skipIf: "time > 2"}}}
+        """,
+        {
+            "success": ["| full"],
+            "failure": [
+                "| empty!: ",
+                "| empty/full: perception.not_found, perception.no_image, grasp.missed, grasp.slipped",
+                "| empty: perception.not_found, perception.no_image",
+            ],
+            "skipped": ["| empty"],
+            "running": ["| empty/full"],
         },
     ),
     "another value": (
