@@ -189,3 +189,22 @@ def test_a_picture_that_was_thought_about_when_it_was_saved_or_halted_is_not_kep
             assert watched.known == pytest.approx([since + 0.3])
         else:
             assert watched.known == ([] if how == "save" else pytest.approx([0.3]))
+
+
+def test_what_is_held_from_the_beginning_keeps_nobody_from_looking() -> None:
+    watched = Watched()
+    watched.width(0.04)
+    watched.hold()
+    watched.until(0.2)
+    assert watched.taken == [0.0]
+
+
+def test_a_picture_of_an_earlier_start_is_not_taken_in() -> None:
+    watched = Watched()
+    watched.cell.world.eyes.cost = 0.3
+    short = "{Delay: {delay_msec: 100 ms, do: AlwaysSuccess}}"
+    body = f"{{WatchScene: {{every: 10 s, do: {short}}}}}"
+    watched.cell.start(mission(f"Repeat: {{num_cycles: 5, do: {body}}}"))
+    watched.until(1.0)
+    assert len(watched.taken) >= 5
+    assert watched.known == []
