@@ -91,6 +91,7 @@ def test_fingers_that_never_follow_are_told(tries: int) -> None:
     ("wide", "told"),
     [
         (0.039, ""),
+        (0.040, ""),
         (
             0.041,
             "control.gripper: after 1 tries the fingers still do not follow: they closed from 80 mm to 41 mm "
@@ -145,16 +146,17 @@ def test_a_refusal_of_the_gripper_is_tried_again_and_a_stop_is_not(
         assert made.happened("gripper_reset") == ["gripper_reset: the fingers follow again, at try 2"]
 
 
-@pytest.mark.parametrize(("short", "told"), [(0.004, ""), (0.006, "they opened to 74 mm of 80 mm")])
+@pytest.mark.parametrize(
+    ("short", "told"), [(0.004, ""), (0.08 - 0.075, ""), (0.006, "they opened to 74 mm of 80 mm")]
+)
 def test_fingers_must_open_but_for_some_millimetres(
     short: float, told: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     made, hardware = cell("ResetGripper: {tries: 1, wait: 0 s}")
 
     def opens(*given: Any) -> Doing[None]:
-        hardware.gripper.target = 0.08 - short
-        for _ in range(30):
-            yield
+        hardware.gripper.width = hardware.gripper.target = 0.08 - short
+        yield
 
     monkeypatch.setattr("picktree.recovery.reset_gripper.open_gripper", opens)
     if told:

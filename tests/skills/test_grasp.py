@@ -164,7 +164,8 @@ def test_a_planner_s_refusal_to_begin_gets_the_arm_clear_once(monkeypatch: pytes
             if not refused:
                 refused.append(Failure(cause, "it stands in something"))
                 raise refused[0]
-            return (yield from find(self, **how))
+            pick: PickPlaceCandidate | None = yield from find(self, **how)
+            return pick
 
         def escaping(*given: Any, escapes: list[str] = escapes) -> Doing[None]:
             escapes.append("out")
@@ -184,7 +185,7 @@ def test_a_miss_is_told_with_what_was_felt_and_remembered(kind: str, monkeypatch
     cell, (block,) = looked(block=1)
     hardware = cell.hardware
     assert isinstance(hardware, KinematicHardware)
-    monkeypatch.setattr("picktree.skills.grasp.relocate_object", lambda *_: _nothing())
+    monkeypatch.setattr("picktree.skills.grasp.relocate_object", _nothing)
     if kind == "gone":
         hardware.remove(str(hardware.truth()[0].id))
     else:
@@ -207,7 +208,7 @@ def test_a_miss_is_told_with_what_was_felt_and_remembered(kind: str, monkeypatch
     assert cell.world.grip.width > 0.07
 
 
-def _nothing() -> Doing[bool]:
+def _nothing(*_: Any) -> Doing[bool]:
     yield
     return False
 

@@ -332,6 +332,10 @@ def test_what_is_round_has_no_heading() -> None:
         assert made(cell) == []
 
 
+def ending_nowhere(*_: Any) -> tuple[PushStroke, ...]:
+    return ()
+
+
 def offered(cell: Cell, ports: str, monkeypatch: pytest.MonkeyPatch, *ends: PlanarPose) -> list[PlanarPose]:
     """Of strokes that end so, those of which it is asked whether they are free."""
     asked = list[PlanarPose]()
@@ -346,7 +350,7 @@ def offered(cell: Cell, ports: str, monkeypatch: pytest.MonkeyPatch, *ends: Plan
         return "not free"
 
     monkeypatch.setattr("picktree.skills.push.push_strokes", ending)
-    monkeypatch.setattr("picktree.skills.push.turning_room_strokes", lambda *_: ())
+    monkeypatch.setattr("picktree.skills.push.turning_room_strokes", ending_nowhere)
     monkeypatch.setattr("picktree.skills.push.stroke_refusal", refused)
     assert push(cell, ports) == "push.no_stroke"
     return asked
