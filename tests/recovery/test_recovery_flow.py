@@ -134,6 +134,22 @@ WAYS: dict[str, tuple[str, dict[str, list[str]]]] = {
             "never": ["Drop: ForAttempt never fails", "Pick: ForAttempt never fails with another cause"],
         },
     ),
+    "what cannot fail": (
+        """\
+        Recover:
+          do: AlwaysSuccess
+          when: {grasp.missed: Drop, control.*: Pick}
+          give_up: Look
+        """,
+        {
+            "success": ["| empty"],
+            "never": [
+                "Drop: AlwaysSuccess never fails",
+                "Pick: AlwaysSuccess never fails with another cause",
+                "Look: AlwaysSuccess never fails for good",
+            ],
+        },
+    ),
     "a fault of the program": (
         """\
         Recover:

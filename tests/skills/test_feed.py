@@ -164,6 +164,19 @@ def test_what_was_in_the_way_or_did_not_come_is_told_with_how_long() -> None:
     assert cell.tree.failure.evidence == {"waited": pytest.approx(1.05, abs=0.06), "deliveries": 0}
 
 
+def test_who_places_knows_of_the_empty_bin_that_stands_there_by_now() -> None:
+    cell, feed = cell_with(LOOK)
+    cell.finish()
+    (block,) = [o.id for o in cell.world.scene.objects]
+    cell.start(mission(f"Grasp: {{object: {block}, onward: false}}"))
+    cell.finish()
+    cell.world.eyes.bins[RED] = BinView(np.full((3, 3), 0.125))  # a full one, when it was seen
+    feed.exchanges[RED] = 1
+    cell.start(mission(f"Place: {{object: {block}, into: red_bin}}"))
+    assert outcome(cell)[:2] == ("SUCCESS", "")
+    assert len(cell.happened("bin_emptied")) == 1
+
+
 def test_what_is_in_the_hand_stays_there() -> None:
     cell, _ = cell_with(LOOK)
     cell.finish()

@@ -17,6 +17,7 @@ from picktree.world.causes import Cause, Failure, FailureReport, control, planni
 from .cell import Cell, items, mission
 
 Change = Callable[[PickPlaceCandidate], PickPlaceCandidate]
+Find = Callable[..., Doing[PickPlaceCandidate | None]]
 
 
 def looked(**counts: int) -> tuple[Cell, list[str]]:
@@ -158,14 +159,13 @@ def test_a_planner_s_refusal_to_begin_gets_the_arm_clear_once(monkeypatch: pytes
             *,
             cause: Cause = cause,
             refused: list[Failure] = refused,
-            find: Any = find,
+            find: Find = find,
             **how: Any,
         ) -> Doing[PickPlaceCandidate | None]:
             if not refused:
                 refused.append(Failure(cause, "it stands in something"))
                 raise refused[0]
-            pick: PickPlaceCandidate | None = yield from find(self, **how)
-            return pick
+            return (yield from find(self, **how))
 
         def escaping(*given: Any, escapes: list[str] = escapes) -> Doing[None]:
             escapes.append("out")
