@@ -323,6 +323,20 @@ def test_what_the_arm_hides_is_looked_at_from_aside(seen: bool, monkeypatch: pyt
         assert failure.evidence == {"object": block}
 
 
+def test_what_nobody_knows_is_not_pushed_and_not_looked_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    cell = beside(block=(0.50, 0.0, 0.0))
+    for ports, looks in (("singulate: true", 1), ("to: [0.5, 0.0]", 0)):
+        looked, look = list[str](), type(cell.world.eyes).look
+
+        def looking(camera: str, looked: list[str] = looked, look: Any = look) -> Any:
+            looked.append(camera)
+            return look(cell.world.eyes, camera)
+
+        monkeypatch.setattr(cell.world.eyes, "look", looking)
+        assert push(cell, f"object: red_nut_9, {ports}") == "world.unknown_object"
+        assert len(looked) == looks
+
+
 def test_what_is_round_has_no_heading() -> None:
     cell = beside(can=(0.50, 0.05, 0.0))
     can = named(cell, "can")
