@@ -346,6 +346,13 @@ def test_what_is_round_has_no_heading() -> None:
         assert made(cell) == []
 
 
+def test_a_heading_alone_is_asked_for_where_it_stands() -> None:
+    cell = beside(block=(0.50, 0.0, 0.0))
+    assert push(cell, f"object: {named(cell, 'block')}, yaw: 0.5, strokes: 1, tolerance: 1 m") != "" or made(
+        cell
+    )
+
+
 def ending_nowhere(*_: Any) -> tuple[PushStroke, ...]:
     return ()
 
