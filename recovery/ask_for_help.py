@@ -95,7 +95,6 @@ class AskForHelp(Node):
         answer = world.operator.take(self.path)
         if answer is None:
             return NodeStatus.RUNNING
-        self._asks = False
         self.feedback_message = f"the answer is: {answer}"
         self.answer = answer
         if answer == self.give_up:
@@ -114,7 +113,6 @@ class AskForHelp(Node):
         try:
             next(self._braking)
         except StopIteration:
-            self._braking = None
             return True
         return False
 

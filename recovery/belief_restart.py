@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from ..manipulation.carry.hold_check import GripCheck
+from ..manipulation.grasp.straight_lines import DOWN
 from ..trees.loading.loader import parse_mission
 from ..trees.loading.registry import NodeRegistry
 from ..trees.running.builder import build
@@ -73,7 +74,6 @@ def resync_belief(world: World) -> Generator[None, None, ResyncReport]:
         yield from world.move.rest()
     except Failure as failure:
         _note(world, f"the arm does not come to rest: {failure.message}", {"failed": str(failure.cause)})
-    yield from world.control.settle()
     known = {o.id: o for o in world.scene.objects if o.role == "item"}
     to_do = [o.id for o in world.to_do()]
     attempts = world.attempts.state()
@@ -125,7 +125,7 @@ def _feel(world: World) -> Generator[None, None, GripCheck | None]:
 def _lower(world: World) -> Generator[None, None, None]:
     """Move the arm down until contact; the object may touch its support already."""
     try:
-        yield from world.move.guarded((0.0, 0.0, -1.0), LOWERED, TOUCH, SLOWLY)
+        yield from world.move.guarded(DOWN, LOWERED, TOUCH, SLOWLY)
     except Failure as failure:
         _note(world, f"it is not let down any further: {failure.message}", {"failed": str(failure.cause)})
 

@@ -112,7 +112,6 @@ class Budget(Decorator):
 
     def on_start(self) -> None:
         self._given_up = None
-        self._before = self.world.clock.now
         if not self.of:
             self._accounts = {}
 

@@ -93,3 +93,30 @@ def test_who_is_halted_withdraws_the_question() -> None:
     for _ in range(3):
         cell.tick()
     assert len(cell.happened("help_wanted")) == 2
+
+
+def test_who_is_halted_while_the_arm_brakes_gives_it_back() -> None:
+    cell = Cell(mission("GoTo: {pose: rest}"), items(block=1))
+    while cell.speed < 0.1:
+        cell.tick()
+    cell.halt()
+    cell.start(mission(TREE % ("can", ASK % "")))
+    cell.tick()
+    assert cell.world.operator.pending is None
+    cell.halt()
+    cell.start(mission("GoTo: {pose: home}"))
+    assert cell.finish().value == "SUCCESS"
+
+
+def test_it_can_be_saved_once_it_has_asked_and_asks_again_when_it_is_started_again() -> None:
+    cell = asking()
+    asks = cell.tree.find("Main/Sequence/AskForHelp")
+    saved = list[bool]()
+    for _ in range(2):
+        while cell.world.operator.pending is None:
+            cell.tick()
+            saved.append(asks.saveable)
+        cell.world.operator.answer("go on")
+        cell.finish()
+    assert (saved[0], saved[-1]) == (False, True)
+    assert len(cell.happened("help_wanted")) == 2

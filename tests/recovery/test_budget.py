@@ -5,6 +5,8 @@ from __future__ import annotations
 from textwrap import indent
 from typing import cast
 
+import pytest
+
 from picktree.cell.world import World
 from picktree.files.yaml.document import parse_document
 from picktree.recovery import NODES as RECOVERY
@@ -175,6 +177,96 @@ def test_accounts_are_saved_and_restored() -> None:
     other.tree.restore(seen[-1])
     assert other.to_end()[-1] is NodeStatus.SUCCESS
     assert world.trace.count("start Cure") == 4
+
+
+def test_what_was_given_up_before_does_not_end_the_next_start() -> None:
+    run = start(
+        "RetryUntilSuccessful:\n  num_attempts: 2\n  do:\n"
+        + indent(TRIES % (0, "grasp.missed|R S", "S"), "    ")
+    )
+    assert run.to_end()[-1] is NodeStatus.SUCCESS
+    assert run.trace.count("start Do") == 2
+
+
+TIMED = """\
+Budget:
+  %s
+  do:
+    Recover:
+      attempts: 9
+      do: {Scripted: {name: Do, script: "%s"}}
+      otherwise: {Scripted: {name: Cure, script: "%s"}}
+"""
+
+
+def timed(run: Run) -> NodeStatus:
+    """To the end, each tick a quarter of a second after the last, so that the clock has no rounding."""
+    for number in range(100):
+        run.world.clock.now = 40.0 + 0.25 * number
+        run.tree.tick()
+        if run.tree.status is not NodeStatus.RUNNING:
+            break
+    return run.tree.status
+
+
+@pytest.mark.parametrize(
+    ("time", "cures", "seconds"), [(0.5, 1, 0.5), (0.75, 2, 1.25), (1.25, 2, 1.25), (1.5, 3, 2.0)]
+)
+def test_a_budget_of_time_is_used_up_when_that_time_is(time: float, cures: int, seconds: float) -> None:
+    """A cure takes a tick and the attempt after it two, the last of which is counted when it is over; the
+    time before the first failure is not counted, whatever the clock says."""
+    run = start(TIMED % (f"time: {time}", "RRR grasp.missed|R grasp.slipped", "S"))
+    assert timed(run) is NodeStatus.FAILURE
+    assert run.trace.count("start Cure") == cures
+    (note,) = run.notes("budget")
+    assert note.data["tries"] == cures
+    assert note.data["seconds"] == seconds
+
+
+@pytest.mark.parametrize(
+    ("ports", "told"),
+    [
+        ("tries: 1", "is used up (1 of 1 handlers, 0.5 s): Do was told to"),
+        ("time: 0.5", "is used up (1 handlers, 0.5 of 0.5 s): Do was told to"),
+        ("tries: 1\n  time: 9", "is used up (1 of 1 handlers, 0.5 of 9 s): Do was told to"),
+        ("tries: 1\n  of: a", "of a is used up (1 of 1 handlers, 0.5 s): Do was told to"),
+    ],
+)
+def test_a_used_up_budget_says_what_was_spent_for_what(ports: str, told: str) -> None:
+    run = start(TIMED % (ports, "grasp.missed|R grasp.slipped", "S"))
+    assert timed(run) is NodeStatus.FAILURE
+    whose = "a" if "of: a" in ports else ""
+    (note,) = run.notes("budget")
+    assert note.message == f"the budget {told}"
+    assert note.data == {
+        "cause": "grasp.slipped", "failed": "Main/Budget/Recover/Do", "object": whose, "tries": 1,
+        "seconds": 0.5,
+    }  # fmt: skip
+    failure = run.tree.failure
+    assert failure is not None
+    assert failure.message == f"the budget {told}"
+    assert failure.evidence == {"object": whose, "tries": 1, "seconds": 0.5, "cause": "grasp.slipped"}
+    # What nobody paid for, then what was cured before.
+    assert [str(each.cause) for each in failure.attached] == ["grasp.slipped", "grasp.missed"]
+
+
+def test_of_two_hundred_other_objects_the_accounts_are_kept() -> None:
+    body = """\
+ForEach:
+  in: [%s]
+  out: "{item}"
+  on_failure: continue
+  do:
+    Budget:
+      of: "{item}"
+      tries: 1
+      do: {Recover: {do: {Scripted: {name: Do, script: grasp.missed}}, otherwise: {Scripted: {name: Cure}}}}
+"""
+    for others, again in ((200, 0), (201, 1)):
+        names = ["a", *(f"b{number}" for number in range(others)), "a"]
+        run = start(body % ", ".join(names))
+        assert run.to_end(2000)[-1] is not NodeStatus.RUNNING
+        assert run.trace.count("start Cure") == others + 1 + again
 
 
 def faults(body: str) -> list[str]:

@@ -106,6 +106,7 @@ def test_for_attempt_without_a_value_is_a_failure() -> None:
     run = start("ForAttempt: {attempt: 1, values: '{values}', value: '{force}'}\n")
     run.tree.blackboard.write("Main/values", [], "test")
     assert run.to_end()[-1] is NodeStatus.FAILURE
+    assert run.tree.failure is None  # no fault: there is nothing to report
     run.tree.blackboard.write("Main/values", [30.0], "test")
     assert run.to_end()[-1] is NodeStatus.SUCCESS
 

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 
 from picktree.simulation.fault_files.device_entries import AtTime, CameraDrop
 from picktree.simulation.kinematic.backend import KinematicHardware
+from picktree.trees.skill import Doing
 from picktree.world.scene.loading.scene_loading import load_scene
+from picktree.world.values import Pose
 
 from ..skills.cell import Cell, mission
 
@@ -115,3 +118,35 @@ def test_what_was_tried_on_something_that_is_gone_is_forgotten() -> None:
     assert outcome(made) == ""
     assert made.world.attempts.state() == {f"Main/Grasp|{other}": ["top 0"]}
     assert listed(made) == [other]
+
+
+def test_items_come_by_their_distance_from_the_robot_and_what_is_held_first() -> None:
+    made, _, _ = cell(LOOK)
+    assert outcome(made) == ""
+    items = [o for o in made.world.scene.objects if o.role == "item"]
+    scene, z = made.world.scene, items[0].pose.position[2]
+    places = ((0.40, 0.2), (0.50, -0.2))
+    for near, far in (items, items[::-1]):
+        for item, (x, y) in zip((near, far), places, strict=True):
+            scene.put(replace(item, pose=Pose((x, y, z))), "test")
+        made.world.eyes.look = lambda _: seen()  # type: ignore[method-assign,assignment]
+        made.start(mission(LOOK))
+        assert outcome(made) == ""
+        assert listed(made) == [near.id, far.id]
+    scene.attach(items[1].id, Pose())
+    scene.put(replace(scene.get(items[0].id), pose=Pose((0.0, 0.0, z))), "test")
+    made.start(mission(LOOK))
+    assert outcome(made) == ""
+    assert listed(made) == [items[1].id, items[0].id]
+    same = replace(scene.get(items[0].id), object_in_tcp=None, pose=Pose((0.5, 0.0, z)))
+    for item in items:
+        scene.put(replace(same, id=item.id), "test")
+    made.start(mission(LOOK))
+    assert outcome(made) == ""
+    assert listed(made) == sorted(item.id for item in items)
+
+
+def seen() -> Doing[object]:
+    """A picture that shows nothing new."""
+    yield
+    return SimpleNamespace(removed=(), seen=())

@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import TYPE_CHECKING, Any
 
 import pytest
 
 from picktree.simulation.fault_files.device_entries import AtTime, GripperJam
 from picktree.simulation.kinematic.backend import KinematicHardware
+from picktree.world.causes import Cause, Failure, control, safety
 from picktree.world.shapes import Box
 
 from ..skills.cell import Cell, items, mission
+
+if TYPE_CHECKING:
+    from picktree.trees.skill import Doing
 
 
 def cell(body: str) -> tuple[Cell, KinematicHardware]:
@@ -86,6 +91,7 @@ def test_fingers_that_never_follow_are_told(tries: int) -> None:
     ("wide", "told"),
     [
         (0.039, ""),
+        (0.040, ""),
         (
             0.041,
             "control.gripper: after 1 tries the fingers still do not follow: they closed from 80 mm to 41 mm "
@@ -115,3 +121,79 @@ def test_a_hand_that_holds_something_is_not_reset_unless_it_may_be_dropped() -> 
     assert ended(made)[0] == ""
     assert hardware.bodies.held is None
     assert made.world.scene.held is None
+
+
+@pytest.mark.parametrize("cause", [control.GRIPPER, control.TIMEOUT, safety.STOP])
+@pytest.mark.parametrize("move", ["open", "close"])
+def test_a_refusal_of_the_gripper_is_tried_again_and_a_stop_is_not(
+    cause: Cause, move: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made, _ = cell("ResetGripper: {tries: 2, wait: 1 s}")
+    refused, moves = list[Failure](), getattr(made.world.grip, move)
+
+    def moving(*given: Any) -> Any:
+        if not refused:
+            refused.append(Failure(cause, "it was refused"))
+            raise refused[0]
+        return moves(*given)
+
+    monkeypatch.setattr(made.world.grip, move, moving)
+    told, _ = ended(made)
+    if cause is safety.STOP:
+        assert told == "safety.stop: it was refused"
+    else:
+        assert told == ""
+        assert made.happened("gripper_reset") == ["gripper_reset: the fingers follow again, at try 2"]
+
+
+@pytest.mark.parametrize(
+    ("short", "told"), [(0.004, ""), (0.08 - 0.075, ""), (0.006, "they opened to 74 mm of 80 mm")]
+)
+def test_fingers_must_open_but_for_some_millimetres(
+    short: float, told: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made, hardware = cell("ResetGripper: {tries: 1, wait: 0 s}")
+
+    def opens(*given: Any) -> Doing[None]:
+        hardware.gripper.width = hardware.gripper.target = 0.08 - short
+        yield
+
+    monkeypatch.setattr("picktree.recovery.reset_gripper.open_gripper", opens)
+    if told:
+        told = f"control.gripper: after 1 tries the fingers still do not follow: {told}"
+    assert ended(made)[0] == told
+
+
+def test_the_fingers_wait_until_the_arm_stands() -> None:
+    made, hardware = cell("GoTo: {pose: rest}")
+    while made.speed < 0.1:
+        made.tick()
+        assert made.running
+    made.halt()
+    made.start(mission("ResetGripper"))
+    before = hardware.gripper.target
+    for _ in range(100):
+        made.tick()
+        if hardware.gripper.target != before:
+            break
+    assert hardware.gripper.target != before
+    assert made.world.control.at_rest
+    assert made.speed < 1e-3
+
+
+@pytest.mark.parametrize("wait", [0.0, 0.5])
+def test_between_two_tries_it_waits_that_long(wait: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    made, hardware = cell(f"ResetGripper: {{tries: 2, wait: {wait}}}")
+    jam(hardware)
+    began, closes = list[float](), made.world.grip.close
+
+    def closing(force: float) -> Any:
+        began.append(made.world.clock.now)
+        result = yield from closes(force)
+        began.append(made.world.clock.now)
+        return result
+
+    monkeypatch.setattr(made.world.grip, "close", closing)
+    ended(made)
+    assert wait <= began[2] - began[1] < wait + 0.3  # and opened again
+    assert made.world.clock.now - began[-1] == pytest.approx(wait, abs=1e-6)

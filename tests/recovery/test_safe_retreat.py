@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
 
+from picktree.manipulation.retreat.clearing import RetreatMotion
+from picktree.planning.requests import ContactPair
+from picktree.simulation.kinematic.backend import KinematicHardware
 from picktree.world.belief.planning_scene import BeliefObject
+from picktree.world.causes import Cause, Failure, FailureReport, control, place
 from picktree.world.shapes import Box
 from picktree.world.values import ObjectId, Pose, Vector3
 
@@ -85,7 +89,7 @@ def test_with_no_way_out_it_says_what_it_is_in_and_what_was_tried_and_stays(
 
 
 def test_a_held_object_is_kept_dropped_or_put_down_as_asked() -> None:
-    for hand, holds, place in (
+    for hand, holds, where in (
         ("keep", True, "hand"),
         ("open", False, "table"),
         ("put_down", False, "table"),
@@ -95,7 +99,7 @@ def test_a_held_object_is_kept_dropped_or_put_down_as_asked() -> None:
         assert do(made, f"Grasp: {{object: {item}, onward: false}}") == ("SUCCESS", "")
         assert do(made, f"SafeRetreat: {{hand: {hand}}}") == ("SUCCESS", "")
         assert at(made, "home")
-        assert made.world.scene.get(item).place == place
+        assert made.world.scene.get(item).place == where
         assert (made.world.scene.held is not None) is holds
         (body,) = made.hardware.truth()
         high = body.pose.position[2] > 0.1
@@ -152,3 +156,235 @@ def test_what_is_touched_on_the_way_home_is_left_and_gone_around(monkeypatch: py
     assert do(made, "SafeRetreat: {pose: home}") == ("SUCCESS", "")
     assert at(made, "home")
     assert len(met) >= 2
+
+
+class Ways:
+    """Ways out that end as they are told, with what is believed to be in the way meanwhile."""
+
+    def __init__(
+        self, cell: Cell, patch: pytest.MonkeyPatch, *out: bool, touched: bool = False, home: bool = True
+    ) -> None:
+        self.cell, self.looks = cell, 0
+        self.contacts: list[tuple[ContactPair, ...]] = [()]
+        """At each question; the last is used again."""
+        self.said = list[str]()
+        outs, world = list(out), cell.world
+        look = world.eyes.look
+
+        def out_(leaving: RetreatMotion) -> Doing[bool]:
+            self.said.append("out")
+            leaving.touched = touched
+            yield
+            return outs.pop(0)
+
+        def home_(_: object, leaving: RetreatMotion, *more: object) -> Doing[bool]:
+            self.said.append("home")
+            leaving.tried.append("to home: no way")
+            yield
+            return home
+
+        def looking(camera: str) -> Any:
+            self.looks += 1
+            return look(camera)
+
+        def anew(_: RetreatMotion) -> None:
+            self.said.append("anew")
+
+        patch.setattr(RetreatMotion, "out", out_)
+        patch.setattr(RetreatMotion, "anew", anew)
+        patch.setattr("picktree.recovery.safe_retreat.go_home", home_)
+        patch.setattr(world.plan, "contacts", self._contacts)
+        patch.setattr(world.eyes, "look", looking)
+
+    def _contacts(self) -> tuple[ContactPair, ...]:
+        return self.contacts.pop(0) if len(self.contacts) > 1 else self.contacts[0]
+
+    def failure(self, body: str = "SafeRetreat") -> FailureReport | None:
+        do(self.cell, body)
+        return self.cell.tree.failure
+
+
+def pairs(*depths: float) -> tuple[ContactPair, ...]:
+    return tuple(ContactPair(f"link_{n}", f"ghost_{n}", -depth) for n, depth in enumerate(depths))
+
+
+def test_where_no_way_leads_out_it_looks_and_stays_if_all_is_as_before(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    ways = Ways(cell(), monkeypatch, False)
+    ways.contacts = [pairs(0.02)]
+    failure = ways.failure()
+    assert failure is not None
+    assert str(failure.cause) == "safety.no_retreat"
+    assert (ways.said, ways.looks) == (["out"], 1)
+
+
+@pytest.mark.parametrize("why", ["it has touched something", "it sees otherwise"])
+def test_where_something_is_otherwise_it_tries_to_get_out_anew(
+    why: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for second in (True, False):
+        ways = Ways(cell(), monkeypatch, False, second, touched="touched" in why)
+        ways.contacts = [pairs(0.02)] if "touched" in why else [pairs(0.02), ()]
+        failure = ways.failure()
+        assert (failure is None) is second
+        assert ways.said == ["out", "anew", "out", *(["home"] if second else [])]
+
+
+def test_without_a_way_home_it_says_what_was_tried(monkeypatch: pytest.MonkeyPatch) -> None:
+    ways = Ways(cell(), monkeypatch, True, home=False)
+    failure = ways.failure("SafeRetreat: {pose: rest}")
+    assert failure is not None
+    assert failure.message == "there is no safe way to rest; the arm stays where it is: to home: no way"
+    assert failure.evidence == {
+        "in_the_way": [], "depth": 0.0, "tried": ["to home: no way"], "pressed": failure.evidence["pressed"]
+    }  # fmt: skip
+    assert failure.evidence["pressed"] == pytest.approx(0.0, abs=1.5)
+
+
+def test_the_first_three_things_in_the_way_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    ways = Ways(cell(), monkeypatch, False)
+    ways.contacts = [pairs(0.004, -0.001, 0.0, 0.0307, 0.002, 0.001)]
+    failure = ways.failure()
+    assert failure is not None
+    named = [f"link_{n} at ghost_{n} ({deep} mm deep)" for n, deep in ((0, 4), (3, 31), (4, 2), (5, 1))]
+    assert failure.message == (
+        f"there is no safe way to home; the arm stays where it is: {', '.join(named[:3])} in the way"
+    )
+    assert failure.evidence["in_the_way"] == named
+    assert failure.evidence["depth"] == 0.0307
+
+
+def test_what_is_near_is_not_in_the_way_and_the_time_may_be_over(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("picktree.recovery.safe_retreat.LONGEST", 0.0)
+    ways = Ways(cell(), monkeypatch, False)
+    ways.contacts = [pairs(-0.001)]
+    failure = ways.failure()
+    assert failure is not None
+    assert failure.message == (
+        "there is no safe way to home in time; the arm stays where it is: nothing could be tried"
+    )
+    assert (failure.evidence["in_the_way"], failure.evidence["depth"]) == ([], -0.001)
+
+
+def test_a_minute_and_a_half_is_enough_to_look_for_ways(monkeypatch: pytest.MonkeyPatch) -> None:
+    deadlines, init = list[float](), RetreatMotion.__init__
+
+    def noting(self: RetreatMotion, world: Any, node: str, deadline: float) -> None:
+        deadlines.append(deadline - world.clock.now)
+        init(self, world, node, deadline)
+
+    monkeypatch.setattr(RetreatMotion, "__init__", noting)
+    assert do(cell(), "SafeRetreat") == ("SUCCESS", "")
+    assert deadlines == [pytest.approx(90.0)]
+
+
+def holding() -> tuple[Cell, str]:
+    made = cell()
+    item = block(made)
+    assert do(made, f"Grasp: {{object: {item}, onward: false}}") == ("SUCCESS", "")
+    assert made.world.control.wrist.payload is not None
+    return made, item
+
+
+@pytest.mark.parametrize("drops", [False, True])
+@pytest.mark.parametrize("cause", [control.TIMEOUT, place.OCCUPIED])
+def test_what_cannot_be_put_down_is_told_at_home(
+    cause: Cause, drops: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The stop that kept it from being put down is acknowledged before the arm goes home."""
+    made, item = holding()
+    told = Failure(cause, "it did not go", object=item)
+
+    def refuses(world: Any, *more: object) -> Doing[None]:
+        yield
+        world.control.monitor.check_tool((2.0, 0.0, 0.5))
+        if drops:
+            world.scene.detach(ObjectId(item), Pose(), "table", "test")
+        raise told
+
+    monkeypatch.setattr("picktree.recovery.safe_retreat.put_down", refuses)
+    made.events.clear()
+    assert do(made, "SafeRetreat: {hand: put_down}")[1] == (cause.name if drops else "place.occupied")
+    assert at(made, "home")
+    assert len(made.happened("safety_acknowledged")) == 1
+    failure = made.tree.failure
+    assert failure is not None
+    if drops or cause is place.OCCUPIED:
+        assert (failure.message, failure.evidence) == ("it did not go", {"object": item})
+    else:
+        assert failure.message == f"{item} cannot be put down: it did not go; it is still in the hand"
+        assert failure.evidence == {"object": item, "because": "control.timeout"}
+
+
+@pytest.mark.parametrize("room", [True, False])
+def test_fingers_open_where_they_have_room(room: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    made, item = holding()
+    ways = Ways(made, monkeypatch, True)
+    asked = list[tuple[float, tuple[str, ...]]]()
+
+    def contacts(_: Pose, width: float, ignore: tuple[str, ...]) -> tuple[str, ...]:
+        asked.append((width, ignore))
+        return () if room else ("ghost",)
+
+    monkeypatch.setattr(made.world.queries, "hand_contacts", contacts)
+    opens = made.world.grip.open
+
+    def opening(*given: Any) -> Any:
+        ways.said.append("open")
+        return opens(*given)
+
+    monkeypatch.setattr(made.world.grip, "open", opening)
+    assert ways.failure("SafeRetreat: {hand: open}") is None
+    assert ways.said == (["open", "out", "home"] if room else ["out", "open", "home"])
+    assert asked == [(0.08, (item,))]
+    assert made.world.scene.held is None
+    assert made.world.control.wrist.payload is None
+
+
+@pytest.mark.parametrize("cause", [control.GRIPPER, control.TIMEOUT])
+def test_fingers_that_do_not_open_may_do_so_further_away(
+    cause: Cause, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made, _ = holding()
+    ways = Ways(made, monkeypatch, True, home=False)
+    refused, opens = list[Failure](), made.world.grip.open
+
+    def opening(*given: Any) -> Any:
+        if not refused:
+            refused.append(Failure(cause, "they opened by half"))
+            raise refused[0]
+        return opens(*given)
+
+    monkeypatch.setattr(made.world.grip, "open", opening)
+    failure = ways.failure("SafeRetreat: {hand: open}")
+    assert failure is not None
+    if cause is control.TIMEOUT:
+        assert str(failure.cause) == "control.timeout"
+        assert ways.said == []
+    else:
+        assert failure.evidence["tried"] == ["they opened by half", "to home: no way"]
+        assert made.world.scene.held is None
+
+
+def test_fingers_that_have_met_hold_nothing_whatever_is_believed(monkeypatch: pytest.MonkeyPatch) -> None:
+    made, _ = holding()
+    Ways(made, monkeypatch, True)
+    assert isinstance(made.hardware, KinematicHardware)
+    made.hardware.remove(made.hardware.truth()[0].id)
+    made.hardware.gripper.width = made.hardware.gripper.target = 0.0
+    made.wait()
+    assert do(made, "SafeRetreat") == ("SUCCESS", "")  # and not grasp.slipped: it was not to be kept
+    assert made.world.scene.held is None
+    assert made.world.control.wrist.payload is None
+
+
+def test_what_was_to_be_kept_and_slipped_on_the_way_weighs_nothing_any_more() -> None:
+    made, item = holding()
+    made.hardware.remove(str(made.hardware.truth()[0].id))
+    assert do(made, "SafeRetreat") == ("FAILURE", "grasp.slipped")
+    failure = made.tree.failure
+    assert failure is not None
+    assert failure.message.startswith(f"{item} was to be kept and is gone: opening 0.0 mm, load ")
+    assert set(failure.evidence) == {"object", "width", "load"}
+    assert made.world.control.wrist.payload is None

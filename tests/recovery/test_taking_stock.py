@@ -4,17 +4,25 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
 
-from picktree.recovery.belief_restart import ResyncReport, resync_belief
+from picktree.recovery.belief_restart import ResyncReport, _recognise, resync_belief  # pyright: ignore[reportPrivateUsage]
 from picktree.simulation.fault_files.device_entries import AtTime, CameraDrop, GripperJam
 from picktree.simulation.kinematic.backend import KinematicHardware
+from picktree.world.belief.planning_scene import BeliefObject
+from picktree.world.causes import Failure, control, safety
 from picktree.world.journal import JournalEvent
+from picktree.world.shapes import Box
 from picktree.world.values import ObjectId, Pose
 
 from ..skills.cell import LIMIT, Cell, items, mission
+
+if TYPE_CHECKING:
+    from picktree.cell.world import World
+    from picktree.trees.skill import Doing
 
 FIRST = "the run goes on as things stand: it looks first, with the belief of before"
 
@@ -187,3 +195,156 @@ def test_a_camera_that_shows_nothing_is_told() -> None:
     assert found == ResyncReport((), (), False)
     assert notes[1].startswith("overhead shows nothing: ")
     assert notes[2] == "looked: nothing more is done; 1 to be done"
+
+
+def test_an_arm_that_does_not_come_to_rest_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    made, _ = cell(block=1)
+
+    def moves_on() -> Doing[None]:
+        yield
+        raise Failure(control.TIMEOUT, "it swings")
+
+    rest = made.world.move.rest
+
+    def resting() -> Doing[None]:
+        monkeypatch.setattr(made.world.move, "rest", rest)
+        return moves_on()
+
+    monkeypatch.setattr(made.world.move, "rest", resting)
+    _, notes = stock(made)
+    assert notes[:2] == [FIRST, "the arm does not come to rest: it swings"]
+
+
+def jammed(width: float) -> Cell:
+    """A hand whose fingers stay where they are."""
+    made, hardware = cell(block=1)
+    hardware.gripper.width = hardware.gripper.target = width
+    hardware.afflict(0, GripperJam(AtTime(0.0)))
+    return made
+
+
+@pytest.mark.parametrize(("width", "across"), [(0.03, 0.03), (0.003, 0.005)])
+def test_what_is_felt_is_believed_in_the_hand_as_something_unknown(width: float, across: float) -> None:
+    made = jammed(width)
+    seen = list[BeliefObject]()
+
+    def watch() -> None:
+        believed = made.world.scene.find(ObjectId("in_hand"))
+        if believed is not None and believed.attached:
+            seen.append(believed)
+
+    stock(made, watch)
+    felt = seen[0]
+    assert (felt.role, felt.kind, felt.form, felt.colour) == ("item", "unknown", "unknown", "unknown")
+    assert isinstance(felt.shape, Box)
+    assert felt.shape.size == pytest.approx((0.1, across, 0.1))
+    assert felt.object_in_tcp == Pose()
+    assert (felt.sigma_position, felt.sigma_angle, felt.confidence) == (0.02, 0.2, 0.5)
+
+
+@pytest.mark.parametrize(
+    ("width", "reached", "held"),
+    [(0.03, 0.0279, False), (0.03, 0.0281, True), (0.0030, 0.0014, False), (0.0030, 0.0016, True)],
+)
+def test_fingers_that_come_half_of_the_way_have_nothing_between_them(
+    width: float, reached: float, held: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made, hardware = cell(block=1)
+    hardware.gripper.width = hardware.gripper.target = width
+    asked = list[tuple[float, float]]()
+
+    def moving(to: float, force: float) -> Doing[float]:
+        asked.append((to, force))
+        yield
+        return reached
+
+    monkeypatch.setattr(made.world.grip, "move", moving)
+    found, _ = stock(made)
+    assert found.held is held
+    assert asked[0] == (pytest.approx(max(width - 0.004, 0.0)), 5.0)
+
+
+@pytest.mark.parametrize("weighs", [True, False])
+def test_the_hand_is_emptied_twice_at_most_and_by_what_it_weighs(
+    weighs: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What weighs is put down first, and let go where that fails; what weighs nothing is lowered."""
+    made = jammed(0.03)
+    did, world = list[str](), made.world
+    guarded, settle = world.move.guarded, world.control.settle
+
+    def lowering(direction: Any, distance: float, force: float, speed: float, **more: Any) -> Any:
+        did.append(f"lower {[*direction]} {distance} {force} {speed}")
+        return guarded(direction, distance, force, speed, **more)
+
+    def carried_out(text: str, _: World) -> Doing[None]:
+        did.append("put down" if "put_down" in text else "open" if "open" in text else "home")
+        yield
+
+    def settling() -> Doing[None]:
+        did.append("settle")
+        return settle()
+
+    def load() -> float:
+        did.append("weigh")
+        return 0.98 if weighs else 0.0
+
+    monkeypatch.setattr(world.move, "guarded", lowering)
+    monkeypatch.setattr(world.control, "settle", settling)
+    monkeypatch.setattr(world.control, "load", load)
+    monkeypatch.setattr("picktree.recovery.belief_restart._carry_out", carried_out)
+    found, _ = stock(made)
+    assert found.held
+    lower = "lower [0.0, 0.0, -1.0] 0.15 5.0 0.05"
+    did = [word for n, word in enumerate(did) if word != "settle" or did[n + 1 : n + 2] == ["weigh"]]
+    first = ["settle", "weigh", *(["put down"] if weighs else [lower, "open"])]
+    assert did == [*first, "settle", "weigh", lower, "open"]
+
+
+def test_what_cannot_be_let_down_is_let_go_where_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
+    made = jammed(0.03)
+
+    def refused(*given: Any, **more: Any) -> Doing[None]:
+        yield
+        raise Failure(safety.WORKSPACE, "it would leave the workspace")
+
+    monkeypatch.setattr(made.world.move, "guarded", refused)
+    _, notes = stock(made)
+    assert notes.count("it is not let down any further: it would leave the workspace") == 2
+
+
+def believed(cell: Cell, **items: tuple[str, str, float]) -> None:
+    """Items by name: kind, colour, and where along the table they lie."""
+    (like,) = cell.world.scene.objects
+    cell.world.scene.remove(like.id, "test")
+    for name, (kind, colour, y) in items.items():
+        at = Pose((0.45, y, 0.02))
+        cell.world.scene.put(replace(like, id=ObjectId(name), kind=kind, colour=colour, pose=at), "test")
+
+
+def recognised(cell: Cell, **seen: tuple[str, str, float]) -> dict[str, float]:
+    """Items by name and place after others were seen where these are known from before."""
+    known = {o.id: o for o in cell.world.scene.objects if o.role == "item"}
+    for name in known:
+        cell.world.scene.remove(name, "no longer seen")
+    like = next(iter(known.values()))
+    for name, (kind, colour, y) in seen.items():
+        at = Pose((0.45, y, 0.02))
+        cell.world.scene.put(replace(like, id=ObjectId(name), kind=kind, colour=colour, pose=at), "seen")
+    _recognise(cell.world, known)
+    return {str(o.id): o.pose.position[1] for o in cell.world.scene.objects if o.role == "item"}
+
+
+def test_each_is_recognised_once_the_nearest_first_and_only_as_what_it_looks_like() -> None:
+    made, _ = cell(block=1)
+    believed(made, a=("block", "red", 0.0), b=("block", "red", 0.1), c=("can", "red", 0.0))
+    found = recognised(made, x=("block", "red", 0.09), y=("block", "red", 0.12), z=("can", "blue", 0.0))
+    # b lies nearest to x; what is left is a; another colour is another thing.
+    assert found == {"b": 0.09, "a": 0.12, "z": 0.0}
+
+
+def test_what_is_still_known_is_not_taken_for_another() -> None:
+    made, _ = cell(block=1)
+    believed(made, a=("block", "red", 0.0), b=("block", "red", 0.1))
+    assert recognised(made, a=("block", "red", 0.3), x=("block", "red", -0.2)) == {"a": 0.3, "b": -0.2}
+    assert recognised(made, a=("block", "red", 0.3), b=("block", "red", 0.2)) == {"a": 0.3, "b": 0.2}

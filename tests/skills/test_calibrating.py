@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from picktree.calibration.observations import DetectedTile, TargetImage
 from picktree.calibration.targets import TouchPoint
 from picktree.simulation.fault_files.device_entries import AtTime, CameraDrop
 from picktree.simulation.kinematic.backend import KinematicHardware
+from picktree.trees.skill import Steps
 from picktree.world.protocols import RgbdImage
 from picktree.world.scene.loading.scene_loading import load_scene
 from picktree.world.values import Array, Pose, Vector3
@@ -110,6 +112,37 @@ def test_before_a_camera_that_hangs_still_the_arm_goes_aside(monkeypatch: pytest
     # In the first pose the target was hidden; the second one is `rest`.
     assert np.abs(made.world.control.state.position - made.world.robot.named("rest")).max() < 2e-3
     assert shot.believed == next(c.pose for c in made.world.description.cameras if c.name == "overhead")
+
+
+@pytest.mark.parametrize(
+    ("ports", "expected"),
+    [
+        ("camera: overhead, pictures: 3", ["settle", "shoot", "settle", "shoot", "shoot", "shoot"]),
+        ("camera: wrist, views: 4", ["settle", "shoot", "shoot"] * 4),
+    ],
+)
+def test_pictures_are_taken_when_the_arm_has_settled(ports: str, expected: list[str]) -> None:
+    made = cell(f"Survey: {{target: target, {ports}}}")
+    made.start(mission(f"Sequence: [{{GoTo: {{pose: rest}}}}, {{Survey: {{target: target, {ports}}}}}]"))
+    while made.leaf != "Survey":
+        made.tick()
+    did, world = list[str](), made.world
+    settle, shoot = world.control.settle, world.eyes.shoot
+
+    def settling() -> Steps:
+        did.append("settle")
+        return settle()
+
+    def shooting(camera: str) -> Any:
+        did.append("shoot")
+        return shoot(camera)
+
+    world.control.settle = settling  # type: ignore[method-assign]
+    world.eyes.shoot = shooting  # type: ignore[method-assign]
+    assert failed(made) == ""
+    # Motions settle, too; what counts is what comes right before the pictures.
+    kept = [one for n, one in enumerate(did) if one == "shoot" or did[n + 1 : n + 2] == ["shoot"]]
+    assert kept[-len(expected) :] == expected
 
 
 def test_what_is_not_there_is_told() -> None:

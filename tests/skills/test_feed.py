@@ -139,6 +139,44 @@ def test_only_a_bin_that_is_so_full_is_exchanged() -> None:
     assert feed.heard == ["exchange red_bin"]
 
 
+def test_a_bin_that_is_just_so_full_is_exchanged() -> None:
+    cell, feed = cell_with(LOOK, loads=0)
+    cell.world.eyes.bins[RED] = BinView(np.full((3, 3), 0.045))
+    full = bin_fill_level(cell.world, cell.world.scene.bins[RED])
+    cell.start(mission(f"ExchangeBin: {{bin: red_bin, fill: {full!r}}}"))
+    assert outcome(cell)[:2] == ("SUCCESS", "")
+    assert feed.heard == ["exchange red_bin"]
+
+
+def test_what_was_in_the_way_or_did_not_come_is_told_with_how_long() -> None:
+    cell, _ = cell_with("ExchangeBin: {bin: red_bin, clearance: 1 s}", obstructed_until=60.0)
+    outcome(cell)
+    assert cell.tree.failure is not None
+    told = {"bin": "red_bin", "fill": 0.0}
+    assert cell.tree.failure.evidence == {**told, "waited": pytest.approx(1.05, abs=0.06)}
+    cell, _ = cell_with("ExchangeBin: {bin: red_bin, longest: 1 s}", delay=None)
+    outcome(cell)
+    assert cell.tree.failure is not None
+    assert cell.tree.failure.evidence == {**told, "waited": pytest.approx(1.0, abs=0.01), "busy": False}
+    cell, _ = cell_with("AwaitItems: {clearance: 1 s}", loads=1, obstructed_until=60.0)
+    outcome(cell)
+    assert cell.tree.failure is not None
+    assert cell.tree.failure.evidence == {"waited": pytest.approx(1.05, abs=0.06), "deliveries": 0}
+
+
+def test_who_places_knows_of_the_empty_bin_that_stands_there_by_now() -> None:
+    cell, feed = cell_with(LOOK)
+    cell.finish()
+    (block,) = [o.id for o in cell.world.scene.objects]
+    cell.start(mission(f"Grasp: {{object: {block}, onward: false}}"))
+    cell.finish()
+    cell.world.eyes.bins[RED] = BinView(np.full((3, 3), 0.125))  # a full one, when it was seen
+    feed.exchanges[RED] = 1
+    cell.start(mission(f"Place: {{object: {block}, into: red_bin}}"))
+    assert outcome(cell)[:2] == ("SUCCESS", "")
+    assert len(cell.happened("bin_emptied")) == 1
+
+
 def test_what_is_in_the_hand_stays_there() -> None:
     cell, _ = cell_with(LOOK)
     cell.finish()

@@ -60,7 +60,9 @@ def test_a_peg_goes_into_the_hole_that_it_fits(kind: str, hole: str, seed: int) 
 def test_a_hole_that_is_not_there_is_not_found() -> None:
     cell = Cell(mission(inserting(", search: none, attempts: 1")), pegs(post_30=1))
     board = cell.world.scene.fixtures["board"]
-    away = replace(board, pose=board.pose.shifted((0.03, 0.0, 0.0)))
+    # Wider than it is by a little that nobody could measure: what is told is rounded to hundredths of a mm.
+    holes = tuple(replace(h, size=(h.size[0] + 1.2345e-5, h.size[1] + 1.2345e-5)) for h in board.holes)
+    away = replace(board, holes=holes, pose=board.pose.shifted((0.03, 0.0, 0.0)))
     cell.world.scene.fixtures = {**cell.world.scene.fixtures, "board": away}
     report = failed(cell)
     assert report.cause.name == "insert.not_found"
@@ -71,6 +73,19 @@ def test_a_hole_that_is_not_there_is_not_found() -> None:
     told = report.evidence
     assert (told["hole"], told["tried"], told["wanted"]) == ("board/square_32", ["straight down"], 0.03)
     assert abs(told["surface"]) < 0.002  # type: ignore[arg-type]
+    assert (told["clearance"], told["pulled_back"], told["object"]) == (
+        0.00201,
+        0,
+        cell.world.scene.objects[0].id,
+    )
+    for name, digits in (("depth", 5), ("force", 2), ("searched", 5), ("surface", 5)):
+        value = told[name]
+        assert isinstance(value, float)
+        assert value == round(value, digits)
+    assert set(told) == {
+        "object", "hole", "depth", "wanted", "force", "searched", "surface", "tried", "pulled_back",
+        "clearance",
+    }  # fmt: skip
     assert cell.world.scene.held is not None
     assert cell.world.control.at_rest
     # It ends with the peg out of the hole and the arm above it.

@@ -68,3 +68,21 @@ def test_halted_at_any_tick_the_arm_stands_soon(backend: Backend) -> None:
         one.halt()
         assert one.rest() <= 0.5
         assert one.world.control.monitor.stopped is None
+
+
+def test_as_fast_as_allowed_is_allowed_in_space_and_about_it() -> None:
+    for ports in ("velocity: [0.3, 0, 0.4]", "turn: [1.2, 0, 1.6]"):
+        mission(f"Jog: {{{ports}, duration: 1 s}}")
+
+
+def test_what_is_read_at_run_time_must_be_three_numbers() -> None:
+    for numbers, told in (
+        ([0.0, 0.1], "a jog needs three numbers x, y, z, not [0.0, 0.1]"),
+        ([0.0, 0.0, 0.1], ""),
+    ):
+        one = Cell(mission("Jog: {velocity: '{v}', duration: 100 ms}"), items(block=1))
+        one.tree.blackboard.write("Main/v", numbers, "test")
+        one.finish()
+        failure = one.tree.failure
+        assert (failure is None) is (not told)
+        assert told in ("" if failure is None else failure.message)

@@ -9,11 +9,14 @@ from typing import Any
 import numpy as np
 import pytest
 
+from picktree.cell.handover import PlaceCandidate
+from picktree.manipulation.place.release_poses import place_candidates
 from picktree.perception.fitting.view import BinView
 from picktree.planning.requests import MotionPlan, Request
 from picktree.simulation.kinematic.backend import KinematicHardware
+from picktree.skills.place import Place
 from picktree.trees.skill import Doing, Steps
-from picktree.world.causes import Failure, planning
+from picktree.world.causes import Cause, Failure, planning
 from picktree.world.shapes import bottom
 from picktree.world.trajectory import Trajectory
 from picktree.world.values import ObjectId
@@ -160,3 +163,102 @@ def test_a_bin_whose_heap_is_too_high_is_full() -> None:
     )
     assert failure.evidence == {"object": block, "bin": "red_bin"}
     assert cell.world.scene.held is not None
+
+
+def test_one_way_of_letting_go_over_a_bin_is_enough(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of the turns of the hand over each spot the first alone."""
+    cell, _, block = holding()
+    downs, through = list[float](), cell.world.plan.through
+
+    def first(*given: Any) -> Sequence[PlaceCandidate]:
+        return place_candidates(*given)[:1]
+
+    def going(legs: Sequence[Request], **how: Any) -> Doing[MotionPlan]:
+        downs.append(len(legs))
+        return through(legs, **how)
+
+    monkeypatch.setattr("picktree.skills.place.place_candidates", first)
+    monkeypatch.setattr(cell.world.plan, "through", going)
+    cell.start(mission(f"Place: {{object: {block}, into: red_bin}}"))
+    cell.finish()
+    assert cell.tree.failure is None
+    assert downs == [2]
+
+
+def test_where_nothing_is_to_be_gone_down_it_is_let_go_from_above(monkeypatch: pytest.MonkeyPatch) -> None:
+    for drop, legs in ((0.0, []), (0.01, [2])):
+        cell, _, block = holding()
+        downs, through = list[int](), cell.world.plan.through
+
+        def level(*given: Any, drop: float = drop) -> Sequence[PlaceCandidate]:
+            return [replace(landing, drop=drop) for landing in place_candidates(*given)]
+
+        def going(
+            asked: Sequence[Request], *, downs: list[int] = downs, through: Any = through, **how: Any
+        ) -> Any:
+            downs.append(len(asked))
+            return through(asked, **how)
+
+        monkeypatch.setattr("picktree.skills.place.place_candidates", level)
+        monkeypatch.setattr(cell.world.plan, "through", going)
+        cell.start(mission(f"Place: {{object: {block}, into: red_bin}}"))
+        cell.finish()
+        assert cell.tree.failure is None
+        assert downs == legs
+
+
+@pytest.mark.parametrize("cause", [planning.NO_IK, planning.START_IN_COLLISION])
+def test_another_level_is_tried_where_one_is_not_reached(
+    cause: Cause, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    cell, _, block = holding()
+    refused, down = list[Failure](), Place._down  # pyright: ignore[reportPrivateUsage]
+
+    def once(self: Place, *given: Any) -> Any:
+        if not refused:
+            refused.append(Failure(cause, "not there"))
+            raise refused[0]
+        return down(self, *given)
+
+    monkeypatch.setattr(Place, "_down", once)
+    cell.start(mission(f"Place: {{object: {block}, into: red_bin}}"))
+    cell.finish()
+    failure = cell.tree.failure
+    assert ("" if failure is None else failure.message) == ("" if cause is planning.NO_IK else "not there")
+
+
+def test_what_was_placed_is_told_and_believed_to_lie_there() -> None:
+    for where, words in (("into: red_bin", "into red_bin"), ("at: [0.5, 0.2, 0]", "at [0.5, 0.2, 0.0]")):
+        cell, hardware, block = holding()
+        form = cell.world.scene.get(block).form
+        cell.start(mission(f"Place: {{object: {block}, {where}}}"))
+        cell.finish()
+        assert cell.tree.failure is None
+        (done,) = (e for e in cell.events if e.kind == "item_done")
+        assert done.message == f"{block} placed {words}"
+        into = "red_bin" if "into" in where else ""
+        assert {key: done.data[key] for key in ("object", "form", "into")} == {
+            "object": block, "form": form, "into": into
+        }  # fmt: skip
+        assert (done.data["spot"] == "point") is (into == "")
+        known = cell.world.scene.get(block)
+        assert known.place == (into or "table")
+        (body,) = hardware.truth()
+        assert known.pose.distance(body.pose) < 0.012
+        assert cell.world.control.wrist.payload is None
+
+
+def test_what_cannot_be_placed_is_told_before_the_arm_moves() -> None:
+    cell, _, block = holding()
+    before = cell.world.control.state.position
+    for ports, cause, message in (
+        ("into: no_bin", "world.unknown_object", "there is no bin 'no_bin'"),
+        ("at: '{spot}'", "world.unknown_object", "`at` needs three numbers x, y, z, not [0.5, 0.2]"),
+    ):
+        cell.start(mission(f"Place: {{object: {block}, {ports}}}"))
+        cell.tree.blackboard.write("Main/spot", [0.5, 0.2], "test")
+        cell.finish()
+        failure = cell.tree.failure
+        assert failure is not None
+        assert (str(failure.cause), failure.message) == (cause, message)
+    assert np.abs(cell.world.control.state.position - before).max() < 1e-3

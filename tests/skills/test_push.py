@@ -9,14 +9,17 @@ from typing import Any
 
 import pytest
 
+from picktree.cell.world import World
 from picktree.files.marks import FileError
+from picktree.manipulation.push.pushed_object import observe_closely
 from picktree.manipulation.push.singulation import has_room
-from picktree.manipulation.push.stroke_planning import PushStroke
+from picktree.manipulation.push.stroke_planning import PushGoal, PushStroke, push_strokes
 from picktree.simulation.kinematic.backend import KinematicHardware
 from picktree.simulation.kinematic.bodies import KinematicBody
+from picktree.trees.skill import Doing
 from picktree.world.belief.planning_scene import BeliefObject
 from picktree.world.causes import FailureReport
-from picktree.world.planar_geometry import planar, wrap_angle
+from picktree.world.planar_geometry import PlanarPose, planar, wrap_angle
 from picktree.world.scene.description import SceneDescription
 from picktree.world.scene.loading.scene_loading import load_scene
 from picktree.world.values import ObjectId, Pose
@@ -289,6 +292,120 @@ def test_what_is_gone_after_a_stroke_is_lost() -> None:
         f"{block} is not seen where it was pushed (pushed for 40 mm)",
     )
     assert failure.evidence == {"object": block, "touched": True, "reached": pytest.approx(0.04)}
+
+
+@pytest.mark.parametrize("seen", [True, False])
+def test_what_the_arm_hides_is_looked_at_from_aside(seen: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The first pictures do not show it; the arm goes to where it hides nothing before the next."""
+    cell = beside(block=(0.50, 0.0, 0.0))
+    block = named(cell, "block")
+    cell.start(mission("GoTo: {pose: rest}"))
+    cell.finish()
+    poses, robot = list[str](), cell.world.robot
+
+    def looking(world: World, camera: str, name: ObjectId, pictures: int) -> Doing[BeliefObject | None]:
+        q = world.control.state.position
+        poses.append(next((p for p in ("rest", "observe") if abs(q - robot.named(p)).max() < 2e-3), ""))
+        if len(poses) == 1 or not seen:
+            return None
+        return (yield from observe_closely(world, camera, name, pictures))
+
+    monkeypatch.setattr("picktree.skills.push.observe_closely", looking)
+    cause = push(cell, f"object: {block}, to: [0.5, 0.0]")
+    assert poses[0] == "rest"
+    assert poses[1] not in ("rest",)
+    assert len(poses) == 2
+    assert cause == ("" if seen else "perception.not_found")
+    if not seen:
+        failure = cell.tree.failure
+        assert failure is not None
+        assert failure.message == f"{block} is not in the view of overhead"
+        assert failure.evidence == {"object": block}
+
+
+def test_what_nobody_knows_is_not_pushed_and_not_looked_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    cell = beside(block=(0.50, 0.0, 0.0))
+    for ports, looks in (("singulate: true", 1), ("to: [0.5, 0.0]", 0)):
+        looked, look = list[str](), type(cell.world.eyes).look
+
+        def looking(camera: str, looked: list[str] = looked, look: Any = look) -> Any:
+            looked.append(camera)
+            return look(cell.world.eyes, camera)
+
+        monkeypatch.setattr(cell.world.eyes, "look", looking)
+        assert push(cell, f"object: red_nut_9, {ports}") == "world.unknown_object"
+        assert len(looked) == looks
+
+
+def test_what_is_round_has_no_heading() -> None:
+    cell = beside(can=(0.50, 0.05, 0.0))
+    can = named(cell, "can")
+    for ports in ("yaw: 1.0", "to: [0.50, 0.05], yaw: 1.0", "to: [0.50, 0.05]"):
+        cell.events.clear()
+        assert push(cell, f"object: {can}, {ports}") == ""
+        assert made(cell) == []
+
+
+def test_a_heading_alone_is_asked_for_where_it_stands() -> None:
+    cell = beside(block=(0.50, 0.0, 0.0))
+    assert push(cell, f"object: {named(cell, 'block')}, yaw: 0.5, strokes: 1, tolerance: 1 m") != "" or made(
+        cell
+    )
+
+
+def ending_nowhere(*_: Any) -> tuple[PushStroke, ...]:
+    return ()
+
+
+def offered(cell: Cell, ports: str, monkeypatch: pytest.MonkeyPatch, *ends: PlanarPose) -> list[PlanarPose]:
+    """Of strokes that end so, those of which it is asked whether they are free."""
+    asked = list[PlanarPose]()
+    strokes = push_strokes
+
+    def ending(belief: BeliefObject, aim: PushGoal, *more: Any) -> list[PushStroke]:
+        like = strokes(belief, PushGoal(0.45, 0.0), *more)[0]
+        return [replace(like, ends=end) for end in ends]
+
+    def refused(_: object, __: object, stroke: PushStroke) -> str:
+        asked.append(stroke.ends)
+        return "not free"
+
+    monkeypatch.setattr("picktree.skills.push.push_strokes", ending)
+    monkeypatch.setattr("picktree.skills.push.turning_room_strokes", ending_nowhere)
+    monkeypatch.setattr("picktree.skills.push.stroke_refusal", refused)
+    assert push(cell, ports) == "push.no_stroke"
+    return asked
+
+
+def test_a_stroke_helps_that_leaves_less_to_be_done(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two centimetres to go: a radian of heading is worth as much as a way of two centimetres."""
+    cell = beside(block=(0.50, 0.0, 0.0))
+    (block,) = cell.world.scene.objects
+    yaw = planar(block.shape, block.pose).yaw
+    ends = [
+        PlanarPose(0.48, 0.0, yaw),
+        PlanarPose(0.49, 0.0, yaw + 0.45),
+        PlanarPose(0.49, 0.0, yaw + 0.55),
+        PlanarPose(0.485, 0.0, yaw + 0.7),
+        PlanarPose(0.49, 0.0, yaw - 0.45),
+        PlanarPose(0.52, 0.0, yaw),
+    ]
+    asked = offered(cell, f"object: {block.id}, direction: [-1, 0], distance: 20 mm", monkeypatch, *ends)
+    assert asked == [ends[0], ends[1], ends[3], ends[4]]
+    failure = cell.tree.failure
+    assert failure is not None
+    assert failure.message.count("not free") == 4
+
+
+def test_a_line_is_pushed_as_long_as_it_is_said_whatever_its_direction_s_length() -> None:
+    for direction in ("[-3, 0]", "[-0.001, 0]"):
+        cell = beside(block=(0.50, 0.0, 0.2))
+        block = named(cell, "block")
+        assert push(cell, f"object: {block}, direction: {direction}, distance: 30 mm") == ""
+        (body,) = cell.hardware.truth()
+        at = planar(body.shape, body.pose)
+        assert math.hypot(at.x - 0.47, at.y) < 0.0016
+        assert abs(wrap_angle(at.yaw - 0.2, math.pi / 2)) < math.radians(1.6)  # its heading is kept
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,230 @@
+"""Grasp: what is planned ahead for a candidate, what a full hand means, and what is said of a miss."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import pytest
+
+from picktree.manipulation.pick.pick_candidates import PickPlaceCandidate
+from picktree.manipulation.pick.pick_stream import CandidateSearch
+from picktree.simulation.kinematic.backend import KinematicHardware
+from picktree.trees.skill import Doing
+from picktree.world.causes import Cause, Failure, FailureReport, control, planning
+
+from .cell import Cell, items, mission
+
+Change = Callable[[PickPlaceCandidate], PickPlaceCandidate]
+Find = Callable[..., Doing[PickPlaceCandidate | None]]
+
+
+def looked(**counts: int) -> tuple[Cell, list[str]]:
+    cell = Cell(mission("Observe: {camera: overhead}"), items(**counts))
+    cell.finish()
+    return cell, [str(o.id) for o in cell.world.scene.objects]
+
+
+def failed(cell: Cell, body: str) -> FailureReport:
+    cell.start(mission(body))
+    cell.finish()
+    assert cell.tree.failure is not None
+    return cell.tree.failure
+
+
+def unchanged(pick: PickPlaceCandidate) -> PickPlaceCandidate:
+    return pick
+
+
+def nowhere(pick: PickPlaceCandidate) -> PickPlaceCandidate:
+    return replace(pick, landing=None)
+
+
+def not_over(pick: PickPlaceCandidate) -> PickPlaceCandidate:
+    return replace(pick, above=None)
+
+
+def flat(pick: PickPlaceCandidate) -> PickPlaceCandidate:
+    return replace(pick, grasp=replace(pick.grasp, flat=True))
+
+
+@pytest.mark.parametrize(
+    ("change", "onward", "ahead", "later", "handed_over"),
+    [
+        (unchanged, True, 1, 1, True),
+        (unchanged, False, 0, 0, False),
+        (nowhere, True, 0, 0, False),
+        (not_over, True, 0, 1, True),
+        (flat, True, 0, 1, True),
+    ],
+)
+def test_the_transfer_is_planned_ahead_where_it_is_known(
+    change: Change, onward: bool, ahead: int, later: int, handed_over: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Plans made while the arm approaches, and in all until the object is lifted."""
+    cell, (block,) = looked(block=1)
+    find, plans, think = CandidateSearch.find, list[bool](), cell.world.plan.ahead
+
+    def finding(self: CandidateSearch, **how: Any) -> Doing[PickPlaceCandidate | None]:
+        pick = yield from find(self, **how)
+        return None if pick is None else change(pick)
+
+    def thinking(doing: Any) -> Any:
+        plans.append(bool(cell.world.scene.held) or cell.world.control.tcp.position[2] < 0.05)
+        return think(doing)
+
+    monkeypatch.setattr(CandidateSearch, "find", finding)
+    monkeypatch.setattr(cell.world.plan, "ahead", thinking)
+    cell.start(mission(f"Grasp: {{object: {block}, onward: {str(onward).lower()}}}"))
+    cell.finish()
+    assert cell.tree.failure is None
+    assert (plans.count(False), len(plans)) == (ahead, later)
+    assert (cell.world.underway.take() is not None) is handed_over
+
+
+def test_another_object_in_the_hand_is_told() -> None:
+    cell, names = looked(block=1, can=1)
+    first, second = names
+    cell.start(mission(f"Grasp: {{object: {first}, onward: false}}"))
+    cell.finish()
+    failure = failed(cell, f"Grasp: {{object: {second}}}")
+    assert (str(failure.cause), failure.message) == (
+        "grasp.no_candidate", f"the hand is not free: it holds {first}"
+    )  # fmt: skip
+    assert failure.evidence == {"object": second, "held": first}
+
+
+def holding() -> tuple[Cell, KinematicHardware, str]:
+    cell, (block,) = looked(block=1)
+    cell.start(mission(f"Grasp: {{object: {block}, onward: false}}"))
+    cell.finish()
+    assert cell.tree.failure is None
+    assert isinstance(cell.hardware, KinematicHardware)
+    return cell, cell.hardware, block
+
+
+@pytest.mark.parametrize(
+    ("width", "loads", "lifts", "held"),
+    [
+        (0.04, [1.0], 0, True),
+        (0.04, [0.0, 1.0], 1, True),
+        (0.04, [0.0, 0.0], 1, False),
+        (0.0, [0.0], 0, False),
+        (0.0, [1.0], 0, False),
+    ],
+)
+def test_what_is_in_the_hand_already_is_felt_and_lifted_off_where_it_weighs_nothing(
+    width: float, loads: list[float], lifts: int, held: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    cell, hardware, block = holding()
+    hardware.gripper.width = hardware.gripper.target = width
+    did, settle = list[str](), cell.world.control.settle
+
+    def settling() -> Any:
+        did.append("settle")
+        return settle()
+
+    def load() -> float:
+        did.append("weigh")
+        return loads.pop(0)
+
+    def lifting(*given: Any) -> Doing[None]:
+        did.append("lift")
+        yield
+
+    monkeypatch.setattr("picktree.skills.grasp.lift_off", lifting)
+    monkeypatch.setattr(cell.world.control, "settle", settling)
+    monkeypatch.setattr(cell.world.control, "load", load)
+    cell.start(mission(f"Grasp: {{object: {block}}}"))
+    cell.finish()
+    assert did == ["settle", "weigh", *["lift", "settle", "weigh"] * lifts]
+    failure = cell.tree.failure
+    assert (failure is None) is held
+    assert (cell.world.scene.held is not None) is held
+    if failure is not None:
+        assert (str(failure.cause), failure.message) == (
+            "grasp.slipped", f"{block} was in the hand and is gone: opening {width * 1000:.1f} mm"
+        )  # fmt: skip
+        assert failure.evidence["width"] == pytest.approx(width)
+
+
+def test_a_planner_s_refusal_to_begin_gets_the_arm_clear_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    for cause, cleared in ((planning.START_IN_COLLISION, 1), (planning.NO_PATH, 0)):
+        cell, (block,) = looked(block=1)
+        escapes, refused, find = list[str](), list[Failure](), CandidateSearch.find
+
+        def finding(
+            self: CandidateSearch,
+            *,
+            cause: Cause = cause,
+            refused: list[Failure] = refused,
+            find: Find = find,
+            **how: Any,
+        ) -> Doing[PickPlaceCandidate | None]:
+            if not refused:
+                refused.append(Failure(cause, "it stands in something"))
+                raise refused[0]
+            return (yield from find(self, **how))
+
+        def escaping(*given: Any, escapes: list[str] = escapes) -> Doing[None]:
+            escapes.append("out")
+            yield
+
+        with monkeypatch.context() as patch:
+            patch.setattr(CandidateSearch, "find", finding)
+            patch.setattr("picktree.skills.grasp.escape_contact", escaping)
+            cell.start(mission(f"Grasp: {{object: {block}, onward: false}}"))
+            cell.finish()
+        assert len(escapes) == cleared
+        assert (cell.tree.failure is None) is bool(cleared)
+
+
+@pytest.mark.parametrize("kind", ["gone", "slips"])
+def test_a_miss_is_told_with_what_was_felt_and_remembered(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    cell, (block,) = looked(block=1)
+    hardware = cell.hardware
+    assert isinstance(hardware, KinematicHardware)
+    monkeypatch.setattr("picktree.skills.grasp.relocate_object", _nothing)
+    if kind == "gone":
+        hardware.remove(str(hardware.truth()[0].id))
+    else:
+        monkeypatch.setattr(cell.world.control, "load", lambda: 0.0)
+    failure = failed(cell, f"Grasp: {{object: {block}, onward: false}}")
+    (pick,) = (e for e in cell.events if e.kind == "pick")
+    told = {
+        "gone": ("grasp.missed", "the fingers met and hold nothing"),
+        "slips": ("grasp.slipped", "it was between the fingers and slipped out"),
+    }
+    cause, words = told[kind]
+    assert str(failure.cause) == cause
+    assert failure.message.startswith(f"{block}: {words} (opening ")
+    assert failure.evidence["candidate"] == pick.data["candidate"]
+    assert (pick.message, pick.data["held"], pick.data["first_try"]) == (f"{block}: not held", False, True)
+    assert pick.data["object"] == block
+    assert cell.world.attempts.count("Main/Grasp", block) == 1
+    assert cell.world.scene.held is None
+    cell.wait()
+    assert cell.world.grip.width > 0.07
+
+
+def _nothing(*_: Any) -> Doing[bool]:
+    yield
+    return False
+
+
+@pytest.mark.parametrize("cause", [control.TRACKING, planning.NO_PATH])
+def test_what_stops_the_approach_counts_against_the_candidate(
+    cause: Cause, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    cell, (block,) = looked(block=1)
+    told = Failure(cause, "it went wrong")
+
+    def refused(*given: Any, **how: Any) -> Doing[None]:
+        yield
+        raise told
+
+    monkeypatch.setattr(cell.world.move, "along", refused)
+    failure = failed(cell, f"Grasp: {{object: {block}}}")
+    assert (str(failure.cause), failure.message) == (cause.name, "it went wrong")
+    assert cell.world.attempts.count("Main/Grasp", block) == 1
