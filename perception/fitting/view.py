@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -44,16 +44,16 @@ class Detection:
     """`table` or the id of the bin that it lies in."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class UnexplainedPatch:
     """A patch of depth that no known thing explains, and the upright box about it, from its support up."""
 
     shape: Box
     pose: Pose
     colour: str
-    rows: NDArray[np.intp] = field(repr=False, compare=False)
+    rows: NDArray[np.intp]
     """Of its pixels (n,); all of them have a depth."""
-    columns: NDArray[np.intp] = field(repr=False, compare=False)
+    columns: NDArray[np.intp]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -110,17 +110,17 @@ class PerceivedView:
     detections: tuple[Detection, ...]
     unexplained: tuple[UnexplainedPatch, ...]
     bins: Mapping[ObjectId, BinView]
-    sight: PosedCamera = field(repr=False)
-    depth: Array = field(repr=False)
+    sight: PosedCamera
+    depth: Array
     """(h, w) m, 0 where unknown."""
-    label: NDArray[np.uint8] = field(repr=False)
+    label: NDArray[np.uint8]
     """Colour of each pixel, see `hues` (h, w)."""
-    blocked: NDArray[np.bool_] = field(repr=False)
+    blocked: NDArray[np.bool_]
     """Pixels that tell nothing: robot, held object, walls (h, w)."""
-    reach: NDArray[np.float32] = field(repr=False)
+    reach: NDArray[np.float32]
     """How far each pixel's ray is known to pass through free space (h, w), m: to what is seen there, or a
     little beyond what never moves; 0 where the robot is in the way, inf where the depth is unknown."""
-    supports: Callable[[Array], Array] = field(repr=False)
+    supports: Callable[[Array], Array]
     """See `backdrop.Floors.supports`."""
 
     def look(self, shape: Shape, pose: Pose, colour: str) -> BodyVisibility:
