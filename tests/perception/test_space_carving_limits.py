@@ -174,6 +174,21 @@ def test_a_pixel_needs_three_neighbours_of_its_depth() -> None:
     depth[10:19, 34] -= 0.05  # each has two
     halves = marked((slice(10, 19), slice(30, 34))), marked((slice(10, 19), slice(35, 39)))
     assert same(found(picture(depth)), *halves)
+    depth = raised(0.1, wide)
+    depth[14, 30:39] -= 0.05
+    halves = marked((slice(10, 14), slice(30, 39))), marked((slice(15, 19), slice(30, 39)))
+    assert same(found(picture(depth)), *halves)
+    # What is no more than the table around is no neighbour.
+    depth = raised(0.1, SQUARE)
+    depth[10, 30] = HEIGHT - 0.015
+    without = marked(SQUARE)
+    without[10, 30] = False
+    assert same(found(picture(depth)), without)
+
+
+def test_what_is_two_pixels_wide_is_noise() -> None:
+    assert found(picture(raised(0.1, (slice(10, 12), slice(10, 40))))) == []
+    assert found(picture(raised(0.1, (slice(5, 35), slice(10, 12))))) == []
 
 
 def pixels(*where: Where) -> tuple[Pixels, Pixels]:
@@ -274,8 +289,19 @@ def test_a_spike_of_less_than_two_centimetres_is_noise() -> None:
     for by, smoothed in ((0.0195, True), (-0.0195, True), (0.0205, False), (-0.0205, False)):
         depth = raised(0.11, where)
         depth[13, 33] -= by
-        levels = np.unique(cell_indices(surface_of(synthetic_view(depth), patch_of(*zip(rows, columns, strict=True))))[:, 2])  # fmt: skip
-        assert levels.tolist() == ([5] if smoothed else sorted({5, math.floor((0.11 + by) / 0.02)})), by
+        cells = surface_of(synthetic_view(depth), patch_of(*zip(rows, columns, strict=True)))
+        assert np.unique(cell_indices(cells)[:, 2]).tolist() == (
+            [5] if smoothed else sorted({5, math.floor((0.11 + by) / 0.02)})
+        ), by
+
+
+def test_a_spike_at_a_corner_of_the_patch_is_noise_as_well() -> None:
+    where: Where = (slice(10, 17), slice(30, 37))
+    for corner in ((10, 30), (10, 36), (16, 30), (16, 36)):
+        depth = raised(0.11, where)
+        depth[corner] -= 0.015
+        cells = surface_of(synthetic_view(depth), patch_of(*zip(*pixels(where), strict=True)))
+        assert np.unique(cell_indices(cells)[:, 2]).tolist() == [5], corner
 
 
 def test_at_its_borders_a_patch_is_not_smoothed_with_the_emptiness_around() -> None:
@@ -316,7 +342,7 @@ def test_what_is_not_above_its_support_takes_nothing_up() -> None:
 
 
 def test_a_column_reaches_from_its_highest_point_to_its_lowest_support() -> None:
-    """Two pixels of one patch in the same column of cells, at different heights and over different supports."""
+    """Two pixels of a patch in the same column of cells, at different heights and over different supports."""
     depth = np.full((HIGH, WIDE), HEIGHT)
     depth[12, 45], depth[12, 46] = 0.89, 0.80
     view = synthetic_view(
