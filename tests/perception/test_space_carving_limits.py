@@ -315,10 +315,11 @@ def test_at_its_borders_a_patch_is_not_smoothed_with_the_emptiness_around() -> N
 
 
 @pytest.mark.parametrize(("support", "lowest"), [(0.0, 0), (0.019, 0), (0.02, 1), (0.05, 2), (0.109, 5)])
-def test_it_stands_on_what_is_below(support: float, lowest: int) -> None:
-    pixel = (12, 45)
+@pytest.mark.parametrize("pixel", [(12, 45), (28, 13)])
+def test_it_stands_on_what_is_below(pixel: tuple[int, int], support: float, lowest: int) -> None:
+    v, u = pixel
     view = synthetic_view(
-        raised(0.11, (slice(12, 13), slice(45, 46))),
+        raised(0.11, (slice(v, v + 1), slice(u, u + 1))),
         reach=np.full((HIGH, WIDE), 0.5),
         supports=lambda points: np.full(len(points), support),
     )
