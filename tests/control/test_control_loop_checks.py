@@ -28,7 +28,7 @@ class FeelingHardware(KinematicHardware):
 
 
 class Readings:
-    """Arm and wrist sensor of a cell, which say what the test says; commands go nowhere."""
+    """Arm and wrist sensor of a cell, which say what the test says, and do not follow their commands."""
 
     def __init__(self, cell: Cell) -> None:
         self.position, self.velocity = HOME.copy(), STILL
@@ -36,15 +36,19 @@ class Readings:
         """Beyond the weight of the hand, N in the world."""
         self.torque = STILL
         """Beyond the arm's own weight, Nm."""
+        self.told: tuple[Array, Array] | None = None
+        self.torque_told: Array | None = None
         cell.loop._arm = self  # pyright: ignore[reportAttributeAccessIssue, reportPrivateUsage]
         cell.loop.wrist._sensor = _Sensor(self)  # pyright: ignore[reportPrivateUsage]
 
     def read(self) -> JointState:
         return JointState(self.position, self.velocity, MODEL.gravity(self.position) + self.torque)
 
-    def follow(self, position: Array, velocity: Array) -> None: ...
+    def follow(self, position: Array, velocity: Array) -> None:
+        self.told = position, velocity
 
-    def apply_torque(self, torque: Array) -> None: ...
+    def apply_torque(self, torque: Array) -> None:
+        self.torque_told = torque
 
 
 class _Sensor:
@@ -234,14 +238,165 @@ def test_an_arm_that_is_told_to_move_stands_beside_nothing() -> None:
 
 
 def test_who_takes_the_arm_over_need_not_look_after_how_it_brakes() -> None:
-    cell, _, track, lease = moving()
+    cell = Cell()
+    track = TrajectoryController(swing(HOME, ASIDE, 1.0), MODEL, cell.loop.period)
+    lease = cell.loop.acquire("test")
+    lease.run(track)
+    for _ in range(10):
+        cell.loop.step_tick(TICK)
+        assert lease.valid
     cell.loop.step_tick(TICK)
-    assert lease.valid
     cell.loop.acquire("other")
-    cell.loop.step_tick(TICK)  # the last sign of whoever moved it
     cell.loop.step_tick(0.25)
     assert track.braking
     assert cell.monitor.stopped is None
+
+
+def test_who_holds_the_arm_still_need_not_look_after_it() -> None:
+    cell, _ = scripted()
+    cell.loop.acquire("test").run(HoldController())
+    cell.loop.step_tick(TICK)
+    for _ in range(3):
+        cell.loop.step_tick(0.25)
+    assert cell.monitor.stopped is None
+
+
+def test_who_takes_the_arm_over_is_not_stopped_by_the_guard_of_before() -> None:
+    cell, readings = scripted()
+    _, guard = guarded(cell)
+    cell.loop.acquire("other")
+    readings.force = np.array([0.0, 0.0, 30.0])
+    steps(cell, 2)
+    assert guard.contact is None
+    assert cell.loop.controller == "Hold"
+
+
+def test_what_is_let_off_for_a_retreat_stops_whoever_else_moves_the_arm() -> None:
+    for owner, stops in (("Main/SafeRetreat", 1), ("Main/GoTo", 2)):
+        cell, _ = scripted()
+        cell.monitor.check_tool((9.0, 0.0, 0.5))
+        cell.monitor.acknowledge("Main/SafeRetreat")
+        lease = cell.loop.acquire(owner)
+        lease.run(HoldController())
+        assert cell.monitor.stops == 1
+        lease.run(TrajectoryController(swing(HOME, ASIDE, 3.0), MODEL, cell.loop.period))
+        assert cell.monitor.stops == stops
+
+
+@pytest.mark.parametrize(
+    ("speed", "periods", "learnt"),
+    [(0.0, 23, False), (0.0, 24, True), (0.019, 24, True), (0.021, 24, False)],
+)
+def test_the_bias_of_the_wrist_is_learnt_after_a_tenth_of_a_second_at_rest(
+    speed: float, periods: int, learnt: bool
+) -> None:
+    cell, readings = scripted()
+    readings.force = np.array([0.5, 2.0, -1.0])
+    readings.velocity = speed * np.array([0.6, 0.0, -0.8, 0.0, 0.0, 0.0, 0.0])
+    steps(cell, periods)
+    assert cell.loop.wrist.zeroed is learnt
+    assert cell.loop.wrist.force == pytest.approx((0.0, 0.0, 0.0) if learnt else (0.5, 2.0, -1.0))
+
+
+def test_a_moment_of_motion_lets_the_rest_begin_anew() -> None:
+    cell, readings = scripted()
+    steps(cell, 20)
+    readings.velocity = np.full(7, 0.1)
+    steps(cell, 1)
+    readings.velocity = STILL
+    steps(cell, 23)
+    assert not cell.loop.wrist.zeroed
+    steps(cell, 1)
+    assert cell.loop.wrist.zeroed
+
+
+def borne(force: Array) -> Array:
+    """Torques of the joints that bear a force (3,) on the hand, at HOME, Nm."""
+    return -flange_jacobian(HOME)[:3].T @ force
+
+
+@pytest.mark.parametrize(
+    ("force", "stops"),
+    [
+        ((0.0, 0.0, -40.0), "safety.payload"),
+        ((0.0, 0.0, -20.0), ""),
+        ((0.0, 0.0, 40.0), ""),
+        ((0.0, -40.0, 0.0), ""),
+    ],
+)
+def test_a_load_is_weighed_at_rest(force: tuple[float, float, float], stops: str) -> None:
+    """The drives tell nothing here: what the wrist says is believed."""
+    cell, readings = scripted()
+    readings.force = np.array(force)
+    steps(cell, 23)
+    assert cell.monitor.stopped is None
+    steps(cell, 5)
+    stop = cell.monitor.stopped
+    assert ("" if stop is None else stop.cause.name) == stops
+    if stop is not None:
+        assert stop.evidence["mass"] == pytest.approx(40.0 / GRAVITY, abs=1e-3)
+
+
+def test_a_load_that_no_joint_bears_is_a_bias() -> None:
+    load = np.array([0.0, 0.0, -40.0])
+    for share, stops in ((0.0, ""), (1.0, "safety.payload")):
+        cell, readings = scripted(FeelingHardware)
+        steps(cell, 30)
+        assert cell.loop.wrist.zeroed
+        readings.force, readings.torque = load, share * borne(load)
+        steps(cell, 60)
+        stop = cell.monitor.stopped
+        assert ("" if stop is None else stop.cause.name) == stops
+        felt = load if share else np.zeros(3)
+        assert cell.loop.wrist.force == pytest.approx(felt.tolist(), abs=0.1)
+
+
+def test_a_load_that_swings_is_not_weighed_yet() -> None:
+    load = np.array([0.0, 0.0, -40.0])
+    cell, readings = scripted(FeelingHardware)
+    steps(cell, 30)
+    for k in range(120):
+        swinging = load + 2.0 * np.sin(2.0 * k) * np.eye(3)[0]
+        readings.force, readings.torque = swinging, borne(swinging)
+        steps(cell, 1)
+    assert cell.monitor.stopped is None
+    readings.force, readings.torque = load, borne(load)
+    steps(cell, 60)
+    assert cell.monitor.stopped is not None
+    assert cell.monitor.stopped.cause.name == "safety.payload"
+
+
+def test_a_push_at_the_arm_stops_and_a_wrist_that_lies_does_not() -> None:
+    """What only the wrist feels is its own fault, and is learnt when the arm comes to rest."""
+    push = np.array([25.0, 15.0, 10.0])
+    for wrist, joints, stops in ((0.0, 1.0, "safety.torque_limit"), (1.0, 0.0, ""), (1.0, 1.0, "")):
+        cell, readings = scripted(FeelingHardware)
+        steps(cell, 30)
+        readings.velocity = np.full(7, 0.03)  # not at rest
+        readings.force, readings.torque = wrist * push, 1.3 * joints * borne(push) / max(1.0, 1.3 * wrist)
+        steps(cell, 120)
+        stop = cell.monitor.stopped
+        assert ("" if stop is None else stop.cause.name) == stops, (wrist, joints)
+        readings.velocity = STILL
+        steps(cell, 40)
+        kept = wrist * joints * push
+        assert cell.loop.wrist.force == pytest.approx(kept.tolist(), abs=0.5), (wrist, joints)
+
+
+def test_commands_go_to_the_arm() -> None:
+    cell, readings, track, _ = moving()
+    steps(cell, 20)
+    position, velocity = track.trajectory.sample(track.progress)
+    assert readings.told is not None
+    assert np.allclose(readings.told[0], position)
+    assert np.allclose(readings.told[1], velocity)
+    assert np.allclose(cell.loop.held_position, position)
+    cell, readings = scripted()
+    guarded(cell)
+    readings.velocity, readings.force = np.full(7, 0.3), np.array([0.0, 0.0, -30.0])
+    steps(cell, 3)
+    assert readings.torque_told is not None
+    assert cell.loop.reference is None
 
 
 def test_who_moves_the_arm_must_look_after_it() -> None:
