@@ -322,10 +322,9 @@ def covered(spans: list[tuple[Array, Array]]) -> set[tuple[int, int, int]]:
     }
 
 
-def spans_of(cells: Array, most: int = 24) -> list[tuple[tuple[int, ...], tuple[int, ...]]]:
-    return sorted(
-        (tuple(low.tolist()), tuple(high.tolist())) for low, high in merge_cells(cell_keys(cells), most)
-    )
+def spans_of(cells: Array, *most: int) -> list[tuple[tuple[int, ...], tuple[int, ...]]]:
+    spans = merge_cells(cell_keys(cells), *most)
+    return sorted((tuple(low.tolist()), tuple(high.tolist())) for low, high in spans)
 
 
 def test_a_block_of_cells_is_one_box() -> None:
@@ -341,6 +340,12 @@ def test_boxes_grow_in_the_better_order_and_may_overlap() -> None:
     wide = np.concatenate([run(0, 6), run(0, 2, y=1)])
     assert spans_of(wide) == [((0, 0, 0), (2, 2, 1)), ((0, 0, 0), (6, 1, 1))]
     assert spans_of(wide[:, [1, 0, 2]]) == [((0, 0, 0), (1, 6, 1)), ((0, 0, 0), (2, 2, 1))]
+    # A block with a wall beside it: up, along x and then along y, or the other way round.
+    block = [(x, y, z) for x in range(4) for y in range(2) for z in range(4)]
+    wall = [(0, y, z) for y in range(4) for z in range(4)]
+    both = np.unique(np.array(block + wall), axis=0)
+    assert spans_of(both) == [((0, 0, 0), (1, 4, 4)), ((0, 0, 0), (4, 2, 4))]
+    assert spans_of(both[:, [1, 0, 2]]) == [((0, 0, 0), (2, 4, 4)), ((0, 0, 0), (4, 1, 4))]
     # It goes up first: a tower on a plate.
     tower = np.concatenate([run(0, 3), np.array([(0, 0, z) for z in range(1, 5)])])
     assert spans_of(tower) == [((0, 0, 0), (1, 1, 5)), ((0, 0, 0), (3, 1, 1))]
