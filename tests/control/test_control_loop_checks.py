@@ -271,6 +271,20 @@ def test_who_takes_the_arm_over_is_not_stopped_by_the_guard_of_before() -> None:
     assert cell.loop.controller == "Hold"
 
 
+def test_a_contact_is_felt_once_and_need_not_be_looked_after() -> None:
+    for force in (16.0, 30.0):  # braked, and complied with
+        cell, readings = scripted()
+        _, guard = guarded(cell)
+        readings.velocity, readings.force = np.full(7, 0.3), np.array([0.0, 0.0, -force])
+        steps(cell, 1)
+        assert guard.contact == pytest.approx((0.0, 0.0, -force))
+        readings.force = np.array([0.0, 0.0, -40.0])
+        cell.loop.step_tick(TICK)
+        cell.loop.step_tick(0.25)
+        assert guard.contact == pytest.approx((0.0, 0.0, -force))
+        assert cell.monitor.stopped is None
+
+
 def test_what_is_let_off_for_a_retreat_stops_whoever_else_moves_the_arm() -> None:
     for owner, stops in (("Main/SafeRetreat", 1), ("Main/GoTo", 2)):
         cell, _ = scripted()
