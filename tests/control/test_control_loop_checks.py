@@ -324,6 +324,25 @@ def test_a_moment_of_motion_lets_the_rest_begin_anew() -> None:
     assert cell.loop.wrist.zeroed
 
 
+def test_what_is_moved_is_not_at_rest_however_slowly() -> None:
+    cell, *_ = moving()
+    steps(cell, 40)
+    assert not cell.loop.wrist.zeroed
+
+
+def test_a_bias_turns_with_the_hand() -> None:
+    cell, readings = scripted()
+    bias = np.array([2.0, -1.0, 0.5])
+    readings.force = bias
+    steps(cell, 30)
+    assert cell.loop.wrist.force == pytest.approx((0.0, 0.0, 0.0))
+    readings.position = HOME + 1.2 * np.eye(7)[6] + 0.3 * np.eye(7)[5]
+    turn = MODEL.tcp(readings.position).rotation() @ MODEL.tcp(HOME).rotation().T
+    readings.force = turn @ bias
+    steps(cell, 5)
+    assert cell.loop.wrist.force == pytest.approx((0.0, 0.0, 0.0), abs=1e-9)
+
+
 def borne(force: Array) -> Array:
     """Torques of the joints that bear a force (3,) on the hand, at HOME, Nm."""
     return -flange_jacobian(HOME)[:3].T @ force

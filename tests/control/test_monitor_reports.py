@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from picktree.control.safety.safety_monitor import SafetyMonitor
+from picktree.control.safety.safety_monitor import SafetyMonitor, payload_limit
 from picktree.robots.model import RobotModel
 from picktree.world.journal import Journal, JournalEvent
 from picktree.world.protocols import SensorStamps
@@ -268,3 +268,22 @@ def test_a_restored_monitor_feels_what_was_felt() -> None:
     twin.restore(monitor().state())
     assert not twin.pressed
     assert twin.state() == monitor().state()
+
+
+@pytest.mark.parametrize("acknowledged", [False, True])
+def test_a_restored_retreat_is_slow_only_where_it_was_acknowledged(acknowledged: bool) -> None:
+    """Nobody moves before: a stop that is not acknowledged refuses all motion anyway."""
+    watch, twin = monitor(), monitor()
+    watch.check_sensors(5.0, SensorStamps(joints=5.0, gripper=5.0, wrench=4.0))
+    if acknowledged:
+        watch.acknowledge("retreat")
+    twin.restore(watch.state())
+    for share, fast in ((0.56, False), (0.6, acknowledged), (1.1, acknowledged), (1.2, True)):
+        reads(twin, velocity=one(2, share * float(MODEL.velocity_limit[2])))
+        assert ("safety.speed_limit" in dict(twin.state().levels)) is fast, share
+
+
+def test_a_hand_that_weighs_all_that_is_rated_may_carry_nothing() -> None:
+    weak = RobotModel(replace(ROBOT, payload=0.9 * MODEL.hand_mass))
+    assert payload_limit(weak, SafetyLimits()) == 0.0
+    assert payload_limit(weak, SafetyLimits(payload=0.2)) == 0.0

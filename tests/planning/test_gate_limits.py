@@ -181,6 +181,7 @@ def test_the_tool_stays_in_the_workspace_on_each_side(axis: int, side: float) ->
             assert failure.evidence["time"] == pytest.approx(float(trajectory.times[worst]), abs=0.15)
             assert failure.evidence["fraction"] == pytest.approx(float(trajectory.times[worst]) / 2, abs=0.08)
             x, y, z = cast(list[float], failure.evidence["position"])
+            assert [round(c, 4) for c in (x, y, z)] == [x, y, z]
             assert (x, y, z) == pytest.approx(tool[worst].tolist(), abs=4e-3)
 
 
