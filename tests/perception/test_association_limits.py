@@ -210,6 +210,7 @@ def test_what_is_given_up_stays_so_where_it_lay() -> None:
         (0.0, 0.039, "aside"),
         (0.01, 0.069, "aside"),
         (0.05, 0.129, "aside"),
+        (0.0, 0.04, "table"),
         (0.0, 0.041, "table"),
         (0.01, 0.071, "table"),
         (0.05, 0.131, "table"),

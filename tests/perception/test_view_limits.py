@@ -123,6 +123,12 @@ def test_a_sphere_is_judged_by_its_surface() -> None:
     assert synthetic_view(HEIGHT).look(ball, Pose((0.0, 0.0, 0.05)), "grey").seen_empty
 
 
+def test_a_sphere_covers_the_pixels_of_the_cube_about_it() -> None:
+    """Of its upper face, 20 cm wide and 80 cm away."""
+    look = synthetic_view(HEIGHT).look(Sphere(0.1), Pose((0.0, 0.0, 0.1)), "grey")
+    assert look.total == pytest.approx(25**2, abs=52)
+
+
 @pytest.mark.parametrize(
     ("total", "visible", "empty", "seen_empty", "borne_out", "hidden"),
     [

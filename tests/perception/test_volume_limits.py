@@ -117,6 +117,30 @@ def test_what_is_two_cells_apart_hangs_together(axis: int, gap: int, parts: int)
         assert taken(scene) == {"obstacle_1": 7, "obstacle_2": 6}
 
 
+def test_what_is_askew_hangs_together_as_well() -> None:
+    cells = np.concatenate([run(OUT, 3), run(OUT + 5, 3, y=3)])
+    scene = scene_with(obstacle(cells))
+    assert look(scene) == []
+    scene = scene_with(obstacle(np.concatenate([cells, run(OUT + 12, 3, y=4), run(OUT + 17, 3, y=7)])))
+    look(scene)
+    assert taken(scene) == {"obstacle_1": 6, "obstacle_2": 6}
+
+
+def test_of_parts_as_large_as_each_other_the_first_along_x_keeps_the_name() -> None:
+    """And along y: by the first cell of each, not by the second."""
+    wide, close = row(*range(OUT, OUT + 18, 3)), run(OUT, 6, y=10)
+    scene = scene_with(obstacle(np.concatenate([wide, close])))
+    look(scene)
+    assert np.array_equal(cells_of(scene.get("obstacle_1")), cell_keys(wide))
+
+
+def test_several_that_are_seen_again_keep_their_names() -> None:
+    parts = [run(OUT, 8), run(OUT + 20, 7), run(OUT + 40, 9), run(OUT + 60, 6)]
+    scene = scene_with(*(obstacle(cells, f"obstacle_{n}") for n, cells in enumerate(parts, 1)))
+    assert look(scene) == []
+    assert list(taken(scene).values()) == [8, 7, 9, 6]
+
+
 def test_above_each_other_cells_hang_together_whatever_is_between() -> None:
     scene = scene_with(obstacle(np.array([(OUT + k, 0, z) for k in range(3) for z in (0, 9)])))
     assert look(scene) == []
@@ -162,7 +186,7 @@ def test_one_cell_that_is_shared_gives_the_name() -> None:
     for pixel in pixels:
         depth[pixel] = 0.99
     reach = np.full((HIGH, WIDE), 2.0)
-    reach[:, 48:] = 0.1
+    reach[:, 51:] = 0.1
     look(scene, synthetic_view(depth, reach=reach), (patch_of(*pixels),))
     assert [str(o.id) for o in scene.objects] == ["obstacle_1"]
     left = np.setdiff1d(cell_keys(long), cells_of(scene.get("obstacle_1")))
@@ -237,6 +261,17 @@ def test_a_new_one_has_the_colour_of_its_largest_patch_and_the_time_of_the_look(
         assert scene.objects[0].last_seen == 6.0
 
 
+def test_each_of_two_has_the_colour_of_its_own_patch() -> None:
+    (left, blue), (right, green) = patch_at(-0.15, colour="blue"), patch_at(0.15, colour="green")
+    depth = np.minimum(left, right)
+    scene = scene_with()
+    look(scene, synthetic_view(depth, reach=np.where(depth < HEIGHT, 0.1, 2.0)), (blue, green))
+    assert sorted((o.pose.position[0] > 0, o.colour) for o in scene.objects) == [
+        (False, "blue"),
+        (True, "green"),
+    ]
+
+
 def test_where_rays_pass_it_is_cleared_and_its_edge_next_to_what_stays_is_not() -> None:
     cells = run(0, 20, layers=1)
     scene = scene_with(obstacle(cells))
@@ -265,7 +300,7 @@ def test_an_item_that_is_recognised_has_its_own_cells_and_those_within_3_mm(
     assert sum(taken(scene).values()) == (20 - columns + 1) * 6
 
 
-@pytest.mark.parametrize(("share", "stays"), [(0.3, True), (0.5, False)])
+@pytest.mark.parametrize(("share", "stays"), [(0.3, True), (0.4, True), (0.5, False)])
 def test_what_was_an_item_for_two_fifths_is_gone(share: float, stays: bool) -> None:
     cells = np.array([(OUT + x, y, 0) for x in range(20) for y in range(4)])
     scene = scene_with(obstacle(cells))
