@@ -105,6 +105,17 @@ def test_of_a_body_out_of_the_picture_nothing_is_seen(x: float, y: float) -> Non
     assert look.hidden and not look.seen_empty and not look.borne_out
 
 
+@pytest.mark.parametrize(("x", "y"), [(1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0)])
+def test_what_leaves_the_picture_is_seen_less_and_less(x: float, y: float) -> None:
+    """Pixel by pixel, up to the one at which nothing is left of it."""
+    view = synthetic_view(HEIGHT)
+    seen = [view.look(BODY, at(0.0095 * k * x, 0.0095 * k * y), "grey") for k in range(10, 40)]
+    visible = [look.visible for look in seen]
+    assert visible == sorted(visible, reverse=True)
+    assert (visible[0], visible[-1]) == (121, 0)
+    assert {look.total for look in seen} == {121, 110}
+
+
 def test_what_is_beside_or_behind_the_camera_is_too_near_to_judge() -> None:
     for z in (0.981, 1.0, 1.3):
         look = synthetic_view(HEIGHT).look(BODY, Pose((0.0, 0.0, z)), "grey")

@@ -243,6 +243,25 @@ def test_of_two_that_went_the_nearer_one_is_the_same() -> None:
         assert list(taken(scene)) == [near]
 
 
+def test_of_two_that_are_near_what_went_only_one_is_the_same() -> None:
+    def speck(u: int) -> tuple[Array, UnexplainedPatch, Array]:
+        depth = np.full((HIGH, WIDE), HEIGHT)
+        depth[20, u] = 0.97
+        scene = scene_with()
+        patch = patch_of((20, u))
+        look(scene, synthetic_view(depth, reach=np.where(depth < HEIGHT, 0.1, 2.0)), (patch,))
+        return depth, patch, cell_indices(cells_of(scene.objects[0]))
+
+    depth, left, cells = speck(35)
+    last = int(cells[:, 0].max())
+    other, right, _ = next(found for u in range(36, 55) if (found := speck(u))[2][:, 0].min() == last + 4)
+    former = np.array([(x, y, z) for x in range(last + 1, last + 4) for y in (-1, 0) for z in (0, 1)])
+    scene = scene_with(obstacle(former))
+    both = np.minimum(depth, other)
+    look(scene, synthetic_view(both, reach=np.where(both < HEIGHT, 0.1, 2.0)), (left, right))
+    assert sorted(taken(scene)) == ["obstacle_1", "obstacle_2"]
+
+
 def test_a_new_one_has_the_colour_of_its_largest_patch_and_the_time_of_the_look() -> None:
     depth, large = patch_at(0.1, colour="blue")
     small = patch_of((20, 42), colour="green")

@@ -226,7 +226,15 @@ def test_an_unsound_trajectory_is_refused_whichever_row_is_wrong() -> None:
     assert wrong(times=times) == "safety.trajectory"
     none = Trajectory(np.zeros(0), np.zeros((0, 7)), np.zeros((0, 7)), np.zeros((0, 7)))
     assert cause(refusal(none)) == "safety.trajectory"
-    for speed, name in ((0.9e-6, ""), (-1.1e-6, "safety.trajectory"), (1.1e-6, "safety.trajectory")):
+    times = sound.times.copy()
+    times[0] = 1e-9
+    assert wrong(times=times) == ""
+    for speed, name in (
+        (1e-6, ""),
+        (-1e-6, ""),
+        (-1.1e-6, "safety.trajectory"),
+        (1.1e-6, "safety.trajectory"),
+    ):
         velocity = sound.velocity.copy()
         velocity[-1, 4] = speed
         assert wrong(velocity=velocity) == name
