@@ -311,7 +311,8 @@ class _Finder:
             return
         start, end = self._start(node), self._end(node)
         left, right = self.source[start : at[0]].strip(), self.source[at[1] : end].strip()
-        self._add("arithmetic", start, end, f"({right}) @ ({left})", scope)
+        if left != right:
+            self._add("arithmetic", start, end, f"({right}) @ ({left})", scope)
 
     def _negated(self, test: ast.expr, scope: _Scope) -> None:
         """A condition that has no comparison or junction of its own to change."""

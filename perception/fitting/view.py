@@ -4,7 +4,7 @@ visibility of bodies."""
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -45,16 +45,16 @@ class Detection:
     """`table`, or the id of the bin or hole that it lies in."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class UnexplainedPatch:
     """Patch of depth that no known body explains, with its upright bounding box from the support up."""
 
     shape: Box
     pose: Pose
     colour: str
-    rows: NDArray[np.intp] = field(repr=False, compare=False)
+    rows: NDArray[np.intp]
     """Rows of its pixels (n,); all of them have a depth."""
-    columns: NDArray[np.intp] = field(repr=False, compare=False)
+    columns: NDArray[np.intp]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -111,20 +111,20 @@ class PerceivedView:
     detections: tuple[Detection, ...]
     unexplained: tuple[UnexplainedPatch, ...]
     bins: Mapping[ObjectId, BinView]
-    sight: PosedCamera = field(repr=False)
-    depth: Array = field(repr=False)
+    sight: PosedCamera
+    depth: Array
     """Depth of each pixel (h, w), m; 0 where unknown."""
-    label: NDArray[np.uint8] = field(repr=False)
+    label: NDArray[np.uint8]
     """Label of each pixel's colour (h, w), see `blobs.NAMES`."""
-    blocked: NDArray[np.bool_] = field(repr=False)
+    blocked: NDArray[np.bool_]
     """Pixels without information (h, w): robot, held object, walls."""
-    reach: NDArray[np.float32] = field(repr=False)
+    reach: NDArray[np.float32]
     """Length of each pixel's ray through free space (h, w), m: to the seen surface, or a little beyond what
     never moves.
 
     0 where the robot is in the way, inf where the depth is unknown.
     """
-    supports: Callable[[Array], Array] = field(repr=False)
+    supports: Callable[[Array], Array]
     """Support heights below points, see `backdrop.SupportSurfaces.supports`."""
 
     def look(self, shape: Shape, pose: Pose, colour: str) -> BodyVisibility:

@@ -169,9 +169,9 @@ def _components(cells: Keys, view: PerceivedView, patches: Sequence[UnexplainedP
     if not len(cells):
         return []
     columns = cell_indices(cells)[:, :2]
-    origin = columns.min(axis=0) - 1
+    origin = columns.min(axis=0)
     at = tuple((columns - origin).T)
-    plan = np.zeros(tuple(columns.max(axis=0) - origin + 2), dtype=np.uint8)
+    plan = np.zeros(tuple(columns.max(axis=0) - origin + 1), dtype=np.uint8)
     plan[at] = 1
     _, marks = cv2.connectedComponents(cv2.dilate(plan, np.ones((3, 3), np.uint8)), connectivity=8)
     mark = np.asarray(marks, dtype=np.intp)[at]
@@ -190,15 +190,15 @@ def _named(seen: Sequence[_Seen], former: dict[ObjectId, Keys]) -> list[ObjectId
     The former obstacle that shares most cells comes first, then one close by that shares none with any.
     """
     shared = [
-        (len(np.intersect1d(each.cells, cells)), -n, name)
+        (len(np.intersect1d(each.cells, cells)), n, name)
         for n, each in enumerate(seen)
         for name, cells in former.items()
     ]
     names: list[ObjectId | None] = [None] * len(seen)
     left = list(former)
-    for count, minus_n, name in sorted(shared, key=lambda s: (-s[0], -s[1])):
-        if count > 0 and names[-minus_n] is None and name in left:
-            names[-minus_n] = name
+    for count, n, name in sorted(shared, key=lambda s: -s[0]):
+        if count > 0 and names[n] is None and name in left:
+            names[n] = name
             left.remove(name)
     for n, each in enumerate(seen):
         if names[n] is None and left:

@@ -159,8 +159,7 @@ class TrajectoryGate:
                     f"the trajectory is refused: {failure.message}, and its plan supposed that it is held",
                     **failure.evidence,
                 ) from None
-            start = part.start if supposed.start is None else supposed.start
-            way = StartTolerance(solver.collision, start)
+            way = StartTolerance(solver.collision, solver.start(supposed))
             hit = first_collision(way, part)
             if hit is not None:
                 self._refuse(trajectory, part, way, since, hit)

@@ -33,6 +33,7 @@ def changes(program: Program, source: str) -> list[tuple[str, str]]:
         ("a = b + c", [("arithmetic", "a = b - c")]),
         ("a = -b", [("arithmetic", "a = b")]),
         ("a = b.inverse() @ c", [("arithmetic", "a = (c) @ (b.inverse())")]),
+        ("a = v @ v", []),
         ("a += b", [("deletion", "pass"), ("arithmetic", "a -= b")]),
         ("a = True", [("constant", "a = False")]),
         ("a = 3", [("constant", "a = 6"), ("constant", "a = 1"), ("constant", "a = 4")]),

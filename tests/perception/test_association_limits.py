@@ -210,6 +210,7 @@ def test_what_is_given_up_stays_so_where_it_lay() -> None:
         (0.0, 0.039, "aside"),
         (0.01, 0.069, "aside"),
         (0.05, 0.129, "aside"),
+        (0.0, 0.04, "table"),
         (0.0, 0.041, "table"),
         (0.01, 0.071, "table"),
         (0.05, 0.131, "table"),
@@ -250,3 +251,129 @@ def test_of_headings_that_look_the_same_the_nearest_to_the_former_is_believed() 
         after(scene, replace(alike, turn=turn))
         x = scene.get("red_block_1").pose.rotation()[:2, 0]
         assert math.degrees(math.atan2(x[1], x[0])) % 360.0 == pytest.approx(believes)
+
+
+@pytest.mark.parametrize(
+    ("item", "by", "place"),
+    [
+        (believed(), 0.04, "table"),
+        (believed(place="red_bin"), 0.10, "red_bin"),
+    ],
+)
+def test_at_a_reach_to_the_last_bit_it_is_another_item(item: BeliefObject, by: float, place: str) -> None:
+    at = item.pose.position
+    assert not taken(item, detected(at, by, place=place))
+    assert taken(item, detected(at, math.nextafter(by, 0.0), place=place))
+
+
+def test_a_look_with_just_enough_confidence_is_an_item_of_its_own() -> None:
+    """On the table 0.6 is enough; in a bin nothing is unless it is far from all that is hidden there."""
+    for confidence, place, by, new in (
+        (0.6, "table", 0.05, True),
+        (math.nextafter(0.6, 0.0), "table", 0.05, False),
+        (0.6, "red_bin", 0.2, True),
+        (math.nextafter(0.6, 0.0), "red_bin", 0.2, False),
+        (0.9, "red_bin", 0.1, True),
+        (0.9, "red_bin", math.nextafter(0.1, 0.0), False),
+        (0.5, "table", 0.08, True),
+        (0.5, "table", math.nextafter(0.08, 0.0), False),
+    ):
+        scene = scene_of(believed((0.0, 0.0, 0.02)))
+        doubtful = detected((0.0, 0.0, 0.02), by, kind="brick", confidence=confidence, place=place)
+        summary = update_belief(scene, replace(hidden_table(), detections=(doubtful,)), 2.0)
+        assert (len(summary.new) == 1) is new, (confidence, place, by)
+
+
+@cache
+def hidden_table() -> PerceivedView:
+    """Nothing is seen missing: all of it is masked."""
+    view = empty_table()
+    return replace(view, blocked=view.blocked | True)
+
+
+def test_at_the_greatest_distance_what_left_its_place_is_another() -> None:
+    scene = scene_of(believed((0.5, 0.0, 0.02)))
+    after(scene, detected((0.5, 0.0, 0.02), 0.5))
+    assert [o.id for o in scene.objects] == ["red_block_2"]
+
+
+def test_what_the_view_changed_is_told() -> None:
+    """Known ones in the order of the belief, then new ones; what is hidden; and how many obstacles."""
+    (patch,) = view_of([standing(Box((0.1, 0.08, 0.1)), 0.5, -0.15, 0.0, "grey")]).unexplained
+    scene = scene_of(
+        believed((3.0, 0.0, 0.02)),
+        believed((3.0, 1.0, 0.02), name="red_block_2"),
+        believed(ON_THE_TABLE, name="red_block_3"),
+        replace(believed((3.0, 2.0, 0.02), name="red_block_4"), colour="green"),
+    )
+    summary = after(
+        scene,
+        detected((3.0, 1.0, 0.02), 0.01),
+        detected((3.0, 3.0, 0.02), 0.0, colour="blue"),
+        detected((3.0, 0.0, 0.02), 0.01),
+        unexplained=(patch,),
+    )
+    assert summary == ObservationSummary(
+        ("red_block_1", "red_block_2", "blue_block_1"),
+        ("blue_block_1",),
+        ("red_block_3",),
+        ("red_block_4",),
+        1,
+    )
+    reasons = [(str((c.after or c.before).id), c.reason) for c in scene.take_changes()][-6:]  # type: ignore[union-attr]  # pyright: ignore[reportOptionalMemberAccess]
+    assert ("red_block_3", "its place was seen empty") in reasons
+    assert ("blue_block_1", "seen for the first time") in reasons
+    assert ("red_block_1", "seen") in reasons
+    new = scene.get("blue_block_1")
+    assert (new.last_seen, new.confidence, new.sigma_position, new.sigma_angle) == (2.0, 0.9, 0.001, 0.01)
+
+
+def test_what_is_in_the_hand_is_neither_matched_nor_seen_missing() -> None:
+    held = replace(believed(ON_THE_TABLE), object_in_tcp=Pose(), place="hand")
+    scene = scene_of(held)
+    summary = after(scene, detected(ON_THE_TABLE, 0.03))
+    assert summary == ObservationSummary((), (), (), (), 0)
+    assert scene.get("red_block_1") == held
+    summary = after(scene, detected(ON_THE_TABLE, 0.06))  # to the last bit no longer at the hand
+    assert (summary.seen, summary.removed) == (("red_block_2",), ())
+    assert scene.held == held
+
+
+def test_a_patch_to_the_last_bit_as_far_as_it_is_wide_is_an_obstacle() -> None:
+    (patch,) = view_of([standing(Box((0.1, 0.08, 0.1)), 0.5, -0.15, 0.0, "grey")]).unexplained
+    patch = replace(patch, colour="red", pose=Pose((0.5, 0.0, 0.05)), shape=Box((0.1, 0.25, 0.1)))
+    for by, obstacles in ((0.25, 1), (math.nextafter(0.25, 0.0), 0), (0.2, 0)):
+        item = replace(believed((0.5, by, 0.05)), object_in_tcp=Pose())
+        assert after(scene_of(item), unexplained=(patch,)).unexplained == obstacles, by
+
+
+def test_what_is_seen_worse_to_the_last_bit_is_not() -> None:
+    """Four fifths of the confidence are as good; and what was known better keeps all but time and place."""
+    view = a_red_block()
+    (seen,) = view.detections
+    for confidence, kept in ((0.4, False), (math.nextafter(0.4, 0.0), True)):
+        item = replace(believed(seen.pose.position, confidence=0.5), place="aside", sigma_angle=0.2)
+        scene = scene_of(item)
+        worse = replace(seen, confidence=confidence, sigma_angle=0.3)
+        update_belief(scene, replace(view, detections=(worse,)), 7.0)
+        now = scene.get(item.id)
+        assert (now.last_seen, now.place) == (7.0, "aside")
+        assert now.sigma_angle == (0.2 if kept else 0.3)
+
+
+@pytest.mark.parametrize("turn", [math.pi / 2, math.pi, 2 * math.pi / 3])
+@pytest.mark.parametrize("before", [0.0, 50.0, 130.0, 200.0, 290.0])
+def test_the_heading_that_is_believed_is_one_of_those_that_look_the_same(turn: float, before: float) -> None:
+    """The one nearest to the former: at most half of the turn away."""
+    seen = math.radians(10.0)
+    scene = scene_of(replace(believed(), pose=Pose.from_rpy(OUT_OF_VIEW, (0.0, 0.0, math.radians(before)))))
+    pose = Pose.from_rpy((3.0, 0.02, 0.02), (0.0, 0.0, seen))
+    after(scene, replace(detected(OUT_OF_VIEW, 0.0), pose=pose, turn=turn))
+    now = scene.get("red_block_1").pose
+    assert now.position == pose.position
+    x = now.rotation()[:2, 0]
+    heading = math.atan2(x[1], x[0])
+    times = (heading - seen) / turn
+    assert times == pytest.approx(round(times), abs=1e-6)
+    off = (heading - math.radians(before) + math.pi) % (2 * math.pi) - math.pi
+    assert abs(off) <= turn / 2 + 1e-6

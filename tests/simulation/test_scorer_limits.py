@@ -141,3 +141,14 @@ def test_a_seat_is_over_the_board_and_below_its_top() -> None:
     assert not HoledFixtures(SCENE.fixtures)
     assert HoledFixtures(PEGS.fixtures)
     assert HoledFixtures(SCENE.fixtures).seat(ball, Pose((0.5, 0.0, -0.01))) is None
+
+
+def test_how_deep_it_is_and_should_be_is_told_to_a_tenth_of_a_millimetre() -> None:
+    body = peg("dowel_30", "round_42", 0.0)
+    assert body.seat is not None
+    for depth, bottom_, words in ((0.04744, 0.06044, "47.4 mm"), (0.04746, 0.06046, "47.5 mm")):
+        shallow = replace(body, seat=replace(body.seat, depth=depth, bottom=bottom_))
+        (judged,) = score([shallow], PEGS).items
+        assert judged.reason == (
+            f"it is {words} deep in board/round_42, which is {'60.4' if depth < 0.04745 else '60.5'} mm deep"
+        )

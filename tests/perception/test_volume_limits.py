@@ -1,0 +1,422 @@
+"""Obstacles from one made-up picture to the next: which cells hang together, which name they keep."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from picktree.perception.fitting.view import PerceivedView, UnexplainedPatch
+from picktree.perception.voxels.obstacle_volumes import merge_cells, update_volumes
+from picktree.perception.voxels.voxel_grid import cell_indices, cell_keys, cells_of, obstacle_from_cells
+from picktree.world.belief.planning_scene import BeliefObject, PlanningScene
+from picktree.world.shapes import Box
+from picktree.world.values import Array, ObjectId, Pose
+
+from .synthetic_view import HEIGHT, HIGH, WIDE, patch_of, synthetic_view
+
+OUT = 300
+"""First cell along x of what the picture does not show: nothing is learnt of it."""
+
+
+def row(*xs: int, y: int = 0, layers: int = 1) -> Array:
+    """Cells (n, 3) at these places along x."""
+    return np.array([(x, y, z) for x in xs for z in range(layers)])
+
+
+def run(start: int, count: int, y: int = 0, layers: int = 1) -> Array:
+    return row(*range(start, start + count), y=y, layers=layers)
+
+
+def obstacle(cells: Array, name: str = "obstacle_1", colour: str = "red") -> BeliefObject:
+    shape, pose, blocks = obstacle_from_cells(merge_cells(cell_keys(cells), 10_000))
+    return BeliefObject(
+        ObjectId(name), "obstacle", "unknown", "unknown", shape, colour, pose,
+        0.005, 0.1, 0.5, 1.0, blocks=blocks,
+    )  # fmt: skip
+
+
+def scene_with(*obstacles: BeliefObject) -> PlanningScene:
+    scene = PlanningScene((), ())
+    for each in obstacles:
+        scene.put(each, "test")
+    for _ in obstacles:
+        scene.new_id("obstacle")
+    scene.take_changes()
+    return scene
+
+
+def clear(*cells: Array, rest: float = 0.1) -> PerceivedView:
+    """A view in which rays pass these cells near the table, and `rest` is as far as all others go, m."""
+    reach = np.full((HIGH, WIDE), rest)
+    for x, y, z in np.concatenate(cells) if cells else ():
+        depth = 1.0 - 0.02 * (z + 0.5)
+        u, v = round(30 + (x + 0.5) / depth), round(20 - (y + 0.5) / depth)
+        reach[v - 1 : v + 2, u - 1 : u + 2] = 2.0
+    return synthetic_view(HEIGHT, reach=reach)
+
+
+def look(
+    scene: PlanningScene,
+    view: PerceivedView | None = None,
+    patches: tuple[UnexplainedPatch, ...] = (),
+    items: tuple[BeliefObject, ...] = (),
+    now: float = 2.0,
+) -> list[str]:
+    """The changes, as `id: reason`."""
+    update_volumes(
+        scene, view or synthetic_view(HEIGHT, reach=np.full((HIGH, WIDE), 0.1)), patches, items, now
+    )
+    return [
+        f"{(change.after or change.before).id}: {change.reason}"  # type: ignore[union-attr]  # pyright: ignore[reportOptionalMemberAccess]
+        for change in scene.take_changes()
+    ]
+
+
+def taken(scene: PlanningScene) -> dict[str, int]:
+    """How many cells each takes up."""
+    return {str(o.id): len(cells_of(o)) for o in scene.objects if o.role == "obstacle"}
+
+
+@pytest.mark.parametrize(("count", "stays"), [(5, False), (6, True)])
+def test_fewer_than_six_cells_are_noise(count: int, stays: bool) -> None:
+    scene = scene_with(obstacle(run(OUT, count)))
+    gone = update_volumes(scene, synthetic_view(), (), (), 2.0)
+    assert gone == ([] if stays else ["obstacle_1"])
+    assert [change.reason for change in scene.take_changes()] == (
+        [] if stays else ["its place was seen without it"]
+    )
+    assert taken(scene) == ({"obstacle_1": 6} if stays else {})
+
+
+def test_without_anything_unknown_nothing_is_done() -> None:
+    assert look(scene_with()) == []
+    held = obstacle(run(OUT, 3))
+    scene = scene_with(held)
+    scene.attach("obstacle_1", Pose())
+    scene.take_changes()
+    assert look(scene) == []  # what is held is not looked for
+    assert scene.held is not None
+
+
+@pytest.mark.parametrize(("gap", "parts"), [(2, 1), (3, 2)])
+@pytest.mark.parametrize("axis", [0, 1])
+def test_what_is_two_cells_apart_hangs_together(axis: int, gap: int, parts: int) -> None:
+    cells = np.concatenate([run(OUT, 7), run(OUT + 7 + gap, 6)])
+    if axis:
+        cells = cells[:, [1, 0, 2]]
+    scene = scene_with(obstacle(cells))
+    changes = look(scene)
+    if parts == 1:
+        assert changes == []
+        assert taken(scene) == {"obstacle_1": 13}
+    else:
+        assert changes == [
+            "obstacle_1: rays pass through parts of it",
+            "obstacle_2: depth that nothing explains",
+        ]
+        assert taken(scene) == {"obstacle_1": 7, "obstacle_2": 6}
+
+
+def test_what_is_askew_hangs_together_as_well() -> None:
+    cells = np.concatenate([run(OUT, 3), run(OUT + 5, 3, y=3)])
+    scene = scene_with(obstacle(cells))
+    assert look(scene) == []
+    scene = scene_with(obstacle(np.concatenate([cells, run(OUT + 12, 3, y=4), run(OUT + 17, 3, y=7)])))
+    look(scene)
+    assert taken(scene) == {"obstacle_1": 6, "obstacle_2": 6}
+
+
+def test_of_parts_as_large_as_each_other_the_first_along_x_keeps_the_name() -> None:
+    """And along y: by the first cell of each, not by the second."""
+    wide, close = row(*range(OUT, OUT + 18, 3)), run(OUT, 6, y=10)
+    scene = scene_with(obstacle(np.concatenate([wide, close])))
+    look(scene)
+    assert np.array_equal(cells_of(scene.get("obstacle_1")), cell_keys(wide))
+
+
+def test_several_that_are_seen_again_keep_their_names() -> None:
+    parts = [run(OUT, 8), run(OUT + 20, 7), run(OUT + 40, 9), run(OUT + 60, 6)]
+    scene = scene_with(*(obstacle(cells, f"obstacle_{n}") for n, cells in enumerate(parts, 1)))
+    assert look(scene) == []
+    assert list(taken(scene).values()) == [8, 7, 9, 6]
+
+
+def test_above_each_other_cells_hang_together_whatever_is_between() -> None:
+    scene = scene_with(obstacle(np.array([(OUT + k, 0, z) for k in range(3) for z in (0, 9)])))
+    assert look(scene) == []
+
+
+@pytest.mark.parametrize(("left", "right"), [(6, 9), (9, 6), (7, 7)])
+def test_the_greater_part_keeps_the_name_and_the_colour(left: int, right: int) -> None:
+    scene = scene_with(obstacle(np.concatenate([run(OUT, left), run(OUT + left + 4, right)])))
+    look(scene, now=3.0)
+    assert taken(scene) == {"obstacle_1": max(left, right), "obstacle_2": min(left, right)}
+    one, other = scene.get("obstacle_1"), scene.get("obstacle_2")
+    assert (one.colour, other.colour) == ("red", "grey")
+    assert (one.last_seen, other.last_seen) == (1.0, 3.0)  # the picture did not show it; the other is new
+    first = one if left >= right else other
+    assert first.pose.position[0] == pytest.approx(0.01 * (OUT + left / 2))
+    assert (other.sigma_position, other.sigma_angle, other.confidence) == (0.005, 0.1, 0.5)
+
+
+def test_two_that_have_grown_together_have_the_name_of_the_one_that_is_more_of_it() -> None:
+    for few, many in (("obstacle_1", "obstacle_2"), ("obstacle_2", "obstacle_1")):
+        scene = scene_with(
+            *sorted((obstacle(run(OUT, 6), few), obstacle(run(OUT + 7, 9), many)), key=lambda o: o.id)
+        )
+        assert look(scene)[-1] == f"{few}: its place was seen without it"
+        assert taken(scene) == {many: 15}
+
+
+def test_each_part_takes_the_name_of_what_it_shares_most_with() -> None:
+    """Two that overlap and are torn: of the first most is on the right, the second is there as a whole."""
+    first = np.concatenate([run(OUT, 8), run(OUT + 12, 9)])
+    second = run(OUT + 12, 10, y=1)
+    scene = scene_with(obstacle(first), obstacle(second, "obstacle_2"))
+    look(scene)
+    assert taken(scene) == {"obstacle_2": 19, "obstacle_1": 8}
+
+
+def test_one_cell_that_is_shared_gives_the_name() -> None:
+    """A long one is gone but for its end, where another part begins: there it is found again."""
+    long = run(0, 20)
+    scene = scene_with(obstacle(long))
+    depth = np.full((HIGH, WIDE), HEIGHT)
+    pixels = [(20 + dv, 52 + du) for dv in range(-1, 2) for du in range(7)]
+    for pixel in pixels:
+        depth[pixel] = 0.99
+    reach = np.full((HIGH, WIDE), 2.0)
+    reach[:, 51:] = 0.1
+    look(scene, synthetic_view(depth, reach=reach), (patch_of(*pixels),))
+    assert [str(o.id) for o in scene.objects] == ["obstacle_1"]
+    left = np.setdiff1d(cell_keys(long), cells_of(scene.get("obstacle_1")))
+    assert len(left) > 10
+
+
+def patch_at(x: float, y: float = 0.0, colour: str = "grey") -> tuple[Array, UnexplainedPatch]:
+    """A depth picture with a patch 3 cm by 3 cm about (x, y), 3 cm above the table."""
+    u, v = round(30 + 100 * x / 0.97), round(20 - 100 * y / 0.97)
+    pixels = [(v + dv, u + du) for dv in (-1, 0, 1) for du in (-1, 0, 1)]
+    depth = np.full((HIGH, WIDE), HEIGHT)
+    for pixel in pixels:
+        depth[pixel] = 0.97
+    return depth, patch_of(*pixels, colour=colour)
+
+
+def only(x: float) -> tuple[PerceivedView, UnexplainedPatch]:
+    """A view with that patch, in which all else is seen to be free."""
+    depth, patch = patch_at(x)
+    reach = np.where(depth < HEIGHT, 0.1, 2.0)
+    return synthetic_view(depth, reach=reach), patch
+
+
+def beside(cells: Array, by: int, sign: int = 1) -> Array:
+    """Two columns of cells like the first or last one of those, and so many before or after it."""
+    edge = cells[cells[:, 0] == (cells[:, 0].min() if sign > 0 else cells[:, 0].max())]
+    return np.concatenate([edge - (sign * k, 0, 0) for k in (by, by + 1)])
+
+
+def test_what_went_a_little_aside_is_the_same_and_what_is_far_off_another() -> None:
+    """Five centimetres from middle to middle; it shares no cell with what it was."""
+    view, patch = only(0.1)
+    alone = scene_with()
+    look(alone, view, (patch,))
+    cells = cell_indices(cells_of(alone.objects[0]))
+    assert np.ptp(cells[:, 0]) == 6
+    for by, name in ((1, "obstacle_1"), (2, "obstacle_2")):  # 4.5 and 5.5 cm
+        for sign in (1, -1):
+            scene = scene_with(obstacle(beside(cells, by, sign)))
+            look(scene, view, (patch,))
+            assert list(taken(scene)) == [name], (by, sign)
+            assert np.isin(cell_keys(cells), cells_of(scene.get(name))).all()
+
+
+def test_of_two_that_went_the_nearer_one_is_the_same() -> None:
+    view, patch = only(0.1)
+    alone = scene_with()
+    look(alone, view, (patch,))
+    cells = cell_indices(cells_of(alone.objects[0]))
+    for near, far in (("obstacle_1", "obstacle_2"), ("obstacle_2", "obstacle_1")):
+        both = (obstacle(beside(cells, 1), near), obstacle(beside(cells, 2, -1), far))
+        scene = scene_with(*sorted(both, key=lambda o: o.id))
+        look(scene, view, (patch,))
+        assert list(taken(scene)) == [near]
+
+
+def test_of_two_that_are_near_what_went_only_one_is_the_same() -> None:
+    def speck(u: int) -> tuple[Array, UnexplainedPatch, Array]:
+        depth = np.full((HIGH, WIDE), HEIGHT)
+        depth[20, u] = 0.97
+        scene = scene_with()
+        patch = patch_of((20, u))
+        look(scene, synthetic_view(depth, reach=np.where(depth < HEIGHT, 0.1, 2.0)), (patch,))
+        return depth, patch, cell_indices(cells_of(scene.objects[0]))
+
+    depth, left, cells = speck(35)
+    last = int(cells[:, 0].max())
+    other, right, _ = next(found for u in range(36, 55) if (found := speck(u))[2][:, 0].min() == last + 4)
+    former = np.array([(x, y, z) for x in range(last + 1, last + 4) for y in (-1, 0) for z in (0, 1)])
+    scene = scene_with(obstacle(former))
+    both = np.minimum(depth, other)
+    look(scene, synthetic_view(both, reach=np.where(both < HEIGHT, 0.1, 2.0)), (left, right))
+    assert sorted(taken(scene)) == ["obstacle_1", "obstacle_2"]
+
+
+def test_a_new_one_has_the_colour_of_its_largest_patch_and_the_time_of_the_look() -> None:
+    depth, large = patch_at(0.1, colour="blue")
+    small = patch_of((20, 42), colour="green")
+    depth[20, 42] = 0.97
+    view = synthetic_view(depth, reach=np.where(depth < HEIGHT, 0.1, 2.0))
+    for patches in ((large, small), (small, large)):
+        scene = scene_with()
+        assert look(scene, view, patches, now=5.0) == ["obstacle_1: depth that nothing explains"]
+        (new,) = scene.objects
+        assert (new.colour, new.last_seen, new.kind, new.form) == ("blue", 5.0, "unknown", "unknown")
+        assert (new.sigma_position, new.sigma_angle, new.confidence) == (0.005, 0.1, 0.5)
+        assert look(scene, view, patches, now=6.0) == ["obstacle_1: seen again"]
+        assert scene.objects[0].last_seen == 6.0
+        # Its place is hidden: it stays, and was not seen.
+        assert look(scene, now=7.0) == []
+        assert scene.objects[0].last_seen == 6.0
+
+
+def test_each_of_two_has_the_colour_of_its_own_patch() -> None:
+    (left, blue), (right, green) = patch_at(-0.15, colour="blue"), patch_at(0.15, colour="green")
+    depth = np.minimum(left, right)
+    scene = scene_with()
+    look(scene, synthetic_view(depth, reach=np.where(depth < HEIGHT, 0.1, 2.0)), (blue, green))
+    assert sorted((o.pose.position[0] > 0, o.colour) for o in scene.objects) == [
+        (False, "blue"),
+        (True, "green"),
+    ]
+
+
+def test_where_rays_pass_it_is_cleared_and_its_edge_next_to_what_stays_is_not() -> None:
+    cells = run(0, 20, layers=1)
+    scene = scene_with(obstacle(cells))
+    assert look(scene, clear(run(8, 12)), now=4.0) == ["obstacle_1: rays pass through parts of it"]
+    after = cells_of(scene.get("obstacle_1"))
+    known = scene.get("obstacle_1")
+    assert (known.colour, known.last_seen) == ("red", 1.0)
+    passed = 8 - 1  # the pixels about the first one clear the cell before it as well
+    assert passed <= len(after) <= 9
+    assert np.array_equal(after, cell_keys(run(0, len(after))))
+    # What is next to what stays has come and gone with the noise.
+    assert look(scene, clear(run(len(after) - 1, 1))) == []
+
+
+@pytest.mark.parametrize(("wide", "columns"), [(0.043, 4), (0.045, 6)])
+def test_an_item_that_is_recognised_has_its_own_cells_and_those_within_3_mm(
+    wide: float, columns: int
+) -> None:
+    """The middles of the columns are 5, 15, 25, … mm from the item's. One is next to what stays of it."""
+    scene = scene_with(obstacle(np.array([(OUT + x, y, 0) for x in range(-10, 10) for y in range(6)])))
+    item = BeliefObject(
+        ObjectId("block"), "item", "block", "box", Box((wide, 0.1, 0.04)), "red",
+        Pose((0.01 * OUT, 0.03, 0.01)), 0.001, 0.01, 1.0, 0.0,
+    )  # fmt: skip
+    look(scene, items=(item,))
+    assert sum(taken(scene).values()) == (20 - columns + 1) * 6
+
+
+@pytest.mark.parametrize(("share", "stays"), [(0.3, True), (0.4, True), (0.5, False)])
+def test_what_was_an_item_for_two_fifths_is_gone(share: float, stays: bool) -> None:
+    cells = np.array([(OUT + x, y, 0) for x in range(20) for y in range(4)])
+    scene = scene_with(obstacle(cells))
+    # One that reaches a cell's width beyond its faces.
+    wide = 20 * 0.01 * share - 0.01
+    item = BeliefObject(
+        ObjectId("block"), "item", "block", "box", Box((wide, 0.1, 0.04)), "red",
+        Pose((0.01 * OUT + wide / 2, 0.02, 0.01)), 0.001, 0.01, 1.0, 0.0,
+    )  # fmt: skip
+    changes = look(scene, items=(item,))
+    assert (taken(scene) != {}) is stays
+    assert changes == [
+        "obstacle_1: " + ("rays pass through parts of it" if stays else "its place was seen without it")
+    ]
+
+
+def patches_seen(depth_of: tuple[int, int]) -> tuple[PerceivedView, UnexplainedPatch]:
+    low, high = depth_of
+    depth = np.full((HIGH, WIDE), HEIGHT)
+    pixels = [(v, u) for v in range(10, 30) for u in range(low, high)]
+    for pixel in pixels:
+        depth[pixel] = 0.97
+    return synthetic_view(depth, reach=np.full((HIGH, WIDE), 0.1)), patch_of(*pixels)
+
+
+def test_a_little_more_at_the_surface_is_noise_and_much_more_is_growth() -> None:
+    view, patch = patches_seen((10, 40))
+    scene = scene_with()
+    look(scene, view, (patch,))
+    whole = cells_of(scene.objects[0])
+    full = len(whole)
+    xs = np.unique(whole >> 40)
+    scene = scene_with(obstacle(cell_indices(whole[(whole >> 40) < xs[-1]])))
+    assert look(scene, view, (patch,)) == ["obstacle_1: more of it was seen"]
+    assert taken(scene) == {"obstacle_1": full}
+    # Up to three in a hundred of them here and there are noise.
+    mixed = np.random.default_rng(1).permutation(full)
+    for missing, reason in (
+        (1, "seen again"),
+        (int(0.03 * full), "seen again"),
+        (int(0.03 * full) + 1, "more of it was seen"),
+    ):
+        scene = scene_with(obstacle(cell_indices(whole[np.sort(mixed[missing:])])))
+        assert look(scene, view, (patch,)) == [f"obstacle_1: {reason}"], missing
+
+
+def covered(spans: list[tuple[Array, Array]]) -> set[tuple[int, int, int]]:
+    return {
+        (x, y, z)
+        for low, high in spans
+        for x in range(low[0], high[0])
+        for y in range(low[1], high[1])
+        for z in range(low[2], high[2])
+    }
+
+
+def spans_of(cells: Array, *most: int) -> list[tuple[tuple[int, ...], tuple[int, ...]]]:
+    spans = merge_cells(cell_keys(cells), *most)
+    return sorted((tuple(low.tolist()), tuple(high.tolist())) for low, high in spans)
+
+
+def test_a_block_of_cells_is_one_box() -> None:
+    block = np.array([(x, y, z) for x in range(3, 7) for y in range(-2, 3) for z in range(4, 6)])
+    assert spans_of(block) == [((3, -2, 4), (7, 3, 6))]
+
+
+def test_boxes_grow_in_the_better_order_and_may_overlap() -> None:
+    # A cross of two bars: each box goes through the middle.
+    cross = np.unique(np.concatenate([run(-3, 7), run(-3, 7)[:, [1, 0, 2]]]), axis=0)
+    assert spans_of(cross) == [((-3, 0, 0), (4, 1, 1)), ((0, -3, 0), (1, 4, 1))]
+    # A step: the larger of two boxes is taken first, along x here and along y there.
+    wide = np.concatenate([run(0, 6), run(0, 2, y=1)])
+    assert spans_of(wide) == [((0, 0, 0), (2, 2, 1)), ((0, 0, 0), (6, 1, 1))]
+    assert spans_of(wide[:, [1, 0, 2]]) == [((0, 0, 0), (1, 6, 1)), ((0, 0, 0), (2, 2, 1))]
+    # A block with a wall beside it: up, along x and then along y, or the other way round.
+    block = [(x, y, z) for x in range(4) for y in range(2) for z in range(4)]
+    wall = [(0, y, z) for y in range(4) for z in range(4)]
+    both = np.unique(np.array(block + wall), axis=0)
+    assert spans_of(both) == [((0, 0, 0), (1, 4, 4)), ((0, 0, 0), (4, 2, 4))]
+    assert spans_of(both[:, [1, 0, 2]]) == [((0, 0, 0), (2, 4, 4)), ((0, 0, 0), (4, 1, 4))]
+    # It goes up first: a tower on a plate.
+    tower = np.concatenate([run(0, 3), np.array([(0, 0, z) for z in range(1, 5)])])
+    assert spans_of(tower) == [((0, 0, 0), (1, 1, 5)), ((0, 0, 0), (3, 1, 1))]
+
+
+def test_beyond_the_most_those_are_joined_that_waste_least() -> None:
+    near = np.array([(0, 0, 0), (2, 0, 0), (10, 0, 0), (14, 0, 0)])
+    assert spans_of(near, 3) == [((0, 0, 0), (3, 1, 1)), ((10, 0, 0), (11, 1, 1)), ((14, 0, 0), (15, 1, 1))]
+    assert spans_of(near, 2) == [((0, 0, 0), (3, 1, 1)), ((10, 0, 0), (15, 1, 1))]
+    assert spans_of(near, 1) == [((0, 0, 0), (15, 1, 1))]
+    # What is a little apart in two directions wastes more than what is further apart in one.
+    askew = np.array([(0, 0, 0), (2, 2, 0), (5, 0, 0)])
+    assert spans_of(askew, 2) == [((0, 0, 0), (6, 1, 1)), ((2, 2, 0), (3, 3, 1))]
+
+
+def test_an_obstacle_has_up_to_two_dozen_boxes() -> None:
+    stairs = np.array([(2 * k, 2 * k, 0) for k in range(30)])
+    assert len(spans_of(stairs)) == 24
+    assert len(spans_of(stairs[:24])) == 24
+    assert covered(merge_cells(cell_keys(stairs))) >= set(map(tuple, stairs.tolist()))
