@@ -44,8 +44,8 @@ def check_scene_names(reading: MissionReadResult, known: SceneNames) -> Iterator
         if name in used or keys.tree.mark.file == own:
             for placed in keys.nodes:
                 for asked in expressions_of(placed):
-                    yield from _asked(asked, keys, attributes, reading.pointer)
-                yield from _cases(placed, attributes, known)
+                    yield from _check_expression(asked, keys, attributes, reading.pointer)
+                yield from _check_cases(placed, attributes, known)
 
 
 def _named(arrival: ArrivingValue, known: SceneNames) -> Iterator[Diagnostic]:
@@ -81,7 +81,7 @@ def _attributes(known: SceneNames) -> Mapping[str, ValueType]:
     }
 
 
-def _asked(
+def _check_expression(
     asked: MissionExpression, keys: TreeKeys, attributes: Mapping[str, ValueType], pointer: ExpressionLocator
 ) -> Iterator[Diagnostic]:
     """Check an expression that is valid in general, but may not be with the names of this scene."""
@@ -97,7 +97,7 @@ def _asked(
         yield asked.fault(error, pointer, _CODE)
 
 
-def _cases(
+def _check_cases(
     placed: PlacedNode, attributes: Mapping[str, ValueType], known: SceneNames
 ) -> Iterator[Diagnostic]:
     """Check for cases that match no value of the attribute in this scene."""

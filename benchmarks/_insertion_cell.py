@@ -157,7 +157,7 @@ class _Cell:
         yield from world.move.rest()
         for _ in range(10):
             yield
-        world.grip.start(world.grip.width + world.handling.release)
+        world.gripper.start(world.gripper.width + world.handling.release)
         for _ in range(20):
             yield
 
@@ -166,9 +166,9 @@ class _Cell:
             self._wait()
 
     def _wait(self) -> None:
-        from picktree.session.assembly import TICK
+        from picktree.session.assembly import TICK_LENGTH
 
-        self.world.control.step_tick(TICK)
+        self.world.control.step_tick(TICK_LENGTH)
         self.world.scene.carry(self.world.control.tcp)
 
     def _mission(self, text: str) -> None:

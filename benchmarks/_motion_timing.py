@@ -18,7 +18,7 @@ from picktree.planning.service.motion_chain import MotionChain
 from picktree.planning.service.solver import RequestSolver
 from picktree.planning.timing.path_curves import JointCurve, rounded_polyline, spline_through
 from picktree.planning.timing.time_parameterization import time_curve
-from picktree.planning.timing.toppra_profile import TORQUE, PathLimits, ScaledStretch
+from picktree.planning.timing.toppra_profile import TORQUE_LIMIT_SHARE, PathLimits, ScaledStretch
 from picktree.robots.model import RobotModel
 from picktree.world.belief.planning_scene import PlanningScene
 from picktree.world.causes import Failure
@@ -94,7 +94,7 @@ def _keeps(model: RobotModel, t: Trajectory, jerk: Array) -> bool:
     dt, more, still = np.diff(t.times)[:, None], 1.0 + 1e-9, np.zeros(model.n)
     for q, v, a in zip(t.position, t.velocity, t.acceleration, strict=True):
         weight = model.inverse_dynamics(q, still, still)
-        left = np.maximum(TORQUE * model.torque_limit - np.abs(weight), 0.1 * model.torque_limit)
+        left = np.maximum(TORQUE_LIMIT_SHARE * model.torque_limit - np.abs(weight), 0.1 * model.torque_limit)
         if (np.abs(model.inverse_dynamics(q, v, a) - weight) > left * (1.0 + SLACK)).any():
             return False
     return bool(

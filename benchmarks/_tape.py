@@ -12,7 +12,7 @@ from typing import Literal
 
 from picktree.errors import PicktreeError
 from picktree.logs.mcap import sealed_file
-from picktree.logs.mcap.chunks import DAMAGE
+from picktree.logs.mcap.chunks import DAMAGE_ERRORS
 from picktree.logs.mcap.sealed_file import RawFile
 from picktree.logs.mcap.writer import McapFile
 from picktree.logs.run_log import RunLog
@@ -172,7 +172,7 @@ def opens_in_stock_reader(path: Path) -> bool:
     try:
         with path.open("rb") as stream:
             return make_reader(stream, validate_crcs=True).get_summary() is not None
-    except DAMAGE:
+    except DAMAGE_ERRORS:
         return False
 
 

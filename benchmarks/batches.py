@@ -181,10 +181,10 @@ def batch(settings: Settings, name: str, seeds: list[int], workers: int) -> dict
     if process.wait() not in (0, 1):
         raise SystemExit(f"{' '.join(command)}: exit code {process.returncode}")
     cpu = spent(resource.getrusage(resource.RUSAGE_CHILDREN)) - before
-    from picktree.batch.results.store import NAME, Store
+    from picktree.batch.results.store import RESULTS_FILE, Store
 
     first_job = ends[0][1]["job"]
-    with Store(folder / NAME) as store:
+    with Store(folder / RESULTS_FILE) as store:
         row = store.query(f"SELECT wall_seconds FROM jobs WHERE job = '{first_job}'").rows[0]
     return asdict(
         Together(

@@ -18,7 +18,7 @@ from _campaign import ROOT
 from fault_campaign import Row, measure, read
 from picktree.analysis.render.snapshot import snapshot
 from picktree.analysis.run import Run
-from picktree.batch.results.store import NAME
+from picktree.batch.results.store import RESULTS_FILE
 from picktree.errors import PicktreeError
 from picktree.simulation.fault_files.fault_entries import FaultExpectation
 from picktree.simulation.fault_files.fault_loading import load_faults
@@ -56,7 +56,7 @@ def main() -> int:
 
 def atlas(folder: Path, page: Path, pictures: Path, most: int) -> int:
     """Write page and pictures; how many runs are in it."""
-    if not (folder / NAME).exists():
+    if not (folder / RESULTS_FILE).exists():
         raise PicktreeError(f"{folder}: there is no campaign in it")
     rows = [row for row in read(folder) if row.status != "waiting"]
     measures = measure(rows, folder)

@@ -32,7 +32,7 @@ from _fault_table import Line, line, to_text, total
 from picktree.analysis.run import Run
 from picktree.batch.plan.plan import BatchPlan
 from picktree.batch.plan.plan_loading import load_plan
-from picktree.batch.results.store import NAME, Store
+from picktree.batch.results.store import RESULTS_FILE, Store
 from picktree.batch.workers.batch import Batch
 from picktree.batch.workers.local_executor import LocalExecutor
 from picktree.cli.batch.progress import progress
@@ -112,7 +112,7 @@ def campaign(given: argparse.Namespace) -> int:
     folder: Path = given.out
     if not given.report:
         run(given, folder)
-    if not (folder / NAME).exists():
+    if not (folder / RESULTS_FILE).exists():
         raise PicktreeError(f"{folder}: there is no campaign in it")
     rows = [row for row in read(folder) if row.status != "waiting"]
     if not rows:
@@ -144,7 +144,7 @@ def campaign(given: argparse.Namespace) -> int:
 def run(given: argparse.Namespace, folder: Path) -> None:
     """Run what is to do of the plan, then take up what was killed. Says first what it costs."""
     plan = asked(given)
-    if (folder / NAME).exists():
+    if (folder / RESULTS_FILE).exists():
         made = Batch.resume(folder)
         if given.runs or given.only or given.without or given.side != "both":
             have, want = _extent(made.plan), _extent(plan)
@@ -202,7 +202,7 @@ def _extent(plan: BatchPlan) -> tuple[object, ...]:
 
 def read(folder: Path) -> list[Row]:
     """All jobs of the batch in the order of its plan."""
-    with Store(folder / NAME) as store:
+    with Store(folder / RESULTS_FILE) as store:
         found = store.query(
             "SELECT job, mission, scene, faults, seed, status, message, items_total, items_sorted, "
             "items_misplaced, sim_seconds, folder FROM jobs ORDER BY number"

@@ -62,7 +62,7 @@ def one(job: Job) -> Row:
 
 def _push(job: Job, kind: str, extra: str) -> dict[str, Any]:
     from picktree.robots.loading import load_robot
-    from picktree.session.assembly import TICK, assemble_world
+    from picktree.session.assembly import TICK_LENGTH, assemble_world
     from picktree.simulation.backends import build_hardware
     from picktree.trees.loading.loader import parse_mission
     from picktree.trees.loading.registry import NodeRegistry
@@ -89,7 +89,7 @@ def _push(job: Job, kind: str, extra: str) -> dict[str, Any]:
                 return "" if tree.failure is None else f"{tree.failure.cause}: {tree.failure.message}"
             if world.clock.now > until:
                 return "hung"
-            world.control.step_tick(TICK)
+            world.control.step_tick(TICK_LENGTH)
             world.scene.carry(world.control.tcp)
 
     run('Observe: {camera: overhead, objects: "{items}"}')

@@ -20,7 +20,7 @@ from pathlib import Path
 
 from _campaign import ROOT, rate
 from picktree.batch.plan.plan import BatchPlan
-from picktree.batch.results.store import NAME
+from picktree.batch.results.store import RESULTS_FILE
 from picktree.batch.statistics.comparison import RecipeComparison, compare_recipes
 from picktree.batch.statistics.comparison_text import text_of
 from picktree.batch.statistics.differences import JobOutcome, RecipeOutcomes, read_recipe
@@ -165,7 +165,7 @@ def _seeds(given: argparse.Namespace) -> int:
 def _done(given: argparse.Namespace, name: str, seeds: int, **changes: object) -> RecipeOutcomes:
     """The recipe's batch, run as far as it was not."""
     folder = given.folder / (name if name != "as-is" else f"as-is-{seeds}")
-    if (folder / NAME).exists():
+    if (folder / RESULTS_FILE).exists():
         made = Batch.resume(folder)
     else:
         plan = BatchPlan(name, (MISSION,), tuple(range(seeds)), keep="none", **changes)  # type: ignore[arg-type]

@@ -261,7 +261,7 @@ class Lab:
         )
         for body in self.run.hardware.truth():
             near = float(np.linalg.norm(np.array(body.pose.position) - tool)) < IN_HAND
-            if near and touched[str(body.id)] and self.world.grip.width > 0.002:
+            if near and touched[str(body.id)] and self.world.gripper.width > 0.002:
                 by = {
                     f
                     for c in self.run.hardware.true_contacts()
@@ -336,7 +336,7 @@ class Lab:
 
         self._go(rng, 1.0)
         world = self.world
-        poses = world.robot.link_poses(world.control.state.position, world.grip.width)
+        poses = world.robot.link_poses(world.control.state.position, world.gripper.width)
         link = str(rng.choice([f"panda_link{k}" for k in (4, 5, 6, 7)] + ["panda_hand", "panda_hand"]))
         x, y, z = (float(c) for c in np.array(poses[link].position) + rng.uniform(-0.06, 0.06, 3))
         size = tuple(float(s) for s in rng.uniform(0.04, 0.15, 3))

@@ -70,7 +70,7 @@ def main() -> int:
 
 
 def soak(given: argparse.Namespace, diary: Path) -> None:
-    from picktree.logs.recording.rotation import FOR_FEEDS
+    from picktree.logs.recording.rotation import FEED_ROTATION
     from picktree.session.resume.resumption import ResumeRequest, Resumption
     from picktree.session.session import RunRequest, Session
 
@@ -86,7 +86,7 @@ def soak(given: argparse.Namespace, diary: Path) -> None:
         if given.resume:
             folders = Soak.read(diary).folders
             watcher = Diary(diary, 1 + len(folders))
-            asked = ResumeRequest(folders[-1], given.out, until + OVERTIME, FOR_FEEDS)
+            asked = ResumeRequest(folders[-1], given.out, until + OVERTIME, FEED_ROTATION)
             resumption = stack.enter_context(Resumption(asked))
             print(resumption.told, flush=True)
             session = resumption.session(watcher)
@@ -101,7 +101,7 @@ def soak(given: argparse.Namespace, diary: Path) -> None:
                 out=given.out,
                 backend=given.backend,
                 limit=until + OVERTIME,
-                rotation=FOR_FEEDS,
+                rotation=FEED_ROTATION,
             )
             session = Session(request, watcher)
         try:

@@ -18,7 +18,7 @@ from typing import TypeVar
 from picktree.cell.world import World
 from picktree.control.cartesian.impedance import ContactReflex
 from picktree.control.cartesian.twist import Twist
-from picktree.control.execution.jog_motion import FASTEST
+from picktree.control.execution.jog_motion import MAX_TWIST_SPEED
 from picktree.control.joints.joint_controllers import BrakeController
 from picktree.planning.requests import JointGoal
 from picktree.robots.loading import load_robot
@@ -55,7 +55,7 @@ def stopped(world: World, way: str, rng: np.random.Generator) -> tuple[float, fl
     model, control = world.robot, world.control
     if way == "jog halted":
         along = rng.normal(size=3) * np.array([1.0, 1.0, 0.2])
-        x, y, z = along / np.linalg.norm(along) * FASTEST
+        x, y, z = along / np.linalg.norm(along) * MAX_TWIST_SPEED
         doing = world.move.jog(Twist((x, y, z)))
         last = 12
     else:

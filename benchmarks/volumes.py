@@ -20,7 +20,7 @@ from picktree.perception.data_association import update_belief
 from picktree.perception.pipeline import Perception
 from picktree.perception.voxels.obstacle_volumes import merge_cells
 from picktree.perception.voxels.voxel_grid import (
-    CELL,
+    CELL_SIZE,
     cell_centres,
     cell_indices,
     cells_in_body,
@@ -159,7 +159,7 @@ def octree(cells: Array, model: RobotModel, q: Array) -> float:
     make = getattr(coal, "makeOctree", None)
     if make is None:
         return float("nan")
-    tree = make(np.asarray(cells), float(CELL[0]))
+    tree = make(np.asarray(cells), float(CELL_SIZE[0]))
     box, request, result = coal.Box(0.1, 0.1, 0.2), coal.CollisionRequest(), coal.CollisionResult()
     place = pin.SE3(np.eye(3), cells.mean(axis=0) + 0.15)
     at = coal.Transform3s(place.rotation, place.translation)
@@ -172,7 +172,7 @@ def octree(cells: Array, model: RobotModel, q: Array) -> float:
 def blocked(bodies: Sequence[CollisionBody]) -> float:
     """Litres that the bodies take up together, by cells."""
     cells = np.unique(np.concatenate([cells_in_body(body.shape, body.pose) for body in bodies]))
-    return len(cells) * float(np.prod(CELL)) * 1000
+    return len(cells) * float(np.prod(CELL_SIZE)) * 1000
 
 
 def main() -> int:
@@ -200,7 +200,7 @@ def main() -> int:
         without.update(bare, 0.08)
         base = seconds(without, near), seconds(without, anywhere)
         trees.append(octree(np.concatenate([cell_centres(cells_of(o)) for o in unknown]), model, near[0]))
-        exact = sum(len(cells_of(o)) for o in unknown) * float(np.prod(CELL)) * 1000
+        exact = sum(len(cells_of(o)) for o in unknown) * float(np.prod(CELL_SIZE)) * 1000
         for name, kind in KINDS.items():
             made = [kind(o) for o in unknown]
             full = PlanningScene(scene.fixtures, scene.bins)

@@ -131,7 +131,7 @@ def situation(world: World) -> str:
         more = f" and {len(left) - _NAMED} more" if len(left) > _NAMED else ""
         parts.append(f"{len(left)} to be done: {named}{more}")
     else:
-        parts.append("nothing else is to be done" if world.eyes.looks else "nobody has looked yet")
+        parts.append("nothing else is to be done" if world.vision.looks else "nobody has looked yet")
     return f"{'; '.join(parts)}; {world.journal.items_done} done so far"
 
 

@@ -82,12 +82,12 @@ class World:
     control: ControlLoop
     plan: PlanService
     move: ArmMotion
-    grip: GripperControl
-    eyes: Vision
+    gripper: GripperControl
+    vision: Vision
     queries: SceneQueries
     feed: Feed = field(default_factory=NoFeed)
     noticed: FeedProgress = field(default_factory=FeedProgress)
-    underway: HandoverSlot = field(default_factory=HandoverSlot)
+    handover: HandoverSlot = field(default_factory=HandoverSlot)
     handling: HandlingParameters = field(default_factory=HandlingParameters)
     operator: OperatorRequests = field(default_factory=OperatorRequests)
     tick: float = 0.05
@@ -101,9 +101,24 @@ class World:
         """Return the names that every expression of a mission may use, with their present values."""
         return facts(
             self.scene,
-            looked=self.eyes.looks > 0,
+            looked=self.vision.looks > 0,
             stopped=self.control.monitor.stopped is not None,
             exhausted=self.feed.read().exhausted,
             done=self.journal.items_done,
             now=self.clock.now,
         )
+
+    @property
+    def grip(self) -> GripperControl:
+        """Old name of `gripper`, for plug-ins; it goes with the next release."""
+        return self.gripper
+
+    @property
+    def eyes(self) -> Vision:
+        """Old name of `vision`, for plug-ins; it goes with the next release."""
+        return self.vision
+
+    @property
+    def underway(self) -> HandoverSlot:
+        """Old name of `handover`, for plug-ins; it goes with the next release."""
+        return self.handover

@@ -90,7 +90,7 @@ def _command() -> Callable[..., object]:
     return typer.main.get_command(app)
 
 
-def _told(error: PicktreeError) -> str:
+def _error_text(error: PicktreeError) -> str:
     if not isinstance(error, FileError):
         return str(error)
     from ..files.diagnostics.fault_rendering import fault_lines
@@ -105,7 +105,7 @@ def answer(arguments: Sequence[str]) -> int:
     except SystemExit as end:
         return end.code if isinstance(end.code, int) else 0
     except PicktreeError as error:
-        print(_told(error), file=sys.stderr)
+        print(_error_text(error), file=sys.stderr)
         return 2
     except KeyboardInterrupt:
         return 130

@@ -26,10 +26,10 @@ def optional_import(name: str, library: str, what: str) -> Generator[None]:
     except ImportError as error:
         if error.name is None or error.name.split(".")[0] != library:
             raise
-        raise PicktreeError(f"{what} needs the extra '{name}': {adding(name)}") from None
+        raise PicktreeError(f"{what} needs the extra '{name}': {install_command(name)}") from None
 
 
-def adding(name: str) -> str:
+def install_command(name: str) -> str:
     """Return the command that adds the extra to the environment in use.
 
     In a checkout it takes the versions that the checkout pins.

@@ -42,11 +42,11 @@ from .schema.records import (
 )
 
 LOG_NAME = "log.mcap"
-RUNS = Path("runs")
+RUNS_FOLDER = Path("runs")
 
 R = TypeVar("R")
 
-_NOTHING = (b'"writes":[]', b'"transitions":[]')
+_IDLE_MARKS = (b'"writes":[]', b'"transitions":[]')
 """JSON of a tick without transitions and writes."""
 
 
@@ -79,9 +79,11 @@ def find_log(where: str | Path) -> Path:
     """Return the log file that LOG names: a file, a run's folder, or `last` in ./runs. Raises
     PicktreeError."""
     if str(where) == "last":
-        logs = sorted(RUNS.glob(f"*/{LOG_NAME}"), key=lambda p: (_written(p), str(p)))
+        logs = sorted(RUNS_FOLDER.glob(f"*/{LOG_NAME}"), key=lambda p: (_last_write_time(p), str(p)))
         if not logs:
-            raise PicktreeError(f"there is no run in {RUNS.absolute()} yet; `picktree run MISSION` makes one")
+            raise PicktreeError(
+                f"there is no run in {RUNS_FOLDER.absolute()} yet; `picktree run MISSION` makes one"
+            )
         return logs[-1]
     path = Path(where)
     if path.is_dir():
@@ -233,7 +235,7 @@ class RunLog:
         """
         first = True
         for message in self.messages([topics.TICK.name]):
-            idle = all(nothing in message.data for nothing in _NOTHING)
+            idle = all(nothing in message.data for nothing in _IDLE_MARKS)
             tick = None if idle and not first else self._read(message, lambda data: decode(Tick, data))
             yield Stamped(message.time / 1e9, tick)
             first = False
@@ -381,7 +383,7 @@ class RunLog:
             ) from None
 
 
-def _written(log: Path) -> int:
+def _last_write_time(log: Path) -> int:
     """Return the time of the last write to a log's last file, ns."""
     return max(path.stat().st_mtime_ns for path in (log, *part_paths(log).values()))
 

@@ -18,7 +18,7 @@ from .run_log import CameraImage, RunLog, Stamped
 from .schema import topics
 from .schema.records import Tick
 
-_SLACK = 1e-9
+_TIME_TOLERANCE = 1e-9
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -78,7 +78,7 @@ class TickSequence(Sequence[TickAt]):
         """
         if not self.times:
             raise PicktreeError(f"{self._log.path}: the log holds no tick")
-        return max(bisect.bisect_right(self.times, time + _SLACK) - 1, 0)
+        return max(bisect.bisect_right(self.times, time + _TIME_TOLERANCE) - 1, 0)
 
     def _several(self, numbers: range) -> tuple[TickAt, ...]:
         if not numbers:
@@ -118,12 +118,12 @@ class ImageSequence(Sequence[Stamped[CameraImage]]):
         number = range(len(self))[index]
         time = self.times[number]
         # The three messages of an image have one stamp.
-        return next(self._log.shots(self.cameras[number], time - _SLACK, time + _SLACK))
+        return next(self._log.shots(self.cameras[number], time - _TIME_TOLERANCE, time + _TIME_TOLERANCE))
 
     def before(self, time: float, camera: str | None = None) -> Stamped[CameraImage] | None:
         """Return the last image at `time` (simulated s) or before, of that camera or of any; None when there
         is none."""
-        for number in range(bisect.bisect_right(self.times, time + _SLACK) - 1, -1, -1):
+        for number in range(bisect.bisect_right(self.times, time + _TIME_TOLERANCE) - 1, -1, -1):
             if camera is None or self.cameras[number] == camera:
                 return self[number]
         return None

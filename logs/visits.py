@@ -248,7 +248,7 @@ def visits_of(log: RunLog) -> tuple[Visit, ...]:
     return following.finish()
 
 
-ENDED = frozenset({"SUCCESS", "FAILURE", "SKIPPED"})
+END_STATUSES = frozenset({"SUCCESS", "FAILURE", "SKIPPED"})
 
 
 def derived_visits(log: RunLog) -> tuple[Visit, ...]:
@@ -279,7 +279,8 @@ def with_transitions(ticks: Iterator[Stamped[Tick]]) -> Iterator[Stamped[Tick]]:
         ended = [
             _end(node, at.record.nodes)
             for node in reversed(at.record.nodes)
-            if node.path in running and (node.status in ENDED if node.ticked else node.status != "RUNNING")
+            if node.path in running
+            and (node.status in END_STATUSES if node.ticked else node.status != "RUNNING")
         ]
         running -= {transition.path for transition in ended}
         yield Stamped(at.time, replace(at.record, transitions=(*begun, *ended)))

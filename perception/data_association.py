@@ -16,21 +16,21 @@ from ..world.values import ObjectId, Pose
 from .fitting.view import Detection, PerceivedView, UnexplainedPatch
 from .voxels.obstacle_volumes import update_volumes
 
-NEAR = 0.04
+MATCH_DISTANCE = 0.04
 """Distance within which a detection is matched to a believed object of its colour, m. Uncertain positions
 widen it."""
-NEAR_IN_BIN = 0.10
+MATCH_DISTANCE_IN_BIN = 0.10
 """The same distance inside one bin, m: heaps settle."""
-FAR = 0.50
+MAX_DISPLACEMENT = 0.50
 """Distance within which an object whose place is seen empty is matched to another detection of its kind, m.
 """
-OTHER_KIND = 0.02
+KIND_MISMATCH_COST = 0.02
 """Cost of a difference in kind, as a distance, m. A half hidden object may have been misjudged before."""
-CLEARLY = 0.8
+MIN_CONFIDENCE_SHARE = 0.8
 """Share of the belief's confidence below which a detection sees the object worse than before."""
-IN_HAND = 0.06
+HELD_DISTANCE = 0.06
 """Distance from the held object within which a detection of its colour is the held object, m."""
-CERTAIN = 0.6
+CERTAIN_CONFIDENCE = 0.6
 """Confidence from which a detection is an object of its own, even next to hidden objects."""
 
 Cost: TypeAlias = Callable[[BeliefObject, Detection], float]
@@ -65,24 +65,24 @@ def update_belief(
         held = replace(held, pose=held_at)
     detections = [d for d in view.detections if held is None or not _is_held(held, d)]
     items = [o for o in scene.objects if o.role == "item" and not o.attached]
-    matched = _assigned(items, detections, _nearness)
-    missing = [o for o in items if o.id not in matched and _gone(view, o)]
-    matched |= _assigned(missing, _others(detections, matched), _moved)
+    matched = _assignment(items, detections, _nearness)
+    missing = [o for o in items if o.id not in matched and _is_place_empty(view, o)]
+    matched |= _assignment(missing, _unmatched(detections, matched), _displacement)
 
     removed: list[ObjectId] = []
     hidden: list[BeliefObject] = []
     for item in items:
         if item.id in matched:
-            scene.put(_seen(item, matched[item.id], view, now), "seen")
+            scene.put(_updated_belief(item, matched[item.id], view, now), "seen")
         elif item in missing:
             scene.remove(item.id, "its place was seen empty")
             removed.append(item.id)
         else:
             hidden.append(item)
     new: list[ObjectId] = []
-    for detection in _others(detections, matched):
+    for detection in _unmatched(detections, matched):
         if not _part_of_known(detection, hidden):
-            belief = _believed(scene.new_id(f"{detection.colour}_{detection.kind}"), detection, now)
+            belief = _belief_from(scene.new_id(f"{detection.colour}_{detection.kind}"), detection, now)
             scene.put(belief, "seen for the first time")
             new.append(belief.id)
     obstacles = [u for u in view.unexplained if not _is_known(u, (*hidden, *([held] if held else [])))]
@@ -91,7 +91,7 @@ def update_belief(
     return ObservationSummary(seen, tuple(new), tuple(removed), tuple(o.id for o in hidden), len(obstacles))
 
 
-def _assigned(
+def _assignment(
     items: Sequence[BeliefObject], detections: Sequence[Detection], cost: Cost
 ) -> dict[ObjectId, Detection]:
     """Assign detections to items at the least total cost, among the pairs whose cost is finite."""
@@ -104,7 +104,7 @@ def _assigned(
     return {items[r].id: detections[c] for r, c in pairs if possible[r, c]}
 
 
-def _others(detections: Sequence[Detection], matched: dict[ObjectId, Detection]) -> list[Detection]:
+def _unmatched(detections: Sequence[Detection], matched: dict[ObjectId, Detection]) -> list[Detection]:
     taken = {id(d) for d in matched.values()}
     return [d for d in detections if id(d) not in taken]
 
@@ -114,36 +114,40 @@ def _nearness(item: BeliefObject, detection: Detection) -> float:
     if item.colour != detection.colour:
         return math.inf
     same_bin = detection.place != "table" and item.place == detection.place
-    gate = (NEAR_IN_BIN if same_bin else NEAR) + 3.0 * min(item.sigma_position, 0.03)
+    gate = (MATCH_DISTANCE_IN_BIN if same_bin else MATCH_DISTANCE) + 3.0 * min(item.sigma_position, 0.03)
     distance = item.pose.distance(detection.pose)
-    return distance + (OTHER_KIND if item.kind != detection.kind else 0.0) if distance < gate else math.inf
+    return (
+        distance + (KIND_MISMATCH_COST if item.kind != detection.kind else 0.0)
+        if distance < gate
+        else math.inf
+    )
 
 
-def _moved(item: BeliefObject, detection: Detection) -> float:
+def _displacement(item: BeliefObject, detection: Detection) -> float:
     """Distance to a detection of the same kind and colour, m; inf beyond FAR or for another kind or
     colour."""
     if (item.colour, item.kind) != (detection.colour, detection.kind):
         return math.inf
     distance = item.pose.distance(detection.pose)
-    return distance if distance < FAR else math.inf
+    return distance if distance < MAX_DISPLACEMENT else math.inf
 
 
 def _is_held(held: BeliefObject, detection: Detection) -> bool:
-    return detection.colour == held.colour and held.pose.distance(detection.pose) < IN_HAND
+    return detection.colour == held.colour and held.pose.distance(detection.pose) < HELD_DISTANCE
 
 
-def _gone(view: PerceivedView, item: BeliefObject) -> bool:
+def _is_place_empty(view: PerceivedView, item: BeliefObject) -> bool:
     return view.look(item.shape, item.pose, item.colour).seen_empty
 
 
 def _part_of_known(detection: Detection, hidden: Sequence[BeliefObject]) -> bool:
     """Whether the detection may be a badly seen piece of a hidden object."""
     in_bin = detection.place != "table"
-    if detection.confidence >= CERTAIN and not in_bin:
+    if detection.confidence >= CERTAIN_CONFIDENCE and not in_bin:
         return False
-    reach = NEAR_IN_BIN if in_bin else 2 * NEAR
+    reach = MATCH_DISTANCE_IN_BIN if in_bin else 2 * MATCH_DISTANCE
     near = any(o.colour == detection.colour and o.pose.distance(detection.pose) < reach for o in hidden)
-    return near or (in_bin and detection.confidence < CERTAIN)
+    return near or (in_bin and detection.confidence < CERTAIN_CONFIDENCE)
 
 
 def _is_known(unexplained: UnexplainedPatch, items: Sequence[BeliefObject]) -> bool:
@@ -154,39 +158,44 @@ def _is_known(unexplained: UnexplainedPatch, items: Sequence[BeliefObject]) -> b
     )
 
 
-def _believed(object_id: ObjectId, d: Detection, now: float) -> BeliefObject:
+def _belief_from(object_id: ObjectId, d: Detection, now: float) -> BeliefObject:
     return BeliefObject(
         object_id, "item", d.kind, d.form, d.shape, d.colour, d.pose, d.sigma_position, d.sigma_angle,
         d.confidence, now, place=d.place,
     )  # fmt: skip
 
 
-def _seen(item: BeliefObject, detection: Detection, view: PerceivedView, now: float) -> BeliefObject:
+def _updated_belief(
+    item: BeliefObject, detection: Detection, view: PerceivedView, now: float
+) -> BeliefObject:
     """Return the belief after its object was seen.
 
     A better earlier estimate is kept while the view bears it out: of a half hidden object only the visible
     half counts. An item that was given up stays so where it lay. Found elsewhere, it may be handled again.
     """
     given_up = item.place == "aside" and detection.place == "table"
-    stayed = item.pose.distance(detection.pose) < NEAR + 3.0 * min(item.sigma_position, 0.03)
+    stayed = item.pose.distance(detection.pose) < MATCH_DISTANCE + 3.0 * min(item.sigma_position, 0.03)
     place = item.place if given_up and stayed else detection.place
-    worse = detection.confidence < CLEARLY * item.confidence
+    worse = detection.confidence < MIN_CONFIDENCE_SHARE * item.confidence
     if worse and view.look(item.shape, item.pose, item.colour).borne_out:
         return replace(item, last_seen=now, place=place)
-    belief = replace(_believed(item.id, detection, now), place=place)
-    return replace(belief, pose=_likest(detection, item.pose))
+    belief = replace(_belief_from(item.id, detection, now), place=place)
+    return replace(belief, pose=_nearest_orientation(detection, item.pose))
 
 
-def _likest(detection: Detection, before: Pose) -> Pose:
+def _nearest_orientation(detection: Detection, before: Pose) -> Pose:
     """Return the detection's pose, or one that looks the same, with the orientation nearest to `before`."""
     if not detection.turn:
         return detection.pose
     position, pose = detection.pose.position, detection.pose
-    turns = (Pose.from_rpy((0, 0, 0), (0, 0, k * detection.turn)) for k in range(1, _times(detection.turn)))
+    turns = (
+        Pose.from_rpy((0, 0, 0), (0, 0, k * detection.turn))
+        for k in range(1, _symmetry_order(detection.turn))
+    )
     alike = [pose, *(Pose(position, (turn @ pose).orientation) for turn in turns)]
     return min(alike, key=lambda pose: round(pose.angle(before), 6))
 
 
-def _times(turn: float) -> int:
+def _symmetry_order(turn: float) -> int:
     """Number of times that an angle goes into a full turn."""
     return max(1, round(2 * math.pi / turn))

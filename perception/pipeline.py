@@ -18,7 +18,7 @@ from ..world.shapes import top
 from ..world.values import Array, Pose
 from .bin_fill import bin_height_map
 from .expectation.backdrop import (
-    SURFACE,
+    MIN_FRONT_DEPTH,
     BackgroundModel,
     SupportSurface,
     SupportSurfaces,
@@ -26,19 +26,19 @@ from .expectation.backdrop import (
     table_of,
 )
 from .expectation.hand_camera_pose import register_hand_camera
-from .expectation.robot_mask import HIGH, RobotMask, RobotShape, with_what_hangs_on
+from .expectation.robot_mask import ATTACHED_HEIGHT, RobotMask, RobotShape, add_attached_parts
 from .fitting.blob_splitting import split_blob
 from .fitting.item_fitting import (
-    GOOD,
-    HOVER,
-    MODEL_SIGMA,
-    POOR,
+    GOOD_MISFIT,
+    MAX_HOVER_HEIGHT,
+    MODEL_DEPTH_SIGMA,
+    POOR_MISFIT,
     Hypothesis,
     ItemFitter,
     detection_from,
     is_clear,
 )
-from .fitting.known_object_fitting import ROUGH, TrackedSighting, track_objects
+from .fitting.known_object_fitting import NEAR_DEPTH_SIGMA, TrackedSighting, track_objects
 from .fitting.view import BinView, BodyVisibility, Detection, PerceivedView, UnexplainedPatch
 from .geometry.camera_geometry import PosedCamera
 from .geometry.resting_poses import HoleMouths, stable_poses
@@ -52,36 +52,36 @@ from .segmentation.blobs import (
     downsample,
     outline_patch,
 )
-from .voxels.space_carving import RAISED, bounding_box_of, points_of, unexplained_patches
+from .voxels.space_carving import MIN_RAISED_DEPTH, bounding_box_of, points_of, unexplained_patches
 
 __all__ = ["BinView", "BodyVisibility", "Detection", "PerceivedView", "Perception", "UnexplainedPatch"]
 
-LEAST = 10
+MIN_PATCH_PIXELS = 10
 """Least number of pixels of a patch of colour."""
-FLAT = 0.002
+MIN_ITEM_HEIGHT = 0.002
 """Height of a patch's top over its support below which the patch is paint, m."""
-PAINT = 0.0035
+MIN_HEIGHT_OVER_PAINT = 0.0035
 """Height over a painted surface above which its colour belongs to something else, m."""
-OVER_RIM, OVER_HEAP = 0.03, 0.10
+HEAP_ABOVE_RIM, BLOB_ABOVE_RIM = 0.03, 0.10
 """Heights over a bin's rim up to which depth belongs to the heap in the bin, m: grey, and of an item's
 colour. Items may lean over the rim."""
-TALLER = 0.015
+HEIGHT_ABOVE_TALLEST = 0.015
 """Height above the tallest item from which a blob cannot be an item, m."""
-BEYOND = 0.02
+RAY_EXTENSION = 0.02
 """Length by which a ray is taken to go on beyond what never moves, m. It thereby clears volumes that touch
 such a surface."""
-OFF, FAR_OFF = 0.006, 0.8
+MAX_CAMERA_DISPLACEMENT, DISPLACEMENT_DISTANCE = 0.006, 0.8
 """Displacement at the distance of the second value above which a corrected camera counts as misplaced, m. Its
 background is then computed again."""
-DOWNWARDS = 0.1
+MIN_RAY_DESCENT = 0.1
 """Least descent of a ray of a moving camera for each m of depth. Flatter rays go to the horizon, where no
 item lies."""
-GOOD_CUT, SHOWN_CUT = 2.5, 0.75
+MAX_CUT_MISFIT, MIN_CUT_SHOWN = 2.5, 0.75
 """Greatest misfit and least visible share of a blob that the hand or the picture's border cuts through. Other
 cut blobs are ignored: another picture shows them better."""
-VAGUE = 0.012
+MAX_POSITION_SIGMA = 0.012
 """Standard deviation of a position from which on a fit is no detection, m."""
-POOR_IN_BIN = 2.6
+POOR_MISFIT_IN_BIN = 2.6
 """Greatest misfit of a detection in a bin, where leaning items are not forced into a shape."""
 
 
@@ -167,7 +167,7 @@ class Perception:
             sight = self._beside_hand(sight, whole, joints, width)
         else:
             sight = level_camera(believed, depth, backdrop, self._table_z)
-        if believed.apart(sight, FAR_OFF) > OFF:
+        if believed.apart(sight, DISPLACEMENT_DISTANCE) > MAX_CAMERA_DISPLACEMENT:
             # What is seen of walls and table is compared with where they are, seen from the corrected camera.
             believed = sight
             backdrop = BackgroundModel.of(self._description, sight, self._table, self._table_z)
@@ -177,13 +177,13 @@ class Perception:
             robot |= self._robot.nearby(believed, depth, joints, width, in_hand)
         else:
             # A camera that is mounted elsewhere than believed sees a rim of the robot next to the model.
-            high = np.where(~robot & (height > self._table_z + HIGH), depth, 0.0)
+            high = np.where(~robot & (height > self._table_z + ATTACHED_HEIGHT), depth, 0.0)
             if high.any():
                 robot |= self._robot.nearby(believed, high, joints, width, in_hand, math.inf) & (high > 0)
-        robot = with_what_hangs_on(robot, height, depth > 0, self._table_z + HIGH)
-        walls = np.isfinite(backdrop.guard) & ((depth == 0) | (depth > backdrop.guard - SURFACE))
+        robot = add_attached_parts(robot, height, depth > 0, self._table_z + ATTACHED_HEIGHT)
+        walls = np.isfinite(backdrop.guard) & ((depth == 0) | (depth > backdrop.guard - MIN_FRONT_DEPTH))
         if moving:
-            walls |= sight.all_directions()[:, :, 2] > -DOWNWARDS
+            walls |= sight.all_directions()[:, :, 2] > -MIN_RAY_DESCENT
         picture = SegmentationInput(
             sight, depth, height, label, robot | walls, np.zeros(depth.shape, dtype=np.int32), []
         )
@@ -203,7 +203,7 @@ class Perception:
             self._backdrops[key] = BackgroundModel.of(self._description, sight, self._table, self._table_z)
         return self._backdrops[key]
 
-    def in_heap(self, points: Array, over: float = OVER_RIM) -> NDArray[np.bool_]:
+    def in_heap(self, points: Array, over: float = HEAP_ABOVE_RIM) -> NDArray[np.bool_]:
         """Select the points (n, 3) of the world that belong to a heap in a bin: at most `over` m above its
         rim."""
         return self._floors.in_heap(points, over)
@@ -227,7 +227,7 @@ class _Shot:
     @property
     def rough(self) -> float:
         """Part of the depth's standard deviation that does not depend on the distance, m."""
-        return ROUGH if self.moving else MODEL_SIGMA
+        return NEAR_DEPTH_SIGMA if self.moving else MODEL_DEPTH_SIGMA
 
 
 class _Finding:
@@ -249,11 +249,11 @@ class _Finding:
         usable = (picture.label > 0) & ~picture.blocked
         if self.backdrop.label.any():
             usable &= self._is_more_than_paint()
-        present = np.flatnonzero(np.bincount(picture.label[usable], minlength=len(blobs.NAMES)))
+        present = np.flatnonzero(np.bincount(picture.label[usable], minlength=len(blobs.LABEL_NAMES)))
         patches = [
             picture.claim(rows, columns, int(label))
             for label in present
-            for rows, columns in connected_patches(usable & (picture.label == label), LEAST)
+            for rows, columns in connected_patches(usable & (picture.label == label), MIN_PATCH_PIXELS)
         ]
         for patch in patches:
             if patch.measured >= 4:
@@ -269,7 +269,7 @@ class _Finding:
         known = picture.depth > 0
         out = np.where(known, behind.depth - picture.depth, 0.0)
         around = cv2.blur(out, (3, 3)) / np.maximum(cv2.blur(known.astype(np.float64), (3, 3)), 0.1)
-        raised = (around > PAINT) & (~known | (out > 0.5 * around))
+        raised = (around > MIN_HEIGHT_OVER_PAINT) & (~known | (out > 0.5 * around))
         clean = cv2.medianBlur(raised.astype(np.uint8), 3)
         return clean.astype(np.bool_) | (picture.label != behind.label)
 
@@ -284,10 +284,10 @@ class _Finding:
     def reach(self) -> NDArray[np.float32]:
         """Compute how far each ray passes through free space, see `PerceivedView.reach`."""
         picture, behind = self.picture, self.backdrop
-        explained = behind.depth - picture.depth <= RAISED
-        explained |= np.isfinite(behind.guard) & (picture.depth > behind.guard - SURFACE)
+        explained = behind.depth - picture.depth <= MIN_RAISED_DEPTH
+        explained |= np.isfinite(behind.guard) & (picture.depth > behind.guard - MIN_FRONT_DEPTH)
         explained &= picture.owner == 0
-        known = np.where(explained, np.maximum(picture.depth, behind.depth) + BEYOND, picture.depth)
+        known = np.where(explained, np.maximum(picture.depth, behind.depth) + RAY_EXTENSION, picture.depth)
         known[picture.depth <= 0] = np.inf
         known[self.robot] = 0.0
         return known.astype(np.float32)
@@ -299,24 +299,28 @@ class _Finding:
 
     def _item(self, patch: PixelPatch) -> None:
         floor = self._floor(patch.rows, patch.columns, patch.top)
-        if patch.top - floor.height < FLAT:
+        if patch.top - floor.height < MIN_ITEM_HEIGHT:
             return
         blob = outline_patch(self.picture, patch)
-        heaped = (0.0, math.inf) if floor.in_bin else (GOOD, HOVER)
+        heaped = (0.0, math.inf) if floor.in_bin else (GOOD_MISFIT, MAX_HOVER_HEIGHT)
         hypotheses = self.fitter.explain(blob, floor.height, *heaped)
         seated = self._seated(blob)
-        if seated is not None and (not hypotheses or seated.best.misfit < max(GOOD, hypotheses[0].misfit)):
+        if seated is not None and (
+            not hypotheses or seated.best.misfit < max(GOOD_MISFIT, hypotheses[0].misfit)
+        ):
             self.detections.append(seated.detection)
             return
         misfit = hypotheses[0].misfit if hypotheses else 9.0
         cut = cut_off(patch.rows, patch.columns, *self.picture.depth.shape) or self._beside_robot(blob)
         if self.moving and cut:
-            if hypotheses and is_clear(hypotheses[0], GOOD_CUT) and hypotheses[0].shown > SHOWN_CUT:
+            if hypotheses and is_clear(hypotheses[0], MAX_CUT_MISFIT) and hypotheses[0].shown > MIN_CUT_SHOWN:
                 self._settle(blob, hypotheses, floor)
             return
-        if misfit > GOOD and not floor.in_bin:
+        if misfit > GOOD_MISFIT and not floor.in_bin:
             parts = split_blob(self.picture, self.fitter, blob, floor.height, misfit)
-            if parts is not None and (misfit >= POOR or all(is_clear(part.hypotheses[0]) for part in parts)):
+            if parts is not None and (
+                misfit >= POOR_MISFIT or all(is_clear(part.hypotheses[0]) for part in parts)
+            ):
                 for part in parts:
                     self._settle(part.blob, part.hypotheses, floor)
                 return
@@ -342,9 +346,9 @@ class _Finding:
 
     def _settle(self, blob: Blob, hypotheses: list[Hypothesis], floor: SupportSurface) -> None:
         """Accept the best hypothesis as a detection, or box the blob."""
-        if hypotheses and is_clear(hypotheses[0], POOR_IN_BIN if floor.in_bin else POOR):
+        if hypotheses and is_clear(hypotheses[0], POOR_MISFIT_IN_BIN if floor.in_bin else POOR_MISFIT):
             detection = detection_from(self.picture.sight, blob, hypotheses, floor)
-            if detection.sigma_position < VAGUE:
+            if detection.sigma_position < MAX_POSITION_SIGMA:
                 self.detections.append(detection)
                 return
         if not self._beside_robot(blob) or self._too_large(blob, floor):
@@ -359,7 +363,7 @@ class _Finding:
 
     def _too_large(self, blob: Blob, floor: SupportSurface) -> bool:
         """Whether the blob is too high to be a part of any item, even of one that the robot hides in part."""
-        return blob.top - floor.height > self.perception.tallest + TALLER
+        return blob.top - floor.height > self.perception.tallest + HEIGHT_ABOVE_TALLEST
 
     def _box(
         self, rows: NDArray[np.intp], columns: NDArray[np.intp], heap: SupportSurface | None = None
@@ -368,8 +372,8 @@ class _Finding:
         only those far above its rim stay."""
         known = self.picture.depth[rows, columns] > 0
         points = points_of(self.picture, rows, columns)
-        known &= ~self.perception.in_heap(points, OVER_RIM if heap is None else OVER_HEAP)
-        if int(known.sum()) < LEAST:
+        known &= ~self.perception.in_heap(points, HEAP_ABOVE_RIM if heap is None else BLOB_ABOVE_RIM)
+        if int(known.sum()) < MIN_PATCH_PIXELS:
             return
         x, y, z = (float(c) for c in np.median(points[known], axis=0))
         below = self.perception.floor(x, y, z + 0.005)

@@ -12,19 +12,19 @@ from ..robots.model import RobotModel
 from ..world.values import Array, Pose
 from .requests import BoxConstraint, Constraint, UprightConstraint
 
-LEAST_TILT = 0.002
+MIN_TILT = 0.002
 """Least tilt that is used instead of a smaller one, rad: joints move on straight segments, poses turn on
 arcs."""
-LEAST_BOX = 0.0005
+MIN_HALF_EXTENT = 0.0005
 """Least half extent of a box that is used instead of a smaller one, m."""
-RESERVE = 0.1
+PROJECTION_RESERVE = 0.1
 """Share of its room that a projection keeps from a constraint's border, so that edges nearby keep the
 constraint."""
-STEPS = 20
+MAX_PROJECTION_STEPS = 20
 """Greatest number of Newton steps of a projection."""
-FARTHEST = 0.3
+MAX_PROJECTION_CHANGE = 0.3
 """Greatest change of a joint in one Newton step, rad."""
-DAMPING = 1e-6
+PROJECTION_DAMPING = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,7 +83,9 @@ class PathConstraints:
                 )
         return tuple(told)
 
-    def project(self, q: Array, lower: Array, upper: Array, reserve: float = RESERVE) -> Array | None:
+    def project(
+        self, q: Array, lower: Array, upper: Array, reserve: float = PROJECTION_RESERVE
+    ) -> Array | None:
         """Move q (n,) to a near configuration where all constraints hold with some reserve (a share of their
         room).
 
@@ -95,7 +97,7 @@ class PathConstraints:
         q = np.minimum(np.maximum(q, lower), upper)
         if not self._rows:
             return q
-        for step in range(STEPS):
+        for step in range(MAX_PROJECTION_STEPS):
             pin.computeJointJacobians(self._arm, self._data, q)
             pose = pin.updateFramePlacement(self._arm, self._data, self._frame)
             excess = np.concatenate([row.excess(pose, reserve) for row in self._rows])
@@ -107,11 +109,11 @@ class PathConstraints:
             jacobian = pin.getFrameJacobian(self._arm, self._data, self._frame, pin.LOCAL_WORLD_ALIGNED)
             rows = np.concatenate([row.gradient(pose) for row in self._rows])[broken] @ jacobian
             square = rows @ rows.T
-            square.ravel()[:: len(square) + 1] += DAMPING
+            square.ravel()[:: len(square) + 1] += PROJECTION_DAMPING
             change: Array = -rows.T @ np.asarray(np.linalg.solve(square, excess[broken]), np.float64)
             longest = float(np.abs(change).max())
-            if longest > FARTHEST:
-                change = change * (FARTHEST / longest)
+            if longest > MAX_PROJECTION_CHANGE:
+                change = change * (MAX_PROJECTION_CHANGE / longest)
             moved = np.minimum(np.maximum(q + change, lower), upper)
             if float(np.abs(moved - q).max()) < 1e-9:
                 return None
@@ -125,7 +127,7 @@ class _Tilt:
     def __init__(self, upright: UprightConstraint) -> None:
         axis = np.array(upright.axis, dtype=np.float64)
         self._axis: Array = axis / np.linalg.norm(axis)
-        self.room = max(upright.tilt, LEAST_TILT)
+        self.room = max(upright.tilt, MIN_TILT)
 
     def excess(self, pose: pin.SE3, reserve: float) -> Array:
         x, y, z = pose.rotation @ self._axis
@@ -145,7 +147,7 @@ class _Box:
     def __init__(self, within: BoxConstraint) -> None:
         low, high = np.array(within.box.min, dtype=np.float64), np.array(within.box.max, dtype=np.float64)
         self._middle: Array = (low + high) / 2
-        self._half: Array = np.maximum((high - low) / 2, LEAST_BOX)
+        self._half: Array = np.maximum((high - low) / 2, MIN_HALF_EXTENT)
         self.room = float(self._half.min())
 
     def excess(self, pose: pin.SE3, reserve: float) -> Array:

@@ -17,7 +17,7 @@ the axis of the base and away from it. `left`, `right`: about that axis.
 DIRECTIONS: tuple[Direction, ...] = get_args(Direction)
 
 
-BUDGET = 20000
+DEFAULT_CHECK_BUDGET = 20000
 """Collision checks that a request may spend by default."""
 
 
@@ -136,7 +136,7 @@ class Request:
     clearance: float = 0.0
     """Addition to the margins that the motion keeps from forbidden contacts, m."""
     scaling: Scaling = Scaling()
-    budget: int = BUDGET
+    budget: int = DEFAULT_CHECK_BUDGET
     """Collision checks that the request may spend."""
 
 

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from ..manipulation.carry.hold_check import GripCheck
-from ..manipulation.grasp.straight_lines import DOWN
+from ..manipulation.grasp.straight_lines import DOWNWARDS
 from ..trees.loading.loader import parse_mission
 from ..trees.loading.registry import NodeRegistry
 from ..trees.running.builder import build
@@ -27,20 +27,20 @@ from ..world.values import ObjectId, Pose
 if TYPE_CHECKING:
     from ..cell.world import World
 
-PROBE: Final = 0.004
+PROBE_DISTANCE: Final = 0.004
 """Distance by which the fingers try to close, m: they do when nothing is between them."""
-YIELDS: Final = 0.5
+MIN_PROBE_SHARE: Final = 0.5
 """Share of PROBE from which the fingers count as closing."""
-GENTLY: Final = 5.0
+MIN_PROBE_FORCE: Final = 5.0
 """Least force of each finger during the probe, N; a higher force already set is kept."""
-SPAN: Final = 0.10
+UNKNOWN_OBJECT_SIZE: Final = 0.10
 """Assumed size of the unknown object in the hand, along the pads and downwards, m."""
-TRIES: Final = 2
+MAX_EMPTYING_ATTEMPTS: Final = 2
 """Maximum number of attempts to empty the hand."""
-UNKNOWN: Final = ObjectId("in_hand")
-LOWERED: Final = 0.15
+UNKNOWN_OBJECT: Final = ObjectId("in_hand")
+MAX_DESCENT: Final = 0.15
 """Maximum descent of an object that weighs next to nothing, m; contact ends it."""
-TOUCH, SLOWLY = 5.0, 0.05
+CONTACT_FORCE, DESCENT_SPEED = 5.0, 0.05
 """Contact force that ends the descent, N, and its speed, m/s."""
 _HEAD: Final = "picktree: 1\nkind: mission\nname: taking stock\ntrees:\n  Main:\n    "
 _HOME: Final = f"{_HEAD}SafeRetreat\n"
@@ -78,8 +78,8 @@ def resync_belief(world: World) -> Generator[None, None, ResyncReport]:
     to_do = [o.id for o in world.to_do()]
     attempts = world.attempts.state()
     held = False
-    for attempt in range(TRIES):
-        hold = yield from _feel(world)
+    for attempt in range(MAX_EMPTYING_ATTEMPTS):
+        hold = yield from _measure_hand(world)
         if hold is None:
             break
         held = True
@@ -87,45 +87,45 @@ def resync_belief(world: World) -> Generator[None, None, ResyncReport]:
         if not carried:
             yield from _lower(world)
         yield from _carry_out(_PUT_DOWN if carried else _LET_GO, world)
-        if world.scene.find(UNKNOWN) is not None:
+        if world.scene.find(UNKNOWN_OBJECT) is not None:
             # The cameras identify the object, under its former name.
-            world.scene.remove(UNKNOWN, "it is looked what it was")
+            world.scene.remove(UNKNOWN_OBJECT, "it is looked what it was")
     if not held:
         yield from _carry_out(_HOME, world)
     yield from _look(world)
     _recognise(world, known)
     world.attempts.restore(attempts)
-    return _told(world, to_do, held)
+    return _resync_report(world, to_do, held)
 
 
-def _feel(world: World) -> Generator[None, None, GripCheck | None]:
+def _measure_hand(world: World) -> Generator[None, None, GripCheck | None]:
     """Measure the content of the hand, and believe it there as an unknown object; None: the hand is empty."""
     yield from world.control.settle()
-    grip = world.grip.state
+    grip = world.gripper.state
     hold = GripCheck(grip.width, world.control.load())
     if hold.empty:
         return None
     # The last force command is unknown. Less force than the present might drop a held object.
-    least = max(grip.width - PROBE, 0.0)
-    reached = yield from world.grip.move(least, max(abs(grip.force), GENTLY))
-    if reached < grip.width - YIELDS * (grip.width - least):
+    least = max(grip.width - PROBE_DISTANCE, 0.0)
+    reached = yield from world.gripper.move(least, max(abs(grip.force), MIN_PROBE_FORCE))
+    if reached < grip.width - MIN_PROBE_SHARE * (grip.width - least):
         return None
     said = "is in the hand" if hold.loaded else "is between the fingers, and weighs next to nothing"
     _note(world, f"something {said}: {hold}", {"width": hold.width, "load": hold.load, "held": True})
-    shape = Box((SPAN, max(grip.width, 0.005), SPAN))
+    shape = Box((UNKNOWN_OBJECT_SIZE, max(grip.width, 0.005), UNKNOWN_OBJECT_SIZE))
     tcp = world.control.tcp
     believed = BeliefObject(
-        UNKNOWN, "item", "unknown", "unknown", shape, "unknown", tcp, 0.02, 0.2, 0.5, world.clock.now
+        UNKNOWN_OBJECT, "item", "unknown", "unknown", shape, "unknown", tcp, 0.02, 0.2, 0.5, world.clock.now
     )
     world.scene.put(believed, "felt in the hand")
-    world.scene.attach(UNKNOWN, Pose())
+    world.scene.attach(UNKNOWN_OBJECT, Pose())
     return hold
 
 
 def _lower(world: World) -> Generator[None, None, None]:
     """Move the arm down until contact; the object may touch its support already."""
     try:
-        yield from world.move.guarded(DOWN, LOWERED, TOUCH, SLOWLY)
+        yield from world.move.guarded(DOWNWARDS, MAX_DESCENT, CONTACT_FORCE, DESCENT_SPEED)
     except Failure as failure:
         _note(world, f"it is not let down any further: {failure.message}", {"failed": str(failure.cause)})
 
@@ -145,7 +145,7 @@ def _carry_out(text: str, world: World) -> Generator[None, None, None]:
 def _look(world: World) -> Generator[None, None, None]:
     for camera in world.description.cameras:
         try:
-            yield from world.eyes.look(camera.name)
+            yield from world.vision.look(camera.name)
         except Failure as failure:
             _note(world, f"{camera.name} shows nothing: {failure.message}", {"camera": camera.name})
 
@@ -169,7 +169,7 @@ def _recognise(world: World, known: Mapping[ObjectId, BeliefObject]) -> None:
             world.scene.put(replace(now, id=old.id), "known from before, and seen elsewhere")
 
 
-def _told(world: World, to_do: Sequence[ObjectId], held: bool) -> ResyncReport:
+def _resync_report(world: World, to_do: Sequence[ObjectId], held: bool) -> ResyncReport:
     """Count the items sorted in the time between, and record what cannot be known."""
     done: list[ObjectId] = []
     gone: list[ObjectId] = []

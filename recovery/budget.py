@@ -147,11 +147,11 @@ class Budget(Decorator):
 
     def _set_account(self, count: float, seconds: float) -> None:
         others = {key: value for key, value in self._accounts.items() if key != self.of}
-        kept = list(others.items())[-_KEPT:]
+        kept = list(others.items())[-_MAX_ACCOUNTS:]
         self._accounts = {**dict(kept), self.of: [count, seconds]}
 
 
-_KEPT = 200
+_MAX_ACCOUNTS = 200
 """Maximum number of accounts of other objects: items given up over hours must not enlarge the state."""
 
 

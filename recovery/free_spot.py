@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..manipulation.place.bin_spots import ABOVE, put_down_poses
+from ..manipulation.place.bin_spots import PLACE_TEST_HEIGHT, put_down_poses
 from ..trees.ports import In, Out, port
 from ..trees.skill import Skill, Steps
 from ..world.causes import Failure, grasp, place
@@ -21,15 +21,15 @@ if TYPE_CHECKING:
     from ..world.belief.planning_scene import BeliefObject
     from ..world.scene.description import Fixture
 
-GRID = 0.03
+GRID_SPACING = 0.03
 """Grid spacing of the tested places, m."""
-FROM_EDGE = 0.08
+MIN_EDGE_DISTANCE = 0.08
 """Least distance from an object that is put down to the edge of its table, m."""
-ROOM = 0.04
+HAND_CLEARANCE = 0.04
 """Clearance around the object, so that the hand fits around it again, m."""
-NEAREST, FARTHEST = 0.32, 0.70
+MIN_REACH, MAX_REACH = 0.32, 0.70
 """Range of distances from the robot's base, m: a table-top arm can reach down there."""
-REACHED = 25
+MAX_TESTED_PLACES = 25
 """Maximum number of free places that are tested for reachability."""
 
 
@@ -63,7 +63,7 @@ class FreeSpot(Skill):
         if held.object_in_tcp is None:
             raise Failure(grasp.SLIPPED, f"{self.object} is not in the hand", object=self.object)
         free = [spot for spot in self._spots(world) if self._has_room(world, held, spot)]
-        for spot in world.attempts.remaining(self.path, self.object, free)[:REACHED]:
+        for spot in world.attempts.remaining(self.path, self.object, free)[:MAX_TESTED_PLACES]:
             above = put_down_poses(spot.at, held.shape, held.object_in_tcp)
             raised = (pose.shifted((0.0, 0.0, world.handling.approach)) for pose in above[::2])
             if any(world.plan.reachable(pose) is not None for pose in raised):
@@ -93,8 +93,8 @@ class FreeSpot(Skill):
         if not world.description.limits.workspace.contains(pose.position):
             return False
         below = {f.id for f in world.scene.fixtures.values() if _top(f) is not None}
-        raised = pose.shifted((0.0, 0.0, ABOVE))
-        contacts = world.queries.free(held.shape, raised, ignore=(held.id,), margin=ROOM)
+        raised = pose.shifted((0.0, 0.0, PLACE_TEST_HEIGHT))
+        contacts = world.queries.free(held.shape, raised, ignore=(held.id,), margin=HAND_CLEARANCE)
         return all(contact.b in below and contact.distance > 0 for contact in contacts)
 
 
@@ -111,14 +111,17 @@ def _on(fixture: Fixture) -> list[TableSpot]:
     height = _top(fixture)
     if height is None or not isinstance(fixture.shape, Box):
         return []
-    half = [size / 2 - FROM_EDGE for size in fixture.shape.size[:2]]
+    half = [size / 2 - MIN_EDGE_DISTANCE for size in fixture.shape.size[:2]]
     if min(half) <= 0:
         return []
-    axes = [np.arange(-math.floor(h / GRID), math.floor(h / GRID) + 1) * GRID for h in half]
+    axes = [
+        np.arange(-math.floor(h / GRID_SPACING), math.floor(h / GRID_SPACING) + 1) * GRID_SPACING
+        for h in half
+    ]
     found: list[TableSpot] = []
     for a in axes[0]:
         for b in axes[1]:
             x, y, _ = (float(v) for v in fixture.pose.apply(np.array([a, b, 0.0])))
-            if NEAREST < math.hypot(x, y) < FARTHEST:
+            if MIN_REACH < math.hypot(x, y) < MAX_REACH:
                 found.append(TableSpot(f"{fixture.id} {x:.2f} {y:.2f}", (x, y, height)))
     return found

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from ..perception.data_association import ObservationSummary
     from ..world.scene.description import CameraDescription
 
-VIEWS = ("observe", "rest", "home")
+VIEW_POSES = ("observe", "rest", "home")
 """Named poses of the robot for looking: the hand camera sees the scene, or the arm leaves the other cameras'
 view. Missing ones are skipped."""
 
@@ -45,7 +45,7 @@ class LookAround(Skill):
         left = [camera for camera in world.description.cameras if camera.on == "world"]
         on_hand = [camera for camera in world.description.cameras if camera.on != "world"]
         seen, blind = yield from self._look(world, left)
-        poses = [pose for pose in VIEWS if pose in world.robot.description.named]
+        poses = [pose for pose in VIEW_POSES if pose in world.robot.description.named]
         wanted = [*blind, *on_hand]
         for pose in poses:
             if seen or not (self.expect or wanted):
@@ -69,7 +69,7 @@ class LookAround(Skill):
         blind: list[CameraDescription] = []
         for camera in cameras:
             try:
-                summary: ObservationSummary = yield from world.eyes.look(camera.name)
+                summary: ObservationSummary = yield from world.vision.look(camera.name)
             except Failure as failure:
                 if failure.cause is not perception.NO_IMAGE:
                     raise

@@ -52,7 +52,7 @@ class ResetGripper(Skill):
         raise Failure(
             control.GRIPPER,
             f"after {self.tries} tries the fingers still do not follow: {said}",
-            width=world.grip.width,
+            width=world.gripper.width,
             tries=self.tries,
         )
 
@@ -60,20 +60,20 @@ class ResetGripper(Skill):
         """Open, close and open the fingers; return the error, empty when they follow."""
         most = world.robot.description.gripper.max_width
         for opens in (True, False, True):
-            before = world.grip.width
+            before = world.gripper.width
             try:
                 if opens:
                     yield from open_gripper(world, "let go by ResetGripper")
                 else:
-                    yield from world.grip.close(self.force)
+                    yield from world.gripper.close(self.force)
             except Failure as failure:
                 if failure.cause not in (control.TIMEOUT, control.GRIPPER):
                     raise
                 return failure.message
-            width = world.grip.width
-            if opens and width < most - SHORT:
+            width = world.gripper.width
+            if opens and width < most - MAX_OPENING_ERROR:
                 return f"they opened to {width * 1000:.0f} mm of {most * 1000:.0f} mm"
-            if not opens and before - width < MOVED * before:
+            if not opens and before - width < MIN_CLOSING_SHARE * before:
                 return f"they closed from {before * 1000:.0f} mm to {width * 1000:.0f} mm only"
         return ""
 
@@ -83,7 +83,7 @@ class ResetGripper(Skill):
             yield
 
 
-SHORT = 5e-3
+MAX_OPENING_ERROR = 5e-3
 """Opening error above which open fingers do not follow, m."""
-MOVED = 0.5
+MIN_CLOSING_SHARE = 0.5
 """Share of the opening by which the fingers must close; an object may be between them."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Literal
 
-from ..manipulation.carry.hold_check import EMPTY_WIDTH, GripCheck
+from ..manipulation.carry.hold_check import MAX_EMPTY_WIDTH, GripCheck
 from ..manipulation.place.dropped_objects import open_gripper, release_object
 from ..manipulation.place.put_down import put_down
 from ..manipulation.retreat.clearing import RetreatMotion
@@ -20,7 +20,7 @@ from ..world.journal import JournalEvent
 if TYPE_CHECKING:
     from ..cell.world import World
 
-LONGEST = 90.0
+RETREAT_TIME_LIMIT = 90.0
 """Simulated time after which no other escape path is started, s."""
 
 
@@ -69,7 +69,7 @@ class SafeRetreat(Skill):
         yield from world.move.rest()
         self._acknowledge(world)
         self._not_held(world)
-        leaving = RetreatMotion(world, self.path, world.clock.now + LONGEST)
+        leaving = RetreatMotion(world, self.path, world.clock.now + RETREAT_TIME_LIMIT)
         left = yield from leaving.relax()
         to_open = self.hand == "open"
         if to_open and self._room_to_open(world):
@@ -111,7 +111,7 @@ class SafeRetreat(Skill):
     @staticmethod
     def _not_held(world: World) -> None:
         """Release the believed object when the fingers have met: they hold nothing."""
-        if world.scene.held is not None and world.grip.width <= EMPTY_WIDTH:
+        if world.scene.held is not None and world.gripper.width <= MAX_EMPTY_WIDTH:
             release_object(world.scene, "the fingers have met: nothing is between them")
             world.control.wrist.carry(None)
 
@@ -154,7 +154,7 @@ class SafeRetreat(Skill):
         if held is None:
             return
         yield from world.control.settle()
-        hold = GripCheck(world.grip.width, world.control.load())
+        hold = GripCheck(world.gripper.width, world.control.load())
         if hold.held:
             return
         release_object(world.scene, "no longer felt in the hand")

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from ..trees.flow.flow_walk import FlowAnalysis
     from ..trees.mission import NodeSpec
 
-_GIVEN_UP = "given up"
+_GIVEN_UP_ENTRY = "given up"
 """Entry in the memory of attempts for each time that an item was given up."""
 
 
@@ -53,7 +53,7 @@ class SetAside(Node):
             raise Failure(
                 place.MISSED, f"{self.object} is in the hand: let go of it first", object=self.object
             )
-        world.attempts.failed(self.path, self.object, _GIVEN_UP)
+        world.attempts.failed(self.path, self.object, _GIVEN_UP_ENTRY)
         times = world.attempts.count(self.path, self.object)
         self.feedback_message = f"{self.object} was given up {times} of {self.after} times"
         if times < self.after:

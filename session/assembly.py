@@ -28,7 +28,7 @@ from ..world.scene.destinations import destination_rule
 from ..world.stopwatch import Stopwatch
 from ..world.thinking_time import ComputeTimeAccount
 
-TICK = 0.05
+TICK_LENGTH = 0.05
 """Length of a tick, simulated s."""
 
 
@@ -48,9 +48,9 @@ def assemble_world(
     belief = PlanningScene(scene.fixtures, scene.bins, destination_rule(scene.destinations))
     journal = Journal()
     streams = RandomStreams(seed)
-    thinking = ComputeTimeAccount(TICK)
+    thinking = ComputeTimeAccount(TICK_LENGTH)
     control = ControlLoop(hardware, model, SafetyMonitor(model, scene.limits, journal), watch)
-    grip = GripperControl(hardware.gripper, hardware.clock, robot.gripper, opening_force(scene.catalogue))
+    gripper = GripperControl(hardware.gripper, hardware.clock, robot.gripper, opening_force(scene.catalogue))
     queries = SceneQueries(model, belief)
     plan = PlanService(
         model,
@@ -61,13 +61,13 @@ def assemble_world(
         thinking,
         scene.thinking.collision_check,
         configuration=lambda: control.held_position,
-        width=lambda: grip.width,
+        width=lambda: gripper.width,
         now=lambda: hardware.clock.now,
         workspace=scene.limits.workspace,
         verify=verify,
         stopwatch=watch,
     )
-    eyes = Vision(
+    vision = Vision(
         hardware.cameras,
         Perception(scene, model),
         belief,
@@ -76,7 +76,7 @@ def assemble_world(
         thinking,
         scene.thinking.image,
         joints=lambda: control.state.position,
-        width=lambda: grip.width,
+        width=lambda: gripper.width,
         stopwatch=watch,
     )
     return World(
@@ -97,12 +97,12 @@ def assemble_world(
             journal,
             TrajectoryGate(model, plan, scene.limits.workspace),
             JogCollisionCheck(plan),
-            TICK,
+            TICK_LENGTH,
         ),
-        grip=grip,
-        eyes=eyes,
+        gripper=gripper,
+        vision=vision,
         queries=queries,
         feed=hardware.feed,
         handling=HandlingParameters(),
-        tick=TICK,
+        tick=TICK_LENGTH,
     )

@@ -64,29 +64,29 @@ class RunState:
     """Events of the feed that the robot has received so far."""
 
     def to_json(self) -> bytes:
-        return _adapter().dump_json(self)
+        return _state_adapter().dump_json(self)
 
     @classmethod
     def from_json(cls, data: bytes) -> RunState:
         """Parse a checkpoint. Raises PicktreeError when the data is none."""
         try:
-            return _adapter().validate_json(data)
+            return _state_adapter().validate_json(data)
         except ValidationError as error:
             raise PicktreeError(f"this is no checkpoint: {error.errors()[0]['msg']}") from None
 
 
 # Built on first use: most runs end without a checkpoint.
 @cache
-def _adapter() -> TypeAdapter[RunState]:
+def _state_adapter() -> TypeAdapter[RunState]:
     return TypeAdapter(RunState)
 
 
 @cache
-def _control() -> TypeAdapter[ControlLoopState]:
+def _control_adapter() -> TypeAdapter[ControlLoopState]:
     return TypeAdapter(ControlLoopState)
 
 
-def take(
+def take_checkpoint(
     world: World,
     tree: BehaviourTree,
     hardware: Simulation,
@@ -99,7 +99,7 @@ def take(
 
     Only at a quiescent moment: no skill runs, the arm is held at rest. Raises PicktreeError otherwise.
     """
-    control = _control().dump_python(world.control.save(), mode="json")
+    control = _control_adapter().dump_python(world.control.save(), mode="json")
     world.plan.forget()
     saved = hardware.checkpoint()
     snapshot, numbers = world.scene.state()
@@ -114,10 +114,10 @@ def take(
         attempts=world.attempts.state(),
         streams=world.streams.state(),
         thinking_owed=world.thinking.owed,
-        looks=world.eyes.looks,
+        looks=world.vision.looks,
         bins_seen={
             name: [[None if math.isnan(height) else height for height in row] for row in view.cells.tolist()]
-            for name, view in world.eyes.bins.items()
+            for name, view in world.vision.bins.items()
         },
         way=world.move.state(),
         tally=tally.state(),
@@ -127,14 +127,14 @@ def take(
     )
 
 
-def restore(world: World, state: RunState) -> None:
+def restore_checkpoint(world: World, state: RunState) -> None:
     """Restore a world from the state; its hardware was built from the same state.
 
     Tree, faults and counters are restored by the caller, since they may differ now. Raises PicktreeError when
     the state does not fit such a world.
     """
     try:
-        control = _control().validate_python(state.control)
+        control = _control_adapter().validate_python(state.control)
     except ValidationError as error:
         raise PicktreeError(f"this is no checkpoint: {error.errors()[0]['msg']}") from None
     world.control.restore(control)
@@ -146,8 +146,8 @@ def restore(world: World, state: RunState) -> None:
     world.thinking.owed = state.thinking_owed
     world.journal.items_done = state.items_done
     world.noticed.restore(state.noticed)
-    world.eyes.looks = state.looks
-    world.eyes.bins = {
+    world.vision.looks = state.looks
+    world.vision.bins = {
         name: BinView(np.array([[math.nan if h is None else h for h in row] for row in rows]))
         for name, rows in state.bins_seen.items()
     }

@@ -32,9 +32,9 @@ LIBRARIES: Final = (
     "trimesh",
     "mcap",
 )
-SOURCES: Final = "sources.txt"
+SOURCES_ATTACHMENT: Final = "sources.txt"
 """Name of the attachment with the hashes of the sources."""
-_NO_PART_OF_A_RUN: Final = (
+_FILES_WITHOUT_EFFECT: Final = (
     "__init__.py",
     "__main__.py",
     "analysis",
@@ -49,9 +49,9 @@ _NO_PART_OF_A_RUN: Final = (
     "session/resume",
 )
 """Modules and folders that do not affect a run: commands, batches, and readers of logs."""
-_NAMED: Final = 5
+_MAX_NAMED_FILES: Final = 5
 """Maximum number of files that a sentence names. For more it gives the count."""
-_SIMD: Final = ("sse", "ssse", "avx", "fma", "f16c", "bmi", "asimd", "neon", "sve")
+_SIMD_PREFIXES: Final = ("sse", "ssse", "avx", "fma", "f16c", "bmi", "asimd", "neon", "sve")
 
 
 def versions(libraries: Iterable[str] = LIBRARIES) -> dict[str, str]:
@@ -116,7 +116,7 @@ def source_changes(before: Mapping[str, str], now: Mapping[str, str]) -> tuple[s
     same = (Counter(gone.values()) & Counter(new.values())).total()
     edited = min(len(gone), len(new)) - same
     altered = [path for path, digest in before.items() if now.get(path, digest) != digest]
-    if edited <= _NAMED:
+    if edited <= _MAX_NAMED_FILES:
         edited = 0
         altered += [path for path, digest in gone.items() if digest not in new.values()]
         altered += [path for path, digest in new.items() if digest not in gone.values()]
@@ -125,13 +125,13 @@ def source_changes(before: Mapping[str, str], now: Mapping[str, str]) -> tuple[s
         one = "1 file has another place" if moved == 1 else f"{moved} files have other places"
         said.append(f"the sources have moved since ({one}{f', {edited} of them changed' if edited else ''})")
     if altered:
-        more = f" and {len(altered) - _NAMED} more" if len(altered) > _NAMED else ""
-        said.append(f"picktree itself was changed in {', '.join(sorted(altered)[:_NAMED])}{more}")
+        more = f" and {len(altered) - _MAX_NAMED_FILES} more" if len(altered) > _MAX_NAMED_FILES else ""
+        said.append(f"picktree itself was changed in {', '.join(sorted(altered)[:_MAX_NAMED_FILES])}{more}")
     return tuple(said)
 
 
 def _run_files() -> Iterator[Path]:
-    left_out = [ROOT / name for name in _NO_PART_OF_A_RUN]
+    left_out = [ROOT / name for name in _FILES_WITHOUT_EFFECT]
     packages = (file for room in rooms() for file in (ROOT / room).rglob("*"))
     for file in sorted([*ROOT.glob("*.py"), *packages]):
         counts = file.suffix in (".py", ".yaml") and not any(file.is_relative_to(name) for name in left_out)
@@ -156,4 +156,4 @@ def _processor() -> tuple[str, str]:
     words = {key.strip(): value.strip() for key, _, value in pairs}
     flags = (words.get("flags") or words.get("Features") or "").split()
     model = words.get("model name") or platform.processor() or platform.machine()
-    return model, " ".join(sorted(flag for flag in flags if flag.startswith(_SIMD)))
+    return model, " ".join(sorted(flag for flag in flags if flag.startswith(_SIMD_PREFIXES)))

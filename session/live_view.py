@@ -19,15 +19,15 @@ from ..errors import PicktreeError
 from ..logs.schema import topics
 from ..logs.schema.topics import Topic
 
-HOST = "127.0.0.1"
-PORT = 8765
+LIVE_HOST = "127.0.0.1"
+DEFAULT_LIVE_PORT = 8765
 """Default port of Foxglove and Lichtblick."""
-_BACKLOG = 8192
+_MAX_BACKLOG = 8192
 """Maximum number of messages that wait for a client: about a minute and a half of simulated time."""
-_GRACE = 0.5
+_CLOSING_TIME = 0.5
 """Wall seconds at the end in which clients take the messages that wait for them."""
 
-_PASSING = frozenset(
+_MOMENTARY_TOPICS = frozenset(
     topic.name
     for topic in (topics.TIMING, topics.WRENCH, topics.PLAN, topics.CANDIDATES, topics.LOG, topics.EVENTS)
 )
@@ -40,7 +40,7 @@ class LiveServer:
     Raises PicktreeError when the port is not available. `port` 0 takes any free port.
     """
 
-    def __init__(self, port: int = PORT, name: str = "picktree") -> None:
+    def __init__(self, port: int = DEFAULT_LIVE_PORT, name: str = "picktree") -> None:
         self._context = foxglove.Context()
         self._channels: dict[str, foxglove.Channel] = {}
         self._last: dict[str, tuple[int, bytes]] = {}
@@ -53,12 +53,12 @@ class LiveServer:
         try:
             self._server = foxglove.start_server(
                 name=name,
-                host=HOST,
+                host=LIVE_HOST,
                 port=port,
                 capabilities=[Capability.Time],
                 server_listener=_Listener(self._wanted),
                 context=self._context,
-                message_backlog_size=_BACKLOG,
+                message_backlog_size=_MAX_BACKLOG,
             )
         except (RuntimeError, OverflowError) as error:
             raise PicktreeError(
@@ -69,12 +69,12 @@ class LiveServer:
 
     @property
     def url(self) -> str:
-        return f"ws://{HOST}:{self._server.port}"
+        return f"ws://{LIVE_HOST}:{self._server.port}"
 
     def __call__(self, topic: Topic, at: int, data: bytes) -> None:
         """Send a recorded message; `at` is simulated ns."""
         with self._lock:
-            if topic.name not in _PASSING:
+            if topic.name not in _MOMENTARY_TOPICS:
                 self._last[topic.name] = (at, data)
             self._channel(topic).log(data, log_time=at)
             if topic is topics.TICK:
@@ -86,7 +86,7 @@ class LiveServer:
         if self._resender.is_alive():
             self._wanted.put(None)
             self._resender.join()
-            time.sleep(_GRACE if self._met else 0.0)
+            time.sleep(_CLOSING_TIME if self._met else 0.0)
             self._server.stop()
 
     def __enter__(self) -> LiveServer:

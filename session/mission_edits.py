@@ -21,7 +21,7 @@ from ..trees.running.tree_adoption import StateTransfer
 from ..world.journal import JournalEvent, Plain
 from ..world.scene.description import SceneDescription
 
-MOST_FILES: Final = 200
+MAX_WATCHED_FILES: Final = 200
 """Maximum number of files that are watched."""
 
 
@@ -48,14 +48,14 @@ def read_edited(current: Mission, known: SceneNames, *, own_scene: bool) -> Miss
     return edited
 
 
-def files_of(mission: Path) -> tuple[Path, ...]:
+def mission_source_files(mission: Path) -> tuple[Path, ...]:
     """Return the files whose edits change the mission: its own, its includes and its plug-in files.
 
     A file may be missing.
     """
     found: dict[Path, None] = {}
     todo = [mission]
-    while todo and len(found) < MOST_FILES:
+    while todo and len(found) < MAX_WATCHED_FILES:
         file = todo.pop(0)
         if file in found:
             continue
@@ -88,9 +88,9 @@ def _changed(before: tuple[PortDeclaration, ...], after: tuple[PortDeclaration, 
     return next((key for key in {**old, **new} if old.get(key) != new.get(key)), "")
 
 
-PERIOD = 0.25
+FILE_POLL_PERIOD = 0.25
 """Wall seconds between two looks at the files."""
-_SETTLED = 1_000_000_000
+_MIN_SETTLED_AGE = 1_000_000_000
 """Age of a file, ns, from which an unchanged stamp means an unchanged content."""
 
 
@@ -113,7 +113,7 @@ class FileWatch:
     interrupted.
     """
 
-    def __init__(self, period: float = PERIOD, wall: Callable[[], float] = time.monotonic) -> None:
+    def __init__(self, period: float = FILE_POLL_PERIOD, wall: Callable[[], float] = time.monotonic) -> None:
         self._period, self._wall = period, wall
         self._files: tuple[Path, ...] = ()
         self._known: dict[Path, str] = {}
@@ -155,7 +155,7 @@ class FileWatch:
         except (OSError, ValueError):
             self._stamps.pop(file, None)
             return ""
-        if abs(time.time_ns() - stat.st_mtime_ns) > _SETTLED:
+        if abs(time.time_ns() - stat.st_mtime_ns) > _MIN_SETTLED_AGE:
             self._stamps[file] = (stamp, fingerprint)
         return fingerprint
 
@@ -202,7 +202,7 @@ class MissionReload:
             return ()
         self._first = False
         # Watch the files before reading them: an edit that comes in between is found the next time.
-        self._edits.watch((*files_of(current.document.path), self._scene))
+        self._edits.watch((*mission_source_files(current.document.path), self._scene))
         return (*self._of_the_scene(), *self._of_the_mission(current))
 
     def _of_the_scene(self) -> tuple[ReloadMessage, ...]:

@@ -10,7 +10,7 @@ from ..logs.run_result import RunResult
 from ..trees.running.runner import NodeInfo, TickReport
 from .observer import SessionWatcher
 
-_LAG = 0.5
+_MAX_CATCH_UP = 0.5
 """Maximum delay that is caught up after a slow tick, wall s; the rest of a longer one is not caught up."""
 
 
@@ -40,7 +40,7 @@ class WallClockPacer:
         wall = self._clock()
         if self._due is None:
             self._due, self._before = wall, now
-        self._due = max(self._due + (now - self._before) / self._factor, wall - _LAG)
+        self._due = max(self._due + (now - self._before) / self._factor, wall - _MAX_CATCH_UP)
         self._before = now
         if self._due > wall:
             self._sleep(self._due - wall)

@@ -19,7 +19,7 @@ from typing import Final, TypedDict
 
 from ..errors import PicktreeError
 from ..files.yaml.document import read_document
-from ..logs.recording.rotation import NEVER, Rotation
+from ..logs.recording.rotation import NO_ROTATION, Rotation
 from ..logs.schema.records import ResumedFrom
 from ..robots.description import RobotDescription
 from ..robots.loading import load_robot
@@ -79,7 +79,7 @@ def _name(plugin: Plugin, file: Path, folder: Path) -> str:
     return f"plugin/{file.relative_to(folder).as_posix() if beside else plugin.name}"
 
 
-LIMIT = 3600.0
+DEFAULT_TIME_LIMIT = 3600.0
 """Default limit of a run, simulated s."""
 
 
@@ -111,7 +111,7 @@ class Recipe:
     backend: Backend = "physics"
     verify: bool = False
     """Check every trajectory with the verifier, an independent collision checker."""
-    limit: float = LIMIT
+    limit: float = DEFAULT_TIME_LIMIT
     """Simulated seconds after which the run is ended."""
     own_scene: bool = True
     """Whether the scene is the one that the mission names."""
@@ -229,11 +229,11 @@ class RunRequest:
     backend: Backend = "physics"
     verify: bool = False
     """Check every trajectory with the verifier, an independent collision checker."""
-    limit: float = LIMIT
+    limit: float = DEFAULT_TIME_LIMIT
     """Simulated seconds after which the run is ended."""
     watch: bool = False
     """Take over an edited mission between two items."""
-    rotation: Rotation = NEVER
+    rotation: Rotation = NO_ROTATION
     """Limits at which the log continues in a further file."""
 
 

@@ -27,7 +27,7 @@ from ..world.stopwatch import Stopwatch
 if TYPE_CHECKING:
     from .session import Session
 
-LOG = "log.mcap"
+LOG_FILE_NAME = "log.mcap"
 """Name of the log file in the run's folder."""
 
 
@@ -117,7 +117,7 @@ def summarise(session: Session, status: RunStatus, digest: str) -> RunResult:
         sim_seconds=now,
         cpu_seconds=session.timer.cpu_seconds,
         wall_seconds=session.timer.wall_seconds(),
-        log=(session.folder / LOG).absolute(),
+        log=(session.folder / LOG_FILE_NAME).absolute(),
         folder=session.folder.absolute(),
         message=asked.reason if asked else failure.message if failure else "",
         thinking_charged=scene.thinking.collision_check > 0.0 and scene.thinking.image > 0.0,

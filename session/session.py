@@ -15,7 +15,7 @@ from pydantic import TypeAdapter
 from .. import arithmetic
 from ..errors import PicktreeError
 from ..logs.recording.recorder import Listener
-from ..logs.recording.rotation import FOR_FEEDS, NEVER, Rotation
+from ..logs.recording.rotation import FEED_ROTATION, NO_ROTATION, Rotation
 from ..logs.run_result import RunResult, RunStatus
 from ..recovery.belief_restart import ResyncReport, resync_belief
 from ..simulation.backends import build_hardware
@@ -30,8 +30,8 @@ from ..trees.status import NodeStatus
 from ..world.causes import Failure
 from ..world.journal import JournalEvent, Plain
 from ..world.values import Vector3
-from .assembly import TICK, assemble_world
-from .checkpoints import RunState, restore, take
+from .assembly import TICK_LENGTH, assemble_world
+from .checkpoints import RunState, restore_checkpoint, take_checkpoint
 from .mission_edits import (
     EditSource,
     FileWatch,
@@ -41,15 +41,24 @@ from .mission_edits import (
     mission_changed,
 )
 from .observer import Operator, SessionWatcher, answer_pending
-from .recipe import LIMIT, Recipe, RunOptions, RunRequest, make_folder, read_recipe
-from .run_summary import LOG, RunTimer, items_expected, summarise, write_result
+from .recipe import DEFAULT_TIME_LIMIT, Recipe, RunOptions, RunRequest, make_folder, read_recipe
+from .run_summary import LOG_FILE_NAME, RunTimer, items_expected, summarise, write_result
 from .run_tally import RunCounters
 from .session_recording import SessionRecorder, Tap
 
-__all__ = ["LIMIT", "LOG", "RESULT", "RunOptions", "RunRequest", "Session", "SessionWatcher", "run"]
+__all__ = [
+    "DEFAULT_TIME_LIMIT",
+    "LOG_FILE_NAME",
+    "RESULT_FILE_NAME",
+    "RunOptions",
+    "RunRequest",
+    "Session",
+    "SessionWatcher",
+    "run",
+]
 
-RESULT = "result.json"
-_BRAKING = 40
+RESULT_FILE_NAME = "result.json"
+_MAX_BRAKING_TICKS = 40
 """Upper bound of the number of ticks in which any motion comes to rest."""
 
 
@@ -71,7 +80,7 @@ class Session:
         tap: Tap | None = None,
         listener: Listener | None = None,
         operator: Operator | None = None,
-        rotation: Rotation = NEVER,
+        rotation: Rotation = NO_ROTATION,
     ) -> None:
         """Build the world, the tree and the run's folder.
 
@@ -91,7 +100,7 @@ class Session:
             request = read_recipe(request)
         self.recipe = recipe = request
         self.mission, self.scene, self.robot = recipe.mission, recipe.scene, recipe.robot
-        self.rotation = rotation or (FOR_FEEDS if self.scene.deliveries else NEVER)
+        self.rotation = rotation or (FEED_ROTATION if self.scene.deliveries else NO_ROTATION)
         self._watcher = watcher
         self._debugger = debugger
         self.timer = RunTimer()
@@ -153,7 +162,9 @@ class Session:
         structure = self.tree.structure()
         self.tally.follow(structure)
         self._total = items_expected(self.scene, self.hardware.truth())
-        with SessionRecorder(self.folder / LOG, self, structure, self._tap, self._listener) as scribe:
+        with SessionRecorder(
+            self.folder / LOG_FILE_NAME, self, structure, self._tap, self._listener
+        ) as scribe:
             if self._watcher:
                 self._watcher.started(structure, self.folder)
             try:
@@ -171,7 +182,7 @@ class Session:
             scribe.last(self.hardware)
             result = summarise(self, status, scribe.digest)
             scribe.finish(result)
-        write_result(result, self.folder / RESULT)
+        write_result(result, self.folder / RESULT_FILE_NAME)
         if self._watcher:
             self._watcher.finished(result)
         return result
@@ -241,28 +252,28 @@ class Session:
 
         The call does not change the simulation.
         """
-        faults: list[Any] = _faults().dump_python(self._injector.state(), mode="json")
+        faults: list[Any] = _fault_adapter().dump_python(self._injector.state(), mode="json")
         bias = list(self.world.control.wrist.learnt)
         return {**self.hardware.snapshot().to_plain(), "faults": faults, "wrist_bias": bias}
 
     def _come_to_rest(self) -> None:
         """Halt the tree and pass time until the arm rests, because nothing after this is recorded."""
         self.tree.halt()
-        for _ in range(_BRAKING):
+        for _ in range(_MAX_BRAKING_TICKS):
             if self.world.control.at_rest:
                 break
             self._pass_time()
 
     def _pass_time(self) -> None:
         world = self.world
-        world.control.step_tick(TICK)
+        world.control.step_tick(TICK_LENGTH)
         world.scene.carry(world.control.tcp)
 
     def _take_up(self, state: RunState) -> None:
         """Restore world, tree, faults and counters from a checkpoint."""
         start = self.recipe.start
         assert start is not None
-        restore(self.world, state)
+        restore_checkpoint(self.world, state)
         if start.adopt:
             self.adoption = self.tree.adopt(state.tree)
             self._read_parameters(start.changed)
@@ -314,7 +325,7 @@ class Session:
     def _checkpoint(self, scribe: SessionRecorder) -> None:
         self._checkpointed = self.tally.done
         with self._stopwatch.measure("physics"):
-            state = take(
+            state = take_checkpoint(
                 self.world,
                 self.tree,
                 self.hardware,
@@ -380,7 +391,7 @@ class Session:
 
 
 @cache
-def _faults() -> TypeAdapter[tuple[FaultState, ...]]:
+def _fault_adapter() -> TypeAdapter[tuple[FaultState, ...]]:
     return TypeAdapter(tuple[FaultState, ...])
 
 

@@ -27,10 +27,10 @@ from .recipe import fingerprints, mission_files, plugin_versions, recipe_files
 if TYPE_CHECKING:
     from .session import Session
 
-START: Final = "start.json"
+START_ATTACHMENT: Final = "start.json"
 """Name of the attachment with the checkpoint from which a run resumes, with the tree of this run."""
 
-_BY_THE_FEED = ("delivery", "belt_stops", "bin_exchanged")
+_FEED_EVENTS = ("delivery", "belt_stops", "bin_exchanged")
 """Feed events after which items have moved at once."""
 
 Tap: TypeAlias = Callable[[str, int, bytes], None]
@@ -108,14 +108,14 @@ class SessionRecorder:
         recipe, structure, start = session.recipe, self._structure, session.recipe.start
         for file in self._files:
             recorder.attach(file.name, file.content, file.media_type)
-        recorder.attach(environment.SOURCES, environment.sources_to_text(environment.sources()))
+        recorder.attach(environment.SOURCES_ATTACHMENT, environment.sources_to_text(environment.sources()))
         recorder.fixed(recipe.scene.fixtures, recipe.scene.bins, session.hardware.true_fixtures())
         if start is None:
             recorder.tree(_tree(structure))
             recorder.robot_model(link_meshes(recipe.robot.urdf))
             return
         state = replace(start.state, tree=session.tree.save())
-        recorder.attach(START, state.to_json(), "application/json")
+        recorder.attach(START_ATTACHMENT, state.to_json(), "application/json")
         with recorder.preamble():
             recorder.tree(_tree(structure), state.time)
             recorder.robot_model(link_meshes(recipe.robot.urdf), state.time)
@@ -162,7 +162,7 @@ class SessionRecorder:
         recorder.belief(now, objects, world.scene.take_changes())
         recorder.wrench(now, world.control.wrench_external())
         recorder.control(now, _control(world.control.controller, world.control.reference, state.position))
-        moved = any(isinstance(entry, JournalEvent) and _sudden(entry) for entry in entries)
+        moved = any(isinstance(entry, JournalEvent) and _moves_bodies(entry) for entry in entries)
         if moved or recorder.truth_due(now):
             self._truth(now, hardware)
         if recorder.state_due(now):
@@ -225,9 +225,9 @@ class SessionRecorder:
         self._recorder.finish({"status": result.status, "json": result.to_json_text()})
 
 
-def _sudden(event: JournalEvent) -> bool:
+def _moves_bodies(event: JournalEvent) -> bool:
     """Whether bodies have moved at once with this event."""
-    return event.kind in _BY_THE_FEED or event.data.get("fault") == "obstacle"
+    return event.kind in _FEED_EVENTS or event.data.get("fault") == "obstacle"
 
 
 def _tree(structure: tuple[NodeInfo, ...]) -> records.Tree:

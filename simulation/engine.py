@@ -15,7 +15,7 @@ __all__ = ["pb"]
 
 
 STANDARD_ERROR = 2
-UNWANTED = b"pybullet build time"
+BUILD_MESSAGE = b"pybullet build time"
 
 
 @contextmanager
@@ -37,7 +37,7 @@ def _without_build_time() -> Generator[None]:
             os.close(kept)
             said.seek(0)
             for line in said:
-                if not line.startswith(UNWANTED):
+                if not line.startswith(BUILD_MESSAGE):
                     os.write(STANDARD_ERROR, line)
 
 
@@ -62,10 +62,10 @@ def _disconnect(client: int) -> None:
 RESOLUTION = 12_000
 """Units of simulated time per second. Time is an integer count of them, so that no rounding depends on the
 step rate."""
-EVERYDAY = 240
+EVERYDAY_STEP_RATE = 240
 """Everyday step rate, Hz; at 120 Hz plates are dropped in transport."""
-FINEST = 2000
-WHOLE = 20
+MAX_STEP_RATE = 2000
+STEP_RATE_DIVISOR = 20
 """Divisor of all step rates, Hz: a tick of 50 ms is then a whole number of steps."""
 SOLVER_ITERATIONS, FINE_ITERATIONS = 50, 100
 RESIDUAL_THRESHOLD = 3e-7
@@ -81,7 +81,9 @@ than into its hole. With larger ones the everyday step would throw bodies about.
 
 def check_step_rate(rate: int) -> int:
     """Return the step rate, Hz. Raises PicktreeError for a rate that is not possible."""
-    known = [r for r in range(EVERYDAY, FINEST + 1, WHOLE) if RESOLUTION % r == 0]
+    known = [
+        r for r in range(EVERYDAY_STEP_RATE, MAX_STEP_RATE + 1, STEP_RATE_DIVISOR) if RESOLUTION % r == 0
+    ]
     if rate not in known:
         raise PicktreeError(f"a step of 1/{rate} s is not possible; rates: {', '.join(map(str, known))} Hz")
     return rate
@@ -89,7 +91,7 @@ def check_step_rate(rate: int) -> int:
 
 def set_step_rate(rate: int, client: int) -> None:
     """Set the engine's step to 1/`rate` s, with suitable solver settings."""
-    fine = rate > EVERYDAY
+    fine = rate > EVERYDAY_STEP_RATE
     pb.setTimeStep(1 / rate, client)
     pb.setPhysicsEngineParameter(
         numSolverIterations=FINE_ITERATIONS if fine else SOLVER_ITERATIONS,
@@ -103,7 +105,7 @@ def reset(client: int) -> None:
     """Remove all bodies from a client and set gravity, the everyday step and the solver."""
     pb.resetSimulation(physicsClientId=client)
     pb.setGravity(0, 0, -GRAVITY, physicsClientId=client)
-    set_step_rate(EVERYDAY, client)
+    set_step_rate(EVERYDAY_STEP_RATE, client)
     pb.setPhysicsEngineParameter(
         solverResidualThreshold=RESIDUAL_THRESHOLD,
         deterministicOverlappingPairs=1,

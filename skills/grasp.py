@@ -12,11 +12,11 @@ from ..manipulation.carry.weighing import LiftWeighing, payload_force, register_
 from ..manipulation.grasp.compliant_closing import close, relocate_object
 from ..manipulation.grasp.grasp_candidates import GraspCandidate, grasp_candidates
 from ..manipulation.grasp.grip_force import grip_force
-from ..manipulation.grasp.straight_lines import CARRIED, descend_until_contact, lift, lift_off
+from ..manipulation.grasp.straight_lines import LIFT_GUARD_FORCE, descend_until_contact, lift, lift_off
 from ..manipulation.motion.motion_watch import TargetWatch
 from ..manipulation.motion.replanning import ReplanBudget
 from ..manipulation.pick.pick_candidates import (
-    PLACE,
+    PLACE_STAGE,
     PickPlaceCandidate,
     count_rejections,
     describe_rejections,
@@ -39,9 +39,9 @@ if TYPE_CHECKING:
     from ..planning.service.lookahead_planning import LookaheadResult
     from ..world.belief.planning_scene import BeliefObject
 
-LIFTED = 0.5
+CLEAR_LIFT_SHARE = 0.5
 """Share of the lift height above which an object is clear of its neighbours."""
-SAME_START = 0.005
+MAX_START_ERROR = 0.005
 """Start error above which a plan belongs to another configuration, rad in any joint."""
 
 
@@ -98,7 +98,7 @@ class Grasp(Skill):
     limit = 240.0
 
     def run(self, world: World) -> Steps:
-        world.underway.drop()
+        world.handover.drop()
         if (yield from self._already_held(world)):
             return
         self._gripped: Vector3 | None = None
@@ -135,7 +135,7 @@ class Grasp(Skill):
                 raise self._none(stream, len(ranked), len(ranked) - len(offered))
             carried: LookaheadResult[MotionPlan] | None = None
             try:
-                if self.servo and world.eyes.hand is not None:
+                if self.servo and world.vision.hand is not None:
                     pick = yield from servo_to_grasp(world, pick, self.path, first=first, watch=watch)
                     # Detections of the hand camera count; another camera may err by its mounting.
                     watch = None
@@ -167,7 +167,7 @@ class Grasp(Skill):
     def _none(self, stream: CandidateSearch, ranked: int, tried_before: int) -> Failure:
         """Return the failure for "no candidate": the planner's last failure at the place stage, or the
         rejections."""
-        if stream.refused is not None and stream.trail.count(PLACE):
+        if stream.refused is not None and stream.trail.count(PLACE_STAGE):
             return stream.refused
         trail = stream.trail.entry()
         why = (
@@ -194,12 +194,12 @@ class Grasp(Skill):
                 held=held.id,
             )
         yield from world.control.settle()
-        hold = GripCheck(world.grip.width, world.control.load())
+        hold = GripCheck(world.gripper.width, world.control.load())
         if not hold.empty and not hold.loaded:
             # The object between the fingers may touch or be inside another body.
             yield from lift_off(world, self.path)
             yield from world.control.settle()
-            hold = GripCheck(world.grip.width, world.control.load())
+            hold = GripCheck(world.gripper.width, world.control.load())
         if hold.held:
             return True
         release_object(world.scene, "no longer felt in the hand")
@@ -240,11 +240,11 @@ class Grasp(Skill):
             known = carried is not None and carried.ready <= world.clock.now
             if carried and known and isinstance(carried.answer, Failure):
                 return carried.answer
-            return world.grip.late() or (None if target is None else target())
+            return world.gripper.late() or (None if target is None else target())
 
         yield from world.control.settle()
         world.control.zero()
-        world.grip.start(pick.grasp.opening)
+        world.gripper.start(pick.grasp.opening)
         guard = world.handling.guard
         plan = pick.approach.trajectory
         yield from world.move.along(plan, guard=guard, watch=in_vain, node=self.path)
@@ -286,9 +286,9 @@ class Grasp(Skill):
             world.attempts.clear(self.path, self.object)
             return
         world.attempts.failed(self.path, self.object, pick.grasp.name)
-        world.underway.drop()
+        world.handover.drop()
         release_object(world.scene, "not felt in the hand")
-        yield from world.grip.open()
+        yield from world.gripper.open()
         cause, what = (
             (grasp.MISSED, "the fingers met and hold nothing")
             if felt.empty
@@ -332,7 +332,7 @@ class Grasp(Skill):
         if plan is not None and pick.landing is not None:
             lifted = plan.passes[0] + world.tick
             weighing = LiftWeighing(world, plan.passes[0])
-            guard = world.handling.guard + max(CARRIED, payload_force(world))
+            guard = world.handling.guard + max(LIFT_GUARD_FORCE, payload_force(world))
             try:
                 yield from world.move.along(
                     plan.trajectory, guard=guard, watch=weighing.watch, hand_over=lifted, node=self.path
@@ -348,18 +348,18 @@ class Grasp(Skill):
                 held = world.scene.get(self.object)
                 if held.object_in_tcp is not None:
                     left = Handover(self.object, held.object_in_tcp, pick.landing, plan, world.scene.version)
-                    world.underway.leave(left)
+                    world.handover.leave(left)
                 return weighing.hold
         else:
             yield from lift(world, self.object, self.path)
         yield from world.control.settle()
-        return GripCheck(world.grip.width, world.control.load())
+        return GripCheck(world.gripper.width, world.control.load())
 
     @staticmethod
     def _is_clear(world: World, pick: PickPlaceCandidate) -> bool:
         """Return whether the hand has lifted the object out of its surroundings."""
         risen = world.control.tcp.position[2] - pick.grasp.tcp_in_world.position[2]
-        return risen > LIFTED * world.handling.approach
+        return risen > CLEAR_LIFT_SHARE * world.handling.approach
 
     def _onward(self, world: World, carried: LookaheadResult[MotionPlan]) -> Doing[MotionPlan | None]:
         """Return the planned transfer if it starts at the present configuration and is still valid, else
@@ -371,7 +371,7 @@ class Grasp(Skill):
         if plan is None:
             return None
         off = float(np.abs(plan.trajectory.start - world.control.held_position).max())
-        return plan if off < SAME_START else None
+        return plan if off < MAX_START_ERROR else None
 
     def _note(
         self, world: World, belief: BeliefObject, candidate: GraspCandidate, hold: GripCheck, *, first: bool
@@ -390,7 +390,7 @@ class Grasp(Skill):
                     "first_try": first,
                     "width": hold.width,
                     "load": hold.load,
-                    "force": world.grip.force,
+                    "force": world.gripper.force,
                 },
             )
         )

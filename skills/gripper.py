@@ -44,4 +44,4 @@ class CloseGripper(Skill):
     uses = (GRIPPER,)
 
     def run(self, world: World) -> Steps:
-        self.width = yield from world.grip.close(self.force)
+        self.width = yield from world.gripper.close(self.force)

@@ -10,7 +10,15 @@ from ..control.contact.hole_search import InsertionMotion, InsertionParameters
 from ..control.contact.peg_motion import ExtractionMotion
 from ..manipulation.carry.hold_check import GripCheck, check_held_object, fail_as_slipped, is_released
 from ..manipulation.grasp.straight_lines import withdraw
-from ..manipulation.insert.insertion import ABOVE, InsertionTask, fit, inserted_pose, mouth, peg, poses_over
+from ..manipulation.insert.insertion import (
+    SEARCH_HEIGHT,
+    InsertionTask,
+    fit,
+    inserted_pose,
+    mouth,
+    peg,
+    poses_over,
+)
 from ..manipulation.motion.replanning import follow_with_replanning
 from ..planning.requests import PoseGoal
 from ..trees.ports import In, port
@@ -25,15 +33,15 @@ if TYPE_CHECKING:
     from ..cell.world import World
     from ..world.belief.planning_scene import BeliefObject
 
-LINEAR, ANGULAR = 600.0, 30.0
+LINEAR_STIFFNESS, ANGULAR_STIFFNESS = 600.0, 30.0
 """Stiffness of the Cartesian impedance during the search, N/m and Nm/rad."""
-TAKE_UP = 0.4
+GRIP_SETTLE_TIME = 0.4
 """Time in which the pads settle on the object after the grip was tightened, s."""
-LONGEST = 120.0
+SEARCH_TIME_LIMIT = 120.0
 """Time limit of one insertion by contact, s."""
-CHANGED = 0.0015
+MIN_OPENING_CHANGE = 0.0015
 """Change of the opening that shows that the object has turned in the hand, m."""
-SEEN = 0.002
+SEEN_MOUTH_UNCERTAINTY = 0.002
 """Uncertainty of a mouth's position seen by the hand camera, m."""
 
 
@@ -99,17 +107,17 @@ class Insert(Skill):
     hand_after = "empty"
 
     def run(self, world: World) -> Steps:
-        world.underway.drop()
+        world.handover.drop()
         held, _ = yield from check_held_object(world, self.object)
         plan = yield from self._choose(world, held)
         yield from self._over(world, plan)
         held, _ = yield from check_held_object(world, self.object)
         hanging = world.control.load()
         with world.control.contact(rate=plan.rate):
-            world.grip.press(self.grip)
-            for _ in range(math.ceil(TAKE_UP / world.tick)):
+            world.gripper.press(self.grip)
+            for _ in range(math.ceil(GRIP_SETTLE_TIME / world.tick)):
                 yield
-            width = world.grip.width
+            width = world.gripper.width
             course = yield from self._feel(world, plan)
             if course.outcome == "in":
                 yield from self._let_go(world, held, plan)
@@ -153,11 +161,11 @@ class Insert(Skill):
             from ..manipulation.insert.hole_servoing import look_at_hole  # needs OpenCV
 
             seen = yield from look_at_hole(world, hole.id, self.path)
-        return plan if seen is None else plan.seen_at(seen, SEEN)
+        return plan if seen is None else plan.seen_at(seen, SEEN_MOUTH_UNCERTAINTY)
 
     def _over(self, world: World, plan: InsertionTask) -> Steps:
         """Move the object upright above the mouth."""
-        poses = poses_over(plan, ABOVE)
+        poses = poses_over(plan, SEARCH_HEIGHT)
         if not poses:
             raise Failure(
                 planning.NO_IK,
@@ -185,25 +193,27 @@ class Insert(Skill):
             mouth(plan, self.depth or plan.hole.depth, world.robot.description.gripper.tip),
             touch,
             self.search,
-            LINEAR,
+            LINEAR_STIFFNESS,
         )
-        stiffness = CartesianStiffness(linear=LINEAR, angular=ANGULAR)
-        done = yield from world.move.comply(course, LONGEST, stiffness=stiffness, node=self.path)
+        stiffness = CartesianStiffness(linear=LINEAR_STIFFNESS, angular=ANGULAR_STIFFNESS)
+        done = yield from world.move.comply(course, SEARCH_TIME_LIMIT, stiffness=stiffness, node=self.path)
         if not done.finished:
             out = ExtractionMotion(course.up, course.depth)
-            yield from world.move.comply(out, LONGEST, stiffness=stiffness, zero=done.zero, node=self.path)
+            yield from world.move.comply(
+                out, SEARCH_TIME_LIMIT, stiffness=stiffness, zero=done.zero, node=self.path
+            )
         self._force, self._seconds = done.force, done.seconds
         return course
 
     def _out(self, world: World, plan: InsertionTask, course: InsertionMotion, width: float) -> Steps:
         """Check the grip above the hole after a failed insertion, and raise the failure."""
         yield from world.control.settle()
-        hold = GripCheck(world.grip.width, world.control.load())
+        hold = GripCheck(world.gripper.width, world.control.load())
         if not hold.held:
             yield from fail_as_slipped(
                 world, self.object, hold, f"slipped out of the fingers at {plan.hole.id}"
             )
-        if abs(hold.width - width) > CHANGED:
+        if abs(hold.width - width) > MIN_OPENING_CHANGE:
             raise Failure(
                 grasp.SLIPPED,
                 f"{self.object} has turned in the hand at {plan.hole.id}: the fingers stood "
@@ -245,7 +255,7 @@ class Insert(Skill):
     def _let_go(self, world: World, held: BeliefObject, plan: InsertionTask) -> Steps:
         pose = inserted_pose(plan, world.control.tcp)
         try:
-            yield from world.grip.release(world.handling.release)
+            yield from world.gripper.release(world.handling.release)
         except GeneratorExit:  # halted, but the fingers go on opening
             world.scene.detach(held.id, pose, plan.hole.id, "let go")
             raise

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Literal, cast
 
-from ..control.cartesian.twist import FASTEST, FASTEST_TURN, Twist
+from ..control.cartesian.twist import MAX_TWIST_ANGULAR_SPEED, MAX_TWIST_SPEED, Twist
 from ..errors import PicktreeError
 from ..trees.ports import In, Out, port
 from ..trees.skill import ARM, Skill, Steps
@@ -54,7 +54,10 @@ class Jog(Skill):
             return ("'velocity' or 'turn' must be given",)
         return tuple(
             misfit
-            for key, most, unit in (("velocity", FASTEST, "m/s"), ("turn", FASTEST_TURN, "rad/s"))
+            for key, most, unit in (
+                ("velocity", MAX_TWIST_SPEED, "m/s"),
+                ("turn", MAX_TWIST_ANGULAR_SPEED, "rad/s"),
+            )
             if (misfit := _misfit(key, given.constants.get(key), most, unit)) is not None
         )
 

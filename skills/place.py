@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 Room: TypeAlias = PlaceWatch | PutDownWatch
 
-ELSEWHERE = (planning.NO_IK, planning.GOAL_IN_COLLISION, planning.NO_PATH, planning.BUDGET)
+PLACE_DEPENDENT_CAUSES = (planning.NO_IK, planning.GOAL_IN_COLLISION, planning.NO_PATH, planning.BUDGET)
 """Causes for which another place may succeed."""
 
 
@@ -112,7 +112,7 @@ class Place(Skill):
 
         The motion is then finished; otherwise the arm is stopped.
         """
-        left, going = world.underway.take(), world.move.ongoing
+        left, going = world.handover.take(), world.move.ongoing
         if left is None or going is None or not self._fits(world, left, going.trajectory):
             yield from world.move.rest()
             return False
@@ -190,7 +190,7 @@ class Place(Skill):
             try:
                 plan = yield from self._down(world, tuple(landing.above for landing in over), over[0].drop)
             except Failure as failure:
-                if failure.cause not in ELSEWHERE:
+                if failure.cause not in PLACE_DEPENDENT_CAUSES:
                     raise
                 refused = failure
                 continue
@@ -245,7 +245,7 @@ class Place(Skill):
         held = world.scene.get(held.id)
         where = self.into or "table"
         try:
-            yield from world.grip.release(world.handling.release)
+            yield from world.gripper.release(world.handling.release)
         except GeneratorExit:  # halted, but the fingers go on opening
             world.scene.detach(held.id, self._resting(world, held), where, "let go")
             raise
@@ -280,7 +280,7 @@ class Place(Skill):
         try:
             yield from withdraw(world, self.path)
         except Failure as failure:
-            if failure.cause not in (*ELSEWHERE, planning.START_IN_COLLISION):
+            if failure.cause not in (*PLACE_DEPENDENT_CAUSES, planning.START_IN_COLLISION):
                 raise
 
     def _resting(self, world: World, held: BeliefObject) -> Pose:

@@ -40,15 +40,15 @@ if TYPE_CHECKING:
     from ..cell.world import World
     from ..world.belief.planning_scene import BeliefObject
 
-PICTURES = 5
+IMAGES_BETWEEN_STROKES = 5
 """Number of images of an object between two strokes."""
-LONGEST = 0.06
+MAX_STROKE_LENGTH = 0.06
 """Maximum length of one stroke, m; longer only when few strokes are allowed."""
-STUCK = 0.004
+MIN_BLOCKED_MOTION = 0.004
 """Least motion of a blocked object that counts as motion, m."""
-TRIED = 12
+MAX_TESTED_PUSHES = 12
 """Maximum number of singulation pushes that are tested for reachability."""
-IN_ROW = 2
+MAX_FAILED_STROKES = 2
 """Number of consecutive strokes without success (object lost or unmoved) after which the skill fails."""
 
 
@@ -127,7 +127,7 @@ class Push(Skill):
         return tuple(wrong)
 
     def run(self, world: World) -> Steps:
-        world.underway.drop()
+        world.handover.drop()
         held = world.scene.held
         if held is not None:
             raise Failure(
@@ -175,14 +175,14 @@ class Push(Skill):
 
     def _look(self, world: World) -> Steps:
         yield from world.control.settle()
-        yield from world.eyes.look(self.camera)
+        yield from world.vision.look(self.camera)
 
     def _parting(self, world: World, target: BeliefObject) -> tuple[SingulationPush, FeasibleStroke]:
         """Return the best feasible singulation push; pushes that were made before come last."""
         found = singulation_pushes(world, target)
         offered = world.attempts.remaining(self.path, target.id, found)
         why: list[str] = []
-        for one in offered[:TRIED]:
+        for one in offered[:MAX_TESTED_PUSHES]:
             answer = plan_stroke(world, one.pushed, one.stroke, [n for n in one.there if n != one.pushed.id])
             if isinstance(answer, FeasibleStroke):
                 return one, answer
@@ -223,14 +223,14 @@ class Push(Skill):
             now = self._known(now, after, one.stroke, pushed)
             belief = replace(after, pose=moved(after.shape, after.pose, now.at), sigma_position=now.sigma)
             world.scene.put(belief, "by touch and sight")
-            stalled = stalled + 1 if pushed.blocked and way < STUCK else 0
+            stalled = stalled + 1 if pushed.blocked and way < MIN_BLOCKED_MOTION else 0
             lost = lost + 1 if pushed.lost else 0
             if stalled:
                 bad.add(one.stroke.side.name)
             self._judge(stalled, lost, made)
         raise Failure(
             push.MISSED,
-            f"{self.object} is {_told(off, turned)} off after {len(made)} strokes",
+            f"{self.object} is {_error_words(off, turned)} off after {len(made)} strokes",
             object=self.object,
             off=off,
             turned=turned,
@@ -265,10 +265,10 @@ class Push(Skill):
 
     def _seen(self, world: World, after: PushResult | None) -> Doing[BeliefObject]:
         """Return the object as several images show it; the arm moves out of the view if it hides it."""
-        belief = yield from observe_closely(world, self.camera, self.object, PICTURES)
+        belief = yield from observe_closely(world, self.camera, self.object, IMAGES_BETWEEN_STROKES)
         if belief is None:
             yield from go_looking(world, self.path)
-            belief = yield from observe_closely(world, self.camera, self.object, PICTURES)
+            belief = yield from observe_closely(world, self.camera, self.object, IMAGES_BETWEEN_STROKES)
         if belief is not None:
             return belief
         if after is None:
@@ -300,7 +300,7 @@ class Push(Skill):
     ) -> FeasibleStroke:
         """Return the best stroke that is free and feasible."""
         at = planar(belief.shape, belief.pose)
-        longest = max(LONGEST, 2.0 * at.distance(PlanarPose(aim.x, aim.y)) / left)
+        longest = max(MAX_STROKE_LENGTH, 2.0 * at.distance(PlanarPose(aim.x, aim.y)) / left)
         why: list[str] = []
         gripper = world.robot.description.gripper
         helping = [s for s in push_strokes(belief, aim, gripper, longest) if self._helps(s, belief, aim)]
@@ -332,14 +332,14 @@ class Push(Skill):
         return _error(*aim.off(stroke.ends, shape.turn)) < before - 1e-5
 
     def _judge(self, stalled: int, lost: int, made: list[str]) -> None:
-        if stalled >= IN_ROW:
+        if stalled >= MAX_FAILED_STROKES:
             raise Failure(
                 push.STALLED,
                 f"{self.object} does not move: {made[-1]}",
                 object=self.object,
                 strokes=made,
             )
-        if lost >= IN_ROW:
+        if lost >= MAX_FAILED_STROKES:
             raise Failure(
                 push.LOST_CONTACT,
                 f"{self.object} does not stay at the fingers: {made[-1]}",
@@ -352,7 +352,7 @@ class Push(Skill):
         world.journal.note(
             JournalEvent(
                 "push",
-                f"{self.object}: {len(made)} strokes, {_told(off, turned)} off",
+                f"{self.object}: {len(made)} strokes, {_error_words(off, turned)} off",
                 self.path,
                 {
                     "object": self.object,
@@ -369,6 +369,6 @@ def _error(off: float, turned: float) -> float:
     return off + 0.02 * turned
 
 
-def _told(off: float, turned: float) -> str:
+def _error_words(off: float, turned: float) -> str:
     """Return the errors in words, as `1.2 mm and 0.5 deg`."""
     return f"{off * 1000:.1f} mm and {math.degrees(turned):.1f} deg"

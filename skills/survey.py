@@ -17,13 +17,13 @@ if TYPE_CHECKING:
     from ..cell.world import World
     from ..world.scene.description import CameraDescription
 
-OFFERED = 3
+PLACES_PER_VIEW = 3
 """Number of tested places for each required view: not all are within reach."""
-ASIDE = ("observe", "rest", "home")
+LEAVE_VIEW_POSES = ("observe", "rest", "home")
 """Named poses in which the arm leaves a fixed camera's view of the target; missing ones are skipped."""
-UNSURE = 0.01
+EXTRA_CLEARANCE = 0.01
 """Clearance of motions beyond the usual margins, m: the poses of tool and target are uncertain."""
-TOGETHER = 2
+IMAGES_PER_PLACE = 2
 """Number of images from each place of a hand camera."""
 
 
@@ -69,7 +69,7 @@ class Survey(Skill):
             yield from self._from_all_sides(world, target, camera)
 
     def _from_afar(self, world: World, target: CalibrationTarget, camera: CameraDescription) -> Steps:
-        for pose in (name for name in ASIDE if name in world.robot.description.named):
+        for pose in (name for name in LEAVE_VIEW_POSES if name in world.robot.description.named):
             plan = yield from world.plan.to(
                 NamedGoal(pose), scaling=world.handling.scaling(1.0), node=self.path
             )
@@ -83,15 +83,15 @@ class Survey(Skill):
         raise self._unseen(target)
 
     def _from_all_sides(self, world: World, target: CalibrationTarget, camera: CameraDescription) -> Steps:
-        first = yield from world.eyes.shoot(self.camera)
-        offered = viewpoints(target.pose, target.size, first.image.intrinsics, OFFERED * self.views)
+        first = yield from world.vision.shoot(self.camera)
+        offered = viewpoints(target.pose, target.size, first.image.intrinsics, PLACES_PER_VIEW * self.views)
         found = 0
         for place in offered:
             if found == self.views:
                 return
             if not (yield from self._go(world, place, camera)):
                 continue
-            shot = yield from self._shot(world, target, camera, TOGETHER)
+            shot = yield from self._shot(world, target, camera, IMAGES_PER_PLACE)
             if shot is None:
                 self._skip(world, f"{place.name}: the target is not seen well enough")
                 continue
@@ -106,7 +106,7 @@ class Survey(Skill):
         for pose in place.camera_in_world:
             try:
                 goal = PoseGoal((pose @ to_tcp,))
-                request = Request(goal, scaling=world.handling.scaling(1.0), clearance=UNSURE)
+                request = Request(goal, scaling=world.handling.scaling(1.0), clearance=EXTRA_CLEARANCE)
                 plan = yield from world.plan.solve(request, node=self.path)
             except Failure as refused:
                 if not refused.cause.name.startswith("planning."):
@@ -128,7 +128,7 @@ class Survey(Skill):
         seen: list[tuple[DetectedTile, ...]] = []
         taken = None
         for _ in range(pictures):
-            taken = yield from world.eyes.shoot(self.camera)
+            taken = yield from world.vision.shoot(self.camera)
             seen.append(detect_tiles(taken.image, target.tiles))
         together = average_tiles(seen)
         if not together or taken is None:
@@ -143,7 +143,7 @@ class Survey(Skill):
 
         yield from world.control.settle()
         for _ in range(pictures):
-            taken = yield from world.eyes.shoot(self.camera)
+            taken = yield from world.vision.shoot(self.camera)
             if detect_tiles(taken.image, target.tiles):
                 return True
         return False

@@ -20,19 +20,19 @@ if TYPE_CHECKING:
     from ..cell.world import World
     from ..world.values import Pose
 
-CLEAR = 0.03
+APPROACH_DISTANCE = 0.03
 """Distance of the fingers from a face before the touch, m: more than the uncertainty of the target's pose."""
-BEYOND = 0.02
+MAX_SEARCH_DEPTH = 0.02
 """Depth behind the expected face at which the search ends, m."""
-UNSURE = 0.01
+EXTRA_CLEARANCE = 0.01
 """Clearance of free motions beyond the usual margins, m: the poses of target and tool are uncertain."""
-SPEED = 0.02
+TOUCH_SPEED = 0.02
 """Speed of a touch, m/s."""
-FORCES = (3.0, 6.0)
+TOUCH_FORCES = (3.0, 6.0)
 """Contact forces used in turn, N: two different ones show the compliance of fingers and target."""
-CLOSING = 10.0
+CLOSING_FORCE = 10.0
 """Force that keeps the fingers closed, N."""
-FEWEST = 8
+MIN_TOUCHES = 8
 """Minimum number of touches that determine the tip."""
 
 
@@ -65,23 +65,24 @@ class TouchTarget(Skill):
         target = target_named(world.scene.fixtures.values(), self.target)
         if world.scene.held is not None:
             raise Failure(grasp.NO_CANDIDATE, f"the hand is not free: it holds {world.scene.held.id}")
-        width = yield from world.grip.close(CLOSING)
+        width = yield from world.gripper.close(CLOSING_FORCE)
         at_tips = fingertip_corners(world.robot, max(0.0, width))
         ways = [touch_points(target.pose, target.size, at_tips, turned) for turned in (0.0, math.pi / 2)]
         wanted = max(ways, key=lambda way: self._room(world, way))
         found = 0
         for number, contact in enumerate(wanted):
-            touch = yield from self._touch(world, contact, FORCES[number % len(FORCES)])
+            touch = yield from self._touch(world, contact, TOUCH_FORCES[number % len(TOUCH_FORCES)])
             if touch is None:
                 continue
             found += 1
             message = f"{self.target}, {contact.name}: touched with {touch.force:.1f} N"
             world.journal.note(JournalEvent(TOUCH, message, self.path, touch.to_plain()))
-        yield from world.grip.open()
-        if found < FEWEST:
+        yield from world.gripper.open()
+        if found < MIN_TOUCHES:
             raise Failure(
                 planning.NO_PATH,
-                f"{found} of {len(wanted)} touches of {self.target} are within reach; {FEWEST} are needed",
+                f"{found} of {len(wanted)} touches of {self.target} are within reach; {MIN_TOUCHES} are "
+                "needed",
                 touched=found,
             )
 
@@ -99,10 +100,10 @@ class TouchTarget(Skill):
 
     def _touch(self, world: World, contact: TouchPoint, force: float) -> Doing[TargetTouch | None]:
         """Move to the face, touch it and move back; None when that is impossible here."""
-        away = np.array(contact.normal) * CLEAR
+        away = np.array(contact.normal) * APPROACH_DISTANCE
         try:
             goal = PoseGoal(_before(contact))
-            request = Request(goal, scaling=world.handling.scaling(1.0), clearance=UNSURE)
+            request = Request(goal, scaling=world.handling.scaling(1.0), clearance=EXTRA_CLEARANCE)
             plan = yield from world.plan.solve(request, node=self.path)
         except Failure as failure:
             if not failure.cause.name.startswith("planning."):
@@ -117,7 +118,12 @@ class TouchTarget(Skill):
         with world.scene.allow(("gripper", self.target)):
             try:
                 felt = yield from world.move.guarded(
-                    -away, CLEAR + BEYOND, force=force, speed=SPEED, press=force, node=self.path
+                    -away,
+                    APPROACH_DISTANCE + MAX_SEARCH_DEPTH,
+                    force=force,
+                    speed=TOUCH_SPEED,
+                    press=force,
+                    node=self.path,
                 )
                 yield from world.control.settle()
                 touch = self._felt(world, contact) if felt.contact else None
@@ -127,7 +133,7 @@ class TouchTarget(Skill):
                 why = failure.message
             # The arm stays compliant: near a face a stiff servo turns tenths of a millimetre into force.
             yield from world.move.guarded(
-                away, CLEAR, force=world.handling.guard, speed=2 * SPEED, node=self.path
+                away, APPROACH_DISTANCE, force=world.handling.guard, speed=2 * TOUCH_SPEED, node=self.path
             )
         if touch is None:
             self._skip(world, contact, why)
@@ -145,5 +151,5 @@ class TouchTarget(Skill):
 
 def _before(contact: TouchPoint) -> tuple[Pose, ...]:
     """Return the poses of the tool before a touch."""
-    away = np.array(contact.normal) * CLEAR
+    away = np.array(contact.normal) * APPROACH_DISTANCE
     return tuple(pose.shifted(away) for pose in contact.tcp)

@@ -19,11 +19,11 @@ if TYPE_CHECKING:
     from ..trees.mission import NodeSpec
     from ..trees.runtime import TreeWorld
 
-UNSETTLED = 0.5
+SETTLE_TIME = 0.5
 """Time without images after a release, s: released objects fall and roll."""
-MOVING = 0.001
+MIN_FINGER_MOTION = 0.001
 """Finger motion in a tick above which an object in the hand is released or lost, m."""
-_ROUNDING = 1e-9
+_TIME_TOLERANCE = 1e-9
 
 
 class WatchScene(Decorator):
@@ -67,7 +67,7 @@ class WatchScene(Decorator):
         self._held = _in_hand(self.world)
         self._pending = None
         if isinstance(self.world, World):
-            self._width = self.world.grip.width
+            self._width = self.world.gripper.width
 
     def on_tick(self) -> NodeStatus:
         # A rehearsal has no images.
@@ -85,32 +85,32 @@ class WatchScene(Decorator):
 
     def _watch(self, world: World) -> None:
         now = world.clock.now
-        held, width = _in_hand(world), world.grip.width
-        if held != self._held or (held and abs(width - self._width) > MOVING):
+        held, width = _in_hand(world), world.gripper.width
+        if held != self._held or (held and abs(width - self._width) > MIN_FINGER_MOTION):
             # Old positions say nothing of the present ones: the objects may be falling.
             self._pending = None
-            self._next = max(self._next, now + UNSETTLED)
+            self._next = max(self._next, now + SETTLE_TIME)
         self._held, self._width = held, width
         pending = self._pending
-        if pending is not None and now >= pending.stamp + world.eyes.cost - _ROUNDING:
+        if pending is not None and now >= pending.stamp + world.vision.cost - _TIME_TOLERANCE:
             self._pending = None
-            if pending.stamp > world.eyes.newest:
-                for gone in world.eyes.take_in(pending).removed:
+            if pending.stamp > world.vision.newest:
+                for gone in world.vision.take_in(pending).removed:
                     world.attempts.forget(gone)
-        if self._pending is None and now >= self._next - _ROUNDING:
+        if self._pending is None and now >= self._next - _TIME_TOLERANCE:
             self._next = now + self.every
             self._look(world, now)
 
     def _look(self, world: World, now: float) -> None:
         try:
-            self._pending = world.eyes.glance(self.camera)
+            self._pending = world.vision.glance(self.camera)
         except Failure as failure:
             if failure.cause is not perception.NO_IMAGE or now - self._seen > self.blind:
                 self.body.halt()
                 raise
             return
         self._seen = now
-        world.thinking.beside(world.eyes.cost)
+        world.thinking.beside(world.vision.cost)
 
     @classmethod
     def flow(cls, spec: NodeSpec, entry: FlowState, walk: FlowAnalysis) -> NodeOutcomes:

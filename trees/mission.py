@@ -206,7 +206,7 @@ class Mission:
         return {name_of(document.path, folder): document.text for document in self.included}
 
 
-MAX_DEPTH: Final = 120
+MAX_MISSION_DEPTH: Final = 120
 """Maximum depth of a mission in nodes, with sub-trees expanded."""
 
 
@@ -249,9 +249,9 @@ def check_calls(trees: Mapping[str, TreeSpec]) -> Iterable[Diagnostic]:
     for name in order:
         sizes[name] = _size(trees[name].root, sizes)
     count, depth = sizes.get(MAIN, (0, 0))
-    if count > MAX_NODES or depth > MAX_DEPTH:
+    if count > MAX_NODES or depth > MAX_MISSION_DEPTH:
         message = f"with its sub-trees written out the mission has {count} nodes, {depth} deep"
-        hint = f"at most {MAX_NODES} nodes, {MAX_DEPTH} deep"
+        hint = f"at most {MAX_NODES} nodes, {MAX_MISSION_DEPTH} deep"
         yield Diagnostic(trees[MAIN].mark, f"trees.{MAIN}", message, hint, "P236")
 
 

@@ -18,7 +18,7 @@ from .port_values import accept_output, constant_inputs, read_input, wired_refer
 from .pre_postconditions import after_postconditions, assign_after, settled_before
 from .runtime import Runtime, TreeWorld, Wiring, evaluate
 from .status import PY_TREES_STATUS, NodeStatus
-from .transitions import ended, started
+from .transitions import end_transition, start_transition
 from .values.failure_reports import (
     internal_error_report,
     pack,
@@ -340,7 +340,9 @@ class Node(Behaviour):
     def _note_end(self) -> None:
         if self._begun and self._state is not NodeStatus.RUNNING:
             self._begun = False
-            self._runtime.transitions.note(ended(self.path, self._state, self.failure, self.feedback_message))
+            self._runtime.transitions.note(
+                end_transition(self.path, self._state, self.failure, self.feedback_message)
+            )
             for hook in self._runtime.end_hooks:
                 hook(self.path)
 
@@ -358,7 +360,7 @@ class Node(Behaviour):
             self.read_inputs()
         finally:
             self._runtime.transitions.note(
-                started(self.path, self._wiring.ports, self.declaration.inputs, self._inputs)
+                start_transition(self.path, self._wiring.ports, self.declaration.inputs, self._inputs)
             )
         self.on_start()
 

@@ -30,9 +30,9 @@ ARM: Final = Resource.ARM
 GRIPPER: Final = Resource.GRIPPER
 CAMERA: Final = Resource.CAMERA
 
-_CLOSINGS = 3
+_MAX_CLOSE_CALLS = 3
 """Maximum number of `close()` calls for a body that yields while it is closed."""
-SLOW = 0.25
+SLOW_SPEED_SHARE = 0.25
 """Share of the joints' speed limits below which a skill gets proportionally more time."""
 
 
@@ -84,8 +84,8 @@ class Skill(Node, abstract=True):
         """
         time = self.limit
         speed = self.input("speed") if self.declaration.port("speed") is not None else None
-        if isinstance(speed, int | float) and 0.0 < speed < SLOW:
-            time *= SLOW / speed
+        if isinstance(speed, int | float) and 0.0 < speed < SLOW_SPEED_SHARE:
+            time *= SLOW_SPEED_SHARE / speed
         waits = self.input(self.waits_for) if self.waits_for else 0.0
         return time + (waits if isinstance(waits, int | float) else 0.0)
 
@@ -93,7 +93,11 @@ class Skill(Node, abstract=True):
     def limit_words(cls) -> str:
         """Return the time limit as a sentence, for the reference."""
         beyond = f" beyond `{cls.waits_for}`" if cls.waits_for else ""
-        slow = f", longer at a `speed` below {SLOW:g}" if cls.declaration.port("speed") is not None else ""
+        slow = (
+            f", longer at a `speed` below {SLOW_SPEED_SHARE:g}"
+            if cls.declaration.port("speed") is not None
+            else ""
+        )
         return f"It is stopped with tree.timeout after {cls.limit:g} s{beyond}{slow}."
 
     def on_tick(self) -> NodeStatus:
@@ -132,7 +136,7 @@ class Skill(Node, abstract=True):
         if steps is None:
             return
         refused = 0
-        for _ in range(_CLOSINGS):
+        for _ in range(_MAX_CLOSE_CALLS):
             try:
                 steps.close()
                 break

@@ -38,7 +38,7 @@ class NodeTransition:
     evidence: Evidence = field(default_factory=_no_evidence)
 
 
-def started(
+def start_transition(
     path: str,
     wired: Mapping[str, Binding],
     ports: tuple[PortDeclaration, ...],
@@ -51,7 +51,9 @@ def started(
     return NodeTransition(path, NodeStatus.RUNNING, read, subject)
 
 
-def ended(path: str, status: NodeStatus, failure: FailureReport | None, message: str) -> NodeTransition:
+def end_transition(
+    path: str, status: NodeStatus, failure: FailureReport | None, message: str
+) -> NodeTransition:
     """Describe the end of a node; `message` is its feedback where it has not failed with a report."""
     if failure is None:
         return NodeTransition(path, status, message=message)

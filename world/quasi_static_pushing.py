@@ -20,11 +20,11 @@ from typing import TypeAlias
 
 from .planar_geometry import PlanarOutline, PlanarPose
 
-ROUNDS = 8
+MAX_SOLVER_ROUNDS = 8
 """Greatest number of rounds over all contacts."""
-EXACT = 1e-5
+MAX_RESIDUAL_DEPTH = 1e-5
 """Greatest depth that remains, m."""
-DEEPEST = 0.004
+MAX_CONTACT_DEPTH = 0.004
 """Greatest depth in the tool of a body that was reached from the side, m."""
 
 Point: TypeAlias = tuple[float, float]
@@ -90,7 +90,7 @@ class PlanarPushModel:
         return self._bodies[name].at
 
     def press(
-        self, tool: Sequence[tuple[PlanarOutline, PlanarPose]], deepest: float = DEEPEST
+        self, tool: Sequence[tuple[PlanarOutline, PlanarPose]], deepest: float = MAX_CONTACT_DEPTH
     ) -> frozenset[str]:
         """Move the bodies that the tool reaches out of it, and return the names of all moved bodies.
 
@@ -99,16 +99,16 @@ class PlanarPushModel:
         """
         parts = [_Slider(shape, at, fixed=True) for shape, at in tool]
         moved: set[str] = set()
-        for round_ in range(ROUNDS):
+        for round_ in range(MAX_SOLVER_ROUNDS):
             worst = 0.0
             for name, body in self._bodies.items():
                 for part in parts:
-                    depth = _part(part, body, deepest if round_ == 0 else math.inf)
-                    if depth > EXACT:
+                    depth = _separate(part, body, deepest if round_ == 0 else math.inf)
+                    if depth > MAX_RESIDUAL_DEPTH:
                         moved.add(name)
                     worst = max(worst, depth)
             worst = max(worst, self._among(moved))
-            if worst < EXACT or not moved:
+            if worst < MAX_RESIDUAL_DEPTH or not moved:
                 break
         return frozenset(moved)
 
@@ -120,16 +120,16 @@ class PlanarPushModel:
             body = self._bodies[name]
             for other_name, other in self._bodies.items():
                 if other_name != name and not (other_name in moved and other_name < name):
-                    depth = _part(body, other)
-                    if depth > EXACT:
+                    depth = _separate(body, other)
+                    if depth > MAX_RESIDUAL_DEPTH:
                         moved.add(other_name)
                     worst = max(worst, depth)
             for wall in self._still:
-                worst = max(worst, _part(wall, body))
+                worst = max(worst, _separate(wall, body))
         return worst
 
 
-def _part(one: _Slider, other: _Slider, deepest: float = math.inf) -> float:
+def _separate(one: _Slider, other: _Slider, deepest: float = math.inf) -> float:
     """Move two bodies out of each other; return how deep they were, m. Returns 0 for bodies deeper than
     `deepest`, which stay."""
     apart = math.hypot(one.at.x - other.at.x, one.at.y - other.at.y)
@@ -137,11 +137,11 @@ def _part(one: _Slider, other: _Slider, deepest: float = math.inf) -> float:
         return 0.0
     contacts = _contacts(one, other)
     depth = max((c.depth for c in contacts), default=0.0)
-    if depth <= EXACT or depth > deepest:
+    if depth <= MAX_RESIDUAL_DEPTH or depth > deepest:
         return 0.0 if depth > deepest else depth
     starts = (one.at, other.at)
     for contact in contacts:
-        left = contact.depth - _come_apart(contact, starts, one, other)
+        left = contact.depth - _separation(contact, starts, one, other)
         give = one.give(contact) + other.give(contact)
         if left <= 0.0 or give == 0.0:
             continue
@@ -153,7 +153,7 @@ def _part(one: _Slider, other: _Slider, deepest: float = math.inf) -> float:
     return depth
 
 
-def _come_apart(
+def _separation(
     contact: _Contact, starts: tuple[PlanarPose, PlanarPose], one: _Slider, other: _Slider
 ) -> float:
     """Return the distance by which the two have separated at a contact since it was found, m."""
@@ -172,15 +172,18 @@ def _contacts(one: _Slider, other: _Slider) -> list[_Contact]:
     """Return the contacts of two overlapping outlines; `out` leads the second out of the first."""
     a, b = one.points, other.points
     if len(a) == 1 and len(b) == 1:
-        return _of_rounds(a[0], one.radius, b[0], other.radius)
+        return _circle_contacts(a[0], one.radius, b[0], other.radius)
     if len(b) == 1:
-        return _of_round(a, b[0], other.radius)
+        return _circle_polygon_contacts(a, b[0], other.radius)
     if len(a) == 1:
-        return [_Contact(c.at, (-c.out[0], -c.out[1]), c.depth) for c in _of_round(b, a[0], one.radius)]
-    return _of_polygons(a, b)
+        return [
+            _Contact(c.at, (-c.out[0], -c.out[1]), c.depth)
+            for c in _circle_polygon_contacts(b, a[0], one.radius)
+        ]
+    return _polygon_contacts(a, b)
 
 
-def _of_rounds(a: Point, ra: float, b: Point, rb: float) -> list[_Contact]:
+def _circle_contacts(a: Point, ra: float, b: Point, rb: float) -> list[_Contact]:
     dx, dy = b[0] - a[0], b[1] - a[1]
     away = math.hypot(dx, dy)
     if away >= ra + rb:
@@ -189,9 +192,9 @@ def _of_rounds(a: Point, ra: float, b: Point, rb: float) -> list[_Contact]:
     return [_Contact((a[0] + nx * ra, a[1] + ny * ra), (nx, ny), ra + rb - away)]
 
 
-def _of_round(polygon: list[Point], middle: Point, radius: float) -> list[_Contact]:
+def _circle_polygon_contacts(polygon: list[Point], middle: Point, radius: float) -> list[_Contact]:
     """Return the contact of a round body with a polygon."""
-    deepest, edge = _outermost(polygon, middle)
+    deepest, edge = _outermost_edge(polygon, middle)
     if deepest >= radius:
         return []
     (ax, ay), (bx, by), (nx, ny) = edge
@@ -209,7 +212,7 @@ def _of_round(polygon: list[Point], middle: Point, radius: float) -> list[_Conta
     return [_Contact((x, y), out, radius - away)]
 
 
-def _outermost(polygon: list[Point], at: Point) -> tuple[float, tuple[Point, Point, Point]]:
+def _outermost_edge(polygon: list[Point], at: Point) -> tuple[float, tuple[Point, Point, Point]]:
     """Return the edge line that a point is furthest outside of: distance, m (negative: inside), the edge and
     its outward normal."""
     best, found = -math.inf, (polygon[0], polygon[0], (1.0, 0.0))
@@ -226,7 +229,7 @@ def _outermost(polygon: list[Point], at: Point) -> tuple[float, tuple[Point, Poi
     return best, found
 
 
-def _of_polygons(a: list[Point], b: list[Point]) -> list[_Contact]:
+def _polygon_contacts(a: list[Point], b: list[Point]) -> list[_Contact]:
     """Return the contacts of two polygons along the axis of least overlap, at the corners of either inside
     the other."""
     depth, out = math.inf, (1.0, 0.0)

@@ -15,7 +15,7 @@ from ...logs.visits import Key, Visit, derived_visits
 from ..run import Run
 from .divergence import ComparedRuns, Divergence, find_parting
 from .matching import ItemMatch, NodeMatch, match_items, match_nodes
-from .visit_pair import EPSILON, VisitPair, differences
+from .visit_pair import TIME_TOLERANCE, VisitPair, differences
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,7 +88,7 @@ def align(a: Run, b: Run, *, since: float = 0.0) -> Alignment:
     tick, without inputs.
     """
     begun = max((run.ticks.times[0] for run in (a, b) if run.ticks.times), default=0.0)
-    if begun > EPSILON:
+    if begun > TIME_TOLERANCE:
         since = max(since, begun + a.info.tick / 2)
     items, nodes = match_items(a, b, since=since), match_nodes(a, b)
     # An item that only B has must not be taken for an item of A with the same name.
@@ -124,10 +124,10 @@ def _side(
     keys: list[Key] = []
     resumed: set[int] = set()
     for visit in of_run:
-        if visit.end < since - EPSILON:
+        if visit.end < since - TIME_TOLERANCE:
             continue
         item, path = items.get(visit.item, visit.item), nodes.get(visit.path, visit.path)
-        if visit.start < since - EPSILON:
+        if visit.start < since - TIME_TOLERANCE:
             # A node has one such visit. A run from a checkpoint cannot know its item.
             resumed.add(len(visits))
             visits.append(replace(visit, start=since, attempt=0))

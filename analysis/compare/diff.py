@@ -15,13 +15,13 @@ from .run_outcome import (
     ItemChange,
     RunOutcome,
     TimeSpent,
-    causes,
+    cause_changes,
+    ending_changes,
     item_changes,
     outcome_of,
     time_spent,
-    ways,
 )
-from .run_settings import SetupDiff, compare_set_up
+from .run_settings import SetupDiff, compare_settings
 
 Verdict: TypeAlias = Literal["identical", "cut", "alike", "apart"]
 """Verdict: `identical`: every simulated message is the same. `cut`: they are, until one log ends.
@@ -68,12 +68,12 @@ def diff(a: Run, b: Run) -> RunDiff:
         _verdict(alignment, first),
         outcome_of(a),
         outcome_of(b),
-        compare_set_up(a, b),
+        compare_settings(a, b),
         first,
         alignment,
         time_spent(alignment),
-        causes(alignment),
-        ways(alignment),
+        cause_changes(alignment),
+        ending_changes(alignment),
         item_changes(a, b, alignment),
     )
 

@@ -16,8 +16,8 @@ from ...logs.schema import topics
 from ...logs.visits import Visit
 from ..run import Run
 from .matching import NodeMatch
-from .message_fields import FieldDifference, decoded, first_field
-from .visit_pair import EPSILON, Aspect, VisitPair
+from .message_fields import FieldDifference, decode_message, first_differing_field
+from .visit_pair import TIME_TOLERANCE, Aspect, VisitPair
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,7 +66,7 @@ def first_difference(
             return _unpaired(a, b, one, other)
         if one.data != other.data:
             schema = a.log.topics[one.topic].schema
-            found = first_field(schema, one.data, other.data) or FieldDifference("", "", None, None)
+            found = first_differing_field(schema, one.data, other.data) or FieldDifference("", "", None, None)
             return MessageDifference(
                 _tick(a, one), one.time / 1e9, one.topic, "", False, found.path, found.of, found.a, found.b
             )
@@ -90,7 +90,7 @@ def _unpaired(a: Run, b: Run, one: RawMessage | None, other: RawMessage | None) 
         ended, in_b = True, one is None
     lone, missing = (other, "a") if in_b else (one, "b")
     assert lone is not None
-    value = None if ended else decoded((b if in_b else a).log.topics[lone.topic].schema, lone.data)
+    value = None if ended else decode_message((b if in_b else a).log.topics[lone.topic].schema, lone.data)
     return MessageDifference(
         _tick(a, lone), lone.time / 1e9, lone.topic, missing, ended, "", "",
         None if in_b else value, value if in_b else None,
@@ -180,8 +180,8 @@ def find_parting(sides: ComparedRuns) -> Divergence | None:
     """
     first = min(_candidates(sides), key=lambda candidate: candidate.rank, default=None)
     over = min(sides.end_a, sides.end_b)
-    if first is None or first.rank[0] > over + EPSILON:
-        return _ended(sides, over)
+    if first is None or first.rank[0] > over + TIME_TOLERANCE:
+        return _log_end_divergence(sides, over)
     time, a, b = first.rank[0], first.a, first.b
     if first.how == "order":
         a, b = a or _next(sides, "a", time, new=True), b or _next(sides, "b", time, new=True)
@@ -200,7 +200,7 @@ def _candidates(sides: ComparedRuns) -> Iterator[_Candidate]:
     for pair in sides.pairs:
         a, b = pair.a, pair.b
         begun = min(a.start, b.start)
-        if abs(a.start - b.start) > EPSILON:
+        if abs(a.start - b.start) > TIME_TOLERANCE:
             early_a = a.start < b.start
             rank = (begun, 1, a.number if early_a else b.number)
             yield _Candidate(rank, "order", a if early_a else None, None if early_a else b)
@@ -209,7 +209,7 @@ def _candidates(sides: ComparedRuns) -> Iterator[_Candidate]:
             yield _Candidate((begun, 1, a.number), pair.differs[0], a, b, pair.differs[1:])
         elif pair.differs:
             ended = min(one.end for one in (a, b) if one.outcome != "RUNNING")
-            phase = 2 if ended <= begun + EPSILON else 0
+            phase = 2 if ended <= begun + TIME_TOLERANCE else 0
             yield _Candidate((ended, phase, -a.path.count("/")), pair.differs[0], a, b, pair.differs[1:])
     inner = {node.path for node in (*sides.nodes.only_a, *sides.nodes.only_b) if node.children}
     for visit in sides.only_a:
@@ -220,19 +220,21 @@ def _candidates(sides: ComparedRuns) -> Iterator[_Candidate]:
             yield _Candidate((visit.start, 1, visit.number), "order", None, visit)
 
 
-def _ended(sides: ComparedRuns, over: float) -> Divergence | None:
+def _log_end_divergence(sides: ComparedRuns, over: float) -> Divergence | None:
     """Return the divergence at the end of one log when nothing differed before; None when both end
     together."""
-    if abs(sides.end_a - sides.end_b) <= EPSILON or not sides.pairs:
+    if abs(sides.end_a - sides.end_b) <= TIME_TOLERANCE or not sides.pairs:
         return None
-    a, b = (_under_way(sides.all(side), over) for side in SIDES)
-    next_a, next_b = (_next(sides, side, over + EPSILON, leaf=True) for side in SIDES)
+    a, b = (_deepest_open_visit(sides.all(side), over) for side in SIDES)
+    next_a, next_b = (_next(sides, side, over + TIME_TOLERANCE, leaf=True) for side in SIDES)
     return Divergence(over, "end", (), a, b, next_a, next_b)
 
 
-def _under_way(visits: Sequence[Visit], time: float) -> Visit | None:
+def _deepest_open_visit(visits: Sequence[Visit], time: float) -> Visit | None:
     """Return the deepest visit that is open at that time."""
-    open_ = [v for v in visits if v.start <= time + EPSILON and (v.outcome == "RUNNING" or v.end > time)]
+    open_ = [
+        v for v in visits if v.start <= time + TIME_TOLERANCE and (v.outcome == "RUNNING" or v.end > time)
+    ]
     return max(open_, key=lambda visit: visit.path.count("/"), default=None)
 
 
@@ -255,7 +257,7 @@ def _next(
         alike = {
             (pair.a if side == "a" else pair.b).number
             for pair in sides.pairs
-            if abs(pair.a.start - pair.b.start) <= EPSILON
+            if abs(pair.a.start - pair.b.start) <= TIME_TOLERANCE
         }
     nodes = [pair.a if side == "a" else pair.b for pair in sides.nodes.pairs]
     nodes += sides.nodes.only_a if side == "a" else sides.nodes.only_b
@@ -263,7 +265,7 @@ def _next(
     fitting = (
         visit
         for visit in sides.all(side)
-        if visit.start >= time - EPSILON
+        if visit.start >= time - TIME_TOLERANCE
         and visit.number not in alike
         and not (leaf and visit.path in inner)
         and (beside is None or visit.number != beside.number)

@@ -22,7 +22,7 @@ from ...logs.schema.records import TreeNode
 from ...world.values import Vector3
 from ..run import Run
 
-NEAR = 0.02
+MAX_SAME_PLACE_DISTANCE = 0.02
 """Maximum distance of the same place, m: half an item, above the error of perception, below the gap of two
 items."""
 
@@ -78,12 +78,12 @@ def match_items(a: Run, b: Run, *, since: float = 0.0) -> ItemMatch:
         taken_a: set[int] = set()
         taken_b: set[int] = set()
         for distance, _, n, m in near:
-            if distance <= NEAR and n not in taken_a and m not in taken_b:
+            if distance <= MAX_SAME_PLACE_DISTANCE and n not in taken_a and m not in taken_b:
                 taken_a.add(n)
                 taken_b.add(m)
                 pairs.append(ItemPair(in_a[n].id, in_b[m].id, "place"))
-    left_a = _left(in_a, (pair.a for pair in pairs))
-    left_b = _left(in_b, (pair.b for pair in pairs))
+    left_a = _unpaired_ids(in_a, (pair.a for pair in pairs))
+    left_b = _unpaired_ids(in_b, (pair.b for pair in pairs))
     for sort, ones in left_a.items():
         for one, other in zip(ones, left_b.get(sort, ()), strict=False):
             pairs.append(ItemPair(one, other, "order"))
@@ -112,7 +112,7 @@ def sightings(run: Run, since: float = 0.0) -> tuple[FirstSighting, ...]:
     return tuple(found.values())
 
 
-def _left(known: Iterable[FirstSighting], paired: Iterable[str]) -> dict[tuple[str, str], list[str]]:
+def _unpaired_ids(known: Iterable[FirstSighting], paired: Iterable[str]) -> dict[tuple[str, str], list[str]]:
     """Return the ids without a partner, by kind and colour."""
     done = set(paired)
     left: dict[tuple[str, str], list[str]] = {}
@@ -189,7 +189,7 @@ def match_trees(a: Iterable[TreeNode], b: Iterable[TreeNode]) -> NodeMatch:
     in_a, in_b = {node.path: node for node in a}, {node.path: node for node in b}
     b_of = {path: path for path in in_a if path in in_b}
     same_in_b = {path: path for path in b_of}
-    left_a, left_b = _below(in_a, b_of), _below(in_b, same_in_b)
+    left_a, left_b = _unpaired_below(in_a, b_of), _unpaired_below(in_b, same_in_b)
     for top, ones in left_a.items():
         others = left_b.get(top, [])
         matcher = SequenceMatcher(None, [_kind(n) for n in ones], [_kind(n) for n in others], autojunk=False)
@@ -204,7 +204,7 @@ def match_trees(a: Iterable[TreeNode], b: Iterable[TreeNode]) -> NodeMatch:
     )
 
 
-def _below(nodes: Mapping[str, TreeNode], paired: Mapping[str, str]) -> dict[str, list[TreeNode]]:
+def _unpaired_below(nodes: Mapping[str, TreeNode], paired: Mapping[str, str]) -> dict[str, list[TreeNode]]:
     """Return the unpaired nodes in the order of the tree, by the nearest paired node above them."""
     below: dict[str, list[TreeNode]] = {}
     for node in nodes.values():

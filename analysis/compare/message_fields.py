@@ -32,7 +32,7 @@ def _ends(path: str) -> list[str]:
     return ["/".join(parts[-k:]) for k in range(1, len(parts) + 1)]
 
 
-LONGEST = 90
+MAX_TEXT_LENGTH = 90
 """Maximum number of characters; longer texts are cut."""
 
 
@@ -45,8 +45,8 @@ def value_text(value: object) -> str:
     if value is None:
         return "–"
     if isinstance(value, str):
-        return _cut(value)
-    return _cut(json.dumps(_rounded(value), ensure_ascii=False, default=str))
+        return _shortened(value)
+    return _shortened(json.dumps(_rounded(value), ensure_ascii=False, default=str))
 
 
 def _rounded(value: object) -> object:
@@ -59,11 +59,11 @@ def _rounded(value: object) -> object:
     return value
 
 
-def _cut(text: str) -> str:
-    return text if len(text) <= LONGEST else f"{text[: LONGEST - 1]}…"
+def _shortened(text: str) -> str:
+    return text if len(text) <= MAX_TEXT_LENGTH else f"{text[: MAX_TEXT_LENGTH - 1]}…"
 
 
-NAMES = ("path", "id", "name", "child_frame_id", "key", "object", "kind")
+NAME_FIELDS = ("path", "id", "name", "child_frame_id", "key", "object", "kind")
 """Fields that name an element of a list, the best first."""
 
 
@@ -78,23 +78,23 @@ class FieldDifference:
     b: object
 
 
-def first_field(schema: str, a: bytes, b: bytes) -> FieldDifference | None:
+def first_differing_field(schema: str, a: bytes, b: bytes) -> FieldDifference | None:
     """Return the first field in which two messages of a schema differ, in the order of A's fields.
 
     None when the values are equal and only the bytes differ. Undecodable bytes differ as a whole.
 
-    >>> first_field("picktree.Wrench", b'{"force": {"x": 1.0}}', b'{"force": {"x": 1.5}}')
+    >>> first_differing_field("picktree.Wrench", b'{"force": {"x": 1.0}}', b'{"force": {"x": 1.5}}')
     FieldDifference(path='force.x', of='', a=1.0, b=1.5)
     """
     from google.protobuf.message import DecodeError
 
     try:
-        return first_apart(_values(schema, a), _values(schema, b))
+        return first_difference_in_values(_values(schema, a), _values(schema, b))
     except (ValueError, DecodeError):
         return FieldDifference("", "", f"{len(a)} bytes", f"{len(b)} bytes")
 
 
-def decoded(schema: str, data: bytes) -> object:
+def decode_message(schema: str, data: bytes) -> object:
     """Decode a message into JSON values; None when it is unreadable."""
     from google.protobuf.message import DecodeError
 
@@ -105,16 +105,19 @@ def decoded(schema: str, data: bytes) -> object:
     return values
 
 
-def first_apart(a: object, b: object, path: str = "", of: str = "") -> FieldDifference | None:
+def first_difference_in_values(a: object, b: object, path: str = "", of: str = "") -> FieldDifference | None:
     """Return the first difference of two JSON values, in the order of A's fields; None when they are equal.
 
-    >>> first_apart({"nodes": [{"path": "Main", "status": "RUNNING"}]}, {"nodes": [{"path": "Main"}]})
+    >>> a, b = {"nodes": [{"path": "Main", "status": "RUNNING"}]}, {"nodes": [{"path": "Main"}]}
+    >>> first_difference_in_values(a, b)
     FieldDifference(path='nodes[0].status', of='Main', a='RUNNING', b=None)
     """
     if isinstance(a, dict) and isinstance(b, dict):
         ours, theirs = cast("dict[str, object]", a), cast("dict[str, object]", b)
         for key in dict.fromkeys((*ours, *theirs)):
-            found = first_apart(ours.get(key), theirs.get(key), f"{path}.{key}" if path else key, of)
+            found = first_difference_in_values(
+                ours.get(key), theirs.get(key), f"{path}.{key}" if path else key, of
+            )
             if found is not None:
                 return found
         return None
@@ -122,21 +125,21 @@ def first_apart(a: object, b: object, path: str = "", of: str = "") -> FieldDiff
         ones, others = cast("list[object]", a), cast("list[object]", b)
         for n in range(max(len(ones), len(others))):
             one, other = (some[n] if n < len(some) else None for some in (ones, others))
-            found = first_apart(one, other, f"{path}[{n}]", _name(one) or _name(other) or of)
+            found = first_difference_in_values(one, other, f"{path}[{n}]", _name(one) or _name(other) or of)
             if found is not None:
                 return found
         return None
     if isinstance(a, str) and isinstance(b, str) and a != b and a[:1] == b[:1] == "{":
-        return _inside(a, b, path, of)
+        return _first_difference_in_text(a, b, path, of)
     if a == b and type(cast("object", a)) is type(cast("object", b)):
         return None
     return FieldDifference(path, of, cast("object", a), cast("object", b))
 
 
-def _inside(a: str, b: str, path: str, of: str) -> FieldDifference | None:
+def _first_difference_in_text(a: str, b: str, path: str, of: str) -> FieldDifference | None:
     """Compare two texts that are JSON themselves, as the records in an entity's metadata."""
     try:
-        found = first_apart(orjson.loads(a), orjson.loads(b), path, of)
+        found = first_difference_in_values(orjson.loads(a), orjson.loads(b), path, of)
     except ValueError:
         found = None
     return found or FieldDifference(path, of, a, b)
@@ -146,7 +149,7 @@ def _name(element: object) -> str:
     if not isinstance(element, dict):
         return ""
     fields = cast("dict[str, object]", element)
-    return next((str(fields[name]) for name in NAMES if isinstance(fields.get(name), str)), "")
+    return next((str(fields[name]) for name in NAME_FIELDS if isinstance(fields.get(name), str)), "")
 
 
 def _values(schema: str, data: bytes) -> Any:

@@ -81,14 +81,14 @@ def time_spent(alignment: Alignment) -> TimeSpent:
     )
 
 
-def causes(alignment: Alignment) -> tuple[CountChange, ...]:
+def cause_changes(alignment: Alignment) -> tuple[CountChange, ...]:
     """Return the number of failures of nodes themselves by cause, all causes of both runs by name."""
     ours = Counter(visit.cause for visit in alignment.visits_a if visit.failed_itself)
     theirs = Counter(visit.cause for visit in alignment.visits_b if visit.failed_itself)
     return tuple(CountChange(cause, ours[cause], theirs[cause]) for cause in sorted({*ours, *theirs}))
 
 
-def ways(alignment: Alignment) -> tuple[EndingChange, ...]:
+def ending_changes(alignment: Alignment) -> tuple[EndingChange, ...]:
     """Return the outcomes of nodes whose numbers differ, in the order of A's tree; nodes that only B has come
     last."""
     path_in_a = alignment.nodes.a_by_b
@@ -116,11 +116,13 @@ def _grouped(visits: Iterable[Visit], name: Callable[[Visit], str]) -> dict[str,
 
 
 def _changes(a: dict[str, list[float]], b: dict[str, list[float]]) -> tuple[TimeChange, ...]:
-    changes = [TimeChange(name, _spent(a.get(name)), _spent(b.get(name))) for name in dict.fromkeys((*a, *b))]
+    changes = [
+        TimeChange(name, _time_use(a.get(name)), _time_use(b.get(name))) for name in dict.fromkeys((*a, *b))
+    ]
     return tuple(sorted(changes, key=lambda change: -abs(change.change)))
 
 
-def _spent(seconds: list[float] | None) -> TimeUse:
+def _time_use(seconds: list[float] | None) -> TimeUse:
     if not seconds:
         return TimeUse(0, 0.0, None)
     return TimeUse(len(seconds), sum(seconds), statistics.median(seconds))
@@ -237,7 +239,7 @@ def _covered(spans: list[tuple[float, float]]) -> float:
     return covered
 
 
-KILLED = "killed"
+KILLED_STATUS = "killed"
 """Status of a run whose log has no result."""
 
 
@@ -273,7 +275,7 @@ def outcome_of(run: Run) -> RunOutcome:
     return RunOutcome(
         log=run.path,
         recovered=run.recovered,
-        status=KILLED if result is None else result.status,
+        status=KILLED_STATUS if result is None else result.status,
         message="" if result is None else result.message,
         end=run.ticks.times[-1] if run.ticks.times else 0.0,
         items_total=None if result is None else result.items.total,

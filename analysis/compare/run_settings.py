@@ -7,14 +7,14 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Literal
 
-from ...logs.schema.arithmetic_record import departure
+from ...logs.schema.arithmetic_record import arithmetic_difference
 from ...logs.schema.records import RunInfo
-from ...session.environment import SOURCES, source_changes, sources_from_text
+from ...session.environment import SOURCES_ATTACHMENT, source_changes, sources_from_text
 from ..run import Run
 
-CONTEXT = 2
+CONTEXT_LINES = 2
 """Number of unchanged lines around a change of a file."""
-_NOT_SET_UP = ("checkpoint-", "refused-")
+_RUN_FILE_PREFIXES = ("checkpoint-", "refused-")
 """Prefixes of attachments that a run makes itself."""
 
 
@@ -49,14 +49,16 @@ class SetupDiff:
     """Sentence when the runs were computed with different arithmetic, or it was not recorded; else empty."""
 
 
-def compare_set_up(a: Run, b: Run) -> SetupDiff:
+def compare_settings(a: Run, b: Run) -> SetupDiff:
     ours, theirs = _settings(a.info), _settings(b.info)
     settings = tuple(
         ValueChange(name, ours.get(name), theirs.get(name))
         for name in dict.fromkeys((*ours, *theirs))
         if ours.get(name) != theirs.get(name)
     )
-    return SetupDiff(settings, tuple(_files(a, b)), departure(a.info.arithmetic, b.info.arithmetic, "in B"))
+    return SetupDiff(
+        settings, tuple(_files(a, b)), arithmetic_difference(a.info.arithmetic, b.info.arithmetic, "in B")
+    )
 
 
 def value_changes(a: Mapping[str, object], b: Mapping[str, object]) -> tuple[ValueChange, ...]:
@@ -92,7 +94,7 @@ def _files(a: Run, b: Run) -> Iterator[FileChange]:
             yield FileChange(name, "only_a", ())
         elif ours is None:
             yield FileChange(name, "only_b", ())
-        elif name == SOURCES:
+        elif name == SOURCES_ATTACHMENT:
             changes = source_changes(sources_from_text(ours.decode()), sources_from_text(theirs.decode()))
             if changes:
                 yield FileChange(name, "changed", changes)
@@ -101,7 +103,7 @@ def _files(a: Run, b: Run) -> Iterator[FileChange]:
 
 
 def _contents(run: Run) -> dict[str, bytes]:
-    names = [name for name in run.log.attachments if not name.startswith(_NOT_SET_UP)]
+    names = [name for name in run.log.attachments if not name.startswith(_RUN_FILE_PREFIXES)]
     return {name: run.log.attachment(name) for name in names}
 
 
@@ -110,5 +112,5 @@ def _unified(a: bytes, b: bytes) -> tuple[str, ...]:
         ours, theirs = a.decode().splitlines(), b.decode().splitlines()
     except UnicodeDecodeError:
         return ()
-    lines = difflib.unified_diff(ours, theirs, n=CONTEXT, lineterm="")
+    lines = difflib.unified_diff(ours, theirs, n=CONTEXT_LINES, lineterm="")
     return tuple(line for n, line in enumerate(lines) if n >= 2)

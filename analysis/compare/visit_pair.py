@@ -8,7 +8,7 @@ from typing import Final, Literal, TypeAlias, cast
 
 from ...logs.visits import Visit
 
-EPSILON: Final = 1e-6
+TIME_TOLERANCE: Final = 1e-6
 """Difference below which two times are equal, s."""
 
 Aspect: TypeAlias = Literal["type", "inputs", "outcome", "cause", "length"]
@@ -38,14 +38,14 @@ def differences(a: Visit, b: Visit, items: Mapping[str, str], *, resumed: bool) 
         found.append("inputs")
     if "RUNNING" in (a.outcome, b.outcome):
         open_, other = (a, b) if a.outcome == "RUNNING" else (b, a)
-        if other.outcome != "RUNNING" and other.end - other.start < open_.end - open_.start - EPSILON:
+        if other.outcome != "RUNNING" and other.end - other.start < open_.end - open_.start - TIME_TOLERANCE:
             found.append("length")
         return tuple(found)
     if a.outcome != b.outcome:
         found.append("outcome")
     if (a.cause, a.origin == a.path) != (b.cause, b.origin == b.path):
         found.append("cause")
-    if abs(a.duration - b.duration) > EPSILON:
+    if abs(a.duration - b.duration) > TIME_TOLERANCE:
         found.append("length")
     return tuple(found)
 

@@ -19,7 +19,7 @@ TABLES: tuple[TableSpec[Any], ...] = (
         "run",
         "a word of the run: what it was started with, and what came of it",
         row_types.RunRow,
-        table_rows.about,
+        table_rows.run_rows,
     ),
     TableSpec("ticks", "a tick of the tree", row_types.TickRow, table_rows.ticks),
     TableSpec(

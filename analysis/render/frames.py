@@ -14,9 +14,9 @@ from ...logs.visits import Visit, VisitBuilder
 from .captions import Caption, CaptionFailure
 from .scene_view import SceneContent, Show
 
-SAME = 0.02
+MAX_JOINT_DIFFERENCE = 0.02
 """Difference below which two joint positions are equal, rad."""
-LATE = 0.1
+ARRIVAL_TOLERANCE = 0.1
 """Time after its end for which a plan still counts as followed, s: the arm has to arrive."""
 
 
@@ -43,7 +43,7 @@ class FollowedPlans:
             if plan.outcome != "found":
                 continue
             start = at.time + plan.thinking
-            if self._all and _goes_on(self._all[-1].plan, plan):
+            if self._all and _continues_plan(self._all[-1].plan, plan):
                 start = max(start, self._all[-1].end)
             self._all.append(_Span(start, start + plan.duration, plan))
         self._starts = [following.start for following in self._all]
@@ -51,23 +51,23 @@ class FollowedPlans:
     def at(self, time: float) -> Plan | None:
         """Return the plan that is followed at that time, simulated s; None for none."""
         number = bisect.bisect_right(self._starts, time) - 1
-        if number < 0 or time > self._all[number].end + LATE:
+        if number < 0 or time > self._all[number].end + ARRIVAL_TOLERANCE:
             return None
         return self._all[number].plan
 
 
-def _goes_on(before: Plan, plan: Plan) -> bool:
+def _continues_plan(before: Plan, plan: Plan) -> bool:
     return bool(before.path and plan.path) and all(
-        abs(a - b) < SAME for a, b in zip(before.path[-1], plan.path[0], strict=True)
+        abs(a - b) < MAX_JOINT_DIFFERENCE for a, b in zip(before.path[-1], plan.path[0], strict=True)
     )
 
 
 R = TypeVar("R")
 
-_LEAD = 60.0
+_LEAD_TIME = 60.0
 """Time before the first moment from which nodes are followed, simulated s. Visits that began earlier are
 shown without their item."""
-_SLACK = 1e-6
+_TIME_TOLERANCE = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,7 +94,7 @@ class _Latest(Generic[R]):
         self._next = next(coming, None)
 
     def at(self, time: float) -> Stamped[R] | None:
-        while self._next is not None and self._next.time <= time + _SLACK:
+        while self._next is not None and self._next.time <= time + _TIME_TOLERANCE:
             self._now, self._next = self._next, next(self._coming, None)
         return self._now
 
@@ -110,7 +110,7 @@ class NodeActivity:
         self._tips: list[tuple[str, str, str]] = []
         failing: frozenset[str] = frozenset()
         stated: list[CaptionedFailure] = []
-        for at in log.ticks(max(0.0, start - _LEAD), end):
+        for at in log.ticks(max(0.0, start - _LEAD_TIME), end):
             while coming and coming[0].time <= at.time:
                 following.follow(coming.pop(0).record)
             following.take(at.time, at.record)
@@ -133,12 +133,12 @@ class NodeActivity:
 
     def doing(self, time: float) -> tuple[str, str]:
         """Return the deepest running node with the item that it is about, and its message."""
-        number = bisect.bisect_right(self._times, time + _SLACK) - 1
+        number = bisect.bisect_right(self._times, time + _TIME_TOLERANCE) - 1
         if number < 0:
             return "", ""
         path, node, message = self._tips[number]
         visits = self._visits.get(path, [])
-        begun = bisect.bisect_right(visits, time + _SLACK, key=lambda visit: visit.start) - 1
+        begun = bisect.bisect_right(visits, time + _TIME_TOLERANCE, key=lambda visit: visit.start) - 1
         visit = visits[begun] if begun >= 0 else None
         if visit is None or not visit.item:
             return node, message
@@ -152,8 +152,10 @@ class NodeActivity:
 
     def trouble(self, time: float, hold: float) -> CaptionFailure | None:
         """Return the last failure of the `hold` simulated seconds before; None for none."""
-        number = bisect.bisect_right(self.failures, time + _SLACK, key=lambda failed: failed.time) - 1
-        if number < 0 or time - self.failures[number].time >= hold - _SLACK:
+        number = (
+            bisect.bisect_right(self.failures, time + _TIME_TOLERANCE, key=lambda failed: failed.time) - 1
+        )
+        if number < 0 or time - self.failures[number].time >= hold - _TIME_TOLERANCE:
             return None
         return self.failures[number].trouble
 
@@ -226,7 +228,7 @@ class ItemCounter:
 
     def done(self, time: float) -> str:
         """Return the number as text."""
-        number = bisect.bisect_right(self._times, time + _SLACK)
+        number = bisect.bisect_right(self._times, time + _TIME_TOLERANCE)
         if self._all >= max(1, len(self._times)):
             return f"{number} of {self._all} items done"
         return f"{number} item{'' if number == 1 else 's'} done"

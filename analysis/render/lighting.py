@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 
 from ...logs.meshes.triangle_meshes import unit
 from ...world.values import Array, Vector3
-from .rasterizer import Floats, TriangleCorners, draw_depth, unpacked
+from .rasterizer import Floats, TriangleCorners, draw_depth, unpack_marks
 
 _SUN_DISTANCE = 30.0
 """Distance of the sun, m: far enough for parallel light, near enough for single precision."""
-_SOFT = 0.009
+_SHADOW_EDGE_HALF_WIDTH = 0.009
 """Half the width of a shadow's edge, m."""
-_OPEN_RADIUS = 0.05
+_OCCLUSION_RADIUS = 0.05
 """Distance up to which one surface occludes the sky for another, m."""
 _GAMMA = 2.2
 
@@ -61,7 +61,7 @@ class PixelSamples:
     ) -> PixelSamples:
         """Make samples. `place`: rays' right and down at depth 1. Marks (n, 3) and depth (n,) as
         rasterised."""
-        number, normal = unpacked(marks)
+        number, normal = unpack_marks(marks)
         return cls(*pixel, number, normal, np.stack([place[0] * depth, place[1] * depth, depth]))
 
 
@@ -114,7 +114,7 @@ class Shadows:
         """Return the map with the moving bodies."""
         nearest = self._fixed.copy()
         draw_depth(moving, nearest, self._from_camera, self._fov, self._between)
-        reach = math.ceil(_SOFT / self._texel)
+        reach = math.ceil(_SHADOW_EDGE_HALF_WIDTH / self._texel)
         window = np.ones((2 * reach + 1, 2 * reach + 1), np.uint8)
         changed = cv2.dilate((nearest < self._fixed - np.float32(1e-3)).view(np.uint8), window)
         return ShadowMap(
@@ -133,9 +133,9 @@ class Shadows:
         """Return the share 0 … 1 of the sun that reaches each sample."""
         u, v, depth = self._seen(samples)
         # Distances to the sun vary within a texel on a slanted surface, so a slope tolerance is subtracted.
-        facing = np.maximum(along(self._sun, samples.normal), np.float32(0.15))
+        facing = np.maximum(component_along(self._sun, samples.normal), np.float32(0.15))
         slope = np.sqrt(1 / (facing * facing) - 1)
-        depth -= 0.002 + np.minimum(slope * np.float32(_SOFT + self._texel), 0.03)
+        depth -= 0.002 + np.minimum(slope * np.float32(_SHADOW_EDGE_HALF_WIDTH + self._texel), 0.03)
         flat = self._flat(u, v)
         lit = (depth <= np.take(cast.least, flat)).astype(np.float32)
         edge = np.flatnonzero((lit == 0) & (depth <= np.take(cast.most, flat)))
@@ -171,8 +171,8 @@ class Shadows:
         edge: NDArray[np.intp],
     ) -> Floats:
         """Return the share for samples near a shadow's edge, from some positions around each."""
-        radius = _SOFT / self._texel
-        taps = [(r * radius, t) for r, n in ((0.3, 5), (0.65, 8), (0.95, 11)) for t in turns(n)]
+        radius = _SHADOW_EDGE_HALF_WIDTH / self._texel
+        taps = [(r * radius, t) for r, n in ((0.3, 5), (0.65, 8), (0.95, 11)) for t in spread_angles(n)]
         # Rotated from pixel to pixel, so that few taps make no bands.
         turned = (samples.columns[edge] * 5 + samples.rows[edge] * 3) % 4
         spin = turned.astype(np.float32) * np.float32(0.21)
@@ -198,13 +198,13 @@ class AmbientOcclusion:
     def reach(self, depth: float) -> float:
         """Return the distance up to which a surface at that depth (m) may change the occlusion of a pixel,
         pixels."""
-        return _OPEN_RADIUS * self._focal / depth + 1.5
+        return _OCCLUSION_RADIUS * self._focal / depth + 1.5
 
     def open(self, marks: Floats, depth: Floats, window: tuple[slice, slice]) -> Floats:
         """Return the share 0 … 1 for the pixels of a window (rows, columns), of marks (h, w, 3) and depth (h,
         w)."""
         rows, columns = window
-        number, normal = unpacked(marks[window].reshape(-1, 3))
+        number, normal = unpack_marks(marks[window].reshape(-1, 3))
         own = depth[window]
         nx, ny, nz = normal.reshape(3, *own.shape)
         # 1/depth is linear on a plane, so it may be interpolated.
@@ -214,12 +214,12 @@ class AmbientOcclusion:
         row = np.arange(rows.start, rows.stop, dtype=np.float32).reshape(-1, 1)
         # A few directions, rotated from pixel to pixel, so that few taps make no bands.
         spin = ((column * 7 + row * 13) % 4) * np.float32(math.pi / 8)
-        reach = np.float32(_OPEN_RADIUS * self._focal) * near[window]
+        reach = np.float32(_OCCLUSION_RADIUS * self._focal) * near[window]
         cosine, sine = reach * np.cos(spin), reach * np.sin(spin)
         x, y = right * own, down * own
         closed = np.zeros_like(own)
         per_pixel = np.float32(1 / self._focal)
-        for share, turn in ((r, t) for r, n in ((0.2, 4), (0.5, 5), (0.95, 6)) for t in turns(n)):
+        for share, turn in ((r, t) for r, n in ((0.2, 4), (0.5, 5), (0.95, 6)) for t in spread_angles(n)):
             a, b = np.float32(share * math.cos(turn)), np.float32(share * math.sin(turn))
             du, dv = a * cosine - b * sine, a * sine + b * cosine
             there = cv2.remap(near, column + du, row + dv, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
@@ -229,14 +229,14 @@ class AmbientOcclusion:
             tz = z - own
             length = np.sqrt(tx * tx + ty * ty + tz * tz) + np.float32(1e-6)
             rise = (tx * nx + ty * ny + tz * nz) / length - np.float32(0.12)
-            fade = np.minimum(np.maximum(2 - length * np.float32(1 / _OPEN_RADIUS), 0), 1)
+            fade = np.minimum(np.maximum(2 - length * np.float32(1 / _OCCLUSION_RADIUS), 0), 1)
             closed += np.maximum(rise, 0) * fade
         openness = np.clip(1 - np.float32(1.7 / 15) * closed, 0.25, 1)
         openness[(number == 0).reshape(own.shape)] = 1
         return cv2.GaussianBlur(openness, (0, 0), 0.9).astype(np.float32)
 
 
-def shaded(
+def shade_samples(
     samples: PixelSamples,
     lit: Floats,
     openness: Floats,
@@ -252,11 +252,14 @@ def shaded(
     """
     sun = axes @ unit(np.array(look.sun))
     halfway = unit(sun + axes @ -axes[2])
-    up = along((axes @ np.array([0.0, 0.0, 1.0])).astype(np.float32), samples.normal)
+    up = component_along((axes @ np.array([0.0, 0.0, 1.0])).astype(np.float32), samples.normal)
     ambient = look.ground + (look.sky - look.ground) * (0.5 + 0.5 * up)
-    light = ambient * openness + look.key * np.maximum(along(sun.astype(np.float32), samples.normal), 0) * lit
+    light = (
+        ambient * openness
+        + look.key * np.maximum(component_along(sun.astype(np.float32), samples.normal), 0) * lit
+    )
     colour = np.take(table, samples.number, axis=0) * (light ** np.float32(1 / _GAMMA))[:, None]
-    shine = np.maximum(along(halfway.astype(np.float32), samples.normal), 0) ** 24
+    shine = np.maximum(component_along(halfway.astype(np.float32), samples.normal), 0) ** 24
     colour += (np.float32(look.gloss) * shine * lit)[:, None]
     ground = np.flatnonzero(samples.number <= 1)
     dark = np.where(
@@ -266,12 +269,12 @@ def shaded(
     return colour.astype(np.float32)
 
 
-def turns(n: int) -> list[float]:
+def spread_angles(n: int) -> list[float]:
     """Return n angles spread over a turn, rad."""
     return [2 * math.pi * k / n + 0.3 * n for k in range(n)]
 
 
-def along(direction: Floats, normal: Floats) -> Floats:
+def component_along(direction: Floats, normal: Floats) -> Floats:
     """Return the component of the normals (3, n) in that direction, (n,)."""
     a, b, c = direction
     return a * normal[0] + b * normal[1] + c * normal[2]

@@ -20,10 +20,10 @@ from ...world.values import Array
 Picture: TypeAlias = NDArray[np.uint8]
 Floats: TypeAlias = NDArray[np.float32]
 
-FAR = 20.0
+FAR_PLANE = 20.0
 """Depth where nothing is visible, m."""
-NEAR = 0.1
-_STEP = 4.0
+NEAR_PLANE = 0.1
+_COLOUR_STEP = 4.0
 """Step between two colours' numbers in the first channel: wider than a normal's component, -1 … 1."""
 
 
@@ -79,7 +79,7 @@ class TriangleCorners:
         )
 
 
-def placed(models: Iterable[tuple[RasterModel, Array, Array]]) -> TriangleCorners:
+def place_models(models: Iterable[tuple[RasterModel, Array, Array]]) -> TriangleCorners:
     """Return the corners of all models, each with rotation (3, 3) and position (3,) of its frame in the
     camera's."""
     positions: list[Floats] = []
@@ -88,7 +88,7 @@ def placed(models: Iterable[tuple[RasterModel, Array, Array]]) -> TriangleCorner
         turn = rotation.T.astype(np.float32)
         positions.append(model.positions @ turn + place.astype(np.float32))
         mark = model.normals @ turn
-        mark[:, 0] += model.numbers * np.float32(_STEP)
+        mark[:, 0] += model.numbers * np.float32(_COLOUR_STEP)
         marks.append(mark)
     if not positions:
         return TriangleCorners(np.zeros((0, 3), np.float32), np.zeros((0, 3), np.float32))
@@ -104,7 +104,7 @@ class Surfaces:
 
     @classmethod
     def none(cls, width: int, height: int) -> Surfaces:
-        return cls(np.full((height, width), FAR, np.float32), np.zeros((height, width, 3), np.float32))
+        return cls(np.full((height, width), FAR_PLANE, np.float32), np.zeros((height, width, 3), np.float32))
 
     def copy(self) -> Surfaces:
         return Surfaces(self.depth.copy(), self.marks.copy())
@@ -118,11 +118,11 @@ class Surfaces:
                 corners.marks,
                 self.marks,
                 self.depth,
-                _CAMERA,
+                _OPENCV_FROM_CAMERA,
                 fov,
-                NEAR,
-                FAR,
-                _SETTINGS,
+                NEAR_PLANE,
+                FAR_PLANE,
+                _RASTERIZE_SETTINGS,
             )
 
 
@@ -134,17 +134,17 @@ def draw_depth(
     `from_camera` (4, 4) transforms into that camera's right, down, forward.
     """
     if len(corners.positions):
-        world = (_CAMERA.astype(np.float64) @ from_camera).astype(np.float32)
+        world = (_OPENCV_FROM_CAMERA.astype(np.float64) @ from_camera).astype(np.float32)
         cv2.triangleRasterizeDepth(
-            corners.positions, _triangles(corners), depth, world, fov, *between, _SETTINGS
+            corners.positions, _triangles(corners), depth, world, fov, *between, _RASTERIZE_SETTINGS
         )
 
 
-def unpacked(marks: Floats) -> tuple[NDArray[np.intp], Floats]:
+def unpack_marks(marks: Floats) -> tuple[NDArray[np.intp], Floats]:
     """Return numbers of colours (n,) and normals (3, n) of marks (n, 3)."""
     normals = np.ascontiguousarray(marks.T)
-    number = np.rint(normals[0] * np.float32(1 / _STEP))
-    normals[0] -= number * np.float32(_STEP)
+    number = np.rint(normals[0] * np.float32(1 / _COLOUR_STEP))
+    normals[0] -= number * np.float32(_COLOUR_STEP)
     return number.astype(np.intp), normals
 
 
@@ -152,9 +152,9 @@ def _triangles(corners: TriangleCorners) -> NDArray[np.int32]:
     return np.arange(len(corners.positions), dtype=np.int32).reshape(-1, 3)
 
 
-_CAMERA = np.diag(np.array([1.0, -1.0, -1.0, 1.0], np.float32))
+_OPENCV_FROM_CAMERA = np.diag(np.array([1.0, -1.0, -1.0, 1.0], np.float32))
 """Transformation from right, down, forward to OpenCV's right, up, backward."""
-_SETTINGS = (
+_RASTERIZE_SETTINGS = (
     cv2.TriangleRasterizeSettings()
     .setShadingType(cv2.RASTERIZE_SHADING_SHADED)
     .setCullingMode(cv2.RASTERIZE_CULLING_NONE)

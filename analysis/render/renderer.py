@@ -11,20 +11,20 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ...logs.meshes.triangle_meshes import Mesh, joined, unit
+from ...logs.meshes.triangle_meshes import Mesh, join_meshes, unit
 from ...world.values import Array, Pose
-from .lighting import AmbientOcclusion, LightingSetup, PixelSamples, ShadowMap, Shadows, shaded
-from .rasterizer import Floats, Palette, Picture, RasterModel, Surfaces, TriangleCorners, placed
+from .lighting import AmbientOcclusion, LightingSetup, PixelSamples, ShadowMap, Shadows, shade_samples
+from .rasterizer import Floats, Palette, Picture, RasterModel, Surfaces, TriangleCorners, place_models
 from .viewpoint import PictureView
 
-_CONTRAST = 9
+_MIN_CONTRAST = 9
 """Difference between neighbours, in steps of 255, above which a pixel is sampled finely."""
-_MAP = 1024
+_SHADOW_MAP_SIDE = 1024
 """Side of the shadow map, texels."""
-_NEARER = np.float32(0.99995)
+_DEPTH_TOLERANCE = np.float32(0.99995)
 """Factor on a depth below which it counts as nearer: the rasteriser also changes covered depths by some
 millionths."""
-_TALL, _MARGIN = 1.25, 0.3
+_MAX_SHADOW_HEIGHT, _SHADOW_MARGIN = 1.25, 0.3
 """Height up to which bodies cast shadows, and distance around the fixed part within which they do, m."""
 
 
@@ -88,7 +88,7 @@ class MeshRenderer:
         surfaces = still.surfaces.copy()
         surfaces.draw(corners, self.view.fov)
         frame = _Frame(surfaces, self._fine, still.shadows.cast(corners))
-        covered = (frame.depth < _every(still.surfaces.depth, self._fine) * _NEARER).view(np.uint8)
+        covered = (frame.depth < _every(still.surfaces.depth, self._fine) * _DEPTH_TOLERANCE).view(np.uint8)
         if covered.any():
             nearest = float(frame.depth[covered.view(np.bool_)].min())
             reach = 2 * math.ceil(self._sky.reach(nearest))
@@ -96,7 +96,7 @@ class MeshRenderer:
             covered = cv2.dilate(covered, window).astype(np.uint8, copy=False)
         changed = covered.view(np.bool_) | np.take(frame.cast.changed, still.texels)
         frame.openness[:] = still.openness
-        window = _around(covered[1::2, 1::2])
+        window = _window_of(covered[1::2, 1::2])
         frame.openness[window] = self._sky.open(frame.small_marks, frame.small_depth, window)
         self._shade(picture, frame, still.shadows, changed)
         return picture
@@ -104,7 +104,7 @@ class MeshRenderer:
     def _drawn_still(self, moving: Sequence[tuple[RasterModel, Pose]]) -> _Still:
         """Draw the fixed part, with the ground and a shadow map large enough for the first moving part."""
         low, high = self._bounds(moving)
-        shadows = Shadows(unit(np.array(self._look.sun)), low, high, self._eye, self._axes, _MAP)
+        shadows = Shadows(unit(np.array(self._look.sun)), low, high, self._eye, self._axes, _SHADOW_MAP_SIDE)
         shadows.keep(self._fixed_corners)
         surfaces = Surfaces.none(self.size[0] * self._fine, self.size[1] * self._fine)
         if self._eye[2] > self._look.floor:
@@ -123,7 +123,7 @@ class MeshRenderer:
 
     def _placed(self, models: Sequence[tuple[RasterModel, Pose]]) -> TriangleCorners:
         axes, eye = self._axes, self._eye
-        return placed(
+        return place_models(
             (model, axes @ pose.rotation(), axes @ (np.array(pose.position) - eye)) for model, pose in models
         )
 
@@ -138,9 +138,9 @@ class MeshRenderer:
             places = [m.positions @ p.rotation().T + np.array(p.position) for m, p in moving]
             around = np.concatenate([np.zeros((1, 3)), *places])
         floor = self._look.floor
-        margin = np.array([_MARGIN, _MARGIN, 0.0])
+        margin = np.array([_SHADOW_MARGIN, _SHADOW_MARGIN, 0.0])
         low, high = around.min(axis=0) - margin, around.max(axis=0) + margin
-        low[2], high[2] = min(low[2], floor), max(high[2], floor + _TALL)
+        low[2], high[2] = min(low[2], floor), max(high[2], floor + _MAX_SHADOW_HEIGHT)
         return low, high
 
     def _samples(self, frame: _Frame, wanted: NDArray[np.bool_]) -> PixelSamples:
@@ -153,14 +153,14 @@ class MeshRenderer:
         """Draw these pixels (h, w) again."""
         samples = self._samples(frame, wanted)
         openness = frame.wide_openness
-        picture[samples.rows, samples.columns] = _bytes(self._lit(samples, frame, shadows, openness))
+        picture[samples.rows, samples.columns] = _rgb_bytes(self._lit(samples, frame, shadows, openness))
         fine = self._fine
         if fine < 2:
             return
         window = np.ones((3, 3), np.uint8)
         contrast = cv2.split(cv2.subtract(cv2.dilate(picture, window), cv2.erode(picture, window)))
         most = cv2.max(cv2.max(contrast[0], contrast[1]), contrast[2])
-        rows, columns = np.nonzero((most > _CONTRAST) & wanted)
+        rows, columns = np.nonzero((most > _MIN_CONTRAST) & wanted)
         if not len(rows):
             return
         down, right = np.repeat(np.arange(fine), fine), np.tile(np.arange(fine), fine)
@@ -173,10 +173,10 @@ class MeshRenderer:
         )
         colours = np.clip(self._lit(samples, frame, shadows, openness), 0, 1)
         colours = colours.reshape(len(rows), fine * fine, 3)
-        picture[rows, columns] = _bytes(np.einsum("pki->pi", colours) / np.float32(fine * fine))
+        picture[rows, columns] = _rgb_bytes(np.einsum("pki->pi", colours) / np.float32(fine * fine))
 
     def _lit(self, samples: PixelSamples, frame: _Frame, shadows: Shadows, openness: Floats) -> Floats:
-        return shaded(
+        return shade_samples(
             samples,
             shadows.lit(frame.cast, samples),
             openness[samples.rows, samples.columns],
@@ -210,7 +210,7 @@ def render(
     mesh: Mesh, view: PictureView, size: tuple[int, int], look: LightingSetup | None = None, fine: int = 2
 ) -> Picture:
     """Render one mesh in the world as RGB (h, w, 3)."""
-    studio = MeshRenderer(joined([]), view, size, look, fine)
+    studio = MeshRenderer(join_meshes([]), view, size, look, fine)
     return studio.picture([(studio.model(mesh), Pose())])
 
 
@@ -223,7 +223,7 @@ def _along_side(samples: Floats, fine: int) -> Floats:
     return samples[fine // 2 :: fine]
 
 
-def _around(mask: NDArray[np.uint8]) -> tuple[slice, slice]:
+def _window_of(mask: NDArray[np.uint8]) -> tuple[slice, slice]:
     """Return the smallest window (rows, columns) with all set pixels; at least one pixel."""
     rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
     if not len(rows):
@@ -239,5 +239,5 @@ def _ground(low: Array, high: Array, height: float) -> RasterModel:
     return RasterModel(positions, np.tile(np.array([0, 0, 1], np.float32), (6, 1)), np.ones(6, np.float32))
 
 
-def _bytes(colours: Floats) -> Picture:
+def _rgb_bytes(colours: Floats) -> Picture:
     return np.clip(colours * np.float32(255) + np.float32(0.5), 0, 255).astype(np.uint8)

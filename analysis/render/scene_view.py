@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ...logs.meshes.binary_gltf import read_glb
 from ...logs.meshes.link_meshes import parts_of
-from ...logs.meshes.triangle_meshes import Mesh, joined, part_mesh, shape_mesh
+from ...logs.meshes.triangle_meshes import Mesh, join_meshes, part_mesh, shape_mesh
 from ...logs.recording.foxglove_messages import UNKNOWN_COLOUR
 from ...logs.schema.records import BlockRecord, BodyRecord, LinkMesh, PartRecord, Scene
 from ...world.colours import COLOURS
@@ -51,7 +51,7 @@ class SceneRenderer:
         self._robot_meshes = {mesh.link: read_glb(mesh.glb) for mesh in robot}
         self._view, self._size, self._fine = view, size, fine
         self._fixed: tuple[PartRecord, ...] | None = None
-        self._studio = MeshRenderer(joined([]), view, size)
+        self._studio = MeshRenderer(join_meshes([]), view, size)
         self._robot: dict[str, RasterModel] = {}
         self._bodies: dict[tuple[Shape, str, tuple[BlockRecord, ...]], RasterModel] = {}
 
@@ -70,7 +70,7 @@ class SceneRenderer:
         parts = [mesh.placed(links[link]) for link, mesh in self._robot_meshes.items() if link in links]
         parts += [_part(part).placed(part.pose) for part in shown.solid.fixed]
         parts += [_body_mesh(b).placed(_pose(b, links)) for b in shown.solid.bodies]
-        studio = MeshRenderer(joined(parts), self._view, self._size, fine=self._fine)
+        studio = MeshRenderer(join_meshes(parts), self._view, self._size, fine=self._fine)
         return self._drawn_over(studio.picture([]), shown)
 
     def _drawn_over(self, picture: Picture, shown: SceneContent) -> Picture:
@@ -85,7 +85,7 @@ class SceneRenderer:
     def _build(self, fixed: tuple[PartRecord, ...]) -> None:
         self._fixed = fixed
         parts = [_part(part).placed(part.pose) for part in fixed]
-        self._studio = MeshRenderer(joined(parts), self._view, self._size, fine=self._fine)
+        self._studio = MeshRenderer(join_meshes(parts), self._view, self._size, fine=self._fine)
         self._robot = {link: self._studio.model(mesh) for link, mesh in self._robot_meshes.items()}
         self._bodies = {}
 
@@ -132,7 +132,7 @@ def _part(part: PartRecord) -> Mesh:
 
 
 def _body_mesh(body: BodyRecord) -> Mesh:
-    return joined(_mesh(shape, body.colour).placed(pose) for shape, pose in parts_of(body))
+    return join_meshes(_mesh(shape, body.colour).placed(pose) for shape, pose in parts_of(body))
 
 
 def _pose(body: BodyRecord, links: Mapping[str, Pose]) -> Pose:

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 
 from ...errors import PicktreeError
-from ...logs.meshes.triangle_meshes import Mesh, joined, load_mesh, shape_mesh
+from ...logs.meshes.triangle_meshes import Mesh, join_meshes, load_mesh, shape_mesh
 from ...logs.recording.images import write_picture
 from ...logs.run_log import RunLog
 from ...robots.description import RobotDescription
@@ -24,11 +24,11 @@ from .scene_view import SceneRenderer, Show
 from .viewpoint import PictureView
 
 ROBOT_PICTURE_SIZE = (1000, 900)
-FACES = 6000
+MAX_MESH_FACES = 6000
 """Maximum number of faces of one mesh."""
-AXIS = 0.08
+FRAME_AXIS_LENGTH = 0.08
 """Length of the axes of a frame, m."""
-_COLOURS = ((214, 60, 60), (52, 168, 83), (66, 110, 235))
+_AXIS_COLOURS = ((214, 60, 60), (52, 168, 83), (66, 110, 235))
 """Colours of x, y, z."""
 
 
@@ -41,7 +41,7 @@ def draw_robot(robot: RobotDescription, path: Path) -> None:
     model = RobotModel(robot)
     home = model.named("home")
     poses = model.link_poses(home, robot.gripper.max_width)
-    mesh = joined(
+    mesh = join_meshes(
         [part.placed(pose) for link, part in _parts(robot) if (pose := poses.get(link)) is not None]
     )
     low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
@@ -67,7 +67,7 @@ def _parts(robot: RobotDescription) -> list[tuple[str, Mesh]]:
     for element in link_geometry(robot.urdf, "collision"):
         if isinstance(element, UrdfMesh):
             try:
-                mesh = load_mesh(element.path, FACES)
+                mesh = load_mesh(element.path, MAX_MESH_FACES)
             except (OSError, ValueError) as error:
                 raise PicktreeError(f"{element.path}: the mesh cannot be read: {error}") from None
             found.append((element.link, mesh.placed(element.pose_in_link, element.scale)))
@@ -77,10 +77,10 @@ def _parts(robot: RobotDescription) -> list[tuple[str, Mesh]]:
 
 
 def _frame(picture: np.ndarray, view: PictureView, name: str, pose: Pose) -> None:
-    ends: Array = np.vstack([np.zeros(3), np.eye(3) * AXIS])
+    ends: Array = np.vstack([np.zeros(3), np.eye(3) * FRAME_AXIS_LENGTH])
     pixels = np.round(view.project(pose.apply(ends), ROBOT_PICTURE_SIZE)[:, :2]).astype(int)
     start = (int(pixels[0, 0]), int(pixels[0, 1]))
-    for colour, (x, y), letter in zip(_COLOURS, pixels[1:].tolist(), "xyz", strict=True):
+    for colour, (x, y), letter in zip(_AXIS_COLOURS, pixels[1:].tolist(), "xyz", strict=True):
         cv2.line(picture, start, (x, y), colour, 3, cv2.LINE_AA)
         cv2.putText(picture, letter, (x + 3, y + 3), cv2.FONT_HERSHEY_SIMPLEX, 0.45, colour, 1, cv2.LINE_AA)
     place = (start[0] + 10, start[1] - 10)
@@ -88,15 +88,15 @@ def _frame(picture: np.ndarray, view: PictureView, name: str, pose: Pose) -> Non
     cv2.putText(picture, name, place, cv2.FONT_HERSHEY_SIMPLEX, 0.6, (30, 30, 30), 1, cv2.LINE_AA)
 
 
-SIZE = (1280, 800)
-_FINE = 2
+SNAPSHOT_SIZE = (1280, 800)
+_SAMPLES_PER_PIXEL = 2
 
 
 def snapshot(
     log: RunLog | str | Path,
     at: float,
     output: Path,
-    size: tuple[int, int] = SIZE,
+    size: tuple[int, int] = SNAPSHOT_SIZE,
     view: PictureView | None = None,
     *,
     show: Show = "belief",
@@ -123,7 +123,7 @@ def snapshot(
 def draw(
     log: RunLog,
     at: float,
-    size: tuple[int, int] = SIZE,
+    size: tuple[int, int] = SNAPSHOT_SIZE,
     view: PictureView | None = None,
     *,
     show: Show = "belief",
@@ -133,7 +133,9 @@ def draw(
     if not 0 <= at <= log.end + 1e-9:
         raise PicktreeError(f"{log.path}: the run lasted {log.end:.2f} s; there is no moment {at:g} s")
     (moment,) = moments(log, [at], (at, at), show=show)
-    picture = SceneRenderer(log.robot_model(), view or PictureView(), size, fine=_FINE).single(moment.shown)
+    picture = SceneRenderer(log.robot_model(), view or PictureView(), size, fine=_SAMPLES_PER_PIXEL).single(
+        moment.shown
+    )
     if caption:
         write(picture, moment.caption)
     return picture

@@ -59,7 +59,7 @@ class TickHistory:
     """Whether the moves were derived from the statuses after each tick, because the log is of format 1."""
 
 
-def course_of(run: Run) -> TickHistory:
+def tick_history(run: Run) -> TickHistory:
     derived = run.log.format < 2
     trees = list(run.trees)
     following = VisitBuilder(trees[0].record if trees else Tree(()))
@@ -81,7 +81,7 @@ def course_of(run: Run) -> TickHistory:
 Edge: TypeAlias = Literal["begin", "end"]
 R = TypeVar("R")
 
-_SLACK = 1e-6
+_TIME_TOLERANCE = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,7 +132,7 @@ class Cursor:
 
     @cached_property
     def course(self) -> TickHistory:
-        return course_of(self.run)
+        return tick_history(self.run)
 
     # Movements.
 
@@ -270,8 +270,8 @@ class Cursor:
         return CursorChanges(
             since,
             self.number,
-            _of_ticks(self.course.moves, since, self.number),
-            _of_ticks(self.course.writes, since, self.number),
+            _between_ticks(self.course.moves, since, self.number),
+            _between_ticks(self.course.writes, since, self.number),
             tuple(at for at in events if at.record.kind == "belief"),
             tuple(at for at in events if at.record.kind != "belief"),
             _between(self.run.plans, begin, self.time),
@@ -296,13 +296,13 @@ class Cursor:
 
 def _between(records: Sequence[Stamped[R]], begin: float, end: float) -> tuple[Stamped[R], ...]:
     """Return the records after `begin`, up to `end`."""
-    first = bisect.bisect_right(records, begin + _SLACK, key=lambda at: at.time)
-    return tuple(records[first : bisect.bisect_right(records, end + _SLACK, key=lambda at: at.time)])
+    first = bisect.bisect_right(records, begin + _TIME_TOLERANCE, key=lambda at: at.time)
+    return tuple(records[first : bisect.bisect_right(records, end + _TIME_TOLERANCE, key=lambda at: at.time)])
 
 
 M = TypeVar("M", NodeChange, KeyChange)
 
 
-def _of_ticks(ones: tuple[M, ...], since: int, to: int) -> tuple[M, ...]:
+def _between_ticks(ones: tuple[M, ...], since: int, to: int) -> tuple[M, ...]:
     first = bisect.bisect_right(ones, since, key=lambda one: one.tick)
     return ones[first : bisect.bisect_right(ones, to, key=lambda one: one.tick)]

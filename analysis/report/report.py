@@ -28,21 +28,21 @@ from .panels.plots import pack_plots
 from .panels.stage import pack_stage
 from .panels.tree import pack_tree
 
-PAGE: Final = Path(__file__).parent / "page"
-DRAWING: Final = ("libraries.js", "arranging.js", "viewer.js")
+PAGE_FOLDER: Final = Path(__file__).parent / "page"
+TREE_SCRIPTS: Final = ("libraries.js", "arranging.js", "viewer.js")
 """Scripts of the drawn tree; `report.js` uses their global `PicktreeDrawing`."""
 
 
-def page(title: str, summary: str, sections: Iterable[Section]) -> str:
+def render_page(title: str, summary: str, sections: Iterable[Section]) -> str:
     """Return the complete HTML file. `summary` is displayed where scripts do not run."""
-    scripts = [(shapes.PAGE / name).read_text(encoding="utf-8") for name in DRAWING]
-    scripts.append((PAGE / "report.js").read_text(encoding="utf-8"))
-    template = Template((PAGE / "page.html").read_text(encoding="utf-8"))
+    scripts = [(shapes.PAGE_FOLDER / name).read_text(encoding="utf-8") for name in TREE_SCRIPTS]
+    scripts.append((PAGE_FOLDER / "report.js").read_text(encoding="utf-8"))
+    template = Template((PAGE_FOLDER / "page.html").read_text(encoding="utf-8"))
     return template.substitute(
         title=escape(title),
         summary=escape(summary),
         generator=f"picktree {__version__}",
-        policy=escape(_policy(scripts)),
+        policy=escape(_content_security_policy(scripts)),
         style=style(),
         payload=pack(sections),
         scripts="\n".join(f"<script>{script}</script>" for script in scripts),
@@ -52,13 +52,13 @@ def page(title: str, summary: str, sections: Iterable[Section]) -> str:
 def style() -> str:
     """Return the style sheet: the palette of the drawn tree as variables, then its rules and the page's
     own."""
-    drawing = Template((shapes.PAGE / "drawing.css").read_text(encoding="utf-8"))
+    drawing = Template((shapes.PAGE_FOLDER / "drawing.css").read_text(encoding="utf-8"))
     return "\n".join(
         (
-            f":root {{ color-scheme: light; {_variables(shapes.LIGHT)} }}",
-            f':root[data-theme="dark"] {{ color-scheme: dark; {_variables(shapes.DARK)} }}',
-            drawing.substitute({name: f"var(--{name})" for name in shapes.LIGHT}),
-            (PAGE / "report.css").read_text(encoding="utf-8"),
+            f":root {{ color-scheme: light; {_variables(shapes.LIGHT_COLOURS)} }}",
+            f':root[data-theme="dark"] {{ color-scheme: dark; {_variables(shapes.DARK_COLOURS)} }}',
+            drawing.substitute({name: f"var(--{name})" for name in shapes.LIGHT_COLOURS}),
+            (PAGE_FOLDER / "report.css").read_text(encoding="utf-8"),
         )
     )
 
@@ -67,7 +67,7 @@ def _variables(colours: Mapping[str, str]) -> str:
     return " ".join(f"--{name}: {value};" for name, value in colours.items())
 
 
-def _policy(scripts: Iterable[str]) -> str:
+def _content_security_policy(scripts: Iterable[str]) -> str:
     """Return a content security policy: nothing may be fetched, and only these scripts may run."""
     digests = (hashlib.sha256(script.encode("utf-8")).digest() for script in scripts)
     allowed = " ".join(f"'sha256-{base64.b64encode(digest).decode('ascii')}'" for digest in digests)
@@ -132,7 +132,7 @@ def report(run: Run) -> str:
         raise PicktreeError(f"{run.path}: the log holds no tick, so there is nothing to report")
     info = run.info
     title = f"{info.mission}, {info.scene}, seed {info.seed}"
-    return page(title, summary(run), [packer(run) for packer in PACKERS])
+    return render_page(title, summary(run), [packer(run) for packer in PACKERS])
 
 
 def _write_whole(file: Path, data: bytes) -> None:

@@ -81,7 +81,7 @@ class ChangedRecipe:
     """Whether nodes or their ports may differ from the recorded tree."""
 
 
-def apply(changes: RunChanges, recorded: Recipe) -> ChangedRecipe:
+def apply_changes(changes: RunChanges, recorded: Recipe) -> ChangedRecipe:
     """Apply the changes. Raises PicktreeError (FileError with all its errors for a faulty file)."""
     recipe, told = recorded, list[str]()
     warnings: tuple[Diagnostic, ...] = ()
@@ -105,7 +105,7 @@ def apply(changes: RunChanges, recorded: Recipe) -> ChangedRecipe:
     if changes.faults is not None or changes.no_faults:
         faults = load_faults(changes.faults, recipe.scene, recipe.robot) if changes.faults else None
         recipe = replace(recipe, faults=faults)
-        told.append(_faults_told(recorded.faults, faults))
+        told.append(_fault_changes(recorded.faults, faults))
     if changes.seed is not None:
         told.append(f"seed {changes.seed} instead of {recorded.seed}")
         recipe = replace(recipe, seed=changes.seed)
@@ -169,16 +169,16 @@ def _block_change(old: Sequence[str], new: Sequence[str]) -> str:
     """Return the change of some lines as text, with the first of them."""
     if old and new:
         counts = "" if len(old) == len(new) == 1 else f"{len(new)} lines instead of {len(old)}, "
-        return f"{counts}{_short(new[0])} instead of {_short(old[0])}"
+        return f"{counts}{_quoted_line(new[0])} instead of {_quoted_line(old[0])}"
     lines, fate = (new, "new") if new else (old, "gone")
-    return f"{_short(lines[0])} is {fate}" if len(lines) == 1 else f"{len(lines)} lines are {fate}"
+    return f"{_quoted_line(lines[0])} is {fate}" if len(lines) == 1 else f"{len(lines)} lines are {fate}"
 
 
-def _short(text: str) -> str:
+def _quoted_line(text: str) -> str:
     line = " ".join(text.split())
     return f"`{line if len(line) <= 60 else line[:59] + '…'}`"
 
 
-def _faults_told(before: FaultFile | None, after: FaultFile | None) -> str:
+def _fault_changes(before: FaultFile | None, after: FaultFile | None) -> str:
     counts = ["none" if file is None else str(len(file.faults)) for file in (after, before)]
     return f"faults: {counts[0]} instead of {counts[1]}"

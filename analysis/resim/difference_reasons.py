@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ...errors import PicktreeError
-from ...logs.schema.arithmetic_record import Arithmetic, departure
+from ...logs.schema.arithmetic_record import Arithmetic, arithmetic_difference
 from ...session import environment
 from ...session.recipe import ROBOT_MESHES
 from ...world.scene.loading.scene_loading import load_scene
@@ -36,15 +36,15 @@ def reasons(run: Run, now: Arithmetic) -> tuple[Reason, ...]:
     `now` is the arithmetic of the process that has run it again.
     """
     recorded = run.info.arithmetic
-    departed = departure(recorded, now)
+    departed = arithmetic_difference(recorded, now)
     return (
-        *_altered(run),
+        *_changed_attachments(run),
         *_sources(run),
         *([Reason(departed, "", "")] if departed else []),
-        *_compared(run.info.versions, environment.versions(run.info.versions)),
+        *_differing_values(run.info.versions, environment.versions(run.info.versions)),
         *_modules(run),
         *_meshes(run),
-        *(() if recorded else _compared(run.info.machine, environment.machine())),
+        *(() if recorded else _differing_values(run.info.machine, environment.machine())),
     )
 
 
@@ -52,13 +52,13 @@ def notes(run: Run) -> tuple[str, ...]:
     """Return sentences about files that were edited on the disk. The run is made from those of the log."""
     found: list[str] = []
     for name, (digest, path) in _files(run).items():
-        now = _now(name, Path(path)) if path and name in run.log.attachments else None
+        now = _present_hash(name, Path(path)) if path and name in run.log.attachments else None
         if now is not None and now != digest:
             found.append(f"{path} was edited since; what the log holds was run")
     return tuple(found)
 
 
-def _now(name: str, path: Path) -> str | None:
+def _present_hash(name: str, path: Path) -> str | None:
     """Return the hash of today's file; None when there is no such file."""
     if name != "scene.yaml":
         return _hash(path)
@@ -68,7 +68,7 @@ def _now(name: str, path: Path) -> str | None:
         return _hash(path)
 
 
-def _altered(run: Run) -> Iterator[Reason]:
+def _changed_attachments(run: Run) -> Iterator[Reason]:
     """Yield files that have changed within the log."""
     for name, (digest, _) in _files(run).items():
         if name in run.log.attachments:
@@ -81,7 +81,7 @@ def _sources(run: Run) -> Iterator[Reason]:
     """Yield differences of picktree's sources, or of its revision when the log has no sources."""
     now = environment.sources()
     try:
-        before = environment.sources_from_text(run.log.attachment(environment.SOURCES).decode())
+        before = environment.sources_from_text(run.log.attachment(environment.SOURCES_ATTACHMENT).decode())
     except PicktreeError:
         if run.info.revision != environment.revision():
             yield Reason("revision of picktree", run.info.revision, environment.revision())
@@ -116,7 +116,7 @@ def _meshes(run: Run) -> Iterator[Reason]:
                 yield Reason(f"the robot's mesh {path} is another now", "", "")
 
 
-def _compared(before: Mapping[str, str], now: Mapping[str, str]) -> Iterator[Reason]:
+def _differing_values(before: Mapping[str, str], now: Mapping[str, str]) -> Iterator[Reason]:
     """Yield values that differ. A value that an older log lacks is no reason."""
     for name, value in before.items():
         if now.get(name, "") != value:

@@ -32,12 +32,12 @@ from ..compare.alignment import align
 from ..compare.run_outcome import outcome_of
 from ..compare.text.divergence_text import parting_lines
 from ..run import Run
-from .changes import RunChanges, apply, parse_tick
+from .changes import RunChanges, apply_changes, parse_tick
 from .difference_reasons import notes, reasons
 from .resim_comparison import RecordComparison, RecordDifference, is_cut
 from .resim_result import Resimulation
 
-_EVERY = 0.2
+_PROGRESS_PERIOD = 0.2
 """Wall seconds between two messages about the progress."""
 
 
@@ -91,19 +91,19 @@ class _Progress:
 
     def ticked(self, now: float, report: TickReport, items_done: int, items_total: int) -> None:
         wall = time.monotonic()
-        if wall - self._said >= _EVERY:
+        if wall - self._said >= _PROGRESS_PERIOD:
             self._said = wall
             self._say(ResimAnswer(at=now))
 
 
-def carry_out(order: ResimOrder, say: Callable[[ResimAnswer], None]) -> ResimAnswer:
+def run_order(order: ResimOrder, say: Callable[[ResimAnswer], None]) -> ResimAnswer:
     """Run the order and return the comparison. Raises PicktreeError for a log that cannot be run again."""
     with (
         Run(order.log) as run,
         RecordedRun(run) as recorded,
         tempfile.TemporaryDirectory(prefix="picktree-") as away,
     ):
-        changed = apply(order.changes, recorded.recipe())
+        changed = apply_changes(order.changes, recorded.recipe())
         recipe = changed.recipe
         comparison = RecordComparison(run, order.until, order.changes.settings if order.changes else None)
         limit = recipe.limit if comparison.until is None else min(recipe.limit, comparison.until)
@@ -143,7 +143,7 @@ def main() -> int:
         answers.flush()
 
     try:
-        say(carry_out(ORDER.validate_json(sys.stdin.buffer.read()), say))
+        say(run_order(ORDER.validate_json(sys.stdin.buffer.read()), say))
     except FileError as error:
         say(ResimAnswer(error=fault_lines(error.faults)))
     except PicktreeError as error:
@@ -157,7 +157,7 @@ if __name__ == "__main__":
     sys.exit(main())
 
 
-_WAIT = 10.0
+_TERMINATION_TIMEOUT = 10.0
 """Wall seconds that the other process has to finish after an interrupt."""
 
 
@@ -184,7 +184,7 @@ def resimulate(
         limit = RecordComparison(run, None if last is None else times[last]).until
         keep = out if out is not None or not changes else Path(away)
         order = ResimOrder(run.path.absolute(), changes, None if last is None else times[last], keep)
-        answer = _ask(order, lambda now: progress(now, times[-1] if limit is None else limit))
+        answer = _run_in_process(order, lambda now: progress(now, times[-1] if limit is None else limit))
         result = RunResult.from_json_text(answer.result, run.path)
         first = 1 if run.info.continues else 0  # the tick of the checkpoint is no tick of this run
         count = (len(times) if limit is None else run.ticks.number_at(limit) + 1) - first
@@ -223,7 +223,7 @@ def _with_outcomes(found: Resimulation, run: Run, log: Path) -> Resimulation:
         return replace(found, parting=lines, outcomes=(outcome_of(run), outcome_of(other)))
 
 
-def _ask(order: ResimOrder, progress: Callable[[float], None]) -> ResimAnswer:
+def _run_in_process(order: ResimOrder, progress: Callable[[float], None]) -> ResimAnswer:
     """Have the other process carry out the order, and return its answer."""
     environment = {**os.environ, "PYTHONHASHSEED": "random"}
     process = subprocess.Popen(
@@ -243,7 +243,7 @@ def _ask(order: ResimOrder, progress: Callable[[float], None]) -> ResimAnswer:
                 progress(answer.at)
         process.wait()
     except BaseException:
-        _end(process)
+        _end_process(process)
         raise
     if process.returncode == 130:
         raise KeyboardInterrupt
@@ -254,10 +254,10 @@ def _ask(order: ResimOrder, progress: Callable[[float], None]) -> ResimAnswer:
     return answer
 
 
-def _end(process: subprocess.Popen[bytes]) -> None:
+def _end_process(process: subprocess.Popen[bytes]) -> None:
     process.terminate()
     try:
-        process.wait(_WAIT)
+        process.wait(_TERMINATION_TIMEOUT)
     except subprocess.TimeoutExpired:
         process.kill()
         process.wait()

@@ -16,13 +16,13 @@ from ...logs.recording.digest import Digest
 from ...logs.schema import topics
 from ...session.resume.older_checkpoints import simulated_messages
 from ...trees.mission import MAIN
-from ..compare.message_fields import FieldDifference, first_field
+from ..compare.message_fields import FieldDifference, first_differing_field
 from ..run import Run
 
-_SCENES = (topics.OBJECTS.name, topics.TRUTH.name)
+_SCENE_TOPICS = (topics.OBJECTS.name, topics.TRUTH.name)
 
 
-def disagreement(
+def message_difference(
     topic: str, schema: str, recorded: bytes, now: bytes, *, older: bool
 ) -> FieldDifference | None:
     """Return the first field in which two messages differ; None when they agree.
@@ -32,16 +32,16 @@ def disagreement(
     if recorded == now:
         return None
     if not older:
-        return first_field(schema, recorded, now) or FieldDifference("", "", None, None)
-    if topic in _SCENES:
+        return first_differing_field(schema, recorded, now) or FieldDifference("", "", None, None)
+    if topic in _SCENE_TOPICS:
         if foxglove_messages.read_scene(recorded) == foxglove_messages.read_scene(now):
             return None
     elif schema.startswith("picktree."):
         now = orjson.dumps(_reduced(orjson.loads(recorded), orjson.loads(now)))
-    return first_field(schema, recorded, now)
+    return first_differing_field(schema, recorded, now)
 
 
-def of_common_nodes(recorded: bytes, now: bytes) -> tuple[bytes, bytes]:
+def restrict_to_common_nodes(recorded: bytes, now: bytes) -> tuple[bytes, bytes]:
     """Return two ticks of different trees without the nodes that only one of them has.
 
     The start of such a node is still compared, in the transitions.
@@ -53,7 +53,7 @@ def of_common_nodes(recorded: bytes, now: bytes) -> tuple[bytes, bytes]:
     return orjson.dumps(one), orjson.dumps(other)
 
 
-def what_happens(data: bytes, settings: Collection[str]) -> bytes:
+def without_settings(data: bytes, settings: Collection[str]) -> bytes:
     """Return a tick without the inputs of its nodes, and without writes of these parameters."""
     tick = orjson.loads(data)
     for transition in tick.get("transitions", ()):
@@ -146,7 +146,7 @@ class RecordComparison:
         end = self._times[-1] if not self._whole and self._times else None
         self.until = end if until is None else until if end is None else min(until, end)
         """End of the comparison, simulated s; None: the end of the run."""
-        self._expected = _to_the_end(simulated_messages(run.log, since, self.until), cut=is_cut(run))
+        self._expected = _without_final_truth(simulated_messages(run.log, since, self.until), cut=is_cut(run))
         self._schemas = {name: topic.schema for name, topic in run.log.topics.items()}
         self._older = not run.info.machine
         self._unknown = self._not_known_then()
@@ -183,10 +183,10 @@ class RecordComparison:
         recorded = expected.data
         if topic == topics.TICK.name and recorded != data:
             if self._other_tree:
-                recorded, data = of_common_nodes(recorded, data)
+                recorded, data = restrict_to_common_nodes(recorded, data)
             if self._settings is not None:
-                recorded, data = (what_happens(tick, self._settings) for tick in (recorded, data))
-        found = disagreement(topic, self._schemas[topic], recorded, data, older=self._older)
+                recorded, data = (without_settings(tick, self._settings) for tick in (recorded, data))
+        found = message_difference(topic, self._schemas[topic], recorded, data, older=self._older)
         if found is not None:
             apart = self._difference(topic, time, "", found)
             if topic == topics.TREE.name:
@@ -244,7 +244,7 @@ def is_cut(run: Run) -> bool:
     return bool(run.recovered) or status not in ("success", "incomplete", "failure", "timeout", "paused")
 
 
-def _to_the_end(messages: Iterator[RawMessage], *, cut: bool) -> Iterator[RawMessage]:
+def _without_final_truth(messages: Iterator[RawMessage], *, cut: bool) -> Iterator[RawMessage]:
     """Yield the messages without the ground truth that an interrupted run writes at its end, at any point of
     a tick."""
     last: RawMessage | None = None

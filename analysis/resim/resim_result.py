@@ -12,7 +12,7 @@ from ..compare.run_outcome import RunOutcome
 from .difference_reasons import Reason
 from .resim_comparison import RecordDifference
 
-_LONGEST = 100
+_MAX_VALUE_LENGTH = 100
 """Maximum number of characters of a displayed value."""
 
 
@@ -74,7 +74,7 @@ class Resimulation:
                 lines.append(f"the {self.ticks} ticks before are the same")
             lines += self._why()
         if self.outcomes is not None:
-            lines += ["", *table(*self.outcomes, "recorded", "now")]
+            lines += ["", *outcome_table(*self.outcomes, "recorded", "now")]
         if self.difference is not None:
             lines += self.parting
         lines += [f"note        {note}" for note in self.notes]
@@ -137,12 +137,12 @@ def difference_lines(apart: RecordDifference) -> Iterator[str]:
     elif not apart.field:
         yield "  the bytes differ, the values do not"
     else:
-        recorded, now = _shown(apart.recorded, apart.now)
+        recorded, now = _value_texts(apart.recorded, apart.now)
         yield f"  recorded  {recorded}"
         yield f"  now       {now}"
 
 
-def table(a: RunOutcome, b: RunOutcome, name_a: str, name_b: str) -> Iterator[str]:
+def outcome_table(a: RunOutcome, b: RunOutcome, name_a: str, name_b: str) -> Iterator[str]:
     """Yield two outcomes side by side, as lines."""
     rows = [("", name_a, name_b)]
     rows += [(what, say_a, say_b) for (what, say_a), (_, say_b) in zip(_rows(a), _rows(b), strict=True)]
@@ -182,14 +182,14 @@ def difference_json(apart: RecordDifference | None) -> dict[str, Any] | None:
     }
 
 
-def _shown(one: object, other: object) -> tuple[str, str]:
+def _value_texts(one: object, other: object) -> tuple[str, str]:
     """Return both values as text, cut around their first difference."""
     a, b = (v if isinstance(v, str) else json.dumps(v, ensure_ascii=False, default=str) for v in (one, other))
     same = next((n for n, (x, y) in enumerate(zip(a, b, strict=False)) if x != y), min(len(a), len(b)))
-    begin = max(0, same - _LONGEST // 2) if max(len(a), len(b)) > _LONGEST else 0
+    begin = max(0, same - _MAX_VALUE_LENGTH // 2) if max(len(a), len(b)) > _MAX_VALUE_LENGTH else 0
     return _cut(a, begin), _cut(b, begin)
 
 
 def _cut(text: str, begin: int) -> str:
-    end = begin + _LONGEST
+    end = begin + _MAX_VALUE_LENGTH
     return ("…" if begin else "") + text[begin:end] + ("…" if len(text) > end else "")

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from ...errors import PicktreeError
 from ...logs.run_result import RunResult
-from ...logs.schema.arithmetic_record import departure
+from ...logs.schema.arithmetic_record import arithmetic_difference
 from ...session.arithmetic_probe import arithmetic
 from ...session.observer import SessionWatcher
 from ...session.recipe import Recipe
@@ -18,10 +18,10 @@ from ...session.run_tally import RunCounters
 from ...session.session import Session
 from ...simulation.faults.injector import new_states
 from ..compare.alignment import align
-from ..compare.run_outcome import KILLED, RunOutcome
+from ..compare.run_outcome import KILLED_STATUS, RunOutcome
 from ..compare.text.divergence_text import parting_lines
 from ..run import Run
-from .changes import ChangedRecipe, RunChanges, apply, parse_tick
+from .changes import ChangedRecipe, RunChanges, apply_changes, parse_tick
 from .resim_comparison import RecordComparison, is_cut
 from .whatif_result import Continuation, NodeTransfers
 
@@ -49,8 +49,8 @@ def what_if(
         found = recorded.last_checkpoint(run.ticks.times[tick])
         name, state = found or ("", None)
         recipe = recorded.recipe() if state is None else recorded.from_checkpoint(name, state)
-        changed = apply(changes, recipe)
-        recipe = _started(recipe, changed, changes)
+        changed = apply_changes(changes, recipe)
+        recipe = _with_fitting_checkpoint(recipe, changed, changes)
         begin = recipe.start.state.time if recipe.start else None
         comparison = RecordComparison(
             run,
@@ -86,17 +86,17 @@ def what_if(
             recorded_ticks=len(run.ticks) - (first + 1 if begin is not None else 0),
             exact=comparison.exact,
             difference=comparison.difference or comparison.trees,
-            recorded=_recorded(run),
-            now=_now(result, session.tally),
+            recorded=_recorded_outcome(run),
+            now=_new_outcome(result, session.tally),
             status=result.status,
             parting=_parting(run, result.log, begin),
-            arithmetic=departure(run.info.arithmetic, arithmetic()),
+            arithmetic=arithmetic_difference(run.info.arithmetic, arithmetic()),
             warnings=changed.warnings,
             new_log=result.log,
         )
 
 
-def _started(recipe: Recipe, changed: ChangedRecipe, changes: RunChanges) -> Recipe:
+def _with_fitting_checkpoint(recipe: Recipe, changed: ChangedRecipe, changes: RunChanges) -> Recipe:
     """Return the changed recipe with a checkpoint that fits it."""
     start = changed.recipe.start
     if start is None:
@@ -119,7 +119,7 @@ def _parting(run: Run, log: Path, begin: float | None) -> tuple[str, ...]:
         return () if parting is None else tuple(parting_lines(parting))
 
 
-def _recorded(run: Run) -> RunOutcome:
+def _recorded_outcome(run: Run) -> RunOutcome:
     result = run.result
     if result is not None:
         return _outcome(result, result.failures, tally_of(run, run.end), run.path, run.recovered)
@@ -127,7 +127,7 @@ def _recorded(run: Run) -> RunOutcome:
     return RunOutcome(
         log=run.path,
         recovered=run.recovered,
-        status=KILLED,
+        status=KILLED_STATUS,
         message="",
         end=run.ticks.times[-1],
         items_total=None,
@@ -141,7 +141,7 @@ def _recorded(run: Run) -> RunOutcome:
     )
 
 
-def _now(result: RunResult, tally: RunCounters) -> RunOutcome:
+def _new_outcome(result: RunResult, tally: RunCounters) -> RunOutcome:
     return _outcome(result, result.failures, tally, result.log, "")
 
 

@@ -12,9 +12,9 @@ from ...files.yaml.document import Diagnostic
 from ...logs.run_result import RunStatus
 from ..compare.run_outcome import RunOutcome
 from .resim_comparison import RecordDifference
-from .resim_result import difference_json, difference_lines, table
+from .resim_result import difference_json, difference_lines, outcome_table
 
-_NAMED = 8
+_MAX_NAMED_NODES = 8
 """Maximum number of nodes that the text names; for more it gives the number."""
 
 
@@ -83,7 +83,7 @@ class Continuation:
         ]
         if self.difference is None:
             lines.append(self._same())
-        lines += ["", *table(self.recorded, self.now, "recorded", "what if")]
+        lines += ["", *outcome_table(self.recorded, self.now, "recorded", "what if")]
         if self.difference is not None:
             lines += ["", *self._apart(self.difference)]
         lines.append(f"new log     {self.new_log}")
@@ -139,10 +139,10 @@ class Continuation:
         fresh, gone = len(nodes.fresh), len(nodes.gone)
         yield f"nodes       {nodes.kept} go on as they were, {fresh} begin anew, {gone} are gone"
         for word, paths in (("anew", nodes.fresh), ("gone", nodes.gone)):
-            for path in paths[:_NAMED]:
+            for path in paths[:_MAX_NAMED_NODES]:
                 yield f"  {word}      {path}"
-            if len(paths) > _NAMED:
-                yield f"  {word}      and {len(paths) - _NAMED} more"
+            if len(paths) > _MAX_NAMED_NODES:
+                yield f"  {word}      and {len(paths) - _MAX_NAMED_NODES} more"
 
     def _same(self) -> str:
         what = "the same" if self.changes else "identical continuation"

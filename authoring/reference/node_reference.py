@@ -18,7 +18,7 @@ from ...world.causes import Cause
 from ...world.journal import Plain
 from .port_wording import default_words, expression_words, hand_words, type_words, unwrapped
 
-_MOST = 10
+_MAX_COMBINED_KEYS = 10
 """Maximum number of a node's optional keys whose combinations are all tried."""
 
 
@@ -36,17 +36,17 @@ def required_one_of(node: type[Node]) -> RequiredOneOf | None:
     every = (*declaration.ports, *declaration.slots)
     required = [part.key for part in every if part.required]
     optional = [part.key for part in every if not part.required]
-    sentence = _complaint(node, required)
-    if not sentence or len(optional) > _MOST:
+    sentence = _key_error(node, required)
+    if not sentence or len(optional) > _MAX_COMBINED_KEYS:
         return None
-    cures = tuple(key for key in optional if not _complaint(node, (*required, key)))
+    cures = tuple(key for key in optional if not _key_error(node, (*required, key)))
     others = [key for key in optional if key not in cures]
-    if cures and all(_complaint(node, (*required, *some)) for some in _subsets(others)):
+    if cures and all(_key_error(node, (*required, *some)) for some in _subsets(others)):
         return RequiredOneOf(cures, sentence)
     return None
 
 
-def _complaint(node: type[Node], keys: Collection[str]) -> str:
+def _key_error(node: type[Node], keys: Collection[str]) -> str:
     """Return the node's error when just these keys are given; empty when there is none."""
     found = node.check_ports(PortValues(frozenset(keys)))
     return next((wrong for wrong in found if isinstance(wrong, str)), "")

@@ -11,16 +11,16 @@ from ...trees.ports import PortDeclaration, Required
 from ...trees.values.port_types import Name
 from ...world.belief.facts import FACTS
 
-_ONE: dict[Name, str] = {
+_TYPE_WORDS: dict[Name, str] = {
     "string": "text", "int": "whole number", "float": "number", "bool": "true or false",
     "object": "id of an object", "expression": "expression", "any": "any value",
 }  # fmt: skip
-_MANY: dict[Name, str] = {
+_LIST_TYPE_WORDS: dict[Name, str] = {
     "string": "list of texts", "int": "list of whole numbers", "float": "list of numbers",
     "bool": "list of true or false", "object": "list of ids of objects", "expression": "list of expressions",
     "any": "list",
 }  # fmt: skip
-_NAMED = {
+_NAME_WORDS = {
     "camera": "name of a camera of the scene",
     "pose": "name of a pose of the robot",
     "bin": "name of a bin of the scene",
@@ -49,9 +49,9 @@ COMMON_DOCS: Mapping[str, str] = {
 def type_words(port: PortDeclaration) -> str:
     """Return a port's type in words: `number in m, or as "30 mm"`, `name of a camera of the scene`."""
     if port.names is not None and not port.type.many:
-        words = _NAMED[port.names]
+        words = _NAME_WORDS[port.names]
     else:
-        words = (_MANY if port.type.many else _ONE)[port.type.name]
+        words = (_LIST_TYPE_WORDS if port.type.many else _TYPE_WORDS)[port.type.name]
     if port.unit:
         words += f" in {port.unit}"
         words += f', or as "{unit_example(port.unit)}"' if port.direction == "in" else ""

@@ -11,7 +11,7 @@ from ...world.causes import Cause
 from .node_reference import TITLES, CauseEntry, NodeEntry, PortEntry, SlotEntry, cause_entry
 from .port_wording import COMMON_DOCS, listed
 
-WIDTH = 100
+TEXT_WIDTH = 100
 
 
 def table(nodes: Iterable[NodeEntry]) -> str:
@@ -84,7 +84,7 @@ def _cause(cause: CauseEntry, indent: int) -> Iterator[str]:
 def _wrapped(text: str, indent: int = 0) -> str:
     space = " " * indent
     return "\n\n".join(
-        textwrap.fill(paragraph, WIDTH, initial_indent=space, subsequent_indent=space)
+        textwrap.fill(paragraph, TEXT_WIDTH, initial_indent=space, subsequent_indent=space)
         for paragraph in text.split("\n\n")
     )
 

@@ -20,14 +20,14 @@ from .cases.case import CaseFile, RehearsalCase
 from .checking.case_checks import examine_cases
 from .stage.answer_choice import ScriptedAnswers
 from .stage.mission_staging import StubbedMission, scene_of, stub_mission
-from .stage.rehearsal_world import TICK, RehearsalWorld
+from .stage.rehearsal_world import TICK_PERIOD, RehearsalWorld
 from .stage.trace import Trace
 from .verdict.coverage import CoverageRecord, coverage
 from .verdict.rehearsal_result import CaseResult, Rehearsal
 from .verdict.rehearsal_text import short_names
 from .verdict.verdict import CaseOutcome, differences
 
-MOST_TICKS = 10_000
+DEFAULT_MAX_TICKS = 10_000
 """Default limit of a case, ticks."""
 
 
@@ -88,7 +88,7 @@ def rehearse_case(
     trace = world.trace
     tree.on_start.append(trace.begun)
     trace.writes = tree.blackboard.take_writes
-    most = min(case.expect.ticks or MOST_TICKS, case.halt_after or MOST_TICKS)
+    most = min(case.expect.ticks or DEFAULT_MAX_TICKS, case.halt_after or DEFAULT_MAX_TICKS)
     while True:
         trace.tick = world.clock.ticks + 1
         tree.step()
@@ -108,7 +108,7 @@ def rehearse_case(
         cause=tree.failure.cause.name if tree.failure else "",
         message=tree.failure.message if tree.failure else "",
         ticks=trace.tick,
-        seconds=round(trace.tick * TICK, 9),
+        seconds=round(trace.tick * TICK_PERIOD, 9),
         differences=differences(document, case, outcome),
         runs=tuple(trace.runs),
         handled=tuple(trace.handled),

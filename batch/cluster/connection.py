@@ -12,9 +12,9 @@ import ray
 
 from ...errors import PicktreeError
 
-_ANSWER = 5.0
+_REPLY_TIME_LIMIT = 5.0
 """Time limit for a reply of the cluster's port, wall s."""
-_STORE = 100 << 20
+_OBJECT_STORE_BYTES = 100 << 20
 """Size of the object store of a cluster of this machine, bytes."""
 
 
@@ -62,7 +62,7 @@ def _start(cpus: int, folder: Path) -> None:
         include_dashboard=False,
         log_to_driver=False,
         logging_level=logging.ERROR,
-        object_store_memory=_STORE,
+        object_store_memory=_OBJECT_STORE_BYTES,
         _temp_dir=str(folder),
     )
 
@@ -73,7 +73,7 @@ def _require_answer(address: str) -> None:
     if not host or "/" in address or not port.isdigit():
         raise PicktreeError(f"--address {address}: the address of a Ray cluster is HOST:PORT, or auto")
     try:
-        socket.create_connection((host, int(port)), _ANSWER).close()
+        socket.create_connection((host, int(port)), _REPLY_TIME_LIMIT).close()
     except (OSError, OverflowError) as error:
         why = getattr(error, "strerror", None) or str(error)
         raise PicktreeError(f"no Ray cluster answers at {address}: {why.lower()}") from None

@@ -22,9 +22,9 @@ from .connection import connect
 from .messages import STOP, ClusterRefusal, ClusterSettings, News, Said
 from .worker_pool import WorkerPool
 
-_JOIN = 45.0
+_JOIN_TIME_LIMIT = 45.0
 """Time limit for joining the cluster, wall s."""
-_LAST = 15.0
+_LEAVE_TIME_LIMIT = 15.0
 """Time limit for leaving, wall s; then the process ends, and with it a cluster that it started."""
 
 
@@ -34,7 +34,7 @@ def main(batch: Connection) -> None:
     os.chdir(settings.folder)  # Ray has its workers look for modules where it is started
     try:
         try:
-            with _in_time(batch, settings.address):
+            with _join_time_limit(batch, settings.address):
                 connect(settings.address, settings.workers, settings.folder)
             asyncio.run(_serve(batch, settings))
             settings.output.unlink(missing_ok=True)  # the batch may be gone
@@ -48,12 +48,12 @@ def main(batch: Connection) -> None:
 
 
 @contextmanager
-def _in_time(batch: Connection, address: str | None) -> Generator[None]:
+def _join_time_limit(batch: Connection, address: str | None) -> Generator[None]:
     """Limit the time for joining: Ray waits without end where this machine is no node of the cluster."""
 
     def give_up() -> None:
         if address is None:
-            reason = f"a Ray cluster on this machine did not start within {_JOIN:.0f} s"
+            reason = f"a Ray cluster on this machine did not start within {_JOIN_TIME_LIMIT:.0f} s"
         else:
             reason = (
                 f"the Ray cluster at {address} does not have this machine as a node, "
@@ -62,7 +62,7 @@ def _in_time(batch: Connection, address: str | None) -> Generator[None]:
         batch.send(ClusterRefusal(reason))
         os._exit(1)
 
-    timer = threading.Timer(_JOIN, give_up)
+    timer = threading.Timer(_JOIN_TIME_LIMIT, give_up)
     timer.start()
     try:
         yield
@@ -113,7 +113,7 @@ def _listen(batch: Connection, loop: asyncio.AbstractEventLoop, hear: Callable[[
         with suppress(RuntimeError):  # the loop is over
             loop.call_soon_threadsafe(hear, said)
         if said is None:
-            threading.Timer(_LAST, os._exit, (1,)).start()
+            threading.Timer(_LEAVE_TIME_LIMIT, os._exit, (1,)).start()
             return
 
 

@@ -13,9 +13,9 @@ from ...files.shipped_files import ROOT
 from ...session.environment import hashes, sources, versions
 from ...trees.loading.registry import GROUP
 
-_OF_WORKERS: Final = ("batch", "analysis/explain", "analysis/resim")
+_WORKER_FOLDERS: Final = ("batch", "analysis/explain", "analysis/resim")
 """Folders with code that workers run but runs do not, and that `sources` therefore lacks."""
-_NOT_OF_WORKERS: Final = "batch/report"
+_NON_WORKER_FOLDER: Final = "batch/report"
 """Folder within those that no worker needs."""
 
 
@@ -35,9 +35,9 @@ def installed() -> Installation:
     plugins = {entry.dist.name: entry.dist.version for entry in entry_points(group=GROUP) if entry.dist}
     of_workers = (
         file
-        for folder in _OF_WORKERS
+        for folder in _WORKER_FOLDERS
         for file in sorted((ROOT / folder).rglob("*.py"))
-        if not file.is_relative_to(ROOT / _NOT_OF_WORKERS)
+        if not file.is_relative_to(ROOT / _NON_WORKER_FOLDER)
     )
     python = "{}.{}".format(*sys.version_info)
     glibc = os.confstr("CS_GNU_LIBC_VERSION") or ""

@@ -23,7 +23,7 @@ from ..workers.local_executor import LocalExecutor
 from .installation import Installation, installed
 from .messages import TOKEN, Task
 
-_LOOK = 0.02
+_WORKER_CHECK_PERIOD = 0.02
 """Interval between checks of the worker, wall s."""
 _PREFIX: Final = "picktree-foreman-"
 
@@ -80,7 +80,7 @@ class NodeWorker:
         with _no_signal_blocked():
             self._executor.submit(own)
         while not (events := self._executor.wait(0.0)):
-            await asyncio.sleep(_LOOK)
+            await asyncio.sleep(_WORKER_CHECK_PERIOD)
         return TaskReport(replace(events[0], order=order), () if shared else _files(own.folder))
 
     async def stop(self, folder: Path) -> None:

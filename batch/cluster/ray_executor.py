@@ -25,11 +25,11 @@ from ..workers.executor import Event, JobFailed, JobOrder
 from .installation import installed
 from .messages import STOP, TOKEN, ClusterRefusal, ClusterSettings, News, Said, Task, WorkerCount
 
-_START = 180.0
+_START_TIME_LIMIT = 180.0
 """Time limit for the start of a cluster, beyond the driver's own waits, wall s."""
-_LEAVE = 30.0
+_DRIVER_END_TIME_LIMIT = 30.0
 """Time limit for the driver's end, wall s."""
-_OWN: Final = {
+_OWN_CLUSTER_ENVIRONMENT: Final = {
     "RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER": "0",  # on Linux too: every port is one of 127.0.0.1 alone
     "RAY_AUTH_MODE": "token",
     "RAY_USAGE_STATS_ENABLED": "0",
@@ -37,9 +37,9 @@ _OWN: Final = {
     "RAY_prestart_worker_first_driver": "0",
 }
 """Environment of a cluster on this machine alone, read when Ray is loaded."""
-_STAMP: Final = re.compile(r"^\[[^]]*\] (\S+:\d+: )?")
+_LOG_PREFIX: Final = re.compile(r"^\[[^]]*\] (\S+:\d+: )?")
 """Prefix of Ray's log lines: time, process, place in its source."""
-_LONGEST: Final = 20
+_MAX_FOLDER_LENGTH: Final = 20
 """Maximum length of a parent folder for Ray's files, characters."""
 _DRIVER: Final = f"{__package__}.driver"
 
@@ -65,11 +65,11 @@ class RayExecutor:
         self._batch, self._driver = self._begun(own=address is None)
         try:
             self._say(ClusterSettings(address, slots, self._folder, self._output, installed()))
-            until = time.monotonic() + _START
+            until = time.monotonic() + _START_TIME_LIMIT
             while not self._slots and time.monotonic() < until:
                 self._hear(self._heard(1.0))
             if not self._slots:
-                raise PicktreeError(f"{self._where} was not there within {_START:.0f} s")
+                raise PicktreeError(f"{self._where} was not there within {_START_TIME_LIMIT:.0f} s")
         except BaseException:
             self.close()
             raise
@@ -117,7 +117,7 @@ class RayExecutor:
         if not self._slots:
             self._driver.kill()
         try:
-            self._driver.wait(_LEAVE)
+            self._driver.wait(_DRIVER_END_TIME_LIMIT)
         except subprocess.TimeoutExpired:
             self._driver.kill()  # what it started goes with it
             self._driver.wait()
@@ -127,7 +127,7 @@ class RayExecutor:
     def _begun(self, *, own: bool) -> tuple[Connection, subprocess.Popen[bytes]]:
         """Start the driver in a separate session, so that Ctrl-C reaches the batch alone."""
         ours, theirs = socket.socketpair()
-        extra = {**_OWN, "RAY_AUTH_TOKEN": secrets.token_hex(32)} if own else {}
+        extra = {**_OWN_CLUSTER_ENVIRONMENT, "RAY_AUTH_TOKEN": secrets.token_hex(32)} if own else {}
         with theirs, self._output.open("wb") as output:
             process = subprocess.Popen(
                 [sys.executable, "-P", "-m", _DRIVER, str(theirs.fileno())],
@@ -172,10 +172,12 @@ class RayExecutor:
             lines = self._output.read_text(errors="replace").strip().splitlines()
         except OSError:
             return ""
-        return f": {_STAMP.sub('', lines[-1]).partition('. ')[0]}" if lines else ""
+        return f": {_LOG_PREFIX.sub('', lines[-1]).partition('. ')[0]}" if lines else ""
 
 
 def _short_folder() -> Path:
     """Create a short temporary folder: Ray creates sockets deep in it, whose paths have at most 107 bytes."""
     place = tempfile.gettempdir()
-    return Path(tempfile.mkdtemp(prefix="picktree-ray-", dir=place if len(place) <= _LONGEST else "/tmp"))
+    return Path(
+        tempfile.mkdtemp(prefix="picktree-ray-", dir=place if len(place) <= _MAX_FOLDER_LENGTH else "/tmp")
+    )

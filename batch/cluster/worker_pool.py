@@ -19,7 +19,7 @@ from .messages import News, Task, WorkerCount
 from .node_worker import ResultFile
 from .worker_handle import RayError, WorkerHandle, reason, shared
 
-_PIECE = 4 << 20
+_COPY_PIECE_BYTES = 4 << 20
 """Size of the pieces in which files are copied, bytes."""
 
 
@@ -35,8 +35,8 @@ async def fetch_files(hired: WorkerHandle, files: tuple[ResultFile, ...], folder
             path = arriving / file.name
             path.parent.mkdir(parents=True, exist_ok=True)
             with path.open("wb") as written:
-                for offset in range(0, file.size, _PIECE):
-                    size = min(_PIECE, file.size - offset)
+                for offset in range(0, file.size, _COPY_PIECE_BYTES):
+                    size = min(_COPY_PIECE_BYTES, file.size - offset)
                     written.write(await hired.piece(folder.name, file.name, offset, size))
         shutil.rmtree(folder, ignore_errors=True)
         if files:
@@ -46,21 +46,21 @@ async def fetch_files(hired: WorkerHandle, files: tuple[ResultFile, ...], folder
     await hired.forget(folder.name)
 
 
-_WATCH = 2.0
+_NODE_CHECK_PERIOD = 2.0
 """Interval between checks for nodes, wall s."""
-_AGAIN = 1.0
+_REPLACEMENT_DELAY = 1.0
 """Delay between the loss of a worker and its replacement, wall s."""
-_FIRST = 60.0
+_FIRST_WORKER_TIME_LIMIT = 60.0
 """Time limit for the first worker, wall s."""
-_NOBODY = 300.0
+_NODE_RETURN_TIME_LIMIT = 300.0
 """Time limit for the return of nodes when all have left, wall s."""
-_LEAVE = 5.0
+_CLEANUP_TIME_LIMIT = 5.0
 """Time limit for a worker's cleanup, wall s."""
-_SLACK = 120.0
+_SILENCE_TIME_LIMIT = 120.0
 """Time beyond an order's limit after which a silent worker counts as lost, wall s."""
-_GRACE = 30.0
+_STOP_TIME_LIMIT = 30.0
 """Time limit for breaking off all runs, wall s; longer than a worker's own limit."""
-_TRIES = 3
+_MAX_LOSSES_BEFORE_READY = 3
 """Number of consecutive losses of a worker before it is ready, after which its node is left out."""
 
 
@@ -99,7 +99,7 @@ class WorkerPool:
         if not self._posts:
             raise PicktreeError("the Ray cluster has no node with a CPU")
         with suppress(TimeoutError):
-            async with asyncio.timeout(_FIRST):
+            async with asyncio.timeout(_FIRST_WORKER_TIME_LIMIT):
                 while any(not (post.met or post.refused) for post in self._posts.values()):
                     self._changed.clear()
                     await self._changed.wait()
@@ -108,7 +108,8 @@ class WorkerPool:
             raise PicktreeError("; ".join(refused))
         if not any(post.met for post in self._posts.values()):
             raise PicktreeError(
-                f"no worker could be started on the Ray cluster within {_FIRST:.0f} s: its CPUs are taken"
+                f"no worker could be started on the Ray cluster within {_FIRST_WORKER_TIME_LIMIT:.0f} s: its "
+                "CPUs are taken"
             )
         self._told = 0
         self._count()
@@ -116,12 +117,13 @@ class WorkerPool:
     async def watch(self) -> None:
         """Start workers on nodes that join, while this runs. Raises PicktreeError when no worker is left."""
         alone = 0.0
-        while alone < _NOBODY:
-            await asyncio.sleep(_WATCH)
+        while alone < _NODE_RETURN_TIME_LIMIT:
+            await asyncio.sleep(_NODE_CHECK_PERIOD)
             self._hire(await asyncio.to_thread(nodes))
-            alone = 0.0 if self._told else alone + _WATCH
+            alone = 0.0 if self._told else alone + _NODE_CHECK_PERIOD
         raise PicktreeError(
-            f"the Ray cluster has had no node for {_NOBODY:.0f} s; --resume goes on when it has one again"
+            f"the Ray cluster has had no node for {_NODE_RETURN_TIME_LIMIT:.0f} s; --resume goes on when "
+            "it has one again"
         )
 
     def give(self, task: Task) -> None:
@@ -134,7 +136,7 @@ class WorkerPool:
         for folder, (task, hired) in self._under_way.items():
             self._stopping.add(folder)
             hired.stop(task)
-        asyncio.get_running_loop().call_later(_GRACE, self._lose, tuple(self._under_way))
+        asyncio.get_running_loop().call_later(_STOP_TIME_LIMIT, self._lose, tuple(self._under_way))
 
     async def close(self) -> None:
         """End all workers."""
@@ -149,7 +151,7 @@ class WorkerPool:
         for node in there:
             self._posts.setdefault(node.id, _Post(node))
         usable = [post.node for post in self._posts.values() if not post.refused]
-        for node, count in _spread(usable, self._limit).items():
+        for node, count in _workers_by_node(usable, self._limit).items():
             post = self._posts[node.id]
             post.slots = [slot for slot in post.slots if not slot.done()]
             for _ in range(count - len(post.slots)):
@@ -188,9 +190,9 @@ class WorkerPool:
                 if post.node not in await asyncio.to_thread(nodes):
                     return
                 lost += 1
-                if lost == _TRIES:
+                if lost == _MAX_LOSSES_BEFORE_READY:
                     self._meet(post, reason(error, post.node))
-                await asyncio.sleep(_AGAIN)
+                await asyncio.sleep(_REPLACEMENT_DELAY)
 
     def _meet(self, post: _Post, refused: str) -> None:
         post.met, post.refused = True, refused
@@ -219,7 +221,7 @@ class WorkerPool:
     async def _outcome(self, task: Task, hired: WorkerHandle) -> Event:
         order = task.order
         try:
-            async with asyncio.timeout(order.wall + _SLACK):
+            async with asyncio.timeout(order.wall + _SILENCE_TIME_LIMIT):
                 report = await hired.carry_out(task, self._recipe(order))
                 if report.files:
                     await fetch_files(hired, report.files, order.folder)
@@ -243,7 +245,7 @@ class WorkerPool:
                 self._under_way[folder][1].kill()
 
 
-def _spread(there: list[ClusterNode], limit: int | None) -> Mapping[ClusterNode, int]:
+def _workers_by_node(there: list[ClusterNode], limit: int | None) -> Mapping[ClusterNode, int]:
     """Return the number of workers by node: assigned in turn while there are CPUs."""
     found = dict.fromkeys(there, 0)
     left = sum(node.cpus for node in there)
@@ -259,7 +261,7 @@ def _spread(there: list[ClusterNode], limit: int | None) -> Mapping[ClusterNode,
 async def _dismiss(hired: WorkerHandle, *, idle: bool) -> None:
     if idle:
         with suppress(RayError, TimeoutError):
-            async with asyncio.timeout(_LEAVE):
+            async with asyncio.timeout(_CLEANUP_TIME_LIMIT):
                 await hired.close()
     with suppress(RayError):
         hired.kill()

@@ -154,21 +154,21 @@ def _request(plan: BatchPlan, variant: Variant) -> RunRequest:
     )
 
 
-NAME = "plan.json"
+PLAN_FILE = "plan.json"
 _ADAPTER = TypeAdapter(BatchPlan)
 
 
 def write_plan(plan: BatchPlan, folder: Path) -> None:
     """Write the plan. Raises PicktreeError when it cannot be written."""
-    with whole([folder / NAME], folder / NAME) as (beside,):
+    with whole([folder / PLAN_FILE], folder / PLAN_FILE) as (beside,):
         beside.write_bytes(_ADAPTER.dump_json(plan, indent=1))
 
 
 def read_plan(folder: Path) -> BatchPlan:
     """Read the plan of a batch. Raises PicktreeError when there is none."""
     try:
-        return _ADAPTER.validate_json((folder / NAME).read_bytes())
+        return _ADAPTER.validate_json((folder / PLAN_FILE).read_bytes())
     except OSError:
-        raise PicktreeError(f"{folder}: no batch: there is no {NAME} in it") from None
+        raise PicktreeError(f"{folder}: no batch: there is no {PLAN_FILE} in it") from None
     except ValidationError as error:
-        raise PicktreeError(f"{folder / NAME}: no plan of a batch: {error.errors()[0]['msg']}") from None
+        raise PicktreeError(f"{folder / PLAN_FILE}: no plan of a batch: {error.errors()[0]['msg']}") from None

@@ -15,8 +15,8 @@ from ...analysis.report.report import write_report as write_run_report
 from ...analysis.run import Run
 from ...errors import PicktreeError
 from ..plan.plan import read_plan
-from ..results.store import NAME, Store
-from ..results.views import CELL
+from ..results.store import RESULTS_FILE, Store
+from ..results.views import CELL_SIZE
 from ..statistics.findings import WorstJob
 from ..statistics.rates import rate
 from ..statistics.summary import summarise
@@ -39,7 +39,7 @@ def write_report(folder: Path, output: Path, runs: int = 5) -> None:
 
     Raises PicktreeError when there is no batch, or the page cannot be written.
     """
-    with Store(folder / NAME) as store:
+    with Store(folder / RESULTS_FILE) as store:
         data = _data(folder, store, output, runs)
     text = Template((_PAGE / "page.html").read_text(encoding="utf-8")).substitute(
         title=_escaped(f"Batch {read_plan(folder).name}"),
@@ -71,7 +71,7 @@ def _data(folder: Path, store: Store, output: Path, runs: int) -> dict[str, Any]
         "subtitle": f"{done} of {summary.total} jobs run, goal reached {reached}",
         "rates": [{"label": label, "rate": value} for label, value in rates],
         "jobs": _jobs(folder, store, output),
-        "cell": CELL,
+        "cell": CELL_SIZE,
         "worst": [_worst(one, folder, output) for one in linked],
         "footer": ", ".join(f"{library} {version}" for library, version in versions if version),
     }
@@ -103,13 +103,13 @@ def _linked(folder: Path, worst: tuple[WorstJob, ...], runs: int) -> list[Linked
     for job in worst:
         report = folder / job.folder / "report.html" if job.folder else None
         if report is not None and not report.is_file():
-            report = _made(report) if made < runs else None
+            report = _write_run_page(report) if made < runs else None
             made += 1
         found.append(Linked(job, report))
     return found
 
 
-def _made(report: Path) -> Path | None:
+def _write_run_page(report: Path) -> Path | None:
     """Write the page of a run next to its log; None when the log is missing or unreadable."""
     try:
         with Run(report.parent) as run:

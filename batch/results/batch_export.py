@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, TypeAlias
 
-from ...analysis.export.tables.csv_file import said
+from ...analysis.export.tables.csv_file import cell_text
 from ...analysis.export.tables.row_types import Cell
 from ...errors import PicktreeError
 from ...files.atomic_write import whole
@@ -73,6 +73,6 @@ def _write_csv(path: Path, table: TableOf, rows: Rows) -> int:
         writer = csv.writer(file, lineterminator="\r\n")
         writer.writerow([column.name for column in table.columns])
         for row in rows:
-            writer.writerow([said(cell) for cell in row])
+            writer.writerow([cell_text(cell) for cell in row])
             count += 1
     return count

@@ -9,7 +9,7 @@ from pathlib import Path
 from ...errors import PicktreeError
 from ...files.value_wording import suggest_name
 from ..plan.plan import Job
-from .store import NAME, Store
+from .store import RESULTS_FILE, Store
 
 _BY_SEED = re.compile(r"(?:(?P<label>.*),)?\s*seed=(?P<seed>\d+)")
 GRAMMAR = "a job's id or its beginning, seed=7, or LABEL,seed=7"
@@ -17,11 +17,11 @@ GRAMMAR = "a job's id or its beginning, seed=7, or LABEL,seed=7"
 
 def split(where: str) -> tuple[Path, str]:
     """Return the folder and the name in it; empty without an @. A folder's name may contain an @."""
-    if (Path(where) / NAME).exists():
+    if (Path(where) / RESULTS_FILE).exists():
         return Path(where), ""
     parts = where.split("@")
     for count in range(len(parts) - 1, 0, -1):
-        if (Path("@".join(parts[:count])) / NAME).exists():
+        if (Path("@".join(parts[:count])) / RESULTS_FILE).exists():
             return Path("@".join(parts[:count])), "@".join(parts[count:])
     folder, _, named = where.partition("@")
     return Path(folder), named

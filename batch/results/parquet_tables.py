@@ -9,11 +9,11 @@ from pathlib import Path
 import pyarrow as pa
 from pyarrow import parquet
 
-from ...analysis.export.tables.parquet_file import TYPES, field_of
+from ...analysis.export.tables.parquet_file import ARROW_TYPES, field_of
 from ...analysis.export.tables.row_types import Cell
 from .tables import TableOf
 
-_GROUP = 100_000
+_ROWS_PER_GROUP = 100_000
 """Number of rows held at a time."""
 
 
@@ -25,9 +25,9 @@ def write_parquet(path: Path, table: TableOf, rows: Iterator[tuple[Cell, ...]]) 
     )
     count = 0
     with parquet.ParquetWriter(path, schema, compression="zstd") as writer:
-        while taken := list(itertools.islice(rows, _GROUP)):
+        while taken := list(itertools.islice(rows, _ROWS_PER_GROUP)):
             arrays = [
-                pa.array([row[k] for row in taken], type=TYPES[column.kind])
+                pa.array([row[k] for row in taken], type=ARROW_TYPES[column.kind])
                 for k, column in enumerate(table.columns)
             ]
             writer.write_table(pa.Table.from_arrays(arrays, schema=schema))

@@ -69,7 +69,7 @@ def run_query(path: Path, sql: str) -> QueryResult:
                 raise PicktreeError("the query cannot be answered: it is no SELECT")
             return QueryResult(tuple(column[0] for column in cursor.description), tuple(cursor.fetchall()))
     except (sqlite3.Error, sqlite3.Warning) as error:
-        raise PicktreeError(f"the query cannot be answered: {_in_words(error)}") from None
+        raise PicktreeError(f"the query cannot be answered: {_error_words(error)}") from None
 
 
 @contextmanager
@@ -104,7 +104,7 @@ def _connection(path: Path) -> sqlite3.Connection:
     return sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro", uri=True)
 
 
-def _in_words(error: Exception) -> str:
+def _error_words(error: Exception) -> str:
     """Return the error's text, with the nearest valid name for an unknown table or column."""
     said = str(error)
     missing, _, name = said.partition(": ")

@@ -26,7 +26,7 @@ from .rows import (
 )
 from .tables import VERSION, schema
 
-NAME = "results.sqlite"
+RESULTS_FILE = "results.sqlite"
 _CHILDREN = {
     "items": JobItemRow,
     "picks": JobPickRow,

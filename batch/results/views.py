@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-CELL = 0.05
+CELL_SIZE = 0.05
 """Side of a cell of the table, m."""
-_Z = 1.959963984540054
+_NORMAL_QUANTILE = 1.959963984540054
 """Quantile of the standard normal variable: 95 % are within plus and minus this value."""
-_FAR = 1000
+_CELL_OFFSET = 1000
 """Offset larger than any cell number: SQLite's cast rounds towards zero, so numbers must be positive."""
 
 
 def cell_of(coordinate: str) -> str:
     """Return SQL for the number of a coordinate's cell. 1e-9: 0.3 / 0.05 is a little less than 6."""
-    return f"(CAST({coordinate} / {CELL} + 1e-9 + {_FAR} AS INTEGER) - {_FAR})"
+    return f"(CAST({coordinate} / {CELL_SIZE} + 1e-9 + {_CELL_OFFSET} AS INTEGER) - {_CELL_OFFSET})"
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,11 +110,14 @@ VIEWS = (
                count(DISTINCT job) AS jobs
         FROM cures GROUP BY cause
     ), shares AS (
-        SELECT *, cured * 1.0 / seen AS share, {_Z} * {_Z} / seen AS zz FROM counts
+        SELECT *, cured * 1.0 / seen AS share, {_NORMAL_QUANTILE} * {_NORMAL_QUANTILE} / seen AS zz FROM
+        counts
     )
     SELECT cause, seen, cured, unhandled, share,
-           max((share + zz / 2 - {_Z} * sqrt((share * (1 - share) + zz / 4) / seen)) / (1 + zz), 0.0) AS low,
-           min((share + zz / 2 + {_Z} * sqrt((share * (1 - share) + zz / 4) / seen)) / (1 + zz), 1.0) AS high,
+           max((share + zz / 2 - {_NORMAL_QUANTILE} * sqrt((share * (1 - share) + zz / 4) / seen)) / (1 +
+           zz), 0.0) AS low,
+           min((share + zz / 2 + {_NORMAL_QUANTILE} * sqrt((share * (1 - share) + zz / 4) / seen)) / (1 +
+           zz), 1.0) AS high,
            tries_a_cure, seconds, jobs
     FROM shares ORDER BY seconds DESC, seen DESC, cause""",
     ),
@@ -151,7 +154,7 @@ VIEWS = (
         "sorted_by_place",
         "where on the table are items sorted, in cells of 5 cm?",
         f"""
-    SELECT {cell_of("x")} * {CELL} AS x, {cell_of("y")} * {CELL} AS y,
+    SELECT {cell_of("x")} * {CELL_SIZE} AS x, {cell_of("y")} * {CELL_SIZE} AS y,
            count(*) AS items, sum(verdict = 'sorted') AS sorted
     FROM items GROUP BY 1, 2 ORDER BY 1, 2""",
     ),

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from typing import Literal, TypeAlias
 
-from ...logs.schema.arithmetic_record import departure
+from ...logs.schema.arithmetic_record import arithmetic_difference
 from .differences import (
     JobOutcome,
     MeanDifference,
@@ -16,7 +16,7 @@ from .differences import (
     unpaired_difference,
 )
 from .rates import (
-    SIGNIFICANT,
+    SIGNIFICANCE_LEVEL,
     Interval,
     Paired,
     Rate,
@@ -29,7 +29,7 @@ from .rates import (
 )
 
 Side: TypeAlias = Literal["A", "B"]
-_ENOUGH = 0.5
+_MIN_SHARED_SEED_SHARE = 0.5
 """Least share of the smaller side's seeds that both must have for a comparison by seed."""
 
 
@@ -49,7 +49,7 @@ class Criterion:
     @property
     def better(self) -> Side | None:
         """Better side; None when chance explains the difference."""
-        if self.adjusted >= SIGNIFICANT or not self.difference.mean:
+        if self.adjusted >= SIGNIFICANCE_LEVEL or not self.difference.mean:
             return None
         return "B" if (self.difference.mean > 0) == self.more_is_better else "A"
 
@@ -118,7 +118,7 @@ def compare(a: str, b: str, *, unpaired: bool = False) -> RecipeComparison:
 
 def compare_recipes(a: RecipeOutcomes, b: RecipeOutcomes, *, unpaired: bool = False) -> RecipeComparison:
     shared = sorted(set(a.outcomes) & set(b.outcomes))
-    by_seed = not unpaired and len(shared) >= _ENOUGH * min(len(a.outcomes), len(b.outcomes))
+    by_seed = not unpaired and len(shared) >= _MIN_SHARED_SEED_SHARE * min(len(a.outcomes), len(b.outcomes))
     pairs = [(a.outcomes[seed], b.outcomes[seed]) for seed in shared]
     of_a, of_b = (
         ([x for x, _ in pairs], [y for _, y in pairs])
@@ -145,15 +145,15 @@ def compare_recipes(a: RecipeOutcomes, b: RecipeOutcomes, *, unpaired: bool = Fa
         tuple(_changed(x, y, a, b) for x, y in pairs if x.success != y.success),
         len(shared),
         len(set(a.outcomes) ^ set(b.outcomes)),
-        _departure(a, b),
+        _arithmetic_difference(a, b),
     )
 
 
-def _departure(a: RecipeOutcomes, b: RecipeOutcomes) -> str:
+def _arithmetic_difference(a: RecipeOutcomes, b: RecipeOutcomes) -> str:
     """Return the difference in arithmetic between jobs of A and B, or within one of them; empty when none."""
     sides = ((a, b, "in B"), (a, a, "in other jobs of A"), (b, b, "in other jobs of B"))
     said = (
-        departure(one, other, where)
+        arithmetic_difference(one, other, where)
         for first, second, where in sides
         for one in first.arithmetics
         for other in second.arithmetics

@@ -10,7 +10,7 @@ from typing import Any
 
 from .comparison import ChangedSeed, RecipeComparison
 from .differences import MeanDifference
-from .rates import SIGNIFICANT
+from .rates import SIGNIFICANCE_LEVEL
 
 _TITLES = {
     "goal": "goal reached, %",
@@ -87,7 +87,7 @@ def _difference_row(title: str, found: MeanDifference, adjusted: float, scale: f
         low, high = scale * found.interval.low, scale * found.interval.high
         within = f"{low:+.{digits}f} … {high:+.{digits}f}" if math.isfinite(low) else "too few for one"
         apart = f"{scale * found.mean:+.{digits}f} ({within})"
-    clear = " *" if adjusted < SIGNIFICANT else ""
+    clear = " *" if adjusted < SIGNIFICANCE_LEVEL else ""
     return _row(title, said(found.a), said(found.b), apart, _p(found.p_value), _p(adjusted)) + clear
 
 

@@ -17,7 +17,7 @@ from scipy import stats
 from ...errors import PicktreeError
 from ...logs.schema.arithmetic_record import Arithmetic
 from ..results.job_names import choose_label, split
-from ..results.store import NAME, Store
+from ..results.store import RESULTS_FILE, Store
 from .rates import CONFIDENCE, Interval
 
 
@@ -77,7 +77,7 @@ def read_recipe(where: str) -> RecipeOutcomes:
     Raises PicktreeError when there is no such recipe, or none of its jobs was run.
     """
     folder, wanted = split(where)
-    with Store(folder / NAME) as store:
+    with Store(folder / RESULTS_FILE) as store:
         labels = list(dict.fromkeys(job.variant.label for job in store.jobs()))
         label = choose_label(wanted, labels, where, folder)
         jobs: Any = store.query(
@@ -119,7 +119,7 @@ def _arithmetics(versions: Iterable[tuple[str, str, str]], jobs: Container[str])
 
 
 _RESAMPLES = 9999
-_SEED = 0
+_RESAMPLING_SEED = 0
 """Seed of the resampling: equal numbers give equal intervals and p values."""
 _Numbers: TypeAlias = NDArray[np.float64]
 
@@ -191,7 +191,7 @@ def _p_value(data: tuple[_Numbers, ...], statistic: Callable[..., Any], kind: st
         permutation_type=kind,
         vectorized=True,
         n_resamples=_RESAMPLES,
-        rng=np.random.default_rng(_SEED),
+        rng=np.random.default_rng(_RESAMPLING_SEED),
     )
     return min(float(found.pvalue), 1.0)
 
@@ -212,7 +212,7 @@ def _interval(data: tuple[_Numbers, ...], statistic: Callable[..., Any]) -> Inte
                 n_resamples=_RESAMPLES,
                 method=method,
                 vectorized=True,
-                rng=np.random.default_rng(_SEED),
+                rng=np.random.default_rng(_RESAMPLING_SEED),
             ).confidence_interval
         if math.isfinite(found.low) and math.isfinite(found.high):
             return Interval(float(found.low), float(found.high))

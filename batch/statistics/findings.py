@@ -17,7 +17,7 @@ from ..results.rows import Phase
 from .rates import Rate, rate
 
 PHASES: tuple[Phase, ...] = ("observe", "think", "move", "grasp", "place", "recover", "other")
-_PLACES = 5
+_MAX_NAMED_PLACES = 5
 """Number of places in the text, the worst first."""
 
 
@@ -245,8 +245,14 @@ def _worst_places(places: tuple[TableCellShare, ...]) -> str:
     if not lacking:
         return "all, everywhere"
     lacking.sort(key=lambda p: (-(p.rate.total - p.rate.successes), p.rate.share or 0.0, p.x, p.y))
-    said = [f"{p.rate.successes} of {p.rate.total} at {p.x:.2f}, {p.y:.2f} m" for p in lacking[:_PLACES]]
-    more = f"; and fewer in {len(lacking) - _PLACES} places more" if len(lacking) > _PLACES else ""
+    said = [
+        f"{p.rate.successes} of {p.rate.total} at {p.x:.2f}, {p.y:.2f} m" for p in lacking[:_MAX_NAMED_PLACES]
+    ]
+    more = (
+        f"; and fewer in {len(lacking) - _MAX_NAMED_PLACES} places more"
+        if len(lacking) > _MAX_NAMED_PLACES
+        else ""
+    )
     return "; ".join(said) + more
 
 

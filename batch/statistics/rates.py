@@ -9,9 +9,9 @@ from dataclasses import dataclass
 from scipy import stats
 
 CONFIDENCE = 0.95
-SIGNIFICANT = 0.05
+SIGNIFICANCE_LEVEL = 0.05
 """Significance level of a family of tests: its probability of a false finding."""
-_LARGEST_BOSCHLOO = 400
+_MAX_BOSCHLOO_JOBS = 400
 """Maximum number of jobs of both sides for Boschloo's test; with more, Fisher's is faster and as good."""
 
 
@@ -111,7 +111,7 @@ def equal_rates_p(a: Rate, b: Rate) -> float:
     table = [[a.successes, b.successes], [a.total - a.successes, b.total - b.successes]]
     if 0 in (a.successes + b.successes, sum(table[1])):
         return 1.0
-    if a.total + b.total > _LARGEST_BOSCHLOO:
+    if a.total + b.total > _MAX_BOSCHLOO_JOBS:
         return float(stats.fisher_exact(table).pvalue)
     return min(float(stats.boschloo_exact(table).pvalue), 1.0)
 

@@ -12,11 +12,11 @@ from ...analysis.compare.alignment import Alignment, align
 from ...analysis.compare.divergence import Divergence
 from ...analysis.compare.message_fields import value_text
 from ...analysis.compare.run_settings import value_changes
-from ...analysis.compare.text.divergence_text import HOW
+from ...analysis.compare.text.divergence_text import DIVERGENCE_TEXTS
 from ...analysis.run import Run
 from ...errors import PicktreeError
 from ...logs.visits import HALTED, Visit
-from ..results.store import NAME, Store
+from ..results.store import RESULTS_FILE, Store
 from ..workers.executor import Executor
 from ..workers.local_executor import LocalExecutor
 from ..workers.rerun_job import remake_into
@@ -42,7 +42,7 @@ def with_divergences(
     with LocalExecutor(1) as executor:
         for n in able[:most]:
             with _logs(changed[n], a, b, executor, say) as logs:
-                changed[n] = replace(changed[n], parting=_said(*logs))
+                changed[n] = replace(changed[n], parting=_divergence_text(*logs))
     return replace(found, changed=tuple(changed))
 
 
@@ -56,7 +56,7 @@ def _logs(
         if outcome.folder and kept.is_dir():
             return kept
         say(f"seed {changed.seed} of {side}")
-        with Store(recipe.folder / NAME) as store:
+        with Store(recipe.folder / RESULTS_FILE) as store:
             job = next(job for job in store.jobs() if job.id == outcome.job)
             return remake_into(store, job, scratch, executor)
 
@@ -64,7 +64,7 @@ def _logs(
         yield log(a, "A", Path(away) / "a"), log(b, "B", Path(away) / "b")
 
 
-def _said(log_a: Path, log_b: Path) -> str:
+def _divergence_text(log_a: Path, log_b: Path) -> str:
     try:
         with Run(log_a) as a, Run(log_b) as b:
             return divergence_line(align(a, b), a)
@@ -95,11 +95,11 @@ def _what(parting: Divergence) -> str:
         case "inputs" if a is not None and b is not None:
             changes = value_changes(a.inputs, b.inputs)
             ports = ", ".join(f"{c.name} {value_text(c.a)} and {value_text(c.b)}" for c in changes)
-            return f"{_name(a)} {HOW['inputs']}: {ports}"
+            return f"{_name(a)} {DIVERGENCE_TEXTS['inputs']}: {ports}"
         case "type" | "outcome" | "cause" | "length" if a is not None and b is not None:
-            return f"{_name(a)} {HOW[parting.how]}: A {_course(a)}, B {_course(b)}"
+            return f"{_name(a)} {DIVERGENCE_TEXTS[parting.how]}: A {_course(a)}, B {_course(b)}"
         case "order":
-            return f"{HOW['order']}: A {_begins(a)}, B {_begins(b)}"
+            return f"{DIVERGENCE_TEXTS['order']}: A {_begins(a)}, B {_begins(b)}"
         case _:
             return "the log of one ends there"
 

@@ -8,7 +8,7 @@ from typing import Any
 
 from ...logs.episodes.episode_counts import CureCount, PlantedCount, added_cures, added_planted, by_cause
 from ..results.store import Store
-from ..results.views import CELL, cell_of
+from ..results.views import CELL_SIZE, cell_of
 from .findings import (
     BatchSummary,
     Breakdown,
@@ -102,11 +102,11 @@ def _breakdowns(store: Store, labels: list[str]) -> tuple[tuple[Breakdown, ...],
         return Breakdown(
             label,
             _added_causes(cause for variant, cause in causes if wanted(variant)),
-            tuple(Share(name, r) for (name,), r in _added(forms, wanted)),
-            tuple(Share(name, r) for (name,), r in _added(colours, wanted)),
+            tuple(Share(name, r) for (name,), r in _summed_rates(forms, wanted)),
+            tuple(Share(name, r) for (name,), r in _summed_rates(colours, wanted)),
             tuple(
-                TableCellShare(round(i * CELL, 9), round(j * CELL, 9), r)
-                for (i, j), r in _added(places, wanted)
+                TableCellShare(round(i * CELL_SIZE, 9), round(j * CELL_SIZE, 9), r)
+                for (i, j), r in _summed_rates(places, wanted)
             ),
             by_cause(added_cures(cure for variant, cure in cures if wanted(variant))),
             added_planted(fault for variant, fault in planted if wanted(variant)),
@@ -116,7 +116,7 @@ def _breakdowns(store: Store, labels: list[str]) -> tuple[tuple[Breakdown, ...],
     return each, of(lambda variant: True, "")
 
 
-def _added(
+def _summed_rates(
     rows: tuple[tuple[Any, ...], ...], wanted: Callable[[str], bool]
 ) -> list[tuple[tuple[Any, ...], Rate]]:
     """Return the rate of sorted items of the wanted recipes, by the columns in between."""

@@ -14,10 +14,10 @@ from typing import Literal, Protocol, TypeAlias
 
 from ...analysis.run import Run
 from ...errors import PicktreeError
-from ...session.session import LOG
+from ...session.session import LOG_FILE_NAME
 from ..plan.plan import BatchPlan, Job, jobs_of, read_plan, write_plan
 from ..results.rows import CrashRow, JobRow, JobRows
-from ..results.store import NAME, Store
+from ..results.store import RESULTS_FILE, Store
 from . import job_output
 from .executor import Event, Executor, JobFailed, JobFinished, JobOrder, JobStopped
 
@@ -50,7 +50,7 @@ def lost_attempt(order: JobOrder, reason: str, batch: Path, *, kept: bool) -> Cr
     folder = ""
     if kept:
         folder = run_folder(order, batch)
-        if not folder and (order.folder / job_output.NAME).exists():
+        if not folder and (order.folder / job_output.OUTPUT_FILE).exists():
             folder = str(order.folder.relative_to(batch))
     return CrashRow(order.attempt, reason, _last_tick(order), folder)
 
@@ -78,7 +78,7 @@ def crashed_job(crash: CrashRow) -> JobRow:
 
 
 def _log(order: JobOrder) -> Path | None:
-    return next(iter(sorted(order.folder.glob(f"*/{LOG}"))), None)
+    return next(iter(sorted(order.folder.glob(f"*/{LOG_FILE_NAME}"))), None)
 
 
 def _last_tick(order: JobOrder) -> int | None:
@@ -92,11 +92,11 @@ def _last_tick(order: JobOrder) -> int | None:
         return None
 
 
-TRIES = 2
+MAX_ATTEMPTS = 2
 """Number of attempts after which a job counts as crashed."""
-_LOOK = 0.2
+_STOP_CHECK_PERIOD = 0.2
 """Interval between checks for a stop request, wall s."""
-_ROOM = 200 * 10**6
+_MIN_FREE_BYTES = 200 * 10**6
 """Least free space on the batch's disk for the start of a job, bytes."""
 Stop: TypeAlias = Literal["no", "finish", "now"]
 
@@ -144,7 +144,7 @@ class Batch:
         except OSError as error:
             raise PicktreeError(f"{folder}: the folder cannot be made: {error.strerror}") from None
         with _locked(folder) as lock:
-            if (folder / NAME).exists():
+            if (folder / RESULTS_FILE).exists():
                 raise PicktreeError(f"{folder}: there is a batch already; go on with it by --resume {folder}")
             return cls._made(folder, plan, lock)
 
@@ -157,16 +157,16 @@ class Batch:
         """
         plan = read_plan(folder)
         with _locked(folder) as lock:
-            if not (folder / NAME).exists():  # its creation was cut short
+            if not (folder / RESULTS_FILE).exists():  # its creation was cut short
                 return cls._made(folder, plan, lock)
-            store = Store(folder / NAME)
+            store = Store(folder / RESULTS_FILE)
             return cls(folder, plan, store.jobs(), store, lock.pop_all())
 
     @classmethod
     def _made(cls, folder: Path, plan: BatchPlan, lock: ExitStack) -> Batch:
         jobs = jobs_of(plan, folder)
         write_plan(plan, folder)
-        return cls(folder, plan, jobs, Store.create(folder / NAME, jobs), lock.pop_all())
+        return cls(folder, plan, jobs, Store.create(folder / RESULTS_FILE, jobs), lock.pop_all())
 
     def __enter__(self) -> Batch:
         return self
@@ -215,7 +215,7 @@ class Batch:
                 executor.submit(order)
             if not under_way and told != "no":
                 break
-            for event in executor.wait(_LOOK):
+            for event in executor.wait(_STOP_CHECK_PERIOD):
                 order = under_way.pop(event.order.job)
                 ended = self._dealt_with(event, onlooker)
                 if ended is not None:
@@ -226,8 +226,8 @@ class Batch:
             onlooker.waiting()
         if self._full:
             raise PicktreeError(
-                f"{self.folder}: less than {_ROOM / 1e6:.0f} MB are left on its disk, so no further job is "
-                f"begun; make room, and go on with --resume {self.folder}"
+                f"{self.folder}: less than {_MIN_FREE_BYTES / 1e6:.0f} MB are left on its disk, "
+                f"so no further job is begun; make room, and go on with --resume {self.folder}"
             )
         return not waiting
 
@@ -253,7 +253,7 @@ class Batch:
             if not self._room():  # it was not this job that filled the disk
                 return None
         crash = lost_attempt(order, reason, self._place, kept=self.plan.keep != "none")
-        if order.attempt >= TRIES:
+        if order.attempt >= MAX_ATTEMPTS:
             return self._record(job, order, JobRows(crashed_job(crash)), crash)
         self.store.lose(job.id, crash)
         if not crash.folder:
@@ -266,7 +266,7 @@ class Batch:
         kept = keep == "all" or (keep == "failures" and rows.job.status != "success")
         row = rows.job if crash else replace(rows.job, folder=run_folder(order, self._place) if kept else "")
         self.store.record(job.id, replace(rows, job=row), crash)
-        for attempt in range(1, TRIES + 1):
+        for attempt in range(1, MAX_ATTEMPTS + 1):
             lost_before = attempt < order.attempt and keep != "none"
             if not lost_before and not (attempt == order.attempt and row.folder):
                 shutil.rmtree(try_folder(self._place, job.id, attempt), ignore_errors=True)
@@ -277,7 +277,7 @@ class Batch:
         order = self._order(job, attempt)
         if attempt == 1:
             self.store.begin_anew(job.id)
-        for later in range(attempt, TRIES + 1):
+        for later in range(attempt, MAX_ATTEMPTS + 1):
             shutil.rmtree(try_folder(self._place, job.id, later), ignore_errors=True)
         return order
 
@@ -292,7 +292,7 @@ class Batch:
         for job in self.jobs:
             if job.id not in to_do:
                 continue
-            for attempt in range(TRIES, 0, -1):
+            for attempt in range(MAX_ATTEMPTS, 0, -1):
                 order = self._order(job, attempt)
                 if (rows := result_of(order)) is not None:
                     self._record(job, order, rows)
@@ -300,7 +300,7 @@ class Batch:
 
     def _room(self) -> bool:
         """Whether the disk has room for another job."""
-        return shutil.disk_usage(self.folder).free >= _ROOM
+        return shutil.disk_usage(self.folder).free >= _MIN_FREE_BYTES
 
 
 def _locked(folder: Path) -> ExitStack:

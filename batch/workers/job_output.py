@@ -14,11 +14,11 @@ from collections.abc import Generator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-NAME = "output.txt"
+OUTPUT_FILE = "output.txt"
 """File in the folder of an attempt; missing when nothing was printed."""
-ASKING = signal.SIGABRT
+TRACEBACK_SIGNAL = signal.SIGABRT
 """Signal on which a process prints its traceback and ends."""
-_LAST = 65536
+_TRACEBACK_BYTES = 65536
 """Size of the output's end in which a traceback is searched, bytes."""
 _FRAME = re.compile(r'^  File "(?P<file>.*)", line (?P<line>\d+) in (?P<name>.*)$', re.MULTILINE)
 _LIBRARIES = (sysconfig.get_path("stdlib"), sysconfig.get_path("purelib"), "<")
@@ -29,7 +29,7 @@ def print_into(folder: Path) -> None:
 
     The traceback at a crash or at SIGABRT is written there, too.
     """
-    file = os.open(folder / NAME, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o644)
+    file = os.open(folder / OUTPUT_FILE, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o644)
     nothing = os.open(os.devnull, os.O_RDONLY)
     os.dup2(nothing, 0)
     os.dup2(file, 1)
@@ -66,7 +66,7 @@ def flush() -> None:
 
 def add(folder: Path, line: str) -> None:
     """Append a line of the worker to the output."""
-    with suppress(OSError), (folder / NAME).open("a", encoding="utf-8") as file:
+    with suppress(OSError), (folder / OUTPUT_FILE).open("a", encoding="utf-8") as file:
         file.write(f"{line}\n")
 
 
@@ -76,9 +76,9 @@ def last_place(folder: Path) -> str:
     Lines of libraries are skipped in favour of their callers.
     """
     try:
-        with (folder / NAME).open("rb") as file:
+        with (folder / OUTPUT_FILE).open("rb") as file:
             file.seek(0, os.SEEK_END)
-            file.seek(max(0, file.tell() - _LAST))
+            file.seek(max(0, file.tell() - _TRACEBACK_BYTES))
             text = file.read().decode(errors="replace")
     except OSError:
         return ""

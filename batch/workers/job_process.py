@@ -33,7 +33,7 @@ from ...session.resume.recipe_archive import RecipeFile
 from ...session.session import Session
 from . import job_output
 from .executor import Event, JobFailed, JobFinished, JobOrder, JobStopped
-from .local_executor import die_with_parent, end_children, how_it_ended, resident
+from .local_executor import die_with_parent, end_children, exit_code_words, resident
 from .result_rows import collect_run_rows
 
 
@@ -81,9 +81,9 @@ def _write_whole(order: JobOrder, data: bytes) -> None:
         raise PicktreeError(f"{order.result}: the result cannot be written: {error.strerror}") from None
 
 
-_LOOK = 0.2
+_RESOURCE_CHECK_PERIOD = 0.2
 """Interval between checks of the process's resources, wall s."""
-_LAST_WORDS = 2.0
+_TRACEBACK_TIME_LIMIT = 2.0
 """Time limit for the traceback of a process that is ended, wall s."""
 _TEMPORARY = "tmp"
 
@@ -106,11 +106,11 @@ class JobProcess:
     def event(self) -> Event:
         """Wait for the end, within the limits, and return the result."""
         reason = ""
-        while not reason and not self._over(_LOOK):
+        while not reason and not self._over(_RESOURCE_CHECK_PERIOD):
             reason = self._over_its_limits()
         if reason:
-            self._kill(job_output.ASKING)
-            if not self._over(_LAST_WORDS):
+            self._kill(job_output.TRACEBACK_SIGNAL)
+            if not self._over(_TRACEBACK_TIME_LIMIT):
                 self._kill(signal.SIGKILL)
         how = self._how()
         self._clear()  # before listening: what is left holds the other end, too
@@ -127,8 +127,8 @@ class JobProcess:
         folder = self._order.folder
         shutil.rmtree(folder / _TEMPORARY, ignore_errors=True)
         with suppress(OSError):
-            if not (folder / job_output.NAME).stat().st_size:
-                (folder / job_output.NAME).unlink()
+            if not (folder / job_output.OUTPUT_FILE).stat().st_size:
+                (folder / job_output.OUTPUT_FILE).unlink()
         os.close(self._descriptor)
         self._heard.close()
 
@@ -142,7 +142,7 @@ class JobProcess:
         status = os.waitid(os.P_PID, self._pid, os.WEXITED | os.WNOWAIT)
         assert status is not None
         killed = status.si_code in (os.CLD_KILLED, os.CLD_DUMPED)
-        words = f"its process {how_it_ended(-status.si_status if killed else status.si_status)}"
+        words = f"its process {exit_code_words(-status.si_status if killed else status.si_status)}"
         if killed and status.si_status == signal.SIGKILL:
             return f"{words}, which came from outside: by hand, or for want of memory on the machine"
         return words
@@ -167,7 +167,7 @@ class JobProcess:
             return f"it took more than {order.wall:g} s of wall time"
         if resident(self._pid) > order.memory:
             return f"it took more than {order.memory / 1e6:.0f} MB of memory"
-        if _written(order.folder) > order.disk:
+        if _written_bytes(order.folder) > order.disk:
             return f"it wrote more than {order.disk / 1e6:.0f} MB to the disk"
         return ""
 
@@ -209,7 +209,7 @@ def _settle_in(order: JobOrder, parent: int) -> None:
     np.random.seed()  # as in a fresh process; no skill of ours draws from it
 
 
-def _written(folder: Path) -> int:
+def _written_bytes(folder: Path) -> int:
     """Return the number of bytes in the files of a folder."""
     total = 0
     for place, _, files in os.walk(folder):

@@ -23,8 +23,8 @@ from .job_output import silence
 
 _PR_SET_PDEATHSIG = 1
 _PR_SET_CHILD_SUBREAPER = 36
-_PAGE = os.sysconf("SC_PAGE_SIZE")
-_ROUNDS = 100
+_PAGE_BYTES = os.sysconf("SC_PAGE_SIZE")
+_MAX_END_ROUNDS = 100
 """Maximum number of rounds of ending children, each of which may leave children."""
 
 
@@ -33,7 +33,7 @@ def die_with_parent(number: signal.Signals) -> None:
     _prctl(_PR_SET_PDEATHSIG, number)
 
 
-def take_in_orphans() -> None:
+def adopt_orphans() -> None:
     """Adopt orphaned descendants as children of this process, which can then end them."""
     _prctl(_PR_SET_CHILD_SUBREAPER, 1)
 
@@ -50,7 +50,7 @@ def children(pid: int) -> list[int]:
 def resident(pid: int) -> int:
     """Return the resident memory of a process and its descendants, bytes; 0 after its end."""
     try:
-        own = int(Path(f"/proc/{pid}/statm").read_text().split()[1]) * _PAGE
+        own = int(Path(f"/proc/{pid}/statm").read_text().split()[1]) * _PAGE_BYTES
     except (OSError, IndexError, ValueError):
         return 0
     return own + sum(resident(child) for child in children(pid))
@@ -59,7 +59,7 @@ def resident(pid: int) -> int:
 def end_children(expected: int) -> int:
     """End every child of this process with its descendants; return their number besides the expected."""
     count = 0
-    for _ in range(_ROUNDS):
+    for _ in range(_MAX_END_ROUNDS):
         found = children(os.getpid())
         if not found:
             break
@@ -72,7 +72,7 @@ def end_children(expected: int) -> int:
     return count
 
 
-def how_it_ended(code: int) -> str:
+def exit_code_words(code: int) -> str:
     """Return the end in words for an exit code of `subprocess` or `multiprocessing`: `was ended by
     SIGSEGV`."""
     if code >= 0:
@@ -111,7 +111,7 @@ def serve(orders: Connection) -> None:
     """
     os.setsid()  # Ctrl-C is for the batch to deal with
     die_with_parent(signal.SIGTERM)
-    take_in_orphans()
+    adopt_orphans()
     with silence():  # libraries greet when they are loaded
         load()
     with suppress(EOFError, OSError, _Told):
@@ -125,7 +125,7 @@ def _seen_to(order: JobOrder) -> Event:
     from .job_process import JobProcess
 
     signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGTERM})
-    before = signal.signal(signal.SIGTERM, _told)
+    before = signal.signal(signal.SIGTERM, _raise_stop)
     try:
         under_way = JobProcess(order)
         try:
@@ -139,7 +139,7 @@ def _seen_to(order: JobOrder) -> Event:
         signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGTERM})
 
 
-def _told(number: int, frame: FrameType | None) -> NoReturn:
+def _raise_stop(number: int, frame: FrameType | None) -> NoReturn:
     raise _Told
 
 
@@ -171,7 +171,7 @@ def load() -> None:
     gc.freeze()  # what is shared with the jobs' processes stays shared
 
 
-_GRACE = 5.0
+_STOP_TIME_LIMIT = 5.0
 """Time limit of a worker for ending a job before it is killed, wall s."""
 
 
@@ -235,7 +235,7 @@ class LocalExecutor:
             if worker.order is not None:
                 worker.process.terminate()
         for worker in self._workers:
-            worker.process.join(_GRACE)
+            worker.process.join(_STOP_TIME_LIMIT)
             if worker.process.exitcode is None:
                 worker.process.kill()
                 worker.process.join()
@@ -256,7 +256,7 @@ class LocalExecutor:
     def _kill_overdue(self) -> None:
         """Kill the workers that were stopped and do not end."""
         for worker in self._workers:
-            if worker.stopped_at is not None and time.monotonic() - worker.stopped_at > _GRACE:
+            if worker.stopped_at is not None and time.monotonic() - worker.stopped_at > _STOP_TIME_LIMIT:
                 worker.process.kill()
 
     def _gone(self, worker: _Worker, code: int) -> list[Event]:
@@ -267,7 +267,7 @@ class LocalExecutor:
             return []
         if worker.stopped_at is not None:
             return [JobStopped(order)]
-        return [JobFailed(order, f"its worker {how_it_ended(code)}")]
+        return [JobFailed(order, f"its worker {exit_code_words(code)}")]
 
 
 def _started() -> _Worker:

@@ -11,16 +11,16 @@ from pathlib import Path
 from typing import Any
 
 from ...errors import PicktreeError
-from ...logs.schema.arithmetic_record import PREFIXES, Arithmetic, departure
-from ...session.session import LOG
+from ...logs.schema.arithmetic_record import PREFIXES, Arithmetic, arithmetic_difference
+from ...session.session import LOG_FILE_NAME
 from ..plan.plan import Job, read_plan
 from ..results.job_names import find_job, split
 from ..results.rows import JobRows
-from ..results.store import NAME, Store
+from ..results.store import RESULTS_FILE, Store
 from .executor import Event, Executor, JobFailed, JobFinished, JobOrder
 from .local_executor import LocalExecutor
 
-_LOOK = 0.5
+_WORKER_CHECK_PERIOD = 0.5
 """Interval between checks of the worker, wall s."""
 
 
@@ -92,8 +92,8 @@ def rerun_job(where: str, out: Path | None = None, executor: Executor | None = N
     cannot be run.
     """
     folder, named = split(where)
-    with Store(folder / NAME) as store, _given(executor) as given:
-        return _remake(store, find_job(store, where, named), where, out, given)
+    with Store(folder / RESULTS_FILE) as store, _executor(executor) as given:
+        return _rerun(store, find_job(store, where, named), where, out, given)
 
 
 def remake_into(store: Store, job: Job, scratch: Path, executor: Executor) -> Path:
@@ -101,18 +101,22 @@ def remake_into(store: Store, job: Job, scratch: Path, executor: Executor) -> Pa
 
     Raises PicktreeError when it cannot be run, or differs from the recorded run.
     """
-    found = _remake(store, job, f"{store.path.parent}@{job.id}", scratch, executor)
+    found = _rerun(store, job, f"{store.path.parent}@{job.id}", scratch, executor)
     if not found.identical or found.log is None:
         raise PicktreeError(f"seed {job.seed}, {job.variant.label}: run again, it is another run")
     return found.log
 
 
-def _remake(store: Store, job: Job, where: str, out: Path | None, executor: Executor) -> RerunJob:
+def _rerun(store: Store, job: Job, where: str, out: Path | None, executor: Executor) -> RerunJob:
     folder = store.path.parent
     before = store.row(job.id)
     if before is None:
         raise PicktreeError(f"{where}: this job was not run yet; picktree batch run --resume {folder}")
-    kept = folder / before.folder if before.folder and (folder / before.folder / LOG).is_file() else None
+    kept = (
+        folder / before.folder
+        if before.folder and (folder / before.folder / LOG_FILE_NAME).is_file()
+        else None
+    )
     scratch = (out or folder / "jobs") / f".again-{job.id}"
     limits = read_plan(folder).limits
     shutil.rmtree(scratch, ignore_errors=True)
@@ -122,18 +126,18 @@ def _remake(store: Store, job: Job, where: str, out: Path | None, executor: Exec
         rows = JobRows.from_json(order.result.read_bytes(), order.result) if order.result.is_file() else None
         digest = rows.job.digest if rows else ""
         same = bool(digest) and digest == before.digest
-        run = next(iter(sorted(log.parent for log in scratch.glob(f"*/{LOG}"))), None)
+        run = next(iter(sorted(log.parent for log in scratch.glob(f"*/{LOG_FILE_NAME}"))), None)
         if run is None:
             raise PicktreeError(
                 f"{where}: {event.reason if isinstance(event, JobFailed) else 'it left no log'}"
             )
         log: Path | None = None
         if out is not None:
-            log = _moved(run, out / run.name)
+            log = _move_run(run, out / run.name)
         elif kept is None or not same:
             place = folder / "jobs" / (f"{job.id}-{before.attempts}" if same else f"{job.id}-again")
             shutil.rmtree(place, ignore_errors=True)
-            log = _moved(run, place / run.name)
+            log = _move_run(run, place / run.name)
             if same:
                 store.set_folder(job.id, str(log.relative_to(folder)))
     except OSError as error:
@@ -157,18 +161,18 @@ def _remake(store: Store, job: Job, where: str, out: Path | None, executor: Exec
 def _carried_out(order: JobOrder, executor: Executor) -> Event:
     executor.submit(order)
     while True:
-        for event in executor.wait(_LOOK):
+        for event in executor.wait(_WORKER_CHECK_PERIOD):
             if not isinstance(event, JobFinished | JobFailed):
                 raise KeyboardInterrupt
             return event
 
 
-def _given(executor: Executor | None) -> AbstractContextManager[Executor]:
+def _executor(executor: Executor | None) -> AbstractContextManager[Executor]:
     """Return the executor; by default a new one with a single worker."""
     return LocalExecutor(1) if executor is None else nullcontext(executor)
 
 
-def _moved(run: Path, target: Path) -> Path:
+def _move_run(run: Path, target: Path) -> Path:
     """Move the run to that name, or to a similar free one; return its path."""
     target.parent.mkdir(parents=True, exist_ok=True)
     free, number = target, 0
@@ -179,7 +183,7 @@ def _moved(run: Path, target: Path) -> Path:
 
 
 def _otherwise(then: Mapping[str, str], now: Mapping[str, str]) -> list[str]:
-    departed = departure(Arithmetic.from_words(then), Arithmetic.from_words(now))
+    departed = arithmetic_difference(Arithmetic.from_words(then), Arithmetic.from_words(now))
     libraries = sorted(name for name in {*then, *now} if not name.startswith(PREFIXES))
     changed = [name for name in libraries if then.get(name, "") != now.get(name, "")]
     said = [f"{name}: recorded {then.get(name) or 'none'}, now {now.get(name) or 'none'}" for name in changed]

@@ -11,11 +11,11 @@ from ...logs.schema.records import Plan, TransitionRecord
 from ...logs.visits import HALTED, Visit
 from ...trees.values.port_types import show
 from ...world.causes import known_causes
-from ..terminal.progress import MARKS
+from ..terminal.progress import STYLED_STATUS_MARKS
 
-_NAMED = 4
+_MAX_NAMED_OBJECTS = 4
 """Maximum number of objects named in one change of the belief."""
-_CANDIDATES = 5
+_MAX_NAMED_CANDIDATES = 5
 """Maximum number of candidates named for a choice."""
 
 
@@ -23,7 +23,7 @@ def change_lines(cursor: Cursor, changes: CursorChanges, most: int | None = None
     """Yield the changes in the order of time; only the last `most` of them."""
     since = cursor.run.ticks.times[changes.since] if changes.since >= 0 else None
     alone = changes.to - changes.since == 1
-    happened = [(time, text) for time, text in _happened(cursor, changes)]
+    happened = [(time, text) for time, text in _timed_changes(cursor, changes)]
     if not happened:
         yield "nothing changed in this tick" if alone else f"nothing changed since {since or 0.0:.2f} s"
         return
@@ -35,7 +35,7 @@ def change_lines(cursor: Cursor, changes: CursorChanges, most: int | None = None
         yield f"  {text}" if alone else f"  {time:7.2f} s  {text}"
 
 
-def _happened(cursor: Cursor, changes: CursorChanges) -> list[tuple[float, str]]:
+def _timed_changes(cursor: Cursor, changes: CursorChanges) -> list[tuple[float, str]]:
     """Return the changes with their simulated times, s; those of one tick in a fixed order."""
     names = short_names(node.path for node in cursor.nodes)
     told = [(move.time, _move(move.transition, names)) for move in changes.moves]
@@ -54,7 +54,7 @@ def _happened(cursor: Cursor, changes: CursorChanges) -> list[tuple[float, str]]
 
 
 def _objects(names: Sequence[str]) -> str:
-    return ", ".join(names) if len(names) <= _NAMED else f"{names[0]} and {len(names) - 1} others"
+    return ", ".join(names) if len(names) <= _MAX_NAMED_OBJECTS else f"{names[0]} and {len(names) - 1} others"
 
 
 def _by(path: str, names: Mapping[str, str]) -> str:
@@ -62,7 +62,7 @@ def _by(path: str, names: Mapping[str, str]) -> str:
 
 
 def _move(transition: TransitionRecord, names: Mapping[str, str]) -> str:
-    mark, name = MARKS[transition.status][0], names.get(transition.path, transition.path)
+    mark, name = STYLED_STATUS_MARKS[transition.status][0], names.get(transition.path, transition.path)
     if transition.status == "RUNNING":
         read = ", ".join(f"{port} {show(value)}" for port, value in transition.inputs.items())
         return f"{mark} {name} begins" + (f" with {read}" if read else "")
@@ -131,12 +131,12 @@ def _choices(cursor: Cursor, visit: Visit) -> Iterator[str]:
         choice = at.record
         stages = ", ".join(f"{stage.count} {stage.name}" for stage in choice.stages)
         yield f"  at {at.time:.2f} s chose for {choice.object}: {stages}"
-        for tried in choice.tried[:_CANDIDATES]:
+        for tried in choice.tried[:_MAX_NAMED_CANDIDATES]:
             there = f", {tried.place}" if tried.place else ""
             more = f" ({tried.count} places)" if tried.count > 1 else ""
             yield f"    {tried.name}{there}: {tried.verdict}{more}"
-        if len(choice.tried) > _CANDIDATES:
-            yield f"    … {len(choice.tried) - _CANDIDATES} more"
+        if len(choice.tried) > _MAX_NAMED_CANDIDATES:
+            yield f"    … {len(choice.tried) - _MAX_NAMED_CANDIDATES} more"
 
 
 def _about(visit: Visit) -> str:

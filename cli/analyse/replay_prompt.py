@@ -15,9 +15,9 @@ from ..terminal.command_prompt import Command, CommandPrompt
 from ..terminal.progress import tree_rows
 from . import replay_changes, replay_views
 
-ROWS = 18
+MAX_TREE_LINES = 18
 """Maximum number of tree lines shown after a move."""
-NEWS = 12
+MAX_CHANGE_LINES = 12
 """Maximum number of change lines shown after a move."""
 
 TO = (
@@ -70,11 +70,13 @@ class ReplayPrompt(CommandPrompt):
             Command("help [COMMAND]", "this", self.show_help),
         )  # fmt: skip
 
-    def show_here(self, rows: int = ROWS, news: int = NEWS) -> None:
+    def show_here(self, rows: int = MAX_TREE_LINES, news: int = MAX_CHANGE_LINES) -> None:
         """Show the cursor's place, the running nodes, and the changes."""
         cursor = self.cursor
         self._say(replay_views.place(cursor))
-        shown = tree_rows(cursor.tree.nodes, replay_views.statuses(cursor), rows, replay_views.moved(cursor))
+        shown = tree_rows(
+            cursor.tree.nodes, replay_views.statuses(cursor), rows, replay_views.changed_paths(cursor)
+        )
         self._show(f"  {row.plain}" for row in shown)
         self._show(replay_changes.change_lines(cursor, cursor.changes(self.since), news))
 

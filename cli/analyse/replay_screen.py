@@ -51,7 +51,7 @@ _ESCAPES: Mapping[bytes, str] = {
     b"OD": "left", b"[5~": "pageup", b"[6~": "pagedown", b"[H": "home", b"[F": "end", b"[1~": "home",
     b"[4~": "end", b"OH": "home", b"OF": "end",
 }  # fmt: skip
-_FIRST, _SECOND = 3, 5
+_TREE_DIVISOR, _CHANGES_DIVISOR = 3, 5
 """Divisors of the screen's height: at least a third for the tree, two fifths of the rest for changes."""
 
 
@@ -108,8 +108,10 @@ class Screen:
         belief."""
         cursor, console = self._prompt.cursor, self._console
         width, height = console.size
-        most = max(height // _FIRST, 4)
-        rows = tree_rows(cursor.tree.nodes, replay_views.statuses(cursor), most, replay_views.moved(cursor))
+        most = max(height // _TREE_DIVISOR, 4)
+        rows = tree_rows(
+            cursor.tree.nodes, replay_views.statuses(cursor), most, replay_views.changed_paths(cursor)
+        )
         room = max(height - len(rows) - 4, 4)
         lines = [Text(line, style="red" if "✗" in line else "") for line in self._below(room)]
         console.file.write("\x1b[H\x1b[2J")
@@ -129,7 +131,7 @@ class Screen:
             self._from = self._from + room if self._from + room < len(self._said) else 0
             return page
         cursor = self._prompt.cursor
-        news = max(room * 2 // _SECOND, 3)
+        news = max(room * 2 // _CHANGES_DIVISOR, 3)
         lines = [*replay_changes.change_lines(cursor, cursor.changes(self._prompt.since), news), ""]
         return [*lines, *[*replay_views.belief_lines(cursor, "")][: max(room - len(lines), 0)]]
 

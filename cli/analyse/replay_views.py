@@ -10,7 +10,7 @@ from ...logs.schema.records import NodeStatusRecord, TreeNode, Values
 from ...logs.visits import Visit
 from ...trees.values.port_types import show
 from ..terminal.belief_text import belief_line
-from ..terminal.progress import MARKS
+from ..terminal.progress import STYLED_STATUS_MARKS
 
 
 def place(cursor: Cursor) -> str:
@@ -32,7 +32,7 @@ def tree_lines(cursor: Cursor, text: str) -> Iterator[str]:
         if not top or node.path == top or node.path.startswith(f"{top}/"):
             depth = node.path.count("/") - indent
             name = node.name if node.name.split("#")[0] == node.id else f"{node.id} {node.name}"
-            yield f"  {'  ' * depth}{_mark(status[node.path])} {name}{_said(status[node.path], '  ')}"
+            yield f"  {'  ' * depth}{_mark(status[node.path])} {name}{_status_text(status[node.path], '  ')}"
 
 
 def where_lines(cursor: Cursor) -> Iterator[str]:
@@ -41,7 +41,7 @@ def where_lines(cursor: Cursor) -> Iterator[str]:
     for node in cursor.tree.nodes:
         if node.path == tip or tip.startswith(f"{node.path}/") or not (tip or node.parent):
             one = status[node.path]
-            yield f"{_mark(one)} {node.path} is {one.status}{_said(one, ': ')}"
+            yield f"{_mark(one)} {node.path} is {one.status}{_status_text(one, ': ')}"
 
 
 def node_lines(cursor: Cursor, text: str) -> Iterator[str]:
@@ -125,7 +125,7 @@ def wrench_line(cursor: Cursor) -> str:
     )
 
 
-def moved(cursor: Cursor) -> frozenset[str]:
+def changed_paths(cursor: Cursor) -> frozenset[str]:
     """Return the paths of the nodes that started or ended at the cursor."""
     return frozenset(move.transition.path for move in cursor.changes().moves)
 
@@ -145,9 +145,9 @@ def _idle(node: TreeNode) -> NodeStatusRecord:
 
 
 def _mark(node: NodeStatusRecord) -> str:
-    return MARKS[node.status][0]
+    return STYLED_STATUS_MARKS[node.status][0]
 
 
-def _said(node: NodeStatusRecord, lead: str) -> str:
+def _status_text(node: NodeStatusRecord, lead: str) -> str:
     said = f"{node.cause}: {node.message}" if node.cause else node.message
     return f"{lead}{said}" if said else ""

@@ -25,7 +25,8 @@ def whatif(
         Path | None, typer.Option(metavar="FILE", help="The mission from there on.", show_default="the same")
     ] = None,
     set_: Annotated[
-        list[str] | None, typer.Option("--set", metavar="NAME=VALUE", help="Other parameter of the mission.")
+        list[str] | None,
+        typer.Option("--set", metavar="RESULTS_FILE=VALUE", help="Other parameter of the mission."),
     ] = None,
     faults: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Faults from there on.", show_default="the same")
@@ -86,7 +87,8 @@ def resim(
         Path | None, typer.Option(metavar="FILE", help="Another mission, for the recorded one.")
     ] = None,
     set_: Annotated[
-        list[str] | None, typer.Option("--set", metavar="NAME=VALUE", help="Other parameter of the mission.")
+        list[str] | None,
+        typer.Option("--set", metavar="RESULTS_FILE=VALUE", help="Other parameter of the mission."),
     ] = None,
     scene: Annotated[str | None, typer.Option(metavar="SCENE", help="Another scene.")] = None,
     faults: Annotated[Path | None, typer.Option(metavar="FILE", help="Other faults.")] = None,
@@ -112,9 +114,9 @@ def resim(
         changed = until or mission or set_ or scene or faults or no_faults or seed is not None
         _job_again(log, out, answer, alone=not changed)
         return
-    from ...batch.results.store import NAME
+    from ...batch.results.store import RESULTS_FILE
 
-    if (Path(log) / NAME).is_file():
+    if (Path(log) / RESULTS_FILE).is_file():
         raise PicktreeError(f"{log} is a batch: name one of its jobs, as {log}@seed=7")
     from ...analysis.resim.changes import RunChanges
     from ...analysis.resim.resim import resimulate

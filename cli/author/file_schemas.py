@@ -11,7 +11,7 @@ from ...authoring.schema.pydantic_schema import model_schema
 from ...authoring.schema.schema_parts import Schema, belonging, by_value
 from ...robots.loading import robot_names
 from ...robots.robot_schema import RobotFile
-from ...simulation.fault_files.fault_schema import MAY, NEEDS, FaultsFile
+from ...simulation.fault_files.fault_schema import ALLOWED_KEYS, REQUIRED_KEYS, FaultsFile
 from ...world.causes import OUR_PREFIXES, Cause, all_causes
 from ...world.scene.loading.scene_loading import scene_names
 from ...world.scene.scene_schema import SceneFile
@@ -36,7 +36,7 @@ def _faults() -> Schema:
     found = model_schema("faults", FaultsFile)
     definitions = schema(found["definitions"])
     rules = {
-        "FaultEntry": by_value("fault", NEEDS, MAY),
+        "FaultEntry": by_value("fault", REQUIRED_KEYS, ALLOWED_KEYS),
         "When": [
             *belonging(("start", "delay", "each"), "node", "at"),
             *belonging(("every",), "at", "node"),

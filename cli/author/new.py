@@ -44,7 +44,7 @@ class StarterFiles:
     commands: tuple[str, ...]
 
 
-STARTS: Final[Mapping[StartKind, StarterFiles]] = {
+STARTERS: Final[Mapping[StartKind, StarterFiles]] = {
     "mission": StarterFiles(
         (
             StarterFile("mission.yaml", "the trees of nodes"),
@@ -91,10 +91,10 @@ def write_start(kind: StartKind, folder: Path) -> tuple[StarterFile, ...]:
     Existing schemas stay as they are. Raises PicktreeError, without writing anything, when another file
     exists already or one cannot be written.
     """
-    for part in STARTS[kind].parts:
+    for part in STARTERS[kind].parts:
         if not part.made and os.path.lexists(folder / part.name):
             raise PicktreeError(f"{folder / part.name} is there already; nothing was written")
-    wanted = tuple(part for part in STARTS[kind].parts if not os.path.lexists(folder / part.name))
+    wanted = tuple(part for part in STARTERS[kind].parts if not os.path.lexists(folder / part.name))
     texts = {folder / part.name: _text(kind, part) for part in wanted}
     undo: list[Callable[[], None]] = []
     try:
@@ -156,7 +156,7 @@ def new(
     for part in written:
         print(f"  {part.name.ljust(widest)}  {part.doc}")
     print("what to type next:")
-    for command in STARTS[kind].commands:
+    for command in STARTERS[kind].commands:
         print(f"  {program()} {_typed(command, folder)}")
 
 

@@ -26,14 +26,16 @@ def render(
 ) -> None:
     """Draw a mission: its trees, ports, conditions, and what recovers from which failure."""
     from ...authoring.drawing.chart_builder import chart_of_file
-    from ...authoring.drawing.formats.file_formats import drawn, suffix_of
-    from ...authoring.drawing.formats.text import WIDTH, text
+    from ...authoring.drawing.formats.file_formats import drawing_text, suffix_of
+    from ...authoring.drawing.formats.text import DEFAULT_COLUMNS, text
 
     suffix = suffix_of(output.name) if output is not None else ".txt"
     charted = chart_of_file(file)
     if output is None:
-        columns = shutil.get_terminal_size((WIDTH, 0)).columns if sys.stdout.isatty() else WIDTH
+        columns = (
+            shutil.get_terminal_size((DEFAULT_COLUMNS, 0)).columns if sys.stdout.isatty() else DEFAULT_COLUMNS
+        )
         show(text(charted, columns=columns, expand=expand), None)
         return
-    show(drawn(charted, suffix, expand=expand), output)
+    show(drawing_text(charted, suffix, expand=expand), output)
     print(output)

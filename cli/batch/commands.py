@@ -26,9 +26,9 @@ def query(
     """Answer a question in SQL. docs/batches.md lists tables and views."""
     if json and csv:
         raise PicktreeError("--json and --csv exclude each other")
-    from ...batch.results.store import NAME, Store
+    from ...batch.results.store import RESULTS_FILE, Store
 
-    with Store(folder / NAME) as store:
+    with Store(folder / RESULTS_FILE) as store:
         table = store.query(sql)
     if json:
         print(table.to_json_text(), end="")
@@ -44,10 +44,10 @@ def summary(
     json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
 ) -> None:
     """Success with intervals, picks an hour, causes, and the worst jobs."""
-    from ...batch.results.store import NAME, Store
+    from ...batch.results.store import RESULTS_FILE, Store
     from ...batch.statistics.summary import summarise
 
-    with Store(folder / NAME) as store:
+    with Store(folder / RESULTS_FILE) as store:
         found = summarise(store)
     print(found.to_json_text() if json else f"{found.to_text()}\n", end="")
 
@@ -79,9 +79,9 @@ def export(
 ) -> None:
     """Write every table as a CSV or Parquet file, for pandas, DuckDB or a spreadsheet."""
     from ...batch.results.batch_export import export as write
-    from ...batch.results.store import NAME, Store
+    from ...batch.results.store import RESULTS_FILE, Store
 
-    with Store(folder / NAME) as store:
+    with Store(folder / RESULTS_FILE) as store:
         written = write(store, to, output)
     print(written.to_json_text() if json else f"{written.to_text()}\n", end="")
 

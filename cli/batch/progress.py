@@ -21,9 +21,9 @@ if TYPE_CHECKING:
     from ...batch.statistics.summary import BatchSummary
     from ...batch.workers.batch import RecordedJob
 
-_PERIOD = 1.0
+_REDRAW_PERIOD = 1.0
 """Interval between redraws of the live table, wall s."""
-_SHOWN = 8
+_MAX_SHOWN_FAILURES = 8
 """Number of recent failures in the live table."""
 
 
@@ -107,17 +107,17 @@ class LiveTable:
     def ended(self, ended: RecordedJob) -> None:
         self._count.end(ended.row)
         if ended.row.status != "success":
-            self._news = [*self._news, _failure(ended)][-_SHOWN:]
+            self._news = [*self._news, _failure(ended)][-_MAX_SHOWN_FAILURES:]
 
     def tried_again(self, job: Job, reason: str) -> None:
-        self._news = [*self._news, _again(job, reason)][-_SHOWN:]
+        self._news = [*self._news, _again(job, reason)][-_MAX_SHOWN_FAILURES:]
 
     def stopping(self, under_way: int) -> None:
         self._stopping = _stopping(under_way)
         self._draw()
 
     def waiting(self) -> None:
-        if time.monotonic() - self._drawn >= _PERIOD:
+        if time.monotonic() - self._drawn >= _REDRAW_PERIOD:
             self._draw()
 
     def _draw(self) -> None:

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from ...batch.workers.executor import Executor
     from ...batch.workers.local_executor import LocalExecutor
 
-_OF_A_MATRIX = (
+_PLAN_OPTIONS = (
     *("seeds", "scene", "faults", "set_", "backend", "verify"),
     *("limit", "wall_limit", "memory", "disk", "keep"),
 )
@@ -121,14 +121,14 @@ def run(
         asked = load_plan(plan)
     else:
         asked = plan_of(_matrix(mission or [], faults or [], set_ or [], options))
-    with _hands(executor, workers, address) as hands:
+    with _executor(executor, workers, address) as hands:
         made = resumed or Batch.create(out or _new_folder(asked), asked)
         _carry_out(made, hands, answer)
 
 
 def _refuse_what_a_plan_says(context: typer.Context, also: Sequence[str]) -> None:
     """Raise PicktreeError for an option that would have no effect."""
-    for name in (*_OF_A_MATRIX, *also):
+    for name in (*_PLAN_OPTIONS, *also):
         source = context.get_parameter_source(name)
         if source is not None and source.name == "COMMANDLINE":
             option = f"--{name.strip('_').replace('_', '-')}"
@@ -136,7 +136,7 @@ def _refuse_what_a_plan_says(context: typer.Context, also: Sequence[str]) -> Non
             raise PicktreeError(f"{option} goes with --mission: {whose}")
 
 
-def _hands(
+def _executor(
     executor: Literal["local", "ray"], workers: int | None, address: str | None
 ) -> LocalExecutor | RayExecutor:
     """Return the executor. A cluster is connected before the batch is created."""

@@ -60,7 +60,7 @@ def plan(
     from ...analysis.render.viewpoint import parse_size, parse_view
     from ...commissioning.plan_trial.target_syntax import quantity
     from ...commissioning.plan_trial.trial import PlanQuery, plan_in_scene
-    from ...planning.requests import BUDGET
+    from ...planning.requests import DEFAULT_CHECK_BUDGET
 
     found = plan_in_scene(
         PlanQuery(
@@ -72,7 +72,7 @@ def plan(
             quantity("--upright", upright, "rad") if upright else None,
             line,
             quantity("--clearance", clearance, "m") if clearance else 0.0,
-            BUDGET if budget is None else budget,
+            DEFAULT_CHECK_BUDGET if budget is None else budget,
             verify,
             picture,
             parse_view(view),

@@ -20,7 +20,7 @@ from ...world.causes import Failure
 from ..terminal.belief_text import belief_line
 from ..terminal.command_prompt import Command, CommandPrompt
 
-MARKS: Mapping[NodeStatus, str] = {
+STATUS_MARKS: Mapping[NodeStatus, str] = {
     NodeStatus.IDLE: "·",
     NodeStatus.RUNNING: "▶",
     NodeStatus.SUCCESS: "✓",
@@ -38,7 +38,7 @@ def place(tree: BehaviourTree, stop: DebuggerStop) -> str:
         return f"{now}, before {stop.path}"
     node = tree.find(stop.path)
     how = "was halted" if node.state is NodeStatus.IDLE else str(node.state)
-    return f"{now}, after {stop.path}: {how}" + (f", {_said(node)}" if _said(node) else "")
+    return f"{now}, after {stop.path}: {how}" + (f", {_status_text(node)}" if _status_text(node) else "")
 
 
 def deepest(tree: BehaviourTree) -> Node:
@@ -55,8 +55,8 @@ def tree_lines(tree: BehaviourTree, top: Node, stop: DebuggerStop) -> Iterator[s
             continue
         margin = "→ " if node.path == stop.path else "  "
         name = node.name if node.name.split("#")[0] == node.wiring.id else f"{node.wiring.id} {node.name}"
-        said = f"  {_said(node)}" if _said(node) else ""
-        yield f"{margin}{'  ' * (node.path.count('/') - indent)}{MARKS[node.state]} {name}{said}"
+        said = f"  {_status_text(node)}" if _status_text(node) else ""
+        yield f"{margin}{'  ' * (node.path.count('/') - indent)}{STATUS_MARKS[node.state]} {name}{said}"
 
 
 def where_lines(tree: BehaviourTree, stop: DebuggerStop) -> Iterator[str]:
@@ -64,8 +64,8 @@ def where_lines(tree: BehaviourTree, stop: DebuggerStop) -> Iterator[str]:
     end = stop.path or deepest(tree).path
     for node in tree.nodes:
         if node.path == end or end.startswith(f"{node.path}/"):
-            said = f": {_said(node)}" if _said(node) else ""
-            yield f"{MARKS[node.state]} {node.path} is {node.state}{said}"
+            said = f": {_status_text(node)}" if _status_text(node) else ""
+            yield f"{STATUS_MARKS[node.state]} {node.path} is {node.state}{said}"
 
 
 def node_lines(node: Node, stop: DebuggerStop, breakpoints: Mapping[int, Breakpoint]) -> Iterator[str]:
@@ -124,7 +124,7 @@ def breakpoint_lines(breakpoints: Mapping[int, Breakpoint]) -> Iterator[str]:
         yield f"{number}: {breakpoint_.when} {breakpoint_.path}"
 
 
-def _said(node: Node) -> str:
+def _status_text(node: Node) -> str:
     failure = node.failure
     return f"{failure.cause}: {failure.message}" if failure is not None else node.feedback_message
 

@@ -110,7 +110,7 @@ def run(
     from ...logs.recording.rotation import Rotation
     from ...session.observer import PresetAnswers
     from ...session.real_time_pace import WallClockPacer
-    from ...session.recipe import LIMIT
+    from ...session.recipe import DEFAULT_TIME_LIMIT
     from ...session.session import RunRequest, Session
     from .operator_prompt import person
 
@@ -143,7 +143,7 @@ def run(
                 backend=backend,
                 verify=verify,
                 watch=watch,
-                limit=LIMIT if seconds is None else seconds,
+                limit=DEFAULT_TIME_LIMIT if seconds is None else seconds,
                 rotation=rotation,
             )
             given = PresetAnswers(answers or (), operator)
@@ -160,13 +160,13 @@ def run(
         raise typer.Exit(1)
 
 
-_SAID_BY_THE_LOG = ("mission", "scene", "robot", "seed", "set_", "faults", "backend", "verify", "watch")
+_RECORDED_OPTIONS = ("mission", "scene", "robot", "seed", "set_", "faults", "backend", "verify", "watch")
 """Parameters that are invalid with --resume, because the log has them."""
 
 
 def refuse_contradictions(context: typer.Context) -> None:
     """Raise PicktreeError for an option that the run's log already determines."""
-    for name in _SAID_BY_THE_LOG:
+    for name in _RECORDED_OPTIONS:
         source = context.get_parameter_source(name)
         if source is not None and source.name == "COMMANDLINE":
             shown = "MISSION" if name == "mission" else f"--{name.rstrip('_')}"

@@ -17,11 +17,11 @@ if TYPE_CHECKING:
     from ...logs.run_result import RunResult
     from ...trees.running.runner import NodeInfo, NodeReport, TickReport
 
-_PERIOD = 0.1
+_REDRAW_PERIOD = 0.1
 """Interval between redraws of the live view, wall s."""
-_NEWS = 30.0
+_MAX_SILENCE = 30.0
 """Interval between lines when there are no other events, simulated s."""
-MARKS = {
+STYLED_STATUS_MARKS = {
     "IDLE": ("·", "dim"),
     "RUNNING": ("▶", "bold cyan"),
     "SUCCESS": ("✓", "green"),
@@ -80,7 +80,7 @@ class LinesDisplay:
         if items_done != self._done:
             self._done = items_done
             self._say(now, f"{items_done} of {items_total} items done")
-        if now - self._said_at >= _NEWS:
+        if now - self._said_at >= _MAX_SILENCE:
             self._say(now, f"at {deepest_running(report.nodes)}")
 
     def finished(self, result: RunResult) -> None: ...
@@ -121,7 +121,7 @@ class LiveDisplay:
 
     def ticked(self, now: float, report: TickReport, items_done: int, items_total: int) -> None:
         wall = time.monotonic()
-        if wall - self._drawn_at < _PERIOD:
+        if wall - self._drawn_at < _REDRAW_PERIOD:
             return
         self._drawn_at = wall
         elapsed = wall - self._began
@@ -221,7 +221,7 @@ def _depths(structure: Sequence[ShownNode]) -> Mapping[str, int]:
 
 
 def _row(info: ShownNode, report: Status, depth: int) -> Text:
-    mark, style = MARKS[report.status]
+    mark, style = STYLED_STATUS_MARKS[report.status]
     row = Text("  " * depth, no_wrap=True)
     row.append(f"{mark} {info.id}", style=style)
     if info.name != info.id:

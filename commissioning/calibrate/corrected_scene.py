@@ -24,15 +24,15 @@ from ...world.shapes import top
 from ...world.values import Pose, Vector3
 from ..plan_trial.target_syntax import quantity
 
-NAME = "calibration_target"
-SIZE = (0.18, 0.16, 0.05)
+TARGET_NAME = "calibration_target"
+TARGET_SIZE = (0.18, 0.16, 0.05)
 """Size of the target that is added to the scene, m."""
-YAW = math.radians(20.0)
+TARGET_YAW = math.radians(20.0)
 """Rotation of the added target about z, rad: edges along a camera's rows of pixels are measured worst."""
-CARELESS = (0.005, math.radians(2.0))
+TARGET_UNCERTAINTY = (0.005, math.radians(2.0))
 """Uncertainty of the added target's pose, m and rad, within which a person may place it. The calibration
 estimates the pose."""
-AHEAD = 0.5
+DEFAULT_TARGET_DISTANCE = 0.5
 """Distance of the target in front of the origin when no area for items gives a better place, m."""
 
 
@@ -42,7 +42,7 @@ class TargetPlacement:
 
     x: float
     y: float
-    yaw: float = YAW
+    yaw: float = TARGET_YAW
 
 
 def parse_place(text: str) -> TargetPlacement:
@@ -55,10 +55,10 @@ def parse_place(text: str) -> TargetPlacement:
     if len(parts) not in (2, 3):
         raise PicktreeError(f"--at {text}: write X,Y or X,Y,YAW, as in --at 0.5,0,20deg")
     x, y, *yaw = (quantity("--at", part.strip(), unit) for part, unit in zip(parts, ("m", "m", "rad")))  # noqa: B905
-    return TargetPlacement(x, y, yaw[0] if yaw else YAW)
+    return TargetPlacement(x, y, yaw[0] if yaw else TARGET_YAW)
 
 
-def staged(name: str, place: TargetPlacement | None) -> SceneDescription:
+def calibration_scene(name: str, place: TargetPlacement | None) -> SceneDescription:
     """Return the scene without its items, with an added target where it has none. The text of the scene is
     complete, for the log. Raises PicktreeError."""
     path = find_file(name, SHIPPED, Path.cwd(), "scene")
@@ -69,7 +69,7 @@ def staged(name: str, place: TargetPlacement | None) -> SceneDescription:
     if scene.deliveries:
         own["feed"] = None
     if not targets(scene.fixtures):
-        own["fixtures"] = {NAME: _target(scene, place or _middle(scene))}
+        own["fixtures"] = {TARGET_NAME: _target(scene, place or _middle(scene))}
     beside = Path.cwd() if path.parent == SHIPPED else path.parent
     return parse_scene(yaml.safe_dump(own, sort_keys=False), beside / f"{path.stem}.yaml")
 
@@ -82,10 +82,10 @@ def _target(scene: SceneDescription, place: TargetPlacement) -> dict[str, object
     table = table_of(scene)
     ground = 0.0 if table is None else top(table.shape, table.pose)
     return {
-        "marker": list(SIZE),
-        "at": [place.x, place.y, ground + SIZE[2] / 2],
+        "marker": list(TARGET_SIZE),
+        "at": [place.x, place.y, ground + TARGET_SIZE[2] / 2],
         "yaw": place.yaw,
-        "uncertainty": {"position": CARELESS[0], "angle": CARELESS[1]},
+        "uncertainty": {"position": TARGET_UNCERTAINTY[0], "angle": TARGET_UNCERTAINTY[1]},
     }
 
 
@@ -94,10 +94,10 @@ def _middle(scene: SceneDescription) -> TargetPlacement:
     for load in scene.loads:
         (x0, y0), (x1, y1) = load.area
         return TargetPlacement((x0 + x1) / 2, (y0 + y1) / 2)
-    return TargetPlacement(AHEAD, 0.0)
+    return TargetPlacement(DEFAULT_TARGET_DISTANCE, 0.0)
 
 
-DIGITS = 7
+DECIMAL_DIGITS = 7
 """Digits after the decimal point: 0.1 µm, 0.1 µrad."""
 
 
@@ -154,15 +154,15 @@ def scene_text(
     if robot is not None:
         lines.append(f"robot: {_named(find_file(robot, ROBOTS, Path.cwd(), 'robot'), ROBOTS, output)}")
     lines += ["", "calibration:", f"  date: {when}", f"  by: {by}"]
-    kept = _others_on_hand(scene, found, shift)
+    kept = _uncalibrated_hand_cameras(scene, found, shift)
     if found.cameras or kept:
         lines.append("  cameras:")
     for camera in found.cameras:
-        lines += [f"    # {_sure(camera)}", f"    {camera.name}: {_placed(camera.pose)}"]
+        lines += [f"    # {_deviation_comment(camera)}", f"    {camera.name}: {_pose_text(camera.pose)}"]
     for camera, pose in kept:
         lines += [
             "    # As calibrated before; seen from the TCP of this time.",
-            f"    {camera}: {_placed(pose)}",
+            f"    {camera}: {_pose_text(pose)}",
         ]
     if tool is not None:
         tcp = scene.tool @ shift
@@ -175,7 +175,7 @@ def scene_text(
     return "\n".join(lines) + "\n"
 
 
-def _others_on_hand(
+def _uncalibrated_hand_cameras(
     scene: SceneDescription, found: CalibrationEstimate, shift: Pose
 ) -> list[tuple[str, Pose]]:
     """Return cameras on the hand that were calibrated before and not now, with their poses. They keep their
@@ -199,16 +199,16 @@ def _named(path: Path, shipped: Path, output: Path) -> str:
     return beside if "/" in beside or beside.endswith((".yaml", ".yml")) else f"./{beside}"
 
 
-def _sure(camera: CameraEstimate) -> str:
+def _deviation_comment(camera: CameraEstimate) -> str:
     position = ", ".join(f"{1000 * s:.3f}" for s in camera.deviation.position)
     angle = ", ".join(f"{math.degrees(s):.4f}" for s in camera.deviation.angle)
     frame = "TCP" if camera.on_hand else "world"
     return f"± {position} mm and ± {angle}° along and about the {frame}'s x, y, z."
 
 
-def _placed(pose: Pose) -> str:
+def _pose_text(pose: Pose) -> str:
     return f"{{at: {_list(pose.position)}, rpy: {_list(rpy_of(pose))}}}"
 
 
 def _list(numbers: Vector3) -> str:
-    return "[" + ", ".join(f"{n:.{DIGITS}f}" for n in numbers) + "]"
+    return "[" + ", ".join(f"{n:.{DECIMAL_DIGITS}f}" for n in numbers) + "]"

@@ -26,9 +26,9 @@ from ...trees.loading.loader import parse_mission
 from ...trees.loading.registry import NodeRegistry
 from ...world.journal import Plain
 from ...world.scene.description import SceneDescription
-from .corrected_scene import TargetPlacement, output_file, staged, write
+from .corrected_scene import TargetPlacement, calibration_scene, output_file, write
 
-SHOWN = 4
+MAX_SHOWN_SKIPS = 4
 """Greatest number of skipped views and touches in the text."""
 
 
@@ -79,9 +79,9 @@ class CalibrationAnswer:
             )
         lines += [f"{name:<12}not calibrated: it does not see the target" for name in self.unseen]
         if self.skipped:
-            more = len(self.skipped) > SHOWN
+            more = len(self.skipped) > MAX_SHOWN_SKIPS
             lines.append(f"passed over {len(self.skipped)}{', among them' if more else ''}")
-            lines += [f"            {reason}" for reason in self.skipped[:SHOWN]]
+            lines += [f"            {reason}" for reason in self.skipped[:MAX_SHOWN_SKIPS]]
         if self.output is None:
             lines.append(f"not calibrated: {self.why_not}")
         else:
@@ -154,7 +154,7 @@ def _tool_json(tool: ToolEstimate) -> Plain:
     }
 
 
-SKIPPED = "calibration_skipped"
+SKIPPED_EVENT = "calibration_skipped"
 
 
 @dataclass(frozen=True, slots=True)
@@ -184,7 +184,7 @@ def calibrate(asked: CalibrationRequest, watcher: SessionWatcher | None = None) 
     or cannot be written. An answer without a file gives the reason.
     """
     output = output_file(asked.scene, asked.output, replace=asked.replace)
-    scene = staged(asked.scene, asked.place)
+    scene = calibration_scene(asked.scene, asked.place)
     target = _target(scene, asked.target)
     cameras = _cameras(scene, asked.cameras)
     if not cameras and not asked.touch:
@@ -207,7 +207,7 @@ def calibrate(asked: CalibrationRequest, watcher: SessionWatcher | None = None) 
         return answer.without(str(error))
     when = datetime.now().strftime("%Y-%m-%d %H:%M")
     write(output, asked.scene, asked.robot, scene, known, when, f"picktree calibrate, {result.folder.name}")
-    return answer.found(known, _off(known, target), output)
+    return answer.found(known, _target_displacement(known, target), output)
 
 
 def mission_text(target: str, cameras: Sequence[str], views: int, *, touch: bool, all_of_them: bool) -> str:
@@ -268,11 +268,11 @@ def _record(result: RunResult) -> _Recorded:
                 shots.append(TargetImage.from_plain(event["data"]))
             elif event["kind"] == TOUCH:
                 touches.append(TargetTouch.from_plain(event["data"]))
-            elif event["kind"] == SKIPPED:
+            elif event["kind"] == SKIPPED_EVENT:
                 skipped.append(event["message"])
     return _Recorded(tuple(shots), tuple(touches), tuple(skipped))
 
 
-def _off(known: CalibrationEstimate, target: CalibrationTarget) -> tuple[float, float]:
+def _target_displacement(known: CalibrationEstimate, target: CalibrationTarget) -> tuple[float, float]:
     """Return distance and rotation of the target from its believed pose, m and rad."""
     return known.target.distance(target.pose), known.target.angle(target.pose)

@@ -19,9 +19,9 @@ from ...world.belief.planning_scene import BeliefObject
 from ...world.scene.description import Bin
 from ...world.values import Array, Pose
 
-OVER_BIN = 0.1
+HEIGHT_OVER_BIN = 0.1
 """Height of the tool above the rim of a bin, m."""
-DOWN = (math.pi, 0.0, 0.0)
+TOOL_DOWN_RPY = (math.pi, 0.0, 0.0)
 """Roll, pitch and yaw of a tool that points down, rad."""
 
 
@@ -94,7 +94,7 @@ def _single(words: str, request: Request) -> ParsedGoal:
 
 def _over(bin_: Bin) -> Pose:
     x, y, z = bin_.pose.position
-    return Pose.from_rpy((x, y, z + bin_.size[2] + OVER_BIN), DOWN)
+    return Pose.from_rpy((x, y, z + bin_.size[2] + HEIGHT_OVER_BIN), TOOL_DOWN_RPY)
 
 
 def _grasp(world: World, belief: BeliefObject, request: Request) -> ParsedGoal:
@@ -130,7 +130,7 @@ def _pose(words: Sequence[str]) -> Pose:
         )
     x, y, z = (quantity("--to", word, "m") for word in words[:3])
     if len(words) == 3:
-        return Pose.from_rpy((x, y, z), DOWN)
+        return Pose.from_rpy((x, y, z), TOOL_DOWN_RPY)
     roll, pitch, yaw = (quantity("--to", word, "rad") for word in words[3:])
     return Pose.from_rpy((x, y, z), (roll, pitch, yaw))
 

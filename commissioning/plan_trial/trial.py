@@ -14,7 +14,14 @@ from ...analysis.render.viewpoint import PictureView
 from ...cell.world import World
 from ...planning.failures.planning_failures import contact_lines
 from ...planning.kinematics.levenberg_marquardt import is_hinge
-from ...planning.requests import BUDGET, Constraint, MotionPlan, NamedGoal, Request, UprightConstraint
+from ...planning.requests import (
+    DEFAULT_CHECK_BUDGET,
+    Constraint,
+    MotionPlan,
+    NamedGoal,
+    Request,
+    UprightConstraint,
+)
 from ...robots.loading import load_robot
 from ...session.assembly import assemble_world
 from ...simulation.backends import build_hardware
@@ -26,7 +33,7 @@ from . import trial_picture
 from .target_syntax import GoalAttempt, ParsedGoal, parse_goal, parse_start
 from .trial_result import PlanAnswer, PlanFigures, PlanRefusal
 
-SIGMA = 1e-4
+EXACT_BELIEF_DEVIATION = 1e-4
 """Standard deviation of exactly believed poses: positions, m, and angles, rad."""
 
 
@@ -58,17 +65,17 @@ def _believed(world: World, body: TrueBody) -> BeliefObject:
         body.shape,
         body.colour,
         body.pose,
-        SIGMA,
-        SIGMA,
+        EXACT_BELIEF_DEVIATION,
+        EXACT_BELIEF_DEVIATION,
         1.0,
         world.clock.now,
     )
 
 
-NODE = "plan"
+TRIAL_NODE = "plan"
 """Node path of the trial: key of the planner's random stream."""
-HOME = "home"
-GRASPS = 12
+HOME_POSE = "home"
+MAX_GRASPS = 12
 """Greatest number of grasps of an object that are tried."""
 T = TypeVar("T")
 
@@ -87,7 +94,7 @@ class PlanQuery:
     """Greatest tilt of a tool that points down, rad; None: any."""
     line: bool = False
     clearance: float = 0.0
-    budget: int = BUDGET
+    budget: int = DEFAULT_CHECK_BUDGET
     verify: bool = False
     picture: Path | None = None
     view: PictureView | None = None
@@ -97,24 +104,24 @@ class PlanQuery:
 def plan_in_scene(asked: PlanQuery) -> PlanAnswer:
     """Plan a motion in a scene. Raises PicktreeError for an unknown scene, robot, goal or start."""
     world = build(asked.scene, asked.robot, asked.seed, verify=asked.verify)
-    q = parse_start(world, asked.begin) if asked.begin else world.robot.named(HOME)
+    q = parse_start(world, asked.begin) if asked.begin else world.robot.named(HOME_POSE)
     constraints: tuple[Constraint, ...] = () if asked.upright is None else (UprightConstraint(asked.upright),)
     request = Request(
-        NamedGoal(HOME), q, constraints=constraints, clearance=asked.clearance, budget=asked.budget
+        NamedGoal(HOME_POSE), q, constraints=constraints, clearance=asked.clearance, budget=asked.budget
     )
     goal = parse_goal(world, asked.to, request, line=asked.line)
-    tried = _tried(world, goal)
+    tried = _first_success(world, goal)
     answer = PlanAnswer(
         asked.scene,
         world.robot.description.name,
         asked.seed,
-        goal.words + _also(asked),
-        asked.begin or HOME,
+        goal.words + _constraint_words(asked),
+        asked.begin or HOME_POSE,
         grasp="" if tried.attempt is None else tried.attempt.name,
         rejected=_counted((*goal.rejected, *tried.rejected)),
     )
     if isinstance(tried.outcome, MotionPlan):
-        answer = replace(answer, found=_found(world, tried.outcome))
+        answer = replace(answer, found=_figures(world, tried.outcome))
         if asked.verify:
             against = [line for one in world.plan.disagreements for line in contact_lines(one.contacts)]
             answer = replace(answer, judged=tuple(against))
@@ -146,28 +153,28 @@ class _Tried:
     rejected: tuple[str, ...]
 
 
-def _tried(world: World, goal: ParsedGoal) -> _Tried:
+def _first_success(world: World, goal: ParsedGoal) -> _Tried:
     """Plan one attempt after the other, until one succeeds."""
     failures: list[tuple[GoalAttempt, Failure]] = []
-    for attempt in goal.attempts[:GRASPS]:
+    for attempt in goal.attempts[:MAX_GRASPS]:
         steps = (
-            world.plan.solve(attempt.legs[0], node=NODE)
+            world.plan.solve(attempt.legs[0], node=TRIAL_NODE)
             if len(attempt.legs) == 1
-            else world.plan.through(attempt.legs, node=NODE)
+            else world.plan.through(attempt.legs, node=TRIAL_NODE)
         )
         try:
-            plan = _returned(steps)
+            plan = _run_to_end(steps)
         except Failure as failure:
             failures.append((attempt, failure))
             continue
-        return _Tried(attempt, plan, _told(failures))
+        return _Tried(attempt, plan, _messages(failures))
     if not failures:
         return _Tried(None, None, ())
     attempt, failure = failures[0]
-    return _Tried(attempt, failure, _told(failures[1:]))
+    return _Tried(attempt, failure, _messages(failures[1:]))
 
 
-def _told(failures: list[tuple[GoalAttempt, Failure]]) -> tuple[str, ...]:
+def _messages(failures: list[tuple[GoalAttempt, Failure]]) -> tuple[str, ...]:
     return tuple(failure.message for _, failure in failures)
 
 
@@ -177,7 +184,7 @@ def _counted(reasons: tuple[str, ...]) -> tuple[str, ...]:
     return tuple(f"{count} × {reason}" for reason, count in Counter(reasons).most_common())
 
 
-def _returned(steps: Generator[None, None, T]) -> T:
+def _run_to_end(steps: Generator[None, None, T]) -> T:
     """Run a generator to its end and return its value; the ticks of its thinking are skipped."""
     while True:
         try:
@@ -186,7 +193,7 @@ def _returned(steps: Generator[None, None, T]) -> T:
             return end.value
 
 
-def _found(world: World, plan: MotionPlan) -> PlanFigures:
+def _figures(world: World, plan: MotionPlan) -> PlanFigures:
     quality = world.plan.quality(plan)
     near, own, joint = quality.nearest, quality.itself, quality.joint
     index = world.robot.description.joints.index(joint.joint)
@@ -212,7 +219,7 @@ def _found(world: World, plan: MotionPlan) -> PlanFigures:
     )
 
 
-def _also(asked: PlanQuery) -> str:
+def _constraint_words(asked: PlanQuery) -> str:
     words = ""
     if asked.line:
         words += ", straight"

@@ -24,14 +24,14 @@ from ...world.causes import Failure
 from ...world.shapes import Sphere
 from ...world.values import Array, Pose
 
-PALE = (0.80, 0.86, 0.93)
+START_COLOUR = (0.80, 0.86, 0.93)
 """Colour of the arm at the start."""
-FAINT = (0.90, 0.91, 0.84)
+HAND_COLOUR = (0.90, 0.91, 0.84)
 """Colour of the hand between start and goal."""
-ALARM = (0.85, 0.15, 0.12)
+COLLISION_COLOUR = (0.85, 0.15, 0.12)
 """Colour of a link in collision."""
-SMALLER = (0.99, 0.99, 0.99)
-ON_THE_WAY = 3
+COPY_SCALE = (0.99, 0.99, 0.99)
+INTERMEDIATE_HANDS = 3
 """Number of hands that are drawn between start and goal."""
 
 
@@ -55,17 +55,17 @@ def draw(
     if isinstance(outcome, MotionPlan):
         q = outcome.trajectory.position
         robots.add("", world.robot.link_poses(q[-1], width))
-        robots.add("start", _elsewhere(world.robot.link_poses(q[0], width), robots.poses), PALE)
-        for k in np.linspace(0, len(q) - 1, ON_THE_WAY + 2).astype(int)[1:-1]:
+        robots.add("start", _undrawn(world.robot.link_poses(q[0], width), robots.poses), START_COLOUR)
+        for k in np.linspace(0, len(q) - 1, INTERMEDIATE_HANDS + 2).astype(int)[1:-1]:
             hand = _hand(world, world.robot.link_poses(q[k], width))
-            robots.add(f"way {k}", hand, FAINT)
+            robots.add(f"way {k}", hand, HAND_COLOUR)
         path = tuple(world.robot.tcp(one).position for one in q[:: max(1, len(q) // 60)])
         caption = Caption(outcome.trajectory.duration, asked, f"by {outcome.planner}")
     elif isinstance(outcome, Failure):
-        at, names = _meant(outcome, start), _named(outcome)
+        at, names = _failure_configuration(outcome, start), _named_bodies(outcome)
         robots.add("", world.robot.link_poses(at, width), alarm=names)
         if not np.array_equal(at, start):
-            robots.add("start", _elsewhere(world.robot.link_poses(start, width), robots.poses), PALE)
+            robots.add("start", _undrawn(world.robot.link_poses(start, width), robots.poses), START_COLOUR)
         marked = tuple(_marked(world, names))
         point = _point(outcome)
         caption = replace(caption, trouble=CaptionFailure(outcome.cause.name, outcome.message))
@@ -101,13 +101,13 @@ class _Robots:
             mesh = self._own.get(link)
             if mesh is None:
                 continue
-            painted = ALARM if link in alarm else colour
+            painted = COLLISION_COLOUR if link in alarm else colour
             glb = mesh.glb
             if painted is not None:
                 other = read_glb(glb).coloured(painted)
                 # Slightly smaller, so that surfaces that coincide do not flicker through each
                 # other.
-                glb = write_glb(other if colour is None else other.placed(Pose(), SMALLER))
+                glb = write_glb(other if colour is None else other.placed(Pose(), COPY_SCALE))
             self.meshes.append(LinkMesh(f"{name}/{link}", glb))
             self.poses[f"{name}/{link}"] = pose
 
@@ -119,7 +119,7 @@ def _hand(world: World, links: dict[str, Pose]) -> dict[str, Pose]:
     return {link: pose for link, pose in links.items() if link in wanted}
 
 
-def _meant(failure: Failure, start: Array) -> Array:
+def _failure_configuration(failure: Failure, start: Array) -> Array:
     """Return the configuration of a failure; the start when it has none."""
     told = failure.evidence.get("configuration")
     if isinstance(told, list) and len(told) == len(start):
@@ -137,12 +137,12 @@ def _point(failure: Failure) -> tuple[BodyRecord, ...]:
     return ()
 
 
-def _elsewhere(links: dict[str, Pose], drawn: dict[str, Pose]) -> dict[str, Pose]:
+def _undrawn(links: dict[str, Pose], drawn: dict[str, Pose]) -> dict[str, Pose]:
     """Return the links that are not drawn at the same pose already."""
     return {link: pose for link, pose in links.items() if drawn.get(f"/{link}") != pose}
 
 
-def _named(failure: Failure) -> frozenset[str]:
+def _named_bodies(failure: Failure) -> frozenset[str]:
     """Return the names of all bodies in contact or in the way."""
     names: set[str] = set()
     for key in ("pairs", "in_the_way", "enclosed_by"):

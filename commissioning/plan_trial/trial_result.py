@@ -9,9 +9,9 @@ from math import degrees
 
 from ...world.causes import Evidence
 
-MILLIMETRES = frozenset({"depth", "by", "short", "at", "point", "first"})
+MILLIMETRE_KEYS = frozenset({"depth", "by", "short", "at", "point", "first"})
 """Keys of evidence in m that the text gives in mm."""
-DEGREES = frozenset({"turned", "gets"})
+DEGREE_KEYS = frozenset({"turned", "gets"})
 """Keys of evidence in rad that the text gives in deg."""
 
 
@@ -146,13 +146,13 @@ def _rows(evidence: Evidence) -> Iterator[tuple[str, str]]:
                     yield (name if k == 0 else "", str(one))
             elif value:
                 numbers = [float(one) for one in value]
-                if key in MILLIMETRES:
+                if key in MILLIMETRE_KEYS:
                     yield name, ", ".join(f"{one * 1000:.1f}" for one in numbers) + " mm"
                 else:
                     yield name, ", ".join(f"{one:.3f}" for one in numbers)
-        elif key in MILLIMETRES and isinstance(value, float):
+        elif key in MILLIMETRE_KEYS and isinstance(value, float):
             yield name, f"{value * 1000:.1f} mm"
-        elif key in DEGREES and isinstance(value, float):
+        elif key in DEGREE_KEYS and isinstance(value, float):
             yield name, f"{degrees(value):.1f} deg"
         elif isinstance(value, float):
             yield name, f"{value:.4g}"

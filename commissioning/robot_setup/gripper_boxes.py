@@ -10,7 +10,7 @@ from scipy.spatial import ConvexHull
 from ...world.shapes import Box
 from ...world.values import Array, Pose
 
-SLABS = 3
+HAND_BOX_COUNT = 3
 """Number of boxes along the hand, which mostly tapers."""
 
 
@@ -27,7 +27,7 @@ def hand_boxes(
     if points is not None and len(points) >= 4:
         bottom = float(points[:, 2].min())
         edges = _hull_edges(points)
-        count = SLABS if top - bottom > 0.03 else 1
+        count = HAND_BOX_COUNT if top - bottom > 0.03 else 1
         bounds = np.linspace(top, bottom, count + 1)
         for high, low in pairwise(bounds.tolist()):
             inside = _between(edges, low, high)

@@ -15,25 +15,25 @@ from .gripper_boxes import finger_box, hand_boxes
 from .joint_groups import HandGroup
 from .link_points import LinkGeometry
 
-STEPS = 9
+MEASURED_OPENINGS = 9
 """Number of openings at which the fingers are measured."""
-FACING = np.cos(np.radians(20.0))
+MIN_FACING_COSINE = np.cos(np.radians(20.0))
 """Least cosine between a pad face's normal and the direction to the other finger."""
-FLAT = 0.5e-3
+MAX_LEVEL_DEVIATION = 0.5e-3
 """Greatest distance of a level face's corners from its middle plane, m."""
-ENOUGH = 0.15
+MIN_PAD_AREA_SHARE = 0.15
 """Least area of the pad's level, as a share of all area that faces the other finger."""
-FROM_TIP = 0.010
+MAX_TCP_TIP_DISTANCE = 0.010
 """Greatest distance of the TCP from the finger tips where they reach furthest, m."""
-BEHIND = 0.006
+TCP_TIP_CLEARANCE = 0.006
 """Distance of the TCP behind the tips where they reach least, m."""
-THICKEST, THINNEST = 0.020, 0.004
+MAX_PAD_THICKNESS, MIN_PAD_THICKNESS = 0.020, 0.004
 """Greatest and least thickness of a pad's box behind its face, m."""
-NARROWEST = 0.010
+MIN_OPENING = 0.010
 """Least opening of a gripper, m."""
-STRONGEST, FASTEST = 60.0, 0.15
+MAX_GRIP_FORCE, MAX_FINGER_SPEED = 60.0, 0.15
 """Greatest plausible grip force, N, and finger speed, m/s; higher values of the URDF are replaced."""
-SNAP = np.cos(np.radians(8.0))
+MIN_SNAP_COSINE = np.cos(np.radians(8.0))
 """Least cosine to an axis of the hand's frame from which a direction is set to that axis."""
 
 
@@ -98,12 +98,12 @@ class GripperMeter:
         near, far = self._levels(closed, axes)
         if near.y - far.y < -0.5 * abs(self._levels(opened, axes)[0].y):
             closed = self._touching(opened, closed, axes)
-        positions = np.linspace(closed, opened, STEPS).tolist()
+        positions = np.linspace(closed, opened, MEASURED_OPENINGS).tolist()
         widths = [max(near.y - far.y, 0.0) for near, far in (self._levels(p, axes) for p in positions)]
-        if widths[-1] - widths[0] < NARROWEST:
+        if widths[-1] - widths[0] < MIN_OPENING:
             self._motion.refuse(
                 f"fingers that open {1000 * (widths[-1] - widths[0]):.1f} mm while {self.drive!r} moves",
-                f"two fingers that open {1000 * NARROWEST:.0f} mm at least",
+                f"two fingers that open {1000 * MIN_OPENING:.0f} mm at least",
             )
         tips = [max(float(self._motion.finger(n, p, axes)[:, 2].max()) for n in range(2)) for p in positions]
         near, far = self._levels(opened, axes)
@@ -146,21 +146,21 @@ class GripperMeter:
         corners = points[triangles]
         normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         areas = np.linalg.norm(normals, axis=1) / 2
-        inner = (-side * normals[:, 1] > 2 * areas * FACING) & (areas > 0)
+        inner = (-side * normals[:, 1] > 2 * areas * MIN_FACING_COSINE) & (areas > 0)
         # Only the outer half of the finger grips.
         top = float(points[:, 2].max())
         inner &= corners[:, :, 2].mean(axis=1) > top - 0.6 * float(np.ptp(points[:, 2]))
         depth = side * corners[:, :, 1].mean(axis=1)
         if not inner.any():
             y = float((side * points[:, 1]).min())
-            near = points[side * points[:, 1] < y + FLAT]
+            near = points[side * points[:, 1] < y + MAX_LEVEL_DEVIATION]
             return _Level(side * y, near.min(axis=0), near.max(axis=0))
         whole = float(areas[inner].sum())
         each = side * corners[:, :, 1]
-        levels: set[int] = {round(float(d) / FLAT) for d in depth[inner]}
-        for start in (FLAT * level for level in sorted(levels)):
-            chosen = inner & (np.abs(each - start) <= FLAT).all(axis=1)
-            if float(areas[chosen].sum()) >= ENOUGH * whole:
+        levels: set[int] = {round(float(d) / MAX_LEVEL_DEVIATION) for d in depth[inner]}
+        for start in (MAX_LEVEL_DEVIATION * level for level in sorted(levels)):
+            chosen = inner & (np.abs(each - start) <= MAX_LEVEL_DEVIATION).all(axis=1)
+            if float(areas[chosen].sum()) >= MIN_PAD_AREA_SHARE * whole:
                 face = corners[chosen].reshape(-1, 3)
                 return _Level(side * start, face.min(axis=0), face.max(axis=0))
         face = corners[inner].reshape(-1, 3)
@@ -189,7 +189,7 @@ class GripperMeter:
         )
         # Fingers on linkages retract their tips as they open: the TCP stays behind the tips even
         # then.
-        back = max(FROM_TIP, spread + BEHIND)
+        back = max(MAX_TCP_TIP_DISTANCE, spread + TCP_TIP_CLEARANCE)
         z = furthest - min(back, max((furthest - low) / 2, 0.002))
         x = (float(near.low[0] + near.high[0]) + float(far.low[0] + far.high[0])) / 4
         y = (near.y + far.y) / 2
@@ -221,7 +221,7 @@ class GripperMeter:
         per_move = abs(widths[-1] - widths[0]) / abs(opened - closed) / 2
         force, told = self._force(per_move)
         joint = self._skeleton.joints[self.drive]
-        speed = min((joint.velocity or 0.1) * per_move, FASTEST)
+        speed = min((joint.velocity or 0.1) * per_move, MAX_FINGER_SPEED)
         static = [self._motion.static(link) @ axes - shift for link in self._behind if link in self._solids]
         palm_top = max((float(points[:, 2].max()) for points in static), default=-0.03)
         others = [
@@ -272,8 +272,11 @@ class GripperMeter:
         force = effort / per_move if per_move > 0 else effort
         if self._skeleton.joints[self.drive].type == "prismatic":
             force = effort
-        if force > STRONGEST:
-            return STRONGEST, f"The URDF's effort would be {force:.0f} N: not believed, see the data sheet"
+        if force > MAX_GRIP_FORCE:
+            return (
+                MAX_GRIP_FORCE,
+                f"The URDF's effort would be {force:.0f} N: not believed, see the data sheet",
+            )
         return force, "From the URDF's effort"
 
     def _pad(self, n: int, axes: Array, opened: float, side: float) -> tuple[Box, Pose]:
@@ -281,12 +284,12 @@ class GripperMeter:
         level = self._level(n, opened, axes, side)
         points = self._motion.finger(n, opened, axes)
         beside = points[
-            (points[:, 2] >= level.low[2] - FLAT)
-            & (points[:, 0] >= level.low[0] - FLAT)
-            & (points[:, 0] <= level.high[0] + FLAT)
+            (points[:, 2] >= level.low[2] - MAX_LEVEL_DEVIATION)
+            & (points[:, 0] >= level.low[0] - MAX_LEVEL_DEVIATION)
+            & (points[:, 0] <= level.high[0] + MAX_LEVEL_DEVIATION)
         ]
-        behind = float((side * beside[:, 1]).max()) - side * level.y if len(beside) else THINNEST
-        depth = min(max(behind, THINNEST), THICKEST)
+        behind = float((side * beside[:, 1]).max()) - side * level.y if len(beside) else MIN_PAD_THICKNESS
+        depth = min(max(behind, MIN_PAD_THICKNESS), MAX_PAD_THICKNESS)
         # The pad extends to the tip: a rounded edge there can press, too.
         top = (
             float(points[:, 2].max())
@@ -309,7 +312,7 @@ def _unit(vector: Array) -> Array:
 def _snapped(direction: Array) -> Array:
     """Return the nearest axis of the frame when the direction is close to it, else the direction."""
     k = int(np.abs(direction).argmax())
-    if abs(float(direction[k])) < SNAP:
+    if abs(float(direction[k])) < MIN_SNAP_COSINE:
         return direction
     axis = np.zeros(3)
     axis[k] = np.sign(direction[k])

@@ -15,15 +15,15 @@ from ...robots.urdf_tree import MOVING, UrdfTree
 from ...world.values import Array, Pose, Vector3
 from .link_points import LinkGeometry
 
-DENSITY = 1000.0
+DEFAULT_DENSITY = 1000.0
 """Density assumed for a link without a given mass, kg/m³."""
-LIGHTEST, HEAVIEST = 50.0, 20_000.0
+MIN_DENSITY, MAX_DENSITY = 50.0, 20_000.0
 """Least and greatest plausible density, kg/m³: foam, and denser than any machine."""
-SLENDER = 0.99
+MAX_MOMENT_SHARE = 0.99
 """Largest principal moment of a corrected link, as a share of the sum of the two others."""
-WIDEST = 2.0
+MAX_GYRATION_RADIUS = 2.0
 """Radius of gyration above which an inertia is implausible, in half diagonals of the link."""
-AT_LEAST = 1e-9
+MIN_MOMENT = 1e-9
 """Least principal moment, kg·m²."""
 
 Kind = Literal["missing", "zero", "impossible", "implausible"]
@@ -70,7 +70,7 @@ def _finding(
         kind: Kind = "missing" if given is None else "zero"
         what = "has no <inertial>" if given is None else f"weighs {given[0]:g} kg"
         instead = _from_solid(solid)
-        by = f"of its hull at {DENSITY:g} kg/m³" if solid is not None else "of a ball of 10 g"
+        by = f"of its hull at {DEFAULT_DENSITY:g} kg/m³" if solid is not None else "of a ball of 10 g"
         return InertiaFinding(
             name, kind, f"{what}, but a joint moves it: it gets {instead.mass:.3g} kg, {by}", instead
         )
@@ -83,28 +83,28 @@ def _finding(
             if low <= 0.0
             else f"the largest principal moment, {high:.3g} kg·m², is greater than the sum of the others"
         )
-        put = np.maximum(moments, AT_LEAST)
-        if low <= 0.0 and put[1] <= AT_LEAST and solid is not None:
+        put = np.maximum(moments, MIN_MOMENT)
+        if low <= 0.0 and put[1] <= MIN_MOMENT and solid is not None:
             return InertiaFinding(
                 name, "impossible", f"{why}: it gets that of its hull", _scaled(solid, mass)
             )
         put[0] = max(put[0], 1e-3 * float(put[2]))
         put[1] = max(put[1], put[0])
-        put[2] = min(float(put[2]), SLENDER * float(put[0] + put[1]))
+        put[2] = min(float(put[2]), MAX_MOMENT_SHARE * float(put[0] + put[1]))
         put[2] = max(put[2], put[1])
         if put[2] > put[0] + put[1]:
-            put[0] = put[2] - SLENDER * put[1]
+            put[0] = put[2] - MAX_MOMENT_SHARE * put[1]
         whole = axes @ np.diag(put) @ axes.T
         return InertiaFinding(name, "impossible", f"{why}: it is taken back", _inertia(mass, com, whole))
     if solid is None:
         return None
     volume = solid.volume()
     half = float(np.linalg.norm(np.ptp(solid.points, axis=0))) / 2
-    if volume > 0.0 and not LIGHTEST <= mass / volume <= HEAVIEST:
+    if volume > 0.0 and not MIN_DENSITY <= mass / volume <= MAX_DENSITY:
         told = f"{mass:g} kg in a hull of {volume * 1e6:.3g} cm³ is a density of {mass / volume:.3g} kg/m³"
         return InertiaFinding(name, "implausible", told, None)
     radius = math.sqrt(high / mass)
-    if half > 0.0 and radius > WIDEST * half:
+    if half > 0.0 and radius > MAX_GYRATION_RADIUS * half:
         told = (
             f"an inertia of {high:.3g} kg·m² at {mass:g} kg is that of something {2 * radius:.2g} m wide; "
             f"the link is {2 * half:.2g} m"
@@ -148,7 +148,7 @@ def read_inertia(link: ElementTree.Element) -> LinkInertia | None:
 def _from_solid(solid: LinkGeometry | None) -> LinkInertia:
     if solid is None:
         return LinkInertia(0.01, (0.0, 0.0, 0.0), (1e-6, 1e-6, 1e-6), (0.0, 0.0, 0.0))
-    return _scaled(solid, max(DENSITY * solid.volume(), 0.001))
+    return _scaled(solid, max(DEFAULT_DENSITY * solid.volume(), 0.001))
 
 
 def _scaled(solid: LinkGeometry, mass: float) -> LinkInertia:
@@ -156,7 +156,7 @@ def _scaled(solid: LinkGeometry, mass: float) -> LinkInertia:
     low, high = solid.points.min(axis=0), solid.points.max(axis=0)
     x, y, z = (float(s) for s in high - low)
     cx, cy, cz = (float(c) for c in (low + high) / 2)
-    moments = tuple(max(mass * s / 12, AT_LEAST) for s in (y * y + z * z, x * x + z * z, x * x + y * y))
+    moments = tuple(max(mass * s / 12, MIN_MOMENT) for s in (y * y + z * z, x * x + z * z, x * x + y * y))
     return LinkInertia(mass, (cx, cy, cz), (moments[0], moments[1], moments[2]), (0.0, 0.0, 0.0))
 
 

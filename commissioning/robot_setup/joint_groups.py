@@ -10,10 +10,10 @@ from ...files.value_wording import suggest_name
 from ...robots.urdf_tree import MOVING, UrdfJoint, UrdfTree
 from .urdf_source import UnsuitableUrdf
 
-FEWEST = 5
+MIN_ARM_JOINTS = 5
 """Least number of joints of an arm that puts its tool upright at any place and turns it: three, one and
 one."""
-LIMB = 3
+MIN_LIMB_JOINTS = 3
 """Least number of joints of a chain that is reported as a limb."""
 _JAW = re.compile(r"jaw|gripper|finger|claw", re.IGNORECASE)
 
@@ -198,9 +198,9 @@ def _arm_to(
     if tip is not None:
         joints = _moving_to(skeleton, tip, base)
         palm = next((h.palm for h in hands if _carries(skeleton, tip, h.palm)), tip)
-        return _made(source, skeleton, joints, base, palm)
+        return _arm_group(source, skeleton, joints, base, palm)
     fitting = [(h, _moving_to(skeleton, h.palm, base)) for h in hands]
-    long = [(h, joints) for h, joints in fitting if len(joints) >= LIMB]
+    long = [(h, joints) for h, joints in fitting if len(joints) >= MIN_LIMB_JOINTS]
     if len(long) > 1:
         listed = "; ".join(f"{len(joints)} joints to {h.palm}" for h, joints in long)
         raise UnsuitableUrdf(
@@ -218,9 +218,9 @@ def _arm_to(
                 "an arm that carries it",
                 f"take the arm's URDF, and this one by --gripper {source}:{hand.palm}",
             )
-        return _made(source, skeleton, joints, base, hand.palm)
+        return _arm_group(source, skeleton, joints, base, hand.palm)
     hand, joints = long[0]
-    return _made(source, skeleton, joints, base, hand.palm)
+    return _arm_group(source, skeleton, joints, base, hand.palm)
 
 
 def _only_chain(source: str, skeleton: UrdfTree, base: str | None) -> ArmGroup:
@@ -235,31 +235,33 @@ def _only_chain(source: str, skeleton: UrdfTree, base: str | None) -> ArmGroup:
         raise UnsuitableUrdf(
             source, f"{len(skeleton.links)} links and no joint that moves", "an arm", "another URDF"
         )
-    if len(longest) < LIMB and len([chain for chain in listed if chain]) > 1:
+    if len(longest) < MIN_LIMB_JOINTS and len([chain for chain in listed if chain]) > 1:
         raise UnsuitableUrdf(
             source,
             f"chains of {_joints(len(longest))} at most: {_listed(tuple(c[0] for c in listed if c))}",
             "an arm; this may be a gripper alone, a vehicle or a toy",
             f"if it is a gripper: take the URDF of an arm, and this one by --gripper {source}:LINK",
         )
-    limbs = [chain for chain in listed if len(chain) >= max(LIMB, len(longest) - 1)]
+    limbs = [chain for chain in listed if len(chain) >= max(MIN_LIMB_JOINTS, len(longest) - 1)]
     apart = [chain for chain in limbs if not set(chain[: len(chain) - 1]) <= set(longest)]
     if apart:
         ends = [skeleton.joints[chain[-1]].child for chain in limbs]
         told = ", ".join(f"{len(chain)} joints to {end}" for chain, end in zip(limbs, ends, strict=True))
-        what = "legs, or arms without grippers" if len(longest) < FEWEST else "arms or legs"
+        what = "legs, or arms without grippers" if len(longest) < MIN_ARM_JOINTS else "arms or legs"
         raise UnsuitableUrdf(
             source,
             f"{len(limbs)} limbs of about the same length ({what}): {told}",
             "one arm with a gripper",
             "--base LINK --tip LINK choose one of them, --gripper URDF:LINK --mount LINK gives it a gripper"
-            if len(longest) >= FEWEST
+            if len(longest) >= MIN_ARM_JOINTS
             else "another URDF: an arm for grasping has six or seven joints",
         )
-    return _made(source, skeleton, longest, base, skeleton.joints[longest[-1]].child)
+    return _arm_group(source, skeleton, longest, base, skeleton.joints[longest[-1]].child)
 
 
-def _made(source: str, skeleton: UrdfTree, joints: tuple[str, ...], base: str | None, tip: str) -> ArmGroup:
+def _arm_group(
+    source: str, skeleton: UrdfTree, joints: tuple[str, ...], base: str | None, tip: str
+) -> ArmGroup:
     if not joints:
         raise UnsuitableUrdf(
             source,
@@ -284,7 +286,7 @@ def _refuse_floating(source: str, skeleton: UrdfTree) -> None:
 def _refuse_unfit(source: str, skeleton: UrdfTree, arm: ArmGroup, *, jaw_allowed: bool) -> None:
     sliding = [name for name in arm.joints if skeleton.joints[name].type == "prismatic"]
     turning = [name for name in arm.joints if name not in sliding]
-    if sliding and len(turning) >= FEWEST:
+    if sliding and len(turning) >= MIN_ARM_JOINTS:
         behind = skeleton.joints[sliding[-1]].child
         raise UnsuitableUrdf(
             source,
@@ -292,12 +294,13 @@ def _refuse_unfit(source: str, skeleton: UrdfTree, arm: ArmGroup, *, jaw_allowed
             "an arm whose joints all turn",
             f"--base {behind} leaves what is before it where it is",
         )
-    if len(turning) < FEWEST:
+    if len(turning) < MIN_ARM_JOINTS:
         slid = f" and {len(sliding)} that slide" if sliding else ""
         raise UnsuitableUrdf(
             source,
             f"a chain of {_joints(len(turning))} that turn{slid}: {_listed(arm.joints)}",
-            f"an arm that puts its tool anywhere, upright and turned: {FEWEST} joints at least, better 6",
+            f"an arm that puts its tool anywhere, upright and turned: {MIN_ARM_JOINTS} joints at least, "
+            "better 6",
             "another URDF; a SCARA or a pendulum cannot be planned for",
         )
     last = skeleton.joints[arm.joints[-1]]

@@ -11,24 +11,24 @@ from ...robots.model import RobotModel
 from ...robots.urdf_tree import UrdfJoint, UrdfTree
 from ...world.values import Array
 
-RESERVE = math.radians(2.0)
+LIMIT_RESERVE = math.radians(2.0)
 """Distance kept from a joint's limits where the URDF has no soft limits, rad; never more than
 RESERVE_SHARE."""
 RESERVE_SHARE = 0.01
 """Greatest distance kept from a joint's limits, as a share of its range."""
-ENDLESS = 2 * math.pi
+CONTINUOUS_RANGE = 2 * math.pi
 """Range to either side of a joint without limits, rad: cables do not turn without end."""
-FASTEST = math.pi
+MAX_VELOCITY = math.pi
 """Greatest plausible velocity, rad/s; a higher one of the URDF is replaced."""
-USUAL_VELOCITY = 1.0
+DEFAULT_VELOCITY = 1.0
 """Velocity of a joint for which the URDF gives none, rad/s."""
-SHARE = 0.5
+ACCELERATION_TORQUE_SHARE = 0.5
 """Share of the torque left by gravity with which an acceleration is estimated."""
 SOONEST = 0.3
 """Least time in which a joint reaches its velocity, s: it bounds the estimated acceleration."""
-SLOWEST = 0.5
+MIN_ACCELERATION = 0.5
 """Least acceleration that is proposed for a joint, rad/s²."""
-SAMPLES = 300
+CONFIGURATION_COUNT = 300
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,27 +55,29 @@ def _proposed(name: str, joint: UrdfJoint) -> ProposedLimits:
         lower, upper = joint.soft_lower, joint.soft_upper
         told.append("soft limits of the URDF")
     elif joint.type == "continuous" or joint.lower is None or joint.upper is None:
-        lower, upper = -ENDLESS, ENDLESS
+        lower, upper = -CONTINUOUS_RANGE, CONTINUOUS_RANGE
         told.append("turns without end: one turn to either side, for the cables")
     else:
-        reserve = min(RESERVE, RESERVE_SHARE * (joint.upper - joint.lower))
+        reserve = min(LIMIT_RESERVE, RESERVE_SHARE * (joint.upper - joint.lower))
         lower, upper = joint.lower + reserve, joint.upper - reserve
         told.append(f"the URDF's limits less {math.degrees(reserve):.1f} deg")
-    if lower < -ENDLESS or upper > ENDLESS:
-        lower, upper = max(lower, -ENDLESS), min(upper, ENDLESS)
+    if lower < -CONTINUOUS_RANGE or upper > CONTINUOUS_RANGE:
+        lower, upper = max(lower, -CONTINUOUS_RANGE), min(upper, CONTINUOUS_RANGE)
         told.append("at most one turn to either side")
     velocity = joint.velocity or 0.0
     if velocity <= 0.0:
-        velocity = USUAL_VELOCITY
+        velocity = DEFAULT_VELOCITY
         told.append("no velocity in the URDF: slow")
-    elif velocity > FASTEST:
+    elif velocity > MAX_VELOCITY:
         told.append(f"the URDF's {velocity:g} rad/s are not believed")
-        velocity = FASTEST
+        velocity = MAX_VELOCITY
     torque = joint.effort or 0.0
     if torque <= 0.0:
         told.append("no torque in the URDF: three times what gravity needs")
         torque = 0.0
-    return ProposedLimits(name, round(lower, 5), round(upper, 5), velocity, SLOWEST, torque, "; ".join(told))
+    return ProposedLimits(
+        name, round(lower, 5), round(upper, 5), velocity, MIN_ACCELERATION, torque, "; ".join(told)
+    )
 
 
 def estimate(
@@ -90,7 +92,7 @@ def estimate(
     generator = np.random.default_rng([seed, 3])
     gravity: Array = np.zeros(model.n)
     inertia: Array = np.full(model.n, 1e-6)
-    for _ in range(SAMPLES):
+    for _ in range(CONFIGURATION_COUNT):
         q = generator.uniform(model.lower, model.upper)
         gravity = np.maximum(gravity, np.abs(model.gravity(q)))
         inertia = np.maximum(inertia, np.diag(model.mass_matrix(q)))
@@ -100,7 +102,9 @@ def estimate(
         comment = limit.comment
         if torque <= weight:
             comment += f"; gravity alone needs {weight:.1f} Nm"
-        acceleration = min(SHARE * max(torque - weight, 0.0) / seen, limit.velocity / SOONEST)
-        acceleration = float(f"{max(acceleration, SLOWEST):.2g}")
+        acceleration = min(
+            ACCELERATION_TORQUE_SHARE * max(torque - weight, 0.0) / seen, limit.velocity / SOONEST
+        )
+        acceleration = float(f"{max(acceleration, MIN_ACCELERATION):.2g}")
         found.append(replace(limit, torque=torque, acceleration=acceleration, comment=comment))
     return tuple(found)

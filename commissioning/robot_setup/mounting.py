@@ -14,11 +14,11 @@ from .joint_groups import ArmGroup, find_hand
 from .link_points import LinkGeometry
 from .urdf_source import UnsuitableUrdf, UrdfSource
 
-JOINT = "mount"
+MOUNT_JOINT = "mount"
 """Name of the joint that holds the gripper."""
-PREFIX = "gripper_"
+GRIPPER_PREFIX = "gripper_"
 """Prefix of the gripper's names when the arm has the same ones."""
-FLANGES = ("tool0", "flange", "ee_link", "tool", "tcp", "hand", "ee")
+FLANGE_NAMES = ("tool0", "flange", "ee_link", "tool", "tcp", "hand", "ee")
 """Usual names of flange links, the best first."""
 
 
@@ -46,15 +46,15 @@ def find_mounting(
     taken = {*skeleton.links, *skeleton.joints}
     below = gripper.skeleton.below(first)
     names = {*below, *(n for n, j in gripper.skeleton.joints.items() if j.parent in below)}
-    prefix = PREFIX if names & taken else ""
-    joint = JOINT if JOINT not in taken else f"{PREFIX}{JOINT}"
+    prefix = GRIPPER_PREFIX if names & taken else ""
+    joint = MOUNT_JOINT if MOUNT_JOINT not in taken else f"{GRIPPER_PREFIX}{MOUNT_JOINT}"
     return GripperMount(gripper.urdf, first, carrier, _face(skeleton, arm, solids, carrier), joint, prefix)
 
 
 def _flange(skeleton: UrdfTree, arm: ArmGroup) -> str:
     """Return the link with a flange's name that is fixed to the last link; else the last link."""
     fixed = [link for link in skeleton.below(arm.tip) if not _moves(skeleton, arm.tip, link)]
-    for name in FLANGES:
+    for name in FLANGE_NAMES:
         for link in fixed:
             if link.lower().endswith(name):
                 return link

@@ -11,17 +11,17 @@ from ...planning.kinematics.inverse_kinematics import InverseKinematics
 from ...robots.model import RobotModel
 from ...world.values import Array, Pose
 
-YAWS = 8
+FINGER_DIRECTIONS = 8
 """Number of finger directions that are tried."""
-NEAR = (0.36, 0.42, 0.48, 0.3)
+HOME_DISTANCES = (0.36, 0.42, 0.48, 0.3)
 """Horizontal distances of the tool from the base that are tried for `home`, as shares of the reach."""
-HIGH = (0.5, 0.42, 0.58, 0.35, 0.65)
+HOME_HEIGHTS = (0.5, 0.42, 0.58, 0.35, 0.65)
 """Heights of the tool over the base that are tried for `home`, as shares of the reach."""
-FOLDED_NEAR = (0.3, 0.36, 0.42)
-FOLDED_HIGH = (0.55, 0.65, 0.45, 0.75)
-SEEDS = 4
+REST_DISTANCES = (0.3, 0.36, 0.42)
+REST_HEIGHTS = (0.55, 0.65, 0.45, 0.75)
+IK_SEED_COUNT = 4
 """Number of random configurations from which inverse kinematics starts."""
-TURN = np.pi / 2
+OBSERVE_ROTATION = np.pi / 2
 """Rotation of the first joint that moves the arm out of a camera's view of the table, rad."""
 
 
@@ -59,13 +59,13 @@ def propose_poses(model: RobotModel, free: Callable[[Array], bool], seed: int = 
     """
     most = reach(model, seed=seed)
     search = _Search(model, free, seed)
-    home = search.best(most, NEAR, HIGH)
+    home = search.best(most, HOME_DISTANCES, HOME_HEIGHTS)
     comment = "Tool down in front of the base."
     if home is None:
         home = search.anywhere()
         comment = "No pose with the tool down was found that is free: this one is free and away from limits."
     aside = _turned(model, free, home)
-    rest = search.best(most, FOLDED_NEAR, FOLDED_HIGH, folded=True)
+    rest = search.best(most, REST_DISTANCES, REST_HEIGHTS, folded=True)
     return (
         NamedPose("home", _rounded(home), comment),
         NamedPose(
@@ -90,7 +90,7 @@ def _rounded(q: Array) -> tuple[float, ...]:
 
 
 def _turned(model: RobotModel, free: Callable[[Array], bool], home: Array) -> Array | None:
-    for turn in (TURN, -TURN):
+    for turn in (OBSERVE_ROTATION, -OBSERVE_ROTATION):
         aside = home.copy()
         aside[0] += turn
         if model.planned_lower[0] <= aside[0] <= model.planned_upper[0] and free(aside):
@@ -113,9 +113,9 @@ class _Search:
         found: list[_Posture] = []
         for share in near:
             for height in high:
-                for k in range(YAWS):
+                for k in range(FINGER_DIRECTIONS):
                     tool = Pose.from_rpy(
-                        (share * most, 0.0, height * most), (np.pi, 0.0, 2 * np.pi * k / YAWS)
+                        (share * most, 0.0, height * most), (np.pi, 0.0, 2 * np.pi * k / FINGER_DIRECTIONS)
                     )
                     tool = self._model.description.base_in_world @ tool
                     found += [
@@ -138,7 +138,7 @@ class _Search:
     def _solutions(self, tool: Pose) -> list[Array]:
         middle = np.clip(np.zeros(self._model.n), self._model.planned_lower, self._model.planned_upper)
         seeds = [middle]
-        for k in range(SEEDS):
+        for k in range(IK_SEED_COUNT):
             seed = self._generator.uniform(self._model.planned_lower, self._model.planned_upper)
             if k % 2 == 0:
                 # From a seed whose twisting joints are straight, the arm stays in its plane.

@@ -29,10 +29,10 @@ from .link_points import LinkGeometry, read_solids, refuse_missing_meshes
 from .mounting import find_mounting
 from .named_poses import NamedPose, propose_poses
 from .robot_file_writer import robot_file_text
-from .self_collision import SAMPLES, SamplingTask, SelfCollisionReport, sample
+from .self_collision import SAMPLE_COUNT, SamplingTask, SelfCollisionReport, sample
 from .urdf_source import UnsuitableUrdf, UrdfSource, find_source
 
-ROTOR = 0.003
+MIN_LINKAGE_MOMENT = 0.003
 """Least moment of a linkage's links, kg·m²: the motor's rotor adds it through its gear."""
 
 
@@ -50,7 +50,7 @@ class ProposalRequest:
     """Link of the arm that carries the gripper; None: the flange."""
     base: str | None = None
     tip: str | None = None
-    samples: int = SAMPLES
+    samples: int = SAMPLE_COUNT
     seed: int = 0
 
 
@@ -68,7 +68,7 @@ def propose(wish: ProposalRequest) -> Proposal:
 
     Raises UnsuitableUrdf for an unsuitable URDF, PicktreeError for missing files.
     """
-    draft = _drafted(wish)
+    draft = _find_draft(wish)
     first = _parsed(robot_file_text(replace(draft, poses=(_middle(draft),))), wish)
     model = RobotModel(first)
     draft = replace(draft, limits=estimate(model, draft.limits, wish.seed))
@@ -81,7 +81,7 @@ def propose(wish: ProposalRequest) -> Proposal:
     return Proposal(draft, text, _parsed(text, wish))
 
 
-def _drafted(wish: ProposalRequest) -> RobotDraft:
+def _find_draft(wish: ProposalRequest) -> RobotDraft:
     source = find_source(wish.urdf)
     refuse_missing_meshes(wish.urdf, source.urdf.path)
     if wish.gripper is None:
@@ -95,7 +95,7 @@ def _drafted(wish: ProposalRequest) -> RobotDraft:
                 f"--gripper URDF:LINK --mount {groups.arm.tip} mounts one, as the Franka hand: "
                 "--gripper pybullet_data:franka_panda/panda.urdf:panda_hand",
             )
-        return _of_whole(wish, source, source.urdf.path, groups.arm, groups.hand, None, "")
+        return _draft(wish, source, source.urdf.path, groups.arm, groups.hand, None, "")
     groups = find_groups(wish.urdf, source.skeleton, wish.base, wish.tip)
     if groups.hand is not None and wish.mount is None:
         raise UnsuitableUrdf(
@@ -119,7 +119,7 @@ def _drafted(wish: ProposalRequest) -> RobotDraft:
         tuple(prefix + name for name in hand.drives),
         tuple(prefix + name for name in hand.followers),
     )
-    return _of_whole(wish, source, path, groups.arm, named, mounting, text)
+    return _draft(wish, source, path, groups.arm, named, mounting, text)
 
 
 def _gripper_named(text: str) -> tuple[str, str | None]:
@@ -130,7 +130,7 @@ def _gripper_named(text: str) -> tuple[str, str | None]:
     return text, None
 
 
-def _of_whole(
+def _draft(
     wish: ProposalRequest,
     source: UrdfSource,
     path: Path,
@@ -213,8 +213,12 @@ def _rotors(
     for name in meter.ratios:
         link = skeleton.joints[name].child
         given = known.get(link) or read_inertia(links[link])
-        if given is not None and min(given.moments) < ROTOR and skeleton.joints[name].type != "prismatic":
-            x, y, z = (max(m, ROTOR) for m in given.moments)
+        if (
+            given is not None
+            and min(given.moments) < MIN_LINKAGE_MOMENT
+            and skeleton.joints[name].type != "prismatic"
+        ):
+            x, y, z = (max(m, MIN_LINKAGE_MOMENT) for m in given.moments)
             found[link] = LinkInertia(given.mass, given.com, (x, y, z), (0.0, 0.0, 0.0))
     return found
 

@@ -11,13 +11,13 @@ from ...robots.tool_frame import rpy_of
 from ...world.shapes import Box
 from ...world.values import Pose
 from .draft import RobotDraft
-from .joint_limits import SHARE
-from .self_collision import MARGIN, OFTEN, REASONS, SelfCollisionReport
+from .joint_limits import ACCELERATION_TORQUE_SHARE
+from .self_collision import ALWAYS_COLLIDING_SHARE, COLLISION_DISTANCE, REASONS, SelfCollisionReport
 
-_WHY = {
+_REASON_TEXTS = {
     "adjacent": "Adjacent: one joint between them, they may touch.",
     "default": "Default: two joints between them, and they touch with all joints in mid-range.",
-    "always": f"Always in collision: in more than {100 * OFTEN:.0f} % of the samples.",
+    "always": f"Always in collision: in more than {100 * ALWAYS_COLLIDING_SHARE:.0f} % of the samples.",
     "never": "Never in collision in any sample.",
 }
 
@@ -53,7 +53,9 @@ def _lines(draft: RobotDraft) -> Iterator[str]:
     yield "base: {at: [0, 0, 0]}"
     yield ""
     yield "# Accelerations are estimated: at most what the torque left by gravity, times"
-    yield f"# {SHARE:g}, gives the largest inertia that the joint sees. See the data sheet."
+    yield (
+        f"# {ACCELERATION_TORQUE_SHARE:g}, gives the largest inertia that the joint sees. See the data sheet."
+    )
     yield "joints:"
     common = {limit.comment for limit in draft.limits}
     if len(common) == 1:
@@ -151,7 +153,10 @@ def _pairs(found: SelfCollisionReport | None) -> Iterator[str]:
         return
     yield ""
     yield f"# Self-collision, from {found.samples:,} configurations drawn evenly within the limits. Links"
-    yield f"# nearer than {1000 * MARGIN:g} mm count as colliding; behind a pair, in how many samples."
+    yield (
+        f"# nearer than {1000 * COLLISION_DISTANCE:g} mm count as colliding; behind a pair, in how "
+        "many samples."
+    )
     yield "disabled_pairs:"
     if not found.disabled:
         yield "  []"
@@ -159,7 +164,7 @@ def _pairs(found: SelfCollisionReport | None) -> Iterator[str]:
         chosen = [pair for pair in found.disabled if pair.reason == reason]
         if not chosen:
             continue
-        yield f"  # {_WHY[reason]}"
+        yield f"  # {_REASON_TEXTS[reason]}"
         for pair in chosen:
             count = f"   # {pair.collisions:,}" if pair.collisions else ""
             yield f"  - [{_word(pair.first)}, {_word(pair.second)}]{count}"

@@ -18,10 +18,10 @@ import pinocchio as pin
 
 from ...world.values import Array
 
-SAMPLES = 10_000
-MARGIN = 0.005
+SAMPLE_COUNT = 10_000
+COLLISION_DISTANCE = 0.005
 """Distance below which links count as colliding, m: the planner keeps such a distance."""
-OFTEN = 0.95
+ALWAYS_COLLIDING_SHARE = 0.95
 """Share of samples above which a pair always collides, as MoveIt counts it."""
 
 Reason = Literal["adjacent", "default", "always", "never"]
@@ -69,7 +69,7 @@ class SamplingTask:
     """Pairs that may be `default`; other pairs that collide at `rest` truly collide."""
 
 
-def sample(question: SamplingTask, samples: int = SAMPLES, seed: int = 0) -> SelfCollisionReport:
+def sample(question: SamplingTask, samples: int = SAMPLE_COUNT, seed: int = 0) -> SelfCollisionReport:
     """Sample a task. The result depends on task and seed alone, in any process."""
     model, geometry = question.model, question.geometry
     names = [model.frames[o.parentFrame].name for o in geometry.geometryObjects]
@@ -81,7 +81,7 @@ def sample(question: SamplingTask, samples: int = SAMPLES, seed: int = 0) -> Sel
     listed = [(pair.first, pair.second) for pair in geometry.collisionPairs]
     data, geometry_data = model.createData(), pin.GeometryData(geometry)
     for request in geometry_data.collisionRequests:
-        request.security_margin = MARGIN
+        request.security_margin = COLLISION_DISTANCE
         request.enable_contact = False
         with warnings.catch_warnings():
             # The documented replacement of this deprecated switch does not switch it off.
@@ -141,7 +141,7 @@ def _reason(
 ) -> Reason | None:
     if pair in neighbours:
         return "adjacent"
-    if count > OFTEN * samples:
+    if count > ALWAYS_COLLIDING_SHARE * samples:
         return "always"
     if pair in at_rest:
         return "default"

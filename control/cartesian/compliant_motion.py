@@ -14,7 +14,7 @@ from ...world.values import Array, Pose, Quaternion, Vector3
 Frame: TypeAlias = Literal["world", "tool"] | Quaternion
 """Axes of a stiffness: the world's, those of the turning TCP, or of a frame with this orientation in the
 world."""
-LEAST = (200.0, 5.0)
+MIN_DAMPED_STIFFNESS = (200.0, 5.0)
 """Least stiffness for which an axis is damped, N/m and Nm/rad."""
 
 
@@ -23,7 +23,7 @@ class CartesianStiffness:
     """Stiffness of the spring between tool and anchor, N/m and Nm/rad, and its damping ratio.
 
     Each is one number, or one for each axis of `frame`. An axis without stiffness follows the motion's wrench
-    alone. An axis softer than `LEAST` is damped as if it had that stiffness.
+    alone. An axis softer than `MIN_DAMPED_STIFFNESS` is damped as if it had that stiffness.
     """
 
     linear: float | Vector3 = 1500.0
@@ -50,7 +50,7 @@ class CartesianStiffness:
         Double diagonalisation of stiffness and inertia (Albu-Schäffer et al., "Cartesian impedance control of
         redundant robots", ICRA 2003). Damping ratios that differ scale its axes.
         """
-        stiff = self._blocks(np.maximum(self._six(), np.repeat(LEAST, 3)), rotation)
+        stiff = self._blocks(np.maximum(self._six(), np.repeat(MIN_DAMPED_STIFFNESS, 3)), rotation)
         lower = np.linalg.cholesky(inertia)
         inverse = np.linalg.inv(lower)
         squares, modes = np.linalg.eigh(inverse @ stiff @ inverse.T)
@@ -81,12 +81,12 @@ class CartesianStiffness:
         return Pose((0.0, 0.0, 0.0), self.frame).rotation()
 
 
-FIRM = CartesianStiffness()
-SOFT = CartesianStiffness(linear=400.0, angular=20.0, damping=1.0)
+FIRM_STIFFNESS = CartesianStiffness()
+SOFT_STIFFNESS = CartesianStiffness(linear=400.0, angular=20.0, damping=1.0)
 
 
 STANDING_TIME = 0.05
-STANDING = 1.2e-4
+STANDING_TRAVEL = 1.2e-4
 """Time, s, and travel of the tool in it, m, below which the tool stands; the travel exceeds the encoders'
 noise."""
 
@@ -158,7 +158,7 @@ class CompliantMotion:
         recent = self._recent
         if not recent or recent[-1][0] - recent[0][0] < 0.8 * STANDING_TIME:
             return False
-        return all(max(way) - min(way) < STANDING for way in list(zip(*recent, strict=True))[1:])
+        return all(max(way) - min(way) < STANDING_TRAVEL for way in list(zip(*recent, strict=True))[1:])
 
     @property
     def direction(self) -> Array:

@@ -13,20 +13,27 @@ from ...world.values import Array, JointState
 from ..commands import Controller, JointCommand, TorqueCommand
 from ..joints.joint_controllers import BrakeController
 from ..wrist.wrist_wrench import TcpWrench
-from .compliant_motion import FIRM, SOFT, CartesianStiffness, CompliantMotion, ContactState, HoldPose
+from .compliant_motion import (
+    FIRM_STIFFNESS,
+    SOFT_STIFFNESS,
+    CartesianStiffness,
+    CompliantMotion,
+    ContactState,
+    HoldPose,
+)
 from .soft_limits import SoftJointLimits
 
-REFRESH = 0.05
+INERTIA_UPDATE_TIME = 0.05
 """Time between two computations of the terms that depend on the inertia, s."""
-JOINT_SPEED = 0.4
+ANCHOR_JOINT_SPEED_SHARE = 0.4
 """Share of the joints' speed limits that following the anchor may take."""
 TORQUE_RATE = 1000.0
 """Greatest rate of a joint torque, Nm/s."""
-LIMIT_ROOM = 0.2
+POSTURE_LIMIT_MARGIN = 0.2
 """Distance that the null-space posture keeps from the joints' limits, rad."""
-BESIDE, TURNED = 0.004, 0.03
+MAX_LINE_OFFSET, MAX_LINE_ROTATION = 0.004, 0.03
 """Offset from the line, m, and rotation, rad, of the tool at which a joint at its limit ends the motion."""
-POSTURE = 25.0
+POSTURE_STIFFNESS = 25.0
 """Stiffness of the null-space posture over inertia, 1/s²; critically damped."""
 
 
@@ -49,7 +56,7 @@ class CartesianImpedance:
         model: RobotModel,
         period: float,
         course: CompliantMotion,
-        stiffness: CartesianStiffness = FIRM,
+        stiffness: CartesianStiffness = FIRM_STIFFNESS,
         preload: Array | None = None,
         torque_rate: float = TORQUE_RATE,
         feeling: TcpWrench | None = None,
@@ -74,7 +81,7 @@ class CartesianImpedance:
 
     def start(self, now: float, state: JointState, setpoint: JointCommand) -> None:
         q = state.position
-        inner = np.minimum(LIMIT_ROOM, (self._model.upper - self._model.lower) / 2)
+        inner = np.minimum(POSTURE_LIMIT_MARGIN, (self._model.upper - self._model.lower) / 2)
         self._posture: Array = np.clip(q, self._model.lower + inner, self._model.upper - inner)
         pin.computeJointJacobians(self._model.arm, self._data, q)
         jacobian = self._jacobian()
@@ -99,11 +106,13 @@ class CartesianImpedance:
         error[5] = 0.5 * (turn[1, 0] - turn[0, 1])
         aim[:3], aim[3:] = course.velocity, course.spin
         self._age += self._period
-        if self._age >= REFRESH - 1e-9:
+        if self._age >= INERTIA_UPDATE_TIME - 1e-9:
             self._refresh(q, jacobian, rotation)
         wrench = self._spring @ error + self._damping @ (aim - jacobian @ v) + self._preload + course.wrench
         wrench += self._along @ course.acceleration
-        posture = self._null @ (POSTURE * (self._posture - q) - (2.0 * math.sqrt(POSTURE)) * v)
+        posture = self._null @ (
+            POSTURE_STIFFNESS * (self._posture - q) - (2.0 * math.sqrt(POSTURE_STIFFNESS)) * v
+        )
         torque = jacobian.T @ wrench + posture + pin.nonLinearEffects(arm, data, q, v)
         torque = np.minimum(np.maximum(torque, self._torque - self._step), self._torque + self._step)
         torque = np.minimum(np.maximum(torque, -model.torque_limit), model.torque_limit)
@@ -129,7 +138,10 @@ class CartesianImpedance:
         """Return whether contacts have pushed the tool off the line of its anchor, or turned it."""
         direction, off = self.course.direction, self._error[:3]
         beside = off - direction * float(direction @ off)
-        return float(beside @ beside) > BESIDE**2 or float(self._error[3:] @ self._error[3:]) > TURNED**2
+        return (
+            float(beside @ beside) > MAX_LINE_OFFSET**2
+            or float(self._error[3:] @ self._error[3:]) > MAX_LINE_ROTATION**2
+        )
 
     def _refresh(self, q: Array, jacobian: Array, rotation: Array) -> None:
         """Update spring, damping and null-space projector at q (n,); `rotation` (3, 3): tool in the world."""
@@ -139,7 +151,7 @@ class CartesianImpedance:
         inertia = np.linalg.inv(jacobian @ by_mass + 1e-6 * np.eye(6))
         inertia = (inertia + inertia.T) / 2
         self._along: Array = inertia[:, :3]
-        speed = self._bounds.target_speed(q, mass, jacobian, self.course.direction, JOINT_SPEED)
+        speed = self._bounds.target_speed(q, mass, jacobian, self.course.direction, ANCHOR_JOINT_SPEED_SHARE)
         self.course.limit(speed.most)
         led = bool(self.course.direction.any())
         self.blocked_by = speed.blocked_by or (self._bounds.at_limit(q) if led and self._strayed() else "")
@@ -157,7 +169,7 @@ class ContactReflex(CartesianImpedance):
     name: ClassVar[str] = "Comply"
 
     def __init__(self, model: RobotModel, period: float, preload: Array) -> None:
-        super().__init__(model, period, HoldPose(), SOFT, preload, torque_rate=math.inf)
+        super().__init__(model, period, HoldPose(), SOFT_STIFFNESS, preload, torque_rate=math.inf)
         self._until = math.inf
 
     def start(self, now: float, state: JointState, setpoint: JointCommand) -> None:

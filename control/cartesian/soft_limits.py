@@ -11,23 +11,23 @@ from numpy.typing import NDArray
 from ...robots.model import RobotModel
 from ...world.values import Array, Bounds, Vector3
 
-ROOM = 0.005
+SOFT_LIMIT_MARGIN = 0.005
 """Distance to its soft limit at which a joint under torque control stops, rad."""
-BRAKING = 0.5
+STOPPING_ACCELERATION_SHARE = 0.5
 """Share of the acceleration limit that is available to stop before a limit. Gravity and contact take some."""
-CALM = 0.7
+FREE_SPEED_SHARE = 0.7
 """Share of the fastest stoppable speed up to which a joint is left alone."""
-RESPONSE = 0.02
+SLOWDOWN_TIME = 0.02
 """Time in which a joint that exceeds its speed is slowed down, s."""
-RETURN = 0.1
+LIMIT_RETURN_TIME = 0.1
 """Time in which a joint beyond its limit comes back, s."""
-APPROACH = 0.25
+MIN_LIMIT_APPROACH_TIME = 0.25
 """Least time in which a target may use up a joint's distance to its limit, s."""
-STUCK = 1e-3
+MIN_TARGET_SPEED = 1e-3
 """Speed of a target below which a joint at its limit has ended the motion, m/s."""
-STRAY = 0.05
+MAX_STRAY_SHARE = 0.05
 """Greatest deviation of a motion without one joint, as a share of its speed; rad/s count as m/s."""
-INSIDE = 0.002
+WORKSPACE_EDGE_MARGIN = 0.002
 """Distance to the edge of the workspace at which a straight line ends, m."""
 
 
@@ -50,11 +50,11 @@ class SoftJointLimits:
 
     def __init__(self, model: RobotModel) -> None:
         self._model = model
-        self._lower: Array = model.lower + ROOM
-        self._upper: Array = model.upper - ROOM
-        self._deceleration: Array = BRAKING * model.acceleration_limit
-        self._calm: Array = CALM * CALM * 2.0 * self._deceleration
-        self._slow: Array = CALM * model.velocity_limit
+        self._lower: Array = model.lower + SOFT_LIMIT_MARGIN
+        self._upper: Array = model.upper - SOFT_LIMIT_MARGIN
+        self._deceleration: Array = STOPPING_ACCELERATION_SHARE * model.acceleration_limit
+        self._calm: Array = FREE_SPEED_SHARE * FREE_SPEED_SHARE * 2.0 * self._deceleration
+        self._slow: Array = FREE_SPEED_SHARE * model.velocity_limit
 
     def held(self, q: Array, v: Array, torque: Array) -> Array:
         """Return the torques (n,) that keep the limits and are closest to the wanted ones, Nm."""
@@ -63,14 +63,14 @@ class SoftJointLimits:
         if bool(((v * v < self._calm * room) & (np.abs(v) < self._slow)).all()):
             return torque
         up, down = self._fastest(self._upper - q), self._fastest(q - self._lower)
-        if bool((v < CALM * up).all() and (v > -CALM * down).all()):
+        if bool((v < FREE_SPEED_SHARE * up).all() and (v > -FREE_SPEED_SHARE * down).all()):
             return torque
         model = self._model
         mass, bias = model.mass_matrix(q), model.bias(q, v)
         wanted: Array = np.asarray(np.linalg.solve(mass, torque - bias), np.float64)
         slowing = self._deceleration
-        most = (up - v) / RESPONSE - slowing * np.clip(v / np.maximum(np.abs(up), 1e-3), 0.0, 1.0)
-        least = (-down - v) / RESPONSE - slowing * np.clip(v / np.maximum(np.abs(down), 1e-3), -1.0, 0.0)
+        most = (up - v) / SLOWDOWN_TIME - slowing * np.clip(v / np.maximum(np.abs(up), 1e-3), 0.0, 1.0)
+        least = (-down - v) / SLOWDOWN_TIME - slowing * np.clip(v / np.maximum(np.abs(down), 1e-3), -1.0, 0.0)
         cut = np.minimum(np.maximum(wanted, np.minimum(least, most)), np.maximum(most, least))
         if np.array_equal(cut, wanted):
             return torque
@@ -94,30 +94,30 @@ class SoftJointLimits:
         best, held = -1.0, -1
         while True:
             rates = _rates(mass, jacobian, direction, free)
-            if held >= 0 and float(np.abs(jacobian @ rates - wanted).max()) > STRAY:
+            if held >= 0 and float(np.abs(jacobian @ rates - wanted).max()) > MAX_STRAY_SHARE:
                 break
             room = np.maximum(np.where(rates > 0.0, self._upper - q, q - self._lower), 0.0)
-            speeds = np.minimum(fastest, room / APPROACH) / np.maximum(np.abs(rates), 1e-6)
+            speeds = np.minimum(fastest, room / MIN_LIMIT_APPROACH_TIME) / np.maximum(np.abs(rates), 1e-6)
             k = int(speeds.argmin())
             if float(speeds[k]) > best:
-                best, held = float(speeds[k]), k if room[k] / APPROACH < fastest[k] else -1
-            if room[k] / APPROACH >= fastest[k] or int(free.sum()) <= 6:
+                best, held = float(speeds[k]), k if room[k] / MIN_LIMIT_APPROACH_TIME < fastest[k] else -1
+            if room[k] / MIN_LIMIT_APPROACH_TIME >= fastest[k] or int(free.sum()) <= 6:
                 break
             free[k] = False
-        blocked = held >= 0 and best < STUCK
+        blocked = held >= 0 and best < MIN_TARGET_SPEED
         return CartesianSpeedLimit(best, self._model.description.joints[held] if blocked else "")
 
     def at_limit(self, q: Array) -> str:
         """Return the name of the joint that stands at its limit; empty: none does."""
         room = np.minimum(self._upper - q, q - self._lower)
         k = int(room.argmin())
-        return self._model.description.joints[k] if float(room[k]) < ROOM else ""
+        return self._model.description.joints[k] if float(room[k]) < SOFT_LIMIT_MARGIN else ""
 
     def _fastest(self, room: Array) -> Array:
         """Return the speed (n,) towards a limit from which each joint can stop before it, rad/s. Beyond the
         limit: backwards."""
         inside = np.sqrt(2.0 * self._deceleration * np.maximum(room, 0.0))
-        return np.where(room > 0.0, np.minimum(inside, self._model.velocity_limit), room / RETURN)
+        return np.where(room > 0.0, np.minimum(inside, self._model.velocity_limit), room / LIMIT_RETURN_TIME)
 
 
 def _rates(mass: Array, jacobian: Array, direction: Array, free: NDArray[np.bool_]) -> Array:
@@ -139,7 +139,7 @@ def distance_to_workspace_edge(workspace: Bounds, tool: Vector3, direction: Arra
     way = math.inf
     for low, at, high, along in zip(workspace.min, tool, workspace.max, direction.tolist(), strict=True):
         if along > 1e-9:
-            way = min(way, max(0.0, high - INSIDE - at) / along)
+            way = min(way, max(0.0, high - WORKSPACE_EDGE_MARGIN - at) / along)
         elif along < -1e-9:
-            way = min(way, max(0.0, at - low - INSIDE) / -along)
+            way = min(way, max(0.0, at - low - WORKSPACE_EDGE_MARGIN) / -along)
     return way

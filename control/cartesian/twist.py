@@ -10,7 +10,7 @@ from ...world.values import Vector3
 
 Frame: TypeAlias = Literal["world", "tool"]
 
-FASTEST, FASTEST_TURN = 0.5, 2.0
+MAX_TWIST_SPEED, MAX_TWIST_ANGULAR_SPEED = 0.5, 2.0
 """Greatest commanded twist, m/s and rad/s. The look-ahead of a jog covers braking from these speeds."""
 
 

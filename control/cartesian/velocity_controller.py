@@ -19,25 +19,25 @@ import pinocchio as pin
 from ...robots.model import RobotModel
 from ...world.values import Array, Bounds, JointState, Vector3
 from ..commands import Controller, JointCommand
-from .soft_limits import ROOM, distance_to_workspace_edge
+from .soft_limits import SOFT_LIMIT_MARGIN, distance_to_workspace_edge
 from .twist import Twist
 
-GAIN, LOSS = (1.0, 4.0), (2.0, 8.0)
+MAX_TWIST_GROWTH, MAX_TWIST_DECREASE = (1.0, 4.0), (2.0, 8.0)
 """Greatest growth and greatest decrease of a twist, each m/s² and rad/s²."""
-JOINT_SPEED = 0.8
+JOG_JOINT_SPEED_SHARE = 0.8
 """Greatest joint speeds, as a share of their limits."""
-STOPPING = 0.5
+JOG_STOPPING_SHARE = 0.5
 """Share of the joints' acceleration limits that is available to stop before a limit."""
-APPROACH = 0.25
+MIN_EDGE_APPROACH_TIME = 0.25
 """Least time in which a joint uses up the distance to its limit, and the tool that to the workspace's edge,
 s."""
-SLOW, STOP = 0.08, 0.02
+SLOW_SINGULAR_VALUE, STOP_SINGULAR_VALUE = 0.08, 0.02
 """Smallest singular values of the Jacobian (m and rad mixed) below which a jog slows down, and stops."""
-DAMPED, DAMPING = 0.05, 0.04
+DAMPED_SINGULAR_VALUE, MAX_INVERSE_DAMPING = 0.05, 0.04
 """Smallest singular value below which the inverse is damped, and its greatest damping."""
-NUDGE = 0.02
+SINGULARITY_LOOKAHEAD = 0.02
 """Joint travel of the look-ahead to a singularity, rad."""
-AHEAD_STEPS = 120
+MAX_LOOKAHEAD_STEPS = 120
 """Maximum number of steps of the look-ahead."""
 COMMAND_TIME = 0.15
 """Longest time without a new command before a jog brakes, s."""
@@ -64,8 +64,8 @@ class JogSetpointGenerator:
         self._model = model
         self._workspace = workspace
         self._data = model.arm.createData()
-        self._lower: Array = model.lower + ROOM
-        self._upper: Array = model.upper - ROOM
+        self._lower: Array = model.lower + SOFT_LIMIT_MARGIN
+        self._upper: Array = model.upper - SOFT_LIMIT_MARGIN
         self.held_by = ""
         """Reason why the last step was slower than commanded: `joint_limit panda_joint1`, `singularity`,
         `workspace`, or empty."""
@@ -84,7 +84,7 @@ class JogSetpointGenerator:
         if speed > 0.0 and state.left < math.inf:
             # The steps brake a little late, so braking before the end counts on less than the remaining
             # travel.
-            target = target * min(1.0, math.sqrt(1.6 * LOSS[0] * max(state.left, 0.0)) / speed)
+            target = target * min(1.0, math.sqrt(1.6 * MAX_TWIST_DECREASE[0] * max(state.left, 0.0)) / speed)
         target = target * self._singular(q, jacobian, least, target)
         target = target * self._inside(tool, target)
         twist = _ramped(state.twist, target, dt)
@@ -112,21 +112,21 @@ class JogSetpointGenerator:
         return jacobian.copy(), placement.rotation.copy(), (x, y, z)
 
     def _singular(self, q: Array, jacobian: Array, least: float, target: Array) -> float:
-        if least >= SLOW or not target.any():
+        if least >= SLOW_SINGULAR_VALUE or not target.any():
             return 1.0
         v = _inverse(jacobian, least) @ target
-        ahead = q + v * (NUDGE / max(float(np.abs(v).max()), 1e-9))
+        ahead = q + v * (SINGULARITY_LOOKAHEAD / max(float(np.abs(v).max()), 1e-9))
         if _least(self._kinematics(ahead)[0]) >= least:
             return 1.0
         self.held_by = "singularity"
-        return max(0.0, (least - STOP) / (SLOW - STOP))
+        return max(0.0, (least - STOP_SINGULAR_VALUE) / (SLOW_SINGULAR_VALUE - STOP_SINGULAR_VALUE))
 
     def _inside(self, tool: Vector3, target: Array) -> float:
         speed = float(np.linalg.norm(target[:3]))
         if speed < 1e-9:
             return 1.0
         room = distance_to_workspace_edge(self._workspace, tool, target[:3] / speed)
-        most = min(math.sqrt(1.6 * LOSS[0] * room), room / APPROACH)
+        most = min(math.sqrt(1.6 * MAX_TWIST_DECREASE[0] * room), room / MIN_EDGE_APPROACH_TIME)
         if most >= speed:
             return 1.0
         self.held_by = "workspace"
@@ -135,9 +135,9 @@ class JogSetpointGenerator:
     def _share(self, q: Array, v: Array) -> float:
         """Return the share of the joints' speeds that their limits allow, 0 … 1."""
         room = np.maximum(np.where(v > 0.0, self._upper - q, q - self._lower), 0.0)
-        stopping = np.sqrt(2.0 * STOPPING * self._model.acceleration_limit * room)
-        near = np.minimum(stopping, room / APPROACH)
-        fast = JOINT_SPEED * self._model.velocity_limit
+        stopping = np.sqrt(2.0 * JOG_STOPPING_SHARE * self._model.acceleration_limit * room)
+        near = np.minimum(stopping, room / MIN_EDGE_APPROACH_TIME)
+        fast = JOG_JOINT_SPEED_SHARE * self._model.velocity_limit
         shares = np.minimum(near, fast) / np.maximum(np.abs(v), 1e-9)
         k = int(shares.argmin())
         share = float(shares[k])
@@ -200,7 +200,7 @@ class JogController:
         state = self.state.copy()
         held_by = self.law.held_by
         path = [state.q]
-        for k in range(AHEAD_STEPS):
+        for k in range(MAX_LOOKAHEAD_STEPS):
             self.law.step(state, wanted if k * step < time else Twist(), step)
             path.append(state.q)
             if k * step >= time and float(np.abs(state.v).max()) < 1e-3:
@@ -215,7 +215,7 @@ def _ramped(now: Array, target: Array, dt: float) -> Array:
     share = 1.0
     for part, k in ((slice(0, 3), 0), (slice(3, 6), 1)):
         slower = float(np.linalg.norm(target[part])) < float(np.linalg.norm(now[part]))
-        most = (LOSS if slower else GAIN)[k] * dt
+        most = (MAX_TWIST_DECREASE if slower else MAX_TWIST_GROWTH)[k] * dt
         size = float(np.linalg.norm(change[part]))
         share = min(share, most / size) if size > most else share
     return now + change * share
@@ -227,7 +227,11 @@ def _least(jacobian: Array) -> float:
 
 def _inverse(jacobian: Array, least: float) -> Array:
     """Return the inverse (n, 6) of the Jacobian, damped near singularities."""
-    damping = 0.0 if least >= DAMPED else (1.0 - (least / DAMPED) ** 2) * DAMPING**2
+    damping = (
+        0.0
+        if least >= DAMPED_SINGULAR_VALUE
+        else (1.0 - (least / DAMPED_SINGULAR_VALUE) ** 2) * MAX_INVERSE_DAMPING**2
+    )
     square: Array = jacobian @ jacobian.T
     square[np.diag_indices(6)] += damping + 1e-12
     return jacobian.T @ np.asarray(np.linalg.inv(square), np.float64)

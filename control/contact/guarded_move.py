@@ -9,7 +9,7 @@ import numpy as np
 from ...world.values import Array, Pose
 from ..cartesian.compliant_motion import CompliantMotion, ContactState
 
-ACCELERATION = 0.5
+GUARDED_MOVE_ACCELERATION = 0.5
 """Acceleration of the anchor along its line, m/s²."""
 
 
@@ -67,9 +67,9 @@ class GuardedMove(CompliantMotion):
             return
         self.pushed = max(self.pushed, pushed)
         left = self._distance - self._way
-        step = ACCELERATION * felt.period
+        step = GUARDED_MOVE_ACCELERATION * felt.period
         before = self._rate
-        wanted = min(self._most, max(step, (2 * ACCELERATION * left) ** 0.5))
+        wanted = min(self._most, max(step, (2 * GUARDED_MOVE_ACCELERATION * left) ** 0.5))
         self._rate = min(max(wanted, self._rate - 2 * step), self._rate + step)
         self._way = min(self._way + self._rate * felt.period, self._distance)
         self.position = self.origin + self._direction * self._way

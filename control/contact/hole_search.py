@@ -14,7 +14,7 @@ import numpy as np
 
 from ...world.values import Array
 from ..cartesian.compliant_motion import ContactState
-from .peg_motion import LIFTED, BelievedHole, HeldPeg, Part, PegMotion
+from .peg_motion import CLEAR_FOOT_HEIGHT, BelievedHole, HeldPeg, Part, PegMotion
 from .search_patterns import (
     SettlingDetector,
     grid,
@@ -57,42 +57,42 @@ class InsertionParameters:
     """Maximum number of searches."""
 
 
-DESCENT = 0.03
+SURFACE_DESCENT_SPEED = 0.03
 """Speed of the descent to the surface, m/s."""
-ROUGH = 0.006
+MAX_SURFACE_ERROR = 0.006
 """Greatest error of the surface's believed height, m: tilt of the fixture and height of the peg in the
 hand."""
-RISING = 0.2
+RAISING_ANGULAR_SPEED = 0.2
 """Angular speed at which the leaning peg is raised, rad/s."""
-UPRIGHT = math.radians(2.5)
+UPRIGHT_LEAN = math.radians(2.5)
 """Lean below which the peg counts as upright, rad. Its angle in the hand is not known more precisely."""
-AROUND = 0.0025
+WALL_SPIRAL_RADIUS = 0.0025
 """Radius of the spiral when the peg was raised against the wall and has not dropped, m."""
-SLIDING = 0.02
+SLIDING_SPEED = 0.02
 """Speed of the leaning peg along the surface, m/s."""
-SLIDING_PRESS = 0.75
+SLIDING_PRESS_SHARE = 0.75
 """Force on the surface while the leaning peg slides, as a share of `press`."""
-LEAST_RUBBING = 0.5
+MIN_WALL_RESISTANCE = 0.5
 """Least resistance that shows a wall, N. A slide with less says nothing about walls."""
-AIMS = 3
+MAX_SLIDES = 3
 """Maximum number of slides of a leaning peg around one grid point; each begins at the wall found before."""
-RUBBING = 0.35
+SPIRAL_FORCE_SHARE = 0.35
 """Force along the spiral, as a share of the force on the surface. Friction takes about as much."""
-FIRMER = 1500.0
+SPIRAL_STIFFNESS = 1500.0
 """Stiffness that holds the foot on the spiral, in addition to the spring's, N/m."""
-BLOCKED_TIME, BLOCKED = 0.15, 0.0006
+BLOCKED_TIME, BLOCKED_TRAVEL = 0.15, 0.0006
 """Time, s, and travel, m: a tool that moves less than this in that time is blocked."""
-STALL_TIME, STALL = 0.5, 0.0003
+STALL_TIME, STALL_DEPTH = 0.5, 0.0003
 """Time, s, and depth, m: a peg that sinks less than this in that time stands."""
 BOTTOM_TIME = 0.12
 """Time after which a peg at the bottom stands, s. A longer one would only press it against the walls."""
-SHORT = 0.0025
+MAX_MISSING_DEPTH = 0.0025
 """Depth that may be missing at the bottom, m."""
-WIGGLES, YAWS = 1.2, 0.8
+WIGGLE_FREQUENCY, YAW_FREQUENCY = 1.2, 0.8
 """Frequencies of the wiggle and of the yaw sweep, Hz."""
-ALIGNING = 0.4
+ALIGNMENT_TIME = 0.4
 """Time constant with which the walls may turn the peg in its hole, s."""
-ALIGNED = math.radians(2.5)
+MAX_ALIGNMENT = math.radians(2.5)
 """Greatest rotation of the peg away from its initial orientation, rad."""
 
 
@@ -183,15 +183,15 @@ class InsertionMotion(PegMotion):
     def _descend(self, felt: ContactState) -> Part:
         """Move straight down until the surface is touched, or the peg is in the hole at once."""
         up, most = self._mouth.up, self._touch.contact
-        self.velocity = -DESCENT * up
+        self.velocity = -SURFACE_DESCENT_SPEED * up
         while True:
             self.position = self.position + self.velocity * felt.period
             felt = yield
             height = -self._note(felt)
-            if height < -ROUGH - self._touch.drop:
+            if height < -MAX_SURFACE_ERROR - self._touch.drop:
                 break
             if float(felt.force @ up) > most:
-                self.surface = height if height > -ROUGH else 0.0
+                self.surface = height if height > -MAX_SURFACE_ERROR else 0.0
                 break
         self._note(felt)
         return felt
@@ -212,16 +212,16 @@ class InsertionMotion(PegMotion):
         x, y = perpendicular_axes(up)
         begin = self._foot(felt)
         begun = felt.elapsed
-        rubbing, before = RUBBING * touch.press, begin
+        rubbing, before = SPIRAL_FORCE_SHARE * touch.press, begin
         for a, b in spiral(touch.pitch, radius or self._mouth.slack, touch.speed * felt.period):
             target = begin + a * x + b * y
             off = target - self._foot(felt)
             off = off - up * float(up @ off)
             ahead, before = target - before, target
             along = ahead / max(float(np.linalg.norm(ahead)), 1e-9)
-            self._act(felt, FIRMER * off + rubbing * along - touch.press * up, off)
+            self._act(felt, SPIRAL_STIFFNESS * off + rubbing * along - touch.press * up, off)
             if not self._peg.round:
-                sweep = math.sin(2 * math.pi * YAWS * (felt.elapsed - begun))
+                sweep = math.sin(2 * math.pi * YAW_FREQUENCY * (felt.elapsed - begun))
                 self.rotation = rotation_about(up, touch.yaw * sweep) @ upright
             self.searched = max(self.searched, math.hypot(a, b))
             felt = yield
@@ -237,7 +237,7 @@ class InsertionMotion(PegMotion):
         for a, b in grid(0.7 * self._mouth.across, self._mouth.slack):
             self.searched = max(self.searched, math.hypot(a, b))
             aim = self._mouth.middle + a * x + b * y
-            for _ in range(AIMS):
+            for _ in range(MAX_SLIDES):
                 felt = yield from self._lean(felt, aim)
                 felt, blocked, wall = yield from self._against_wall(felt)
                 if blocked or wall is None:
@@ -250,7 +250,7 @@ class InsertionMotion(PegMotion):
                 continue
             felt = yield from self._upright(felt)
             if self.depth < self._touch.drop:
-                felt = yield from self._spiral(felt, AROUND)
+                felt = yield from self._spiral(felt, WALL_SPIRAL_RADIUS)
             if self.depth >= self._touch.drop:
                 break
         return felt
@@ -259,11 +259,13 @@ class InsertionMotion(PegMotion):
         """Lift the peg, lean it, and descend with its lowest point over `aim` (3,) until it touches."""
         up, touch, tip = self._mouth.up, self._touch, self._tip
         leaning = rotation_about(np.cross(up, self._towards), touch.lean) @ self.turn
-        above = aim + up * (self.surface + LIFTED / 2) - leaning @ tip
-        felt = yield from self._go(felt, felt.position + up * (max(0.0, self.depth) + LIFTED), self.rotation)
+        above = aim + up * (self.surface + CLEAR_FOOT_HEIGHT / 2) - leaning @ tip
+        felt = yield from self._go(
+            felt, felt.position + up * (max(0.0, self.depth) + CLEAR_FOOT_HEIGHT), self.rotation
+        )
         felt = yield from self._go(felt, above, leaning)
         deepest = 2 * self._reach * math.sin(touch.lean) + 0.002
-        self.velocity = -DESCENT * up
+        self.velocity = -SURFACE_DESCENT_SPEED * up
         while True:
             self.position = self.position + self.velocity * felt.period
             felt = yield
@@ -280,13 +282,17 @@ class InsertionMotion(PegMotion):
         resistance. None: there was no resistance.
         """
         touch, towards, begin = self._touch, self._towards, felt.position
-        stand = SettlingDetector(BLOCKED_TIME, BLOCKED)
-        press, most, lead = -SLIDING_PRESS * touch.press * self._mouth.up, touch.aside / self._linear, 0.0
+        stand = SettlingDetector(BLOCKED_TIME, BLOCKED_TRAVEL)
+        press, most, lead = (
+            -SLIDING_PRESS_SHARE * touch.press * self._mouth.up,
+            touch.aside / self._linear,
+            0.0,
+        )
         greatest, wall = -math.inf, begin + felt.rotation @ self._tip
         while True:
-            lead = min(most, lead + SLIDING * felt.period)
+            lead = min(most, lead + SLIDING_SPEED * felt.period)
             self._act(felt, press, lead * towards)
-            self.velocity = SLIDING * towards
+            self.velocity = SLIDING_SPEED * towards
             before = felt.position
             felt = yield
             lead = max(0.0, lead - float(towards @ (felt.position - before)))
@@ -297,25 +303,25 @@ class InsertionMotion(PegMotion):
             if stand.since(felt.elapsed, way) and lead > 0.8 * most:
                 return felt, True, wall
             if way > 2 * self._reach + self._mouth.slack:
-                return felt, False, wall if greatest > LEAST_RUBBING else None
+                return felt, False, wall if greatest > MIN_WALL_RESISTANCE else None
 
     def _upright(self, felt: ContactState) -> Part:
         """Raise the leaning peg against the wall, and let it drop."""
         touch, up = self._touch, self._mouth.up
         axis, towards = np.cross(up, self._towards), self._towards
-        begun, rising = felt.elapsed, touch.lean / RISING
+        begun, rising = felt.elapsed, touch.lean / RAISING_ANGULAR_SPEED
         while True:
             time = felt.elapsed - begun
             angle = touch.lean * max(0.0, 1.0 - time / rising)
             sweep = 0.0
             if time > rising and not self._peg.round:
-                sweep = touch.yaw * math.sin(2 * math.pi * YAWS * (time - rising))
+                sweep = touch.yaw * math.sin(2 * math.pi * YAW_FREQUENCY * (time - rising))
             self.rotation = rotation_about(up, sweep) @ rotation_about(axis, angle) @ self.turn
             leaning = float(np.linalg.norm(skew(self.turn @ felt.rotation.T)))
-            press = touch.press * (0.5 if leaning > UPRIGHT else 1.0)
+            press = touch.press * (0.5 if leaning > UPRIGHT_LEAN else 1.0)
             self._act(felt, touch.aside * towards - press * up)
             felt = yield
-            if (leaning < UPRIGHT and self.depth >= touch.drop) or time > rising + 1.5:
+            if (leaning < UPRIGHT_LEAN and self.depth >= touch.drop) or time > rising + 1.5:
                 return felt
 
     def _press(self, felt: ContactState) -> Part:
@@ -324,23 +330,25 @@ class InsertionMotion(PegMotion):
         touch, mouth = self._touch, self._mouth
         x, y = perpendicular_axes(mouth.up)
         base, begun = self.rotation, felt.elapsed
-        stand, bottom = SettlingDetector(STALL_TIME, STALL), SettlingDetector(BOTTOM_TIME, STALL)
+        stand, bottom = SettlingDetector(STALL_TIME, STALL_DEPTH), SettlingDetector(BOTTOM_TIME, STALL_DEPTH)
         push, wiggle, pulls = touch.push, touch.wiggle, 0
         while True:
-            phase = 2 * math.pi * WIGGLES * (felt.elapsed - begun)
+            phase = 2 * math.pi * WIGGLE_FREQUENCY * (felt.elapsed - begun)
             axis = math.cos(phase) * x + math.sin(phase) * y
-            base = rotated_towards(base, felt.rotation, felt.period / ALIGNING, self.turn, ALIGNED)
+            base = rotated_towards(
+                base, felt.rotation, felt.period / ALIGNMENT_TIME, self.turn, MAX_ALIGNMENT
+            )
             sweep = 0.0
             if pulls and not self._peg.round:
-                sweep = 0.5 * touch.yaw * math.sin(2 * math.pi * YAWS * (felt.elapsed - begun))
+                sweep = 0.5 * touch.yaw * math.sin(2 * math.pi * YAW_FREQUENCY * (felt.elapsed - begun))
             self.rotation = rotation_about(mouth.up, sweep) @ rotation_about(axis, wiggle) @ base
             self._act(felt, -push * mouth.up)
             felt = yield
             depth = self._note(felt)
-            if depth > mouth.depth + ROUGH + SHORT:
+            if depth > mouth.depth + MAX_SURFACE_ERROR + MAX_MISSING_DEPTH:
                 self.outcome = "no bottom"
                 return felt
-            deep = depth >= mouth.depth - SHORT
+            deep = depth >= mouth.depth - MAX_MISSING_DEPTH
             if deep:
                 wiggle = 0.0
                 if bottom.since(felt.elapsed, depth):
@@ -354,7 +362,7 @@ class InsertionMotion(PegMotion):
             pulls, self.pulled = pulls + 1, self.pulled + 1
             felt = yield from self._pull_back(felt, depth)
             push, wiggle = push + 2.0, 1.4 * wiggle
-            stand = SettlingDetector(STALL_TIME, STALL)
+            stand = SettlingDetector(STALL_TIME, STALL_DEPTH)
 
     def _pull_back(self, felt: ContactState, depth: float) -> Part:
         begun = felt.elapsed

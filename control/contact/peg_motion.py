@@ -18,15 +18,15 @@ Part: TypeAlias = Generator[None, ContactState, ContactState]
 """Part of a motion: a generator that receives the contact state of each control period and returns the last
 one."""
 
-LIFTED = 0.008
+CLEAR_FOOT_HEIGHT = 0.008
 """Height of the foot above the surface where the peg is clear of it, m."""
-TURNING = 0.4
+LEAN_ANGULAR_SPEED = 0.4
 """Angular speed of the tool when it leans, rad/s."""
-LEAVING = 0.02
+EXTRACTION_SPEED = 0.02
 """Speed out of the hole, m/s."""
-MOVING = 0.05
+AIR_SPEED = 0.05
 """Speed of the tool in the air, m/s."""
-SINKING = 0.04
+MAX_SINKING_SPEED = 0.04
 """Speed of the peg into the hole at which the pressing force has faded to zero, m/s."""
 
 
@@ -102,7 +102,9 @@ class PegMotion(CompliantMotion):
         """Exert a force (3,) at the foot, N, and pull the foot by `aside` (3,) m with the spring."""
         lever = felt.rotation @ self._peg.foot
         up = self._mouth.up
-        force = force + up * min(0.0, float(up @ force)) * -min(1.0, max(0.0, self._sinking / SINKING))
+        force = force + up * min(0.0, float(up @ force)) * -min(
+            1.0, max(0.0, self._sinking / MAX_SINKING_SPEED)
+        )
         self.velocity = np.zeros(3)
         self.position = felt.position if aside is None else felt.position + aside
         whole = force if aside is None else force + self._linear * aside
@@ -114,14 +116,14 @@ class PegMotion(CompliantMotion):
         self.velocity, self.wrench = np.zeros(3), np.zeros(6)
         self.spin = np.zeros(3)
 
-    def _go(self, felt: ContactState, position: Array, rotation: Array, speed: float = MOVING) -> Part:
+    def _go(self, felt: ContactState, position: Array, rotation: Array, speed: float = AIR_SPEED) -> Part:
         """Move the anchor straight to a pose of the TCP."""
         start, turn = felt.position, self.rotation
         between = rotation @ turn.T
         angle = math.acos(min(1.0, max(-1.0, (float(np.trace(between)) - 1.0) / 2.0)))
         axis = rotation_axis(between)
         way = position - start
-        time = max(float(np.linalg.norm(way)) / speed, angle / TURNING, 1e-3)
+        time = max(float(np.linalg.norm(way)) / speed, angle / LEAN_ANGULAR_SPEED, 1e-3)
         begun = felt.elapsed
         self.wrench = np.zeros(6)
         while felt.elapsed - begun < time:
@@ -139,20 +141,20 @@ class PegMotion(CompliantMotion):
     def _leave(self, felt: ContactState) -> Part:
         """Move the peg out of the hole and above it, upright."""
         up = self._mouth.up
-        rise = up * (max(0.0, self._note(felt)) + LIFTED)
-        return (yield from self._go(felt, felt.position + rise, self.turn, speed=LEAVING))
+        rise = up * (max(0.0, self._note(felt)) + CLEAR_FOOT_HEIGHT)
+        return (yield from self._go(felt, felt.position + rise, self.turn, speed=EXTRACTION_SPEED))
 
 
 class ExtractionMotion(CompliantMotion):
-    """Straight motion out of a hole: by the peg's depth and `LIFTED` more."""
+    """Straight motion out of a hole: by the peg's depth and `CLEAR_FOOT_HEIGHT` more."""
 
     def __init__(self, up: Array, depth: float) -> None:
         super().__init__()
-        self._up, self._way = up, max(0.0, depth) + LIFTED
+        self._up, self._way = up, max(0.0, depth) + CLEAR_FOOT_HEIGHT
         self._done = 0.0
 
     def step(self, felt: ContactState) -> None:
-        self._done = min(self._way, self._done + LEAVING * felt.period)
+        self._done = min(self._way, self._done + EXTRACTION_SPEED * felt.period)
         self.position = self.origin + self._up * self._done
         self.finished = self._done >= self._way
-        self.velocity = np.zeros(3) if self.finished else LEAVING * self._up
+        self.velocity = np.zeros(3) if self.finished else EXTRACTION_SPEED * self._up

@@ -25,11 +25,11 @@ from .control_loop import ControlLoop
 T = TypeVar("T")
 Doing: TypeAlias = Generator[None, None, T]
 
-SLOWED = 4.0
+MAX_GUARDED_SLOWDOWN = 4.0
 """Longest duration of a guarded move over its nominal one. Near a singularity it goes slower."""
 ZERO_TIME = 0.05
 """Time over which readings at rest are averaged as the wrench without contact, s."""
-CONTACT_TIME = 1.5
+MAX_STANDSTILL_WAIT = 1.5
 """Longest wait for the arm to stand after a compliant motion, s."""
 
 
@@ -85,7 +85,7 @@ class CompliantMotionRunner:
             stiffness=stiffness.along(along, loop.tcp.rotation()),
         )
         begin = np.array(loop.tcp.position)
-        limit = SLOWED * distance / speed + speed + CONTACT_TIME
+        limit = MAX_GUARDED_SLOWDOWN * distance / speed + speed + MAX_STANDSTILL_WAIT
         spring, _ = yield from self._follow(lease, course, limit, stiffness, None, check)
         travelled = float(along @ (np.array(loop.tcp.position) - begin))
         if not course.finished and spring.blocked_by:
@@ -158,7 +158,7 @@ class CompliantMotionRunner:
             yield
             check(lease)
             if course.finished:
-                stop = min(stop, self._clock.now + CONTACT_TIME)
+                stop = min(stop, self._clock.now + MAX_STANDSTILL_WAIT)
                 if course.standing:
                     break
             if (spring.blocked_by and not course.finished) or self._clock.now > min(until, stop):

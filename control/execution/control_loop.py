@@ -21,28 +21,28 @@ from ..joints.joint_controllers import BrakeController, HoldController
 from ..safety.motion_lease import ForceGuard, Lease
 from ..safety.safety_monitor import SafetyMonitor
 from ..safety.watchdog import Watchdog
-from ..safety.wrist_plausibility import WINDOW, WristPlausibility
+from ..safety.wrist_plausibility import WRIST_WINDOW, WristPlausibility
 from ..wrist.wrist_wrench import WristWrench
 from .control_loop_state import ControlLoopState
 
 REST_SPEED = 0.02
 """Speed over all joints below which the arm counts as standing, rad/s."""
-TOOL_CHECK = 4
+TOOL_CHECK_PERIODS = 4
 """Control periods between two checks of the TCP against the workspace."""
 REST_TIME = 0.1
 """Time at rest before a tare or a load is read, s."""
 CONTACT_RATE = 500
 """Rate of physics and control in contact, Hz."""
-FELT = 20.0
+TOUCH_FORCE = 20.0
 """Force above which the wrist counts as touched, not only loaded, N."""
-CARRIED_TIME = 0.05
+LOAD_REST_TIME = 0.05
 """Time at rest over which the load of the hand is averaged, s."""
-EFFORTS_EVERY = 0.05
+EFFORT_CHECK_TIME = 0.05
 """Time between two checks of the joints' efforts, s. One check costs as much as a control step by itself."""
-BESIDE = 0.01
+MAX_HOLD_ERROR = 0.01
 """Joint error at the end of a motion above which the arm holds its actual configuration, rad. The obstruction
 may give way at any time."""
-SETTLED = 0.5
+SETTLED_FORCE_DEVIATION = 0.5
 """Standard deviation of the wrist force below which nothing vibrates, N."""
 SETTLE_LIMIT = 1.0
 """Longest wait for vibrations, s."""
@@ -163,7 +163,7 @@ class ControlLoop:
         """Return whether `controller` moves the arm while there is no holder of the lease."""
         return self._holder is None and self._controller is controller
 
-    def tare(self, window: float = WINDOW) -> None:
+    def tare(self, window: float = WRIST_WINDOW) -> None:
         """Take the present wrist reading as zero for `load` and `wrench_external`."""
         self.wrist.tare(window, self._state.position)
 
@@ -182,7 +182,7 @@ class ControlLoop:
             self.tare()
         return learnt
 
-    def load(self, window: float = WINDOW) -> float:
+    def load(self, window: float = WRIST_WINDOW) -> float:
         """Return the weight on the hand relative to the tare, N, mean over the last `window` s."""
         return self.wrist.load(window)
 
@@ -199,7 +199,10 @@ class ControlLoop:
         `SETTLE_LIMIT` s."""
         until = self._clock.now + SETTLE_LIMIT
         while self._clock.now < until:
-            quiet = self._standing * self.period >= REST_TIME - 1e-9 and self.wrist.unrest(WINDOW) < SETTLED
+            quiet = (
+                self._standing * self.period >= REST_TIME - 1e-9
+                and self.wrist.unrest(WRIST_WINDOW) < SETTLED_FORCE_DEVIATION
+            )
             if quiet and isinstance(self._controller, HoldController):
                 return
             yield
@@ -245,7 +248,7 @@ class ControlLoop:
         self._reference = self._setpoint.position if self._servo else None
         stopped = self.monitor.check(state, self._reference, force, self.period)
         self._periods += 1
-        if self._periods % TOOL_CHECK == 0:
+        if self._periods % TOOL_CHECK_PERIODS == 0:
             stopped = self._look_around(state) or stopped
         self._velocity = v
         if touched or (stopped and self._off_its_way):
@@ -276,7 +279,7 @@ class ControlLoop:
         if self._standing * self.period >= REST_TIME:
             stopped = self._plausibility.check_load(state) or stopped
         elapsed = now - self._looked
-        if elapsed >= EFFORTS_EVERY - 1e-9:
+        if elapsed >= EFFORT_CHECK_TIME - 1e-9:
             self._looked = now
             if self.hardware.feels_effort:
                 acceleration = (state.velocity - self._velocity) / self.period
@@ -341,9 +344,9 @@ class ControlLoop:
             self.monitor.moves(self._holder.owner)
         self._braking, self._watchdog.attended = False, True
         self._guard = guard
-        if self._standing * self.period >= CARRIED_TIME - 1e-9 and self._servo:
-            weight = -self.wrist.over(CARRIED_TIME, self._state.position)[:3]
-            self._carried[:3] = weight if float(np.linalg.norm(weight)) < FELT else 0.0
+        if self._standing * self.period >= LOAD_REST_TIME - 1e-9 and self._servo:
+            weight = -self.wrist.over(LOAD_REST_TIME, self._state.position)[:3]
+            self._carried[:3] = weight if float(np.linalg.norm(weight)) < TOUCH_FORCE else 0.0
         self._begin(controller)
 
     def brake(self) -> None:
@@ -379,7 +382,7 @@ class ControlLoop:
             return False
         state = self._state
         standing = float(state.velocity @ state.velocity) < REST_SPEED * REST_SPEED
-        return standing and float(np.abs(self._setpoint.position - state.position).max()) > BESIDE
+        return standing and float(np.abs(self._setpoint.position - state.position).max()) > MAX_HOLD_ERROR
 
     @property
     def _off_its_way(self) -> bool:
@@ -393,7 +396,7 @@ class ControlLoop:
         self._guard = None
         self._braking = True
         self._servo = False
-        if math.hypot(*self.wrist.force) > FELT:
+        if math.hypot(*self.wrist.force) > TOUCH_FORCE:
             self._begin(ContactReflex(self.model, self.period, self._carried))
         else:
             self._begin(BrakeController(self.model, self.period))

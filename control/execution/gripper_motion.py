@@ -13,30 +13,30 @@ from ...world.values import GripperState
 T = TypeVar("T")
 Doing: TypeAlias = Generator[None, None, T]
 
-STILL = 3e-4
+STANDING_OPENING_CHANGE = 3e-4
 """Change of the opening in a tick below which the fingers stand, m."""
-REACHED = 1.5e-3
+OPENING_TOLERANCE = 1.5e-3
 """Distance to the commanded opening at which it counts as reached, m."""
-BLOCKED = 5e-3
+MAX_OPENING_SHORTFALL = 5e-3
 """Distance to the commanded opening from which an incomplete motion is an error, m."""
-OPENING = 20.0
+OPENING_FORCE = 20.0
 """Opening force of each finger, N. It must not press a neighbour against a wall."""
-LEAST_RELEASE = 0.25
+MIN_RELEASE_SHARE = 0.25
 """Least share of a release's opening that lets go of the object."""
-LEAST_FORCE = 0.75
+MIN_FORCE_SHARE = 0.75
 """Least force of standing fingers, as a share of the commanded one. Measured over sorts with hand and
 linkage: 0.97 and more."""
-RISES = 4
+FORCE_RISE_TICKS = 4
 """Ticks in which the force of fingers that have just stopped may still rise."""
-MET = 2e-3
+MAX_MET_OPENING = 2e-3
 """Opening up to which the fingers touch each other, m. Their force then says nothing about an object."""
-STUCK = 1e-3
+MIN_FINGER_TRAVEL = 1e-3
 """Travel up to which fingers have not moved, m, when the commanded opening is farther off."""
-OPENS = 0.5
+OPENING_SPARE_TIME = 0.5
 """Time beyond the travel time in which free fingers are open, s."""
-STARTS = 0.3
+FINGER_START_TIME = 0.3
 """Time in which free fingers have begun to move, s."""
-SPARE = 1.0
+MOVE_SPARE_TIME = 1.0
 """Longest wait beyond the travel time at the fingers' speed, s."""
 
 
@@ -44,7 +44,7 @@ class GripperControl:
     """Control of the gripper: open, close, release. A command stays in force when its skill is halted."""
 
     def __init__(
-        self, gripper: Gripper, clock: Clock, description: GripperDescription, opening: float = OPENING
+        self, gripper: Gripper, clock: Clock, description: GripperDescription, opening: float = OPENING_FORCE
     ) -> None:
         """`opening`: opening force of each finger, N."""
         self._gripper = gripper
@@ -93,11 +93,11 @@ class GripperControl:
         None: they are in time, or they close. The final opening of closing fingers is unknown.
         """
         way, width = self._target - self._from, self.width
-        if way <= BLOCKED or width > self._target - BLOCKED:
+        if way <= MAX_OPENING_SHORTFALL or width > self._target - MAX_OPENING_SHORTFALL:
             return None
         since = self._clock.now - self._told
-        moves = since < STARTS or width > self._from + STUCK
-        if moves and since < way / (2 * self._description.speed) + OPENS:
+        moves = since < FINGER_START_TIME or width > self._from + MIN_FINGER_TRAVEL
+        if moves and since < way / (2 * self._description.speed) + OPENING_SPARE_TIME:
             return None
         return self._not_open(width, self._target)
 
@@ -106,7 +106,7 @@ class GripperControl:
 
         Raises Failure(control.gripper) when they have not moved, or press with less than the commanded force.
         """
-        for _ in range(RISES):
+        for _ in range(FORCE_RISE_TICKS):
             if self._unsound(begun) is None:
                 return
             yield
@@ -117,10 +117,10 @@ class GripperControl:
     def _unsound(self, begun: float) -> Failure | None:
         state, told = self._gripper.read(), self._force
         moved, presses = begun - state.width, abs(state.force)
-        if presses >= LEAST_FORCE * told or state.width <= MET:
+        if presses >= MIN_FORCE_SHARE * told or state.width <= MAX_MET_OPENING:
             return None
         evidence = {"width": state.width, "moved": moved, "force": presses, "told": told}
-        if moved <= STUCK:
+        if moved <= MIN_FINGER_TRAVEL:
             message = (
                 f"the fingers stand at {state.width * 1000:.1f} mm and have not moved, though told to close "
                 f"with {told:.0f} N"
@@ -136,14 +136,14 @@ class GripperControl:
     def open(self, width: float | None = None) -> Doing[None]:
         """Open to `width` m with at most `bound` N; default: fully. Raises Failure(control.gripper) when
         something holds the fingers."""
-        yield from self._open(self._description.max_width if width is None else width, BLOCKED)
+        yield from self._open(self._description.max_width if width is None else width, MAX_OPENING_SHORTFALL)
 
     def release(self, by: float) -> Doing[None]:
         """Open by `by` m to let go of the held object; neighbours may stop the fingers after a quarter of it.
 
         Raises Failure(control.gripper) when something holds the fingers.
         """
-        yield from self._open(self.width + by, max(BLOCKED, (1.0 - LEAST_RELEASE) * by))
+        yield from self._open(self.width + by, max(MAX_OPENING_SHORTFALL, (1.0 - MIN_RELEASE_SHARE) * by))
 
     def _open(self, width: float, short: float) -> Doing[None]:
         target = min(width, self._description.max_width)
@@ -179,14 +179,14 @@ class GripperControl:
         """
         self.start(width, force, speed)
         way = abs(self.width - width)
-        limit = self._clock.now + way / (2 * (speed or self._description.speed)) + SPARE
+        limit = self._clock.now + way / (2 * (speed or self._description.speed)) + MOVE_SPARE_TIME
         before = self.width
         yield
         still = 0
         while self._clock.now < limit:
             now = self.width
-            still = still + 1 if abs(now - before) < STILL else 0
-            if abs(now - width) < REACHED or still >= 2:
+            still = still + 1 if abs(now - before) < STANDING_OPENING_CHANGE else 0
+            if abs(now - width) < OPENING_TOLERANCE or still >= 2:
                 break
             before = now
             yield

@@ -11,7 +11,7 @@ from ...errors import PicktreeError
 from ...robots.model import RobotModel
 from ...world.causes import Cause, Failure, control, planning, safety, world
 from ...world.values import Array, Pose
-from ..cartesian.twist import FASTEST, FASTEST_TURN, Twist
+from ..cartesian.twist import MAX_TWIST_ANGULAR_SPEED, MAX_TWIST_SPEED, Twist
 from ..cartesian.velocity_controller import JogController
 from ..safety.motion_lease import ForceGuard, Lease
 from .control_loop import ControlLoop
@@ -20,11 +20,11 @@ StoppedBy: TypeAlias = Literal["done", "contact", "collision", "joint_limit", "s
 Lookout: TypeAlias = Callable[[Array], tuple[str, ...]]
 """Collision query of the look-ahead: names of bodies touched on configurations (k, n), rad. Empty: free."""
 
-SHARES = (1.0, 0.7, 0.5, 0.35, 0.2, 0.1, 0.05)
+TWIST_SHARES = (1.0, 0.7, 0.5, 0.35, 0.2, 0.1, 0.05)
 """Shares of the commanded twist, tried in this order until the path to a stop is free."""
-LOOK_STEP = 1 / 60
+LOOKAHEAD_STEP = 1 / 60
 """Time between two configurations of the look-ahead, s."""
-STANDING = 0.02
+STANDING_SPEED_SHARE = 0.02
 """Share of the commanded speed below which a jog stands."""
 STANDING_TICKS = 4
 """Ticks at a standstill before a jog counts as stopped: it needs time to get going."""
@@ -72,14 +72,14 @@ class JogResult:
         """Return the failure that describes why the jog stopped. None: it ended by itself."""
         if self.stopped_by == "done":
             return None
-        cause, what = _SENTENCES[self.stopped_by]
+        cause, what = _STOP_SENTENCES[self.stopped_by]
         after = f"after {self.travelled * 1000:.0f} mm"
         text = what.format(detail=self.detail, force=self.force)
         evidence: dict[str, str | float] = {"stopped_by": self.stopped_by, "travelled": self.travelled}
         return Failure(cause, f"{text} {after} of a jog", detail=self.detail, **evidence)
 
 
-_SENTENCES: dict[str, tuple[Cause, str]] = {
+_STOP_SENTENCES: dict[str, tuple[Cause, str]] = {
     "contact": (world.DISTURBED, "touched something at {force:.0f} N"),
     "collision": (planning.BLOCKED, "stopped before {detail}"),
     "joint_limit": (safety.JOINT_LIMIT, "{detail} came to its limit"),
@@ -129,9 +129,9 @@ class JogMotion:
                     elapsed, loop.tcp, travelled, guard.size(loop.wrist.force), share, held_by
                 )
                 wanted = twists(status) if elapsed < duration - 1e-9 else None
-            if wanted is None or _has_gone(jog):
+            if wanted is None or _travel_done(jog):
                 break
-            wanted = _checked(wanted)
+            wanted = _checked_twist(wanted)
             share, blocked = self._share(jog, wanted, share)
             jog.command(wanted.scaled(share))
             yield
@@ -147,7 +147,7 @@ class JogMotion:
             standing = standing + 1 if _stands(jog, wanted) else 0
             if stays and standing >= STANDING_TICKS and (blocked or jog.law.held_by):
                 held_by = f"collision {', '.join(blocked)}" if blocked else jog.law.held_by
-                stopped_by = _reason(held_by)
+                stopped_by = _stop_reason(held_by)
                 break
         detail = held_by.partition(" ")[2] if stopped_by not in ("done", "contact") else ""
         jog.brake()
@@ -168,16 +168,16 @@ class JogMotion:
         if self._lookout is None:
             return 1.0, ()
         blocked: tuple[str, ...] = ()
-        nearest = max(k for k, share in enumerate((*SHARES, 0.0)) if share >= before)
-        for share in SHARES[max(0, nearest - 1) :]:
-            hit = self._lookout(jog.ahead(wanted.scaled(share), 2 * self._tick, LOOK_STEP))
+        nearest = max(k for k, share in enumerate((*TWIST_SHARES, 0.0)) if share >= before)
+        for share in TWIST_SHARES[max(0, nearest - 1) :]:
+            hit = self._lookout(jog.ahead(wanted.scaled(share), 2 * self._tick, LOOKAHEAD_STEP))
             if not hit:
                 return share, blocked
             blocked = hit
         return 0.0, blocked
 
 
-def _has_gone(jog: JogController) -> bool:
+def _travel_done(jog: JogController) -> bool:
     """Whether the given path length is done."""
     return jog.state.left < 1e-4
 
@@ -185,11 +185,12 @@ def _has_gone(jog: JogController) -> bool:
 def _stands(jog: JogController, wanted: Twist) -> bool:
     linear, angular = jog.law.tool_speed(jog.state)
     return (
-        linear <= STANDING * wanted.speed + 1e-6 and angular <= STANDING * math.hypot(*wanted.angular) + 1e-4
+        linear <= STANDING_SPEED_SHARE * wanted.speed + 1e-6
+        and angular <= STANDING_SPEED_SHARE * math.hypot(*wanted.angular) + 1e-4
     )
 
 
-def _reason(held_by: str) -> StoppedBy:
+def _stop_reason(held_by: str) -> StoppedBy:
     match held_by.partition(" ")[0]:
         case "collision":
             return "collision"
@@ -201,14 +202,15 @@ def _reason(held_by: str) -> StoppedBy:
             return "workspace"
 
 
-def _checked(wanted: Twist) -> Twist:
+def _checked_twist(wanted: Twist) -> Twist:
     numbers = (*wanted.linear, *wanted.angular)
     if len(numbers) != 6 or not all(math.isfinite(number) for number in numbers):
         raise PicktreeError(f"a twist needs three m/s and three rad/s, not {numbers}")
     speed, turn = wanted.speed, math.hypot(*wanted.angular)
-    if speed > FASTEST * (1.0 + 1e-9) or turn > FASTEST_TURN * (1.0 + 1e-9):
+    if speed > MAX_TWIST_SPEED * (1.0 + 1e-9) or turn > MAX_TWIST_ANGULAR_SPEED * (1.0 + 1e-9):
         raise PicktreeError(
-            f"a jog goes at most {FASTEST:g} m/s and turns at most {FASTEST_TURN:g} rad/s, "
+            f"a jog goes at most {MAX_TWIST_SPEED:g} m/s and turns at most {MAX_TWIST_ANGULAR_SPEED:g} "
+            "rad/s, "
             f"not {speed:.3g} m/s and {turn:.3g} rad/s"
         )
     return wanted

@@ -14,7 +14,7 @@ from ...world.journal import Journal
 from ...world.protocols import Clock
 from ...world.trajectory import Trajectory
 from ...world.values import Array, Vector3
-from ..cartesian.compliant_motion import FIRM, CartesianStiffness, CompliantMotion
+from ..cartesian.compliant_motion import FIRM_STIFFNESS, CartesianStiffness, CompliantMotion
 from ..contact.guarded_move import GuardedMoveResult
 from ..joints.soft_contact import ContactThresholds, JointImpedanceResult
 from ..joints.soft_controller import JointImpedanceController
@@ -63,7 +63,7 @@ class ArmMotion(TrajectoryMotion):
         *,
         node: str = "",
         press: float = 0.0,
-        stiffness: CartesianStiffness = FIRM,
+        stiffness: CartesianStiffness = FIRM_STIFFNESS,
     ) -> Doing[GuardedMoveResult]:
         """Move the arm straight along `direction` (3,) in the world, orientation kept, until more than
         `force` N act against it.
@@ -95,7 +95,7 @@ class ArmMotion(TrajectoryMotion):
         limit: float,
         *,
         node: str = "",
-        stiffness: CartesianStiffness = FIRM,
+        stiffness: CartesianStiffness = FIRM_STIFFNESS,
         zero: Array | None = None,
     ) -> Doing[CompliantMotionResult]:
         """Move the tool along a compliant motion as a damped spring, until that is finished or for `limit` s.

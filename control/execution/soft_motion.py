@@ -19,7 +19,7 @@ from ..joints.external_torque import static_external_torque
 from ..joints.joint_controllers import HoldController
 from ..joints.soft_contact import ContactThresholds, JointImpedanceResult
 from ..joints.soft_controller import (
-    GIVING_TIME,
+    YIELD_TIME,
     GravityCompensationController,
     JointImpedanceController,
 )
@@ -29,7 +29,7 @@ from .control_loop import ControlLoop
 T = TypeVar("T")
 Doing: TypeAlias = Generator[None, None, T]
 
-SLACK = 2.0
+MAX_SOFT_DELAY = 2.0
 """Longest duration of a soft motion beyond that of its trajectory, s."""
 
 
@@ -76,7 +76,7 @@ class JointImpedanceMotion:
         )
         began(track)
         lease.run(track)
-        limit = self._clock.now + trajectory.duration + GIVING_TIME + SLACK
+        limit = self._clock.now + trajectory.duration + YIELD_TIME + MAX_SOFT_DELAY
         noticed: Failure | None = None
         while True:
             yield
@@ -109,7 +109,7 @@ class JointImpedanceMotion:
             check(lease)
         lease.run(HoldController())
         while not self._loop.at_rest:
-            if self._clock.now > until + SLACK:
+            if self._clock.now > until + MAX_SOFT_DELAY:
                 raise Failure(control.TIMEOUT, "the arm does not come to rest after it gave way")
             yield
             check(lease)

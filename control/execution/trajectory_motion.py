@@ -25,13 +25,13 @@ Doing: TypeAlias = Generator[None, None, T]
 Watch: TypeAlias = Callable[[], Failure | None]
 """Callable for each tick of a motion. A failure that it returns brakes the arm and is then raised."""
 
-REST_LIMIT = 3.0
+MAX_REST_WAIT = 3.0
 """Longest wait for the arm to come to rest, s."""
 START_TOLERANCE = 0.02
 """Greatest distance of a joint from the start of its trajectory, rad."""
-ARRIVED = 2e-3
+ARRIVAL_TOLERANCE = 2e-3
 """Greatest distance of a joint from the end of its trajectory, rad."""
-ARRIVAL_LIMIT = 1.0
+MAX_ARRIVAL_WAIT = 1.0
 """Longest wait for the arrival after the end of a trajectory, s."""
 
 
@@ -173,7 +173,7 @@ class TrajectoryMotion:
         hand_over: float | None,
     ) -> Doing[None]:
         trajectory = track.trajectory
-        limit = self._clock.now + trajectory.duration - track.progress + ARRIVAL_LIMIT
+        limit = self._clock.now + trajectory.duration - track.progress + MAX_ARRIVAL_WAIT
         while True:
             yield
             self._check(lease)
@@ -201,7 +201,7 @@ class TrajectoryMotion:
                 off = float(np.abs(self._loop.state.position - trajectory.end).max())
                 raise Failure(
                     control.TIMEOUT,
-                    f"the arm has not arrived {ARRIVAL_LIMIT:.0f} s after the end of its trajectory "
+                    f"the arm has not arrived {MAX_ARRIVAL_WAIT:.0f} s after the end of its trajectory "
                     f"({off:.4f} rad off)",
                     error=off,
                 )
@@ -267,13 +267,13 @@ class TrajectoryMotion:
         return (fx, fy, fz)
 
     def _until_rest(self, lease: Lease) -> Doing[None]:
-        limit = self._clock.now + REST_LIMIT
+        limit = self._clock.now + MAX_REST_WAIT
         while not self._loop.at_rest:
             if self._clock.now > limit:
                 speed = float(np.abs(self._loop.state.velocity).max())
                 raise Failure(
                     control.TIMEOUT,
-                    f"the arm is not at rest after {REST_LIMIT:.0f} s ({speed:.2f} rad/s)",
+                    f"the arm is not at rest after {MAX_REST_WAIT:.0f} s ({speed:.2f} rad/s)",
                     speed=speed,
                 )
             yield
@@ -312,7 +312,7 @@ class TrajectoryMotion:
             )
 
     def _arrived(self, end: Array) -> bool:
-        return self._loop.at_rest and float(np.abs(self._loop.state.position - end).max()) < ARRIVED
+        return self._loop.at_rest and float(np.abs(self._loop.state.position - end).max()) < ARRIVAL_TOLERANCE
 
     @staticmethod
     def _touched(force: Vector3, track: TrajectoryController) -> Failure:

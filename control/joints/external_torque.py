@@ -45,7 +45,7 @@ def bare_arm(model: RobotModel) -> pin.Model:
     return arm
 
 
-EXPLAINED = 0.5
+MIN_EXPLAINED_SHARE = 0.5
 """Least share of a claimed force that the joints must carry for it to be believed."""
 
 
@@ -82,7 +82,7 @@ class EffortCheck:
         borne = self._beyond(rest, still, self._hand(state.position) + carried) / self._limit
         expected = -self._jacobian().T @ claimed / self._limit
         size = float(expected @ expected)
-        return size <= 0.0 or float(borne @ expected) > EXPLAINED * size
+        return size <= 0.0 or float(borne @ expected) > MIN_EXPLAINED_SHARE * size
 
     def _beyond(self, state: JointState, acceleration: Array, on_wrist: Array) -> Array:
         needed = pin.rnea(self._arm, self._data, state.position, state.velocity, acceleration)
@@ -101,7 +101,7 @@ class EffortCheck:
         return np.array([0.0, 0.0, -weight, -y * weight, x * weight, 0.0])
 
 
-GAIN = 40.0
+OBSERVER_GAIN = 40.0
 """Gain of the observer, 1/s: a contact shows after 25 ms."""
 
 
@@ -114,7 +114,7 @@ class ExternalTorqueObserver:
     "Collision detection and safe reaction with the DLR-III lightweight manipulator arm", IROS 2006.
     """
 
-    def __init__(self, model: RobotModel, period: float, gain: float = GAIN) -> None:
+    def __init__(self, model: RobotModel, period: float, gain: float = OBSERVER_GAIN) -> None:
         self._model = model
         self._arm = model.arm
         self._data = model.arm.createData()

@@ -12,26 +12,26 @@ from ...world.trajectory import Trajectory
 from ...world.values import Array, JointState
 from ..commands import Controller, JointCommand
 
-BLEND = 0.25
+OFFSET_FADE_TIME = 0.25
 """Time in which a small offset to the start of a trajectory fades out, s."""
-LEAST_DECELERATION = 1.0
+MIN_PATH_DECELERATION = 1.0
 """Least deceleration of the progress along a path, 1/s²: braking on the path ends within a second in any
 case."""
-BRAKING = 0.6
+PATH_BRAKING_SHARE = 0.6
 """Acceleration of braking on a path, as a share of its limits. All joints at their limits would exceed their
 torques."""
-MOST_DECELERATION = 60.0
-BRAKING_TORQUE = 0.85
+MAX_PATH_DECELERATION = 60.0
+BRAKING_TORQUE_SHARE = 0.85
 """Share of the torque limits that braking off the path takes."""
-RELAXATIONS = 8
+TORQUE_RELAXATIONS = 8
 """Iterations that redistribute torque from joints with a reserve to joints that lack it."""
-LEAST_SHARE = 0.15
+MIN_BRAKING_SHARE = 0.15
 """Least share of the remaining braking that is applied in any case."""
-UNATTENDED = 0.1
+MAX_UNATTENDED_TIME = 0.1
 """Time for which a handed-over motion goes on before it brakes by itself, s."""
 
-_FIRST = np.array([1.0, 2.0, 3.0, 4.0, 5.0])
-_SECOND = np.array([2.0, 6.0, 12.0, 20.0])
+_FIRST_DERIVATIVE = np.array([1.0, 2.0, 3.0, 4.0, 5.0])
+_SECOND_DERIVATIVE = np.array([2.0, 6.0, 12.0, 20.0])
 
 
 class HoldController:
@@ -87,9 +87,9 @@ class BrakeController:
         most = -np.sign(self._velocity) * np.minimum(self._step, speed)
         mass = model.mass_matrix(self._position) / self._period
         coasting = model.bias(self._position, self._velocity)
-        limit = BRAKING_TORQUE * model.torque_limit
+        limit = BRAKING_TORQUE_SHARE * model.torque_limit
         change = most.copy()
-        for _ in range(RELAXATIONS):
+        for _ in range(TORQUE_RELAXATIONS):
             torque = mass @ change + coasting
             excess = torque - np.clip(torque, -limit, limit)
             if not excess.any():
@@ -98,7 +98,7 @@ class BrakeController:
             change = np.clip(change, np.minimum(most, 0.0), np.maximum(most, 0.0))
         room = np.maximum(limit - np.sign(mass @ change) * coasting, 0.0)
         share = float((room / np.maximum(np.abs(mass @ change), 1e-9)).min())
-        return change * min(max(share, LEAST_SHARE), 1.0)
+        return change * min(max(share, MIN_BRAKING_SHARE), 1.0)
 
 
 class TrajectoryController:
@@ -117,7 +117,7 @@ class TrajectoryController:
         """Commanded part of the trajectory, s."""
         self.done = False
         self._period = period
-        self._limit = BRAKING * model.acceleration_limit
+        self._limit = PATH_BRAKING_SHARE * model.acceleration_limit
         self._times: list[float] = trajectory.times.tolist()
         self._coefficients = trajectory.polynomials()
         self._powers = np.zeros((2, 6))
@@ -152,7 +152,7 @@ class TrajectoryController:
         if self._rate != 1.0:
             velocity = velocity * self._rate
         if self._offset is not None:
-            left = max(0.0, 1.0 - self.progress / min(BLEND, end)) if end > 0.0 else 0.0
+            left = max(0.0, 1.0 - self.progress / min(OFFSET_FADE_TIME, end)) if end > 0.0 else 0.0
             fade = left * left * (3.0 - 2.0 * left)
             position = position + fade * self._offset
         self.done = self._rate == 0.0 or self.progress >= end
@@ -164,7 +164,7 @@ class TrajectoryController:
         self._braking = True
         return self
 
-    def hand_over(self, seconds: float = UNATTENDED) -> None:
+    def hand_over(self, seconds: float = MAX_UNATTENDED_TIME) -> None:
         """Brake after `seconds`, unless another skill continues this motion before."""
         self._unattended = round(seconds / self._period)
 
@@ -191,14 +191,14 @@ class TrajectoryController:
         c = self._coefficients[self._segment]
         t = self.progress - self._times[self._segment]
         powers = t ** np.arange(5.0)
-        along = (_FIRST * powers) @ c[1:]
-        bend = (_SECOND * powers[:4]) @ c[2:] * (self._rate * self._rate)
+        along = (_FIRST_DERIVATIVE * powers) @ c[1:]
+        bend = (_SECOND_DERIVATIVE * powers[:4]) @ c[2:] * (self._rate * self._rate)
         speed = np.abs(along)
         moving = speed > 1e-6
-        deceleration = MOST_DECELERATION
+        deceleration = MAX_PATH_DECELERATION
         if moving.any():
             room = (self._limit + np.sign(along) * bend)[moving] / speed[moving]
-            deceleration = min(max(float(room.min()), LEAST_DECELERATION), MOST_DECELERATION)
+            deceleration = min(max(float(room.min()), MIN_PATH_DECELERATION), MAX_PATH_DECELERATION)
         self._rate = max(0.0, self._rate - deceleration * self._period)
 
 

@@ -16,32 +16,32 @@ from ..wrist.wrist_wrench import WristWrench
 from .external_torque import ExternalTorqueObserver, static_external_torque
 from .joint_controllers import BrakeController, TrajectoryController
 
-FIRMNESS = 6.0
+STIFFNESS_PER_TORQUE = 6.0
 """Stiffness of a joint over its torque limit, 1/rad."""
-QUICKEST = 32.0
+MAX_NATURAL_FREQUENCY = 32.0
 """Greatest natural frequency of a joint's spring, rad/s; control runs at 240 Hz."""
-DAMPING = 0.9
+JOINT_DAMPING_RATIO = 0.9
 """Damping ratio."""
-GIVING_WAY = 0.2
+CONTACT_STIFFNESS_SHARE = 0.2
 """Share of the stiffness that remains after a contact."""
-BACK = 0.010
+BACK_OFF_DISTANCE = 0.010
 """Distance that the arm goes back on its path after a contact, Euclidean norm over the joints, rad."""
-OFF = 0.003
+YIELD_DISTANCE = 0.003
 """Distance that the arm moves along the contact force, rad. The stiff servo holds the encoder reading: in
 contact, a tenth of a millimetre of encoder noise is 20 N."""
-GIVING_TIME = 0.35
+YIELD_TIME = 0.35
 """Time for which the arm gives way, s."""
-SETTLING = 0.15
+CONTACT_FREE_TIME = 0.15
 """Time after the start in which readings count as free of contact, s."""
-PRESSING = 1.5
+PRESSING_FORCE = 1.5
 """Force at the wrist beyond the load above which something presses on it, N."""
-CALM, CALM_SPEED = 1.0, 0.02
+CALM_TORQUE, CALM_SPEED = 1.0, 0.02
 """External torque, Nm, and joint speed, rad/s, below which nothing presses and the arm stands."""
 CALM_TIME = 0.1
 """Time below these limits until the arm counts as calm, s."""
-DRIFT = 0.03
+MAX_DRIFT = 0.03
 """Greatest drift of a joint that is pushed, rad."""
-FADING = 0.6
+USUAL_TIME_CONSTANT = 0.6
 """Time constant with which the usual readings follow slow changes, as of a load that is turned, s."""
 
 
@@ -102,9 +102,9 @@ class JointImpedanceController(TrajectoryController):
         command = super().update(now, state)
         aim, speed = command.position, command.velocity
         if not self.touched and self._feels(external):
-            self._anchor: Array = self._behind() + _along(external - self._usual_torque(), self._stiff)
-            self._until = self._elapsed + GIVING_TIME
-            self._stiffness = GIVING_WAY * self._stiff
+            self._anchor: Array = self._behind() + _yield_motion(external - self._usual_torque(), self._stiff)
+            self._until = self._elapsed + YIELD_TIME
+            self._stiffness = CONTACT_STIFFNESS_SHARE * self._stiff
             self._damping = damping(model.mass_matrix(q), self._stiffness)
         if self.touched:
             self.progress = before
@@ -126,7 +126,7 @@ class JointImpedanceController(TrajectoryController):
         """Return whether an initial contact force at the wrist has decreased."""
         carried = self._carried[:3]
         before = float(np.linalg.norm(self._force - carried))
-        return before > PRESSING and float(np.linalg.norm(force - carried)) < before
+        return before > PRESSING_FORCE and float(np.linalg.norm(force - carried)) < before
 
     def _behind(self) -> Array:
         """Return the configuration (n,) on the path to which the arm goes back, rad."""
@@ -134,7 +134,7 @@ class JointImpedanceController(TrajectoryController):
         while s > 0.0:
             s = max(0.0, s - 2 * self._period)
             there = self._sample_at(s)
-            if float(np.linalg.norm(there - here)) >= BACK:
+            if float(np.linalg.norm(there - here)) >= BACK_OFF_DISTANCE:
                 return there
         return self._sample_at(0.0)
 
@@ -154,9 +154,9 @@ class JointImpedanceController(TrajectoryController):
     def _feels(self, external: Array) -> bool:
         """Update the usual readings, and return whether something touches the arm."""
         force = np.array(self._wrist.force)
-        if self._elapsed < SETTLING or self._usual is None:
+        if self._elapsed < CONTACT_FREE_TIME or self._usual is None:
             self._usual = external.copy()
-            share = self._period / (SETTLING / 3 + self._period)
+            share = self._period / (CONTACT_FREE_TIME / 3 + self._period)
             self._force = self._force + share * (force - self._force)
             return False
         # Pressure from the start that decreases is released: that is no contact.
@@ -170,7 +170,7 @@ class JointImpedanceController(TrajectoryController):
             x, y, z = (force - self._force).tolist()
             self.push = (x, y, z)
             return True
-        share = self._period / (FADING + self._period)
+        share = self._period / (USUAL_TIME_CONSTANT + self._period)
         self._usual = self._usual + share * (external - self._usual)
         self._force = self._force + share * (force - self._force)
         return False
@@ -180,7 +180,8 @@ class GravityCompensationController:
     """Gravity compensation: the arm carries itself and the load, and drifts, damped, where something pushes
     it.
 
-    The drift is at most `DRIFT`. Then the arm moves a little away from the contact; where that persists, it
+    The drift is at most `MAX_DRIFT`. Then the arm moves a little away from the contact; where that
+    persists, it
     begins again.
     """
 
@@ -211,7 +212,7 @@ class GravityCompensationController:
         self._begun: Array = q.copy()
         self._anchor: Array = q.copy()
         self._driven: Array = state.effort.copy()
-        self._off = _along(
+        self._off = _yield_motion(
             static_external_torque(model, state) - model.jacobian(q).T @ self._carried, self._stiffness
         )
 
@@ -221,12 +222,12 @@ class GravityCompensationController:
         external = self._observer.watch(state, self._driven) - hanging
         self._since += self._period
         anchor = self._led(q)
-        if self._since > 2 * SETTLING:
+        if self._since > 2 * CONTACT_FREE_TIME:
             self.pressed = float(np.linalg.norm(external))
-            quiet = self.pressed < CALM and float(np.abs(v).max()) < CALM_SPEED
+            quiet = self.pressed < CALM_TORQUE and float(np.abs(v).max()) < CALM_SPEED
             self._calm = self._calm + self._period if quiet else 0.0
-            if self._since > 4 * SETTLING and self.pressed >= CALM:
-                self._off, self._since = _along(external, self._stiffness), 0.0
+            if self._since > 4 * CONTACT_FREE_TIME and self.pressed >= CALM_TORQUE:
+                self._off, self._since = _yield_motion(external, self._stiffness), 0.0
         torque = model.inverse_dynamics(q, v, np.zeros_like(v)) - hanging
         torque += self._stiffness * (anchor - q) - self._damping @ v
         self._driven = np.clip(torque, -model.torque_limit, model.torque_limit)
@@ -238,23 +239,28 @@ class GravityCompensationController:
     def _led(self, q: Array) -> Array:
         """Return the anchor (n,) of the spring, rad: first the arm's configuration, then away from the
         contact."""
-        if self._since <= SETTLING:
-            self._anchor = np.clip(q, self._begun - DRIFT, self._begun + DRIFT)
+        if self._since <= CONTACT_FREE_TIME:
+            self._anchor = np.clip(q, self._begun - MAX_DRIFT, self._begun + MAX_DRIFT)
             return self._anchor
-        return self._anchor + min(1.0, (self._since - SETTLING) / SETTLING) * self._off
+        return self._anchor + min(1.0, (self._since - CONTACT_FREE_TIME) / CONTACT_FREE_TIME) * self._off
 
 
-def _along(torque: Array, stiff: Array) -> Array:
-    """Return a joint motion (n,) of length `OFF` along these torques, rad; zero when the torques are
+def _yield_motion(torque: Array, stiff: Array) -> Array:
+    """Return a joint motion (n,) of length `YIELD_DISTANCE` along these torques, rad; zero when the torques
+    are
     negligible."""
     way = torque / stiff
     size = float(np.linalg.norm(way))
-    return way * (OFF / size) if float(np.linalg.norm(torque)) > CALM / 2 else np.zeros_like(way)
+    return (
+        way * (YIELD_DISTANCE / size)
+        if float(np.linalg.norm(torque)) > CALM_TORQUE / 2
+        else np.zeros_like(way)
+    )
 
 
 def stiffness(model: RobotModel, mass: Array) -> Array:
     """Return the stiffness (n,) of each joint's soft spring, Nm/rad, for the arm's inertia `mass` (n, n)."""
-    return np.minimum(FIRMNESS * model.torque_limit, QUICKEST**2 * np.diagonal(mass))
+    return np.minimum(STIFFNESS_PER_TORQUE * model.torque_limit, MAX_NATURAL_FREQUENCY**2 * np.diagonal(mass))
 
 
 def damping(mass: Array, stiff: Array) -> Array:
@@ -264,4 +270,4 @@ def damping(mass: Array, stiff: Array) -> Array:
     inverse = np.linalg.inv(lower)
     squares, modes = np.linalg.eigh(inverse @ np.diag(stiff) @ inverse.T)
     shape = lower @ modes
-    return (shape * (2.0 * DAMPING * np.sqrt(np.maximum(squares, 0.0)))) @ shape.T
+    return (shape * (2.0 * JOINT_DAMPING_RATIO * np.sqrt(np.maximum(squares, 0.0)))) @ shape.T

@@ -14,32 +14,32 @@ from ...world.journal import Journal, JournalEvent
 from ...world.protocols import SensorStamps
 from ...world.scene.description import SafetyLimits
 from ...world.values import Array, JointState, Vector3
-from .sensor_silence import STALE, check_silence
+from .sensor_silence import STALE_SENSOR_NAME, check_silence
 from .stop_latch import Latch, LatchState
 
-TRACKING = 0.05
+MAX_TRACKING_ERROR = 0.05
 """Greatest deviation of a joint from its command, rad."""
 JOINT_TOLERANCE = 0.01
 """Distance beyond a soft limit at which a joint violates it, rad."""
-SPEED_TOLERANCE = 1.15
+MAX_SPEED_SHARE = 1.15
 """Greatest speed of a joint, as a share of its speed limit."""
-SMOOTHING = 0.0375
+FORCE_TIME_CONSTANT = 0.0375
 """Time constant of the force's mean, s. A rigid contact at 0.1 m/s hits with 500 N for one control period,
 even when the arm gives way at once. Only a lasting force counts."""
-OVERLOAD = 0.95
+OVERLOAD_TORQUE_SHARE = 0.95
 """Effort from which a joint is overloaded, as a share of its torque limit. Plans take at most 0.7 of it;
 measured over sorts, insertions and pushes: 0.83 for some milliseconds."""
-OVERLOAD_TIME = 0.5
+MAX_OVERLOAD_TIME = 0.5
 """Longest overload of a joint, s. Peaks heat no motor, and a joint that brakes from full speed exerts its
 full torque for up to 0.48 s."""
-UNEXPLAINED = 0.15
+MAX_UNEXPLAINED_EFFORT = 0.15
 """Greatest unexplained effort of a joint, as a share of its torque limit. Measured over sorts, insertions and
 pushes: up to 0.06."""
-UNEXPLAINED_TIME = 0.1
+UNEXPLAINED_TIME_CONSTANT = 0.1
 """Time constant of the mean of the unexplained effort, s."""
 LOAD_TOLERANCE = 0.1
 """Tolerance of the payload limit, kg. The wrist's measurement at rest is off by up to half of that."""
-BLIND = 0.5
+BLIND_SPEED_SHARE = 0.5
 """Joint speeds of a retreat while the wrist sensor is silent, as a share of their limits."""
 
 FORCE_SLACK, TOOL_SLACK, JOINT_SLACK = 5.0, 0.005, 0.01
@@ -47,7 +47,7 @@ FORCE_SLACK, TOOL_SLACK, JOINT_SLACK = 5.0, 0.005, 0.01
 TORQUE_SLACK, MASS_SLACK = 0.1, 0.1
 """The same for efforts, as a share of the joint's limit, and for the payload, kg."""
 
-OVERLOADED = safety.TORQUE_LIMIT.name
+TORQUE_LIMIT_NAME = safety.TORQUE_LIMIT.name
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,13 +90,13 @@ class SafetyMonitor:
         self._journal = journal
         self._middle: Array = (model.lower + model.upper) / 2
         self._torque_limit = model.torque_limit
-        self._speed: Array = model.velocity_limit * SPEED_TOLERANCE
+        self._speed: Array = model.velocity_limit * MAX_SPEED_SHARE
         self._allowed: Array = np.stack(
             [
                 (model.upper - model.lower) / 2 + JOINT_TOLERANCE,
                 self._speed,
-                np.full(model.n, TRACKING),
-                model.torque_limit * OVERLOAD,
+                np.full(model.n, MAX_TRACKING_ERROR),
+                model.torque_limit * OVERLOAD_TORQUE_SHARE,
             ]
         )
         self.most_load = payload_limit(model, limits)
@@ -127,7 +127,7 @@ class SafetyMonitor:
     @property
     def blind(self) -> bool:
         """Whether the wrist sensor is silent. No motion that needs it may begin."""
-        return self._latch.stands(f"{STALE}/wrench")
+        return self._latch.stands(f"{STALE_SENSOR_NAME}/wrench")
 
     @property
     def pressed(self) -> bool:
@@ -140,10 +140,10 @@ class SafetyMonitor:
         Only a safe retreat may call this, with its node path `by`: persisting violations are tolerated for
         its own motions alone.
         """
-        if self._latch.stands(f"{STALE}/joints"):
+        if self._latch.stands(f"{STALE_SENSOR_NAME}/joints"):
             return False
         self._latch.acknowledge(by)
-        self._allowed[1] = self._speed * (BLIND if self.blind else 1.0)
+        self._allowed[1] = self._speed * (BLIND_SPEED_SHARE if self.blind else 1.0)
         return True
 
     def moves(self, owner: str) -> None:
@@ -166,7 +166,7 @@ class SafetyMonitor:
         `commanded` (n,): commanded configuration of the servo, rad; None under torque control. `force`:
         external force, N in the world. `period`: time since the last check, s.
         """
-        felt, share = self._felt, period / (SMOOTHING + period)
+        felt, share = self._felt, period / (FORCE_TIME_CONSTANT + period)
         felt[0] += share * (force[0] - felt[0])
         felt[1] += share * (force[1] - felt[1])
         felt[2] += share * (force[2] - felt[2])
@@ -255,17 +255,20 @@ class SafetyMonitor:
 
         `elapsed`: time since the last call, s.
         """
-        share = elapsed / (UNEXPLAINED_TIME + elapsed)
+        share = elapsed / (UNEXPLAINED_TIME_CONSTANT + elapsed)
         self._unexplained += share * (unexplained / self._torque_limit - self._unexplained)
         left = self._unexplained
         # The norm bounds every element and is computed quickly.
-        return float(left @ left) <= UNEXPLAINED**2 or float(np.abs(left).max()) <= UNEXPLAINED
+        return (
+            float(left @ left) <= MAX_UNEXPLAINED_EFFORT**2
+            or float(np.abs(left).max()) <= MAX_UNEXPLAINED_EFFORT
+        )
 
     def check_efforts(self, explained: bool) -> bool:
         """Report the unexplained effort to the latch, and return whether a stop was latched."""
         if explained and not self._latch.busy:
             return False
-        name = f"{OVERLOADED}/unexplained"
+        name = f"{TORQUE_LIMIT_NAME}/unexplained"
         k = int(np.abs(self._unexplained).argmax())
         level = abs(float(self._unexplained[k]))
         if not explained:
@@ -273,16 +276,16 @@ class SafetyMonitor:
             self._latch.violated(
                 name,
                 safety.TORQUE_LIMIT,
-                level - UNEXPLAINED,
+                level - MAX_UNEXPLAINED_EFFORT,
                 TORQUE_SLACK,
                 f"{self._names[k]} exerts {abs(torque):.1f} Nm that neither its motion nor what the wrist "
-                f"feels explains, more than {UNEXPLAINED * limit:.1f} Nm",
+                f"feels explains, more than {MAX_UNEXPLAINED_EFFORT * limit:.1f} Nm",
                 joint=self._names[k],
                 unexplained=round(torque, 3),
-                limit=round(UNEXPLAINED * limit, 3),
+                limit=round(MAX_UNEXPLAINED_EFFORT * limit, 3),
             )
         elif self._latch.busy:
-            self._latch.within(name, UNEXPLAINED - level, 0.0)
+            self._latch.within(name, MAX_UNEXPLAINED_EFFORT - level, 0.0)
         return self._latch.take_fresh()
 
     def forget_efforts(self) -> None:
@@ -321,7 +324,7 @@ class SafetyMonitor:
             elif cause is safety.SPEED_LIMIT:
                 message = f"{joint} moves at {float(state.velocity[k]):.2f} rad/s"
             else:
-                message = f"{joint} is {worst + TRACKING:.3f} rad from where it was told to be"
+                message = f"{joint} is {worst + MAX_TRACKING_ERROR:.3f} rad from where it was told to be"
             self._latch.violated(
                 cause.name,
                 cause,
@@ -337,8 +340,8 @@ class SafetyMonitor:
     def _check_overload(self, beyond: Array, state: JointState, period: float) -> None:
         self._overloaded = np.where(beyond > 0.0, self._overloaded + period, 0.0)
         k = int(self._overloaded.argmax())
-        name, limit = f"{OVERLOADED}/overload", float(self._torque_limit[k])
-        if self._overloaded[k] <= OVERLOAD_TIME:
+        name, limit = f"{TORQUE_LIMIT_NAME}/overload", float(self._torque_limit[k])
+        if self._overloaded[k] <= MAX_OVERLOAD_TIME:
             self._latch.within(name, -float(beyond.max()) / limit, TORQUE_SLACK)
             return
         effort = float(state.effort[k])
@@ -347,7 +350,8 @@ class SafetyMonitor:
             safety.TORQUE_LIMIT,
             float(beyond[k]) / limit,
             TORQUE_SLACK,
-            f"{self._names[k]} has exerted {abs(effort):.1f} Nm for {OVERLOAD_TIME:g} s, of {limit:.0f} Nm "
+            f"{self._names[k]} has exerted {abs(effort):.1f} Nm for {MAX_OVERLOAD_TIME:g} s, of "
+            f"{limit:.0f} Nm "
             "that it bears",
             joint=self._names[k],
             effort=round(effort, 3),
@@ -386,8 +390,8 @@ class SafetyMonitor:
         n = len(self._names)
         self._overloaded = np.array(saved.overloaded or [0.0] * n)
         self._unexplained = np.array(saved.unexplained or [0.0] * n)
-        slow = self.blind and self._latch.tolerates(f"{STALE}/wrench")
-        self._allowed[1] = self._speed * (BLIND if slow else 1.0)
+        slow = self.blind and self._latch.tolerates(f"{STALE_SENSOR_NAME}/wrench")
+        self._allowed[1] = self._speed * (BLIND_SPEED_SHARE if slow else 1.0)
 
 
 def payload_limit(model: RobotModel, limits: SafetyLimits) -> float:

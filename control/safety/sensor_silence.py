@@ -6,19 +6,19 @@ from ...world.causes import safety
 from ...world.protocols import SensorStamps
 from .stop_latch import Latch
 
-JOINTS_SILENT = 0.05
+MAX_JOINTS_SILENCE = 0.05
 """Longest silence of the encoders, s. At full speed the arm moves 0.1 rad in that time."""
-WRENCH_SILENT = 0.1
+MAX_WRENCH_SILENCE = 0.1
 """Longest silence of the wrist sensor, s. A guarded move travels 3 to 10 mm in that time."""
-GRIPPER_SILENT = 0.5
+MAX_GRIPPER_SILENCE = 0.5
 """Longest silence of the gripper, s. Grippers send their opening some ten times a second; fingers are
 slow."""
 
-STALE = safety.STALE_SENSOR.name
+STALE_SENSOR_NAME = safety.STALE_SENSOR.name
 _SENSORS = (
-    ("joints", "the encoders of the joints have", JOINTS_SILENT),
-    ("gripper", "the gripper has", GRIPPER_SILENT),
-    ("wrench", "the wrist sensor has", WRENCH_SILENT),
+    ("joints", "the encoders of the joints have", MAX_JOINTS_SILENCE),
+    ("gripper", "the gripper has", MAX_GRIPPER_SILENCE),
+    ("wrench", "the wrist sensor has", MAX_WRENCH_SILENCE),
 )
 
 
@@ -29,11 +29,11 @@ def check_silence(latch: Latch, now: float, stamps: SensorStamps, repeats_since:
     `repeats_since`: time since which the noisy wrist sensor repeats its reading exactly, s. None: it does
     not.
     """
-    repeating = repeats_since is not None and now - repeats_since > WRENCH_SILENT
+    repeating = repeats_since is not None and now - repeats_since > MAX_WRENCH_SILENCE
     if (
-        now - stamps.joints <= JOINTS_SILENT
-        and now - stamps.wrench <= WRENCH_SILENT
-        and now - stamps.gripper <= GRIPPER_SILENT
+        now - stamps.joints <= MAX_JOINTS_SILENCE
+        and now - stamps.wrench <= MAX_WRENCH_SILENCE
+        and now - stamps.gripper <= MAX_GRIPPER_SILENCE
         and not repeating
         and not latch.busy
     ):
@@ -41,7 +41,7 @@ def check_silence(latch: Latch, now: float, stamps: SensorStamps, repeats_since:
     for (sensor, words, longest), stamp in zip(
         _SENSORS, (stamps.joints, stamps.gripper, stamps.wrench), strict=True
     ):
-        name, what, since = f"{STALE}/{sensor}", "given no new reading", stamp
+        name, what, since = f"{STALE_SENSOR_NAME}/{sensor}", "given no new reading", stamp
         if sensor == "wrench" and repeating and repeats_since is not None and repeats_since < stamp:
             what, since = "repeated itself bit by bit", repeats_since
         if now - since > longest:

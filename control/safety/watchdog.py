@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-WATCHDOG = 0.2
+MAX_UNATTENDED_MOTION = 0.2
 """Longest motion without attention of its holder, s: four ticks. A jog and a motion that was handed over
 brake by themselves before."""
 
@@ -19,7 +19,7 @@ class Watchdog:
         """Count a tick of `tick` s, and return whether the arm has moved unattended for too long."""
         self._alone = 0.0 if self.attended or not moving else self._alone + tick
         self.attended = False
-        return self._alone > WATCHDOG
+        return self._alone > MAX_UNATTENDED_MOTION
 
     def restart(self) -> float:
         """Set the timer to zero, and return the time that it had counted, s."""

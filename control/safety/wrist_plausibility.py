@@ -10,12 +10,12 @@ import numpy as np
 from ...robots.model import RobotModel
 from ...world.journal import JournalEvent
 from ...world.values import GRAVITY, Array, JointState, Vector3
-from ..joints.external_torque import EXPLAINED, EffortCheck
-from ..wrist.wrist_wrench import LARGEST_STEP, QUIET, WristWrench
+from ..joints.external_torque import MIN_EXPLAINED_SHARE, EffortCheck
+from ..wrist.wrist_wrench import MAX_BIAS_STEP, MAX_QUIET_DEVIATION, WristWrench
 from .motion_lease import ForceGuard
 from .safety_monitor import SafetyMonitor
 
-WINDOW = 0.1
+WRIST_WINDOW = 0.1
 """Time over which the wrist is read for a tare or a load, s."""
 
 
@@ -57,7 +57,7 @@ class WristPlausibility:
         """Learn the bias when the arm has just come to rest, if there is none or it is in doubt."""
         if not self._wrist.zeroed:
             # A run begins with an empty hand in free space.
-            self._wrist.zero(WINDOW, state.position)
+            self._wrist.zero(WRIST_WINDOW, state.position)
         elif self._monitor.pressed or self.doubts_wrist:
             self.doubts_wrist = not self.learn_bias(state)
 
@@ -68,9 +68,9 @@ class WristPlausibility:
         """
         before = self._wrist.force
         anew = self._wrist.zeroed
-        learnt = self._wrist.zero(WINDOW, state.position, partial(self._borne, state))
+        learnt = self._wrist.zero(WRIST_WINDOW, state.position, partial(self._borne, state))
         by = math.dist(before, self._wrist.force)
-        if learnt and anew and by > LARGEST_STEP:
+        if learnt and anew and by > MAX_BIAS_STEP:
             self._monitor.forget_efforts()
             words = (
                 f"the wrist felt {by:.1f} N that no joint carries: its bias has jumped, and is learnt anew"
@@ -88,7 +88,7 @@ class WristPlausibility:
         first."""
         mass = -self._wrist.force[2] / GRAVITY
         doubtful = self._monitor.overburdened(mass) and self._feels_effort
-        if doubtful and (self._wrist.unrest(WINDOW) > QUIET or self.learn_bias(state)):
+        if doubtful and (self._wrist.unrest(WRIST_WINDOW) > MAX_QUIET_DEVIATION or self.learn_bias(state)):
             return False
         return self._monitor.check_load(mass)
 
@@ -117,4 +117,6 @@ class WristPlausibility:
         """Return whether the efforts fit better without the wrist reading: then the wrist sensor is wrong."""
         otherwise = self._without_wrist(state, acceleration)
         limit = self._model.torque_limit
-        return float(np.linalg.norm(otherwise / limit)) < EXPLAINED * float(np.linalg.norm(left / limit))
+        return float(np.linalg.norm(otherwise / limit)) < MIN_EXPLAINED_SHARE * float(
+            np.linalg.norm(left / limit)
+        )

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 from ...world.values import Vector3
 
-AVERAGED = 0.017
+DETECTION_WINDOW = 0.017
 """Time over which readings are averaged, s."""
 
 
@@ -76,12 +76,12 @@ class ContactDetector:
     def _take(self, reading: ForceSample) -> None:
         kept = self._readings
         kept.append(reading)
-        oldest = reading.at - self._memory - self._delay - AVERAGED
+        oldest = reading.at - self._memory - self._delay - DETECTION_WINDOW
         while kept[0].at < oldest - 1e-9:
             kept.popleft()
-        lately = [r.force for r in kept if r.at > reading.at - AVERAGED + 1e-9]
+        lately = [r.force for r in kept if r.at > reading.at - DETECTION_WINDOW + 1e-9]
         if self.contact is None:
-            until = reading.at - AVERAGED - self._delay
+            until = reading.at - DETECTION_WINDOW - self._delay
             before = [r.force for r in kept if self._free <= r.at <= until + 1e-9]
             if before:
                 self._baseline = _mean(before)

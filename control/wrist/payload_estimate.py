@@ -8,13 +8,13 @@ import numpy as np
 
 from ...world.values import GRAVITY, Array, Vector3
 
-SPREAD = 0.03
+CENTRE_PRIOR_SIGMA = 0.03
 """Prior standard deviation of the object's centre from the grasp, m."""
-HEAVIEST = 20.0
+MASS_PRIOR_SIGMA = 20.0
 """Prior standard deviation of the mass, kg: practically unknown."""
 FORCE_SIGMA, TORQUE_SIGMA = 0.05, 0.004
 """Standard deviations of a mean over some 0.1 s at rest, N and Nm."""
-SEEN = 0.02
+MIN_CENTRE_MASS = 0.02
 """Mass above which the torque determines the centre, kg."""
 
 
@@ -28,7 +28,7 @@ class Payload:
     """Standard deviation of the mass, kg."""
     centre: Vector3 = (0.0, 0.0, 0.0)
     """Centre of mass, m."""
-    centre_sigma: Vector3 = (SPREAD, SPREAD, SPREAD)
+    centre_sigma: Vector3 = (CENTRE_PRIOR_SIGMA, CENTRE_PRIOR_SIGMA, CENTRE_PRIOR_SIGMA)
     """Standard deviation along each axis, m."""
 
     def wrench(self, rotation: Array, sensor_in_tool: Array) -> Array:
@@ -58,7 +58,7 @@ class PayloadEstimator:
         """`sensor_in_tool` (3,): origin of the wrist's sensor in the TCP frame, m."""
         self._sensor = np.asarray(sensor_in_tool, np.float64)
         self._information: Array = np.zeros((4, 4))
-        self._information[0, 0] = 1.0 / HEAVIEST**2
+        self._information[0, 0] = 1.0 / MASS_PRIOR_SIGMA**2
         self._vector: Array = np.zeros(4)
         self.readings = 0
 
@@ -86,11 +86,11 @@ class PayloadEstimator:
         mass = max(float(np.linalg.lstsq(self._information, self._vector, rcond=None)[0][0]), 0.0)
         information = self._information.copy()
         # The centre is expected at the grasp: a prior on m·c that scales with the mass.
-        information[1:, 1:] += np.eye(3) / (max(mass, SEEN) * SPREAD) ** 2
+        information[1:, 1:] += np.eye(3) / (max(mass, MIN_CENTRE_MASS) * CENTRE_PRIOR_SIGMA) ** 2
         covariance = np.linalg.inv(information)
         moment = covariance @ self._vector
         mass = max(float(moment[0]), 0.0)
-        by = max(mass, SEEN)
+        by = max(mass, MIN_CENTRE_MASS)
         x, y, z = (float(c) / by for c in moment[1:])
         sx, sy, sz = (float(np.sqrt(covariance[k, k])) / by for k in (1, 2, 3))
         return Payload(mass, float(np.sqrt(covariance[0, 0])), (x, y, z), (sx, sy, sz))

@@ -19,14 +19,14 @@ from .payload_estimate import Payload
 if TYPE_CHECKING:
     from ...robots.model import RobotModel
 
-FEWEST = 2
+MIN_SLIP_TICKS = 2
 """Consecutive ticks that make a slip."""
-SLIPPING, GONE = 0.7, 0.3
+SLIPPING_MASS_SHARE, GONE_MASS_SHARE = 0.7, 0.3
 """Shares of the payload's mass below which an object slides, and is gone."""
-UNSURE, UNSURE_MOVING = 0.015, 0.008
+MASS_ERROR, MASS_ERROR_GROWTH = 0.015, 0.008
 """Greatest error of the mass in a tick, kg, and its growth with the acceleration, kg/(m/s²). Measured over
 the transfers of 24 items: never more than this was missing."""
-CLEAR = 0.5
+MAX_ERROR_SHARE = 0.5
 """Greatest error of a tick that counts, as a share of the payload's mass."""
 
 
@@ -70,7 +70,7 @@ def estimate_moving_mass(
     shaken = float(np.linalg.norm(along))
     along[2] += GRAVITY
     mass = -float(pull @ along) / max(float(along @ along), 1.0)
-    return MassEstimate(mass, UNSURE + UNSURE_MOVING * shaken)
+    return MassEstimate(mass, MASS_ERROR + MASS_ERROR_GROWTH * shaken)
 
 
 class SlipDetector:
@@ -82,23 +82,23 @@ class SlipDetector:
 
     def feel(self, felt: MassEstimate) -> None:
         """Add a tick. It is left out when its acceleration is too large to tell this payload from none."""
-        if felt.unsure <= CLEAR * self.payload.mass:
-            self._felt = [*self._felt, felt][-FEWEST:]
+        if felt.unsure <= MAX_ERROR_SHARE * self.payload.mass:
+            self._felt = [*self._felt, felt][-MIN_SLIP_TICKS:]
 
     @property
     def slipping(self) -> bool:
         """Whether each of the last ticks shows clearly less mass than the payload's."""
-        return self._below(SLIPPING)
+        return self._below(SLIPPING_MASS_SHARE)
 
     @property
     def gone(self) -> bool:
         """Whether hardly any of the payload is left."""
-        return self._below(GONE)
+        return self._below(GONE_MASS_SHARE)
 
     def _below(self, share: float) -> bool:
         mass = self.payload.mass
         surely = mass - 3.0 * self.payload.mass_sigma
-        return len(self._felt) == FEWEST and all(
+        return len(self._felt) == MIN_SLIP_TICKS and all(
             f.mass < min(share * mass, surely - f.unsure) for f in self._felt
         )
 

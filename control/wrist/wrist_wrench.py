@@ -14,15 +14,15 @@ from ...world.values import GRAVITY, Array, Pose, Vector3, Wrench
 from .contact_detection import ForceSample
 from .payload_estimate import Payload, PayloadEstimator
 
-KEPT = 0.21
+READINGS_KEPT_TIME = 0.21
 """Time over which readings are kept, s."""
-EVERYDAY = 1 / 240
+DEFAULT_READING_INTERVAL = 1 / 240
 """Default time between two readings, s."""
-LARGEST_BIAS = 12.0
+MAX_BIAS = 12.0
 """Greatest bias of the sensor, N. A larger force at rest in free space acts on the hand."""
-LARGEST_STEP = 3.0
+MAX_BIAS_STEP = 3.0
 """Greatest change of a learnt bias, N. Sensors drift, they do not jump."""
-QUIET = 0.6
+MAX_QUIET_DEVIATION = 0.6
 """Standard deviation of the force up to which a bias can be learnt, N."""
 
 
@@ -94,7 +94,7 @@ class WristWrench:
         if not readings or reading.force != readings[-1][1].force:
             self._changed = now
         readings.append((now, reading))
-        while now - readings[0][0] > KEPT:
+        while now - readings[0][0] > READINGS_KEPT_TIME:
             readings.popleft()
         self.force = self._external(reading)
 
@@ -182,10 +182,10 @@ class WristWrench:
         felt = self.over(window, q) - self._carried(turn)
         step = np.concatenate([turn.T @ felt[:3], turn.T @ felt[3:]])
         bias = known + step
-        sudden = self._bias is not None and float(np.linalg.norm(step[:3])) > LARGEST_STEP
-        if self.unrest(window) > QUIET:
+        sudden = self._bias is not None and float(np.linalg.norm(step[:3])) > MAX_BIAS_STEP
+        if self.unrest(window) > MAX_QUIET_DEVIATION:
             return False
-        odd = sudden or float(np.linalg.norm(bias[:3])) > LARGEST_BIAS
+        odd = sudden or float(np.linalg.norm(bias[:3])) > MAX_BIAS
         if (odd and (real is None or real(felt))) or (self.payload is not None and not sudden):
             return False
         self._bias = bias
@@ -234,7 +234,7 @@ class WristWrench:
         readings = tuple(readings)
         now = self._clock.now
         if len(stamps) != len(readings):
-            stamps = [now - (len(readings) - 1 - k) * EVERYDAY for k in range(len(readings))]
+            stamps = [now - (len(readings) - 1 - k) * DEFAULT_READING_INTERVAL for k in range(len(readings))]
         self._readings = deque(zip(stamps, readings, strict=True))
         self._tare = np.array(list(tare))
         self._bias = np.array(bias) if len(bias) == 6 else None
@@ -275,7 +275,7 @@ def _sensor_in_tool(model: RobotModel) -> Array:
     return np.array((model.tcp(q).inverse() @ model.flange(q)).position)
 
 
-AVERAGED = 1 / 60
+TCP_WRENCH_WINDOW = 1 / 60
 """Time over which readings are averaged, s."""
 
 
@@ -296,7 +296,7 @@ class TcpWrench:
         lever = model.flange(q).rotation() @ np.array(model.hand_com)
         self._zero: list[float] = (zero - np.concatenate([weight, np.cross(lever, weight)])).tolist()
         self._bias: tuple[Array, Array] = (np.array(wrist.bias.force), np.array(wrist.bias.torque))
-        self._recent: deque[list[float]] = deque(maxlen=max(1, round(AVERAGED / period)))
+        self._recent: deque[list[float]] = deque(maxlen=max(1, round(TCP_WRENCH_WINDOW / period)))
 
     def read(self, rotation: Array) -> tuple[Array, Array]:
         """Read this period's wrench: mean force (3,) N and torque (3,) Nm about the TCP, world axes.

@@ -18,7 +18,7 @@ class Probe(Skill):
     example = 'Probe: {depth: 400 mm, height: "{table}"}'
 
     def run(self, world: World) -> Steps:
-        yield from world.grip.close(force=10.0)
+        yield from world.gripper.close(force=10.0)
         felt = yield from world.move.guarded((0, 0, -1), self.depth, force=6.0, speed=0.05, node=self.path)
         yield from world.move.guarded((0, 0, 1), felt.travelled, force=20.0, speed=0.2, node=self.path)
         if not felt.contact:

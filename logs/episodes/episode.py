@@ -29,9 +29,9 @@ from dataclasses import dataclass
 from typing import Literal, Protocol, TypeAlias
 
 AGAIN = "again"
-_MOST = 3
+_MAX_NAMED_NODES = 3
 """Maximum number of nodes that a handler's name lists."""
-_AROUND = frozenset(
+_TRANSPARENT_NODES = frozenset(
     {
         "Sequence",
         "SequenceWithMemory",
@@ -43,7 +43,7 @@ _AROUND = frozenset(
     }
 )
 """Nodes that are named after the nodes below them."""
-_CHOOSING = frozenset({"Fallback", "ReactiveFallback"})
+_FALLBACK_NODES = frozenset({"Fallback", "ReactiveFallback"})
 
 
 class TreeNodeLike(Protocol):
@@ -65,19 +65,19 @@ class CureNames:
 
     def of(self, path: str) -> str:
         parts = list(dict.fromkeys(self._parts(path)))
-        if len(parts) > _MOST:
-            return f"{' + '.join(parts[: _MOST - 1])} + {len(parts) - _MOST + 1} more"
+        if len(parts) > _MAX_NAMED_NODES:
+            return f"{' + '.join(parts[: _MAX_NAMED_NODES - 1])} + {len(parts) - _MAX_NAMED_NODES + 1} more"
         return " + ".join(parts)
 
     def _parts(self, path: str) -> list[str]:
         node = self._nodes.get(path)
         if node is None:
             return [_last(path)]
-        if node.id in _AROUND and node.children:
+        if node.id in _TRANSPARENT_NODES and node.children:
             return [part for child in node.children for part in self._parts(child)]
-        if node.id in _CHOOSING and node.children:
+        if node.id in _FALLBACK_NODES and node.children:
             either = [" + ".join(self._parts(child)) for child in node.children]
-            return [" or ".join(either[:_MOST])]
+            return [" or ".join(either[:_MAX_NAMED_NODES])]
         own = _last(path).partition("#")[0]
         return [node.id if own == node.id else f"{node.id} ({own})"]
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 from .episode import Episode, Planted
 
-NOBODY = ""
+NO_CURE = ""
 """Cure of an episode for which nothing was tried."""
 
 

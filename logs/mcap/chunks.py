@@ -22,7 +22,7 @@ from mcap.records import Channel, Schema
 
 from ...errors import PicktreeError
 
-DAMAGE = (
+DAMAGE_ERRORS = (
     McapError,
     zstandard.ZstdError,
     struct.error,
@@ -34,11 +34,11 @@ DAMAGE = (
 )
 """Exceptions of the libraries on damaged bytes. UnicodeDecodeError and a wrong check sum are ValueErrors."""
 
-HEAD = struct.Struct("<BQ")
+RECORD_HEAD = struct.Struct("<BQ")
 """Start of every record: opcode, length of the content in bytes."""
 _CHUNK = struct.Struct("<QQQII")
 _MESSAGE = struct.Struct("<HIQQ")
-_LARGEST = 1 << 28
+_MAX_CHUNK_SIZE = 1 << 28
 """Maximum size of a chunk, bytes; picktree's recorder begins another long before."""
 
 
@@ -68,7 +68,7 @@ class ChunkContent:
 
 
 def chunk_content(body: bytes) -> ChunkContent:
-    """Parse a chunk. Raises one of `DAMAGE` when any of it is not as it was written."""
+    """Parse a chunk. Raises one of `DAMAGE_ERRORS` when any of it is not as it was written."""
     start, end, size, crc, name_length = _CHUNK.unpack_from(body)
     offset = _CHUNK.size
     compression = body[offset : offset + name_length].decode()
@@ -84,7 +84,7 @@ def chunk_content(body: bytes) -> ChunkContent:
 
 
 def _unpacked(packed: memoryview, compression: str, size: int) -> bytes:
-    if size > _LARGEST:
+    if size > _MAX_CHUNK_SIZE:
         raise ValueError(f"a chunk of {size} bytes")
     if compression == "":
         data = bytes(packed)
@@ -106,8 +106,8 @@ def _content(start: int, end: int, data: bytes) -> ChunkContent:
     channels: list[Channel] = []
     offset, size = 0, len(data)
     while offset < size:
-        opcode, length = HEAD.unpack_from(data, offset)
-        begin = offset + HEAD.size
+        opcode, length = RECORD_HEAD.unpack_from(data, offset)
+        begin = offset + RECORD_HEAD.size
         offset = begin + length
         if offset > size:
             raise EOFError("a chunk ends inside a record")
@@ -125,7 +125,7 @@ def stream(data: bytes) -> ReadDataStream:
     return ReadDataStream(io.BytesIO(data))
 
 
-_BLOCK = 1 << 20
+_READ_BLOCK_SIZE = 1 << 20
 
 
 class RecordFile:
@@ -150,9 +150,9 @@ class RecordFile:
     def record(self, offset: int) -> tuple[int, bytes]:
         """Return opcode and content of the record at `offset`. Raises EOFError when the file ends before the
         record does."""
-        head = self.read(offset, HEAD.size)
-        opcode, length = HEAD.unpack(head) if len(head) == HEAD.size else (0, self.size)
-        if length > self.size - offset - HEAD.size:
+        head = self.read(offset, RECORD_HEAD.size)
+        opcode, length = RECORD_HEAD.unpack(head) if len(head) == RECORD_HEAD.size else (0, self.size)
+        if length > self.size - offset - RECORD_HEAD.size:
             raise EOFError("the file ends inside a record")
         return opcode, self._stream.read(length)
 
@@ -161,7 +161,7 @@ class RecordFile:
         crc = 0
         self._stream.seek(start)
         while start < stop:
-            block = self._stream.read(min(_BLOCK, stop - start))
+            block = self._stream.read(min(_READ_BLOCK_SIZE, stop - start))
             if not block:
                 break
             crc = zlib.crc32(block, crc)
@@ -172,7 +172,7 @@ class RecordFile:
         """Yield the offsets of `pattern` from `start` on."""
         overlap = len(pattern) - 1
         while start < self.size:
-            block = self.read(start, _BLOCK)
+            block = self.read(start, _READ_BLOCK_SIZE)
             at = block.find(pattern)
             while at >= 0:
                 yield start + at

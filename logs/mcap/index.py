@@ -16,7 +16,7 @@ from mcap.records import (
     Statistics,
 )
 
-from .chunks import DAMAGE, RecordFile, stream
+from .chunks import DAMAGE_ERRORS, RecordFile, stream
 from .writer import MAGIC
 
 FOOTER = struct.Struct("<BQQQI")
@@ -72,7 +72,7 @@ def contents_of(file: RecordFile) -> Contents | None:
             opcode, body = file.record(offset)
             offset += 9 + len(body)
             _note(contents, opcode, body)
-    except DAMAGE:
+    except DAMAGE_ERRORS:
         return None
     return contents
 

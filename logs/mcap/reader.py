@@ -12,14 +12,14 @@ from mcap.opcode import Opcode
 from mcap.records import Attachment, Metadata
 
 from ...errors import PicktreeError
-from .chunks import DAMAGE, ChunkContent, RecordFile, chunk_content, stream
+from .chunks import DAMAGE_ERRORS, ChunkContent, RecordFile, chunk_content, stream
 from .index import Contents, contents_of
 from .salvage import Loss, attachment, losses_of, salvaged
 from .writer import MAGIC
 
-_KEPT = 128
+_MAX_UNPACKED_CHUNKS = 128
 """Number of chunks that are kept unpacked for random access."""
-_TOLD = 4
+_MAX_NAMED_LOSSES = 4
 """Maximum number of losses that the message names."""
 
 
@@ -43,7 +43,7 @@ class McapReader:
         self.path = path
         self.recovered = ""
         self._file = RecordFile(path)
-        self._unpacked = lru_cache(_KEPT)(self._unpack)
+        self._unpacked = lru_cache(_MAX_UNPACKED_CHUNKS)(self._unpack)
         try:
             self.contents = self._open()
         except PicktreeError:
@@ -138,8 +138,10 @@ class McapReader:
         return found.contents
 
     def _tell(self, losses: Collection[Loss], rest: str) -> None:
-        more = f" and {len(losses) - _TOLD} more places" if len(losses) > _TOLD else ""
-        places = ", ".join(loss.text() for loss in list(losses)[:_TOLD])
+        more = (
+            f" and {len(losses) - _MAX_NAMED_LOSSES} more places" if len(losses) > _MAX_NAMED_LOSSES else ""
+        )
+        places = ", ".join(loss.text() for loss in list(losses)[:_MAX_NAMED_LOSSES])
         damage = f"damaged at {places}{more}; " if losses else ""
         self.recovered = f"{self.path}: {damage}{rest}"
 
@@ -147,7 +149,7 @@ class McapReader:
     def _damage_at(self, offset: int) -> Generator[None]:
         try:
             yield
-        except DAMAGE as error:
+        except DAMAGE_ERRORS as error:
             raise self._damaged(offset, str(error) or type(error).__name__) from None
 
     def _damaged(self, offset: int, why: str) -> PicktreeError:

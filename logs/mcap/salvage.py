@@ -13,13 +13,13 @@ from dataclasses import dataclass
 from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Metadata, Schema
 
-from .chunks import DAMAGE, RecordFile, chunk_content, stream
+from .chunks import DAMAGE_ERRORS, RecordFile, chunk_content, stream
 from .index import DATA_END, ChunkAt, Contents, NamedAt
 from .writer import MAGIC
 
-_KNOWN = frozenset(range(Opcode.HEADER, Opcode.DATA_END + 1))
+_KNOWN_OPCODES = frozenset(range(Opcode.HEADER, Opcode.DATA_END + 1))
 _CHUNK_SIGN = b"\x04\x00\x00\x00zstd"
-_SIGN_AT = 9 + 28
+_CHUNK_SIGN_OFFSET = 9 + 28
 """Offset of the sign in a chunk's record, bytes."""
 
 
@@ -49,7 +49,7 @@ def losses_of(file: RecordFile, contents: Contents) -> tuple[Loss, ...]:
 
     Unreadable chunks and metadata are removed from `contents`; attachments stay.
     """
-    if file.read(0, len(MAGIC)) == MAGIC and _sum_is_right(file, contents.data_end):
+    if file.read(0, len(MAGIC)) == MAGIC and _has_right_sum(file, contents.data_end):
         return ()
     losses: list[Loss] = []
     chunks: list[ChunkAt] = []
@@ -58,19 +58,19 @@ def losses_of(file: RecordFile, contents: Contents) -> tuple[Loss, ...]:
         try:
             contents.counts.update(chunk_content(_body(file, chunk.offset, Opcode.CHUNK)).counts())
             chunks.append(chunk)
-        except DAMAGE:
-            losses.append(Loss(chunk.offset, _lost(chunk, contents)))
+        except DAMAGE_ERRORS:
+            losses.append(Loss(chunk.offset, _lost_span(chunk, contents)))
     metadata: list[NamedAt] = []
     for entry in contents.metadata:
         try:
             Metadata.read(stream(_body(file, entry.offset, Opcode.METADATA)))
             metadata.append(entry)
-        except DAMAGE:
+        except DAMAGE_ERRORS:
             losses.append(Loss(entry.offset, f"metadata {entry.name} lost"))
     for entry in contents.attachments:
         try:
             attachment(file, entry.offset)
-        except DAMAGE:
+        except DAMAGE_ERRORS:
             losses.append(Loss(entry.offset, f"file {entry.name} lost"))
     contents.chunks[:], contents.metadata[:] = chunks, metadata
     if not losses:
@@ -85,7 +85,7 @@ def salvaged(file: RecordFile) -> Salvaged:
 
 
 def attachment(file: RecordFile, offset: int) -> Attachment:
-    """Return an attachment. Raises one of `DAMAGE` when it is not as it was written."""
+    """Return an attachment. Raises one of `DAMAGE_ERRORS` when it is not as it was written."""
     body = _body(file, offset, Opcode.ATTACHMENT)
     if zlib.crc32(body[:-4]) != int.from_bytes(body[-4:], "little"):
         raise ValueError("wrong check sum of a file")
@@ -106,7 +106,7 @@ class _Walk:
         while offset < file.size:
             try:
                 offset, ended = self._take(offset)
-            except DAMAGE as error:
+            except DAMAGE_ERRORS as error:
                 after = self._next(offset)
                 if after is None:
                     problem = str(error) or type(error).__name__
@@ -125,7 +125,7 @@ class _Walk:
         data."""
         contents = self._contents
         opcode, body = self._file.record(offset)
-        if opcode not in _KNOWN:
+        if opcode not in _KNOWN_OPCODES:
             raise ValueError(f"a record of the unknown kind {opcode}")
         if opcode == Opcode.CHUNK:
             content = chunk_content(body)
@@ -154,7 +154,7 @@ class _Walk:
                     contents.channels.setdefault(channel.id, channel)
                 else:
                     return
-            except DAMAGE:
+            except DAMAGE_ERRORS:
                 return
             offset += 9 + len(body)
 
@@ -164,12 +164,12 @@ class _Walk:
         if after is not None:
             return after
         for sign in self._file.places(_CHUNK_SIGN, offset + 1):
-            place = sign - _SIGN_AT
+            place = sign - _CHUNK_SIGN_OFFSET
             if place <= offset:
                 continue
             try:
                 chunk_content(_body(self._file, place, Opcode.CHUNK))
-            except DAMAGE:
+            except DAMAGE_ERRORS:
                 continue
             return place
         return None
@@ -181,9 +181,9 @@ class _Walk:
             opcode, body = self._file.record(offset)
             after = offset + 9 + len(body)
             following, content = self._file.record(after)
-        except DAMAGE:
+        except DAMAGE_ERRORS:
             return None
-        if opcode not in _KNOWN or following not in _KNOWN or not body or not content:
+        if opcode not in _KNOWN_OPCODES or following not in _KNOWN_OPCODES or not body or not content:
             return None
         return after
 
@@ -191,7 +191,7 @@ class _Walk:
         """Note a loss between two offsets."""
         try:
             opcode, _ = self._file.record(offset)
-        except DAMAGE:
+        except DAMAGE_ERRORS:
             opcode = None
         if opcode == Opcode.ATTACHMENT:
             what = "a file lost"
@@ -205,7 +205,7 @@ class _Walk:
         self._losses.append(Loss(offset, what))
 
 
-def _sum_is_right(file: RecordFile, data_end: int) -> bool:
+def _has_right_sum(file: RecordFile, data_end: int) -> bool:
     written = file.read(data_end, DATA_END.size)
     if len(written) < DATA_END.size:
         return False
@@ -220,7 +220,7 @@ def _body(file: RecordFile, offset: int, expected: int) -> bytes:
     return body
 
 
-def _lost(chunk: ChunkAt, contents: Contents) -> str:
+def _lost_span(chunk: ChunkAt, contents: Contents) -> str:
     topics = [channel.topic for n, channel in contents.channels.items() if n in chunk.channels]
     of = f" of {topics[0]}" if len(topics) == 1 else ""
     return f"{chunk.start / 1e9:.2f} s to {chunk.end / 1e9:.2f} s{of} lost"

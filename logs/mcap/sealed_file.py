@@ -12,7 +12,7 @@ from typing import Protocol
 
 from ...errors import PicktreeError
 
-ROOM = 32_000_000
+MIN_FREE_BYTES = 32_000_000
 """Free bytes that a new log demands: ten minutes of a run."""
 
 _ADVICE = "make room there, or give another folder with --out"
@@ -33,16 +33,17 @@ def open_raw(path: Path) -> RawFile:
     return path.open("w+b", buffering=0)
 
 
-def require_room(path: Path) -> None:
+def require_free_space(path: Path) -> None:
     """Raise PicktreeError when a log at `path` would soon fill the disk."""
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         free = shutil.disk_usage(path.parent).free
     except OSError as error:
         raise _unwritable(path, error) from None
-    if free < ROOM:
+    if free < MIN_FREE_BYTES:
         raise PicktreeError(
-            f"{path}: only {free / 1e6:.1f} MB are free there, and a log begins with {ROOM / 1e6:.0f} MB of "
+            f"{path}: only {free / 1e6:.1f} MB are free there, and a log begins with "
+            f"{MIN_FREE_BYTES / 1e6:.0f} MB of "
             f"room; {_ADVICE}"
         )
 

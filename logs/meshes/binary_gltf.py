@@ -14,7 +14,7 @@ _HEADER = struct.Struct("<4sII")
 _CHUNK = struct.Struct("<II")
 _JSON, _BINARY = 0x4E4F534A, 0x004E4942
 _FLOAT, _UINT16 = 5126, 5123
-_MOST_VERTICES = 65535
+_MAX_VERTICES = 65535
 
 
 _GENERATOR = "picktree, Y up"
@@ -37,13 +37,15 @@ def write_glb(mesh: Mesh) -> bytes:
     """Encode a mesh with one primitive for each of its colours. Raises ValueError for too many vertices."""
     # Corners with the same vertex and the same normal are one vertex of the file.
     keys = np.column_stack([mesh.faces.ravel(), np.round(mesh.normals.reshape(-1, 3) * 100).astype(np.int64)])
-    _, first, corner = np.unique(keys @ _MIX, return_index=True, return_inverse=True)
+    _, first, corner = np.unique(keys @ _KEY_FACTORS, return_index=True, return_inverse=True)
     vertices = mesh.vertices[mesh.faces.ravel()[first]]
     normals = mesh.normals.reshape(-1, 3)[first]
     faces = corner.reshape(-1, 3)
-    if len(vertices) > _MOST_VERTICES:
-        raise ValueError(f"{len(vertices)} vertices; a link's model may have {_MOST_VERTICES}")
-    palette, colour = np.unique(np.round(mesh.colours * 255).astype(np.int64) @ _RGB, return_inverse=True)
+    if len(vertices) > _MAX_VERTICES:
+        raise ValueError(f"{len(vertices)} vertices; a link's model may have {_MAX_VERTICES}")
+    palette, colour = np.unique(
+        np.round(mesh.colours * 255).astype(np.int64) @ _RGB_FACTORS, return_inverse=True
+    )
 
     blobs = [
         _up(vertices).astype("<f4").tobytes(),
@@ -138,7 +140,7 @@ class _Document(TypedDict):
     bufferViews: list[_View]
 
 
-def upright(data: bytes) -> bytes:
+def with_y_up(data: bytes) -> bytes:
     """Return a file of an older picktree, which was upside down in viewers, in today's form; any other
     unchanged."""
     return data if _GENERATOR.encode() in data[:200] else write_glb(read_glb(data))
@@ -162,7 +164,7 @@ def read_glb(data: bytes) -> Mesh:
         count = document["accessors"][index]["count"]
         return np.frombuffer(part(index), "<u2")[:count].reshape(-1, 3).astype(np.int64)
 
-    up = _UP if document["asset"]["generator"] == _GENERATOR else _UP * [1.0, -1.0, -1.0]
+    up = _Y_UP_AXES if document["asset"]["generator"] == _GENERATOR else _Y_UP_AXES * [1.0, -1.0, -1.0]
     vertices = np.frombuffer(part(0), "<f4").reshape(-1, 3).astype(np.float64) @ up
     normals = np.frombuffer(part(1), "<f4").reshape(-1, 3).astype(np.float64) @ up
     faces: list[Indices] = []
@@ -177,14 +179,14 @@ def read_glb(data: bytes) -> Mesh:
     return Mesh(vertices, joined, normals[joined], np.concatenate(colours))
 
 
-_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
+_Y_UP_AXES = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
 """Axes for row vectors: (x, y, z) of a Z-up frame = (X, Y, Z) of the file @ _UP."""
-_MIX = np.array([1 << 32, 1 << 20, 1 << 10, 1], dtype=np.int64)
-_RGB = np.array([65536, 256, 1], dtype=np.int64)
+_KEY_FACTORS = np.array([1 << 32, 1 << 20, 1 << 10, 1], dtype=np.int64)
+_RGB_FACTORS = np.array([65536, 256, 1], dtype=np.int64)
 
 
 def _up(points: np.ndarray) -> np.ndarray:
-    return points @ _UP.T
+    return points @ _Y_UP_AXES.T
 
 
 def _padded(data: bytes) -> bytes:

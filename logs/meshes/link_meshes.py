@@ -13,7 +13,7 @@ from ...world.shapes import Box, Shape
 from ...world.values import Pose
 from ..schema.records import BodyRecord, LinkMesh
 from .binary_gltf import write_glb
-from .triangle_meshes import Mesh, joined, load_mesh, shape_mesh
+from .triangle_meshes import Mesh, join_meshes, load_mesh, shape_mesh
 
 
 def parts_of(body: BodyRecord) -> tuple[tuple[Shape, Pose], ...]:
@@ -23,10 +23,10 @@ def parts_of(body: BodyRecord) -> tuple[tuple[Shape, Pose], ...]:
     return tuple((Box(block.size), Pose(block.at)) for block in body.blocks)
 
 
-MOST_FACES = 2000
+MAX_LINK_FACES = 2000
 
 
-def _shown(urdf: str) -> list[MeshFile | UrdfPrimitive]:
+def _visible_geometry(urdf: str) -> list[MeshFile | UrdfPrimitive]:
     """Return the visual geometry, or the collision geometry of links whose visual meshes no installed library
     reads."""
     visual = link_geometry(urdf, "visual")
@@ -47,15 +47,15 @@ def link_meshes(urdf: str) -> tuple[LinkMesh, ...]:
     """
     parts: dict[str, list[Mesh]] = {}
     files: dict[str, Mesh] = {}
-    for element in _shown(urdf):
+    for element in _visible_geometry(urdf):
         if isinstance(element, MeshFile):
             if element.path not in files:
                 try:
-                    files[element.path] = load_mesh(element.path, MOST_FACES)
+                    files[element.path] = load_mesh(element.path, MAX_LINK_FACES)
                 except (OSError, ValueError) as error:
                     raise PicktreeError(f"{element.path}: the mesh cannot be read: {error}") from None
             mesh = files[element.path].placed(element.pose_in_link, element.scale)
         else:
             mesh = shape_mesh(element.shape).placed(element.pose_in_link)
         parts.setdefault(element.link, []).append(mesh)
-    return tuple(LinkMesh(link, write_glb(joined(meshes))) for link, meshes in parts.items())
+    return tuple(LinkMesh(link, write_glb(join_meshes(meshes))) for link, meshes in parts.items())

@@ -15,15 +15,15 @@ from ...world.values import Array
 
 Indices = NDArray[np.int64]
 
-_WELD = 1e-6
+_WELD_DISTANCE = 1e-6
 """Distance below which two vertices are merged, m."""
-_BORDER = 4.0
+_BORDER_WEIGHT = 4.0
 """Weight of a border, or of an edge between two colours, relative to a surface."""
-_KEEP = 1e-4
+_MIDPOINT_WEIGHT = 1e-4
 """Weight of an edge's middle in the position of the new vertex, relative to the planes around it."""
-_CHEAP = 0.5
+_PASS_SHARE = 0.5
 """Share of the edges in one pass, those with the lowest cost. All, when none of them may collapse."""
-_TURN = 0.3
+_MIN_TURN_COSINE = 0.3
 """Least cosine of the angle by which a face may turn in one pass."""
 
 
@@ -37,16 +37,16 @@ class _Surface:
     """Quadric of each vertex, (10, n): the upper triangle of a symmetric 4 × 4 matrix by rows."""
 
 
-def thinned(vertices: Array, faces: Indices, colours: Array, most: int) -> tuple[Array, Indices, Array]:
+def decimate(vertices: Array, faces: Indices, colours: Array, most: int) -> tuple[Array, Indices, Array]:
     """Reduce a mesh to about `most` faces: vertices (n, 3), faces (m, 3) and the faces' colours (m, 3)."""
     if len(faces) <= most:
         return vertices, faces, colours
     shades = np.round(colours * 255).astype(np.int64)
     example, colour = _distinct(shades)
-    first, welded = _distinct(np.round(vertices / _WELD).astype(np.int64))
+    first, welded = _distinct(np.round(vertices / _WELD_DISTANCE).astype(np.int64))
     surface = _without_slivers(_Surface(vertices[first], welded[faces], colour, np.zeros((10, len(first)))))
     surface.quadrics = _quadrics(surface)
-    share = _CHEAP
+    share = _PASS_SHARE
     while len(surface.faces) > most:
         if not _collapse(surface, len(surface.faces) - most, share):
             if share == 1.0:
@@ -81,7 +81,7 @@ def _collapse(surface: _Surface, spare: int, share: float) -> bool:
         faces = target[surface.faces]
         stays = _proper(faces)
         bad = np.zeros(len(moved), np.bool_)
-        bad[faces[stays][_turned(surface, moved, faces, stays)]] = True
+        bad[faces[stays][_turned_faces(surface, moved, faces, stays)]] = True
         wrong = bad[kept]
         if not wrong.any():
             surface.vertices, surface.faces, surface.colour = moved, faces[stays], surface.colour[stays]
@@ -97,7 +97,7 @@ def _best_places(surface: _Surface, edges: Indices) -> tuple[Array, Array]:
     start, stop = surface.vertices[a].T, surface.vertices[b].T
     xx, xy, xz, x1, yy, yz, y1, zz, z1, one = surface.quadrics[:, a] + surface.quadrics[:, b]
     # The minimum of the quadric, drawn a little towards the edge's middle, by Cramer's rule.
-    pull = _KEEP * (xx + yy + zz) + 1e-15
+    pull = _MIDPOINT_WEIGHT * (xx + yy + zz) + 1e-15
     u, v, w = pull * (start + stop) / 2 - np.stack([x1, y1, z1])
     p, q, r = xx + pull, yy + pull, zz + pull
     c0, c1, c2 = q * r - yz * yz, xz * yz - xy * r, xy * yz - xz * q
@@ -134,7 +134,7 @@ def _quadrics(surface: _Surface) -> Array:
     start, stop = surface.vertices[edges[border, 0]], surface.vertices[edges[border, 1]]
     upright = np.cross(stop - start, normals[face[border]])
     length = np.linalg.norm(upright, axis=1)
-    planes = _plane(upright / length[:, None], start) * (_BORDER * length**2)[:, None]
+    planes = _plane(upright / length[:, None], start) * (_BORDER_WEIGHT * length**2)[:, None]
     for side in (0, 1):
         _add(found, edges[border, side], planes)
     return found
@@ -179,12 +179,14 @@ def _keys(faces: Indices) -> tuple[Indices, int]:
     return keys.ravel(), most
 
 
-def _turned(surface: _Surface, moved: Array, faces: Indices, stays: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def _turned_faces(
+    surface: _Surface, moved: Array, faces: Indices, stays: NDArray[np.bool_]
+) -> NDArray[np.bool_]:
     """Return which of the remaining faces turn by too much, or lose all area."""
     a, b, c = _areas(surface.vertices, surface.faces[stays])
     u, v, w = _areas(moved, faces[stays])
     size = np.sqrt(a * a + b * b + c * c) * np.sqrt(u * u + v * v + w * w)
-    return a * u + b * v + c * w <= _TURN * size
+    return a * u + b * v + c * w <= _MIN_TURN_COSINE * size
 
 
 def _areas(vertices: Array, faces: Indices) -> tuple[Array, Array, Array]:

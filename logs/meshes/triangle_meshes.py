@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from ...world.scene.description import Hole
 from ...world.shapes import Box, ConvexMesh, Cylinder, Shape, Sphere
 from ...world.values import Array, Pose, Vector3
-from .mesh_decimation import thinned
+from .mesh_decimation import decimate
 
 Indices = NDArray[np.int64]
 
@@ -49,7 +49,7 @@ def unit(vectors: Array) -> Array:
     return vectors / np.where(lengths > 0, lengths, 1.0)
 
 
-def joined(meshes: Iterable[Mesh]) -> Mesh:
+def join_meshes(meshes: Iterable[Mesh]) -> Mesh:
     """Return one mesh of all; empty when there are none."""
     parts = list(meshes)
     if not parts:
@@ -63,7 +63,7 @@ def joined(meshes: Iterable[Mesh]) -> Mesh:
     )
 
 
-def smoothed(vertices: Array, faces: Indices, colours: Array, crease: float = 0.7) -> Mesh:
+def smooth_mesh(vertices: Array, faces: Indices, colours: Array, crease: float = 0.7) -> Mesh:
     """Return a mesh with corner normals: averaged over the faces around a vertex unless the edge is a crease.
 
     `crease` is the cosine of the angle beyond which a face keeps its own normal.
@@ -101,7 +101,7 @@ def load_mesh(path: str, most: int) -> Mesh:
         vertices = np.asarray(loaded.vertices, dtype=np.float64)
         faces = np.asarray(loaded.faces, dtype=np.int64)
         colours = np.tile(np.array(WHITE), (len(faces), 1))
-    return smoothed(*thinned(vertices, faces, colours, most))
+    return smooth_mesh(*decimate(vertices, faces, colours, most))
 
 
 def _read_obj(path: Path) -> tuple[Array, Indices, Array]:
@@ -179,12 +179,12 @@ def shape_mesh(shape: Shape, colour: tuple[float, float, float] = WHITE) -> Mesh
         case Box(size):
             vertices, faces = _box(size)
         case Cylinder(radius, height):
-            vertices, faces = _turned([(0.0, -1.0), (1.0, -1.0), (1.0, 1.0), (0.0, 1.0)], 48)
+            vertices, faces = _surface_of_revolution([(0.0, -1.0), (1.0, -1.0), (1.0, 1.0), (0.0, 1.0)], 48)
             vertices = vertices * np.array([radius, radius, height / 2])
         case Sphere(radius):
             angles = np.linspace(-math.pi / 2, math.pi / 2, 25)[1:-1]
             rings = [(math.cos(a), math.sin(a)) for a in angles]
-            vertices, faces = _turned([(0.0, -1.0), *rings, (0.0, 1.0)], 48)
+            vertices, faces = _surface_of_revolution([(0.0, -1.0), *rings, (0.0, 1.0)], 48)
             vertices = vertices * radius
         case ConvexMesh(points):
             from scipy.spatial import ConvexHull
@@ -194,7 +194,7 @@ def shape_mesh(shape: Shape, colour: tuple[float, float, float] = WHITE) -> Mesh
             corners = vertices[faces]
             outward = np.einsum("fi,fi->f", _areas(corners), corners.mean(axis=1) - vertices.mean(axis=0))
             faces = np.where(outward[:, None] > 0, faces, faces[:, ::-1])
-    return smoothed(vertices, faces, np.tile(np.array(colour), (len(faces), 1)))
+    return smooth_mesh(vertices, faces, np.tile(np.array(colour), (len(faces), 1)))
 
 
 def _box(size: Vector3) -> tuple[Array, Indices]:
@@ -205,7 +205,7 @@ def _box(size: Vector3) -> tuple[Array, Indices]:
     return vertices[np.array(quads).ravel()] * np.array(size), np.array(faces, dtype=np.int64)
 
 
-def _turned(profile: list[tuple[float, float]], around: int) -> tuple[Array, Indices]:
+def _surface_of_revolution(profile: list[tuple[float, float]], around: int) -> tuple[Array, Indices]:
     """Return the surface of revolution of a profile of (radius, height), from below upwards, around z."""
     angles = np.arange(around) * (2 * math.pi / around)
     ring = np.stack([np.cos(angles), np.sin(angles)], axis=1)

@@ -37,8 +37,8 @@ from ..schema.records import BodyRecord, Joints, LinkMesh, LogLine, PartRecord, 
 WORLD = "world"
 UNKNOWN_COLOUR: Rgb = (0.6, 0.6, 0.65)
 
-_BODY = "picktree.body"
-_PART = "picktree.part"
+_BODY_KEY = "picktree.body"
+_PART_KEY = "picktree.part"
 """Keys of an entity's metadata with the whole record, which primitives cannot hold."""
 
 
@@ -235,7 +235,7 @@ class SceneMessages:
             ("confidence", f"{body.confidence:.2f}"),
         ):
             entity.metadata.append(KeyValuePair(key=key, value=value))
-        entity.metadata.append(KeyValuePair(key=_BODY, value=encode(body).decode()))
+        entity.metadata.append(KeyValuePair(key=_BODY_KEY, value=encode(body).decode()))
         return entity
 
 
@@ -249,7 +249,7 @@ def _fixtures(parts: Iterable[PartRecord]) -> list[SceneEntity]:
             _add_mesh(entity, part_mesh(part.shape, part.holes), _pose(part.pose), _paint(colour, 1.0))
         else:
             _add_shape(entity, part.shape, part.pose, colour, 1.0)
-        entity.metadata.append(KeyValuePair(key=_PART, value=encode(part).decode()))
+        entity.metadata.append(KeyValuePair(key=_PART_KEY, value=encode(part).decode()))
     return list(entities.values())
 
 
@@ -260,9 +260,9 @@ def read_scene(data: bytes) -> Scene:
     fixed: list[PartRecord] = []
     for entity in SceneUpdate.FromString(data).entities:
         for pair in entity.metadata:
-            if pair.key == _PART:
+            if pair.key == _PART_KEY:
                 fixed.append(decode(PartRecord, pair.value.encode()))
-            elif pair.key == _BODY:
+            elif pair.key == _BODY_KEY:
                 bodies.append(decode(BodyRecord, pair.value.encode()))
     return Scene(tuple(bodies), tuple(fixed))
 
@@ -313,7 +313,7 @@ def _vector(vector: Vector3) -> VectorMessage:
     return VectorMessage(x=vector[0], y=vector[1], z=vector[2])
 
 
-def restamped(data: bytes, time: int) -> bytes:
+def with_stamp(data: bytes, time: int) -> bytes:
     """Return a SceneUpdate with all its timestamps set to `time`, simulated ns."""
     update = SceneUpdate.FromString(data)
     at = stamp(time)

@@ -6,8 +6,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-_DEPTH = (cv2.IMWRITE_PNG_COMPRESSION, 1)
-_COLOUR = (
+_PNG_SETTINGS = (cv2.IMWRITE_PNG_COMPRESSION, 1)
+_JPEG_SETTINGS = (
     cv2.IMWRITE_JPEG_QUALITY,
     92,
     cv2.IMWRITE_JPEG_SAMPLING_FACTOR,
@@ -17,13 +17,13 @@ _COLOUR = (
 
 def encode_colour(image: NDArray[np.uint8]) -> bytes:
     """Encode RGB (h, w, 3) as JPEG."""
-    return _encoded(".jpg", cv2.cvtColor(image, cv2.COLOR_RGB2BGR), _COLOUR)
+    return _encoded(".jpg", cv2.cvtColor(image, cv2.COLOR_RGB2BGR), _JPEG_SETTINGS)
 
 
 def encode_depth(depth: NDArray[np.float32]) -> bytes:
     """Encode depth (h, w) in m as 16-bit PNG in mm; 0 where unknown."""
     millimetres = np.clip(np.nan_to_num(depth) * 1000.0 + 0.5, 0, 65535)
-    return _encoded(".png", millimetres.astype(np.uint16), _DEPTH)
+    return _encoded(".png", millimetres.astype(np.uint16), _PNG_SETTINGS)
 
 
 def decode_colour(data: bytes) -> NDArray[np.uint8]:

@@ -29,7 +29,7 @@ from ..schema.records import (
     StageCount,
 )
 
-STICKER = 0.001
+TILE_THICKNESS = 0.001
 """Thickness of the tiles of a calibration target in pictures, m."""
 
 
@@ -79,7 +79,7 @@ def truth_record(body: SpawnedBody) -> BodyRecord:
     return BodyRecord(body.id, body.kind, body.form, body.colour, shape, body.pose, body.role, seat=seat)
 
 
-def changed(change: BeliefChange) -> Event:
+def belief_event(change: BeliefChange) -> Event:
     """Return the event of a change of the belief, with the object before and after it."""
     known = change.after or change.before
     subject = "" if known is None else str(known.id)
@@ -180,7 +180,7 @@ def fixture_parts(fixtures: Iterable[Fixture]) -> Iterator[PartRecord]:
     for fixture in fixtures:
         yield PartRecord(fixture.id, fixture.colour, fixture.shape, fixture.pose, fixture.holes)
         for tile in fixture.tiles:
-            box, inner = tile_body(tile, STICKER)
+            box, inner = tile_body(tile, TILE_THICKNESS)
             yield PartRecord(f"{fixture.id}/{tile.colour}", tile.colour, box, fixture.pose @ inner)
 
 

@@ -10,19 +10,19 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from ...errors import PicktreeError
-from ..mcap.sealed_file import require_room
+from ..mcap.sealed_file import require_free_space
 from ..mcap.writer import McapFile
 from ..schema import topics
 from ..schema.json_records import encode
 from ..schema.records import Tick, TransitionRecord, WriteRecord
 from ..schema.topics import Topic
-from .foxglove_messages import restamped
-from .rotation import NEXT, PART, PartInfo, Rotation, part_path
+from .foxglove_messages import with_stamp
+from .rotation import NEXT_METADATA, PART_METADATA, PartInfo, Rotation, part_path
 
-_STATE = (topics.TREE, topics.ROBOT, topics.OBJECTS, topics.TRUTH)
+_STATE_TOPICS = (topics.TREE, topics.ROBOT, topics.OBJECTS, topics.TRUTH)
 """Topics whose last message holds until the next one."""
-_EACH_TICK = (topics.JOINTS, topics.TF, topics.WRENCH, topics.CONTROL)
-_KEPT = frozenset(topic.name for topic in (*_STATE, *_EACH_TICK))
+_TICK_TOPICS = (topics.JOINTS, topics.TF, topics.WRENCH, topics.CONTROL)
+_CARRIED_TOPICS = frozenset(topic.name for topic in (*_STATE_TOPICS, *_TICK_TOPICS))
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,7 +58,7 @@ class RotationState:
         self._files[slot] = file
 
     def message(self, topic: Topic, time: int, data: bytes) -> None:
-        if topic.name in _KEPT:
+        if topic.name in _CARRIED_TOPICS:
             self._messages[topic.name] = (time, data)
 
     def tick(self, time: int, tick: Tick) -> None:
@@ -82,11 +82,11 @@ class RotationState:
     def all_messages(self) -> list[tuple[Topic, bytes]]:
         """Return the messages that hold at `time`, with their topics."""
         found: list[tuple[Topic, bytes]] = []
-        for topic in _STATE:
+        for topic in _STATE_TOPICS:
             if topic.name in self._messages:
                 data = self._messages[topic.name][1]
-                found.append((topic, data if topic is topics.TREE else restamped(data, self.time)))
-        for topic in _EACH_TICK:
+                found.append((topic, data if topic is topics.TREE else with_stamp(data, self.time)))
+        for topic in _TICK_TOPICS:
             time, data = self._messages.get(topic.name, (-1, b""))
             if time == self.time:
                 found.append((topic, data))
@@ -124,9 +124,10 @@ class Heartbeat:
                 return
 
 
-_BEAT = 0.2
-_AGE = 0.3
-"""Wall seconds of `_BEAT`, the period of the heartbeat, and `_AGE`, the longest wait of a message.
+_HEARTBEAT_PERIOD = 0.2
+_MAX_MESSAGE_AGE = 0.3
+"""Wall seconds of `_HEARTBEAT_PERIOD`, the period of the heartbeat, and `_MAX_MESSAGE_AGE`, the longest
+wait of a message.
 
 Together with the time that a checkpoint takes they stay below a second.
 """
@@ -147,7 +148,7 @@ class LogFile:
         chunk_bytes: int = 4 << 20,
         wall: Callable[[], float] = time.monotonic,
     ) -> None:
-        require_room(path)
+        require_free_space(path)
         self._first = path
         self._rotation = rotation
         self._carried = RotationState() if rotation else None
@@ -162,7 +163,7 @@ class LogFile:
     def start_heartbeat(self) -> None:
         """Start the thread that brings each message to disk within a second, even when no further one
         follows."""
-        self._heartbeat = Heartbeat(self._beat, _BEAT, "log")
+        self._heartbeat = Heartbeat(self._beat, _HEARTBEAT_PERIOD, "log")
         self._heartbeat.start()
 
     def stop_heartbeat(self) -> None:
@@ -249,7 +250,7 @@ class LogFile:
         part = PartInfo(self._number + 1, carried.time, digest, repeated)
         for name, words in carried.all_metadata().items():
             file.metadata(name, words)
-        file.metadata(PART, part.words())
+        file.metadata(PART_METADATA, part.words())
         for carry in carried.all_files():
             file.attachment(carry.name, carry.media_type, carry.data)
         for topic, data in again:
@@ -258,7 +259,7 @@ class LogFile:
         before = self._file
         self._file, self._channels = file, channels
         self._number += 1
-        before.metadata(NEXT, {"part": path.name, "digest": digest})
+        before.metadata(NEXT_METADATA, {"part": path.name, "digest": digest})
         before.finish()
 
     def _new_file(self, path: Path, channels: dict[str, int]) -> McapFile:
@@ -268,7 +269,7 @@ class LogFile:
 
     def _beat(self) -> bool:
         try:
-            self._file.keep_up(_AGE)
+            self._file.keep_up(_MAX_MESSAGE_AGE)
         except PicktreeError:
             return False  # the next write raises the error
         return not self._file.failed

@@ -40,13 +40,13 @@ from .images import encode_colour, encode_depth
 from .interrupts import Interrupts
 from .journal_records import SpawnedBody
 from .log_file import LogFile
-from .rotation import NEVER, Rotation
+from .rotation import NO_ROTATION, Rotation
 from .true_state import StateWriter
 
-EVERY = 1.0
+SCENE_PERIOD = 1.0
 """Period after which belief and truth are written again even without a change, simulated s."""
 
-_WARNINGS = frozenset({"recovery", "safety_stop", "fault"})
+_WARNING_KINDS = frozenset({"recovery", "safety_stop", "fault"})
 """Kinds of event that are repeated as warnings on the topic of log lines, for people."""
 
 Listener: TypeAlias = Callable[[Topic, int, bytes], None]
@@ -84,7 +84,7 @@ class Recorder:
         checkpoint: float = 1.0,
         chunk_bytes: int = 4 << 20,
         wall: Callable[[], float] = time.monotonic,
-        rotation: Rotation = NEVER,
+        rotation: Rotation = NO_ROTATION,
         resumed: RecordingState | None = None,
         tap: Callable[[str, int, bytes], None] | None = None,
         listener: Listener | None = None,
@@ -114,7 +114,7 @@ class Recorder:
         self._fixed: tuple[PartRecord, ...] = ()
         self._standing: tuple[PartRecord, ...] = ()
         self._cameras: dict[str, Pose] = {}  # by frame
-        self._believed = self._true = -EVERY
+        self._believed = self._true = -SCENE_PERIOD
         self._failing: frozenset[str] = frozenset()
         if resumed is not None:
             self._take_up(resumed)
@@ -313,15 +313,15 @@ class Recorder:
         changed = False
         for change in changes:
             changed = True
-            self._event(now, journal_records.changed(change))
-        if changed or now - self._believed >= EVERY - 1e-6:
+            self._event(now, journal_records.belief_event(change))
+        if changed or now - self._believed >= SCENE_PERIOD - 1e-6:
             self._believed = now
             scene = Scene(tuple(journal_records.belief_record(o) for o in objects), self._fixed)
             self._write(topics.OBJECTS, now, self._beliefs.encode(_ns(now), scene))
 
     def truth_due(self, now: float) -> bool:
         """Whether a second has passed since the last ground truth."""
-        return now - self._true >= EVERY - 1e-6
+        return now - self._true >= SCENE_PERIOD - 1e-6
 
     def truth(self, now: float, bodies: Iterable[SpawnedBody]) -> None:
         """Write the ground truth, which only the analyst sees."""
@@ -355,7 +355,7 @@ class Recorder:
                 self._event(now, Event("image", f"image from {image.camera}", "", {"findings": findings}))
             case JournalEvent(kind, message, node, data):
                 self._event(now, Event(kind, message, node, data))
-                if kind in _WARNINGS:
+                if kind in _WARNING_KINDS:
                     self.log(now, "WARNING", message, node)
 
     def image(self, now: float, image: RgbdImage) -> None:

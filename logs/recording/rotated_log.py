@@ -9,7 +9,7 @@ from pathlib import Path
 
 from ...errors import PicktreeError
 from ..mcap.reader import McapReader, RawMessage
-from .rotation import NEXT, PART, PartInfo, part_path, part_paths
+from .rotation import NEXT_METADATA, PART_METADATA, PartInfo, part_path, part_paths
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,7 +79,7 @@ class JoinedLog:
         for part in reversed(self._parts):
             merged.update(part.metadata)
         if len(self._parts) > 1:
-            for name in (PART, NEXT):
+            for name in (PART_METADATA, NEXT_METADATA):
                 merged.pop(name, None)
         return merged
 
@@ -134,11 +134,11 @@ class JoinedLog:
         reading = McapReader(path)
         try:
             metadata = reading.metadata()
-            words = metadata.get(PART)
+            words = metadata.get(PART_METADATA)
             try:
                 info = PartInfo.from_words(words) if words is not None else None
             except (KeyError, ValueError) as error:
-                raise PicktreeError(f"{path}: the metadata {PART} are damaged: {error}") from None
+                raise PicktreeError(f"{path}: the metadata {PART_METADATA} are damaged: {error}") from None
         except PicktreeError:
             reading.close()
             raise
@@ -167,7 +167,7 @@ class JoinedLog:
                 gaps.append(f"{lost}: {self.end / 1e9:.2f} s to {part.info.start / 1e9:.2f} s lost")
                 lost = ""
             self._parts.append(_Part(part.reading, part.metadata, part.info, part.info.start))
-        following = self._parts[-1].metadata.get(NEXT, {}).get("part")
+        following = self._parts[-1].metadata.get(NEXT_METADATA, {}).get("part")
         if following is not None and not lost:
             lost = f"{path.with_name(following)} is missing"
         if lost:
@@ -181,5 +181,5 @@ class JoinedLog:
             return False
         if part.metadata.get("picktree") != self._parts[0].metadata.get("picktree"):
             return False
-        told = before.metadata.get(NEXT)
+        told = before.metadata.get(NEXT_METADATA)
         return not adjacent or told is None or told.get("digest") == part.info.digest

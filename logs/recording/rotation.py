@@ -10,9 +10,9 @@ from typing import Final
 
 import orjson
 
-PART = "picktree.part"
+PART_METADATA = "picktree.part"
 """Name of the metadata in each file after the first: the state that it continues from."""
-NEXT = "picktree.next"
+NEXT_METADATA = "picktree.next"
 """Name of the metadata in each file before the last: the file that continues it."""
 
 
@@ -28,8 +28,8 @@ class Rotation:
         return self.size > 0 or self.seconds > 0.0
 
 
-NEVER: Final = Rotation()
-FOR_FEEDS: Final = Rotation(size=32_000_000)
+NO_ROTATION: Final = Rotation()
+FEED_ROTATION: Final = Rotation(size=32_000_000)
 """Default for a run with a feed, which may last for days."""
 
 

@@ -14,11 +14,11 @@ import orjson
 
 from ..schema.records import TrueState
 
-EVERY: Final = 0.2
+STATE_PERIOD: Final = 0.2
 """Period of the messages, simulated s."""
-WHOLE_EVERY: Final = 10.0
+WHOLE_STATE_PERIOD: Final = 10.0
 """Period after which everything is written again, simulated s."""
-_ITEMS: Final = "items"
+_ITEMS_FIELD: Final = "items"
 """Field with the list of bodies, each with its `id`; of these, too, only changed ones are written."""
 
 
@@ -30,11 +30,11 @@ class StateWriter:
         self._at = self._whole_at = float("-inf")
 
     def due(self, now: float) -> bool:
-        return now - self._at >= EVERY - 1e-6
+        return now - self._at >= STATE_PERIOD - 1e-6
 
     def encode(self, now: float, state: Mapping[str, Any], *, anew: bool = False) -> bytes:
         """Encode a state. `anew`: the file holds no earlier message, so everything is written."""
-        whole = anew or now - self._whole_at >= WHOLE_EVERY - 1e-6
+        whole = anew or now - self._whole_at >= WHOLE_STATE_PERIOD - 1e-6
         self._at = now
         self._whole_at = now if whole else self._whole_at
         told = state if whole else _changed(self._before, state)
@@ -50,7 +50,7 @@ def read_state(data: bytes) -> TrueState:
     return TrueState(said["whole"], said["state"])
 
 
-def folded(messages: Iterable[TrueState]) -> dict[str, Any] | None:
+def fold_states(messages: Iterable[TrueState]) -> dict[str, Any] | None:
     """Return the state after all messages, of which the first is whole; None without any."""
     state: dict[str, Any] | None = None
     for message in messages:
@@ -58,21 +58,21 @@ def folded(messages: Iterable[TrueState]) -> dict[str, Any] | None:
             state = dict(message.state)
             continue
         told = dict(message.state)
-        if _ITEMS in told:
-            news = {body["id"]: body for body in told.pop(_ITEMS)}
-            order = told.pop("item_ids", None) or [body["id"] for body in state[_ITEMS]]
-            known = {body["id"]: body for body in state[_ITEMS]} | news
-            told[_ITEMS] = [known[name] for name in order]
+        if _ITEMS_FIELD in told:
+            news = {body["id"]: body for body in told.pop(_ITEMS_FIELD)}
+            order = told.pop("item_ids", None) or [body["id"] for body in state[_ITEMS_FIELD]]
+            known = {body["id"]: body for body in state[_ITEMS_FIELD]} | news
+            told[_ITEMS_FIELD] = [known[name] for name in order]
         state.update(told)
     return state
 
 
 def _changed(before: Mapping[str, Any], state: Mapping[str, Any]) -> dict[str, Any]:
     told = {key: value for key, value in state.items() if key not in before or before[key] != value}
-    if _ITEMS in told:
-        known = {body["id"]: body for body in before[_ITEMS]}
-        told[_ITEMS] = [body for body in state[_ITEMS] if known.get(body["id"]) != body]
-        ids = [body["id"] for body in state[_ITEMS]]
+    if _ITEMS_FIELD in told:
+        known = {body["id"]: body for body in before[_ITEMS_FIELD]}
+        told[_ITEMS_FIELD] = [body for body in state[_ITEMS_FIELD] if known.get(body["id"]) != body]
+        ids = [body["id"] for body in state[_ITEMS_FIELD]]
         if ids != list(known):
             told["item_ids"] = ids
     return told

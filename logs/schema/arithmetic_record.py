@@ -47,7 +47,7 @@ class Arithmetic:
         return cls(*({k.removeprefix(p): v for k, v in words.items() if k.startswith(p)} for p in PREFIXES))
 
 
-def departure(recorded: Arithmetic, now: Arithmetic, where: str = "here") -> str:
+def arithmetic_difference(recorded: Arithmetic, now: Arithmetic, where: str = "here") -> str:
     """Return a sentence that names what differs between two arithmetics, empty when nothing does.
 
     `where` says where the second one computes. Other kernels count only where the probe differs, too.

@@ -15,11 +15,11 @@ if TYPE_CHECKING:
     from ...cell.world import World
 
 
-EMPTY_WIDTH = 0.002
+MAX_EMPTY_WIDTH = 0.002
 """Opening up to which the fingers hold nothing, m."""
-LEAST_LOAD = 0.012 * GRAVITY
+MIN_HELD_LOAD = 0.012 * GRAVITY
 """Least load that counts as held, N: the weight of 12 g."""
-GONE = 0.5
+MIN_RELEASED_SHARE = 0.5
 """Share of the load that must be gone after a release."""
 
 
@@ -33,12 +33,12 @@ class GripCheck:
     @property
     def empty(self) -> bool:
         """Whether the fingers have met."""
-        return self.width <= EMPTY_WIDTH
+        return self.width <= MAX_EMPTY_WIDTH
 
     @property
     def loaded(self) -> bool:
         """Whether the wrist carries something; True when the load was not measured."""
-        return self.load is None or self.load >= LEAST_LOAD
+        return self.load is None or self.load >= MIN_HELD_LOAD
 
     @property
     def held(self) -> bool:
@@ -51,7 +51,7 @@ class GripCheck:
 
 def is_released(before: float, after: float) -> bool:
     """Return whether the change of the load on the wrist, N, shows a release."""
-    return before - after >= GONE * before
+    return before - after >= MIN_RELEASED_SHARE * before
 
 
 def check_held_object(
@@ -70,7 +70,7 @@ def check_held_object(
             held=held.id if held else None,
         )
     yield from world.control.settle()
-    hold = GripCheck(world.grip.width, world.control.load())
+    hold = GripCheck(world.gripper.width, world.control.load())
     if not hold.held:
         yield from fail_as_slipped(world, object_id, hold, "was lost on the way")
     return held, hold
@@ -82,7 +82,7 @@ def fail_as_slipped(
     """Remove the object from the hand in the belief, open the fingers and raise Failure(grasp.slipped)."""
     release_object(world.scene, "no longer felt in the hand")
     world.control.wrist.carry(None)
-    yield from world.grip.open()
+    yield from world.gripper.open()
     raise Failure(
         grasp.SLIPPED, f"{object_id} {what} ({hold})", object=object_id, width=hold.width, load=hold.load
     )

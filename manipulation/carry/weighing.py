@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...control.wrist.payload_estimate import SPREAD, Payload
+from ...control.wrist.payload_estimate import CENTRE_PRIOR_SIGMA, Payload
 from ...control.wrist.slip_detection import (
     MassEstimate,
     SlipDetector,
@@ -25,8 +25,8 @@ from ...world.causes import Failure, grasp
 from ...world.journal import JournalEvent
 from ...world.scene.description import CatalogueEntry
 from ...world.values import GRAVITY, Array, Pose
-from ..grasp.grip_force import ACCELERATION, FIRMER, GripForce, required_force
-from .hold_check import EMPTY_WIDTH, LEAST_LOAD, GripCheck
+from ..grasp.grip_force import MAX_TRANSFER_ACCELERATION, SLIP_GRIP_FACTOR, GripForce, required_force
+from .hold_check import MAX_EMPTY_WIDTH, MIN_HELD_LOAD, GripCheck
 
 if TYPE_CHECKING:
     from ...cell.world import World
@@ -81,31 +81,33 @@ def tighten_grip(world: World, felt: float, payload: Payload) -> bool:
     A sliding object loads the hand with 2 μ F. That gives the friction, and the friction gives the required
     force.
     """
-    before = world.grip.force
+    before = world.gripper.force
     friction = max(felt, 0.0) * GRAVITY / (2.0 * before) if before > 0.0 else 0.0
-    world.grip.press(max(before * FIRMER, min(required_force(payload.mass, friction), world.grip.bound)))
-    if world.grip.force <= before + 1e-9:
+    world.gripper.press(
+        max(before * SLIP_GRIP_FACTOR, min(required_force(payload.mass, friction), world.gripper.bound))
+    )
+    if world.gripper.force <= before + 1e-9:
         return False
     world.journal.note(
         JournalEvent(
             "slip",
-            f"it slips: the fingers press with {world.grip.force:.0f} N instead of {before:.0f} N "
+            f"it slips: the fingers press with {world.gripper.force:.0f} N instead of {before:.0f} N "
             f"({felt * 1000:.0f} g of {payload} are felt)",
-            data={"force": world.grip.force, "before": before, "felt": felt, "mass": payload.mass},
+            data={"force": world.gripper.force, "before": before, "felt": felt, "mass": payload.mass},
         )
     )
     return True
 
 
-NEAR = (SPREAD / 3, SPREAD / 3, SPREAD / 3)
+HELD_CENTRE_SIGMA = (CENTRE_PRIOR_SIGMA / 3, CENTRE_PRIOR_SIGMA / 3, CENTRE_PRIOR_SIGMA / 3)
 """Standard deviation of the object's centre in the TCP frame along each axis, m."""
-VAGUE = 0.25
+CATALOGUE_MASS_SIGMA = 0.25
 """Standard deviation of a catalogue mass, as a share of it."""
-WEIGHED = 0.005
+WEIGHED_MASS_SIGMA = 0.005
 """Standard deviation of a weighed mass, kg."""
-FRAGILE = 20.0
+FRAGILE_FORCE_LIMIT = 20.0
 """Force limit below which a kind is fragile, N."""
-LIGHT = 0.4
+GUARD_PAYLOAD = 0.4
 """Payload whose inertial force on a fast transfer the guard of a motion allows for, kg."""
 
 
@@ -113,11 +115,13 @@ def register_payload(
     world: World, press: GripForce, entry: CatalogueEntry | None, object_in_tcp: Pose
 ) -> None:
     """Set the grip force for the believed weight, and register the object as the wrist's payload."""
-    world.grip.bound = press.most
-    world.grip.press(press.grip)
+    world.gripper.bound = press.most
+    world.gripper.press(press.grip)
     if entry is not None:
         centre = object_in_tcp.position
-        world.control.wrist.carry(Payload(entry.mass, VAGUE * entry.mass, centre, NEAR))
+        world.control.wrist.carry(
+            Payload(entry.mass, CATALOGUE_MASS_SIGMA * entry.mass, centre, HELD_CENTRE_SIGMA)
+        )
 
 
 def update_payload_mass(world: World, hold: GripCheck, press: GripForce | None = None) -> None:
@@ -130,39 +134,43 @@ def update_payload_mass(world: World, hold: GripCheck, press: GripForce | None =
     mass = hold.load / GRAVITY
     before = world.control.wrist.payload
     centre = (0.0, 0.0, 0.0) if before is None else before.centre
-    world.control.wrist.carry(Payload(mass, WEIGHED, centre, NEAR))
+    world.control.wrist.carry(Payload(mass, WEIGHED_MASS_SIGMA, centre, HELD_CENTRE_SIGMA))
     firm = 0.0 if press is None else press.carrying(mass)
-    if firm > world.grip.force:
-        world.grip.press(firm)
+    if firm > world.gripper.force:
+        world.gripper.press(firm)
 
 
 def is_fragile(world: World, kind: str) -> bool:
     """Return whether a bump of the hand would crush items of that kind."""
     limits = [e.force_limit for e in world.description.catalogue if e.kind == kind]
-    return any(limit is not None and limit < FRAGILE for limit in limits)
+    return any(limit is not None and limit < FRAGILE_FORCE_LIMIT for limit in limits)
 
 
 def payload_force(world: World) -> float:
     """Return the force on the wrist by which the payload on a fast transfer exceeds the guard's allowance,
     N."""
     payload = world.control.wrist.payload
-    return 0.0 if payload is None else max(0.0, payload.mass - LIGHT) * (GRAVITY + ACCELERATION)
+    return (
+        0.0
+        if payload is None
+        else max(0.0, payload.mass - GUARD_PAYLOAD) * (GRAVITY + MAX_TRANSFER_ACCELERATION)
+    )
 
 
-CLEAR = 0.02
+LIFTED_HEIGHT = 0.02
 """Height above the grasp from which the object is lifted off its support, m."""
-TURNING = 0.25
+MAX_WEIGHING_TURN = 0.25
 """Angular speed of the hand above which a tick does not count, rad/s."""
-TICKS, FEWEST = 6, 3
+MAX_WEIGHING_TICKS, MIN_WEIGHING_TICKS = 6, 3
 """Greatest and least number of ticks in a weighing: the last quiet ones."""
-STEADY = 0.003
+MAX_OPENING_CHANGE = 0.003
 """Change of the opening that shows a motion of the object between the fingers, m. The opening is read to 0.2
 mm."""
-BEGUN = 0.003
+COMES_ALONG_HEIGHT = 0.003
 """Height above the grasp from which the object should come along, m."""
-SLIDING = 0.75
+SLIDING_WEIGHT_SHARE = 0.75
 """Share of the expected weight below which an object may slide between the fingers."""
-SURE = LEAST_LOAD + 0.013 * GRAVITY
+CERTAIN_LOAD = MIN_HELD_LOAD + 0.013 * GRAVITY
 """Load that leaves no doubt, N: the least held load and the greatest error."""
 
 
@@ -185,8 +193,8 @@ class GripMonitor:
 
     def __init__(self, world: World, above: float = -1e9) -> None:
         """`above`: height of the TCP above which the object is lifted off its support, m."""
-        self._grip = world.grip
-        self._width = world.grip.width
+        self._grip = world.gripper
+        self._width = world.gripper.width
         self._slip = SlipWatch(world, above)
         self.doubt: Failure | None = None
 
@@ -198,7 +206,7 @@ class GripMonitor:
     def watch(self) -> Failure | None:
         """Return the failure that stops the arm. None: there is none. For `ArmMotion.along` and `finish`."""
         width = self._grip.width
-        if width <= EMPTY_WIDTH or abs(width - self._width) > STEADY:
+        if width <= MAX_EMPTY_WIDTH or abs(width - self._width) > MAX_OPENING_CHANGE:
             return self.stop("the fingers move")
         return self.stop("less is felt than was taken up") if self._slip.watch() else None
 
@@ -218,7 +226,7 @@ class LiftWeighing:
         lift, s."""
         self._world = world
         self._height = world.control.tcp.position[2]
-        self._kept = GripMonitor(world, self._height + CLEAR)
+        self._kept = GripMonitor(world, self._height + LIFTED_HEIGHT)
         self._ends = world.clock.now + lifted
         self._ticks: list[_Tick] = []
         self.hold: GripCheck | None = None
@@ -238,22 +246,26 @@ class LiftWeighing:
         self._hold_on()
         if self._world.clock.now < self._ends - 1e-9:
             return None
-        load, lately = self.load(TICKS), self.load(FEWEST)
-        if load is None or lately is None or min(load, lately) < SURE:
+        load, lately = self.load(MAX_WEIGHING_TICKS), self.load(MIN_WEIGHING_TICKS)
+        if load is None or lately is None or min(load, lately) < CERTAIN_LOAD:
             return self._kept.stop("what hangs on the hand has to be felt at rest")
-        self.hold = GripCheck(self._world.grip.width, load)
+        self.hold = GripCheck(self._world.gripper.width, load)
         return None
 
     def _hold_on(self) -> None:
         """Increase the grip force when the object does not come up with the hand or weighs less than its
         kind."""
         payload, felt = self._world.control.wrist.payload, self._kept.felt
-        if payload is None or felt is None or self._world.control.tcp.position[2] < self._height + BEGUN:
+        if (
+            payload is None
+            or felt is None
+            or self._world.control.tcp.position[2] < self._height + COMES_ALONG_HEIGHT
+        ):
             return
-        if felt.mass + felt.unsure / 2 < SLIDING * payload.mass:
+        if felt.mass + felt.unsure / 2 < SLIDING_WEIGHT_SHARE * payload.mass:
             tighten_grip(self._world, felt.mass, payload)
 
-    def load(self, most: int = TICKS) -> float | None:
+    def load(self, most: int = MAX_WEIGHING_TICKS) -> float | None:
         """Return the weight on the hand over the last quiet ticks, N. None: there are too few of them."""
         ticks = list(self._ticks)
         while ticks and not ticks[-1].quiet:
@@ -261,7 +273,7 @@ class LiftWeighing:
         loud = next((k for k in reversed(range(len(ticks))) if not ticks[k].quiet), -1)
         run = ticks[max(loud, 0) :][-most - 1 :]
         before, counted = run[:1], run[1:]
-        if len(counted) < FEWEST:
+        if len(counted) < MIN_WEIGHING_TICKS:
             return None
         time = len(counted) * self._world.tick
         rising = (counted[-1].speed - before[0].speed) / time
@@ -277,8 +289,8 @@ class LiftWeighing:
         centre = robot.flange(state.position).apply(np.array(robot.hand_com))
         speed = float(_at(twist, centre - np.array(tcp.position))[2])
         turning = float(np.linalg.norm(twist[3:]))
-        clear = tcp.position[2] - self._height > CLEAR
-        return _Tick(world.control.load(world.tick), speed, clear and turning < TURNING)
+        clear = tcp.position[2] - self._height > LIFTED_HEIGHT
+        return _Tick(world.control.load(world.tick), speed, clear and turning < MAX_WEIGHING_TURN)
 
 
 def _at(twist: Array, lever: Array) -> Array:

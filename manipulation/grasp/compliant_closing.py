@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from ...control.execution.gripper_motion import GripperControl
 
 
-NEAR = 0.03
+MAX_LOST_DISTANCE = 0.03
 """Distance from the place of the grasp within which a lost object is grasped again, m."""
 
 
@@ -42,14 +42,14 @@ def relocate_object(
     yield from world.control.settle()
     cameras = sorted(world.description.cameras, key=lambda camera: camera.on != "hand")
     for camera in cameras:
-        summary = yield from world.eyes.look(camera.name)
+        summary = yield from world.vision.look(camera.name)
         if object_id in summary.seen:
             _note(world, object_id, node, failure, f"seen by {camera.name}")
             return True
     believed = next((o for o in world.scene.objects if o.id == object_id), None)
     if failure.cause is not grasp.SLIPPED or gripped is None or believed is None:
         return False
-    if math.dist(believed.pose.position[:2], gripped[:2]) > NEAR:
+    if math.dist(believed.pose.position[:2], gripped[:2]) > MAX_LOST_DISTANCE:
         return False
     _note(world, object_id, node, failure, "it was lost where it was gripped")
     return True
@@ -66,21 +66,21 @@ def _note(world: World, object_id: ObjectId, node: str, failure: Failure, where:
     )
 
 
-ASIDE = 2.5
+ONE_FINGER_FORCE = 2.5
 """Force across the fingers above which only one of them touches, N."""
-EVEN = 1.2
+EVEN_FORCE = 1.2
 """Force across the fingers below which both of them touch, or none, N."""
-STANDS = 0.004
+STANDING_OPENING_SPEED = 0.004
 """Speed of the opening below which the fingers stand, m/s."""
-PRESSES = 0.6
+PRESSING_FORCE_SHARE = 0.6
 """Share of the commanded force from which the drive presses against something."""
-SOFT = CartesianStiffness(linear=(1500.0, 0.0, 1500.0), angular=40.0, frame="tool")
+CLOSING_STIFFNESS = CartesianStiffness(linear=(1500.0, 0.0, 1500.0), angular=40.0, frame="tool")
 """Stiffness of the arm that gives way across the fingers: the tool's y axis, the closing direction."""
-GIVING_WAY = 1.0
+MAX_COMPLIANCE_TIME = 1.0
 """Longest time for which the hand gives way, s."""
-FARTHEST = 0.015
+MAX_COMPLIANCE_TRAVEL = 0.015
 """Greatest distance that the hand gives way, m."""
-SPARE = 0.7
+CLOSING_SPARE_TIME = 0.7
 """Time beyond the travel time at the fingers' speed, s."""
 
 
@@ -112,16 +112,16 @@ class ClosingCompliance(CompliantMotion):
         # Only the closing direction is free: the anchor goes along with the tool there.
         self.position = self.origin + axis * float(axis @ way)
         across = abs(float(axis @ felt.force))
-        even = across < EVEN and fingers_settled(self._grip, self._press)
+        even = across < EVEN_FORCE and fingers_settled(self._grip, self._press)
         self._even = self._even + felt.period if even else 0.0
-        if self._even >= 0.03 or abs(float(axis @ way)) > FARTHEST:
+        if self._even >= 0.03 or abs(float(axis @ way)) > MAX_COMPLIANCE_TRAVEL:
             self.finished = True
 
 
 def fingers_settled(grip: GripperControl, force: float) -> bool:
     """Return whether the fingers stand and press against something, or have met."""
     state = grip.state
-    return abs(state.speed) < STANDS and state.force >= PRESSES * force
+    return abs(state.speed) < STANDING_OPENING_SPEED and state.force >= PRESSING_FORCE_SHARE * force
 
 
 def close(world: World, pressure: GripForce, node: str) -> Generator[None, None, ClosingResult]:
@@ -130,15 +130,15 @@ def close(world: World, pressure: GripForce, node: str) -> Generator[None, None,
     Raises the failures of `ArmMotion.comply`, and control.gripper where the fingers do not move or press as
     commanded.
     """
-    control, grip = world.control, world.grip
+    control, grip = world.control, world.gripper
     q = control.state.position
     axis = world.robot.tcp(q).rotation()[:, 1]
     zero = control.wrist.over(0.05, q)
-    detector = ContactDetector(ASIDE, EVEN)
+    detector = ContactDetector(ONE_FINGER_FORCE, EVEN_FORCE)
     seen = world.clock.now
     detector.watch(control.wrist.since(seen - 0.1))
     speed = pressure.speed or world.robot.description.gripper.speed
-    until = seen + grip.width / (2 * speed) + SPARE
+    until = seen + grip.width / (2 * speed) + CLOSING_SPARE_TIME
     grip.start(0.0, pressure.closing, pressure.speed)
     begin, begun = np.array(control.tcp.position), grip.width
     gave = False
@@ -146,12 +146,14 @@ def close(world: World, pressure: GripForce, node: str) -> Generator[None, None,
         yield
         detector.watch(control.wrist.since(seen))
         seen = world.clock.now
-        if abs(_across(detector, axis)) > ASIDE and not gave:
+        if abs(_across(detector, axis)) > ONE_FINGER_FORCE and not gave:
             gave = True
             course = ClosingCompliance(grip, pressure.closing)
-            yield from world.move.comply(course, GIVING_WAY, node=node, stiffness=SOFT, zero=zero)
-            detector = ContactDetector(ASIDE, EVEN)
-            until = world.clock.now + SPARE
+            yield from world.move.comply(
+                course, MAX_COMPLIANCE_TIME, node=node, stiffness=CLOSING_STIFFNESS, zero=zero
+            )
+            detector = ContactDetector(ONE_FINGER_FORCE, EVEN_FORCE)
+            until = world.clock.now + CLOSING_SPARE_TIME
             seen = world.clock.now
         if fingers_settled(grip, pressure.closing):
             break

@@ -16,21 +16,21 @@ from ...world.belief.planning_scene import BeliefObject
 from ...world.shapes import Box, ConvexMesh, Cylinder, Sphere, corners, extents
 from ...world.values import Array, Pose
 
-ROOMY, TIGHT = 0.020, 0.010
+ROOMY_EXCESS, TIGHT_EXCESS = 0.020, 0.010
 """Greatest and least excess of the opening over the object's width, m, for the two tiers."""
-NEIGHBOUR_MARGIN = {ROOMY: 0.003, TIGHT: 0.001}
+NEIGHBOUR_MARGIN = {ROOMY_EXCESS: 0.003, TIGHT_EXCESS: 0.001}
 """Free distance demanded between the open hand and everything else, m."""
 TIP_CLEARANCE = 0.002
 """Clearance of the finger tips above the object's support, m."""
 PALM_CLEARANCE = 0.006
 """Clearance of the palm above the object, m."""
-FLAT = 0.014
+MAX_FLAT_HEIGHT = 0.014
 """Height of an object below which the hand descends until contact, m."""
-SLIDES = (0.0, 0.25, -0.25)
+SLIDE_SHARES = (0.0, 0.25, -0.25)
 """Places along the object's free axis, as shares of its length beyond one finger width."""
-HIGHER = 0.010
+SECOND_GRASP_RISE = 0.010
 """Height of the second grasp above the best one, m."""
-YAWS = 8
+GRASP_YAWS = 8
 """Closing directions for an object without a preferred one, over half a turn."""
 
 
@@ -72,20 +72,20 @@ def grasp_candidates(belief: BeliefObject, gripper: GripperDescription) -> list[
     lowest = bottom + gripper.tip + TIP_CLEARANCE
     best_z = max(z, lowest, top - gripper.palm + PALM_CLEARANCE)
     heights = [best_z]
-    if best_z + HIGHER < top - 0.004:
-        heights.append(best_z + HIGHER)
+    if best_z + SECOND_GRASP_RISE < top - 0.004:
+        heights.append(best_z + SECOND_GRASP_RISE)
     finger = gripper.pads[0][0].size[0]
 
     found: list[GraspCandidate] = []
     for span in _spans(belief, rotation):
-        for tier in (ROOMY, TIGHT):
+        for tier in (ROOMY_EXCESS, TIGHT_EXCESS):
             opening = span.width + tier
             if opening > gripper.max_width:
                 opening = gripper.max_width
-                if opening - span.width < TIGHT * 0.6 or tier == TIGHT:
+                if opening - span.width < TIGHT_EXCESS * 0.6 or tier == TIGHT_EXCESS:
                     continue
             slack = max(0.0, span.length - finger)
-            for slide in SLIDES if slack > 0.02 else SLIDES[:1]:
+            for slide in SLIDE_SHARES if slack > 0.02 else SLIDE_SHARES[:1]:
                 for k, tcp_z in enumerate(heights):
                     for turn in (0.0, math.pi):
                         yaw = span.yaw + turn
@@ -99,8 +99,11 @@ def grasp_candidates(belief: BeliefObject, gripper: GripperDescription) -> list[
                                 opening=opening,
                                 expected_width=span.width,
                                 margin=NEIGHBOUR_MARGIN[tier],
-                                flat=height < FLAT,
-                                score=span.width * 4 + (0.5 if tier == TIGHT else 0.0) + abs(slide) + 0.3 * k,
+                                flat=height < MAX_FLAT_HEIGHT,
+                                score=span.width * 4
+                                + (0.5 if tier == TIGHT_EXCESS else 0.0)
+                                + abs(slide)
+                                + 0.3 * k,
                             )
                         )
     return sorted(found, key=lambda c: (c.score, c.name))
@@ -133,7 +136,10 @@ def _spans(belief: BeliefObject, rotation: Array) -> list[_Span]:
 def _round_spans(width: float, pose: Pose) -> list[_Span]:
     """Return equal closing directions; the one across the line from the robot's base comes first."""
     first = math.atan2(pose.position[1], pose.position[0]) + math.pi / 2
-    return [_Span(first + k * math.pi / YAWS, width + 1e-4 * min(k, YAWS - k), 0.0) for k in range(YAWS)]
+    return [
+        _Span(first + k * math.pi / GRASP_YAWS, width + 1e-4 * min(k, GRASP_YAWS - k), 0.0)
+        for k in range(GRASP_YAWS)
+    ]
 
 
 def _box_spans(size: tuple[float, float, float], rotation: Array) -> list[_Span]:

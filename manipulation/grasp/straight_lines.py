@@ -17,11 +17,11 @@ if TYPE_CHECKING:
 
 Steps = Generator[None, None, None]
 
-NEAR = 0.02
+NEIGHBOUR_DISTANCE = 0.02
 """Clearance below which neighbours may be grazed during the lift, m. The open hand has cleared them
 before."""
-DOWN, UP = (0.0, 0.0, -1.0), (0.0, 0.0, 1.0)
-CARRIED = 10.0
+DOWNWARDS, UPWARDS = (0.0, 0.0, -1.0), (0.0, 0.0, 1.0)
+LIFT_GUARD_FORCE = 10.0
 """Force that lifting an object may add to the guard of a motion, N."""
 
 
@@ -35,7 +35,7 @@ def descend_until_contact(world: World, candidate: GraspCandidate, object_id: Ob
     way = world.handling.felt_way + (world.robot.description.gripper.tip - opened)
     with world.scene.allow(("gripper", object_id)):
         felt = yield from world.move.guarded(
-            DOWN, way, force=world.handling.touch, speed=world.handling.touch_speed, node=node
+            DOWNWARDS, way, force=world.handling.touch, speed=world.handling.touch_speed, node=node
         )
         if felt.contact:
             rise = world.handling.back_off + max(0.0, at_grip - opened)
@@ -49,13 +49,15 @@ def lift(world: World, object_id: ObjectId, node: str) -> Steps:
     held = world.scene.held
     near = [
         ("gripper", str(c.b))
-        for c in world.queries.hand_contacts(world.control.tcp, world.grip.width, margin=NEAR)
+        for c in world.queries.hand_contacts(
+            world.control.tcp, world.gripper.width, margin=NEIGHBOUR_DISTANCE
+        )
         if c.b != object_id
     ]
     with world.scene.allow(("gripper", object_id), *near):
         up = OffsetGoal((0.0, 0.0, world.handling.approach), least_fraction=0.3)
         plan = yield from world.plan.line(up, scaling=world.handling.slowly, node=node)
-        guard = world.handling.guard + (0.0 if held is None else CARRIED)
+        guard = world.handling.guard + (0.0 if held is None else LIFT_GUARD_FORCE)
         yield from world.move.along(plan.trajectory, guard=guard, node=node)
 
 
@@ -63,7 +65,11 @@ def lift_off(world: World, node: str) -> Steps:
     """Lift the object straight up, off its support or out of a recess, until something holds it back."""
     handling = world.handling
     yield from world.move.guarded(
-        UP, handling.approach, force=handling.guard + CARRIED, speed=handling.lower_speed, node=node
+        UPWARDS,
+        handling.approach,
+        force=handling.guard + LIFT_GUARD_FORCE,
+        speed=handling.lower_speed,
+        node=node,
     )
 
 
@@ -78,7 +84,7 @@ def lower(world: World, held: BeliefObject, bin_: Bin | None, node: str) -> Step
         way = min(tips - rim - world.handling.rim_clearance, bottom(held.shape, held.pose) - floor)
     if way > world.handling.felt_way:
         yield from world.move.guarded(
-            DOWN, way, force=world.handling.touch, speed=world.handling.lower_speed, node=node
+            DOWNWARDS, way, force=world.handling.touch, speed=world.handling.lower_speed, node=node
         )
 
 
@@ -86,7 +92,9 @@ def withdraw(world: World, node: str) -> Steps:
     """Move straight up from the released object, as far as that is free."""
     near = [
         ("gripper", str(c.b))
-        for c in world.queries.hand_contacts(world.control.tcp, world.grip.width, margin=NEAR)
+        for c in world.queries.hand_contacts(
+            world.control.tcp, world.gripper.width, margin=NEIGHBOUR_DISTANCE
+        )
     ]
     with world.scene.allow(*near):
         up = OffsetGoal((0.0, 0.0, world.handling.approach / 2), least_fraction=0.2)

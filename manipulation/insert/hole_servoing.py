@@ -24,15 +24,15 @@ if TYPE_CHECKING:
     from ...cell.world import World
     from ...world.scene.description import CameraDescription, Hole
 
-OFF = 0.008
+MAX_MOUTH_OFFSET = 0.008
 """Greatest distance of a mouth from its believed place, m."""
-FROM = (0.20, 0.24, 0.17)
+LOOK_DISTANCES = (0.20, 0.24, 0.17)
 """Distances of the camera from the mouth, best first, m."""
-FREE = 0.010
+FACE_MARGIN = 0.010
 """Width of the face around the mouth that the hand must not hide, m."""
-AIDE = 8
+HAND_MASK_MARGIN = 8
 """Margin around the hand's boxes in the picture, pixels."""
-TURNS = (0.0, 0.5, -0.5, 1.0, -1.0, 1.57, -1.57, 2.2, -2.2, 3.14)
+LOOK_TURNS = (0.0, 0.5, -0.5, 1.0, -1.0, 1.57, -1.57, 2.2, -2.2, 3.14)
 """Rotations of the hand about the hole's axis that are tried, rad, from the present one."""
 
 
@@ -52,8 +52,8 @@ def look_at_hole(world: World, hole_id: ObjectId, node: str) -> Generator[None, 
         _note(world, f"{hole_id}: nowhere within reach is it seen beside the hand", node, hole_id)
         return None
     yield from world.control.settle()
-    shot = yield from world.eyes.shoot(camera.name)
-    seen = detect_hole(shot.image, hole, believed, OFF)
+    shot = yield from world.vision.shoot(camera.name)
+    seen = detect_hole(shot.image, hole, believed, MAX_MOUTH_OFFSET)
     if seen is None:
         _note(world, f"{hole_id}: its mouth is not recognised from the hand", node, hole_id)
         return None
@@ -74,7 +74,7 @@ def _go(
     world: World, camera: CameraDescription, hole: Hole, believed: Pose, node: str
 ) -> Generator[None, None, bool]:
     """Move the arm to where the mouth is visible; False: there is no path to such a pose."""
-    for distance in FROM:
+    for distance in LOOK_DISTANCES:
         poses = views(world, camera, hole, believed, distance)
         if not poses:
             continue
@@ -102,8 +102,8 @@ def views(
 
     The tool points into the hole. Empty: the part that the hand leaves free is too small.
     """
-    intrinsics = _optics(camera)
-    hidden = _hidden(world, camera, intrinsics)
+    intrinsics = _nominal_intrinsics(camera)
+    hidden = _hand_mask(world, camera, intrinsics)
     room = cv2.distanceTransform((~hidden).astype(np.uint8), cv2.DIST_L2, 5)
     rows, columns = np.indices(hidden.shape)
     height, width = hidden.shape
@@ -112,16 +112,16 @@ def views(
     )
     room = np.minimum(np.asarray(room, dtype=np.float64), border)
     long = math.hypot(*hole.size) if hole.form != "round" else hole.size[0]
-    needed = (long / 2 + OFF + FREE) * intrinsics.fx / distance
+    needed = (long / 2 + MAX_MOUTH_OFFSET + FACE_MARGIN) * intrinsics.fx / distance
     row, column = (int(n) for n in np.unravel_index(int(room.argmax()), room.shape))
     if room[row, column] < needed:
         return ()
     ray = np.array([(column - intrinsics.cx) / intrinsics.fx, (row - intrinsics.cy) / intrinsics.fy, 1.0])
     in_tcp = camera.pose.apply(ray / np.linalg.norm(ray) * distance)
-    return tuple(_over(believed, in_tcp, turn + _turned(world, believed)) for turn in TURNS)
+    return tuple(_tcp_over_mouth(believed, in_tcp, turn + _hand_yaw(world, believed)) for turn in LOOK_TURNS)
 
 
-def _over(believed: Pose, in_tcp: Array, yaw: float) -> Pose:
+def _tcp_over_mouth(believed: Pose, in_tcp: Array, yaw: float) -> Pose:
     """Return the TCP pose that points into the hole, turned by `yaw` about its axis, with the mouth at
     `in_tcp`."""
     axes = believed.rotation() @ np.array(
@@ -130,22 +130,22 @@ def _over(believed: Pose, in_tcp: Array, yaw: float) -> Pose:
     return Pose.from_rotation(np.array(believed.position) - axes @ in_tcp, axes)
 
 
-def _turned(world: World, believed: Pose) -> float:
+def _hand_yaw(world: World, believed: Pose) -> float:
     """Return the present rotation of the hand about the hole's axis, rad."""
     x = believed.rotation().T @ world.control.tcp.rotation()[:, 0]
     return math.atan2(float(x[1]), float(x[0]))
 
 
-def _optics(camera: CameraDescription) -> Intrinsics:
+def _nominal_intrinsics(camera: CameraDescription) -> Intrinsics:
     """Return the camera's intrinsics by the scene file, accurate to a pixel."""
     width, height = camera.size
     focal = height / 2 / math.tan(camera.fov / 2)
     return Intrinsics(width, height, focal, focal, width / 2, height / 2)
 
 
-def _hidden(world: World, camera: CameraDescription, intrinsics: Intrinsics) -> NDArray[np.bool_]:
+def _hand_mask(world: World, camera: CameraDescription, intrinsics: Intrinsics) -> NDArray[np.bool_]:
     """Return the mask (h, w) of the hand, its fingers and the held object in the camera's picture."""
-    robot, width = world.robot, world.grip.width
+    robot, width = world.robot, world.gripper.width
     bodies = [pose.apply(corners(box)) for box, pose in robot.description.gripper.hand]
     bodies += [pose.apply(corners(box)) for box, pose in robot.finger_boxes(width)]
     held = world.scene.held
@@ -161,7 +161,7 @@ def _hidden(world: World, camera: CameraDescription, intrinsics: Intrinsics) -> 
         pixels = seen[:, :2] / seen[:, 2:] * (intrinsics.fx, intrinsics.fy) + (intrinsics.cx, intrinsics.cy)
         rounded = np.clip(np.round(pixels), -8000, 8000).astype(np.int32)
         cv2.fillConvexPoly(mask, cv2.convexHull(rounded), 1)
-    kernel = np.ones((2 * AIDE + 1, 2 * AIDE + 1), dtype=np.uint8)
+    kernel = np.ones((2 * HAND_MASK_MARGIN + 1, 2 * HAND_MASK_MARGIN + 1), dtype=np.uint8)
     return cv2.dilate(mask, kernel).astype(np.bool_)
 
 

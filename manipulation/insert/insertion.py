@@ -22,24 +22,24 @@ if TYPE_CHECKING:
     from ...world.belief.planning_scene import BeliefObject
     from ..grasp.grasp_candidates import GraspCandidate
 
-ABOVE = 0.012
+SEARCH_HEIGHT = 0.012
 """Height of the object's underside over the believed mouth where the search begins, m."""
 
-TURNS = 8
+ROUND_PEG_TURNS = 8
 """Rotations about its axis at which a round object is tried."""
-DOWN = math.cos(math.radians(30.0))
+MIN_DOWNWARD_COSINE = math.cos(math.radians(30.0))
 """Least downward part of the tool's axis, 1. With less, the fixture is in the way of the hand."""
-FINE = 0.001
+FINE_CLEARANCE = 0.001
 """Clearance below which contacts need the finer step, m."""
-HAND = 0.0015
+MAX_HELD_OFFSET = 0.0015
 """Greatest error of an object's believed place in the hand, m."""
-TIPS_OVER = 0.0015
+MIN_TIP_HEIGHT = 0.0015
 """Height of the finger tips over the surface at the end, m."""
-LEAST_DEPTH = 0.005
+MIN_INSERTION_DEPTH = 0.005
 """Least insertion depth, m."""
-FINE_RATE, RATE = 1000, 500
-"""Control periods a second in contact, for holes with less and with more clearance than `FINE`."""
-TOWARDS = 1e-3
+FINE_CONTACT_RATE, COARSE_CONTACT_RATE = 1000, 500
+"""Control periods a second in contact, for holes with less and with more clearance than `FINE_CLEARANCE`."""
+LEAN_TOLERANCE = 1e-3
 """Difference of lean along the fingers below which two corners are equal, 1."""
 
 
@@ -59,7 +59,7 @@ class InsertionTask:
     @property
     def rate(self) -> int:
         """Rate of physics and control in contact, Hz."""
-        return FINE_RATE if self.slack < FINE - 1e-9 else RATE
+        return FINE_CONTACT_RATE if self.slack < FINE_CLEARANCE - 1e-9 else COARSE_CONTACT_RATE
 
     @property
     def height(self) -> float:
@@ -69,7 +69,7 @@ class InsertionTask:
 
     def seen_at(self, hole_in_world: Pose, uncertainty: float) -> InsertionTask:
         """Return the task with the observed pose of the mouth."""
-        return replace(self, hole_in_world=hole_in_world, uncertainty=uncertainty + HAND)
+        return replace(self, hole_in_world=hole_in_world, uncertainty=uncertainty + MAX_HELD_OFFSET)
 
 
 def fit(fixture: Fixture, hole: Hole, shape: Shape, object_in_tcp: Pose) -> InsertionTask:
@@ -79,7 +79,7 @@ def fit(fixture: Fixture, hole: Hole, shape: Shape, object_in_tcp: Pose) -> Inse
     assert left is not None, "it was chosen because it fits"
     doubt = fixture.uncertainty
     arm = math.hypot(*hole.pose.position[:2])
-    off = math.sqrt(2.0) * doubt.position + arm * doubt.angle + HAND
+    off = math.sqrt(2.0) * doubt.position + arm * doubt.angle + MAX_HELD_OFFSET
     return InsertionTask(hole, fixture.pose @ hole.pose, shape, object_in_tcp, min(left), off)
 
 
@@ -94,7 +94,7 @@ def poses_over(fit: InsertionTask, above: float) -> tuple[Pose, ...]:
         for roll in (0.0, math.pi):
             upright = Pose.from_rpy((0.0, 0.0, fit.height / 2 + above), (roll, 0.0, yaw))
             tcp = fit.hole_in_world @ upright @ fit.object_in_tcp.inverse()
-            if -float(tcp.rotation()[2, 2]) >= DOWN:
+            if -float(tcp.rotation()[2, 2]) >= MIN_DOWNWARD_COSINE:
                 poses.append(tcp)
     return tuple(poses)
 
@@ -102,7 +102,7 @@ def poses_over(fit: InsertionTask, above: float) -> tuple[Pose, ...]:
 def hover_poses(world: World, hole_id: str, shape: Shape, object_in_tcp: Pose) -> tuple[Pose, ...]:
     """Return `poses_over` for an object in this grasp, at the height where the search begins."""
     fixture, hole = find_hole(world.scene, hole_id)
-    return poses_over(fit(fixture, hole, shape, object_in_tcp), ABOVE)
+    return poses_over(fit(fixture, hole, shape, object_in_tcp), SEARCH_HEIGHT)
 
 
 def fingertips_too_low(
@@ -111,7 +111,7 @@ def fingertips_too_low(
     """Return whether the finger tips of a grasp would meet the fixture before the object is down in the
     hole."""
     tips = grasp.tcp_in_world.position[2] - gripper.tip
-    return tips - bottom(belief.shape, belief.pose) < hole.depth + TIPS_OVER
+    return tips - bottom(belief.shape, belief.pose) < hole.depth + MIN_TIP_HEIGHT
 
 
 def _turns(fit: InsertionTask) -> Sequence[float]:
@@ -122,7 +122,7 @@ def _turns(fit: InsertionTask) -> Sequence[float]:
             step = math.pi / 2 if square else math.pi
             return [along + k * step for k in range(4 if square else 2)]
         case _:
-            return [2 * math.pi * k / TURNS for k in range(TURNS)]
+            return [2 * math.pi * k / ROUND_PEG_TURNS for k in range(ROUND_PEG_TURNS)]
 
 
 def peg(fit: InsertionTask, tcp_in_world: Pose) -> HeldPeg:
@@ -141,7 +141,7 @@ def peg(fit: InsertionTask, tcp_in_world: Pose) -> HeldPeg:
             corners = [np.array([a * x / 2, b * y / 2, 0.0]) for a in (1, -1) for b in (1, -1)]
             # Over a corner the sides have equal slopes, whatever their length.
             slopes = [turn @ (np.sign(c) / math.sqrt(2.0)) for c in corners]
-            best = max(range(4), key=lambda k: (round(float(slopes[k][1]) / TOWARDS), k))
+            best = max(range(4), key=lambda k: (round(float(slopes[k][1]) / LEAN_TOLERANCE), k))
             return HeldPeg(foot, slopes[best], turn @ corners[best], False)
         case Cylinder(radius, _):
             lean = np.array([0.0, 1.0, 0.0])
@@ -162,7 +162,7 @@ def mouth(fit: InsertionTask, depth: float, tip: float) -> BelievedHole:
         np.array(fit.hole_in_world.position),
         fit.hole_in_world.rotation()[:, 2],
         min(fit.hole.size),
-        min(depth, fit.hole.depth, max(LEAST_DEPTH, low - tip - TIPS_OVER)),
+        min(depth, fit.hole.depth, max(MIN_INSERTION_DEPTH, low - tip - MIN_TIP_HEIGHT)),
         fit.uncertainty,
     )
 

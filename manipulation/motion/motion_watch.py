@@ -16,14 +16,14 @@ from ..place.release_poses import bin_target, free_drop_height
 if TYPE_CHECKING:
     from ...cell.world import World
 
-MOVED, TURNED = 0.008, math.radians(12.0)
+MIN_TARGET_DISPLACEMENT, MIN_TARGET_ROTATION = 0.008, math.radians(12.0)
 """Distance, m, and rotation, rad, from which an object counts as moved. Less is within the camera's errors,
 and the fingers allow for it."""
-SIGMAS = 4.0
+DISPLACEMENT_SIGMAS = 4.0
 """Displacement of an uncertain object that counts as a move, in standard deviations."""
-SURE = 0.7
+MIN_CONFIDENCE_SHARE = 0.7
 """Share of the former confidence below which a look shows no move: the arm half hides the object."""
-HIGHER = 0.01
+MAX_HEAP_GROWTH = 0.01
 """Growth of the heap that is allowed at the place of the release, m."""
 
 
@@ -56,7 +56,7 @@ class TargetWatch:
                 object=target.id,
             )
         off, turn = displacement(target, now)
-        if now.confidence < SURE * target.confidence or (off, turn) == (0.0, 0.0):
+        if now.confidence < MIN_CONFIDENCE_SHARE * target.confidence or (off, turn) == (0.0, 0.0):
             return None
         return Failure(
             world_causes.DISTURBED,
@@ -74,7 +74,9 @@ def displacement(before: BeliefObject, now: BeliefObject) -> tuple[float, float]
     off, turn = before.pose.distance(now.pose), before.pose.angle(now.pose)
     unsure = math.hypot(before.sigma_position, now.sigma_position)
     unsure_turn = math.hypot(before.sigma_angle, now.sigma_angle)
-    if off > max(MOVED, SIGMAS * unsure) or turn > max(TURNED, SIGMAS * unsure_turn):
+    if off > max(MIN_TARGET_DISPLACEMENT, DISPLACEMENT_SIGMAS * unsure) or turn > max(
+        MIN_TARGET_ROTATION, DISPLACEMENT_SIGMAS * unsure_turn
+    ):
         return off, turn
     return 0.0, 0.0
 
@@ -89,14 +91,14 @@ class PlaceWatch:
         assert held.object_in_tcp is not None
         self._world, self._landing = world, landing
         self._held, self._in_tcp = held.id, held.object_in_tcp
-        self._looks = world.eyes.looks
+        self._looks = world.vision.looks
         self.noticed: Failure | None = None
         """Failure that stopped the arm. None: there was none."""
 
     def __call__(self) -> Failure | None:
         """Return the failure that stops the arm. None: the arm goes on."""
-        if self._world.eyes.looks != self._looks:
-            self._looks = self._world.eyes.looks
+        if self._world.vision.looks != self._looks:
+            self._looks = self._world.vision.looks
             self.noticed = self.judged()
         return self.noticed
 
@@ -110,7 +112,7 @@ class PlaceWatch:
         target = bin_target(world, held, landing.into)
         if any(cell.name == landing.spot for cell in target.cells):
             drop = free_drop_height(world, target, landing.above, held.shape, self._in_tcp)
-            if drop >= landing.drop - HIGHER:
+            if drop >= landing.drop - MAX_HEAP_GROWTH:
                 return None
         height = float(target.heights.max())
         return Failure(

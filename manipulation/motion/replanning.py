@@ -17,14 +17,14 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 Doing = Generator[None, None, T]
 
-MOST = 4
+MAX_REPLANS = 4
 """Maximum number of replans of one skill before it fails."""
 
 
 class ReplanBudget:
     """Number of replans of a skill, and their limit."""
 
-    def __init__(self, world: World, node: str, subject: str = "", most: int = MOST) -> None:
+    def __init__(self, world: World, node: str, subject: str = "", most: int = MAX_REPLANS) -> None:
         """`subject`: object of the skill, for the record."""
         self._world, self._node, self._subject = world, node, subject
         self._most = most
@@ -48,7 +48,7 @@ class ReplanBudget:
                     "object": self._subject,
                     "cause": failure.cause.name,
                     "why": failure.message,
-                    "by": [*_names(failure)],
+                    "by": [*_obstacle_names(failure)],
                     "time": self.made,
                     "most": self._most,
                 },
@@ -100,7 +100,7 @@ def plan_after_stop(world: World, ask: Callable[[], Doing[T]], node: str, *, aft
     return (yield from ask())
 
 
-def _names(failure: Failure) -> list[str]:
+def _obstacle_names(failure: Failure) -> list[str]:
     """Return the names of the obstacles: the listed contacts, or the object."""
     found = failure.evidence.get("contacts") or failure.evidence.get("by")
     return [str(one) for one in found] if isinstance(found, list) else [str(found)] if found else []

@@ -27,18 +27,27 @@ if TYPE_CHECKING:
     from ...robots.model import RobotModel
 
 
-RANKED = "ranked"
-HAND = "hand fits"
-PRE_GRASP = "pre-grasp reached"
-GRASP = "grasp reached"
-ROOM = "room at the place"
-PLACE = "place reached"
-APPROACH = "approach planned"
-TRANSFER = "transfer planned"
-STAGES = (RANKED, HAND, PRE_GRASP, GRASP, ROOM, PLACE, APPROACH, TRANSFER)
+RANKED_STAGE = "ranked"
+HAND_STAGE = "hand fits"
+PRE_GRASP_STAGE = "pre-grasp reached"
+GRASP_STAGE = "grasp reached"
+ROOM_STAGE = "room at the place"
+PLACE_STAGE = "place reached"
+APPROACH_STAGE = "approach planned"
+TRANSFER_STAGE = "transfer planned"
+STAGES = (
+    RANKED_STAGE,
+    HAND_STAGE,
+    PRE_GRASP_STAGE,
+    GRASP_STAGE,
+    ROOM_STAGE,
+    PLACE_STAGE,
+    APPROACH_STAGE,
+    TRANSFER_STAGE,
+)
 
 
-ACCEPTED = "accepted"
+ACCEPTED_VERDICT = "accepted"
 
 
 class TriedCandidate(Protocol):
@@ -76,19 +85,19 @@ def count_rejections(tried: Iterable[TriedCandidate], into: str) -> tuple[Reject
     An accepted grasp has none. A grasp whose places failed for several reasons counts for the one at the
     latest stage, or the more frequent one.
     """
-    taken = {one.name for one in tried if one.verdict == ACCEPTED}
+    taken = {one.name for one in tried if one.verdict == ACCEPTED_VERDICT}
     last: dict[str, TriedCandidate] = {}
     for one in tried:
         if one.name in taken or one.stage not in STAGES:
             continue
         before = last.get(one.name)
-        if before is None or _weight(one) > _weight(before):
+        if before is None or _stage_weight(one) > _stage_weight(before):
             last[one.name] = one
     alike: dict[tuple[str, str], list[TriedCandidate]] = {}
     for one in last.values():
         alike.setdefault((one.stage, one.by or one.verdict), []).append(one)
     found = [
-        RejectionCount(len(group), _words(group, into), group[0].stage, group[0].by, group[0].name)
+        RejectionCount(len(group), _rejection_words(group, into), group[0].stage, group[0].by, group[0].name)
         for group in alike.values()
     ]
     return tuple(sorted(found, key=lambda fate: -fate.count))
@@ -102,24 +111,24 @@ def describe_rejections(found: Sequence[RejectionCount], most: int = 4) -> str:
     return ", ".join([*parts, f"{rest} for other reasons"] if rest else parts)
 
 
-def _weight(one: TriedCandidate) -> tuple[int, int]:
+def _stage_weight(one: TriedCandidate) -> tuple[int, int]:
     return (STAGES.index(one.stage), one.count)
 
 
-def _words(group: Sequence[TriedCandidate], into: str) -> str:
+def _rejection_words(group: Sequence[TriedCandidate], into: str) -> str:
     best = max(group, key=lambda one: one.gap)
-    if best.stage == HAND and best.by:
+    if best.stage == HAND_STAGE and best.by:
         near = (
             f"{best.gap * 1000:.1f} mm from it" if best.gap >= 0 else f"{-best.gap * 1000:.1f} mm deep in it"
         )
         return f"{best.verdict} ({near} at best)"
-    if best.stage in (ROOM, PLACE) and into and best.by != into:
+    if best.stage in (ROOM_STAGE, PLACE_STAGE) and into and best.by != into:
         return f"from there {into} cannot be reached ({best.verdict})"
     return best.verdict
 
 
-_WAYS = {APPROACH: "no way to the grasp", TRANSFER: "no way to the place"}
-_PAIR = re.compile(r"(?:deep in|from) (\S+)$")
+_PLANNING_WORDS = {APPROACH_STAGE: "no way to the grasp", TRANSFER_STAGE: "no way to the place"}
+_CONTACT_PATTERN = re.compile(r"(?:deep in|from) (\S+)$")
 """Body named at the end of a contact's description in the evidence of a planning failure."""
 
 
@@ -149,8 +158,8 @@ def unreached(stage: str, subject: str, found: ReachResult) -> StageRefusal:
 
 def planned(stage: str, failure: Failure) -> StageRefusal:
     """Return the refusal for a planning failure, with the first body that it names."""
-    by = next(iter(_named(failure)), "")
-    return StageRefusal(stage, f"{_WAYS[stage]}: {failure.message}", by)
+    by = next(iter(_named_bodies(failure)), "")
+    return StageRefusal(stage, f"{_PLANNING_WORDS[stage]}: {failure.message}", by)
 
 
 class CandidateTrail:
@@ -164,7 +173,7 @@ class CandidateTrail:
     ) -> None:
         self._purpose, self._object, self._into = purpose, object_id, into
         self._passed: dict[str, set[str]] = {stage: set() for stage in STAGES}
-        self._passed[RANKED].update(grasp.name for grasp in grasps)
+        self._passed[RANKED_STAGE].update(grasp.name for grasp in grasps)
         self._tried: dict[tuple[str, str, str], CandidateEntry] = {}
 
     def passed(self, grasp: GraspCandidate, stage: str) -> None:
@@ -200,22 +209,24 @@ class CandidateTrail:
         )
 
 
-def _named(failure: Failure) -> Iterator[str]:
+def _named_bodies(failure: Failure) -> Iterator[str]:
     """Yield the bodies of the scene in the failure's evidence."""
     pairs = failure.evidence.get("pairs")
     for pair in pairs if isinstance(pairs, list) else ():
-        match = _PAIR.search(str(pair))
+        match = _CONTACT_PATTERN.search(str(pair))
         if match:
             yield match.group(1)
 
 
-DETOUR = 0.4
+CONFIGURATION_COST_WEIGHT = 0.4
 """Weight of a configuration's cost (`configuration_cost`), s for each radian."""
 
 
 def joint_travel_time(robot: RobotModel, a: Array, b: Array) -> float:
     """Return the least time from a to b (n,), plus the weighted cost of configuration b, s."""
-    return float(np.max(np.abs(b - a) / robot.velocity_limit)) + DETOUR * configuration_cost(robot, b)
+    return float(
+        np.max(np.abs(b - a) / robot.velocity_limit)
+    ) + CONFIGURATION_COST_WEIGHT * configuration_cost(robot, b)
 
 
 def known_travel_time(robot: RobotModel, a: Pose, x: float, y: float) -> float:

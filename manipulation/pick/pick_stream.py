@@ -23,7 +23,7 @@ from ...world.causes import Failure, planning
 from ...world.values import Array, Pose
 from ..grasp.grasp_candidates import GraspCandidate
 from ..insert.insertion import fingertips_too_low, hover_poses
-from ..place.bin_spots import SUNK
+from ..place.bin_spots import MAX_PLACE_PENETRATION
 from ..place.release_poses import BinTarget, ReleaseLevel, bin_target, levels, place_candidates
 from . import pick_candidates
 from .pick_candidates import (
@@ -44,19 +44,20 @@ if TYPE_CHECKING:
     from ...planning.service.reachability import ReachResult
     from ...world.scene.description import Hole
 
-SCORE = 3.0
+GRASP_SCORE_WEIGHT = 3.0
 """Weight of one point of a grasp's score, s: a tight opening costs as much as 1.5 s of travel."""
-FURTHER = 0.05
+STAGE_BONUS = 0.05
 """Bonus for each stage that a candidate has passed, s. It keeps the search from testing many similar
 candidates before it accepts one."""
-TURNS, TAKEN = 3, 36
+MAX_TAKEN_TURNS, MAX_TAKEN_PLACES = 3, 36
 """Failures of the room test at which a grasp skips a cell, and at which it gives up."""
-PLACES, FEW, BARREN = 16, 3, 3
-"""Tested places at which a grasp gives up; the lower number once `BARREN` grasps have given up; `BARREN`
+MAX_TESTED_PLACES, FEW_TESTED_PLACES, MAX_BARREN_GRASPS = 16, 3, 3
+"""Tested places at which a grasp gives up; the lower number once `MAX_BARREN_GRASPS` grasps have given up;
+`MAX_BARREN_GRASPS`
 itself."""
-LOW = 5.0
+LOW_TIPS_COST = 5.0
 """Cost of a grasp whose finger tips do not stay above the hole, s."""
-UNREACHED = 4
+MAX_UNREACHED_TURNS = 4
 """Unreached rotations over one cell after which the next cell is tried."""
 
 
@@ -82,7 +83,7 @@ class _Branch:
     @property
     def bound(self) -> float:
         """Priority in the search, s; the least comes first."""
-        return self.known + self.guess - FURTHER * self.passed
+        return self.known + self.guess - STAGE_BONUS * self.passed
 
     @property
     def place(self) -> str:
@@ -133,11 +134,11 @@ class CandidateSearch:
         tcp = world.robot.tcp(self._start)
         for grasp in grasps:
             guess = estimated_travel_time(world.robot, tcp, grasp.tcp_in_world)
-            cost = SCORE * grasp.score
+            cost = GRASP_SCORE_WEIGHT * grasp.score
             if self._hole is not None and fingertips_too_low(
                 self._hole, belief, grasp, world.robot.description.gripper
             ):
-                cost += LOW
+                cost += LOW_TIPS_COST
             self._push(_Branch(grasp, cost, self._hand_fits, guess))
 
     # ---- search
@@ -158,7 +159,7 @@ class CandidateSearch:
                 continue
             found = yield from self._approach(branch, speed)
             if found is not None:
-                self.trail.accept(found.grasp, found.cost, branch.place, pick_candidates.APPROACH)
+                self.trail.accept(found.grasp, found.cost, branch.place, pick_candidates.APPROACH_STAGE)
                 self._note()
                 return found
         yield from self._world.plan.charge()
@@ -170,7 +171,7 @@ class CandidateSearch:
         next."""
         self.refused = failure
         place = "" if pick.landing is None else pick.landing.name
-        self.trail.refuse(pick.grasp, pick.cost, planned(pick_candidates.TRANSFER, failure), place)
+        self.trail.refuse(pick.grasp, pick.cost, planned(pick_candidates.TRANSFER_STAGE, failure), place)
 
     def _push(self, branch: _Branch) -> None:
         heapq.heappush(self._heap, (branch.bound, next(self._number), branch))
@@ -189,12 +190,12 @@ class CandidateSearch:
             grasp.tcp_in_world, grasp.opening, ignore=(self._belief.id,), margin=grasp.margin
         )
         if contacts:
-            self._refuse(branch, touching(pick_candidates.HAND, "the hand", contacts[0]))
+            self._refuse(branch, touching(pick_candidates.HAND_STAGE, "the hand", contacts[0]))
             return
-        self.trail.passed(grasp, pick_candidates.HAND)
+        self.trail.passed(grasp, pick_candidates.HAND_STAGE)
         if self._target is not None and not self._target.cells:
             full = self._target.bin.id
-            self._refuse(branch, StageRefusal(pick_candidates.ROOM, f"{full} is full", full))
+            self._refuse(branch, StageRefusal(pick_candidates.ROOM_STAGE, f"{full} is full", full))
             return
         yield replace(branch, passed=1, test=self._grasp_reached)
 
@@ -203,14 +204,14 @@ class CandidateSearch:
         tcp = grasp.tcp_in_world
         over = self._reach(tcp.shifted((0.0, 0.0, self._world.handling.approach)), self._start, grasp)
         if over.q is None:
-            self._refuse(branch, unreached(pick_candidates.PRE_GRASP, "the pre-grasp", over))
+            self._refuse(branch, unreached(pick_candidates.PRE_GRASP_STAGE, "the pre-grasp", over))
             return
-        self.trail.passed(grasp, pick_candidates.PRE_GRASP)
+        self.trail.passed(grasp, pick_candidates.PRE_GRASP_STAGE)
         at = self._reach(tcp, over.q, grasp)
         if at.q is None:
-            self._refuse(branch, unreached(pick_candidates.GRASP, "the grasp", at))
+            self._refuse(branch, unreached(pick_candidates.GRASP_STAGE, "the grasp", at))
             return
-        self.trail.passed(grasp, pick_candidates.GRASP)
+        self.trail.passed(grasp, pick_candidates.GRASP_STAGE)
         known = branch.known + joint_travel_time(self._world.robot, self._start, over.q)
         held = replace(branch, known=known, guess=0.0, over=over.q, at=at.q, passed=3, test=None)
         if self._target is None:
@@ -249,25 +250,25 @@ class CandidateSearch:
     def _has_room(self, branch: _Branch) -> Iterator[_Branch]:
         landing, level, places = branch.landing, branch.level, self._places[branch.grasp.name]
         assert landing is not None and level is not None
-        if places.taken[level.name] >= TURNS or self._leads_nowhere(branch.grasp):
+        if places.taken[level.name] >= MAX_TAKEN_TURNS or self._leads_nowhere(branch.grasp):
             return
         there = landing.above @ self._in_tcp(branch.grasp)
         contacts = self._world.queries.free(
-            self._belief.shape, there, ignore=(self._belief.id,), margin=-SUNK
+            self._belief.shape, there, ignore=(self._belief.id,), margin=-MAX_PLACE_PENETRATION
         )
         if contacts:
             places.taken[level.name] += 1
             subject = f"over {landing.into} {self._belief.id}"
-            self._refuse(branch, touching(pick_candidates.ROOM, subject, contacts[0]))
+            self._refuse(branch, touching(pick_candidates.ROOM_STAGE, subject, contacts[0]))
             return
-        self.trail.passed(branch.grasp, pick_candidates.ROOM)
+        self.trail.passed(branch.grasp, pick_candidates.ROOM_STAGE)
         yield replace(branch, passed=4, test=self._place_reached)
 
     def _place_reached(self, branch: _Branch) -> Iterator[_Branch]:
         landing, level, grasp, at = branch.landing, branch.level, branch.grasp, branch.at
         assert landing is not None and level is not None and at is not None
         places = self._places[grasp.name]
-        if places.unreached[level.name] >= UNREACHED or self._leads_nowhere(grasp):
+        if places.unreached[level.name] >= MAX_UNREACHED_TURNS or self._leads_nowhere(grasp):
             return
         places.asked += 1
         request = Request(
@@ -279,10 +280,12 @@ class CandidateSearch:
         found = self._world.plan.reached(request)
         if found.q is None:
             places.unreached[level.name] += 1
-            self._barren += places.asked == PLACES
-            self._refuse(branch, unreached(pick_candidates.PLACE, f"the place over {landing.into}", found))
+            self._barren += places.asked == MAX_TESTED_PLACES
+            self._refuse(
+                branch, unreached(pick_candidates.PLACE_STAGE, f"the place over {landing.into}", found)
+            )
             return
-        self.trail.passed(grasp, pick_candidates.PLACE)
+        self.trail.passed(grasp, pick_candidates.PLACE_STAGE)
         known = branch.known + joint_travel_time(self._world.robot, at, found.q)
         yield replace(branch, known=known, guess=0.0, above=found.q, passed=5, test=None)
 
@@ -301,20 +304,20 @@ class CandidateSearch:
                 )
             )
             if found.q is not None:
-                self.trail.passed(branch.grasp, pick_candidates.PLACE)
+                self.trail.passed(branch.grasp, pick_candidates.PLACE_STAGE)
                 return True
         if found is None:
             subject = f"so held {self._belief.id} does not stand over {hole.id}"
-            self._refuse(branch, StageRefusal(pick_candidates.PLACE, subject, hole.id))
+            self._refuse(branch, StageRefusal(pick_candidates.PLACE_STAGE, subject, hole.id))
         else:
-            self._refuse(branch, unreached(pick_candidates.PLACE, f"the place over {hole.id}", found))
+            self._refuse(branch, unreached(pick_candidates.PLACE_STAGE, f"the place over {hole.id}", found))
         return False
 
     def _leads_nowhere(self, grasp: GraspCandidate) -> bool:
         """Return whether enough places of a grasp were tested."""
         places = self._places[grasp.name]
-        most = PLACES if self._barren < BARREN else FEW
-        return places.asked >= most or places.taken.total() >= TAKEN
+        most = MAX_TESTED_PLACES if self._barren < MAX_BARREN_GRASPS else FEW_TESTED_PLACES
+        return places.asked >= most or places.taken.total() >= MAX_TAKEN_PLACES
 
     def _in_tcp(self, grasp: GraspCandidate) -> Pose:
         """Return the expected pose of the held object in the TCP frame."""
@@ -332,10 +335,10 @@ class CandidateSearch:
             if failure.cause is planning.START_IN_COLLISION:
                 raise
             self.refused = failure
-            self._refuse(branch, planned(pick_candidates.APPROACH, failure))
+            self._refuse(branch, planned(pick_candidates.APPROACH_STAGE, failure))
             self._drop(grasp)
             return None
-        self.trail.passed(grasp, pick_candidates.APPROACH)
+        self.trail.passed(grasp, pick_candidates.APPROACH_STAGE)
         return PickPlaceCandidate(
             self._belief.id,
             grasp,

@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING
 from ...planning.requests import HeldObject, JointGoal, LineGoal, OffsetGoal, PoseGoal, Request
 from ...world.values import Array, ObjectId, Pose
 from ..grasp.grasp_candidates import GraspCandidate
-from ..grasp.straight_lines import NEAR
+from ..grasp.straight_lines import NEIGHBOUR_DISTANCE
 
 if TYPE_CHECKING:
     from ...cell.world import World
 
-LEAST_LIFT = 0.3
+MIN_LIFT_SHARE = 0.3
 """Share of the straight way up or down that must be free. The rest is skipped."""
 
 
@@ -55,10 +55,10 @@ def transfer_requests(
     """
     handling = world.handling
     tcp = world.robot.tcp(start)
-    near = world.queries.hand_contacts(tcp, width, ignore=(holding.object,), margin=NEAR)
+    near = world.queries.hand_contacts(tcp, width, ignore=(holding.object,), margin=NEIGHBOUR_DISTANCE)
     neighbours = tuple(("gripper", name) for name in sorted({contact.b for contact in near}))
     goal = PoseGoal(over) if isinstance(over, tuple) else JointGoal(over)
-    up = OffsetGoal((0.0, 0.0, handling.approach), least_fraction=LEAST_LIFT)
+    up = OffsetGoal((0.0, 0.0, handling.approach), least_fraction=MIN_LIFT_SHARE)
     legs = [
         Request(up, start, width, holding, neighbours, scaling=handling.slowly),
         Request(goal, width=width, holding=holding, scaling=handling.scaling(speed)),
@@ -72,5 +72,5 @@ def lower_request(
     world: World, drop: float, width: float | None = None, holding: HeldObject | None = None
 ) -> Request:
     """Return the request straight down with a held object, where no contact is expected."""
-    down = OffsetGoal((0.0, 0.0, -drop), least_fraction=LEAST_LIFT)
+    down = OffsetGoal((0.0, 0.0, -drop), least_fraction=MIN_LIFT_SHARE)
     return Request(down, width=width, holding=holding, scaling=world.handling.slowly)

@@ -33,11 +33,11 @@ if TYPE_CHECKING:
     from ...perception.fitting.known_object_fitting import TrackedSighting
 
 
-UNEXPLAINED = 0.010
+UNEXPLAINED_COST = 0.010
 """Cost of an object that a shift brings onto no patch, m."""
-LIKELY = 0.5
+SHIFT_COST_SHARE = 0.5
 """Cost of a shift, as a share of its length. Camera mountings are nearly correct."""
-CLEARLY = 0.006
+MIN_COST_DIFFERENCE = 0.006
 """Least difference in cost to a shift that takes another patch for the target, m."""
 
 
@@ -70,16 +70,16 @@ def match_patches(
     seen = len({s.patch for s in found if s.object == target.id})
     believed = {o.id: o for o in objects}
     shifts = sorted({_shift(believed[s.object], s) for s in fitting})
-    readings = [_read(shift, believed, fitting) for shift in shifts]
+    readings = [_read_shift(shift, believed, fitting) for shift in shifts]
     mine = [r for r in readings if target.id in r.taken]
     best = min(mine or readings, key=lambda r: r.cost, default=_Reading(0.0, {}))
     own = best.taken.get(target.id)
     if own is not None:
         rivals = [r for r in readings if _contradicts(r, target.id, own.patch)]
         rival = min(rivals, key=lambda r: r.cost, default=None)
-        if rival is not None and rival.cost < best.cost - CLEARLY:
+        if rival is not None and rival.cost < best.cost - MIN_COST_DIFFERENCE:
             best, own = rival, rival.taken.get(target.id)
-        elif rival is not None and rival.cost < best.cost + CLEARLY:
+        elif rival is not None and rival.cost < best.cost + MIN_COST_DIFFERENCE:
             return PatchMatch(None, (), True, seen)
     return PatchMatch(own, tuple(s for name, s in best.taken.items() if name != target.id), False, seen)
 
@@ -94,7 +94,7 @@ def _shift(one: BeliefObject, sighting: TrackedSighting) -> tuple[float, float]:
     return x - one.pose.position[0], y - one.pose.position[1]
 
 
-def _read(
+def _read_shift(
     shift: tuple[float, float], believed: dict[ObjectId, BeliefObject], fitting: Sequence[TrackedSighting]
 ) -> _Reading:
     """Return the reading of a shift: each object takes the nearest patch, nearest pairs first, each patch
@@ -105,30 +105,30 @@ def _read(
     )
     taken: dict[ObjectId, TrackedSighting] = {}
     patches: set[int] = set()
-    cost = LIKELY * math.hypot(*shift) + UNEXPLAINED * len({s.object for s in fitting})
+    cost = SHIFT_COST_SHARE * math.hypot(*shift) + UNEXPLAINED_COST * len({s.object for s in fitting})
     for off, _, patch, n in pairs:
         sighting = fitting[n]
-        if off < UNEXPLAINED and sighting.object not in taken and patch not in patches:
+        if off < UNEXPLAINED_COST and sighting.object not in taken and patch not in patches:
             taken[sighting.object] = sighting
             patches.add(patch)
-            cost += off - UNEXPLAINED
+            cost += off - UNEXPLAINED_COST
     return _Reading(cost, taken)
 
 
 T = TypeVar("T")
 Doing: TypeAlias = Generator[None, None, T]
 
-LOOKS = 3
+MAX_LOOKS = 3
 """Maximum number of looks for one grasp."""
-LARGE, LARGE_TURN = 0.003, math.radians(2.5)
+LARGE_CORRECTION, LARGE_CORRECTION_TURN = 0.003, math.radians(2.5)
 """Correction above which another look checks it, m and rad."""
-LAST = 0.05
+LAST_LOOK_HEIGHT = 0.05
 """Height over the grasp for the next look, m. Lower, the fingers hide too much."""
-NEARBY = 0.25
+NEARBY_DISTANCE = 0.25
 """Distance from the target within which other objects are looked for in the same picture, m."""
-SAME = 0.0005
+MIN_SHIFT = 0.0005
 """Displacement up to which nothing has shifted, m."""
-TOLD, BELIEVED = math.radians(1.0), math.radians(6.0)
+MIN_CAMERA_TURN, MAX_CAMERA_TURN = math.radians(1.0), math.radians(6.0)
 """Rotations of the target between which the error is the earlier camera's. Below the first it may be noise;
 above the second the target has been moved."""
 
@@ -146,7 +146,7 @@ class ServoCorrection:
 
     @property
     def large(self) -> bool:
-        return self.distance > LARGE or self.turn > LARGE_TURN
+        return self.distance > LARGE_CORRECTION or self.turn > LARGE_CORRECTION_TURN
 
 
 def servo_to_grasp(
@@ -159,11 +159,11 @@ def servo_to_grasp(
     the target, if this is the `first` time; otherwise the grasp stays as believed. `watch` is called during
     the motion there.
     """
-    camera = world.eyes.hand
+    camera = world.vision.hand
     if camera is None:
         return pick
     yield from world.control.settle()
-    world.grip.start(pick.grasp.opening)
+    world.gripper.start(pick.grasp.opening)
     over = pick.approach.legs[0].trajectory
     yield from world.move.along(over, guard=world.handling.guard, watch=watch, node=node)
     grasp = yield from _corrected(world, pick, camera, node, first=first)
@@ -176,7 +176,7 @@ def _corrected(
 ) -> Doing[GraspCandidate]:
     """Return the grasp after looks until the last one hardly corrects it."""
     grasp = pick.grasp
-    for n in range(LOOKS):
+    for n in range(MAX_LOOKS):
         try:
             correction = yield from look_through_hand_camera(world, pick.object, camera, node)
         except Failure as failure:
@@ -186,7 +186,7 @@ def _corrected(
         if correction is None:
             break
         grasp = replace(grasp, tcp_in_world=correction.moved @ grasp.tcp_in_world)
-        if not correction.large or n == LOOKS - 1:
+        if not correction.large or n == MAX_LOOKS - 1:
             break
         yield from _lower(world, pick.object, grasp, node)
     return grasp
@@ -194,7 +194,7 @@ def _corrected(
 
 def _lower(world: World, object_id: ObjectId, grasp: GraspCandidate, node: str) -> Doing[None]:
     """Lower the hand over the corrected grasp, for another look."""
-    line = LineGoal(grasp.tcp_in_world.shifted((0.0, 0.0, LAST)))
+    line = LineGoal(grasp.tcp_in_world.shifted((0.0, 0.0, LAST_LOOK_HEIGHT)))
     allowed = (("gripper", object_id),)
     request = Request(line, width=grasp.opening, allowed=allowed, scaling=world.handling.slowly)
     plan = yield from world.plan.solve(request, node=node)
@@ -213,7 +213,7 @@ def look_through_hand_camera(
     yield from world.control.settle()
     believed = world.scene.get(target)
     objects = [o for o in world.scene.objects if _is_around(o, believed)]
-    found = yield from world.eyes.follow(camera, objects)
+    found = yield from world.vision.follow(camera, objects)
     reading = match_patches(believed, objects, found)
     if reading.target is None:
         what = "ambiguous" if reading.ambiguous else "not recognised"
@@ -246,7 +246,7 @@ def look_through_hand_camera(
 
 
 def _is_around(one: BeliefObject, target: BeliefObject) -> bool:
-    return one.role == "item" and not one.attached and one.pose.distance(target.pose) < NEARBY
+    return one.role == "item" and not one.attached and one.pose.distance(target.pose) < NEARBY_DISTANCE
 
 
 def _correct(world: World, believed: BeliefObject, reading: PatchMatch, at: Pose) -> None:
@@ -261,7 +261,7 @@ def _correct(world: World, believed: BeliefObject, reading: PatchMatch, at: Pose
             last_seen=world.clock.now,
         )
         world.scene.put(seen, "seen from the hand")
-    moved = _of_camera(believed, at)
+    moved = _camera_correction(believed, at)
     if moved is None:
         return
     for one in world.scene.objects:
@@ -271,13 +271,13 @@ def _correct(world: World, believed: BeliefObject, reading: PatchMatch, at: Pose
             world.scene.put(replace(one, pose=moved @ one.pose), "moved with what was seen")
 
 
-def _of_camera(believed: BeliefObject, at: Pose) -> Pose | None:
+def _camera_correction(believed: BeliefObject, at: Pose) -> Pose | None:
     """Return the horizontal motion in the world that corrects the error of the earlier camera. None: there is
     no error."""
     turn = at.angle(believed.pose)
-    if max(believed.pose.distance(at), turn * NEARBY) < SAME:
+    if max(believed.pose.distance(at), turn * NEARBY_DISTANCE) < MIN_SHIFT:
         return None
-    if TOLD < turn < BELIEVED and believed.sigma_angle < TOLD:
+    if MIN_CAMERA_TURN < turn < MAX_CAMERA_TURN and believed.sigma_angle < MIN_CAMERA_TURN:
         return at @ believed.pose.inverse()
     x, y = (a - b for a, b in zip(at.position[:2], believed.pose.position[:2], strict=True))
     return Pose((x, y, 0.0))

@@ -17,16 +17,16 @@ from ...world.values import Array, Pose
 if TYPE_CHECKING:
     from ...planning.collision.scene_queries import SceneQueries
 
-CELLS = 3
+CELLS_PER_SIDE = 3
 """Cells of a bin along each side."""
-ABOVE_RIM = 0.020
+RELEASE_RIM_HEIGHT = 0.020
 """Height of the object's bottom above the rim at the release, m."""
-STEPS = (0.0, 0.03, 0.06, 0.10)
+RELEASE_HEIGHT_STEPS = (0.0, 0.03, 0.06, 0.10)
 """Heights added to the release when nothing lower is free, m."""
-YAWS = 8
-SUNK = 0.001
+RELEASE_YAWS = 8
+MAX_PLACE_PENETRATION = 0.001
 """Penetration at which a place counts as taken, m: believed poses are no better."""
-ABOVE = 0.002
+PLACE_TEST_HEIGHT = 0.002
 """Height above its place at which an object is tested, m, so that its support does not count."""
 
 
@@ -44,14 +44,16 @@ def heap_heights(bin_: Bin, objects: Sequence[BeliefObject], seen: Array | None)
 
     The higher one of the camera's measurement (`seen`, NaN where it saw nothing) and of the believed objects.
     """
-    heights = np.zeros((CELLS, CELLS)) if seen is None else np.nan_to_num(seen, nan=0.0).copy()
+    heights = (
+        np.zeros((CELLS_PER_SIDE, CELLS_PER_SIDE)) if seen is None else np.nan_to_num(seen, nan=0.0).copy()
+    )
     low, high = bin_.inside()
     to_bin = bin_.pose.inverse()
     for belief in objects:
         if belief.place == bin_.id:
             x, y, _ = (to_bin @ belief.pose).position
-            row = int(np.clip((x - low[0]) / (high[0] - low[0]) * CELLS, 0, CELLS - 1))
-            column = int(np.clip((y - low[1]) / (high[1] - low[1]) * CELLS, 0, CELLS - 1))
+            row = int(np.clip((x - low[0]) / (high[0] - low[0]) * CELLS_PER_SIDE, 0, CELLS_PER_SIDE - 1))
+            column = int(np.clip((y - low[1]) / (high[1] - low[1]) * CELLS_PER_SIDE, 0, CELLS_PER_SIDE - 1))
             above = top(belief.shape, belief.pose) - bin_.pose.position[2] - bin_.wall
             heights[row, column] = max(heights[row, column], above)
     return heights
@@ -66,15 +68,15 @@ def free_cells(bin_: Bin, heights: Array, shape: Shape, rotation: Array) -> list
     low, high = bin_.inside()
     reach = float(np.linalg.norm(extents(shape, rotation)[1][:2]))
     found: list[tuple[float, float, BinCell]] = []
-    for row in range(CELLS):
-        for column in range(CELLS):
+    for row in range(CELLS_PER_SIDE):
+        for column in range(CELLS_PER_SIDE):
             height = float(heights[row, column])
             if height > high[2] - low[2]:
                 continue
             local: list[float] = []
             for axis, k in ((0, row), (1, column)):
                 span = high[axis] - low[axis]
-                centre = low[axis] + (k + 0.5) * span / CELLS
+                centre = low[axis] + (k + 0.5) * span / CELLS_PER_SIDE
                 room = max(0.0, span / 2 - reach - 0.008)
                 local.append(min(max(centre, -room), room))
             x, y, _ = bin_.pose.apply(np.array([local[0], local[1], 0.0]))
@@ -89,8 +91,8 @@ def release_poses(
     """Return TCP poses, pointing down at several yaws, with the object over the cell and above the rim."""
     rim = bin_.pose.position[2] + bin_.size[2]
     poses: list[Pose] = []
-    for k in range(YAWS):
-        tcp = Pose.from_rpy((0.0, 0.0, 0.0), (math.pi, 0.0, 2 * math.pi * k / YAWS))
+    for k in range(RELEASE_YAWS):
+        tcp = Pose.from_rpy((0.0, 0.0, 0.0), (math.pi, 0.0, 2 * math.pi * k / RELEASE_YAWS))
         held = tcp @ object_in_tcp
         low = float(extents(shape, held.rotation())[0][2])
         offset = np.array(held.position)
@@ -99,7 +101,7 @@ def release_poses(
                 (
                     spot.centre[0] - float(offset[0]),
                     spot.centre[1] - float(offset[1]),
-                    rim + ABOVE_RIM + higher - low - float(offset[2]),
+                    rim + RELEASE_RIM_HEIGHT + higher - low - float(offset[2]),
                 )
             )
         )
@@ -109,8 +111,8 @@ def release_poses(
 def put_down_poses(point: tuple[float, float, float], shape: Shape, object_in_tcp: Pose) -> tuple[Pose, ...]:
     """Return TCP poses, pointing down at several yaws, with the object's underside centred on a point, m."""
     poses: list[Pose] = []
-    for k in range(YAWS):
-        tcp = Pose.from_rpy((0.0, 0.0, 0.0), (math.pi, 0.0, 2 * math.pi * k / YAWS))
+    for k in range(RELEASE_YAWS):
+        tcp = Pose.from_rpy((0.0, 0.0, 0.0), (math.pi, 0.0, 2 * math.pi * k / RELEASE_YAWS))
         held = tcp @ object_in_tcp
         x, y, z = held.position
         low = float(extents(shape, held.rotation())[0][2])
@@ -122,6 +124,6 @@ def blocked(queries: SceneQueries, held: BeliefObject, tcp_in_world: Pose) -> st
     """Return the id of the body that penetrates the held object with the TCP at that pose. None: the place is
     free."""
     assert held.object_in_tcp is not None
-    there = tcp_in_world.shifted((0.0, 0.0, ABOVE)) @ held.object_in_tcp
+    there = tcp_in_world.shifted((0.0, 0.0, PLACE_TEST_HEIGHT)) @ held.object_in_tcp
     contacts = queries.free(held.shape, there, ignore=(held.id,))
-    return next((c.b for c in contacts if c.distance < -SUNK), None)
+    return next((c.b for c in contacts if c.distance < -MAX_PLACE_PENETRATION), None)

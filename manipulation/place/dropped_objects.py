@@ -31,11 +31,11 @@ def apply_bin_exchanges(world: World, node: str) -> tuple[ObjectId, ...]:
         for object_id in inside:
             world.scene.remove(object_id, TAKEN_AWAY)
             world.attempts.forget(object_id)
-        world.eyes.bins.pop(bin_id, None)
+        world.vision.bins.pop(bin_id, None)
         world.journal.note(
             JournalEvent(
                 "bin_emptied",
-                f"{bin_id} is exchanged for an empty one; {_counted(len(inside))} gone with it",
+                f"{bin_id} is exchanged for an empty one; {_items_are(len(inside))} gone with it",
                 node,
                 {"bin": bin_id, "objects": [str(object_id) for object_id in inside]},
             )
@@ -69,18 +69,18 @@ def bin_fill_level(world: World, bin_: Bin) -> float:
 
     Each cell counts up to the rim, by observation and belief.
     """
-    seen = world.eyes.bins.get(bin_.id)
+    seen = world.vision.bins.get(bin_.id)
     heights = heap_heights(bin_, world.scene.objects, None if seen is None else seen.cells)
     low, high = bin_.inside()
     depth = high[2] - low[2]
     return float(np.clip(heights, 0.0, depth).mean()) / depth
 
 
-def _counted(items: int) -> str:
+def _items_are(items: int) -> str:
     return "1 item is" if items == 1 else f"{items} items are"
 
 
-UNSURE = 0.3
+DROPPED_CONFIDENCE = 0.3
 """Confidence in the estimated pose until the object is seen again."""
 
 
@@ -90,7 +90,7 @@ def open_gripper(world: World, reason: str, width: float | None = None) -> Gener
     A halt does the same: the fingers go on opening.
     """
     try:
-        yield from world.grip.open(width)
+        yield from world.gripper.open(width)
     except GeneratorExit:
         release_object(world.scene, reason)
         raise
@@ -110,7 +110,14 @@ def release_object(scene: PlanningScene, reason: str) -> None:
             support, place = bin_.pose.position[2] + bin_.wall, bin_.id
     fallen = held.pose.shifted((0.0, 0.0, support - bottom(held.shape, held.pose)))
     scene.put(
-        replace(held, object_in_tcp=None, pose=fallen, place=place, confidence=UNSURE, sigma_position=0.02),
+        replace(
+            held,
+            object_in_tcp=None,
+            pose=fallen,
+            place=place,
+            confidence=DROPPED_CONFIDENCE,
+            sigma_position=0.02,
+        ),
         reason,
     )
 

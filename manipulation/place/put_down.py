@@ -10,8 +10,8 @@ from ...planning.requests import PoseGoal, Scaling
 from ...world.belief.planning_scene import BeliefObject
 from ...world.causes import Failure, place
 from ...world.journal import JournalEvent
-from ..grasp.straight_lines import DOWN
-from ..retreat.clearing import ON_THE_WAY, REDUCED, WARY, Doing, RetreatMotion
+from ..grasp.straight_lines import DOWNWARDS
+from ..retreat.clearing import FREE_PATH_THRESHOLDS, REDUCED_SPEED, WARY_SPEED, Doing, RetreatMotion
 from ..retreat.homing import observe_with_fixed_cameras
 from .bin_spots import blocked, put_down_poses
 from .dropped_objects import support_height_at
@@ -20,17 +20,17 @@ if TYPE_CHECKING:
     from ...cell.world import World
     from ...world.values import Pose, Vector3
 
-RINGS = (0.0, 0.05, 0.10, 0.16, 0.24)
+SPOT_RING_RADII = (0.0, 0.05, 0.10, 0.16, 0.24)
 """Distances from the object at which spots are tried, m."""
-AROUND = 8
+SPOTS_PER_RING = 8
 """Spots on each ring."""
-TRIES = 4
+MAX_SPOT_ATTEMPTS = 4
 """Maximum number of free spots to which a path is planned."""
-ROOM = 0.05
+LEVEL_RADIUS = 0.05
 """Distance from the middle of a spot within which the fixture must be level, m."""
-BESIDE = 0.01
+HAND_SPOT_CLEARANCE = 0.01
 """Clearance of the hand at a spot, m."""
-SPARE = 0.02
+LOWERING_SPARE = 0.02
 """Travel of the lowering beyond the believed distance to the support, m."""
 
 
@@ -46,19 +46,19 @@ def put_down(world: World, leaving: RetreatMotion, scaling: Scaling, node: str) 
     why = "no spot near it is free"
     tries = 0
     for spot in _free_spots(world, held):
-        if tries == TRIES or leaving.late:
+        if tries == MAX_SPOT_ATTEMPTS or leaving.late:
             break
         tries += 1
         assert held.object_in_tcp is not None
         over = tuple(
             pose.shifted((0.0, 0.0, world.handling.approach))
             for pose in put_down_poses(spot, held.shape, held.object_in_tcp)
-            if _room(world, held, pose)
+            if _hand_has_room(world, held, pose)
         )
         try:
             plan = yield from world.plan.to(PoseGoal(over), scaling=scaling, node=node)
-            way = world.move.slowed(plan.trajectory, REDUCED if seen else WARY)
-            result = yield from leaving.follow(way, ON_THE_WAY)
+            way = world.move.slowed(plan.trajectory, REDUCED_SPEED if seen else WARY_SPEED)
+            result = yield from leaving.follow(way, FREE_PATH_THRESHOLDS)
         except Failure as failure:
             if not failure.cause.name.startswith("planning."):
                 raise
@@ -83,11 +83,15 @@ def _lower(world: World, held: BeliefObject, node: str) -> Doing[None]:
     """Lower the object until contact, and release it."""
     handling = world.handling
     yield from world.move.guarded(
-        DOWN, handling.approach + SPARE, force=handling.touch, speed=handling.touch_speed, node=node
+        DOWNWARDS,
+        handling.approach + LOWERING_SPARE,
+        force=handling.touch,
+        speed=handling.touch_speed,
+        node=node,
     )
     before = world.scene.get(held.id)
     try:
-        yield from world.grip.release(handling.release)
+        yield from world.gripper.release(handling.release)
     except GeneratorExit:  # halted, but the fingers go on opening
         world.scene.detach(held.id, before.pose, "table", "let go")
         raise
@@ -100,29 +104,39 @@ def _free_spots(world: World, held: BeliefObject) -> Iterator[Vector3]:
     """Yield free points on fixtures for the object's underside, nearest first."""
     assert held.object_in_tcp is not None
     x, y, _ = held.pose.position
-    for ring in RINGS:
-        for k in range(AROUND if ring else 1):
-            angle = 2 * math.pi * k / AROUND
+    for ring in SPOT_RING_RADII:
+        for k in range(SPOTS_PER_RING if ring else 1):
+            angle = 2 * math.pi * k / SPOTS_PER_RING
             at = (x + ring * math.cos(angle), y + ring * math.sin(angle))
-            height = _level(world, at)
+            height = _level_height(world, at)
             if height is None:
                 continue
             spot = (*at, height)
             poses = put_down_poses(spot, held.shape, held.object_in_tcp)
-            if blocked(world.queries, held, poses[0]) is None and any(_room(world, held, p) for p in poses):
+            if blocked(world.queries, held, poses[0]) is None and any(
+                _hand_has_room(world, held, p) for p in poses
+            ):
                 yield spot
 
 
-def _room(world: World, held: BeliefObject, tcp_in_world: Pose) -> bool:
+def _hand_has_room(world: World, held: BeliefObject, tcp_in_world: Pose) -> bool:
     """Return whether the hand has room there with the fingers opened for the release."""
-    opened = min(world.grip.width + world.handling.release, world.robot.description.gripper.max_width)
+    opened = min(world.gripper.width + world.handling.release, world.robot.description.gripper.max_width)
     boards = tuple(world.scene.fixtures)
-    return not world.queries.hand_contacts(tcp_in_world, opened, (str(held.id), *boards), margin=BESIDE)
+    return not world.queries.hand_contacts(
+        tcp_in_world, opened, (str(held.id), *boards), margin=HAND_SPOT_CLEARANCE
+    )
 
 
-def _level(world: World, at: tuple[float, float]) -> float | None:
+def _level_height(world: World, at: tuple[float, float]) -> float | None:
     """Return the height of the support below a point. None: it is not level around the point."""
     x, y = at
-    around = [(0.0, 0.0), (ROOM, 0.0), (-ROOM, 0.0), (0.0, ROOM), (0.0, -ROOM)]
+    around = [
+        (0.0, 0.0),
+        (LEVEL_RADIUS, 0.0),
+        (-LEVEL_RADIUS, 0.0),
+        (0.0, LEVEL_RADIUS),
+        (0.0, -LEVEL_RADIUS),
+    ]
     heights = [support_height_at(world.scene, x + dx, y + dy) for dx, dy in around]
     return heights[0] if len(set(heights)) == 1 else None

@@ -13,19 +13,19 @@ from ...world.belief.planning_scene import BeliefObject
 from ...world.scene.description import Bin
 from ...world.shapes import Shape, extents
 from ...world.values import Array, ObjectId, Pose
-from .bin_spots import STEPS, YAWS, BinCell, free_cells, heap_heights, release_poses
+from .bin_spots import RELEASE_HEIGHT_STEPS, RELEASE_YAWS, BinCell, free_cells, heap_heights, release_poses
 
 if TYPE_CHECKING:
     from ...cell.world import World
 
-CELLS_TRIED = 4
+MAX_CELLS_TRIED = 4
 """Maximum number of cells of a bin at each height, lowest first."""
 CELL_COST, STEP_COST = 0.1, 2.0
 """Costs of the next cell, and of the next higher release, s."""
-RIM_ROOM = 0.012
+RIM_CLEARANCE = 0.012
 """Clearance of the finger tips above the rim where the fingers open, m. Closer, the straight way out touches
 it."""
-HEAP_ROOM = 0.015
+HEAP_CLEARANCE = 0.015
 """Clearance of the object's underside above the highest known part of the heap without contact sensing, m."""
 
 
@@ -42,7 +42,7 @@ class BinTarget:
 def bin_target(world: World, belief: BeliefObject, into: ObjectId) -> BinTarget:
     """Return the bin, by observation and belief, for an object in its present orientation."""
     bin_ = world.scene.bins[into]
-    seen = world.eyes.bins.get(into)
+    seen = world.vision.bins.get(into)
     heights = heap_heights(bin_, world.scene.objects, None if seen is None else seen.cells)
     return BinTarget(bin_, heights, tuple(free_cells(bin_, heights, belief.shape, belief.pose.rotation())))
 
@@ -64,8 +64,8 @@ class ReleaseLevel:
 
 def levels(target: BinTarget) -> Iterator[ReleaseLevel]:
     """Yield the levels: the lowest release over the best cell first."""
-    for step, higher in enumerate(STEPS):
-        for k, spot in enumerate(target.cells[:CELLS_TRIED]):
+    for step, higher in enumerate(RELEASE_HEIGHT_STEPS):
+        for k, spot in enumerate(target.cells[:MAX_CELLS_TRIED]):
             yield ReleaseLevel(spot, higher, step * STEP_COST + k * CELL_COST)
 
 
@@ -81,7 +81,7 @@ def place_candidates(
             level.spot.height,
             above,
             free_drop_height(world, target, above, shape, object_in_tcp),
-            f"{target.bin.id} {level.name} turned {360 * k // YAWS}",
+            f"{target.bin.id} {level.name} turned {360 * k // RELEASE_YAWS}",
         )
         for k, above in enumerate(poses)
     )
@@ -101,6 +101,6 @@ def free_drop_height(
     floor = bin_.pose.position[2] + bin_.wall
     tips = above.position[2] - world.robot.description.gripper.tip
     rim = bin_.pose.position[2] + bin_.size[2]
-    down_to_rim = tips - rim - max(RIM_ROOM, world.handling.rim_clearance)
-    down_to_heap = low - floor - float(np.max(target.heights)) - HEAP_ROOM
+    down_to_rim = tips - rim - max(RIM_CLEARANCE, world.handling.rim_clearance)
+    down_to_heap = low - floor - float(np.max(target.heights)) - HEAP_CLEARANCE
     return max(0.0, min(down_to_rim, down_to_heap))

@@ -13,19 +13,19 @@ from ...world.belief.planning_scene import BeliefObject
 from ...world.planar_geometry import UPRIGHT, PlanarOutline, PlanarPose, outline, wrap_angle
 from ...world.shapes import Cylinder, Sphere, bottom, top
 
-SHORTEST = 0.012
+MIN_SIDE_LENGTH = 0.012
 """Least length of a side to push at, m."""
-EDGE = 0.003
+SIDE_END_MARGIN = 0.003
 """Distance of the fingers from the ends of a side, m."""
-CRADLE = 1.2
+CRADLE_OPENING_RATIO = 1.2
 """Opening of the fingers that push a round object, over its radius. Between them it cannot leave sideways."""
-ROUNDED = 0.001
+FINGER_EDGE_RADIUS = 0.001
 """Radius of the fingers' edges, which a round object touches, m."""
-FAN = (0.0, 0.5, -0.5, 1.0, -1.0)
+ROUND_PUSH_TURNS = (0.0, 0.5, -0.5, 1.0, -1.0)
 """Directions of a push at a round object, relative to the straight one, rad."""
-TIP = 0.002
+TIP_SUPPORT_CLEARANCE = 0.002
 """Height of the finger tips above the support, m."""
-PALM = 0.004
+PALM_PUSH_CLEARANCE = 0.004
 """Height of the palm above the top of the pushed object, m."""
 
 
@@ -64,7 +64,7 @@ def push_sides(belief: BeliefObject, gripper: GripperDescription, towards: float
     """
     shape = outline(belief.shape, belief.pose)
     if shape.round:
-        return tuple(_cradle(shape.radius, towards + turn, gripper) for turn in FAN)
+        return tuple(_cradle(shape.radius, towards + turn, gripper) for turn in ROUND_PUSH_TURNS)
     lies = curved(belief)  # A cylinder's planar frame has its axis along x: pushed across it, it rolls.
     return tuple(
         replace(side, rolls=lies and abs(math.cos(side.heading)) < 0.5) for side in _flats(shape, gripper)
@@ -78,7 +78,7 @@ def height(belief: BeliefObject, gripper: GripperDescription, tip: float) -> flo
     of the finger tips beyond the TCP, m.
     """
     low, high = bottom(belief.shape, belief.pose), top(belief.shape, belief.pose)
-    least = max(low + tip + TIP, high - gripper.palm + PALM)
+    least = max(low + tip + TIP_SUPPORT_CLEARANCE, high - gripper.palm + PALM_PUSH_CLEARANCE)
     if curved(belief):
         middle = (low + high) / 2
         return max(least, middle - (gripper.pads[0][0].size[2] / 2 - tip))
@@ -102,7 +102,7 @@ def _flats(shape: PlanarOutline, gripper: GripperDescription) -> Sequence[PushSi
     for k, (a, b) in enumerate(zip(shape.corners, np.roll(shape.corners, -1, axis=0), strict=True)):
         edge = b - a
         length = float(np.hypot(*edge))
-        if length < SHORTEST:
+        if length < MIN_SIDE_LENGTH:
             continue
         along = edge / length
         inwards = np.array([-along[1], along[0]])
@@ -110,7 +110,7 @@ def _flats(shape: PlanarOutline, gripper: GripperDescription) -> Sequence[PushSi
         # The foot of the perpendicular from the origin, limited to the side.
         lateral = float(np.clip(-(a @ along), 0.0, length)) + float(a @ along)
         room = min(float(b @ along) - lateral, lateral - float(a @ along))
-        opening = min(max(0.0, 2 * (room - EDGE - thick)), gripper.max_width)
+        opening = min(max(0.0, 2 * (room - SIDE_END_MARGIN - thick)), gripper.max_width)
         half = min(room, opening / 2 + thick)
         yaw = math.atan2(float(inwards[1]), float(inwards[0]))
         # Along the push, the side runs from left to right: `along` is the carrier's -y.
@@ -120,13 +120,16 @@ def _flats(shape: PlanarOutline, gripper: GripperDescription) -> Sequence[PushSi
 
 def _cradle(radius: float, yaw: float, gripper: GripperDescription) -> PushSide:
     depth = gripper.pads[0][0].size[0] / 2
-    opening = min(CRADLE * radius, gripper.max_width)
-    away = math.sqrt((radius + ROUNDED) ** 2 - (opening / 2 + ROUNDED) ** 2) - ROUNDED
+    opening = min(CRADLE_OPENING_RATIO * radius, gripper.max_width)
+    away = (
+        math.sqrt((radius + FINGER_EDGE_RADIUS) ** 2 - (opening / 2 + FINGER_EDGE_RADIUS) ** 2)
+        - FINGER_EDGE_RADIUS
+    )
     name = f"from {math.degrees(yaw + math.pi) % 360:.0f} deg"
     return PushSide(name, yaw, PlanarPose(-away - depth, 0.0), opening, opening / 2)
 
 
-STRAIGHT = 1e-6
+MAX_STRAIGHT_CURVATURE = 1e-6
 """Curvature below which an arc is a line, 1/m."""
 
 
@@ -158,7 +161,7 @@ class ArcPath:
         if way <= 0.0:
             return frame @ PlanarPose(way, 0.0)
         for length, curvature in self.pieces:
-            frame = frame @ _along(min(way, length), curvature)
+            frame = frame @ _arc_frame(min(way, length), curvature)
             way -= length
             if way <= 0.0:
                 return frame
@@ -175,8 +178,8 @@ class ArcPath:
         return 0.0
 
 
-def _along(way: float, curvature: float) -> PlanarPose:
-    if abs(curvature) < STRAIGHT:
+def _arc_frame(way: float, curvature: float) -> PlanarPose:
+    if abs(curvature) < MAX_STRAIGHT_CURVATURE:
         return PlanarPose(way, 0.0, 0.0)
     turn = way * curvature
     return PlanarPose(math.sin(turn) / curvature, (1.0 - math.cos(turn)) / curvature, turn)
@@ -193,7 +196,7 @@ def arc_to(start: PlanarPose, x: float, y: float) -> ArcPath | None:
     if there.x <= 0.0 or off < 1e-9:
         return None
     curvature = 2.0 * there.y / off**2
-    if abs(curvature) < STRAIGHT:
+    if abs(curvature) < MAX_STRAIGHT_CURVATURE:
         return straight(start, off)
     return ArcPath(start, ((2.0 * math.atan2(there.y, there.x) / curvature, curvature),))
 

@@ -20,7 +20,7 @@ from ...world.shapes import Box, bottom, top
 from ...world.values import Array, ObjectId, Pose
 from ..motion.replanning import follow_with_replanning
 from .push_arcs import height
-from .stroke_course import SLOW, PushMotion
+from .stroke_course import SLOW_PUSH_SPEED, PushMotion
 from .stroke_planning import PushStroke
 
 if TYPE_CHECKING:
@@ -30,23 +30,24 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 Doing = Generator[None, None, T]
 
-STIFF = CartesianStiffness(linear=1500.0, angular=60.0)
-EDGE = 0.015
+PUSH_STIFFNESS = CartesianStiffness(linear=1500.0, angular=60.0)
+SUPPORT_EDGE_MARGIN = 0.015
 """Distance of the pushed object from the edge of its support, m. The tool stays above the support."""
-BESIDE = 0.004
-"""Clearance of the pushed object, m, to which `SIGMAS` standard deviations of its place are added."""
-SIGMAS = 2.0
-SAMPLE = 0.02
+PUSH_CLEARANCE = 0.004
+"""Clearance of the pushed object, m, to which `CLEARANCE_SIGMAS` standard deviations of its place are
+added."""
+CLEARANCE_SIGMAS = 2.0
+POSE_CHECK_STEP = 0.02
 """Distance between two checked poses of a stroke, m."""
-CONTINUOUS = 0.5
+MAX_JOINT_STEP = 0.5
 """Greatest change of a joint between two of them, rad."""
-LIMIT_ROOM = 0.1
+JOINT_LIMIT_MARGIN = 0.1
 """Distance of the joints from their limits, rad. A compliant arm deviates from its plan."""
-LOOKING = "home"
+LOOKING_POSE = "home"
 """Named pose from which cameras see the table."""
-UP = 0.10
+STEP_BACK_HEIGHT = 0.10
 """Height of the lift beside the object after a stroke, m."""
-SPARE = 6.0
+STROKE_SPARE_TIME = 6.0
 """Time that a stroke may take beyond its nominal duration, s."""
 
 
@@ -133,12 +134,12 @@ def pose_refusal(
     if support is None:
         return f"{belief.id} does not stand on a level fixture"
     shape = outline(belief.shape, belief.pose)
-    margin = BESIDE + SIGMAS * belief.sigma_position
+    margin = PUSH_CLEARANCE + CLEARANCE_SIGMAS * belief.sigma_position
     others = [o for o in world.scene.objects if o.id != belief.id and o.id not in touching and not o.attached]
     around = [(o.id, outline(o.shape, o.pose), planar(o.shape, o.pose)) for o in others]
     ignore = (belief.id, support.id, *(o.id for o in world.scene.objects))
     for at in places:
-        if not within(support, placed(shape, at), EDGE):
+        if not within(support, placed(shape, at), SUPPORT_EDGE_MARGIN):
             return f"it would come to the edge of {support.id}"
         for hole in support.holes:
             middle = (support.pose @ hole.pose).position
@@ -182,7 +183,7 @@ def plan_stroke(
     why = "the arm does not reach it"
     answers: list[tuple[float, FeasibleStroke]] = []
     for flipped in (False, True):
-        found = _followed(world, belief, stroke, level, flipped, touching)
+        found = _configuration_above_start(world, belief, stroke, level, flipped, touching)
         if isinstance(found, str):
             why = found
         else:
@@ -191,7 +192,7 @@ def plan_stroke(
     return min(answers, key=lambda a: a[0])[1] if answers else why
 
 
-def _followed(
+def _configuration_above_start(
     world: World,
     belief: BeliefObject,
     stroke: PushStroke,
@@ -239,9 +240,9 @@ def _chain(solver: RequestSolver, q: Array, poses: Sequence[Pose]) -> Array | st
         if q_next is None:
             return "the arm does not reach"
         q = q_next
-        if float(np.abs(q - near).max()) > CONTINUOUS:
+        if float(np.abs(q - near).max()) > MAX_JOINT_STEP:
             return "the arm would have to swing round"
-        if float(np.minimum(q - model.lower, model.upper - q).min()) < LIMIT_ROOM:
+        if float(np.minimum(q - model.lower, model.upper - q).min()) < JOINT_LIMIT_MARGIN:
             return "a joint would come to its limit"
         if not solver.collision.free(q):
             touched = next(iter(solver.collision.contacts(q)), None)
@@ -252,7 +253,7 @@ def _chain(solver: RequestSolver, q: Array, poses: Sequence[Pose]) -> Array | st
 
 
 def _samples(start: float, end: float) -> Sequence[float]:
-    count = max(2, math.ceil((end - start) / SAMPLE) + 1)
+    count = max(2, math.ceil((end - start) / POSE_CHECK_STEP) + 1)
     return [start + (end - start) * k / (count - 1) for k in range(count)]
 
 
@@ -271,17 +272,19 @@ def execute_stroke(
     world.disturbed.
     """
     stroke, handling = one.stroke, world.handling
-    world.grip.start(one.opening)
+    world.gripper.start(one.opening)
     start = stroke.tcp_at(-stroke.gap, one.height, one.flipped)
     legs = (
-        Request(JointGoal(one.over), width=_widest(world, one.opening), scaling=handling.scaling(1.0)),
+        Request(
+            JointGoal(one.over), width=_widest_opening(world, one.opening), scaling=handling.scaling(1.0)
+        ),
         Request(LineGoal(start), width=one.opening, scaling=handling.slowly),
     )
     yield from follow_with_replanning(
         world, lambda: world.plan.through(legs, node=node), guard=handling.guard, node=node
     )
-    if abs(world.grip.width - one.opening) > 0.002:
-        yield from world.grip.move(one.opening, world.robot.description.gripper.max_force)
+    if abs(world.gripper.width - one.opening) > 0.002:
+        yield from world.gripper.move(one.opening, world.robot.description.gripper.max_force)
     course = PushMotion(
         stroke.way,
         stroke.side.tool,
@@ -291,10 +294,10 @@ def execute_stroke(
         world.robot.hand_mass,
         rolls=stroke.side.rolls,
     )
-    limit = (stroke.gap + stroke.way.length) / min(speed, SLOW) + SPARE
+    limit = (stroke.gap + stroke.way.length) / min(speed, SLOW_PUSH_SPEED) + STROKE_SPARE_TIME
     along = {} if along is None else along
     with world.scene.allow(*(("gripper", str(name)) for name in (belief.id, *along))):
-        result = yield from world.move.comply(course, limit, stiffness=STIFF, node=node)
+        result = yield from world.move.comply(course, limit, stiffness=PUSH_STIFFNESS, node=node)
     touched = course.touched_at is not None
     ends = stroke.side.object(course.carrier)
     pushed = PushResult(
@@ -306,9 +309,9 @@ def execute_stroke(
     return pushed
 
 
-def _widest(world: World, opening: float) -> float:
+def _widest_opening(world: World, opening: float) -> float:
     """Return the wider of present and commanded opening, m: the fingers move during the approach."""
-    return max(opening, world.grip.width)
+    return max(opening, world.gripper.width)
 
 
 def _believe(world: World, name: ObjectId, at: PlanarPose) -> None:
@@ -322,12 +325,16 @@ def _believe(world: World, name: ObjectId, at: PlanarPose) -> None:
 def step_back(world: World, names: Collection[str], node: str) -> Doing[None]:
     """Move up beside the object and to where the cameras see the table."""
     handling = world.handling
-    near = world.queries.hand_contacts(world.control.tcp, world.grip.width, margin=0.02)
+    near = world.queries.hand_contacts(world.control.tcp, world.gripper.width, margin=0.02)
     touched = {*names, *(c.b for c in near if c.b not in world.scene.fixtures)}
     pairs = tuple(("gripper", name) for name in sorted(touched))
     legs = (
-        Request(OffsetGoal((0.0, 0.0, UP), least_fraction=0.3), allowed=pairs, scaling=handling.slowly),
-        Request(NamedGoal(LOOKING), allowed=pairs, scaling=handling.scaling(1.0)),
+        Request(
+            OffsetGoal((0.0, 0.0, STEP_BACK_HEIGHT), least_fraction=0.3),
+            allowed=pairs,
+            scaling=handling.slowly,
+        ),
+        Request(NamedGoal(LOOKING_POSE), allowed=pairs, scaling=handling.scaling(1.0)),
     )
     yield from follow_with_replanning(
         world, lambda: world.plan.through(legs, node=node), guard=handling.guard, node=node
@@ -336,6 +343,6 @@ def step_back(world: World, names: Collection[str], node: str) -> Doing[None]:
 
 def go_looking(world: World, node: str) -> Doing[None]:
     """Move to where the arm does not hide the table from the cameras."""
-    goal, scaling = NamedGoal(LOOKING), world.handling.scaling(1.0)
+    goal, scaling = NamedGoal(LOOKING_POSE), world.handling.scaling(1.0)
     ask = lambda: world.plan.to(goal, scaling=scaling, node=node)  # noqa: E731
     yield from follow_with_replanning(world, ask, guard=world.handling.guard, node=node)

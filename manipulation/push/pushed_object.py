@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 Doing = Generator[None, None, T]
 
-GRID = 3e-4
+SHARED_PICTURE_ERROR = 3e-4
 """Systematic error that pictures of the same object share, m."""
 
 
@@ -36,7 +36,7 @@ def observe_closely(world: World, camera: str, name: ObjectId, pictures: int) ->
     yield from world.control.settle()
     found: list[BeliefObject] = []
     for _ in range(pictures):
-        summary = yield from world.eyes.look(camera)
+        summary = yield from world.vision.look(camera)
         belief = world.scene.find(name)
         if name in summary.seen and belief is not None:
             found.append(belief)
@@ -54,7 +54,7 @@ def observe_closely(world: World, camera: str, name: ObjectId, pictures: int) ->
     height = float(np.mean([b.pose.position[2] for b in here]))
     pose = moved(last.shape, last.pose, mean)
     pose = replace(pose, position=(mean.x, mean.y, height))
-    sigma = math.hypot(last.sigma_position / math.sqrt(len(here)), GRID)
+    sigma = math.hypot(last.sigma_position / math.sqrt(len(here)), SHARED_PICTURE_ERROR)
     mean_belief = replace(
         last, pose=pose, sigma_position=sigma, sigma_angle=last.sigma_angle / math.sqrt(len(here))
     )
@@ -62,20 +62,20 @@ def observe_closely(world: World, camera: str, name: ObjectId, pictures: int) ->
     return mean_belief
 
 
-SIGHT = 5e-4
+SIGHT_SIGMA = 5e-4
 """Standard deviation of a mean of several pictures along an axis, m: noise, and the grid of pixels."""
-SIGHT_TURNED = math.radians(0.8)
+SIGHT_ANGLE_SIGMA = math.radians(0.8)
 """Standard deviation of the heading from pictures, rad."""
-FELT, FELT_TURNED = 2e-4, math.radians(0.25)
+CONTACT_SIGMA, CONTACT_ANGLE_SIGMA = 2e-4, math.radians(0.25)
 """Standard deviations after a contact to the end: across the touched side, m, and of the heading, rad."""
-SLIPPED = 2e-4
-"""Standard deviation along the side, m; `SLIP` is added for each metre of travel:"""
-SLIP = 0.03
-RESERVE = 0.5
+SLIP_SIGMA = 2e-4
+"""Standard deviation along the side, m; `SLIP_SIGMA_SHARE` is added for each metre of travel:"""
+SLIP_SIGMA_SHARE = 0.03
+ROTATION_SHARE = 0.5
 """Share of the expected rotation during a push that counts: friction at the corner holds some back."""
-WIDE = 0.016
+WIDE_CONTACT_HALF_LENGTH = 0.016
 """Half contact length from which the heading has that precision, m."""
-DOUBT = 4.0
+MAX_AGREEING_SIGMAS = 4.0
 """Difference between vision and contact that is a contradiction, in standard deviations."""
 
 
@@ -95,7 +95,7 @@ class PlanarEstimate:
 
 def estimate_from_camera(at: PlanarPose) -> PlanarEstimate:
     """Return the estimate from a camera alone."""
-    return PlanarEstimate(at, np.eye(2) * SIGHT**2, SIGHT_TURNED)
+    return PlanarEstimate(at, np.eye(2) * SIGHT_SIGMA**2, SIGHT_ANGLE_SIGMA)
 
 
 def estimate_from_contact(
@@ -105,17 +105,17 @@ def estimate_from_contact(
     pose."""
     side, way = stroke.side, stroke.way.length
     if shape.round:
-        return PlanarEstimate(ends, np.eye(2) * FELT**2 * 2, math.pi)
+        return PlanarEstimate(ends, np.eye(2) * CONTACT_SIGMA**2 * 2, math.pi)
     nx, ny = side.carrier(ends).direction
     normal, along = np.array([nx, ny]), np.array([-ny, nx])
-    lateral = float(along @ before.covariance @ along) + SLIPPED**2 + (SLIP * way) ** 2
-    covariance = np.outer(normal, normal) * FELT**2 + np.outer(along, along) * lateral
+    lateral = float(along @ before.covariance @ along) + SLIP_SIGMA**2 + (SLIP_SIGMA_SHARE * way) ** 2
+    covariance = np.outer(normal, normal) * CONTACT_SIGMA**2 + np.outer(along, along) * lateral
     # Pushed at one corner, the object turns until its side is flat against the fingers.
     askew = abs(wrap_angle(stroke.way.start.yaw - side.carrier(before.at).yaw)) + 2.0 * before.turned
     turning = side.half / (shape.inertia() + side.half**2)
-    squared = RESERVE * turning * max(0.0, way - 2.0 * SIGHT) > askew
-    narrow = max(1.0, WIDE / side.half) ** 2
-    return PlanarEstimate(ends, covariance, FELT_TURNED * narrow if squared else askew)
+    squared = ROTATION_SHARE * turning * max(0.0, way - 2.0 * SIGHT_SIGMA) > askew
+    narrow = max(1.0, WIDE_CONTACT_HALF_LENGTH / side.half) ** 2
+    return PlanarEstimate(ends, covariance, CONTACT_ANGLE_SIGMA * narrow if squared else askew)
 
 
 def fuse_estimates(touch: PlanarEstimate, sight: PlanarEstimate, turn: float) -> PlanarEstimate:
@@ -128,7 +128,7 @@ def fuse_estimates(touch: PlanarEstimate, sight: PlanarEstimate, turn: float) ->
     both = touch.covariance + sight.covariance
     spread = touch.turned**2 + sight.turned**2
     apart = float(off @ np.linalg.solve(both, off)) + (yaw**2 / spread if turn else 0.0)
-    if apart > DOUBT**2:
+    if apart > MAX_AGREEING_SIGMAS**2:
         return sight
     gain = touch.covariance @ np.linalg.inv(both)
     x, y = np.array([touch.at.x, touch.at.y]) + gain @ off

@@ -24,44 +24,44 @@ from ...world.shapes import Shape, bottom, extents, top
 from ...world.values import ObjectId
 from ..grasp.grasp_candidates import grasp_candidates
 from .push_arcs import PushSide, height, push_sides, straight
-from .push_stroke import EDGE, placed, support_of, within
+from .push_stroke import SUPPORT_EDGE_MARGIN, placed, support_of, within
 from .stroke_planning import PushStroke, straight_stroke
 
 if TYPE_CHECKING:
     from ...cell.world import World
 
-AROUND = 0.05
+PUSHED_INSTEAD_DISTANCE = 0.05
 """Border distance to the target below which an object may be pushed in its place, m."""
-SEEN = 0.25
+RELEVANT_DISTANCE = 0.25
 """Distance from the target beyond which objects do not count, m."""
-LENGTHS = (0.035, 0.055, 0.08)
+PUSH_LENGTHS = (0.035, 0.055, 0.08)
 """Travel of a push beyond the first contact, m."""
-ASIDE = 0.009
+CLOSED_FINGERS_OFFSET = 0.009
 """Offset of closed fingers from the middle of a side, m: the pushed object turns away from others."""
-TIGHT_GAP = 0.005
+MIN_START_GAP = 0.005
 """Distance of the fingers from the object where there is no room for more, m."""
-STEP = 0.005
+SIMULATION_STEP = 0.005
 """Travel between two simulated steps, m."""
-MARGIN = 0.003
+EXTRA_GRASP_MARGIN = 0.003
 """Margin added to a grasp's margin for errors of the simulation, m."""
-CLEAR = 0.006
+FIXTURE_CLEARANCE = 0.006
 """Clearance of pushed objects from bins and other fixtures, m."""
-ALONE = 0.03
+ALONE_DISTANCE = 0.03
 """Free distance from which an unknown object stands alone, m."""
-HAND = 0.003
+START_HAND_CLEARANCE = 0.003
 """Clearance of the hand where the push begins, m."""
-SURE, BARELY, OTHER = 3.0, 1.5, 0.4
+SURE_GRASP_VALUE, BARE_GRASP_VALUE, OTHER_GRASP_VALUE = 3.0, 1.5, 0.4
 """Values of a sure grasp of the target, of a barely possible one, and of a grasp of another object."""
-APART = 8.0
-"""Value of free distance around the target, 1/m, up to `ALONE`."""
-WAY, MOVED = 2.0, 0.1
+FREE_DISTANCE_VALUE = 8.0
+"""Value of free distance around the target, 1/m, up to `ALONE_DISTANCE`."""
+PUSH_TRAVEL_COST, MOVED_OBJECT_COST = 2.0, 0.1
 """Costs of travel, 1/m, and of each moved object."""
-TALLER, LARGEST = 0.015, 0.12
+MAX_EXTRA_HEIGHT, MAX_UNKNOWN_REACH = 0.015, 0.12
 """Height above the tallest item, and reach from its middle, m, beyond which an unknown object is neither an
 item nor a few items."""
-LEAST = 0.1
+MIN_PUSH_VALUE = 0.1
 """Least value of a push."""
-FINALISTS = 5
+MAX_FINALISTS = 5
 """Number of best pushes whose value for other objects is computed."""
 
 
@@ -85,7 +85,7 @@ def has_room(world: World, belief: BeliefObject) -> bool:
     An unknown object has to stand alone. Costs are added to the thinking account.
     """
     if belief.role != "item":
-        return free_distance(world, belief) >= ALONE
+        return free_distance(world, belief) >= ALONE_DISTANCE
     for grasp in grasp_candidates(belief, world.robot.description.gripper):
         contacts = world.queries.hand_contacts(
             grasp.tcp_in_world, grasp.opening, ignore=(belief.id,), margin=grasp.margin
@@ -126,8 +126,8 @@ def most_crowded_object(world: World) -> ObjectId | None:
         for o in world.scene.objects
         if o.role == "obstacle"
         and support_of(world, o) is not None
-        and top(o.shape, o.pose) - bottom(o.shape, o.pose) < tallest + TALLER
-        and outline(o.shape, o.pose).reach < LARGEST
+        and top(o.shape, o.pose) - bottom(o.shape, o.pose) < tallest + MAX_EXTRA_HEIGHT
+        and outline(o.shape, o.pose).reach < MAX_UNKNOWN_REACH
     ]
     items = [o for o in world.to_do() if not o.attached and support_of(world, o) is not None]
     for group in (unknown, items):
@@ -152,7 +152,9 @@ def singulation_pushes(world: World, target: BeliefObject) -> list[SingulationPu
     near = [
         o
         for o in world.scene.objects
-        if not o.attached and o.pose.distance(target.pose) < SEEN and support_of(world, o) is support
+        if not o.attached
+        and o.pose.distance(target.pose) < RELEVANT_DISTANCE
+        and support_of(world, o) is support
     ]
     case = _Case(world, target, near, support)
     found = [
@@ -160,7 +162,7 @@ def singulation_pushes(world: World, target: BeliefObject) -> list[SingulationPu
     ]
     found.sort(key=_rank)
     # Only the best pushes are tested for grasps of other objects.
-    found[:FINALISTS] = [case.with_others(one) for one in found[:FINALISTS]]
+    found[:MAX_FINALISTS] = [case.with_others(one) for one in found[:MAX_FINALISTS]]
     world.thinking.spend(case.checks * world.description.thinking.collision_check)
     return sorted(found, key=_rank)
 
@@ -196,7 +198,7 @@ class _Case:
         """Return the target and the objects close to it."""
         target = self._target
         others = [o for o in self._near.values() if o.id != target.id]
-        return [target, *(o for o in others if _between(target, o) < AROUND)]
+        return [target, *(o for o in others if _between(target, o) < PUSHED_INSTEAD_DISTANCE)]
 
     def judged(self, begin: Sequence[PushStroke]) -> Iterator[SingulationPush]:
         """Yield the push for each allowed length with enough value.
@@ -211,8 +213,8 @@ class _Case:
             if pushed.id not in there or not self._may_be(there):
                 continue
             with self._supposing(there):
-                worth = self._worth() - self._now - WAY * length - MOVED * len(there)
-            if worth < LEAST:
+                worth = self._worth() - self._now - PUSH_TRAVEL_COST * length - MOVED_OBJECT_COST * len(there)
+            if worth < MIN_PUSH_VALUE:
                 continue
             one = straight_on(stroke, length)
             along = tuple(name for name in there if name != pushed.id)
@@ -226,7 +228,7 @@ class _Case:
         before = sum(self._fits(o) > 0.0 for o in others)
         with self._supposing(one.there):
             after = sum(self._fits(self._supposed.get(o.id)) > 0.0 for o in others)
-        return replace(one, worth=one.worth + OTHER * (after - before))
+        return replace(one, worth=one.worth + OTHER_GRASP_VALUE * (after - before))
 
     @contextmanager
     def _supposing(self, there: Mapping[ObjectId, PlanarPose]) -> Generator[None]:
@@ -249,7 +251,7 @@ class _Case:
             return False
         self.checks += 1
         tcp = stroke.tcp_at(-stroke.gap, level, flipped=False)
-        return not world.queries.hand_contacts(tcp, opening, (pushed.id,), HAND)
+        return not world.queries.hand_contacts(tcp, opening, (pushed.id,), START_HAND_CLEARANCE)
 
     def _slid(self, stroke: PushStroke) -> dict[float, dict[ObjectId, PlanarPose]]:
         """Return the poses of the moved objects for each length that keeps the tool over the table."""
@@ -257,9 +259,9 @@ class _Case:
         fingers = tool_outline(self._gripper, stroke.side.opening)
         touched: set[str] = set()
         found: dict[float, dict[ObjectId, PlanarPose]] = {}
-        begun = -STEP
-        for length in LENGTHS:
-            steps = math.ceil((length - begun) / STEP)
+        begun = -SIMULATION_STEP
+        for length in PUSH_LENGTHS:
+            steps = math.ceil((length - begun) / SIMULATION_STEP)
             for k in range(1, steps + 1):
                 way = begun + (length - begun) * k / steps
                 at = stroke.way.at(way) @ stroke.side.tool
@@ -277,10 +279,10 @@ class _Case:
         ignore = (*self._near, self._support.id)
         for name, at in there.items():
             o, (shape, _) = self._near[name], self._shapes[name]
-            if not within(self._support, placed(shape, at), EDGE):
+            if not within(self._support, placed(shape, at), SUPPORT_EDGE_MARGIN):
                 return False
             self.checks += 1
-            if self._world.queries.free(o.shape, moved(o.shape, o.pose, at), ignore, CLEAR):
+            if self._world.queries.free(o.shape, moved(o.shape, o.pose, at), ignore, FIXTURE_CLEARANCE):
                 return False
         return True
 
@@ -288,11 +290,11 @@ class _Case:
         """Return the value of the supposed scene for the target."""
         here = self._supposed.get(self._target.id)
         others = (self._supposed.get(name) for name in self._near if name != here.id)
-        near = min((_between(here, o) for o in others), default=ALONE)
-        away = min(ALONE, max(0.0, near))
+        near = min((_between(here, o) for o in others), default=ALONE_DISTANCE)
+        away = min(ALONE_DISTANCE, max(0.0, near))
         if here.role != "item":
-            return 2 * APART * away
-        return self._fits(here) + APART * away
+            return 2 * FREE_DISTANCE_VALUE * away
+        return self._fits(here) + FREE_DISTANCE_VALUE * away
 
     def _fits(self, o: BeliefObject) -> float:
         """Return the value of the best fit of the hand around an object."""
@@ -310,12 +312,12 @@ class _Case:
                 continue
             seen.add(key)
             self.checks += 1
-            margin = grasp.margin + MARGIN
+            margin = grasp.margin + EXTRA_GRASP_MARGIN
             contacts = self._queries.hand_contacts(grasp.tcp_in_world, grasp.opening, (o.id,), margin)
             if not contacts:
-                return SURE
+                return SURE_GRASP_VALUE
             if contacts[0].distance >= grasp.margin:
-                worth = BARELY
+                worth = BARE_GRASP_VALUE
         return worth
 
 
@@ -337,7 +339,11 @@ def _begins(world: World, belief: BeliefObject) -> Iterator[tuple[PushStroke, Pu
         if not shape.round:
             at, half = side.tool, min(side.half, gripper.pads[0][0].size[1])
             closed = replace(side, opening=0.0, half=half)
-            asides = (0.0, ASIDE, -ASIDE) if side.opening > 0.0 else (ASIDE, -ASIDE)
+            asides = (
+                (0.0, CLOSED_FINGERS_OFFSET, -CLOSED_FINGERS_OFFSET)
+                if side.opening > 0.0
+                else (CLOSED_FINGERS_OFFSET, -CLOSED_FINGERS_OFFSET)
+            )
             variants += [
                 replace(
                     closed, name=f"{side.name} {aside * 1000:+.0f} mm", tool=PlanarPose(at.x, at.y + aside)
@@ -345,8 +351,8 @@ def _begins(world: World, belief: BeliefObject) -> Iterator[tuple[PushStroke, Pu
                 for aside in asides
             ]
         for variant in variants:
-            stroke = straight_stroke(variant, belief, LENGTHS[-1])
-            yield stroke, replace(stroke, gap=min(stroke.gap, TIGHT_GAP))
+            stroke = straight_stroke(variant, belief, PUSH_LENGTHS[-1])
+            yield stroke, replace(stroke, gap=min(stroke.gap, MIN_START_GAP))
 
 
 def _all_sides(belief: BeliefObject, world: World) -> Iterator[PushSide]:

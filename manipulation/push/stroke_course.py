@@ -14,28 +14,28 @@ from .push_arcs import ArcPath
 
 Phase: TypeAlias = Literal["pushing", "settling", "leaving", "left"]
 
-ACCELERATION = 0.4
+PUSH_ACCELERATION = 0.4
 """Acceleration of the tool along its path, m/s². Friction decelerates an object far more, so that it stays at
 the tool."""
-TOUCHED, LOST = 0.12, 0.04
+CONTACT_BEGIN_FORCE, CONTACT_END_FORCE = 0.12, 0.04
 """Forces on the tool above which a contact begins, and below which it ends, N. 60 g on a table give 0.3 N;
-the sensor's noise over `MEMORY` is 0.03 N."""
-MEMORY = 0.08
+the sensor's noise over `PUSH_FORCE_TIME_CONSTANT` is 0.03 N."""
+PUSH_FORCE_TIME_CONSTANT = 0.08
 """Time constant of the force's mean, s."""
-LOST_WAY = 0.008
+MAX_LOST_TRAVEL = 0.008
 """Travel without contact after which the contact is lost, m."""
-SHORT, SLOW = 0.010, 0.025
+MAX_SLOW_LENGTH, SLOW_PUSH_SPEED = 0.010, 0.025
 """Length below which a path is slow, m, and its speed, m/s: sensing needs time."""
-GENTLE = 0.1
+ROLLING_DECELERATION = 0.1
 """Deceleration before the end for an object that rolls, m/s²."""
-GAIN = 5.0
+ANCHOR_CORRECTION_RATE = 5.0
 """Rate at which the anchor corrects the spring's deflection, 1/s."""
-MOST = 0.006
+MAX_ANCHOR_LEAD = 0.006
 """Greatest lead of the anchor, m."""
-EXACT = 1.0e-4
-"""Error of the tool at which it has arrived, m; `SETTLING` is the longest wait for that, s."""
-SETTLING = 0.6
-AWAY = 0.006
+MAX_ARRIVAL_ERROR = 1.0e-4
+"""Error of the tool at which it has arrived, m; `MAX_SETTLING_TIME` is the longest wait for that, s."""
+MAX_SETTLING_TIME = 0.6
+BACK_OFF_TRAVEL = 0.006
 """Distance of the final motion back from the object, m."""
 
 
@@ -60,9 +60,9 @@ class PushMotion(CompliantMotion):
         `PushSide`."""
         super().__init__()
         self._path, self._tool, self._gap = way, tool, gap
-        if rolls or way.length < SHORT:
-            speed = min(speed, SLOW)
-        self._rolls, self._braking = rolls, GENTLE if rolls else ACCELERATION
+        if rolls or way.length < MAX_SLOW_LENGTH:
+            speed = min(speed, SLOW_PUSH_SPEED)
+        self._rolls, self._braking = rolls, ROLLING_DECELERATION if rolls else PUSH_ACCELERATION
         self._speed, self._most = speed, speed
         self._force, self._mass = force, hand_mass
         self._way, self._rate = -gap, 0.0
@@ -113,7 +113,7 @@ class PushMotion(CompliantMotion):
         before = self._rate
         left = self._path.length - self._way
         wanted = min(self._most, math.sqrt(max(0.0, 2 * self._braking * left)))
-        change = ACCELERATION * period
+        change = PUSH_ACCELERATION * period
         self._rate = min(max(wanted, before - 2 * change), before + change)
         self._way = min(self._way + self._rate * period, self._path.length)
         self.reached = self._way
@@ -121,7 +121,9 @@ class PushMotion(CompliantMotion):
         done = left <= self._rate * period + 1e-6
         if self.blocked or self.lost or done:
             self._rate = 0.0
-            self.in_contact = self.touched_at is not None and self._pushed > LOST and not self.lost
+            self.in_contact = (
+                self.touched_at is not None and self._pushed > CONTACT_END_FORCE and not self.lost
+            )
             self.phase, self._since = "settling", felt.elapsed
         self._anchor(felt, period, (self._rate - before) / period)
 
@@ -129,11 +131,11 @@ class PushMotion(CompliantMotion):
         """Update the force against the push, without the inertia of the hand, and the contact flags."""
         x, y = self._path.at(self._way).direction
         against = -float(felt.force[0] * x + felt.force[1] * y) - self._mass * acceleration
-        self._pushed += (against - self._pushed) * min(1.0, period / MEMORY)
-        if self._pushed > TOUCHED and self.touched_at is None:
+        self._pushed += (against - self._pushed) * min(1.0, period / PUSH_FORCE_TIME_CONSTANT)
+        if self._pushed > CONTACT_BEGIN_FORCE and self.touched_at is None:
             self.touched_at = self._way
-        self._without = 0.0 if self._pushed > LOST else self._without + self._rate * period
-        self.lost = self.touched_at is not None and self._without > LOST_WAY and not self._rolls
+        self._without = 0.0 if self._pushed > CONTACT_END_FORCE else self._without + self._rate * period
+        self.lost = self.touched_at is not None and self._without > MAX_LOST_TRAVEL and not self._rolls
         self.blocked = against > self._force
 
     def _settle(self, felt: ContactState, period: float) -> None:
@@ -143,7 +145,12 @@ class PushMotion(CompliantMotion):
             self._offset = felt.position[:2] - self._planned()[:2]
         off = self._anchor(felt, period, 0.0)
         waited = felt.elapsed - self._since
-        if (off < EXACT and waited > 0.1) or waited > SETTLING or self.blocked or self.lost:
+        if (
+            (off < MAX_ARRIVAL_ERROR and waited > 0.1)
+            or waited > MAX_SETTLING_TIME
+            or self.blocked
+            or self.lost
+        ):
             self.carrier = self._carrier_at(felt)
             self.phase = "leaving"
 
@@ -155,7 +162,7 @@ class PushMotion(CompliantMotion):
         self.position = self.position - np.array([x, y, 0.0]) * step
         self.velocity = np.array([-x, -y, 0.0]) * (step / period)
         self.acceleration = self.spin = np.zeros(3)
-        if self._back >= AWAY:
+        if self._back >= BACK_OFF_TRAVEL:
             self.velocity = np.zeros(3)
             self.phase = "left"
             self.finished = True
@@ -170,8 +177,8 @@ class PushMotion(CompliantMotion):
         planned = self._planned()
         error = planned[:2] - felt.position[:2]
         if not self.blocked:
-            offset = self._offset + error * (GAIN * period)
-            self._offset = offset * min(1.0, MOST / max(1e-9, float(np.hypot(*offset))))
+            offset = self._offset + error * (ANCHOR_CORRECTION_RATE * period)
+            self._offset = offset * min(1.0, MAX_ANCHOR_LEAD / max(1e-9, float(np.hypot(*offset))))
         self.position = planned + np.append(self._offset, 0.0)
         turn = carrier.yaw - self._yaw
         c, s = math.cos(turn), math.sin(turn)

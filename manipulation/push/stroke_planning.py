@@ -14,23 +14,24 @@ from ...world.planar_geometry import PlanarOutline, PlanarPose, outline, planar,
 from ...world.values import ObjectId, Pose
 from .push_arcs import ArcPath, PushSide, arc_to, biarc, push_sides, straight, truncated
 
-GAP = 0.008
-"""Distance between fingers and object where a stroke begins, m; `SIGMAS` standard deviations of its place are
+START_GAP = 0.008
+"""Distance between fingers and object where a stroke begins, m; `START_GAP_SIGMAS` standard deviations of
+its place are
 added."""
-SIGMAS = 2.0
-SQUARED = math.radians(12.0)
+START_GAP_SIGMAS = 2.0
+MAX_ALIGNED_TURN = math.radians(12.0)
 """Rotation of an object below which the flat fingers align it during the push, rad."""
-STEADY = 2.0
+PATH_RADIUS_FACTOR = 2.0
 """Factor of the pushed path's least radius over the least radius that an object can follow."""
-TURNED = math.radians(100.0)
+MAX_PATH_TURN = math.radians(100.0)
 """Greatest rotation along one path, rad."""
-ASIDE = 0.012
+ALIGNING_TRAVEL = 0.012
 """Travel on which an object that is turned by some degrees is aligned, m."""
-TINY = 4e-4
+MIN_PUSH_TRAVEL = 4e-4
 """Least travel of a push, m."""
-RADIAN = 0.05
+HEADING_ERROR_COST = 0.05
 """Cost of the remaining heading error, m for each radian."""
-WAY, TURN = 0.05, 0.01
+STROKE_TRAVEL_COST, STROKE_ROTATION_COST = 0.05, 0.01
 """Costs of travel, m for each metre, and of rotation, m for each radian: of equal errors the shorter stroke
 wins."""
 
@@ -93,7 +94,7 @@ def push_strokes(
     towards = math.atan2(aim.y - at.y, aim.x - at.x) - at.yaw
     found: list[PushStroke] = []
     for side in push_sides(belief, gripper, towards):
-        for way in _ways(side, at, aim, shape):
+        for way in _carrier_paths(side, at, aim, shape):
             found.append(_stroke(side, way, belief, at, aim, shape, longest))
     return tuple(sorted(found, key=lambda s: (s.cost, s.side.name)))
 
@@ -104,53 +105,59 @@ def turning_room_strokes(belief: BeliefObject, gripper: GripperDescription) -> t
     if outline(belief.shape, belief.pose).round:
         return ()
     return tuple(
-        straight_stroke(side, belief, ASIDE) for side in push_sides(belief, gripper, 0.0) if not side.rolls
+        straight_stroke(side, belief, ALIGNING_TRAVEL)
+        for side in push_sides(belief, gripper, 0.0)
+        if not side.rolls
     )
 
 
 def straight_stroke(side: PushSide, belief: BeliefObject, length: float) -> PushStroke:
     """Return the straight stroke along a side's push."""
     way = straight(side.carrier(planar(belief.shape, belief.pose)), length)
-    gap = GAP + SIGMAS * belief.sigma_position
+    gap = START_GAP + START_GAP_SIGMAS * belief.sigma_position
     return PushStroke(belief.id, side, way, gap, side.object(way.at(length)), _effort(way))
 
 
-def _ways(side: PushSide, at: PlanarPose, aim: PushGoal, shape: PlanarOutline) -> Sequence[ArcPath]:
+def _carrier_paths(side: PushSide, at: PlanarPose, aim: PushGoal, shape: PlanarOutline) -> Sequence[ArcPath]:
     """Return paths of the carrier to the goal, or as near to it as a push at this side leads."""
     here = side.carrier(at)
     if aim.yaw is None or shape.round:
-        found = [_ahead(PlanarPose(at.x, at.y, here.yaw), aim)]
+        found = [_straight_path(PlanarPose(at.x, at.y, here.yaw), aim)]
         if not shape.round and not side.rolls:
             found.append(arc_to(here, aim.x, aim.y))
     else:
         off = wrap_angle(aim.yaw - at.yaw, shape.turn)
         there = PlanarPose(aim.x, aim.y, here.yaw + off)
-        found = [] if side.rolls else [biarc(here, there), _turning(here, off, side, shape, aim)]
-        if abs(off) < SQUARED:
-            found.append(_ahead(PlanarPose(at.x, at.y, there.yaw), aim, squares=abs(off) > math.radians(0.3)))
-    sharpest = math.inf if shape.round else side.half / (STEADY * shape.inertia())
-    return [way for way in found if way is not None and way.sharpest <= sharpest and way.turning <= TURNED]
+        found = [] if side.rolls else [biarc(here, there), _turning_path(here, off, side, shape, aim)]
+        if abs(off) < MAX_ALIGNED_TURN:
+            found.append(
+                _straight_path(PlanarPose(at.x, at.y, there.yaw), aim, squares=abs(off) > math.radians(0.3))
+            )
+    sharpest = math.inf if shape.round else side.half / (PATH_RADIUS_FACTOR * shape.inertia())
+    return [
+        way for way in found if way is not None and way.sharpest <= sharpest and way.turning <= MAX_PATH_TURN
+    ]
 
 
-def _ahead(start: PlanarPose, aim: PushGoal, *, squares: bool = False) -> ArcPath | None:
+def _straight_path(start: PlanarPose, aim: PushGoal, *, squares: bool = False) -> ArcPath | None:
     """Return the straight path until the goal is abreast. None: too short; a push that aligns the object may
     be shorter."""
     along = float(np.array([aim.x - start.x, aim.y - start.y]) @ start.direction)
-    if along < (-TINY if squares else TINY):
+    if along < (-MIN_PUSH_TRAVEL if squares else MIN_PUSH_TRAVEL):
         return None
     return straight(start, max(along, 0.0))
 
 
-def _turning(
+def _turning_path(
     here: PlanarPose, off: float, side: PushSide, shape: PlanarOutline, aim: PushGoal
 ) -> ArcPath | None:
     """Return the path that turns to the goal's heading as tightly as the object follows, then leads on until
     abreast."""
-    if abs(off) < SQUARED:
+    if abs(off) < MAX_ALIGNED_TURN:
         return None
-    curvature = math.copysign(0.9 * side.half / (STEADY * shape.inertia()), off)
+    curvature = math.copysign(0.9 * side.half / (PATH_RADIUS_FACTOR * shape.inertia()), off)
     turn = ArcPath(here, ((off / curvature, curvature),))
-    on = _ahead(turn.at(turn.length), aim)
+    on = _straight_path(turn.at(turn.length), aim)
     return turn if on is None else ArcPath(here, (*turn.pieces, *on.pieces))
 
 
@@ -164,16 +171,16 @@ def _stroke(
     longest: float,
 ) -> PushStroke:
     """Return the path as one stroke, or its first part if it takes several."""
-    away, turned = aim.off(_ended(side, way, at, shape), shape.turn)
-    cost = away + RADIAN * turned + _effort(way)
+    away, turned = aim.off(_expected_pose(side, way, at, shape), shape.turn)
+    cost = away + HEADING_ERROR_COST * turned + _effort(way)
     parts = max(1, math.ceil(way.length / longest - 1e-6))
     first = truncated(way, way.length / parts) if parts > 1 else way
     askew = abs(wrap_angle(way.start.yaw - side.carrier(at).yaw))
-    gap = GAP + SIGMAS * belief.sigma_position + side.half * math.sin(min(askew, 1.0))
-    return PushStroke(belief.id, side, first, gap, _ended(side, first, at, shape), cost)
+    gap = START_GAP + START_GAP_SIGMAS * belief.sigma_position + side.half * math.sin(min(askew, 1.0))
+    return PushStroke(belief.id, side, first, gap, _expected_pose(side, first, at, shape), cost)
 
 
-def _ended(side: PushSide, way: ArcPath, at: PlanarPose, shape: PlanarOutline) -> PlanarPose:
+def _expected_pose(side: PushSide, way: ArcPath, at: PlanarPose, shape: PlanarOutline) -> PlanarPose:
     """Return the expected pose of the object.
 
     An object that the path does not meet squarely turns about a corner, and is aligned only by a long enough
@@ -188,4 +195,4 @@ def _ended(side: PushSide, way: ArcPath, at: PlanarPose, shape: PlanarOutline) -
 
 
 def _effort(way: ArcPath) -> float:
-    return WAY * way.length + TURN * way.turning
+    return STROKE_TRAVEL_COST * way.length + STROKE_ROTATION_COST * way.turning

@@ -22,36 +22,36 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 Doing: TypeAlias = Generator[None, None, T]
 
-CAREFUL = 0.05
+ESCAPE_SPEED = 0.05
 """Speed limit of the fastest point of arm and tool on an escape path, m/s."""
-REDUCED = 0.25
+REDUCED_SPEED = 0.25
 """Speed limit on free paths, m/s: the reduced speed of ISO 10218-1."""
-WARY = 0.10
+WARY_SPEED = 0.10
 """Speed limit on free paths after a contact with an unknown obstacle, m/s."""
-FEELING = ContactThresholds(torque=1.2, force=3.0)
+ESCAPE_THRESHOLDS = ContactThresholds(torque=1.2, force=3.0)
 """Contact thresholds on an escape path."""
-FIRMLY = ContactThresholds(torque=3.0, force=8.0)
+FIRM_ESCAPE_THRESHOLDS = ContactThresholds(torque=3.0, force=8.0)
 """Contact thresholds once every direction has met a contact: a jammed arm rubs on its way out."""
-ON_THE_WAY = ContactThresholds(torque=2.5, force=6.0)
+FREE_PATH_THRESHOLDS = ContactThresholds(torque=2.5, force=6.0)
 """Contact thresholds on free paths, which are faster."""
-PRESSED = 1.5
+MIN_PRESSING_TORQUE = 1.5
 """External torque at rest above which something presses on the arm, Nm."""
-REACH = 0.40
+MAX_ESCAPE_LENGTH = 0.40
 """Greatest length of an escape path, m of TCP travel."""
-CAME = 0.08
+MAX_WAY_BACK = 0.08
 """Length of the way back along the last trajectory, m of TCP travel."""
-CLEAR = 0.03
+CLEAR_DISTANCE = 0.03
 """Distance to the arm below which an obstacle is left before any other motion, m."""
-UP = 0.10
+CLEARING_TRAVEL = 0.10
 """Length of the motion away from it, m of TCP travel."""
-WORTH = 0.01
+MIN_ESCAPE_LENGTH = 0.01
 """Shortest useful escape path, m of TCP travel."""
-STOPS = 3
+MAX_ACKNOWLEDGED_STOPS = 3
 """Maximum number of safety stops that one retreat acknowledges."""
-AGAINST = -0.3
+MIN_ESCAPE_COSINE = -0.3
 """Least cosine between an escape direction and the contact force; below it the direction leads into the
 obstacle."""
-GENTLE = Scaling(0.3, 0.3)
+ESCAPE_SCALING = Scaling(0.3, 0.3)
 
 
 class RetreatMotion:
@@ -67,7 +67,7 @@ class RetreatMotion:
         self._node = node
         self._deadline = deadline
         self._spent: set[str] = set()
-        self._feeling = FEELING
+        self._feeling = ESCAPE_THRESHOLDS
         self._stops = 0
         self.tried: list[str] = []
         """Descriptions of the attempts that failed."""
@@ -92,15 +92,15 @@ class RetreatMotion:
         torque, Nm."""
         world = self._world
         pressed = world.move.pressed(self.carried)
-        if pressed <= PRESSED:
+        if pressed <= MIN_PRESSING_TORQUE:
             return pressed
         contact = np.array(world.control.wrist.force) - np.array(self.carried)
-        if float(np.linalg.norm(contact)) > FEELING.force:
+        if float(np.linalg.norm(contact)) > ESCAPE_THRESHOLDS.force:
             x, y, z = contact.tolist()
             self.felt = (x, y, z)
         self.pressed = True
         left = pressed
-        for _ in range(STOPS):
+        for _ in range(MAX_ACKNOWLEDGED_STOPS):
             left = yield from self._stopping(world.move.give_way(self.carried, node=self._node), pressed)
             if left < pressed:
                 break
@@ -113,7 +113,7 @@ class RetreatMotion:
         """Allow all directions again after a change of the belief; after a contact with higher thresholds."""
         self._spent.clear()
         if self.touched:
-            self._feeling = FIRMLY
+            self._feeling = FIRM_ESCAPE_THRESHOLDS
 
     def out(self) -> Doing[bool]:
         """Move out of believed contacts, and away from a contact that was measured.
@@ -134,7 +134,7 @@ class RetreatMotion:
         yield from world.plan.charge()
         return not contacts
 
-    def up(self, way: float = UP, *, always: bool = False) -> Doing[None]:
+    def up(self, way: float = CLEARING_TRAVEL, *, always: bool = False) -> Doing[None]:
         """Move away from nearby obstacles: upwards, or another direction with room.
 
         Without a nearby obstacle the arm stays, unless `always`. `way`: length, m of TCP travel.
@@ -142,7 +142,7 @@ class RetreatMotion:
         world = self._world
         with world.plan.checking():
             outward = world.plan.outward()
-            nearest = world.plan.solver.collision.nearest(world.control.held_position, CLEAR)
+            nearest = world.plan.solver.collision.nearest(world.control.held_position, CLEAR_DISTANCE)
         if nearest is None and not always:
             return
         directions: tuple[Direction, ...] = ("up", "back", "inwards")
@@ -152,9 +152,9 @@ class RetreatMotion:
             with world.plan.checking():
                 found = outward.way(direction, way, until_free=False)
             yield from world.plan.charge()
-            if found.length >= WORTH and (yield from self._go(found)):
+            if found.length >= MIN_ESCAPE_LENGTH and (yield from self._go(found)):
                 return
-            if found.length < WORTH:
+            if found.length < MIN_ESCAPE_LENGTH:
                 self.tried.append(f"{direction}: {found.ended_by}")
 
     def touched_on_the_way(self, result: JointImpedanceResult, where: str) -> Doing[None]:
@@ -175,7 +175,7 @@ class RetreatMotion:
         for q in back.position[1:]:
             length += world.robot.tcp(path[-1]).distance(world.robot.tcp(q))
             path.append(q)
-            if length >= CAME:
+            if length >= MAX_WAY_BACK:
                 break
         with world.plan.checking():
             way = world.plan.outward().along("the way it came", np.array(path))
@@ -191,7 +191,7 @@ class RetreatMotion:
         with world.plan.checking():
             outward = world.plan.outward()
             for direction in self._in_order(outward.heading):
-                found = outward.way(direction, REACH)
+                found = outward.way(direction, MAX_ESCAPE_LENGTH)
                 if found.free and len(found.path) > 1:
                     return found
                 self._spent.add(direction)
@@ -207,7 +207,7 @@ class RetreatMotion:
         push = np.array(self.felt)
         push = push / max(float(np.linalg.norm(push)), 1e-9)
         along = {d: float(heading(d) @ push) for d in left}
-        return [d for d in left if along[d] >= AGAINST]
+        return [d for d in left if along[d] >= MIN_ESCAPE_COSINE]
 
     def _go(self, way: EscapePath) -> Doing[bool]:
         """Move slowly along an escape path; False: a contact ended it."""
@@ -218,14 +218,14 @@ class RetreatMotion:
         )
 
         world = self._world
-        timed = time_smooth(world.robot, way.path, GENTLE) or time_corners(
-            world.robot, way.path, GENTLE, 0.005
+        timed = time_smooth(world.robot, way.path, ESCAPE_SCALING) or time_corners(
+            world.robot, way.path, ESCAPE_SCALING, 0.005
         )
         if timed is None:
             self._spent.add(way.direction)
             self.tried.append(f"{way.direction}: the joints cannot follow it")
             return False
-        result = yield from self.follow(world.move.slowed(timed, CAREFUL), self._feeling, leaving=True)
+        result = yield from self.follow(world.move.slowed(timed, ESCAPE_SPEED), self._feeling, leaving=True)
         if result.completed:
             return True
         self._felt(result)
@@ -254,7 +254,7 @@ class RetreatMotion:
             if stop is None:
                 raise
             self._stops += 1
-            if self._stops > STOPS:
+            if self._stops > MAX_ACKNOWLEDGED_STOPS:
                 raise
         yield from world.move.rest()
         if not world.control.monitor.acknowledge(self._node):
@@ -265,7 +265,7 @@ class RetreatMotion:
 
     def _felt(self, result: JointImpedanceResult) -> None:
         self.touched = True
-        if float(np.linalg.norm(result.push)) > FEELING.force / 2:
+        if float(np.linalg.norm(result.push)) > ESCAPE_THRESHOLDS.force / 2:
             self.felt = result.push
 
     def _note(self, message: str, left: float) -> None:

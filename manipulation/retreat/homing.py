@@ -8,23 +8,23 @@ import numpy as np
 
 from ...planning.requests import NamedGoal, Scaling
 from ...world.causes import Failure, planning
-from .clearing import ON_THE_WAY, REDUCED, WARY, Doing, RetreatMotion
+from .clearing import FREE_PATH_THRESHOLDS, REDUCED_SPEED, WARY_SPEED, Doing, RetreatMotion
 
 if TYPE_CHECKING:
     from ...cell.world import World
 
-ROUNDS = 4
+MAX_HOMING_ATTEMPTS = 4
 """Maximum number of attempts to plan and follow a path home."""
-DETOUR = 0.15
+DETOUR_LENGTH = 0.15
 """Length of the motion away from an obstacle before the next attempt, m of TCP travel."""
-AT_POSE = 2e-3
+AT_POSE_TOLERANCE = 2e-3
 """Greatest joint distance to the named pose at which the arm is there, rad."""
 
 
 def go_home(world: World, leaving: RetreatMotion, pose: str, scaling: Scaling, node: str) -> Doing[bool]:
     """Move the arm to a named pose. False: there is no safe path; `leaving.tried` has the attempts."""
     looked = yield from observe_with_fixed_cameras(world)
-    for attempt in range(ROUNDS):
+    for attempt in range(MAX_HOMING_ATTEMPTS):
         if leaving.late:
             return False
         if attempt:
@@ -33,8 +33,8 @@ def go_home(world: World, leaving: RetreatMotion, pose: str, scaling: Scaling, n
             key = node if attempt == 0 else f"{node} again {attempt}"
             plan = yield from world.plan.to(NamedGoal(pose), scaling=scaling, node=key)
             wary = leaving.touched or not looked
-            trajectory = world.move.slowed(plan.trajectory, WARY if wary else REDUCED)
-            result = yield from leaving.follow(trajectory, ON_THE_WAY)
+            trajectory = world.move.slowed(plan.trajectory, WARY_SPEED if wary else REDUCED_SPEED)
+            result = yield from leaving.follow(trajectory, FREE_PATH_THRESHOLDS)
         except Failure as failure:
             if not failure.cause.name.startswith("planning."):
                 raise
@@ -42,17 +42,17 @@ def go_home(world: World, leaving: RetreatMotion, pose: str, scaling: Scaling, n
             if failure.cause is planning.GOAL_IN_COLLISION:
                 return False
             yield from leaving.out()
-            yield from leaving.up(DETOUR, always=True)
+            yield from leaving.up(DETOUR_LENGTH, always=True)
             continue
         if result.completed:
-            yield from _exactly(world, pose, scaling, node)
+            yield from _move_to_exact_pose(world, pose, scaling, node)
             return True
         if result.noticed is not None:
             leaving.tried.append(f"to {pose}: {result.noticed.message}")
             continue
         yield from leaving.touched_on_the_way(result, f"to {pose}")
         yield from leaving.out()
-        yield from leaving.up(DETOUR, always=True)
+        yield from leaving.up(DETOUR_LENGTH, always=True)
     return False
 
 
@@ -66,7 +66,7 @@ def observe_with_fixed_cameras(world: World) -> Doing[bool]:
         if camera.on == "hand":
             continue
         try:
-            yield from world.eyes.look(camera.name)
+            yield from world.vision.look(camera.name)
             seen = True
         except Failure as failure:
             if not failure.cause.name.startswith("perception."):
@@ -74,10 +74,10 @@ def observe_with_fixed_cameras(world: World) -> Doing[bool]:
     return seen
 
 
-def _exactly(world: World, pose: str, scaling: Scaling, node: str) -> Doing[None]:
+def _move_to_exact_pose(world: World, pose: str, scaling: Scaling, node: str) -> Doing[None]:
     """Move the rest of the way with the stiff servo: the soft spring leaves an error."""
     off = float(np.abs(world.control.state.position - world.robot.named(pose)).max())
-    if off < AT_POSE:
+    if off < AT_POSE_TOLERANCE:
         return
     plan = yield from world.plan.to(NamedGoal(pose), scaling=scaling, node=node)
     yield from world.move.along(plan.trajectory, guard=world.handling.guard, node=node)

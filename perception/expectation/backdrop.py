@@ -16,13 +16,13 @@ from ..geometry.camera_geometry import PosedCamera
 from ..geometry.resting_poses import spread
 from ..segmentation import blobs
 
-WALL = 0.012
+WALL_MARGIN = 0.012
 """Distance from a bin's wall within which depth cannot be told from the wall, m."""
-FIXTURE = 0.006
+FIXTURE_MARGIN = 0.006
 """The same distance for the sides of fixtures, m."""
-BELOW = 0.005
+SUPPORT_TOLERANCE = 0.005
 """Depth error by which an item on a surface may be measured below it, m."""
-SURFACE = 0.004
+MIN_FRONT_DEPTH = 0.004
 """Distance in front of a wall or fixture from which depth belongs to something else, m."""
 
 
@@ -52,18 +52,18 @@ class BackgroundModel:
         for fixture in description.fixtures:
             scene.paint(fixture.shape, fixture.pose, fixture.colour, _TABLE if fixture is table else _FIXTURE)
             if fixture is not table:
-                scene.shield(*_where_it_may_be(fixture), FIXTURE, belt=fixture.id in belts)
+                scene.shield(*_possible_extent(fixture), FIXTURE_MARGIN, belt=fixture.id in belts)
         for bin_ in description.bins:
             floor, *walls = bin_.parts()
             scene.paint(*floor, bin_.colour, _BIN)
             for shape, pose in walls:
                 scene.paint(shape, pose, bin_.colour, _BIN)
-                scene.shield(shape, pose, WALL)
+                scene.shield(shape, pose, WALL_MARGIN)
         scene.ground(table_z)
         return cls(scene.depth, scene.guard, scene.label, scene.owner == _TABLE, scene.owner == _BIN)
 
 
-def _where_it_may_be(fixture: Fixture) -> tuple[Shape, Pose]:
+def _possible_extent(fixture: Fixture) -> tuple[Shape, Pose]:
     """Grow the fixture's shape by the uncertainty of its pose."""
     if not isinstance(fixture.shape, Box) or fixture.uncertainty == CERTAIN:
         return fixture.shape, fixture.pose
@@ -178,7 +178,7 @@ class SupportSurfaces:
         x, y, z = points.T
         heights = np.full(len(points), -np.inf)
         for height, area in self._tops:
-            under = area.covers(x, y) & (height <= z + BELOW)
+            under = area.covers(x, y) & (height <= z + SUPPORT_TOLERANCE)
             heights[under] = np.maximum(heights[under], height)
         heights[np.isinf(heights)] = 0.0
         for bin_, outside in self._bins:
@@ -226,12 +226,12 @@ def table_of(description: SceneDescription) -> Fixture | None:
     )
 
 
-LEVEL_PIXELS = 400
+MIN_LEVEL_PIXELS = 400
 """Least number of table pixels for a correction of the camera."""
-LEVEL_EVERY, LEVEL_WIDTH = 5, 320
+LEVEL_STRIDE, LEVEL_WIDTH = 5, 320
 """Step between the rows and columns that are used, and width of the picture for which it holds. Smaller
 pictures use more of them."""
-LEVEL_SHIFT, LEVEL_TILT = 0.03, 0.052
+MAX_LEVEL_SHIFT, MAX_LEVEL_TILT = 0.03, 0.052
 """Greatest correction of height and tilt, m and rad. A larger one is no error of the mounting and is not
 applied."""
 
@@ -250,7 +250,7 @@ def level_camera(
     returned unchanged.
     """
     picked = np.zeros(depth.shape, dtype=np.bool_)
-    every = max(1, min(LEVEL_EVERY, depth.shape[1] // (LEVEL_WIDTH // LEVEL_EVERY)))
+    every = max(1, min(LEVEL_STRIDE, depth.shape[1] // (LEVEL_WIDTH // LEVEL_STRIDE)))
     picked[::every, ::every] = True
     picked &= backdrop.table & (depth > 0)
     if clutter is not None:
@@ -260,17 +260,17 @@ def level_camera(
     points *= depth[rows, columns][:, None]
     off = points[:, 2] + sight.origin[2] - table_z
     design = np.column_stack([points[:, :2], np.ones(len(points))])
-    near = np.abs(off) < 2 * LEVEL_SHIFT
+    near = np.abs(off) < 2 * MAX_LEVEL_SHIFT
     plane = np.zeros(3)
     for _ in range(3):
-        if int(near.sum()) < LEVEL_PIXELS:
+        if int(near.sum()) < MIN_LEVEL_PIXELS:
             return sight
         a = design[near]
         plane = np.asarray(np.linalg.solve(a.T @ a, a.T @ off[near]), dtype=np.float64)
         left = off - design @ plane
         near = np.abs(left) < 2.5 * max(1e-3, 1.5 * float(np.median(np.abs(left))))
     tilt = float(np.hypot(plane[0], plane[1]))
-    if tilt > LEVEL_TILT or abs(float(plane[2])) > LEVEL_SHIFT:
+    if tilt > MAX_LEVEL_TILT or abs(float(plane[2])) > MAX_LEVEL_SHIFT:
         return sight
     normal = np.array([-plane[0], -plane[1], 1.0]) / np.sqrt(1.0 + tilt**2)
     rotation = _turning(normal, np.array([0.0, 0.0, 1.0])) @ sight.rotation

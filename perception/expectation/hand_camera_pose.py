@@ -18,18 +18,18 @@ import numpy as np
 from ...world.values import Array
 from ..geometry.camera_geometry import PosedCamera
 
-NEAR = 0.016
+FINGER_DISTANCE = 0.016
 """Distance from a finger's believed surface within which a point may belong to it, m."""
-LEAST = 60
+MIN_FINGER_POINTS = 60
 """Least number of points of each finger."""
-ROUNDS = 25
-FINE = 4e-4
+MAX_ICP_ROUNDS = 25
+RESIDUAL_NOISE = 4e-4
 """Residual that is put down to noise, m."""
-GOOD = 8e-4
+MAX_MEDIAN_RESIDUAL = 8e-4
 """Median residual above which the fit is rejected, m."""
-MOST, MOST_TURN = 0.02, math.radians(5)
+MAX_CAMERA_SHIFT, MAX_CAMERA_TURN = 0.02, math.radians(5)
 """Greatest correction, m and rad. A larger one is no error of a mounting."""
-EVERY, SPOTS = 2, 600
+PIXEL_STRIDE, MAX_FINGER_POINTS = 2, 600
 """Step between the rows and columns that are used; greatest number of points of a finger."""
 
 
@@ -61,16 +61,16 @@ def register_hand_camera(sight: PosedCamera, depth: Array, fingers: Sequence[Con
     The camera is returned unchanged when a finger is hardly in view or the fit is poor or too large.
     """
     clouds = [_cloud(sight, depth, finger) for finger in fingers]
-    if len(clouds) < 2 or min(len(cloud) for cloud in clouds) < LEAST:
+    if len(clouds) < 2 or min(len(cloud) for cloud in clouds) < MIN_FINGER_POINTS:
         return sight
     middle = np.concatenate(clouds).mean(axis=0)
     move = np.zeros(3)  # x, y, yaw
     residuals = np.zeros(0)
-    for _ in range(ROUNDS):
+    for _ in range(MAX_ICP_ROUNDS):
         parts = [_linear(cloud, finger, middle, move) for cloud, finger in zip(clouds, fingers, strict=True)]
         residuals = np.concatenate([r for r, _ in parts])
         design = np.concatenate([d for _, d in parts])
-        scale = 4.7 * max(FINE, 1.5 * float(np.median(np.abs(residuals))))
+        scale = 4.7 * max(RESIDUAL_NOISE, 1.5 * float(np.median(np.abs(residuals))))
         weight = np.clip(1.0 - (residuals / scale) ** 2, 0.0, None) ** 2
         normal = design.T @ (design * weight[:, None]) + np.diag([1e-3, 1e-3, 1e-6])
         step = np.asarray(np.linalg.solve(normal, -design.T @ (weight * residuals)), dtype=np.float64)
@@ -78,8 +78,8 @@ def register_hand_camera(sight: PosedCamera, depth: Array, fingers: Sequence[Con
         if float(np.abs(step).max()) < 1e-6:
             break
     x, y, yaw = (float(c) for c in move)
-    doubtful = float(np.median(np.abs(residuals))) > GOOD
-    if doubtful or math.hypot(x, y) > MOST or abs(yaw) > MOST_TURN:
+    doubtful = float(np.median(np.abs(residuals))) > MAX_MEDIAN_RESIDUAL
+    if doubtful or math.hypot(x, y) > MAX_CAMERA_SHIFT or abs(yaw) > MAX_CAMERA_TURN:
         return sight
     turn = _about_vertical(yaw)
     origin = turn @ (sight.origin - middle) + middle + np.array([x, y, 0.0])
@@ -89,16 +89,16 @@ def register_hand_camera(sight: PosedCamera, depth: Array, fingers: Sequence[Con
 def _cloud(sight: PosedCamera, depth: Array, finger: ConvexFacets) -> Array:
     """Select the measured points (n, 3) that may belong to the finger."""
     picked = np.zeros(depth.shape, dtype=np.bool_)
-    picked[::EVERY, ::EVERY] = True
+    picked[::PIXEL_STRIDE, ::PIXEL_STRIDE] = True
     away = float((finger.middle - sight.origin) @ sight.rotation[:, 2])
-    reach = finger.radius + NEAR
+    reach = finger.radius + FINGER_DISTANCE
     rows, columns = np.nonzero(picked & (depth > max(0.0, away - reach)) & (depth < away + reach))
     pixels = np.stack([columns, rows], axis=1).astype(np.float64)
     points = sight.origin + sight.directions(pixels) * depth[rows, columns][:, None]
     points = points[np.linalg.norm(points - finger.middle, axis=1) < reach]
     off, _ = finger.outside(points)
-    points = points[np.abs(off) < NEAR]
-    return points[:: max(1, len(points) // SPOTS)]
+    points = points[np.abs(off) < FINGER_DISTANCE]
+    return points[:: max(1, len(points) // MAX_FINGER_POINTS)]
 
 
 def _linear(cloud: Array, finger: ConvexFacets, middle: Array, move: Array) -> tuple[Array, Array]:

@@ -21,19 +21,19 @@ from ...world.values import Array, Pose, Vector3
 from ..geometry.camera_geometry import PosedCamera
 from .hand_camera_pose import ConvexFacets
 
-GROWN = 3
+MASK_GROWTH_PIXELS = 3
 """Pixels by which the mask is larger than the model."""
-DIRECTIONS = 96
+HULL_DIRECTIONS = 96
 """Number of directions; the furthest point in each represents a link's hull."""
-HANGS = 16
+ATTACHED_PIXELS = 16
 """Distance from the model within which connected pixels belong to the robot, pixels."""
-MOUNTING = 0.015
+MOUNTING_ERROR = 0.015
 """Greatest apparent displacement of the hand by an error of a camera's mounting, m."""
-REACHES = 0.4
+HAND_REACH = 0.4
 """Distance from the TCP beyond which nothing belongs to the hand, m."""
-SOLID = 0.98
+MIN_CONVEX_SHARE = 0.98
 """Least share of its hull that a convex link fills."""
-HIGH = 0.15
+ATTACHED_HEIGHT = 0.15
 """Height over the table above which connected pixels belong to the robot, m."""
 
 
@@ -93,7 +93,7 @@ class RobotMask:
         mask = np.zeros((sight.intrinsics.height, sight.intrinsics.width), dtype=np.uint8)
         for points in self._placed(sight, joints, width, held):
             fill(mask, sight.pixels(points))
-        return _grown(mask, GROWN)
+        return _grown(mask, MASK_GROWTH_PIXELS)
 
     def nearby(
         self,
@@ -102,7 +102,7 @@ class RobotMask:
         joints: Array,
         width: float,
         held: tuple[Shape, Pose] | None,
-        reach: float = REACHES,
+        reach: float = HAND_REACH,
     ) -> NDArray[np.bool_]:
         """Return the pixels (h, w) that show something within MOUNTING of the robot or the held object, at
         most `reach` m from the TCP.
@@ -119,12 +119,12 @@ class RobotMask:
         for link, hull in self._hulls:
             middle = poses[link].apply(hull.middle)
             away = ((points[near] - middle) ** 2).sum(axis=1)
-            about = near[away < (hull.radius + MOUNTING) ** 2]
+            about = near[away < (hull.radius + MOUNTING_ERROR) ** 2]
             local = poses[link].inverse().apply(points[about])
-            of_robot[about] |= np.all(local @ hull.normals.T <= hull.offsets + MOUNTING, axis=1)
+            of_robot[about] |= np.all(local @ hull.normals.T <= hull.offsets + MOUNTING_ERROR, axis=1)
         if held is not None:
             shape, in_tcp = held
-            of_robot[near] |= inside(shape, tcp @ in_tcp, points[near], MOUNTING)
+            of_robot[near] |= inside(shape, tcp @ in_tcp, points[near], MOUNTING_ERROR)
         found = np.zeros(depth.shape, dtype=np.uint8)
         found[rows[of_robot], columns[of_robot]] = 1
         # Depth is often lost at the edges of near bodies.
@@ -161,7 +161,7 @@ def fill(mask: NDArray[np.uint8], pixels: Array) -> None:
     cv2.fillConvexPoly(mask, cv2.convexHull(rounded), 1)
 
 
-def with_what_hangs_on(
+def add_attached_parts(
     robot: NDArray[np.bool_], height: Array, known: NDArray[np.bool_], above: float
 ) -> NDArray[np.bool_]:
     """Add to the mask what is connected to it, higher than `above` m and at most HANGS pixels away.
@@ -176,7 +176,7 @@ def with_what_hangs_on(
     marks = np.asarray(found, dtype=np.intp)
     touched = np.zeros(int(marks.max()) + 1, dtype=np.bool_)
     touched[np.unique(marks[robot])] = True
-    kernel = np.ones((2 * HANGS + 1, 2 * HANGS + 1), dtype=np.uint8)
+    kernel = np.ones((2 * ATTACHED_PIXELS + 1, 2 * ATTACHED_PIXELS + 1), dtype=np.uint8)
     near = cv2.dilate(robot.astype(np.uint8), kernel).astype(np.bool_)
     return touched[marks] & near
 
@@ -208,13 +208,13 @@ def _read(path: str, scale: Vector3, changed: int, size: int) -> _Outline:
     hull = ConvexHull(vertices)
     points = _furthest(vertices[hull.vertices])
     points.flags.writeable = False
-    convex = abs(float(loaded.volume) * float(np.prod(scale))) > SOLID * float(hull.volume)
+    convex = abs(float(loaded.volume) * float(np.prod(scale))) > MIN_CONVEX_SHARE * float(hull.volume)
     return _Outline(points, convex)
 
 
 def _furthest(points: Array) -> Array:
     """Select a few of these points (n, 3) of a hull whose hull is nearly that of all."""
-    k = np.arange(DIRECTIONS) + 0.5
-    polar, turn = np.arccos(1 - 2 * k / DIRECTIONS), np.pi * (1 + 5**0.5) * k
+    k = np.arange(HULL_DIRECTIONS) + 0.5
+    polar, turn = np.arccos(1 - 2 * k / HULL_DIRECTIONS), np.pi * (1 + 5**0.5) * k
     sphere = np.stack([np.sin(polar) * np.cos(turn), np.sin(polar) * np.sin(turn), np.cos(polar)], axis=1)
     return points[np.unique((points @ sphere.T).argmax(axis=0))]

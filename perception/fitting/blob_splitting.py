@@ -15,19 +15,19 @@ from ..geometry.silhouette_fitting import silhouette
 from ..segmentation.blobs import Blob, Pixels, SegmentationInput, outline_patch
 from .item_fitting import Hypothesis, ItemFitter
 
-MOST = 4
+MAX_PARTS = 4
 """Greatest number of items that one blob is split into."""
-BETTER = 0.7
+MAX_SPLIT_MISFIT_SHARE = 0.7
 """Greatest misfit of a split, as a share of the whole blob's."""
-FINE = 1.3
+GOOD_SPLIT_MISFIT = 1.3
 """Misfit below which the search for more parts ends."""
-STACKED = 2.2
+MIN_STACKED_MISFIT = 2.2
 """Misfit below which a part that stands on the table is not lifted onto others."""
-HOPELESS = 5.5
+MAX_PART_MISFIT = 5.5
 """Misfit of a part above which its cut is given up."""
-LEAST = 8
+MIN_PART_PIXELS = 8
 """Least number of pixels of a part."""
-APART = 0.010
+MIN_PART_DISTANCE = 0.010
 """Least distance between the centres of two parts, m."""
 
 
@@ -45,17 +45,17 @@ def split_blob(
     """Split the blob into items. None when no split explains it clearly better than `misfit`."""
     patch = blob.patch
     best: tuple[float, list[BlobPart]] | None = None
-    for count in range(2, min(MOST, fitter.at_most(blob)) + 1):
+    for count in range(2, min(MAX_PARTS, fitter.at_most(blob)) + 1):
         for cut in _cuts(picture, blob, count):
-            parts = _explained(picture, fitter, blob, support, cut)
+            parts = _refine_cut(picture, fitter, blob, support, cut)
             if parts is None:
                 continue
             score = _misfit(parts)
             if best is None or score < 0.9 * best[0]:
                 best = (score, parts)
-        if best is not None and best[0] < FINE:
+        if best is not None and best[0] < GOOD_SPLIT_MISFIT:
             break
-    if best is None or best[0] > BETTER * misfit:
+    if best is None or best[0] > MAX_SPLIT_MISFIT_SHARE * misfit:
         picture.owner[patch.rows, patch.columns] = patch.number
         return None
     for part in best[1]:
@@ -70,7 +70,7 @@ def _cuts(picture: SegmentationInput, blob: Blob, count: int) -> list[NDArray[np
     centred = spots - spots.mean(axis=0)
     _, axes = np.linalg.eigh(centred.T @ centred)
     cuts = [_clusters(spots, centred @ axes[:, 1], count)]
-    heights = _smooth(picture, rows, columns)
+    heights = _smooth_heights(picture, rows, columns)
     if count == 2 and float(np.percentile(heights, 90) - np.percentile(heights, 15)) > 0.012:
         cuts.append(_clusters(heights[:, None], heights, 2))
     elif count > 2:
@@ -78,7 +78,7 @@ def _cuts(picture: SegmentationInput, blob: Blob, count: int) -> list[NDArray[np
     return cuts
 
 
-def _smooth(picture: SegmentationInput, rows: Pixels, columns: Pixels) -> Array:
+def _smooth_heights(picture: SegmentationInput, rows: Pixels, columns: Pixels) -> Array:
     """Return the heights of the pixels (n,), averaged over their neighbours of known depth, m."""
     y, x = int(rows.min()), int(columns.min())
     window = (slice(y, int(rows.max()) + 1), slice(x, int(columns.max()) + 1))
@@ -99,44 +99,44 @@ def _clusters(values: Array, order: Array, count: int) -> NDArray[np.intp]:
     return part
 
 
-def _explained(
+def _refine_cut(
     picture: SegmentationInput, fitter: ItemFitter, blob: Blob, support: float, cut: NDArray[np.intp]
 ) -> list[BlobPart] | None:
-    parts = _fitted(picture, fitter, blob, support, cut)
+    parts = _fit_parts(picture, fitter, blob, support, cut)
     for _ in range(2):
         if parts is None:
             return None
-        shared = _shared(fitter, blob, parts, picture)
+        shared = _reassigned(fitter, blob, parts, picture)
         if (shared == cut).all():
             break
         cut = shared
-        again = _fitted(picture, fitter, blob, support, cut)
+        again = _fit_parts(picture, fitter, blob, support, cut)
         if again is None or _misfit(again) > _misfit(parts):
             break
         parts = again
-    return parts if parts is not None and _distinct(parts) else None
+    return parts if parts is not None and _are_distinct(parts) else None
 
 
-def _fitted(
+def _fit_parts(
     picture: SegmentationInput, fitter: ItemFitter, blob: Blob, support: float, cut: NDArray[np.intp]
 ) -> list[BlobPart] | None:
     """Return each part's hypotheses; None when a part is too small or fits nothing."""
     rows, columns = blob.patch.rows, blob.patch.columns
     members = [cut == k for k in range(int(cut.max()) + 1)]
-    if any(int(m.sum()) < LEAST for m in members):
+    if any(int(m.sum()) < MIN_PART_PIXELS for m in members):
         return None
     patches = [picture.claim(rows[m], columns[m], blob.patch.label) for m in members]
     parts: list[BlobPart] = []
     for patch in patches:
         piece = outline_patch(picture, patch)
-        hypotheses = fitter.explain(piece, support, STACKED) if piece.measured else []
-        if not hypotheses or hypotheses[0].misfit > HOPELESS:
+        hypotheses = fitter.explain(piece, support, MIN_STACKED_MISFIT) if piece.measured else []
+        if not hypotheses or hypotheses[0].misfit > MAX_PART_MISFIT:
             return None
         parts.append(BlobPart(piece, hypotheses))
     return parts
 
 
-def _shared(
+def _reassigned(
     fitter: ItemFitter, blob: Blob, parts: list[BlobPart], picture: SegmentationInput
 ) -> NDArray[np.intp]:
     """Return the part (n,) whose item explains each pixel of the blob best."""
@@ -160,6 +160,10 @@ def _misfit(parts: list[BlobPart]) -> float:
     return sum(p.hypotheses[0].misfit * p.hypotheses[0].weight for p in parts) / weight
 
 
-def _distinct(parts: list[BlobPart]) -> bool:
+def _are_distinct(parts: list[BlobPart]) -> bool:
     centres = [p.hypotheses[0].stand.centre for p in parts]
-    return all(float(np.linalg.norm(a - b)) > APART for i, a in enumerate(centres) for b in centres[i + 1 :])
+    return all(
+        float(np.linalg.norm(a - b)) > MIN_PART_DISTANCE
+        for i, a in enumerate(centres)
+        for b in centres[i + 1 :]
+    )

@@ -20,27 +20,27 @@ from ...world.scene.description import Hole
 from ...world.values import Array, Pose
 from ..geometry.camera_geometry import PosedCamera
 
-AROUND = 0.015
+FACE_RING_WIDTH = 0.015
 """Half width of the ring around the mouth whose points give the plane of the face, m."""
-BESIDE = 0.005
+FIT_RING_WIDTH = 0.005
 """Width of the ring around the mouth that takes part in the fit, m: further away is another hole."""
-FACE = 0.012
+MAX_FACE_OFFSET = 0.012
 """Distance from the believed face beyond which points are not taken for it, m."""
-BELOW = 0.003
+MIN_DEPTH_BELOW_FACE = 0.003
 """Depth below the face that is beyond noise, m."""
-ABOVE = 0.004
+MAX_HEIGHT_ABOVE_FACE = 0.004
 """Height above the face from which a body hides it, m: fingers, held objects."""
-SOFT = (0.002, 0.0006)
+OUTLINE_WIDTHS = (0.002, 0.0006)
 """Widths of the outline in the two fits, m: first wide, to converge from afar, then narrow, to be exact."""
-SEGMENTED = 1.0016
+CIRCLE_RADIUS_FACTOR = 1.0016
 """Radius of the circle with the area of a regular polygon of 32 sides around a circle of radius 1."""
-LEAST = 60
+MIN_MOUTH_PIXELS = 60
 """Least number of pixels within the mouth."""
-SEEN = 0.6
+MIN_VISIBLE_SHARE = 0.6
 """Least share of the mouth that must be in view."""
-AGREES = 0.95
+MIN_AGREEMENT = 0.95
 """Least share of pixels on the correct side of the outline."""
-TURN = math.radians(10.0)
+MAX_MOUTH_TURN = math.radians(10.0)
 """Greatest turn from the believed pose, rad."""
 
 
@@ -66,7 +66,7 @@ def detect_hole(image: RgbdImage, hole: Hole, believed: Pose, off: float) -> Det
     rays: Array = sight.directions(pixels) @ believed.rotation()
     points: Array = np.array(camera.position) + rays * image.depth[rows, columns].astype(np.float64)[:, None]
     reach = max(hole.size) / 2 * (1.0 if hole.form == "round" else math.sqrt(2.0)) + off
-    face = _face(points, reach, off)
+    face = _fit_face(points, reach, off)
     if face is None:
         return None
     # All that follows is in a frame on the measured face, with the believed mouth's directions.
@@ -75,21 +75,27 @@ def detect_hole(image: RgbdImage, hole: Hole, believed: Pose, off: float) -> Det
     eye = face.inverse().apply(np.array(camera.position))
     onto = -eye[2] / np.where(np.abs(rays[:, 2]) < 1e-9, -1e-9, rays[:, 2])
     there = eye[:2] + rays[:, :2] * onto[:, None]
-    near = (onto > 0) & (_within(hole, there, np.zeros(3)) > -off - BESIDE) & (points[:, 2] < ABOVE)
-    if int(near.sum()) < 2 * LEAST:
+    near = (
+        (onto > 0)
+        & (_depth_inside(hole, there, np.zeros(3)) > -off - FIT_RING_WIDTH)
+        & (points[:, 2] < MAX_HEIGHT_ABOVE_FACE)
+    )
+    if int(near.sum()) < 2 * MIN_MOUTH_PIXELS:
         return None
-    below = points[near, 2] < -max(BELOW, hole.chamfer + BELOW / 2)
-    if int(below.sum()) < LEAST:
+    below = points[near, 2] < -max(MIN_DEPTH_BELOW_FACE, hole.chamfer + MIN_DEPTH_BELOW_FACE / 2)
+    if int(below.sum()) < MIN_MOUTH_PIXELS:
         return None
     slant = rays[near, :2] / -rays[near, 2:]
-    fit = _Fit(hole, there[near], slant, below, max(BELOW, hole.chamfer + BELOW / 2))
+    fit = _Fit(
+        hole, there[near], slant, below, max(MIN_DEPTH_BELOW_FACE, hole.chamfer + MIN_DEPTH_BELOW_FACE / 2)
+    )
     place = fit.solved(off)
     if place is None:
         return None
     x, y, yaw = place.tolist()
     agreement = fit.agreement(place)
     inside = int(below.sum())
-    if agreement < AGREES or inside < SEEN * _pixels_of(hole, image, eye):
+    if agreement < MIN_AGREEMENT or inside < MIN_VISIBLE_SHARE * _pixels_of(hole, image, eye):
         return None
     if hole.form == "round":
         yaw = 0.0
@@ -97,21 +103,23 @@ def detect_hole(image: RgbdImage, hole: Hole, believed: Pose, off: float) -> Det
     return DetectedHole(believed @ face @ on_face, agreement, inside)
 
 
-def _face(points: Array, reach: float, off: float) -> Pose | None:
+def _fit_face(points: Array, reach: float, off: float) -> Pose | None:
     """Fit the plane of the face around the mouth. None when too little of it is seen, or it is too far off.
 
     The result is a frame on the plane, given in the believed mouth's frame; its origin is straight above or
     below the mouth's.
     """
     aside = np.hypot(points[:, 0], points[:, 1])
-    around = (aside > reach) & (aside < reach + 2 * AROUND) & (np.abs(points[:, 2]) < FACE)
-    if int(around.sum()) < LEAST:
+    around = (
+        (aside > reach) & (aside < reach + 2 * FACE_RING_WIDTH) & (np.abs(points[:, 2]) < MAX_FACE_OFFSET)
+    )
+    if int(around.sum()) < MIN_MOUTH_PIXELS:
         return None
     chosen = points[around]
     plane = np.zeros(3)
     keep = np.ones(len(chosen), dtype=np.bool_)
     for _ in range(5):
-        if int(keep.sum()) < LEAST:
+        if int(keep.sum()) < MIN_MOUTH_PIXELS:
             return None
         design = np.column_stack([chosen[:, :2], np.ones(len(chosen))])
         plane = np.asarray(np.linalg.lstsq(design[keep], chosen[keep, 2], rcond=None)[0], np.float64)
@@ -119,7 +127,7 @@ def _face(points: Array, reach: float, off: float) -> Pose | None:
         keep = left < 3.0 * max(2e-4, 1.5 * float(np.median(left[keep])))
     normal = np.array([-plane[0], -plane[1], 1.0])
     normal /= np.linalg.norm(normal)
-    if normal[2] < math.cos(TURN) or abs(float(plane[2])) > FACE:
+    if normal[2] < math.cos(MAX_MOUTH_TURN) or abs(float(plane[2])) > MAX_FACE_OFFSET:
         return None
     x = np.array([1.0, 0.0, 0.0]) - normal[0] * normal
     x /= np.linalg.norm(x)
@@ -148,7 +156,7 @@ class _Fit:
         inside = self._below > 0.5
         first = np.array([*((self._upper + self._lower) / 2)[inside].mean(axis=0), 0.0])
         place = first
-        for soft in SOFT:
+        for soft in OUTLINE_WIDTHS:
             width = soft
             found = least_squares(
                 lambda guess: self._misses(guess, width),  # noqa: B023 - used up before it changes
@@ -157,7 +165,7 @@ class _Fit:
             )
             place = found.x
         far = math.hypot(float(place[0]), float(place[1])) > 1.5 * off + 0.002
-        return None if far or abs(float(place[2])) > TURN else place
+        return None if far or abs(float(place[2])) > MAX_MOUTH_TURN else place
 
     def agreement(self, place: Array) -> float:
         return float(((self._depth(place) > 0) == (self._below > 0.5)).mean())
@@ -169,15 +177,17 @@ class _Fit:
 
     def _depth(self, place: Array) -> Array:
         """Return how far within the outline both points of each ray are (n,), m; negative outside."""
-        return np.minimum(_within(self._hole, self._upper, place), _within(self._hole, self._lower, place))
+        return np.minimum(
+            _depth_inside(self._hole, self._upper, place), _depth_inside(self._hole, self._lower, place)
+        )
 
 
-def _within(hole: Hole, points: Array, place: Array) -> Array:
+def _depth_inside(hole: Hole, points: Array, place: Array) -> Array:
     """Return how far points (n, 2) of the face are within the walls of a hole at (x, y, yaw), (n,), m;
     negative outside."""
     aside = points - place[:2]
     if hole.form == "round":
-        return SEGMENTED * hole.size[0] / 2 - np.hypot(aside[:, 0], aside[:, 1])
+        return CIRCLE_RADIUS_FACTOR * hole.size[0] / 2 - np.hypot(aside[:, 0], aside[:, 1])
     c, s = math.cos(float(place[2])), math.sin(float(place[2]))
     along = np.abs(aside @ np.array([c, s])) - hole.size[0] / 2
     across = np.abs(aside @ np.array([-s, c])) - hole.size[1] / 2

@@ -13,34 +13,34 @@ from ...world.values import Array, Pose
 from ..expectation.backdrop import SupportSurface
 from ..geometry.camera_geometry import PosedCamera
 from ..geometry.resting_poses import StablePose
-from ..geometry.silhouette_fitting import OUTLIER, StandingPose, fit_outline, likely_turns, silhouette
-from ..segmentation.blobs import NAMES, Blob
+from ..geometry.silhouette_fitting import OUTLIER_SIGMAS, StandingPose, fit_outline, likely_turns, silhouette
+from ..segmentation.blobs import LABEL_NAMES, Blob
 from .view import Detection
 
 HEIGHT_GATE = 0.009
 """Difference between the tops of a stable pose and of the blob above which the pose is not tried, m."""
-HOVER = 0.025
+MAX_HOVER_HEIGHT = 0.025
 """Greatest height above the table of an item that leans or lies on another, m. A higher blob is a part of
 something else."""
 OUTLINE_GATE = 2.5
 """Error of a start's support function above which the start is not tried, pixels (root mean square)."""
 LARGE_GATE = 0.06
 """The same gate for large blobs, as a share of their size: starts are 10° apart."""
-STARTS = 12
+MAX_STARTS = 12
 """Number of starts whose depth is compared; the fit begins with the best of them."""
-COARSE = 3
+RANKING_STRIDE = 3
 """Step between the depths that rank the starts."""
-SUNK = 0.002
+MIN_HEIGHT_CORRECTION = 0.002
 """Median depth error above which the believed height is corrected, m."""
-MODEL_SIGMA = 0.0004
+MODEL_DEPTH_SIGMA = 0.0004
 """Part of the depth's standard deviation for steep surfaces and rounded edges, m."""
-GOOD = 1.5
+GOOD_MISFIT = 1.5
 """Misfit below which no other explanation is needed; a perfect one is about 0.8."""
-POOR = 4.0
+POOR_MISFIT = 4.0
 """Misfit above which a hypothesis explains nothing."""
-FRAGMENT = 0.4
+MIN_SHOWN_SHARE = 0.4
 """Share of the silhouette below which a blob may be a part of anything."""
-SUBPIXEL = 0.12
+PIXEL_GRID_ERROR = 0.12
 """Error of a position from the pixel grid, pixels. More outline points do not reduce it: along an edge
 parallel to the grid all err alike."""
 
@@ -74,10 +74,10 @@ class ItemFitter:
     rests: tuple[StablePose, ...]
     sight: PosedCamera
     noise: float
-    model: float = MODEL_SIGMA
+    model: float = MODEL_DEPTH_SIGMA
 
     def explain(
-        self, blob: Blob, support: float, content: float = GOOD, hover: float = HOVER
+        self, blob: Blob, support: float, content: float = GOOD_MISFIT, hover: float = MAX_HOVER_HEIGHT
     ) -> list[Hypothesis]:
         """Return hypotheses for the blob, best first, at most one for each entry and manner of support.
 
@@ -98,7 +98,7 @@ class ItemFitter:
         clearly demands it."""
         known = self._judge(blob, start, True, rounds)
         _, off = self._off(blob, known.stand)
-        if not len(off) or abs(float(np.median(off))) < SUNK:
+        if not len(off) or abs(float(np.median(off))) < MIN_HEIGHT_CORRECTION:
             return known
         moved = self._judge(blob, known.stand, False, rounds)
         return moved if moved.misfit < known.misfit else known
@@ -141,11 +141,13 @@ class ItemFitter:
             gate = max(OUTLINE_GATE, LARGE_GATE * math.sqrt(blob.area))
             starts = [s for s in starts if s[0] < gate**2]
         starts.sort(key=lambda s: s[0])
-        ranked = [(left + self._off(blob, stand, COARSE)[0], stand) for left, stand in starts[:STARTS]]
+        ranked = [
+            (left + self._off(blob, stand, RANKING_STRIDE)[0], stand) for left, stand in starts[:MAX_STARTS]
+        ]
         ranked.sort(key=lambda r: r[0])
         found: list[Hypothesis] = []
         for score, stand in ranked:
-            if found and min(f.misfit for f in found) < GOOD and score > 1.5 * ranked[0][0] + 0.7:
+            if found and min(f.misfit for f in found) < GOOD_MISFIT and score > 1.5 * ranked[0][0] + 0.7:
                 break
             found.append(self._judge(blob, stand, supported, 5))
         return found
@@ -195,7 +197,7 @@ class ItemFitter:
         model = cast(stand.rest.entry.shape, stand.turned, stand.centre, self.sight.origin, rays)
         off = model - depths
         sigma = self.noise * (float(depths[0]) / 0.7) ** 2 + self.model
-        square = np.minimum((off / sigma) ** 2, OUTLIER**2).sum() / len(depths)
+        square = np.minimum((off / sigma) ** 2, OUTLIER_SIGMAS**2).sum() / len(depths)
         return float(square), off[np.isfinite(model)]
 
 
@@ -204,9 +206,9 @@ def _rank(one: Hypothesis) -> float:
     return one.cost + (0.0 if one.supported else 12.0) + 10.0 * one.stand.rest.unlikely
 
 
-def is_clear(hypothesis: Hypothesis, poor: float = POOR) -> bool:
+def is_clear(hypothesis: Hypothesis, poor: float = POOR_MISFIT) -> bool:
     """Whether the hypothesis explains its blob, and the blob shows enough of the item."""
-    return hypothesis.misfit < poor and hypothesis.shown >= FRAGMENT
+    return hypothesis.misfit < poor and hypothesis.shown >= MIN_SHOWN_SHARE
 
 
 def detection_from(
@@ -223,12 +225,12 @@ def detection_from(
     position = math.sqrt(max(float(variance[0, 0]), float(variance[1, 1]))) * loose
     angle = math.pi if not turn else min(math.pi, math.sqrt(float(variance[2, 2])) * loose)
     pixel = float((stand.centre - sight.origin) @ sight.rotation[:, 2]) / sight.intrinsics.fx
-    position = math.hypot(position, SUBPIXEL * pixel)
+    position = math.hypot(position, PIXEL_GRID_ERROR * pixel)
     return Detection(
         entry.kind,
         entry.form,
         entry.shape,
-        NAMES[blob.patch.label],
+        LABEL_NAMES[blob.patch.label],
         Pose.from_rotation(stand.centre, stand.turned),
         position + (0.0 if best.supported else 1e-3),
         max(angle, 2e-3),
@@ -242,7 +244,7 @@ def _confidence(hypotheses: list[Hypothesis]) -> float:
     """Return a confidence 0 … 1: high for a good fit to a whole blob that no other kind explains nearly as
     well."""
     best = hypotheses[0]
-    fit = float(np.clip((POOR - best.misfit) / (POOR - 1.2), 0.05, 1.0))
+    fit = float(np.clip((POOR_MISFIT - best.misfit) / (POOR_MISFIT - 1.2), 0.05, 1.0))
     others = [h.cost for h in hypotheses if h.stand.rest.entry.kind != best.stand.rest.entry.kind]
     lead = min(others, default=math.inf) - best.cost
     certain = 1.0 / (1.0 + math.exp(-min(lead, 60.0) / 4.0))

@@ -21,11 +21,11 @@ from ..geometry.silhouette_fitting import StandingPose, polygon_area, silhouette
 from ..segmentation.blobs import Blob, Pixels, SegmentationInput, connected_patches, label_of, outline_patch
 from .item_fitting import Hypothesis, ItemFitter
 
-STEP = 0.008
+DEPTH_STEP = 0.008
 """Difference in depth of neighbouring pixels from which they belong to two bodies, m."""
-LEAST = 24
+MIN_BODY_PIXELS = 24
 """Least number of pixels of a body."""
-GROWTH = 6
+PART_GROWTH_PIXELS = 6
 """Number of pixels by which the parts regain what was cut away between them."""
 _SIDES = ((0, 1), (0, -1), (1, 0), (-1, 0))
 
@@ -43,48 +43,48 @@ def split_at_depth_steps(depth: Array, rows: Pixels, columns: Pixels) -> list[tu
     stepped = np.zeros(size, dtype=np.bool_)
     for side in _SIDES:
         other, beside = np.roll(near, side, (0, 1)), np.roll(known, side, (0, 1))
-        stepped |= known & beside & (np.abs(near - other) > STEP)
-    cores = connected_patches(known & ~stepped, LEAST)
+        stepped |= known & beside & (np.abs(near - other) > DEPTH_STEP)
+    cores = connected_patches(known & ~stepped, MIN_BODY_PIXELS)
     if len(cores) < 2:
         return [(rows, columns)]
     owner = np.zeros(size, dtype=np.int32)
     for number, (core_rows, core_columns) in enumerate(cores, start=1):
         owner[core_rows, core_columns] = number
-    for _ in range(GROWTH):
-        owner = _grown(owner, near, inside)
+    for _ in range(PART_GROWTH_PIXELS):
+        owner = _grow_parts(owner, near, inside)
     parts = [np.nonzero(owner == number) for number in range(1, len(cores) + 1)]
     return [(part_rows + y, part_columns + x) for part_rows, part_columns in parts]
 
 
-def _grown(owner: NDArray[np.int32], depth: Array, inside: NDArray[np.bool_]) -> NDArray[np.int32]:
+def _grow_parts(owner: NDArray[np.int32], depth: Array, inside: NDArray[np.bool_]) -> NDArray[np.int32]:
     """Join each free pixel to the neighbouring part whose depth is nearest to its own."""
     grown, best = owner.copy(), np.full(owner.shape, np.inf)
     for side in _SIDES:
         part, other = np.roll(owner, side, (0, 1)), np.roll(depth, side, (0, 1))
-        off = np.where((depth > 0) & (other > 0), np.abs(depth - other), STEP)
+        off = np.where((depth > 0) & (other > 0), np.abs(depth - other), DEPTH_STEP)
         joins = inside & (owner == 0) & (part > 0) & (off < best)
         grown[joins], best[joins] = part[joins], off[joins]
     return grown
 
 
-REACH = 0.045
+TRACKING_REACH = 0.045
 """Greatest distance from its believed place at which an object is located, m."""
-ROUGH = 0.0012
+NEAR_DEPTH_SIGMA = 0.0012
 """Part of the depth's standard deviation in pictures from near, m: round items are not quite round there."""
-ROUNDS = 8
+MAX_FIT_ROUNDS = 8
 """Greatest number of steps of a fit."""
-TURNED = math.radians(20)
+MAX_HEADING_CHANGE = math.radians(20)
 """Greatest difference from the believed heading, rad. Beyond it the patch is another object."""
-MISFIT = 3.0
+MAX_TRACKING_MISFIT = 3.0
 """Greatest misfit; a worse fit shows something else."""
-SHOWN = 0.55
+MIN_TRACKING_SHOWN = 0.55
 """Least share of its silhouette in sight at which an object is located."""
-BESIDE = 0.3
+MAX_EXCESS_AREA = 0.3
 """Greatest area of a patch beyond the silhouette, as a share of it. A larger patch is two touching
 objects."""
-GRID = 2.5e-4
+PIXEL_GRID_ERROR = 2.5e-4
 """Error of a position from the pixel grid, m. More outline points do not reduce it."""
-FLAT = math.radians(12)
+MAX_LEAN = math.radians(12)
 """Greatest lean from every stable pose of its kind at which an object is located, rad."""
 
 
@@ -120,22 +120,22 @@ def track_objects(
     patches = [
         picture.claim(*part, label)
         for label in sorted(labels)
-        for rows, columns in connected_patches(usable & (picture.label == label), LEAST)
+        for rows, columns in connected_patches(usable & (picture.label == label), MIN_BODY_PIXELS)
         for part in split_at_depth_steps(picture.depth, rows, columns)
     ]
     blobs = {p.number: outline_patch(picture, p) for p in patches if p.measured >= 4}
     found: list[TrackedSighting] = []
     for one in objects:
-        rest = _lies_on(fitter.rests, one)
+        rest = _believed_stable_pose(fitter.rests, one)
         if rest is None:
             continue
         for number, blob in blobs.items():
-            if blob.patch.label == label_of(one.colour) and _within(picture, blob, one):
-                found.append(_sighted(picture, fitter, blob, one, rest, number))
+            if blob.patch.label == label_of(one.colour) and _is_within_reach(picture, blob, one):
+                found.append(_sighting(picture, fitter, blob, one, rest, number))
     return tuple(found)
 
 
-def _lies_on(rests: Sequence[StablePose], one: BeliefObject) -> StablePose | None:
+def _believed_stable_pose(rests: Sequence[StablePose], one: BeliefObject) -> StablePose | None:
     """Return the stable pose in which the object is believed to lie; None when it leans too much."""
     rotation = one.pose.rotation()
     leaning = [
@@ -144,19 +144,19 @@ def _lies_on(rests: Sequence[StablePose], one: BeliefObject) -> StablePose | Non
     if not leaning:
         return None
     upright, n = max(leaning)
-    return rests[-n] if upright > math.cos(FLAT) else None
+    return rests[-n] if upright > math.cos(MAX_LEAN) else None
 
 
 def _is_of(rest: StablePose, one: BeliefObject) -> bool:
     return rest.entry.kind == one.kind
 
 
-def _within(picture: SegmentationInput, blob: Blob, one: BeliefObject) -> bool:
+def _is_within_reach(picture: SegmentationInput, blob: Blob, one: BeliefObject) -> bool:
     x, y = picture.sight.at_height(blob.middle, one.pose.position[2])
-    return math.hypot(float(x) - one.pose.position[0], float(y) - one.pose.position[1]) < 2 * REACH
+    return math.hypot(float(x) - one.pose.position[0], float(y) - one.pose.position[1]) < 2 * TRACKING_REACH
 
 
-def _sighted(
+def _sighting(
     picture: SegmentationInput,
     fitter: ItemFitter,
     blob: Blob,
@@ -169,37 +169,37 @@ def _sighted(
     yaw = math.atan2(float(heading[1, 0]), float(heading[0, 0]))
     at = picture.sight.at_height(blob.middle, z)
     stand = StandingPose(rest, np.array([at[0], at[1], z]), yaw)
-    best = fitter.judged(blob, stand, ROUNDS)
+    best = fitter.judged(blob, stand, MAX_FIT_ROUNDS)
     turned = abs(math.remainder(best.stand.yaw - yaw, 2 * math.pi)) if rest.turn else 0.0
     moved = math.dist(best.stand.centre[:2], one.pose.position[:2])
     fits = (
-        best.misfit < MISFIT
-        and best.shown > SHOWN
-        and turned < TURNED
-        and moved < REACH
-        and not _two(picture, blob, best)
+        best.misfit < MAX_TRACKING_MISFIT
+        and best.shown > MIN_TRACKING_SHOWN
+        and turned < MAX_HEADING_CHANGE
+        and moved < TRACKING_REACH
+        and not _shows_two_objects(picture, blob, best)
     )
     variance = best.covariance
     loose = math.sqrt(max(1.0, best.misfit)) / max(0.3, best.shown)
-    pose = Pose.from_rotation(best.stand.centre, _turned(best.stand, one, yaw))
+    pose = Pose.from_rotation(best.stand.centre, _tracked_orientation(best.stand, one, yaw))
     return TrackedSighting(
         one.id,
         number,
         pose,
-        math.sqrt(max(float(variance[0, 0]), float(variance[1, 1]))) * loose + GRID,
+        math.sqrt(max(float(variance[0, 0]), float(variance[1, 1]))) * loose + PIXEL_GRID_ERROR,
         math.pi if not rest.turn else min(math.pi, math.sqrt(float(variance[2, 2])) * loose + 2e-3),
         best.misfit if fits else math.inf,
         best.shown,
     )
 
 
-def _two(picture: SegmentationInput, blob: Blob, best: Hypothesis) -> bool:
+def _shows_two_objects(picture: SegmentationInput, blob: Blob, best: Hypothesis) -> bool:
     """Whether the patch is too large for the object: another of its colour touches it."""
     whole = polygon_area(silhouette(picture.sight, best.stand))
-    return blob.area > (1.0 + BESIDE) * whole
+    return blob.area > (1.0 + MAX_EXCESS_AREA) * whole
 
 
-def _turned(stand: StandingPose, one: BeliefObject, yaw: float) -> Array:
+def _tracked_orientation(stand: StandingPose, one: BeliefObject, yaw: float) -> Array:
     """Return its orientation: the believed one, turned about the vertical by the seen difference. A body
     without heading keeps its own."""
     rotation = one.pose.rotation()

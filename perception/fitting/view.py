@@ -19,7 +19,7 @@ from ..geometry.camera_geometry import PosedCamera
 from ..geometry.resting_poses import body_points
 from ..segmentation import blobs
 
-BEHIND = 0.010
+MIN_DEPTH_BEHIND = 0.010
 """Depth beyond a body's believed surface from which the body is not there, m."""
 
 
@@ -143,8 +143,8 @@ class PerceivedView:
         depth, label = self.depth[rows, columns], self.label[rows, columns]
         known = np.isfinite(surface) & ~self.blocked[rows, columns] & (depth > 0)
         own = blobs.label_of(colour)
-        there = label == own if own else np.abs(depth - surface) <= BEHIND
-        visible = known & (there | (depth > surface - BEHIND))
+        there = label == own if own else np.abs(depth - surface) <= MIN_DEPTH_BEHIND
+        visible = known & (there | (depth > surface - MIN_DEPTH_BEHIND))
         return BodyVisibility(total, int(visible.sum()), int((visible & ~there).sum()))
 
     def _silhouette(self, shape: Shape, pose: Pose) -> tuple[NDArray[np.intp], NDArray[np.intp], int]:

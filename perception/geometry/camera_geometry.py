@@ -10,7 +10,7 @@ import numpy as np
 from ...world.protocols import Intrinsics
 from ...world.values import Array, Pose
 
-FRONT = 0.02
+MIN_CAMERA_DEPTH = 0.02
 """Distance from the camera's plane below which a point is not before the camera, m."""
 
 
@@ -57,7 +57,7 @@ class PosedCamera:
     def before(self, points: Array) -> Array:
         """Clip the hull of `points` (n, 3) at the camera's plane. Returns points (m, 3) of the part before
         the camera; none without one."""
-        depth = (points - self.origin) @ self.rotation[:, 2] - FRONT
+        depth = (points - self.origin) @ self.rotation[:, 2] - MIN_CAMERA_DEPTH
         behind = depth < 0.0
         if not behind.any():
             return points

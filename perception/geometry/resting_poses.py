@@ -15,9 +15,9 @@ from ...world.scene.description import CatalogueEntry, Fixture, Hole
 from ...world.shapes import Box, ConvexMesh, Cylinder, Shape, Sphere, top
 from ...world.values import Array, ObjectId
 
-ALIKE = 2e-4
+CORNER_TOLERANCE = 2e-4
 """Distance between corners below which they look the same, m."""
-RING = 16
+CIRCLE_CORNERS = 16
 """Number of corners of the polygon that stands for a circle."""
 
 
@@ -58,16 +58,16 @@ def stable_poses(entry: CatalogueEntry) -> tuple[StablePose, ...]:
         case Cylinder():
             lying = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
             return (
-                _rest(entry, np.eye(3), 0.0, 0.0),
-                _rest(entry, lying, math.pi, 0.0),
+                _stable_pose(entry, np.eye(3), 0.0, 0.0),
+                _stable_pose(entry, lying, math.pi, 0.0),
             )
         case Box(size):
-            return tuple(_boxes(entry, size))
+            return tuple(_box_poses(entry, size))
         case ConvexMesh():
-            return tuple(_mesh(entry, shape))
+            return tuple(_mesh_poses(entry, shape))
 
 
-def _rest(entry: CatalogueEntry, rotation: Array, turn: float, unlikely: float) -> StablePose:
+def _stable_pose(entry: CatalogueEntry, rotation: Array, turn: float, unlikely: float) -> StablePose:
     outline = body_points(entry.shape) @ rotation.T
     low, high = float(outline[:, 2].min()), float(outline[:, 2].max())
     if isinstance(entry.shape, Cylinder) and turn:
@@ -85,12 +85,12 @@ def body_points(shape: Shape) -> Array:
             signs = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
             return signs * np.array(size) / 2
         case Cylinder(radius, height):
-            step = 2 * math.pi / RING
+            step = 2 * math.pi / CIRCLE_CORNERS
             ring = radius * math.sqrt(step / math.sin(step))
-            angles = np.arange(RING) * step
+            angles = np.arange(CIRCLE_CORNERS) * step
             circle = np.stack([ring * np.cos(angles), ring * np.sin(angles)], axis=1)
             return np.concatenate(
-                [np.column_stack([circle, np.full(RING, z)]) for z in (-height / 2, height / 2)]
+                [np.column_stack([circle, np.full(CIRCLE_CORNERS, z)]) for z in (-height / 2, height / 2)]
             )
         case Sphere():
             return np.zeros((0, 3))
@@ -99,7 +99,7 @@ def body_points(shape: Shape) -> Array:
             return points[ConvexHull(points).vertices]
 
 
-def _boxes(entry: CatalogueEntry, size: tuple[float, float, float]) -> list[StablePose]:
+def _box_poses(entry: CatalogueEntry, size: tuple[float, float, float]) -> list[StablePose]:
     """Return one stable pose for each different edge length that can stand upright, the longer side along
     x."""
     found: list[StablePose] = []
@@ -116,39 +116,40 @@ def _boxes(entry: CatalogueEntry, size: tuple[float, float, float]) -> list[Stab
         rotation[1] *= np.linalg.det(rotation)
         turn = math.pi / 2 if abs(size[a] - size[b]) < 1e-4 else math.pi
         slender = size[up] > 2.5 * min(size[a], size[b])
-        found.append(_rest(entry, rotation, turn, 0.3 if slender else 0.0))
+        found.append(_stable_pose(entry, rotation, turn, 0.3 if slender else 0.0))
     return found
 
 
-def _mesh(entry: CatalogueEntry, mesh: ConvexMesh) -> list[StablePose]:
+def _mesh_poses(entry: CatalogueEntry, mesh: ConvexMesh) -> list[StablePose]:
     """Return one stable pose for each face above which the centroid is, alike ones once."""
     normals, offsets = half_spaces(mesh)
     points = np.array(mesh.vertices)
     found: list[StablePose] = []
     for normal, offset in zip(normals, offsets, strict=True):
         face = points[np.abs(points @ normal - offset) < 1e-5]
-        rotation = _down(normal)
-        if len(face) >= 3 and _holds(face @ rotation.T):
-            one = _rest(entry, rotation, _turn(points @ rotation.T), 0.0)
+        rotation = _rotation_face_down(normal)
+        if len(face) >= 3 and _is_stable_on(face @ rotation.T):
+            one = _stable_pose(entry, rotation, _symmetry_turn(points @ rotation.T), 0.0)
             if not any(_looks_like(one, other) for other in found):
                 found.append(one)
     return found
 
 
-def _turn(points: Array) -> float:
+def _symmetry_turn(points: Array) -> float:
     """Return the smallest turn about the vertical that takes the corners (n, 3) to one another, rad."""
     turns = (2 * math.pi / times for times in (12, 10, 8, 6, 5, 4, 3, 2))
-    return next((t for t in turns if _alike(_turned(points, t), points)), 2 * math.pi)
+    return next((t for t in turns if _corners_coincide(_turned(points, t), points)), 2 * math.pi)
 
 
 def _looks_like(one: StablePose, other: StablePose) -> bool:
     """Whether both look the same, as on equal faces of a symmetric body."""
-    if abs(one.height - other.height) > ALIKE or abs(one.below - other.below) > ALIKE:
+    if abs(one.height - other.height) > CORNER_TOLERANCE or abs(one.below - other.below) > CORNER_TOLERANCE:
         return False
     far = one.outline[int(np.hypot(one.outline[:, 0], one.outline[:, 1]).argmax())]
     start = math.atan2(far[1], far[0])
     return any(
-        _alike(_turned(one.outline, math.atan2(to[1], to[0]) - start), other.outline) for to in other.outline
+        _corners_coincide(_turned(one.outline, math.atan2(to[1], to[0]) - start), other.outline)
+        for to in other.outline
     )
 
 
@@ -157,12 +158,12 @@ def _turned(points: Array, angle: float) -> Array:
     return points @ np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
 
 
-def _alike(a: Array, b: Array) -> bool:
+def _corners_coincide(a: Array, b: Array) -> bool:
     """Whether each point of a (n, 3) falls on one of b (m, 3)."""
-    return bool(np.linalg.norm(a[:, None] - b, axis=2).min(axis=1).max() < ALIKE)
+    return bool(np.linalg.norm(a[:, None] - b, axis=2).min(axis=1).max() < CORNER_TOLERANCE)
 
 
-def _down(normal: Array) -> Array:
+def _rotation_face_down(normal: Array) -> Array:
     """Return a rotation that turns `normal` to (0, 0, -1)."""
     z = -normal
     x = np.eye(3)[int(np.abs(z).argmin())]
@@ -171,16 +172,16 @@ def _down(normal: Array) -> Array:
     return np.asarray(np.stack([x, np.cross(z, x), z]), dtype=np.float64)
 
 
-def _holds(face: Array) -> bool:
+def _is_stable_on(face: Array) -> bool:
     """Whether the vertical through the origin meets the polygon of face (n, 3), 1 mm inside."""
     hull = ConvexHull(face[:, :2])
     return bool((hull.equations[:, 2] < -1e-3).all())
 
 
-OFF = 0.012
+MAX_HOLE_OFFSET = 0.012
 """Greatest distance between the middle of an item's visible part, sides included, and its hole, m. The
 uncertainty of the hole's place is added."""
-SHOWS = 0.004
+MIN_PROTRUSION = 0.004
 """Least protruding height that is recognised, m."""
 
 
@@ -246,14 +247,14 @@ def spread(fixture: Fixture) -> float:
 
 def _mouth(fixture: Fixture, hole: Hole, entries: Iterable[CatalogueEntry]) -> HoleMouth:
     x, y, _ = (fixture.pose @ hole.pose).position
-    stubs = tuple(stub for entry in entries if (stub := _stub(entry, hole)) is not None)
+    stubs = tuple(stub for entry in entries if (stub := _protruding_part(entry, hole)) is not None)
     away = spread(fixture)
     # It is anywhere within its bounds with equal probability, and nowhere else.
     sigma = max(1e-3, away / math.sqrt(3.0))
-    return HoleMouth(hole.id, (x, y), top(fixture.shape, fixture.pose), OFF + away, sigma, stubs)
+    return HoleMouth(hole.id, (x, y), top(fixture.shape, fixture.pose), MAX_HOLE_OFFSET + away, sigma, stubs)
 
 
-def _stub(entry: CatalogueEntry, hole: Hole) -> ProtrudingPart | None:
+def _protruding_part(entry: CatalogueEntry, hole: Hole) -> ProtrudingPart | None:
     if not fits_hole(hole, entry.shape):
         return None
     shape: Shape
@@ -264,7 +265,7 @@ def _stub(entry: CatalogueEntry, hole: Hole) -> ProtrudingPart | None:
             left, shape = z - hole.depth, Box((x, y, z - hole.depth))
         case _:
             return None
-    if left < SHOWS:
+    if left < MIN_PROTRUSION:
         return None
     # The first stable pose is upright, as in the catalogue.
     rest = stable_poses(replace(entry, shape=shape))[0]

@@ -11,14 +11,14 @@ from numpy.typing import NDArray
 
 from ...world.values import Array
 from .camera_geometry import PosedCamera
-from .resting_poses import RING, StablePose
+from .resting_poses import CIRCLE_CORNERS, StablePose
 
 PIXEL_SIGMA = 0.33
 """Standard deviation of an outline point from the true edge, pixels: it is half way between two pixels."""
-OUTLIER = 3.0
+OUTLIER_SIGMAS = 3.0
 """Number of sigmas at which the residual of a point is capped."""
-_CIRCLE = np.array([(np.cos(a), np.sin(a)) for a in np.arange(RING) * (2 * np.pi / RING)])
-_ROUND = np.sqrt((2 * np.pi / RING) / np.sin(2 * np.pi / RING))
+_CIRCLE = np.array([(np.cos(a), np.sin(a)) for a in np.arange(CIRCLE_CORNERS) * (2 * np.pi / CIRCLE_CORNERS)])
+_CIRCLE_RADIUS_FACTOR = np.sqrt((2 * np.pi / CIRCLE_CORNERS) / np.sin(2 * np.pi / CIRCLE_CORNERS))
 _FAN = np.array([(np.cos(a), np.sin(a)) for a in np.arange(36) * (2 * np.pi / 36)])
 
 
@@ -86,7 +86,9 @@ def _tangent_circle(sight: PosedCamera, stand: StandingPose) -> Array:
     side = np.array([1.0, 0.0, 0.0]) - axis * axis[0]
     side /= np.linalg.norm(side)
     across = np.stack([side, np.cross(axis, side)])
-    return stand.centre - away * share + _CIRCLE @ across * (radius * np.sqrt(1 - share) * _ROUND)
+    return (
+        stand.centre - away * share + _CIRCLE @ across * (radius * np.sqrt(1 - share) * _CIRCLE_RADIUS_FACTOR)
+    )
 
 
 def fit_outline(
@@ -112,15 +114,15 @@ def fit_outline(
         x, y = (min(0.02, max(-0.02, c)) for c in step[:2])
         turn = min(0.35, max(-0.35, step[2])) if free == 3 else 0.0
         stand = StandingPose(stand.rest, stand.centre + np.array([x, y, 0.0]), stand.yaw + turn)
-        if abs(x) < CLOSE and abs(y) < CLOSE and abs(turn) < CLOSE_TURN:
+        if abs(x) < MIN_FIT_STEP and abs(y) < MIN_FIT_STEP and abs(turn) < MIN_FIT_TURN:
             break
     covariance = np.diag([0.0, 0.0, np.pi**2])
     covariance[:free, :free] = inverse * PIXEL_SIGMA**2
-    misfit = float(np.minimum(scaled * scaled, OUTLIER**2).sum()) / len(distance)
+    misfit = float(np.minimum(scaled * scaled, OUTLIER_SIGMAS**2).sum()) / len(distance)
     return SilhouetteFit(stand, misfit, covariance, polygon_area(corners))
 
 
-CLOSE, CLOSE_TURN = 3e-4, 6e-3
+MIN_FIT_STEP, MIN_FIT_TURN = 3e-4, 6e-3
 """Step below which the fit ends, m and rad: the rest is of second order."""
 _DAMPING = np.diag([0.1, 0.1, 1e-3])
 """Regularisation of the normal equations where the outline determines nothing: pixels²/m², pixels²/rad²."""

@@ -16,45 +16,45 @@ from ...world.values import Array
 from ..geometry.camera_geometry import PosedCamera
 from ..geometry.silhouette_fitting import BlobOutline, support
 
-SATURATED = 128
+MIN_SATURATION = 128
 """Saturation (of 255) above which a pixel is coloured. Items are above, fixtures and robot below."""
-BRIGHT = 24
+MIN_BRIGHTNESS = 24
 """Brightness (of 255) below which a hue means nothing."""
 
-NAMES: tuple[str, ...] = ("", *ITEM_COLOURS)
+LABEL_NAMES: tuple[str, ...] = ("", *ITEM_COLOURS)
 """Name of each label; label 0 is no colour."""
 
 
-def _table() -> NDArray[np.uint8]:
+def _label_of_hue() -> NDArray[np.uint8]:
     known = np.array([colorsys.rgb_to_hsv(*rgb)[0] for rgb in ITEM_COLOURS.values()])
     hues = np.arange(256)[:, None] / 255.0
     apart = np.abs((hues - known + 0.5) % 1.0 - 0.5)
     return (apart.argmin(axis=1) + 1).astype(np.uint8)
 
 
-_LABEL_OF_HUE = _table()
+_LABEL_OF_HUE = _label_of_hue()
 
 
 def labels(colour: NDArray[np.uint8]) -> NDArray[np.uint8]:
     """Return the index into NAMES of each pixel (h, w) of an RGB picture (h, w, 3)."""
     hsv = np.asarray(cv2.cvtColor(colour, cv2.COLOR_RGB2HSV_FULL), dtype=np.uint8)
-    coloured = (hsv[:, :, 1] > SATURATED) & (hsv[:, :, 2] > BRIGHT)
+    coloured = (hsv[:, :, 1] > MIN_SATURATION) & (hsv[:, :, 2] > MIN_BRIGHTNESS)
     return np.where(coloured, _LABEL_OF_HUE[hsv[:, :, 0]], 0).astype(np.uint8)
 
 
 def label_of(name: str) -> int:
     """Return the label of a named colour; 0 for a colour that perception does not distinguish (grey,
     unknown)."""
-    return NAMES.index(name) if name in ITEM_COLOURS else 0
+    return LABEL_NAMES.index(name) if name in ITEM_COLOURS else 0
 
 
-WHOLE = 0.12
+MAX_HIDDEN_BORDER_SHARE = 0.12
 """Greatest share of possibly hidden border at which a blob counts as whole."""
-SAMPLES = 80
+MAX_DEPTH_SAMPLES = 80
 """Number of pixels of a blob whose depth is kept for fits."""
-HIDES = 0.006
+MIN_HIDING_HEIGHT = 0.006
 """Height above a blob from which a neighbour hides what lies behind it, m."""
-TOP = 0.8
+TOP_QUANTILE = 0.8
 """Quantile of the heights that stands for the top: most of what is seen from above is top."""
 
 Pixels = NDArray[np.intp]
@@ -81,7 +81,7 @@ class SegmentationInput:
         """Create a patch of these pixels. Former owners lose them."""
         depths = self.depth[rows, columns]
         heights = np.sort(self.height[rows, columns][depths > 0])
-        top = float(heights[int(TOP * len(heights))]) if len(heights) else float("nan")
+        top = float(heights[int(TOP_QUANTILE * len(heights))]) if len(heights) else float("nan")
         patch = PixelPatch(len(self.patches) + 1, label, rows, columns, top, len(heights))
         self.patches.append(patch)
         self.owner[rows, columns] = patch.number
@@ -136,7 +136,7 @@ class Blob:
     @cached_property
     def whole(self) -> bool:
         """Whether (nearly) all of the border is real."""
-        return float(1.0 - self.outline.real.mean()) <= WHOLE
+        return float(1.0 - self.outline.real.mean()) <= MAX_HIDDEN_BORDER_SHARE
 
 
 def connected_patches(mask: NDArray[np.bool_], least: int) -> list[tuple[Pixels, Pixels]]:
@@ -162,7 +162,7 @@ def outline_patch(picture: SegmentationInput, patch: PixelPatch) -> Blob:
     h, w = int(patch.rows.max()) + 2 - y, int(patch.columns.max()) + 2 - x
     inside = np.zeros((h, w), dtype=np.bool_)
     inside[patch.rows - y, patch.columns - x] = True
-    hidden = _hiding(picture, patch, y, x, h, w)
+    hidden = _hiding_pixels(picture, patch, y, x, h, w)
     points: list[Array] = []
     real: list[NDArray[np.bool_]] = []
     for axis in (0, 1):
@@ -177,10 +177,10 @@ def outline_patch(picture: SegmentationInput, patch: PixelPatch) -> Blob:
     hull = cv2.convexHull(outline.points.astype(np.float32))[:, 0].astype(np.float64)
     middle = np.array([patch.columns.mean(), patch.rows.mean()])
     rays, depths = _samples(picture, patch, inside, y, x)
-    return Blob(patch, outline, hull, middle, support(hull), _towards(outline, middle), rays, depths)
+    return Blob(patch, outline, hull, middle, support(hull), _hidden_direction(outline, middle), rays, depths)
 
 
-def _hiding(
+def _hiding_pixels(
     picture: SegmentationInput, patch: PixelPatch, y: int, x: int, h: int, w: int
 ) -> NDArray[np.bool_]:
     """Select the pixels of the window (h, w) that may hide a part of the patch."""
@@ -191,7 +191,7 @@ def _hiding(
     window = picture.blocked[y0:y1, x0:x1].copy()
     for number in set(owner.ravel().tolist()) - {0, patch.number}:
         other = picture.patches[number - 1]
-        if other.label == patch.label or other.top > patch.top + HIDES:
+        if other.label == patch.label or other.top > patch.top + MIN_HIDING_HEIGHT:
             window |= owner == number
     hidden[y0 - y : y1 - y, x0 - x : x1 - x] = window
     return hidden
@@ -211,12 +211,12 @@ def _samples(
         inner = np.ones(len(rows), dtype=np.bool_)
     depths = picture.depth[patch.rows, patch.columns]
     chosen = np.flatnonzero(inner & (depths > 0))
-    chosen = chosen[:: max(1, len(chosen) // SAMPLES)]
+    chosen = chosen[:: max(1, len(chosen) // MAX_DEPTH_SAMPLES)]
     pixels = np.stack([patch.columns[chosen], patch.rows[chosen]], axis=1).astype(np.float64)
     return picture.sight.directions(pixels), depths[chosen]
 
 
-def _towards(outline: BlobOutline, middle: Array) -> Array:
+def _hidden_direction(outline: BlobOutline, middle: Array) -> Array:
     if outline.real.all():
         return np.zeros(2)
     away = outline.points[~outline.real].mean(axis=0) - middle
@@ -224,7 +224,7 @@ def _towards(outline: BlobOutline, middle: Array) -> Array:
     return away / length if length > 1e-6 else np.zeros(2)
 
 
-PITCH = 0.002
+PIXEL_PITCH = 0.002
 """Distance of two pixels on the observed surface for which recognition was made, m. Finer outlines cost more
 and show details that models lack."""
 
@@ -234,7 +234,7 @@ def downsample(image: RgbdImage) -> RgbdImage:
     known = image.depth[image.depth > 0]
     if not len(known):
         return image
-    every = max(1, round(PITCH * image.intrinsics.fx / float(np.median(known))))
+    every = max(1, round(PIXEL_PITCH * image.intrinsics.fx / float(np.median(known))))
     if every == 1:
         return image
     colour, depth = image.colour[::every, ::every].copy(), image.depth[::every, ::every].copy()

@@ -20,8 +20,8 @@ from ...world.values import ObjectId
 from ..fitting.view import PerceivedView, UnexplainedPatch
 from .space_carving import occupied_cells, retained_cells, surface_of
 from .voxel_grid import (
-    CELL,
-    NONE,
+    CELL_SIZE,
+    NO_CELLS,
     Indices,
     Keys,
     adjacent_cells,
@@ -31,7 +31,7 @@ from .voxel_grid import (
     obstacle_from_cells,
 )
 
-MOST = 24
+MAX_BOXES = 24
 """Greatest number of boxes of one obstacle. Beyond it the pairs that waste least are joined."""
 
 Grid = NDArray[np.bool_]
@@ -39,7 +39,7 @@ Span = tuple[Indices, Indices]
 """First cell of a box and the one after its last, (3,) each."""
 
 
-def merge_cells(packed: Keys, most: int = MOST) -> list[Span]:
+def merge_cells(packed: Keys, most: int = MAX_BOXES) -> list[Span]:
     """Cover the cells with boxes. They contain nothing else unless there would be more than `most`.
 
     Greedy: from the first cell that is not covered yet the larger of two boxes is taken. One grows upwards
@@ -53,7 +53,7 @@ def merge_cells(packed: Keys, most: int = MOST) -> list[Span]:
     spans: list[Span] = []
     while left.any():
         seed = np.array(np.unravel_index(int(left.argmax()), left.shape), dtype=np.int64)
-        low, high = max((_grown(filled, seed, order) for order in ((2, 0, 1), (2, 1, 0))), key=_volume)
+        low, high = max((_grow_box(filled, seed, order) for order in ((2, 0, 1), (2, 1, 0))), key=_volume)
         left[tuple(slice(a, b) for a, b in zip(low.tolist(), high.tolist(), strict=True))] = False
         spans.append((low, high))
     while len(spans) > most:
@@ -61,7 +61,7 @@ def merge_cells(packed: Keys, most: int = MOST) -> list[Span]:
     return [(low + origin, high + origin) for low, high in spans]
 
 
-def _grown(filled: Grid, seed: Indices, order: tuple[int, ...]) -> Span:
+def _grow_box(filled: Grid, seed: Indices, order: tuple[int, ...]) -> Span:
     """Grow the box about one cell along the axes in this order, as long as all of it is filled."""
     low, high = seed.copy(), seed + 1
     for axis in order:
@@ -94,24 +94,24 @@ def _join(spans: list[Span]) -> None:
     spans[:] = [span for k, span in enumerate(spans) if k not in (i, j)] + [joined]
 
 
-LEAST = 6
+MIN_OBSTACLE_CELLS = 6
 """Least number of connected cells; fewer are noise."""
-NEAR = 0.05
+SAME_OBSTACLE_DISTANCE = 0.05
 """Distance to a former obstacle that left its place, within which an unexplained body is the same obstacle,
 m."""
 ITEM_MARGIN = 0.003
 """Distance from a recognised item within which the middles of cells belong to it, m."""
-SKIN = 0.03
+MAX_NOISE_SHARE = 0.03
 """Greatest share of new cells at the surface that is put down to noise."""
-WAS_ITEM = 0.4
+MIN_ITEM_SHARE = 0.4
 """Least share of an obstacle's cells in a recognised item at which the obstacle was that item."""
 
-FIRST = "depth that nothing explains"
-AGAIN = "seen again"
-GREW = "more of it was seen"
-CLEARED = "rays pass through parts of it"
-CHANGED = "it was seen to take up other space"
-GONE = "its place was seen without it"
+REASON_FIRST_SEEN = "depth that nothing explains"
+REASON_SEEN_AGAIN = "seen again"
+REASON_GREW = "more of it was seen"
+REASON_CLEARED = "rays pass through parts of it"
+REASON_CHANGED = "it was seen to take up other space"
+REASON_GONE = "its place was seen without it"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -134,22 +134,28 @@ def update_volumes(
     former = {o.id: cells_of(o) for o in scene.objects if o.role == "obstacle" and not o.attached}
     if not former and not patches:
         return []
-    new = _without(occupied_cells(view, patches), items)
+    new = _outside_items(occupied_cells(view, patches), items)
     kept = {
-        name: _without(retained_cells(view, _unless_item(cells, items)), items)
+        name: _outside_items(retained_cells(view, _unless_item(cells, items)), items)
         for name, cells in former.items()
     }
     seen = _components(np.unique(np.concatenate([new, *kept.values()])), view, patches)
-    names = _named(seen, former)
+    names = _match_former(seen, former)
     for name, each in zip(names, seen, strict=True):
-        _put(scene, name or scene.new_id("obstacle"), each, former.get(name, NONE) if name else NONE, now)
+        _store_obstacle(
+            scene,
+            name or scene.new_id("obstacle"),
+            each,
+            former.get(name, NO_CELLS) if name else NO_CELLS,
+            now,
+        )
     gone = [name for name in former if name not in names]
     for name in gone:
-        scene.remove(name, GONE)
+        scene.remove(name, REASON_GONE)
     return gone
 
 
-def _without(cells: Keys, items: Sequence[BeliefObject]) -> Keys:
+def _outside_items(cells: Keys, items: Sequence[BeliefObject]) -> Keys:
     for item in items:
         cells = cells[~inside(item.shape, item.pose, cell_centres(cells), ITEM_MARGIN)]
     return cells
@@ -159,8 +165,8 @@ def _unless_item(cells: Keys, items: Sequence[BeliefObject]) -> Keys:
     """Return no cells when they were a recognised item: cells that it hides now are not kept."""
     points = cell_centres(cells)
     for item in items:
-        if inside(item.shape, item.pose, points, float(CELL[0])).mean() > WAS_ITEM:
-            return NONE
+        if inside(item.shape, item.pose, points, float(CELL_SIZE[0])).mean() > MIN_ITEM_SHARE:
+            return NO_CELLS
     return cells
 
 
@@ -176,7 +182,7 @@ def _components(cells: Keys, view: PerceivedView, patches: Sequence[UnexplainedP
     _, marks = cv2.connectedComponents(cv2.dilate(plan, np.ones((3, 3), np.uint8)), connectivity=8)
     mark = np.asarray(marks, dtype=np.intp)[at]
     groups = [cells[mark == k] for k in range(1, int(mark.max()) + 1)]
-    groups = sorted((g for g in groups if len(g) >= LEAST), key=lambda g: (-len(g), int(g[0])))
+    groups = sorted((g for g in groups if len(g) >= MIN_OBSTACLE_CELLS), key=lambda g: (-len(g), int(g[0])))
     surfaces = [(patch, surface_of(view, patch)) for patch in patches]
     return [
         _Seen(g, tuple(patch for patch, surface in surfaces if len(np.intersect1d(g, surface)) > 0))
@@ -184,7 +190,7 @@ def _components(cells: Keys, view: PerceivedView, patches: Sequence[UnexplainedP
     ]
 
 
-def _named(seen: Sequence[_Seen], former: dict[ObjectId, Keys]) -> list[ObjectId | None]:
+def _match_former(seen: Sequence[_Seen], former: dict[ObjectId, Keys]) -> list[ObjectId | None]:
     """Match each group to the id of a former obstacle; None for a new one.
 
     The former obstacle that shares most cells comes first, then one close by that shares none with any.
@@ -207,22 +213,22 @@ def _named(seen: Sequence[_Seen], former: dict[ObjectId, Keys]) -> list[ObjectId
                 name: float(np.linalg.norm(cell_centres(former[name]).mean(axis=0) - middle)) for name in left
             }
             nearest = min(left, key=lambda name: (away[name], name))
-            if away[nearest] < NEAR:
+            if away[nearest] < SAME_OBSTACLE_DISTANCE:
                 names[n] = nearest
                 left.remove(nearest)
     return names
 
 
-def _put(scene: PlanningScene, name: ObjectId, seen: _Seen, before: Keys, now: float) -> None:
+def _store_obstacle(scene: PlanningScene, name: ObjectId, seen: _Seen, before: Keys, now: float) -> None:
     known = scene.find(name)
     cells = seen.cells
     if known is not None:
         gone = np.setdiff1d(before, cells, assume_unique=True)
         # Edges come and go with the noise: cells next to occupied ones stay occupied.
         cells = np.union1d(cells, gone[adjacent_cells(gone, cells)])
-        if _alike(cells, before):
+        if _is_unchanged(cells, before):
             if seen.patches:
-                scene.put(replace(known, last_seen=now), AGAIN)
+                scene.put(replace(known, last_seen=now), REASON_SEEN_AGAIN)
             return
     shape, pose, blocks = obstacle_from_cells(merge_cells(cells))
     colour = _colour(seen.patches) or (known.colour if known is not None else "grey")
@@ -233,20 +239,20 @@ def _put(scene: PlanningScene, name: ObjectId, seen: _Seen, before: Keys, now: f
     scene.put(belief, _reason(cells, before))
 
 
-def _alike(cells: Keys, before: Keys) -> bool:
+def _is_unchanged(cells: Keys, before: Keys) -> bool:
     """Whether nothing is gone and, apart from noise at the surface, nothing is new."""
     new = np.setdiff1d(cells, before, assume_unique=True)
-    if len(new) > SKIN * len(cells) or len(cells) - len(new) < len(before):
+    if len(new) > MAX_NOISE_SHARE * len(cells) or len(cells) - len(new) < len(before):
         return False
     return bool(adjacent_cells(new, before).all())
 
 
 def _reason(cells: Keys, before: Keys) -> str:
     if not len(before):
-        return FIRST
+        return REASON_FIRST_SEEN
     more = len(np.setdiff1d(cells, before, assume_unique=True)) > 0
     less = len(np.setdiff1d(before, cells, assume_unique=True)) > 0
-    return CHANGED if more and less else GREW if more else CLEARED
+    return REASON_CHANGED if more and less else REASON_GREW if more else REASON_CLEARED
 
 
 def _colour(patches: Sequence[UnexplainedPatch]) -> str | None:

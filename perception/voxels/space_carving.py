@@ -15,18 +15,18 @@ from ...world.values import Array, Pose
 from ..fitting.view import PerceivedView, UnexplainedPatch
 from ..segmentation import blobs
 from ..segmentation.blobs import Pixels, SegmentationInput, connected_patches
-from .voxel_grid import CELL, HALF_DIAGONAL, NONE, Indices, Keys, cell_centres, cell_keys
+from .voxel_grid import CELL_SIZE, HALF_DIAGONAL, NO_CELLS, Indices, Keys, cell_centres, cell_keys
 
-RAISED = 0.012
+MIN_RAISED_DEPTH = 0.012
 """Least distance of grey depth in front of the background that counts as something, m."""
-LEAST = 20
+MIN_PATCH_PIXELS = 20
 """Least number of pixels of a patch; fewer are noise."""
-LOW = 0.004
+MIN_OBSTACLE_HEIGHT = 0.004
 """Least height of an obstacle over its support, m. Anything flatter is a mark on the table."""
-ALIKE, BACKING = 0.02, 3
+BACKING_DEPTH_TOLERANCE, MIN_BACKING_NEIGHBOURS = 0.02, 3
 """Difference in depth within which pixels back each other, m, and least number of such neighbours among
 eight."""
-BESIDE_ARM = 60
+MIN_PIXELS_NEXT_TO_ARM = 60
 """Least number of pixels of a patch next to the robot: the model's edge leaves slivers."""
 
 
@@ -41,27 +41,27 @@ def unexplained_patches(
     Points (n, 3) of the world that are `in_heap`, in a bin, are left out.
     """
     raised = (picture.depth > 0) & np.isfinite(backdrop) & (picture.label == 0)
-    raised &= backdrop - picture.depth > RAISED
+    raised &= backdrop - picture.depth > MIN_RAISED_DEPTH
     raised &= ~picture.blocked
-    if int(raised.sum()) < LEAST:
+    if int(raised.sum()) < MIN_PATCH_PIXELS:
         return []
     rows, columns = np.nonzero(raised)
     raised[rows, columns] = ~in_heap(points_of(picture, rows, columns))
     items = cv2.dilate((picture.owner > 0).astype(np.uint8), np.ones((5, 5), np.uint8))
     opened = cv2.morphologyEx(
-        (raised & (items == 0) & _backed(picture.depth, raised)).astype(np.uint8),
+        (raised & (items == 0) & _pixels_with_backing(picture.depth, raised)).astype(np.uint8),
         cv2.MORPH_OPEN,
         np.ones((3, 3), np.uint8),
     )
     beside = cv2.dilate(robot.astype(np.uint8), np.ones((3, 3), np.uint8)).astype(np.bool_)
     return [
         (rows, columns)
-        for rows, columns in connected_patches(opened.astype(np.bool_), LEAST)
-        if len(rows) >= BESIDE_ARM or not beside[rows, columns].any()
+        for rows, columns in connected_patches(opened.astype(np.bool_), MIN_PATCH_PIXELS)
+        if len(rows) >= MIN_PIXELS_NEXT_TO_ARM or not beside[rows, columns].any()
     ]
 
 
-def _backed(depth: Array, raised: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def _pixels_with_backing(depth: Array, raised: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Select pixels with enough neighbours of their own depth. At edges a sensor may mix near and far; such a
     pixel is isolated between the two."""
     h, w = depth.shape
@@ -70,8 +70,8 @@ def _backed(depth: Array, raised: NDArray[np.bool_]) -> NDArray[np.bool_]:
     for dy in (0, 1, 2):
         for dx in (0, 1, 2):
             if (dy, dx) != (1, 1):
-                backing += np.abs(padded[dy : dy + h, dx : dx + w] - depth) < ALIKE
-    return raised & (backing >= BACKING)
+                backing += np.abs(padded[dy : dy + h, dx : dx + w] - depth) < BACKING_DEPTH_TOLERANCE
+    return raised & (backing >= MIN_BACKING_NEIGHBOURS)
 
 
 def bounding_box_of(
@@ -86,7 +86,7 @@ def bounding_box_of(
     rows, columns, depths = rows[seen], columns[seen], depths[seen]
     points = points_of(picture, rows, columns)
     top = float(np.percentile(points[:, 2], 95.0))
-    if top - support < LOW:
+    if top - support < MIN_OBSTACLE_HEIGHT:
         return None
     (x, y), (long, wide), turn = cv2.minAreaRect((points[:, :2] * 1000).astype(np.float32))
     pixel = float(np.median(depths)) / picture.sight.intrinsics.fx
@@ -95,7 +95,7 @@ def bounding_box_of(
     labels = picture.label[rows, columns]
     label = int(np.bincount(labels).argmax())
     pose = Pose.from_rpy(middle, (0.0, 0.0, math.radians(turn)))
-    return UnexplainedPatch(Box(size), pose, blobs.NAMES[label] or "grey", rows, columns)
+    return UnexplainedPatch(Box(size), pose, blobs.LABEL_NAMES[label] or "grey", rows, columns)
 
 
 def points_of(picture: SegmentationInput, rows: Pixels, columns: Pixels) -> Array:
@@ -104,15 +104,15 @@ def points_of(picture: SegmentationInput, rows: Pixels, columns: Pixels) -> Arra
     return picture.sight.origin + rays * picture.depth[rows, columns][:, None]
 
 
-PAD = 2.0
+PIXEL_HALF_WIDTH = 2.0
 """Half width of the square that each pixel stands for, pixels: at edges every second pixel is lost."""
-SIGMAS = 2.5
+CLEARING_SIGMAS = 2.5
 """Sigmas of depth noise by which the surface must lie beyond a cell, so that the ray passes the cell."""
-NOISE = 0.002
+DEPTH_NOISE = 0.002
 """Standard deviation of the depth at 0.7 m, m; it grows with the square."""
-WHOLE, ANY = 0.3, 0.01
+MIN_WINDOW_DEPTH_SHARE, MIN_MIDDLE_DEPTH_SHARE = 0.3, 0.01
 """Least share of pixels with a depth for a statement about a whole cell, and about its middle."""
-SMOOTH = 5
+MEDIAN_WIDTH = 5
 """Width of the median filter of the depth, pixels: tops that noise makes uneven would become many boxes."""
 
 
@@ -121,46 +121,54 @@ def occupied_cells(view: PerceivedView, patches: Sequence[UnexplainedPatch]) -> 
 
     Cells that rays pass through as a whole are left out, as below a suspended bar.
     """
-    surface = [_surface(view, patch) for patch in patches]
+    surface = [_surface_points(view, patch) for patch in patches]
     if not surface:
-        return NONE
-    columns = _columns(np.concatenate(surface), view)
-    return columns[~_passed(view, columns, HALF_DIAGONAL, window=True)]
+        return NO_CELLS
+    columns = _cell_columns(np.concatenate(surface), view)
+    return columns[~_cells_passed_by_rays(view, columns, HALF_DIAGONAL, window=True)]
 
 
 def retained_cells(view: PerceivedView, known: Keys) -> Keys:
     """Return the known cells that no ray passes: hidden, out of the view, or seen again."""
-    return known[~_passed(view, known, 0.0, window=False)] if len(known) else known
+    return known[~_cells_passed_by_rays(view, known, 0.0, window=False)] if len(known) else known
 
 
 def surface_of(view: PerceivedView, patch: UnexplainedPatch) -> Keys:
     """Return the cells in which the patch's surface lies."""
-    return cell_keys(np.floor(_surface(view, patch) / CELL).astype(np.int64))
+    return cell_keys(np.floor(_surface_points(view, patch) / CELL_SIZE).astype(np.int64))
 
 
-def _surface(view: PerceivedView, patch: UnexplainedPatch) -> Array:
+def _surface_points(view: PerceivedView, patch: UnexplainedPatch) -> Array:
     """Return points (n, 3) on the patch's surface: the middle and the corners of each pixel."""
     rows, columns = patch.rows, patch.columns
     y, x = int(rows.min()), int(columns.min())
     window = np.zeros((int(rows.max()) - y + 1, int(columns.max()) - x + 1), dtype=np.float32)
     window[rows - y, columns - x] = view.depth[rows, columns]
-    smooth = np.asarray(cv2.medianBlur(window, SMOOTH), dtype=np.float64)[rows - y, columns - x]
+    smooth = np.asarray(cv2.medianBlur(window, MEDIAN_WIDTH), dtype=np.float64)[rows - y, columns - x]
     raw = view.depth[rows, columns]
     # At borders the median takes the background's depth.
-    depth = np.where(np.abs(smooth - raw) < 4 * SIGMAS * NOISE, smooth, raw)
+    depth = np.where(np.abs(smooth - raw) < 4 * CLEARING_SIGMAS * DEPTH_NOISE, smooth, raw)
     middle = np.stack([columns, rows], axis=1).astype(np.float64)
-    offsets = np.array([(0.0, 0.0), (-PAD, -PAD), (-PAD, PAD), (PAD, -PAD), (PAD, PAD)])
+    offsets = np.array(
+        [
+            (0.0, 0.0),
+            (-PIXEL_HALF_WIDTH, -PIXEL_HALF_WIDTH),
+            (-PIXEL_HALF_WIDTH, PIXEL_HALF_WIDTH),
+            (PIXEL_HALF_WIDTH, -PIXEL_HALF_WIDTH),
+            (PIXEL_HALF_WIDTH, PIXEL_HALF_WIDTH),
+        ]
+    )
     points = [view.sight.origin + view.sight.directions(middle + o) * depth[:, None] for o in offsets]
     return np.concatenate(points)
 
 
-def _columns(points: Array, view: PerceivedView) -> Keys:
+def _cell_columns(points: Array, view: PerceivedView) -> Keys:
     """Return the cells that hold the points (n, 3), and those below them down to the supports."""
     supports = view.supports(points)
     upper = points[:, 2] > supports
-    cells = np.floor(points[upper] / CELL).astype(np.int64)
+    cells = np.floor(points[upper] / CELL_SIZE).astype(np.int64)
     # A cell that holds the support belongs to the obstacle on it.
-    lowest = np.floor(supports[upper] / CELL[2] + 1e-6).astype(np.int64)
+    lowest = np.floor(supports[upper] / CELL_SIZE[2] + 1e-6).astype(np.int64)
     places, column = np.unique(cells[:, :2], axis=0, return_inverse=True)
     column = column.reshape(-1)
     tops = np.full(len(places), np.iinfo(np.int64).min)
@@ -175,7 +183,9 @@ def _columns(points: Array, view: PerceivedView) -> Keys:
     return cell_keys(stacked)
 
 
-def _passed(view: PerceivedView, cells: Keys, clear: float, *, window: bool) -> NDArray[np.bool_]:
+def _cells_passed_by_rays(
+    view: PerceivedView, cells: Keys, clear: float, *, window: bool
+) -> NDArray[np.bool_]:
     """Select the cells (n,) that rays pass, to surfaces more than `clear` m behind their middles.
 
     With `window` all rays of a cell must pass, else those through its middle.
@@ -189,8 +199,8 @@ def _passed(view: PerceivedView, cells: Keys, clear: float, *, window: bool) -> 
     if window:
         radius = np.ceil(view.sight.intrinsics.fx * HALF_DIAGONAL / np.maximum(depth, 0.05)).astype(np.int64)
         radius = np.minimum(radius, max(h, w) // 4)
-    needed = depth + clear + SIGMAS * NOISE * (depth / 0.7) ** 2
-    least = WHOLE if window else ANY
+    needed = depth + clear + CLEARING_SIGMAS * DEPTH_NOISE * (depth / 0.7) ** 2
+    least = MIN_WINDOW_DEPTH_SHARE if window else MIN_MIDDLE_DEPTH_SHARE
     measured = view.depth > 0
     passed = np.zeros(len(cells), dtype=np.bool_)
     for r in np.unique(radius[inside]).tolist():

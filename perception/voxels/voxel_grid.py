@@ -18,21 +18,21 @@ from ...world.raycasting import inside
 from ...world.shapes import Box, ConvexMesh, Shape, extents
 from ...world.values import Array, Pose
 
-CELL: Array = np.array([0.01, 0.01, 0.02])
+CELL_SIZE: Array = np.array([0.01, 0.01, 0.02])
 """Edge lengths of a cell, m; the world's origin is a corner of one."""
-TIGHT = 1.25
+MAX_HULL_VOLUME_RATIO = 1.25
 """Greatest volume of a hull that stands for the cells, as a multiple of theirs."""
-HALF_DIAGONAL = float(np.linalg.norm(CELL)) / 2
+HALF_DIAGONAL = float(np.linalg.norm(CELL_SIZE)) / 2
 
 Keys: TypeAlias = NDArray[np.int64]
 """Cells, each packed into one number; sorted, without duplicates."""
 Indices: TypeAlias = NDArray[np.int64]
 """Cells (n, 3) as numbers of cells from the origin along x, y, z."""
 
-NONE: Keys = np.zeros(0, dtype=np.int64)
+NO_CELLS: Keys = np.zeros(0, dtype=np.int64)
 _OFFSET, _BITS = 1 << 19, 20
 _MASK = (1 << _BITS) - 1
-_AROUND = np.array([(x, y, z) for x in (-1, 0, 1) for y in (-1, 0, 1) for z in (-1, 0, 1)])
+_NEIGHBOUR_OFFSETS = np.array([(x, y, z) for x in (-1, 0, 1) for y in (-1, 0, 1) for z in (-1, 0, 1)])
 
 
 def cell_keys(cells: Indices) -> Keys:
@@ -47,12 +47,12 @@ def cell_indices(packed: Keys) -> Indices:
 
 def cell_centres(packed: Keys) -> Array:
     """Centres of the cells in the world (n, 3), m."""
-    return (cell_indices(packed) + 0.5) * CELL
+    return (cell_indices(packed) + 0.5) * CELL_SIZE
 
 
 def adjacent_cells(packed: Keys, others: Keys) -> NDArray[np.bool_]:
     """Select the cells (n,) that are among the others or next to one of them."""
-    around = cell_indices(packed)[:, None, :] + _AROUND[None] + _OFFSET
+    around = cell_indices(packed)[:, None, :] + _NEIGHBOUR_OFFSETS[None] + _OFFSET
     near = (around[..., 0] << (2 * _BITS)) | (around[..., 1] << _BITS) | around[..., 2]
     return np.any(np.isin(near, others), axis=1)
 
@@ -60,10 +60,10 @@ def adjacent_cells(packed: Keys, others: Keys) -> NDArray[np.bool_]:
 def cells_in_body(shape: Shape, pose: Pose) -> Keys:
     """Return the cells whose centres lie in a body."""
     low, high = extents(shape, pose.rotation())
-    first = np.floor((np.array(pose.position) + low) / CELL).astype(np.int64)
-    last = np.ceil((np.array(pose.position) + high) / CELL).astype(np.int64)
+    first = np.floor((np.array(pose.position) + low) / CELL_SIZE).astype(np.int64)
+    last = np.ceil((np.array(pose.position) + high) / CELL_SIZE).astype(np.int64)
     cells = _span(first, np.maximum(last, first))
-    return cell_keys(cells[inside(shape, pose, (cells + 0.5) * CELL)])
+    return cell_keys(cells[inside(shape, pose, (cells + 0.5) * CELL_SIZE)])
 
 
 def cells_of(o: BeliefObject) -> Keys:
@@ -76,8 +76,8 @@ def cells_of(o: BeliefObject) -> Keys:
 def _cells(block: ObstacleBlock, origin: Array) -> Indices:
     """Return the cells of a block of a body at `origin` (3,)."""
     middle, half = origin + block.at, np.array(block.size) / 2
-    first = np.round((middle - half) / CELL).astype(np.int64)
-    last = np.round((middle + half) / CELL).astype(np.int64)
+    first = np.round((middle - half) / CELL_SIZE).astype(np.int64)
+    last = np.round((middle + half) / CELL_SIZE).astype(np.int64)
     return _span(first, last)
 
 
@@ -93,24 +93,24 @@ def obstacle_from_cells(
     """
     first = np.min([low for low, _ in boxes], axis=0)
     last = np.max([high for _, high in boxes], axis=0)
-    middle = (first + last) * CELL / 2
+    middle = (first + last) * CELL_SIZE / 2
     blocks = tuple(
-        ObstacleBlock(_vector((high - low) * CELL), _vector((low + high) * CELL / 2 - middle))
+        ObstacleBlock(_vector((high - low) * CELL_SIZE), _vector((low + high) * CELL_SIZE / 2 - middle))
         for low, high in boxes
     )
-    return _about(blocks), Pose(_vector(middle)), blocks
+    return _enclosing_shape(blocks), Pose(_vector(middle)), blocks
 
 
-def _about(blocks: Sequence[ObstacleBlock]) -> Shape:
+def _enclosing_shape(blocks: Sequence[ObstacleBlock]) -> Shape:
     signs = np.array([(x, y, z) for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
     corners = np.concatenate([np.array(block.at) + signs * np.array(block.size) for block in blocks])
     low, high = corners.min(axis=0), corners.max(axis=0)
     if len(blocks) == 1:
         return Box(_vector(high - low))
     spans = [_cells(block, -low) for block in blocks]
-    volume = len(cell_keys(np.concatenate(spans))) * float(np.prod(CELL))
+    volume = len(cell_keys(np.concatenate(spans))) * float(np.prod(CELL_SIZE))
     hull = ConvexHull(corners)
-    if float(hull.volume) > TIGHT * volume:
+    if float(hull.volume) > MAX_HULL_VOLUME_RATIO * volume:
         return Box(_vector(high - low))
     vertices = np.unique(corners[hull.vertices], axis=0)
     return ConvexMesh(tuple(_vector(vertex) for vertex in vertices), "volume")

@@ -34,8 +34,8 @@ class GeometryOwner(Enum):
     OBSTACLE = auto()
 
 
-GRIPPER = (GeometryOwner.HAND, GeometryOwner.FINGER, GeometryOwner.HELD)
-AROUND = (GeometryOwner.SUPPORT, GeometryOwner.OBSTACLE)
+GRIPPER_OWNERS = (GeometryOwner.HAND, GeometryOwner.FINGER, GeometryOwner.HELD)
+SURROUNDING_OWNERS = (GeometryOwner.SUPPORT, GeometryOwner.OBSTACLE)
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,7 +67,7 @@ class CollisionMargins:
         return table
 
 
-KEPT = 512
+MAX_CACHED_SHAPES = 512
 """Greatest number of shapes in memory: perceived obstacles have ever new sizes."""
 
 
@@ -80,9 +80,9 @@ class CoalShapes:
     def of(self, shape: Shape) -> coal.CollisionGeometry:
         made = self._made.get(shape)
         if made is None:
-            if len(self._made) >= KEPT:
+            if len(self._made) >= MAX_CACHED_SHAPES:
                 self._made.clear()
-            made = self._made[shape] = _make(shape)
+            made = self._made[shape] = _coal_geometry(shape)
             # Without it the broad phase works with an empty box.
             made.computeLocalAABB()
         return made
@@ -111,7 +111,7 @@ def hull(geometry: coal.CollisionGeometry) -> coal.CollisionGeometry:
     return geometry
 
 
-def _make(shape: Shape) -> coal.CollisionGeometry:
+def _coal_geometry(shape: Shape) -> coal.CollisionGeometry:
     match shape:
         case Box((x, y, z)):
             return coal.Box(x, y, z)

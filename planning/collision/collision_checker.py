@@ -18,7 +18,7 @@ from ...world.scene.description import Bin, Fixture
 from ...world.values import Array, Bounds, Vector3
 from ..requests import ContactPair
 from .collision_bodies import (
-    GRIPPER,
+    GRIPPER_OWNERS,
     CoalShapes,
     CollisionBody,
     CollisionMargins,
@@ -28,7 +28,7 @@ from .collision_bodies import (
     movable_bodies,
 )
 from .robot_geometry import (
-    FAINT,
+    MIN_MARGIN,
     CollisionGeometry,
     CollisionModel,
     CollisionModelKey,
@@ -36,13 +36,13 @@ from .robot_geometry import (
     RobotCollisionGeometry,
 )
 
-INSIDE = 0.002
+WORKSPACE_MARGIN = 0.002
 """Distance of the tool to the edges of the workspace that planning keeps, m."""
 
 
-NANOMETRES = 9
+DISTANCE_DECIMALS = 9
 """Number of decimals to which distances in m are rounded."""
-KEPT = 6
+MAX_CACHED_MODELS = 6
 """Greatest number of geometry models in memory: for the belief as it is, and with suppositions."""
 
 
@@ -144,7 +144,7 @@ class CollisionChecker:
                 self._kept.insert(0, self._kept.pop(index))
                 return built
         self._kept.insert(0, CollisionModel(self._robot, content, self._shapes))
-        del self._kept[KEPT:]
+        del self._kept[MAX_CACHED_MODELS:]
         return self._kept[0]
 
     # ---- questions
@@ -172,7 +172,7 @@ class CollisionChecker:
         for contact in contacts:
             for i, j in self._indices(contact.a, contact.b):
                 margin = min(margins[i, j], contact.distance - slack)
-                margins[i, j] = margin if abs(margin) > FAINT else -FAINT
+                margins[i, j] = margin if abs(margin) > MIN_MARGIN else -MIN_MARGIN
         return self._now.checker(margins)
 
     def asked(self, checker: MarginChecker, q: Array, *, within: bool = False) -> bool:
@@ -205,9 +205,9 @@ class CollisionChecker:
             if distance.min_distance < margin:
                 a, b = pieces[pair.first], pieces[pair.second]
                 # The last bits of results depend on memory addresses.
-                x, y, z = (round(float(c), NANOMETRES) for c in distance.getNearestPoint2())
+                x, y, z = (round(float(c), DISTANCE_DECIMALS) for c in distance.getNearestPoint2())
                 point: Vector3 = (x, y, z)
-                depth = round(float(distance.min_distance), NANOMETRES)
+                depth = round(float(distance.min_distance), DISTANCE_DECIMALS)
                 found.append(ContactPair(a.name, b.name, depth, point, margin))
         return tuple(sorted(found, key=lambda contact: contact.distance))
 
@@ -297,7 +297,7 @@ def _self_pairs(
     for i, a in enumerate(pieces):
         for j in range(i + 1, len(pieces)):
             b = pieces[j]
-            both_gripper = a.part in GRIPPER and b.part in GRIPPER
+            both_gripper = a.part in GRIPPER_OWNERS and b.part in GRIPPER_OWNERS
             pairs[i, j] = (
                 a.joint != b.joint and not both_gripper and frozenset((a.name, b.name)) not in disabled
             )
@@ -318,7 +318,11 @@ def _robot(model: RobotModel, margins: CollisionMargins) -> RobotCollisionGeomet
 def _narrowed(room: Bounds) -> tuple[Vector3, Vector3]:
     """Return the corners of the box in which the tool may be."""
     (left, front, low), (right, back, high) = room.min, room.max
-    return (left + INSIDE, front + INSIDE, low + INSIDE), (right - INSIDE, back - INSIDE, high - INSIDE)
+    return (left + WORKSPACE_MARGIN, front + WORKSPACE_MARGIN, low + WORKSPACE_MARGIN), (
+        right - WORKSPACE_MARGIN,
+        back - WORKSPACE_MARGIN,
+        high - WORKSPACE_MARGIN,
+    )
 
 
 def _q_index(model: pin.Model, joint: str) -> int:

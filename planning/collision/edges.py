@@ -11,18 +11,18 @@ import numpy as np
 from ...robots.model import RobotModel
 from ...world.values import Array
 
-RESOLUTION = 0.03
+EDGE_RESOLUTION = 0.03
 """Greatest step along an edge, rad (Euclidean over the joints)."""
-SWEEP = 0.1
+MAX_EDGE_SWEEP = 0.1
 """Greatest travel of any point of the arm in a step of `EdgeSteps`, m, by an upper bound. The hand really
 travels about half of that.
 
 A path is checked far more finely after timing. One in thirty then grazes and is searched again in smaller
 steps, which costs less than smaller steps for all.
 """
-TURN = 0.2
+MAX_EDGE_TURN = 0.2
 """Greatest step of `EdgeSteps` in joint space, rad (Euclidean)."""
-BEYOND = 0.1
+REACH_BEYOND_TCP = 0.1
 """Reach of hand and held object beyond the tool centre point, m."""
 
 Free = Callable[[Array], bool]
@@ -36,8 +36,8 @@ class EdgeSteps:
     """
 
     def __init__(self, model: RobotModel, share: float = 1.0) -> None:
-        self._levers: Array = joint_levers(model) / (SWEEP * share)
-        self._turns = 1.0 / (TURN * share)
+        self._levers: Array = joint_levers(model) / (MAX_EDGE_SWEEP * share)
+        self._turns = 1.0 / (MAX_EDGE_TURN * share)
 
     def count(self, along: Array) -> int:
         """Return the number of steps into which an edge along (n,) is cut."""
@@ -55,14 +55,14 @@ def joint_levers(model: RobotModel) -> Array:
     """Return upper bounds (n,) of the travel of any point of the arm by each joint, m/rad; m/m for a
     slider."""
     arm = model.arm
-    tool = float(np.linalg.norm(arm.frames[model.tcp_frame].placement.translation)) + BEYOND
+    tool = float(np.linalg.norm(arm.frames[model.tcp_frame].placement.translation)) + REACH_BEYOND_TCP
     lengths = [float(np.linalg.norm(arm.jointPlacements[k].translation)) for k in range(2, model.n + 1)]
     reach: Array = np.cumsum([tool, *reversed(lengths)])[::-1].copy()
     slides = [arm.joints[k].shortname().startswith("JointModelP") for k in range(1, model.n + 1)]
     return np.where(slides, 1.0, reach)
 
 
-def edge_free(free: Free, a: Array, b: Array, resolution: float = RESOLUTION) -> bool:
+def edge_free(free: Free, a: Array, b: Array, resolution: float = EDGE_RESOLUTION) -> bool:
     """Whether all steps from a (exclusive) to b (inclusive), both (n,), are free."""
     along = b - a
     count = max(1, int(np.ceil(float(np.linalg.norm(along)) / resolution)))

@@ -14,7 +14,7 @@ from .collision_bodies import CoalShapes
 
 # No signed distance: where bodies touch, the search for the depth throws an exception that Python cannot
 # catch, and the process dies (flexible-collision-library/fcl, issue 529).
-_REQUEST = fcl.DistanceRequest(enable_nearest_points=True)
+_DISTANCE_REQUEST = fcl.DistanceRequest(enable_nearest_points=True)
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,7 +89,7 @@ class FclDistance:
 def distance_between(a: FclPlacedSolid | FclMovedSolid, b: FclPlacedSolid | FclMovedSolid) -> FclDistance:
     """Measure the distance by python-fcl where the bodies are apart; the depth of an overlap by coal."""
     result = fcl.DistanceResult()
-    fcl.distance(a.object, b.object, _REQUEST, result)
+    fcl.distance(a.object, b.object, _DISTANCE_REQUEST, result)
     if result.min_distance > 0.0:
         (ax, ay, az), (bx, by, bz) = (tuple(float(c) for c in p) for p in result.nearest_points)
         return FclDistance(float(result.min_distance), (ax, ay, az), (bx, by, bz))
@@ -99,7 +99,7 @@ def distance_between(a: FclPlacedSolid | FclMovedSolid, b: FclPlacedSolid | FclM
 def _overlap(a: FclPlacedSolid | FclMovedSolid, b: FclPlacedSolid | FclMovedSolid) -> FclDistance:
     request, result = coal.DistanceRequest(), coal.DistanceResult()
     request.enable_signed_distance = True
-    depth = coal.distance(*_for_coal(a), *_for_coal(b), request, result)
+    depth = coal.distance(*_coal_arguments(a), *_coal_arguments(b), request, result)
     (ax, ay, az), (bx, by, bz) = (
         tuple(float(c) for c in p) for p in (result.getNearestPoint1(), result.getNearestPoint2())
     )
@@ -107,12 +107,12 @@ def _overlap(a: FclPlacedSolid | FclMovedSolid, b: FclPlacedSolid | FclMovedSoli
     return FclDistance(min(float(depth), 0.0), (ax, ay, az), (bx, by, bz))
 
 
-def _for_coal(body: FclPlacedSolid | FclMovedSolid) -> tuple[coal.CollisionGeometry, coal.Transform3s]:
+def _coal_arguments(body: FclPlacedSolid | FclMovedSolid) -> tuple[coal.CollisionGeometry, coal.Transform3s]:
     there = coal.Transform3s(body.object.getRotation(), body.object.getTranslation())
-    return _SHAPES.of(body.solid.shape), there
+    return _COAL_SHAPES.of(body.solid.shape), there
 
 
-_SHAPES = CoalShapes()
+_COAL_SHAPES = CoalShapes()
 
 
 def bounds_apart(a: FclPlacedSolid, b: FclPlacedSolid, margin: float) -> bool:

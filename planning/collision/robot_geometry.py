@@ -13,7 +13,7 @@ from ...robots.model import se3
 from ...world.shapes import Shape
 from ...world.values import Array, Pose
 from ..requests import ContactPair
-from .collision_bodies import GRIPPER, CoalShapes, CollisionBody, GeometryOwner, distance_request
+from .collision_bodies import GRIPPER_OWNERS, CoalShapes, CollisionBody, GeometryOwner, distance_request
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -106,7 +106,7 @@ class BodyDistances:
         return np.linalg.norm(np.maximum(gaps, 0.0), axis=1)
 
 
-FAINT = 1e-5
+MIN_MARGIN = 1e-5
 """Least margin, m. Without any, coal's GJK sometimes reports bodies that lie deep in each other as apart.
 
 It stops a micrometre from contact and looks no further (one of 2,000 configurations).
@@ -256,7 +256,7 @@ class CollisionModel:
         allowed = self.content.allowed
         checked = np.ones(len(self.content.bodies), dtype=np.bool_)
         if allowed:
-            side = "gripper" if a.part in GRIPPER else "arm"
+            side = "gripper" if a.part in GRIPPER_OWNERS else "arm"
             for k, (name, _, _) in enumerate(self.content.bodies):
                 if frozenset((side, name)) in allowed or frozenset((a.name, name)) in allowed:
                     checked[k] = False
@@ -266,4 +266,4 @@ class CollisionModel:
         parts = [piece.part.value for piece in self.pieces]
         least = self._robot.margins[np.ix_(parts, parts)]
         least = np.where(least > 0, least + self.content.clearance, least)
-        return np.where(np.abs(least) < FAINT, FAINT, least)
+        return np.where(np.abs(least) < MIN_MARGIN, MIN_MARGIN, least)

@@ -10,20 +10,20 @@ from ..requests import ContactPair
 from .collision_checker import CollisionChecker
 from .robot_geometry import MarginChecker
 
-TOLERANCE = 0.001
+BELIEF_PENETRATION = 0.001
 """Penetration at the start that is put down to errors of the belief, for all bodies, m."""
-DEVIATIONS = 3.0
+POSITION_SIGMAS = 3.0
 """Standard deviations of an object's believed place that are put down to errors of the belief, too.
 
 The object cannot be where the arm is.
 """
-DEEPEST = 0.006
+MAX_BELIEF_PENETRATION = 0.006
 """Greatest penetration that is put down to errors of the belief, m."""
-ZONE = 0.1
+START_ZONE = 0.1
 """Size of the zone around the start in which excused pairs may come no closer, rad in each joint."""
-LEAVING = 0.3
+START_ZONE_OF_OBJECTS = 0.3
 """Size of that zone for objects that are not held, rad: the hand rises next to them before it comes clear."""
-SLACK = 0.0005
+APPROACH_SLACK = 0.0005
 """Greatest further approach of an excused pair in the zone, m."""
 
 
@@ -45,10 +45,10 @@ class StartTolerance:
         if not collision.free(start):
             self.excused = collision.contacts(start)
             self._within = collision.within(start)
-            self._zones.append((ZONE, collision.excusing(self.excused, SLACK)))
+            self._zones.append((START_ZONE, collision.excusing(self.excused, APPROACH_SLACK)))
             loose = tuple(c for c in self.excused if self._loose(c))
             if loose:
-                self._zones.append((LEAVING, collision.excusing(loose, SLACK)))
+                self._zones.append((START_ZONE_OF_OBJECTS, collision.excusing(loose, APPROACH_SLACK)))
         self.stuck = tuple(c for c in self.excused if collision.penetrates(c, self._tolerated(c)))
 
     def free(self, q: Array) -> bool:
@@ -78,4 +78,4 @@ class StartTolerance:
         """Return the depth at the start that may be an error of the belief, m."""
         objects = (self._collision.believed(contact.a), self._collision.believed(contact.b))
         sigma = sum(o.sigma_position for o in objects if o is not None)
-        return min(TOLERANCE + DEVIATIONS * sigma, DEEPEST)
+        return min(BELIEF_PENETRATION + POSITION_SIGMAS * sigma, MAX_BELIEF_PENETRATION)

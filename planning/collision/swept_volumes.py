@@ -15,13 +15,15 @@ from ...world.trajectory import Trajectory
 from ...world.values import Array, Pose
 from .fcl_shapes import FclDistance, FclMovedSolid, FclPlacedSolid, FclSolid, distance_between
 
-STEP = 0.005
+MAX_TCP_STEP = 0.005
 """Greatest travel of the TCP between two moments, m."""
-TURN = 0.03
+MAX_JOINT_STEP = 0.03
 """Greatest distance in joint space between two moments, rad: the elbow may move while the TCP does not."""
 
 Pairs = NDArray[np.intp]
-_TURNS = tuple(Pose.from_rpy((0.0, 0.0, 0.0), rpy).rotation() for rpy in ((0.7, 1.1, 2.3), (-1.3, 0.4, 0.9)))
+_CHECK_ROTATIONS = tuple(
+    Pose.from_rpy((0.0, 0.0, 0.0), rpy).rotation() for rpy in ((0.7, 1.1, 2.3), (-1.3, 0.4, 0.9))
+)
 
 
 class LinkSolid:
@@ -54,8 +56,8 @@ def moments_of(model: RobotModel, trajectory: Trajectory) -> TrajectorySamples:
         pin.forwardKinematics(model.arm, data, configuration)
         points[k] = pin.updateFramePlacement(model.arm, data, frame).translation
     ways = np.maximum(
-        np.linalg.norm(np.diff(points, axis=0), axis=1) / STEP,
-        np.linalg.norm(np.diff(q, axis=0), axis=1) / TURN,
+        np.linalg.norm(np.diff(points, axis=0), axis=1) / MAX_TCP_STEP,
+        np.linalg.norm(np.diff(q, axis=0), axis=1) / MAX_JOINT_STEP,
     )
     along = np.concatenate([[0.0], np.cumsum(ways)])
     total = float(along[-1])
@@ -95,10 +97,10 @@ class RobotSweep:
         self._around = around
         turn, at = _joints(model, [c.joint for c in carried], configurations, width)
         self._rotation: Array = turn @ np.array([c.rotation for c in carried])
-        self._position: Array = at + _turned(turn, np.array([c.position for c in carried]))
+        self._position: Array = at + _rotate_points(turn, np.array([c.position for c in carried]))
         centre, half = np.array([c.centre for c in carried]), np.array([c.half for c in carried])
-        middle = self._position + _turned(self._rotation, centre)
-        reach = _turned(np.abs(self._rotation), half)
+        middle = self._position + _rotate_points(self._rotation, centre)
+        reach = _rotate_points(np.abs(self._rotation), half)
         self._low: Array = middle - reach
         self._high: Array = middle + reach
         self._around_low: Array = np.array([b.low for b in around]).reshape(-1, 3)
@@ -134,7 +136,7 @@ class RobotSweep:
 
     def _bounds(self, when: slice, pairs: Pairs) -> Array:
         low, high = (
-            [_of(moving[when], still, pairs[:, k]) for k in (0, 1)]
+            [_rows_of(moving[when], still, pairs[:, k]) for k in (0, 1)]
             for moving, still in ((self._low, self._around_low), (self._high, self._around_high))
         )
         apart = np.maximum(np.maximum(low[0] - high[1], low[1] - high[0]), 0.0)
@@ -162,7 +164,7 @@ class RobotSweep:
         """
         a, b = self._body(moment, i), self._body(moment, j)
         found = [distance_between(b, a).distance]
-        for turn in _TURNS:
+        for turn in _CHECK_ROTATIONS:
             one, other = (_turned_copy(body, turn) for body in (a, b))
             found += [distance_between(one, other).distance, distance_between(other, one).distance]
         return tuple(found)
@@ -180,7 +182,7 @@ def _turned_copy(body: FclPlacedSolid | FclMovedSolid, turn: Array) -> FclMovedS
     return FclMovedSolid(body.solid, fcl.CollisionObject(body.solid.geometry, place))
 
 
-def _of(moving: Array, still: Array, numbers: NDArray[np.intp]) -> Array:
+def _rows_of(moving: Array, still: Array, numbers: NDArray[np.intp]) -> Array:
     """Select the rows of numbered bodies: (moments, numbers, 3)."""
     picked: Array = np.empty((len(moving), len(numbers), 3))
     moves = numbers < moving.shape[1]
@@ -207,6 +209,6 @@ def _joints(
     return each[..., :3, :3], each[..., :3, 3]
 
 
-def _turned(rotations: Array, points: Array) -> Array:
+def _rotate_points(rotations: Array, points: Array) -> Array:
     """Turn points (c, 3) by rotations (t, c, 3, 3): (t, c, 3)."""
     return np.einsum("tcij,cj->tci", rotations, points)

@@ -15,12 +15,12 @@ from ...world.values import Array, Vector3
 from ..requests import ContactPair
 from .collision_bodies import CollisionMargins, GeometryOwner, fixed_bodies, movable_bodies
 from .fcl_shapes import FclSolid, hull, place, solid
-from .start_tolerance import LEAVING, SLACK, ZONE
+from .start_tolerance import APPROACH_SLACK, START_ZONE, START_ZONE_OF_OBJECTS
 from .swept_volumes import LinkSolid, Pairs, RobotSweep, moments_of
 
-TOLERANCE = 0.0001
+PENETRATION_ROUNDING = 0.0001
 """Penetration that is put down to rounding, m."""
-SLOP = 0.0015
+FCL_DISTANCE_ERROR = 0.0015
 """Greatest error upwards of a python-fcl distance, m. Whether bodies touch is reported correctly.
 
 Of 3019 pairs at their margin its search ended early in 27, by 0.02 to 1.3 mm; exact distances show it.
@@ -102,7 +102,7 @@ class TrajectoryVerifier:
             and not (a.part in gripper and b.part in gripper)
         ]
         # The held object cannot reach the links that carry the hand.
-        carriers = _carriers(model)
+        carriers = _links_carrying_hand(model)
         self._held_against = [
             k for k, a in enumerate(self._things) if a.part not in gripper and a.name not in carriers
         ]
@@ -133,9 +133,13 @@ class TrajectoryVerifier:
             key = (a.name, b.name)
             if excuse_start and moment == 0 and between.distance < least:
                 at_start[key] = min(between.distance, at_start.get(key, 0.0))
-            if key in at_start and from_start[moment] <= (ZONE if scene.find(b.name) is None else LEAVING):
-                least = min(least, at_start[key] - SLACK)
-            if between.distance < min(least - TOLERANCE, worst[key].distance if key in worst else 0.0):
+            if key in at_start and from_start[moment] <= (
+                START_ZONE if scene.find(b.name) is None else START_ZONE_OF_OBJECTS
+            ):
+                least = min(least, at_start[key] - APPROACH_SLACK)
+            if between.distance < min(
+                least - PENETRATION_ROUNDING, worst[key].distance if key in worst else 0.0
+            ):
                 worst[key] = ContactPair(a.name, b.name, between.distance, between.point_b)
             return between.distance - usual
 
@@ -149,7 +153,7 @@ class TrajectoryVerifier:
             left = np.flatnonzero(unknown[:, column])
             while len(left):
                 moment = int(left[len(left) // 2])
-                room = max(look(column, moment) - SLOP, 0.0)
+                room = max(look(column, moment) - FCL_DISTANCE_ERROR, 0.0)
                 away = np.abs(travel[left, column] - travel[moment, column])
                 left = left[(away >= room) & (left != moment)]
         return tuple(sorted(worst.values(), key=lambda contact: contact.distance))
@@ -184,7 +188,7 @@ class TrajectoryVerifier:
             if distance < best:
                 best, answer = distance, (moment, i, j)
             away = np.abs(travel[:, column] - travel[moment, column])
-            bounds[:, column] = np.maximum(bounds[:, column], distance - SLOP - away)
+            bounds[:, column] = np.maximum(bounds[:, column], distance - FCL_DISTANCE_ERROR - away)
             bounds[moment, column] = np.inf
         moment, i, j = answer
         gap = sweep.gap(moment, i, j)
@@ -215,7 +219,7 @@ class TrajectoryVerifier:
             for column in np.flatnonzero(bounds[moment] < keep + reach):
                 i, j = (int(k) for k in view.pairs[column])
                 distance, margin = view.sweep.gap(moment, i, j).distance, float(keep[column])
-                if abs(distance - margin) < reach + SLOP:
+                if abs(distance - margin) < reach + FCL_DISTANCE_ERROR:
                     distance = min(distance, *view.sweep.again(moment, i, j))
                 so_far = reach if least is None else least.distance - least.margin
                 if distance - margin < so_far:
@@ -297,7 +301,7 @@ def _links_beyond(model: RobotModel) -> set[str]:
     return {frames[index].name for index in beyond}
 
 
-def _carriers(model: RobotModel) -> set[str]:
+def _links_carrying_hand(model: RobotModel) -> set[str]:
     """Return the links that do not move against the hand."""
     flange = model.full.frames[model.full.getFrameId(model.description.flange_joint)]
     return {frame.name for frame in model.full.frames if frame.parentJoint == flange.parentJoint}

@@ -9,7 +9,7 @@ import numpy as np
 
 from ...robots.model import RobotModel
 from ...world.values import Array, Bounds, Vector3
-from ..collision.collision_checker import INSIDE, CollisionChecker
+from ..collision.collision_checker import WORKSPACE_MARGIN, CollisionChecker
 from ..path_constraints import ConstraintViolation, PathConstraints
 from ..requests import ContactPair
 
@@ -64,8 +64,12 @@ class GoalInspection:
         """Return how far a point in the world is outside the planned workspace; None: it is inside."""
         if self._workspace is None:
             return None
-        low = np.array(self._workspace.min) + INSIDE - np.array(tool)
-        high = np.array(tool) - np.array(self._workspace.max) + INSIDE
+        low = np.array(self._workspace.min) + WORKSPACE_MARGIN - np.array(tool)
+        high = np.array(tool) - np.array(self._workspace.max) + WORKSPACE_MARGIN
         over = np.maximum(low, high)
         axis = int(np.argmax(over))
-        return WorkspaceExcess("xyz"[axis], float(over[axis]) - INSIDE, tool) if over[axis] > 0 else None
+        return (
+            WorkspaceExcess("xyz"[axis], float(over[axis]) - WORKSPACE_MARGIN, tool)
+            if over[axis] > 0
+            else None
+        )

@@ -12,9 +12,9 @@ from ..kinematics.cartesian_lines import LineResult, interpolate_pose
 from ..kinematics.inverse_kinematics import InverseKinematics
 from .planning_failures import describe_shortfall, format_joint_value
 
-AT_LIMIT = 0.002
+LIMIT_TOLERANCE = 0.002
 """Distance to the planned limit within which a joint counts as being at it, rad."""
-SINGULAR = 0.03
+MIN_SINGULAR_VALUE = 0.03
 """Smallest singular value of the Jacobian below which the arm is in a singularity."""
 
 
@@ -40,7 +40,7 @@ def explain_line_stop(
         return LineStop(
             f"{name} is at its limit of {format_joint_value(model, joint, limit)}", name, singular
         )
-    if singular < SINGULAR:
+    if singular < MIN_SINGULAR_VALUE:
         how = "stretched out or folded, in" if found.ended_by == "reach" else "near"
         why = f"the arm is {how} a singularity (smallest singular value {singular:.3f})"
         return LineStop(why, "", singular)
@@ -58,6 +58,6 @@ def _at_limit(model: RobotModel, q: Array) -> tuple[int, float] | None:
     low, high = q - model.planned_lower, model.planned_upper - q
     room = np.minimum(low, high)
     joint = int(np.argmin(room))
-    if room[joint] > AT_LIMIT:
+    if room[joint] > LIMIT_TOLERANCE:
         return None
     return joint, float(model.lower[joint] if low[joint] <= high[joint] else model.upper[joint])

@@ -11,23 +11,23 @@ import numpy as np
 from ...robots.model import RobotModel
 from ...world.values import Array
 from ..collision.collision_checker import CollisionChecker
-from ..collision.edges import RESOLUTION
+from ..collision.edges import EDGE_RESOLUTION
 from ..collision.start_tolerance import StartTolerance
 from ..path_constraints import PathConstraints
 
-TRIES = 240
+MAX_EXTENSIONS = 240
 """Number of extensions of a local search."""
-STRIDE = 0.3
+MAX_EXTENSION = 0.3
 """Greatest extension of a local search, rad."""
-STEP = 0.06
+EXTENSION_STEP = 0.06
 """Step between two configurations of an extension, rad."""
-FAR = 1.0
+ESCAPED_DISTANCE = 1.0
 """Distance from its root at which a local search counts as having left, rad."""
-CHECKS = 2500
+SEARCH_CHECK_BUDGET = 2500
 """Collision checks that a local search may spend."""
-CONSTRAINT = "the constraint"
+CONSTRAINT_NAME = "the constraint"
 """Name among the blocking bodies for configurations that a constraint forbids."""
-LOOKED_AT = 40
+MAX_EXAMINED = 40
 """Greatest number of blocked configurations that are examined."""
 
 
@@ -70,7 +70,7 @@ class ObstructionSearch:
         three)."""
         hit: list[Array] = []
         for goal in goals[:3]:
-            count = max(2, int(np.ceil(float(np.linalg.norm(goal - start)) / (2 * RESOLUTION))))
+            count = max(2, int(np.ceil(float(np.linalg.norm(goal - start)) / (2 * EDGE_RESOLUTION))))
             way = [start + (goal - start) * (k / count) for k in range(1, count)]
             hit += [q for q in way if not self._free(q)]
         return self._blocked(hit)
@@ -86,32 +86,32 @@ class ObstructionSearch:
         upper = np.maximum(self._model.planned_upper, root)
         tree = [root]
         hit: list[Array] = []
-        end = self._collision.checks + CHECKS
-        for attempt in range(TRIES):
+        end = self._collision.checks + SEARCH_CHECK_BUDGET
+        for attempt in range(MAX_EXTENSIONS):
             if self._collision.checks >= end:
                 return None
             # Paths out of narrow places begin with small moves: every second target is near.
             if attempt % 2:
-                target = np.clip(root + rng.normal(0.0, STRIDE, len(root)), lower, upper)
+                target = np.clip(root + rng.normal(0.0, MAX_EXTENSION, len(root)), lower, upper)
             else:
                 target = rng.uniform(lower, upper)
             near = tree[int(np.argmin([float(np.linalg.norm(q - target)) for q in tree]))]
             along = target - near
             if not along.any():
                 continue
-            along = along * min(1.0, STRIDE / float(np.linalg.norm(along)))
-            steps = max(1, int(np.ceil(float(np.linalg.norm(along)) / STEP)))
+            along = along * min(1.0, MAX_EXTENSION / float(np.linalg.norm(along)))
+            steps = max(1, int(np.ceil(float(np.linalg.norm(along)) / EXTENSION_STEP)))
             reached = near
             for k in range(1, steps + 1):
                 straight = near + along * (k / steps)
                 q = self._constraints.project(straight, lower, upper)
-                if q is None or float(np.abs(q - reached).max()) > STRIDE or not self._free(q):
+                if q is None or float(np.abs(q - reached).max()) > MAX_EXTENSION or not self._free(q):
                     hit.append(straight if q is None else q)
                     break
                 reached = q
             if reached is not near:
                 tree.append(reached)
-                if float(np.linalg.norm(reached - root)) > FAR:
+                if float(np.linalg.norm(reached - root)) > ESCAPED_DISTANCE:
                     return None
         radius = max(float(np.linalg.norm(q - root)) for q in tree)
         return Enclosure(where, radius, self._blocked(hit))
@@ -123,14 +123,14 @@ class ObstructionSearch:
         """Count the deepest contact of each of some of these configurations."""
         if not hit:
             return BlockingBodies()
-        picked = np.unique(np.linspace(0, len(hit) - 1, min(len(hit), LOOKED_AT)).astype(int))
+        picked = np.unique(np.linspace(0, len(hit) - 1, min(len(hit), MAX_EXAMINED)).astype(int))
         names: Counter[str] = Counter()
         for k in picked:
             contacts = self._collision.contacts(hit[int(k)])
             if contacts:
                 names.update((contacts[0].b,))
             elif not self._constraints.hold(hit[int(k)]):
-                names.update((CONSTRAINT,))
+                names.update((CONSTRAINT_NAME,))
         if not names:
             return BlockingBodies()
         return BlockingBodies(

@@ -13,11 +13,11 @@ from ...world.values import Array, Pose, Quaternion
 from ..collision.start_tolerance import StartTolerance
 from .inverse_kinematics import InverseKinematics
 
-STEP = 0.005
+MAX_LINE_STEP = 0.005
 """Greatest travel of the TCP in a step, m."""
-TURN = 0.05
+MAX_LINE_TURN = 0.05
 """Greatest turn of the TCP in a step, rad."""
-JUMP = 0.2
+MAX_JOINT_JUMP = 0.2
 """Greatest change of a joint in one step, rad: more means another branch of the kinematics."""
 
 
@@ -52,7 +52,7 @@ def plan_line(
     """
     begin = model.tcp(start)
     length, turn = begin.distance(tcp_in_world), begin.angle(tcp_in_world)
-    count = max(1, math.ceil(length / STEP - 1e-9), math.ceil(turn / TURN - 1e-9))
+    count = max(1, math.ceil(length / MAX_LINE_STEP - 1e-9), math.ceil(turn / MAX_LINE_TURN - 1e-9))
     path = [start]
     ended_by, blocked, pose = "", None, None
     for k in range(1, count + 1):
@@ -61,7 +61,7 @@ def plan_line(
         q = ik.descend(pose, at)
         if q is None:
             ended_by = "reach"
-        elif np.abs(q - at).max() > JUMP:
+        elif np.abs(q - at).max() > MAX_JOINT_JUMP:
             ended_by = "jump"
         elif not way.free(q):
             ended_by, blocked = "collision", q

@@ -11,12 +11,12 @@ from ...world.values import Array
 if TYPE_CHECKING:
     from ...robots.model import RobotModel
 
-NEAR_LIMIT = 0.5
+LIMIT_DISTANCE = 0.5
 """Distance to a joint's limit below which a configuration becomes uncomfortable, rad."""
-NEAR_SINGULAR = 0.12
+SINGULAR_VALUE_BOUND = 0.12
 """Smallest singular value of the Jacobian (m and rad mixed) below which a configuration becomes
 uncomfortable."""
-WEIGHT = 2.0
+COST_WEIGHT = 2.0
 """Cost of being at one limit, or in a singularity, as a detour, rad."""
 
 
@@ -24,7 +24,7 @@ def configuration_cost(model: RobotModel, q: Array) -> float:
     """Return 0 for a comfortable configuration (n,), growing towards limits and singularities; in rad of
     detour."""
     room = np.minimum(q - model.lower, model.upper - q)
-    limits = np.clip(1.0 - room / NEAR_LIMIT, 0.0, 1.0)
+    limits = np.clip(1.0 - room / LIMIT_DISTANCE, 0.0, 1.0)
     least = float(np.linalg.svd(model.jacobian(q), compute_uv=False)[-1])
-    singular = max(0.0, 1.0 - least / NEAR_SINGULAR)
-    return WEIGHT * (float(limits @ limits) + singular * singular)
+    singular = max(0.0, 1.0 - least / SINGULAR_VALUE_BOUND)
+    return COST_WEIGHT * (float(limits @ limits) + singular * singular)

@@ -9,10 +9,10 @@ from ...robots.model import RobotModel
 from ...world.values import Array
 from .levenberg_marquardt import IkDescent
 
-SIZE = 2048
+SEED_COUNT = 2048
 """Number of configurations. Finding the nearest takes as long as two steps of a descent; twice as many save
 no step."""
-LEVER = 0.3
+TURN_LEVER = 0.3
 """Weight of a turn relative to a travel, m/rad."""
 
 
@@ -20,7 +20,7 @@ class IkSeeds:
     """IK seeds of one robot, computed from it alone in 10 ms; the same in each process."""
 
     def __init__(self, model: RobotModel, descent: IkDescent) -> None:
-        shares = np.random.default_rng(0).uniform(size=(SIZE, model.n))
+        shares = np.random.default_rng(0).uniform(size=(SEED_COUNT, model.n))
         self.configurations: Array = model.planned_lower + shares * (
             model.planned_upper - model.planned_lower
         )
@@ -50,5 +50,5 @@ def pose_key(place: pin.SE3) -> Array:
     point: Array = np.empty(12)
     point[:3] = place.translation
     # Two rotations that differ by a small angle a are 2^½ a apart in the Frobenius norm.
-    point[3:] = (LEVER / 2**0.5) * place.rotation.ravel()
+    point[3:] = (TURN_LEVER / 2**0.5) * place.rotation.ravel()
     return point

@@ -11,36 +11,53 @@ import pinocchio as pin
 from ...robots.model import RobotModel
 from ...world.values import Array, Pose
 from .ik_seeds import IkSeeds, pose_key
-from .levenberg_marquardt import ANGLE, GAIN, POSITION, STALL, TURN, IkDescent, is_hinge, target_of
+from .levenberg_marquardt import (
+    ANGLE_ACCURACY,
+    FULL_TURN,
+    IMPROVEMENT_SHARE,
+    MAX_STALLED_STEPS,
+    POSITION_ACCURACY,
+    IkDescent,
+    is_hinge,
+    target_of,
+)
 from .unreachable_poses import LimitExcess, NearestReach, ReachExplainer
 
-__all__ = ["ANGLE", "APART", "POSITION", "RESTARTS", "InverseKinematics", "LimitExcess", "NearestReach"]
+__all__ = [
+    "ANGLE_ACCURACY",
+    "MAX_FAILED_DESCENTS",
+    "MIN_SOLUTION_DIFFERENCE",
+    "POSITION_ACCURACY",
+    "InverseKinematics",
+    "LimitExcess",
+    "NearestReach",
+]
 
-RESTARTS = 40
+MAX_FAILED_DESCENTS = 40
 """Number of failed descents after which a pose counts as out of reach.
 
 Of a thousand reachable poses one takes more than twenty.
 """
-NO_MORE = 10
+MAX_FAILED_AFTER_SOLUTION = 10
 """Number of failed descents after which the found solutions count as all: an arm of six joints has eight at
 most."""
-AROUND = 48
+SEEDS_NEAR_POSE = 48
 """Number of IK seeds near a pose that are tried."""
-APART = 0.1
+MIN_SOLUTION_DIFFERENCE = 0.1
 """Difference of all joints below which two solutions are the same, rad."""
-OTHER = 0.7
+MIN_SEED_DIFFERENCE = 0.7
 """Difference of all joints below which a seed would lead to a known solution again, rad."""
-PATIENT = (5, 0.9)
+PATIENT_STALL_AND_GAIN = (5, 0.9)
 """Steps and gain of the stall test for a descent from a requested seed. It is given up later than one of
 many."""
 
-GAP = 0.2
+MAX_HINGE_GAP = 0.2
 """Greatest gap of a hinge's range that still counts as endless during a descent, rad."""
-ENDLESS = 1e3
+ENDLESS_LIMIT = 1e3
 """Limits of a hinge that counts as endless, rad."""
-SPARING = 6
+NON_REDUNDANT_JOINTS = 6
 """Number of joints of an arm without redundancy: its first joint must turn towards the pose."""
-FACED = 0.05
+MIN_AXIS_DISTANCE = 0.05
 """Distance to the axis of the first joint below which a point has no direction from it, m."""
 
 
@@ -56,15 +73,15 @@ class InverseKinematics:
         self._length = _length(model)
         self._atlas: IkSeeds | None = None
         self._winding = _winding(model)
-        self._facing = _Facing(model, self._descent) if model.n <= SPARING else None
+        self._facing = _Facing(model, self._descent) if model.n <= NON_REDUNDANT_JOINTS else None
         open_joints = [joint for joint, _, _ in self._winding]
         self._open_lower: Array = model.planned_lower.copy()
         self._open_upper: Array = model.planned_upper.copy()
-        self._open_lower[open_joints], self._open_upper[open_joints] = -ENDLESS, ENDLESS
+        self._open_lower[open_joints], self._open_upper[open_joints] = -ENDLESS_LIMIT, ENDLESS_LIMIT
 
     def descend(self, tcp_in_world: Pose, seed: Array) -> Array | None:
         """Return the solution (n,) that the seed leads to, within the planned limits, or None."""
-        return self._descend(target_of(tcp_in_world), seed, *PATIENT)
+        return self._descend(target_of(tcp_in_world), seed, *PATIENT_STALL_AND_GAIN)
 
     def solutions(
         self, tcp_in_world: Pose, rng: np.random.Generator, near: Array, want: int = 4
@@ -81,12 +98,14 @@ class InverseKinematics:
         in_vain = 0
         for seed in self._seeds(target, rng, near, found):
             q = self._found(target, seed, near)
-            if q is not None and (not found or all(np.abs(q - other).max() > APART for other in found)):
+            if q is not None and (
+                not found or all(np.abs(q - other).max() > MIN_SOLUTION_DIFFERENCE for other in found)
+            ):
                 found.append(q)
                 in_vain = 0
             else:
                 in_vain += 1
-            if len(found) == want or in_vain == (NO_MORE if found else RESTARTS):
+            if len(found) == want or in_vain == (MAX_FAILED_AFTER_SOLUTION if found else MAX_FAILED_DESCENTS):
                 break
         return found if len(found) < 2 else sorted(found, key=lambda q: float(np.linalg.norm(q - near)))
 
@@ -97,12 +116,12 @@ class InverseKinematics:
         angles = q.tolist()
         for joint, low, high in self._winding:
             angle = angles[joint]
-            turns = round((float(near[joint]) - angle) / TURN)
-            if not low <= angle + TURN * turns <= high:
-                fewest, most = math.ceil((low - angle) / TURN), math.floor((high - angle) / TURN)
+            turns = round((float(near[joint]) - angle) / FULL_TURN)
+            if not low <= angle + FULL_TURN * turns <= high:
+                fewest, most = math.ceil((low - angle) / FULL_TURN), math.floor((high - angle) / FULL_TURN)
                 # The limits may have a gap that no number of turns leads out of.
                 turns = min(max(turns, fewest), most) if fewest <= most else fewest
-            angles[joint] = angle + TURN * turns
+            angles[joint] = angle + FULL_TURN * turns
         return np.array(angles)
 
     def _found(self, target: pin.SE3, seed: Array, near: Array) -> Array | None:
@@ -132,7 +151,9 @@ class InverseKinematics:
             self._atlas = IkSeeds(self.model, self._descent)
         return self._atlas
 
-    def _descend(self, target: pin.SE3, seed: Array, stall: int = STALL, gain: float = GAIN) -> Array | None:
+    def _descend(
+        self, target: pin.SE3, seed: Array, stall: int = MAX_STALLED_STEPS, gain: float = IMPROVEMENT_SHARE
+    ) -> Array | None:
         self.solves += 1
         lower, upper = self.model.planned_lower, self.model.planned_upper
         q: Array = np.minimum(np.maximum(seed, lower), upper)
@@ -149,7 +170,7 @@ class InverseKinematics:
         random configurations.
         """
         yield near if self._facing is None else self._facing.turned(near, target)
-        around = self._known().around(pose_key(target), AROUND)
+        around = self._known().around(pose_key(target), SEEDS_NEAR_POSE)
         far = np.abs(around - near).max(axis=1)
         order = np.argsort(far, kind="stable")
         left = [around[int(k)] for k in order]
@@ -157,7 +178,7 @@ class InverseKinematics:
         while left:
             attempt += 1
             seed = left.pop(0 if attempt % 2 else int(rng.integers(len(left))))
-            if all(float(np.abs(seed - q).max()) > OTHER for q in found):
+            if all(float(np.abs(seed - q).max()) > MIN_SEED_DIFFERENCE for q in found):
                 yield seed
         while True:
             yield rng.uniform(self.model.planned_lower, self.model.planned_upper)
@@ -180,12 +201,12 @@ class _Facing:
         x, y, z, u, v, w = x - ox, y - oy, z - oz, u - ox, v - oy, w - oz
         across = ax * (y * w - z * v) + ay * (z * u - x * w) + az * (x * v - y * u)
         along = x * u + y * v + z * w - (ax * x + ay * y + az * z) * (ax * u + ay * v + az * w)
-        if across * across + along * along < FACED**4:
+        if across * across + along * along < MIN_AXIS_DISTANCE**4:
             return q
         angle = float(q[0]) + math.atan2(across, along)
         low, high = float(self._model.planned_lower[0]), float(self._model.planned_upper[0])
         if not low <= angle <= high:
-            other = angle - math.copysign(TURN, angle)
+            other = angle - math.copysign(FULL_TURN, angle)
             angle = other if low <= other <= high else min(max(angle, low), high)
         turned = q.copy()
         turned[0] = angle
@@ -210,5 +231,5 @@ def _winding(model: RobotModel) -> list[tuple[int, float, float]]:
     return [
         (k, low, high)
         for k, (joint, low, high) in enumerate(limits)
-        if is_hinge(joint) and high - low > TURN - GAP
+        if is_hinge(joint) and high - low > FULL_TURN - MAX_HINGE_GAP
     ]

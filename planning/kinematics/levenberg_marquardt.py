@@ -16,26 +16,26 @@ from scipy.linalg.lapack import dposv
 from ...robots.model import RobotModel
 from ...world.values import Array, Pose
 
-POSITION = 1e-5
+POSITION_ACCURACY = 1e-5
 """Accuracy of the position, m."""
-ANGLE = 1e-4
+ANGLE_ACCURACY = 1e-4
 """Accuracy of the orientation, rad."""
-STEPS = 60
-STALL = 4
+MAX_DESCENT_STEPS = 60
+MAX_STALLED_STEPS = 4
 """Number of steps without an improvement after which a descent is given up."""
-GAIN = 0.7
+IMPROVEMENT_SHARE = 0.7
 """Share of the least squared error so far that counts as an improvement."""
-DAMPING = 1e-2
+DAMPING_SHARE = 1e-2
 """Damping as a share of the remaining squared error; fewer steps than with a tenth or ten times as much."""
-LONGEST = 1.5
+MAX_STEP_LENGTH = 1.5
 """Greatest length of a step in joint space, rad."""
-PULL = 0.1
+MAX_POSITION_PULL = 0.1
 """Greatest travel that a step aims at where the target need not be reached, m.
 
 After Buss and Kim, "Selectively damped least squares for inverse kinematics", Journal of Graphics Tools 10
 (2005).
 """
-TURN = 2 * math.pi
+FULL_TURN = 2 * math.pi
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -74,9 +74,9 @@ class IkDescent:
         upper: Array,
         *,
         weights: Array | None = None,
-        stall: int = STALL,
-        gain: float = GAIN,
-        steps: int = STEPS,
+        stall: int = MAX_STALLED_STEPS,
+        gain: float = IMPROVEMENT_SHARE,
+        steps: int = MAX_DESCENT_STEPS,
     ) -> IkResult:
         """Descend from a seed (n,) within the limits (n,) towards the TCP's target in the world.
 
@@ -107,10 +107,10 @@ class IkDescent:
             x, y, z, a, b, c = error.tolist()
             position, angle = x * x + y * y + z * z, a * a + b * b + c * c
             left = position + angle
-            if weights is not None and position > PULL**2:
+            if weights is not None and position > MAX_POSITION_PULL**2:
                 # A target out of reach would pull the arm to and fro.
-                error[:3] *= PULL / math.sqrt(position)
-            if position < POSITION**2 and angle < ANGLE**2:
+                error[:3] *= MAX_POSITION_PULL / math.sqrt(position)
+            if position < POSITION_ACCURACY**2 and angle < ANGLE_ACCURACY**2:
                 return IkResult(q, True, left)
             if left < gain * best:
                 best, best_q, patience = left, q, stall
@@ -129,11 +129,11 @@ class IkDescent:
                         jacobian[:, joint] = 0.0
             # The damped step among the six errors: J^T (J J^T + d)^-1 e equals (J^T J + d)^-1 J^T e.
             np.dot(jacobian, jacobian.T, out=hessian)
-            diagonal += DAMPING * left + 1e-7
+            diagonal += DAMPING_SHARE * left + 1e-7
             step = dposv(hessian, error)[1].dot(jacobian)
             length = math.hypot(*step.tolist())
-            if length > LONGEST:
-                step *= LONGEST / length
+            if length > MAX_STEP_LENGTH:
+                step *= MAX_STEP_LENGTH / length
             q = q + step
             angles = q.tolist()
             at_limit = False

@@ -12,18 +12,18 @@ import pinocchio as pin
 from ...robots.model import RobotModel, pose_of
 from ...world.values import Array, Pose
 from .ik_seeds import IkSeeds, pose_key
-from .levenberg_marquardt import TURN, IkDescent, IkResult, is_hinge, target_of
+from .levenberg_marquardt import FULL_TURN, IkDescent, IkResult, is_hinge, target_of
 
-SEEDS = 12
+EXPLANATION_SEEDS = 12
 """Number of seeds for each answer; the best result counts."""
-POINT = np.array([1.0, 1.0, 1.0, 0.0, 0.0, 0.0])
+POSITION_WEIGHTS = np.array([1.0, 1.0, 1.0, 0.0, 0.0, 0.0])
 """Weights of the position alone."""
-MOSTLY_POINT = np.array([1.0, 1.0, 1.0, 0.03, 0.03, 0.03])
+MOSTLY_POSITION_WEIGHTS = np.array([1.0, 1.0, 1.0, 0.03, 0.03, 0.03])
 """Weights of position and orientation, for the orientation as near as possible where the position is nearly
 reached."""
-THERE = 1e-4
+REACHED_DISTANCE = 1e-4
 """Position error below which a position is reached, m."""
-AT_LIMIT = 1e-6
+LIMIT_TOLERANCE = 1e-6
 """Distance to a limit within which a joint is at it, rad or m."""
 
 Obstacle = Literal["", "position", "orientation", "limits"]
@@ -71,8 +71,8 @@ class ReachExplainer:
         self._descent = descent
         self._atlas = atlas
         hinge = np.array([is_hinge(joint) for joint in model.arm.joints][1:])
-        self._open_lower: Array = np.where(hinge, -TURN, model.planned_lower)
-        self._open_upper: Array = np.where(hinge, TURN, model.planned_upper)
+        self._open_lower: Array = np.where(hinge, -FULL_TURN, model.planned_lower)
+        self._open_upper: Array = np.where(hinge, FULL_TURN, model.planned_upper)
         self._hinge = hinge
 
     def nearest(self, tcp_in_world: Pose, near: Array) -> NearestReach:
@@ -80,21 +80,27 @@ class ReachExplainer:
         alone."""
         model, target = self._model, target_of(tcp_in_world)
         lower, upper = model.planned_lower, model.planned_upper
-        seeds: list[Array] = [np.clip(near, lower, upper), *self._atlas.around(pose_key(target), SEEDS - 1)]
+        seeds: list[Array] = [
+            np.clip(near, lower, upper),
+            *self._atlas.around(pose_key(target), EXPLANATION_SEEDS - 1),
+        ]
         for seed in seeds:
             reached = self._minimum(target, seed, None)
             if reached.solved:
                 return self._answer(reached.q, tcp_in_world, "")
         beyond = self._beyond(target, seeds)
         turned = [
-            self._minimum(target, self._minimum(target, seed, MOSTLY_POINT).q, POINT).q for seed in seeds
+            self._minimum(target, self._minimum(target, seed, MOSTLY_POSITION_WEIGHTS).q, POSITION_WEIGHTS).q
+            for seed in seeds
         ]
-        pointed = [self._minimum(target, seed, POINT).q for seed in seeds]
+        pointed = [self._minimum(target, seed, POSITION_WEIGHTS).q for seed in seeds]
         answers = [self._answer(q, tcp_in_world, "orientation") for q in (*turned, *pointed)]
-        best = min(answers, key=lambda a: (0.0, a.angle) if a.distance < THERE else (a.distance, 0.0))
+        best = min(
+            answers, key=lambda a: (0.0, a.angle) if a.distance < REACHED_DISTANCE else (a.distance, 0.0)
+        )
         if beyond:
             return replace(best, obstacle="limits", beyond=beyond)
-        return best if best.distance < THERE else replace(best, obstacle="position")
+        return best if best.distance < REACHED_DISTANCE else replace(best, obstacle="position")
 
     def _minimum(self, target: pin.SE3, seed: Array, weights: Array | None) -> IkResult:
         lower, upper = self._model.planned_lower, self._model.planned_upper
@@ -110,8 +116,8 @@ class ReachExplainer:
             reached = self._descent.run(target, seed, self._open_lower, self._open_upper)
             if reached.solved:
                 middle = 0.5 * (lower + upper)
-                turns = np.rint((middle - reached.q) / TURN)
-                q = np.where(self._hinge, reached.q + TURN * turns, reached.q)
+                turns = np.rint((middle - reached.q) / FULL_TURN)
+                q = np.where(self._hinge, reached.q + FULL_TURN * turns, reached.q)
                 over = float(np.linalg.norm(np.maximum(lower - q, 0.0) + np.maximum(q - upper, 0.0)))
                 if over < least:
                     best, least = q, over
@@ -127,7 +133,7 @@ class ReachExplainer:
     def _answer(self, q: Array, tcp_in_world: Pose, obstacle: Obstacle) -> NearestReach:
         model = self._model
         reached = pose_of(self._descent.place(q))
-        stands = (q <= model.planned_lower + AT_LIMIT) | (q >= model.planned_upper - AT_LIMIT)
+        stands = (q <= model.planned_lower + LIMIT_TOLERANCE) | (q >= model.planned_upper - LIMIT_TOLERANCE)
         names = zip(model.description.joints, stands.tolist(), strict=True)
         at_limit = tuple(name for name, at in names if at)
         distance, angle = reached.distance(tcp_in_world), reached.angle(tcp_in_world)

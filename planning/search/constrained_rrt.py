@@ -15,31 +15,31 @@ from ...robots.model import RobotModel
 from ...world.trajectory import Trajectory
 from ...world.values import Array
 from ..collision.collision_checker import CollisionChecker
-from ..collision.edges import RESOLUTION, edge_free
+from ..collision.edges import EDGE_RESOLUTION, edge_free
 from ..collision.start_tolerance import StartTolerance
 from ..collision.trajectory_check import is_trajectory_free
 from ..kinematics.configuration_cost import configuration_cost
-from ..path_constraints import RESERVE, PathConstraints
+from ..path_constraints import PROJECTION_RESERVE, PathConstraints
 from ..requests import Scaling
 from ..timing.time_parameterization import time_corners, time_smooth
-from .joint_planner import RADII, TimedPath
+from .joint_planner import CORNER_RADII, TimedPath
 
-NAME = "CBiRRT"
-STRIDE = 0.3
+PLANNER_NAME = "CBiRRT"
+MAX_TREE_STEP = 0.3
 """Greatest step of a tree between two projections, rad."""
-STEPS = 1
+SAMPLE_STEPS = 1
 """Number of steps of the tree that grows towards a sample. The other tree then extends towards it as far as
 it gets."""
-WITHIN = (0.1, 0.9)
+SAMPLE_RESERVES = (0.1, 0.9)
 """Range of the share of their room that samples keep from the constraints' borders. Without it all samples
 would be on the borders."""
-CURVATURE = 8.0
+CURVATURE_DIVISOR = 8.0
 """Divisor of the estimate s² / CURVATURE of how far a step of s rad leaves a constraint between its ends."""
-SHORTEN = 60
+SHORTENING_ATTEMPTS = 60
 """Number of attempts to shorten a path."""
-MANY = 8
+MIN_SPLINE_CORNERS = 8
 """Number of corners above which a path is also tried as a spline through all of them."""
-ATTEMPTS = 3
+SEARCH_ATTEMPTS = 3
 """Number of searches, each with finer steps, when the found path cannot be timed."""
 
 
@@ -76,7 +76,7 @@ class ConstrainedPlanner:
             return float(np.linalg.norm(goals[k] - self._start)) + configuration_cost(self._model, goals[k])
 
         for k in sorted(range(len(goals)), key=effort):
-            if self.edge(self._start, goals[k], RESOLUTION):
+            if self.edge(self._start, goals[k], EDGE_RESOLUTION):
                 path = np.array([self._start, goals[k]])
                 trajectory = self._timed(path)
                 if trajectory is not None:
@@ -88,10 +88,10 @@ class ConstrainedPlanner:
         and constraints."""
         lower: Array = np.min([self._model.planned_lower, self._start, *goals], axis=0)
         upper: Array = np.max([self._model.planned_upper, self._start, *goals], axis=0)
-        stride = min(STRIDE, float(np.sqrt(CURVATURE * self._constraints.room / 2)))
+        stride = min(MAX_TREE_STEP, float(np.sqrt(CURVATURE_DIVISOR * self._constraints.room / 2)))
         rng = np.random.default_rng(seed)
-        for attempt in range(ATTEMPTS):
-            search = _Search(self, lower, upper, stride / 2**attempt, RESOLUTION / 2**attempt, rng)
+        for attempt in range(SEARCH_ATTEMPTS):
+            search = _Search(self, lower, upper, stride / 2**attempt, EDGE_RESOLUTION / 2**attempt, rng)
             path = search.connect(self._start, goals)
             if path is None:
                 return None
@@ -99,10 +99,12 @@ class ConstrainedPlanner:
             trajectory = self._timed(path)
             if trajectory is not None:
                 nearest = [float(np.abs(goal - path[-1]).max()) for goal in goals]
-                return TimedPath(trajectory, path, NAME, int(np.argmin(nearest)))
+                return TimedPath(trajectory, path, PLANNER_NAME, int(np.argmin(nearest)))
         return None
 
-    def project(self, q: Array, lower: Array, upper: Array, reserve: float = RESERVE) -> Array | None:
+    def project(
+        self, q: Array, lower: Array, upper: Array, reserve: float = PROJECTION_RESERVE
+    ) -> Array | None:
         """Return a configuration near q where the constraints hold with a reserve, or None."""
         return self._constraints.project(q, lower, upper, reserve)
 
@@ -121,12 +123,12 @@ class ConstrainedPlanner:
     def _timed(self, path: Array) -> Trajectory | None:
         """Return the fastest of the timings that stay free and keep the constraints; None: there is none."""
         found: list[Trajectory] = []
-        for radius in RADII if len(path) > 2 else RADII[:1]:
+        for radius in CORNER_RADII if len(path) > 2 else CORNER_RADII[:1]:
             trajectory = time_corners(self._model, path, self._scaling, radius)
             if trajectory is not None and self._stays(trajectory):
                 found.append(trajectory)
                 break
-        if len(path) > MANY:
+        if len(path) > MIN_SPLINE_CORNERS:
             trajectory = time_smooth(self._model, path, self._scaling)
             if trajectory is not None and self._stays(trajectory):
                 found.append(trajectory)
@@ -196,7 +198,7 @@ class _Search:
         turn = 0
         while not self._planner.spent:
             one, other = trees[turn], trees[1 - turn]
-            reached = self._extend(one, one.nearest(target), target, STEPS)
+            reached = self._extend(one, one.nearest(target), target, SAMPLE_STEPS)
             tip = one.at(reached)
             met = self._extend(other, other.nearest(tip), tip)
             if float(np.abs(other.at(met) - tip).max()) < 1e-9:
@@ -209,7 +211,7 @@ class _Search:
 
     def _sample(self) -> Array:
         q = self._rng.uniform(self._lower, self._upper)
-        reserve = float(self._rng.uniform(*WITHIN))
+        reserve = float(self._rng.uniform(*SAMPLE_RESERVES))
         projected = self._planner.project(q, self._lower, self._upper, reserve)
         return q if projected is None else projected
 
@@ -242,14 +244,14 @@ class _Search:
     def shortened(self, path: Array) -> Array:
         """Cut detours off a path: straight where the constraints allow it, else by projected steps."""
         points = list(path)
-        for _ in range(SHORTEN):
+        for _ in range(SHORTENING_ATTEMPTS):
             if len(points) < 3 or self._planner.spent:
                 break
             a, b = sorted(int(k) for k in self._rng.choice(len(points), 2, replace=False))
             if b - a < 2:
                 continue
             between = self._between(points[a], points[b])
-            if between is not None and _length([points[a], *between, points[b]]) < 0.999 * _length(
+            if between is not None and _path_length([points[a], *between, points[b]]) < 0.999 * _path_length(
                 points[a : b + 1]
             ):
                 points[a + 1 : b] = between
@@ -273,5 +275,5 @@ class _Search:
         return points
 
 
-def _length(points: Sequence[Array]) -> float:
+def _path_length(points: Sequence[Array]) -> float:
     return float(np.linalg.norm(np.diff(np.array(points), axis=0), axis=1).sum())

@@ -22,35 +22,35 @@ from ..kinematics.inverse_kinematics import InverseKinematics
 from ..path_constraints import PathConstraints
 from ..requests import Goal, JointGoal, NamedGoal, PoseGoal, RegionGoal
 
-SAMPLES = 64
+REGION_SAMPLES = 64
 """Number of poses of a region that are tried, besides its middle."""
 
 
-def region_poses(region: RegionGoal, count: int = SAMPLES) -> tuple[Pose, ...]:
+def region_poses(region: RegionGoal, count: int = REGION_SAMPLES) -> tuple[Pose, ...]:
     """Return the pose itself, then `count` others, spread evenly over the region and sorted by their distance
     from it.
 
     A turn, a tilt or a shift counts by its share of the allowed one. Additive recurrence on powers of the
     generalised golden ratio: Roberts, "The unreasonable effectiveness of quasirandom sequences" (2018).
     """
-    freedoms = _freedoms(region)
+    freedoms = _free_dimensions(region)
     if not any(freedoms):
         return (region.tcp_in_world,)
-    points = _spread(count, sum(freedoms))
+    points = _quasirandom_points(count, sum(freedoms))
     units = np.full((count, 6), 0.5)
     units[:, np.flatnonzero(freedoms)] = points
-    off = [_off(region, freedoms, unit) for unit in units]
+    off = [_distance_share(region, freedoms, unit) for unit in units]
     nearest = sorted(range(count), key=lambda k: off[k])
-    return (region.tcp_in_world, *(_pose(region, units[k]) for k in nearest))
+    return (region.tcp_in_world, *(_region_pose(region, units[k]) for k in nearest))
 
 
-def _freedoms(region: RegionGoal) -> tuple[bool, ...]:
+def _free_dimensions(region: RegionGoal) -> tuple[bool, ...]:
     """Return which of turn, tilt, direction of the tilt, x, y and z are free."""
     tilts = region.tilt > 0
     return (region.yaw > 0, tilts, tilts, *(r > 0 for r in region.reach))
 
 
-def _spread(count: int, dimensions: int) -> Array:
+def _quasirandom_points(count: int, dimensions: int) -> Array:
     """Return points (count, dimensions) in [0, 1), evenly spread for any count."""
     ratio = 2.0
     for _ in range(40):  # the positive root of x^(d+1) = x + 1
@@ -59,13 +59,13 @@ def _spread(count: int, dimensions: int) -> Array:
     return np.mod(0.5 + np.arange(1, count + 1)[:, None] * steps, 1.0)
 
 
-def _off(region: RegionGoal, freedoms: tuple[bool, ...], unit: Array) -> float:
+def _distance_share(region: RegionGoal, freedoms: tuple[bool, ...], unit: Array) -> float:
     shares = [abs(2 * float(u) - 1) for u in unit]
     shares[1], shares[2] = math.sqrt(float(unit[1])), 0.0
     return math.hypot(*(share for share, free in zip(shares, freedoms, strict=True) if free))
 
 
-def _pose(region: RegionGoal, unit: Array) -> Pose:
+def _region_pose(region: RegionGoal, unit: Array) -> Pose:
     turn, spread, direction, *shift = (float(u) for u in unit)
     yaw = (2 * turn - 1) * region.yaw
     # The square root spreads tilts evenly over the cone's disc.
@@ -77,14 +77,14 @@ def _pose(region: RegionGoal, unit: Array) -> Pose:
     return region.tcp_in_world @ leant @ turned
 
 
-HOME = "home"
-UNCOMFORTABLE = 0.3
+HOME_CONFIGURATION = "home"
+UNCOMFORTABLE_COST = 0.3
 """Cost above which the solution from home is tried, too, see `configuration_cost`, rad."""
-SOLUTIONS = 4
+SOLUTIONS_PER_POSE = 4
 """Number of IK solutions that are searched for each pose."""
-NEAR = (1, 8, 16)
+NEAR_BATCHES = (1, 8, 16)
 """Numbers of a region's poses that are tried together by their near solutions, in this order."""
-ENOUGH = 8
+ENOUGH_CONFIGURATIONS = 8
 """Number of free configurations in a region with which a search begins."""
 
 
@@ -116,7 +116,7 @@ class GoalSet:
         self._start = start
         self._constraints = constraints
         self._goal = goal
-        self._home = model.named(HOME)
+        self._home = model.named(HOME_CONFIGURATION)
 
     def near(self) -> Iterator[list[GoalConfiguration]]:
         """Yield for each pose the free solution that the start itself leads to; those of a region in parts,
@@ -130,7 +130,7 @@ class GoalSet:
                 yield self._near(self._possible(self._goal.tcp_in_world))
             case RegionGoal():
                 rest = iter(self._possible(region_poses(self._goal)))
-                for count in NEAR:
+                for count in NEAR_BATCHES:
                     yield self._near(list(islice(rest, count)))
             case _:
                 return
@@ -144,7 +144,7 @@ class GoalSet:
             case PoseGoal(wanted):
                 return self._all(wanted, seed, None)
             case RegionGoal():
-                return self._all(region_poses(self._goal), seed, ENOUGH)
+                return self._all(region_poses(self._goal), seed, ENOUGH_CONFIGURATIONS)
             case _:
                 return [GoalConfiguration(self._joints(self._goal), 0)]
 
@@ -162,7 +162,7 @@ class GoalSet:
             q = self._ik.descend(pose, self._start)
             if q is not None and self._way.free(q):
                 targets.append(GoalConfiguration(q, k))
-            if q is None or configuration_cost(self._model, q) > UNCOMFORTABLE:
+            if q is None or configuration_cost(self._model, q) > UNCOMFORTABLE_COST:
                 other = self._ik.descend(pose, self._home)
                 if other is not None and self._way.free(other):
                     targets.append(GoalConfiguration(other, k))
@@ -179,7 +179,7 @@ class GoalSet:
         targets: list[GoalConfiguration] = []
         rejected: list[GoalConfiguration] = []
         for k, pose in possible:
-            for q in self._ik.solutions(pose, rng, self._start, SOLUTIONS):
+            for q in self._ik.solutions(pose, rng, self._start, SOLUTIONS_PER_POSE):
                 (targets if self._way.free(q) else rejected).append(GoalConfiguration(q, k))
             if enough is not None and len(targets) >= enough:
                 break

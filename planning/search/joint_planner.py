@@ -21,13 +21,13 @@ from ..timing.time_parameterization import time_corners
 from .rrt_connect import EdgeFree, Rooted, rrt_connect, shortcut_path
 from .start_retreat import retreat_path
 
-RADII = (0.1, 0.05, 0.02, 0.005)
+CORNER_RADII = (0.1, 0.05, 0.02, 0.005)
 """Distances at which corners are cut, tried in this order until the timed path is free, rad."""
-SHARES = (1.0, 0.5, 0.25)
+STEP_SHARES = (1.0, 0.5, 0.25)
 """Shares of the greatest step of an edge, tried in this order while paths graze."""
-ON_PATH = 1e-4
+ON_PATH_DISTANCE = 1e-4
 """Distance from a path below which a configuration is on a straight part of it, rad."""
-ROOTS = 4
+MAX_RETREATING_GOALS = 4
 """Number of goals, the nearest first, for which a retreat path is planned."""
 
 
@@ -89,7 +89,7 @@ class JointPlanner:
         # Start and goals may be nearer to the limits than the planned configurations between them.
         lower, upper = self._model.planned_lower, self._model.planned_upper
         # A path that grazes between its steps is searched again with smaller ones.
-        for attempt, share in enumerate(SHARES):
+        for attempt, share in enumerate(STEP_SHARES):
             strides = EdgeSteps(self._model, share)
             rng = np.random.default_rng([seed, attempt])
 
@@ -116,7 +116,9 @@ class JointPlanner:
 
     def _near_first(self, goals: Sequence[Array], rooted: Callable[[Array], Rooted]) -> list[Rooted]:
         nearest = sorted(goals, key=lambda q: float(np.linalg.norm(q - self._start)))
-        return [rooted(q) for q in nearest[:ROOTS]] + [(q, ()) for q in nearest[ROOTS:]]
+        return [rooted(q) for q in nearest[:MAX_RETREATING_GOALS]] + [
+            (q, ()) for q in nearest[MAX_RETREATING_GOALS:]
+        ]
 
     def _free(self, q: Array) -> bool:
         return not self._budget.is_spent() and self._way.free(q)
@@ -125,20 +127,20 @@ class JointPlanner:
         return self._strides.free(self._free, a, b)
 
     def _timed(self, path: Array) -> Trajectory | None:
-        for radius in RADII if len(path) > 2 else RADII[:1]:
+        for radius in CORNER_RADII if len(path) > 2 else CORNER_RADII[:1]:
             trajectory = time_corners(self._model, path, self._scaling, radius)
             if trajectory is None:
                 continue
             hit = first_collision(self._way, trajectory)
             if hit is None:
                 return trajectory
-            if _apart(path, hit) < ON_PATH:
+            if _distance_to_path(path, hit) < ON_PATH_DISTANCE:
                 # On a straight part, cutting less of the corners helps nothing.
                 return None
         return None
 
 
-def _apart(path: Array, q: Array) -> float:
+def _distance_to_path(path: Array, q: Array) -> float:
     """Return the distance of q (n,) to a polyline (m, n), rad."""
     along = np.diff(path, axis=0)
     squared = np.maximum(np.einsum("ij,ij->i", along, along), 1e-12)

@@ -14,22 +14,22 @@ from ...world.values import Array
 from ..collision.collision_checker import CollisionChecker, Separation
 from ..requests import Direction
 
-STEP = 0.005
+ESCAPE_STEP = 0.005
 """Greatest travel of the tool in a step, m."""
-TURN = 0.04
+MAX_ESCAPE_TURN = 0.04
 """Greatest turn of a joint in a step, rad."""
-BAND = 0.02
+WATCHED_DISTANCE = 0.02
 """Distance beyond its margin up to which a pair is watched in a step, m."""
-KEPT = 0.0005
+CLEARANCE_BEYOND_MARGIN = 0.0005
 """Distance beyond its margin at which a pair counts as out, m."""
-SHARES = (1.0, 0.4, 0.15)
+STEP_SHARES = (1.0, 0.4, 0.15)
 """Shares of a step, tried in this order while it would bring something closer."""
-LEAST = 2e-4
+MIN_ESCAPE_STEP = 2e-4
 """Change of the joints below which a step is none, rad."""
-SLACK = 0.0005
+APPROACH_SLACK = 0.0005
 """Greatest further approach of a pair that is too close already, m: escape happens in steps."""
-STEPS = 120
-DAMPING = 1e-3
+MAX_ESCAPE_STEPS = 120
+ESCAPE_DAMPING = 1e-3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -81,19 +81,19 @@ class EscapeSearch:
         """
         model, q = self._model, self._start
         path, length = [q], 0.0
-        near = self._collision.separations(q, BAND)
-        allowed = _closest(near)
+        near = self._collision.separations(q, WATCHED_DISTANCE)
+        allowed = _closest_by_key(near)
         ended_by = ""
-        for _ in range(STEPS):
+        for _ in range(MAX_ESCAPE_STEPS):
             if (until_free and not _violated(near) and self._free(q)) or length >= reach - 1e-6:
                 break
-            behind, ended_by = q, _between(near)
+            behind, ended_by = q, _blocking_words(near)
             for step in self._steps(q, near, direction):
                 tried = np.clip(q + step, self._lower, self._upper)
-                if float(np.abs(tried - q).max()) < LEAST:
+                if float(np.abs(tried - q).max()) < MIN_ESCAPE_STEP:
                     continue
-                after = self._collision.separations(tried, BAND)
-                worse = _worse(after, allowed)
+                after = self._collision.separations(tried, WATCHED_DISTANCE)
+                worse = _pair_too_close(after, allowed)
                 if worse is None:
                     behind, near, ended_by = tried, after, ""
                     break
@@ -101,7 +101,7 @@ class EscapeSearch:
             if ended_by:
                 break
             way = model.tcp(q).distance(model.tcp(behind))
-            for key, closest in _closest(near).items():
+            for key, closest in _closest_by_key(near).items():
                 allowed[key] = max(allowed.get(key, closest), closest)
             q = behind
             length += way
@@ -118,17 +118,17 @@ class EscapeSearch:
 
         `name` is the direction's name in the result.
         """
-        near = self._collision.separations(path[0], BAND)
-        allowed = _closest(near)
+        near = self._collision.separations(path[0], WATCHED_DISTANCE)
+        allowed = _closest_by_key(near)
         length, ended_by, end = 0.0, "", 1
         for k in range(1, len(path)):
-            after = self._collision.separations(path[k], BAND)
-            worse = _worse(after, allowed)
+            after = self._collision.separations(path[k], WATCHED_DISTANCE)
+            worse = _pair_too_close(after, allowed)
             if worse is not None:
                 ended_by = f"{worse.a} would come closer to {worse.b}"
                 break
             near, end = after, k + 1
-            for key, closest in _closest(near).items():
+            for key, closest in _closest_by_key(near).items():
                 allowed[key] = max(allowed.get(key, closest), closest)
             length += self._model.tcp(path[k - 1]).distance(self._model.tcp(path[k]))
         depth = max((s.margin - s.distance for s in _violated(near)), default=0.0)
@@ -151,24 +151,24 @@ class EscapeSearch:
         steps = [self._step(q, near, direction)]
         if direction == "out":
             violated = sorted(_violated(near), key=lambda s: s.distance - s.margin)
-            steps += [_shrinking(violated), _shrinking(violated[:1])]
+            steps += [_separating_step(violated), _separating_step(violated[:1])]
         for step in steps:
             if step is None or not step.any():
                 continue
-            size = min(1.0, STEP / self._moves(q, step), TURN / float(np.abs(step).max()))
-            for share in SHARES:
+            size = min(1.0, ESCAPE_STEP / self._moves(q, step), MAX_ESCAPE_TURN / float(np.abs(step).max()))
+            for share in STEP_SHARES:
                 yield step * (size * share)
 
     def _step(self, q: Array, near: tuple[Separation, ...], direction: Direction) -> Array | None:
         wanted = self._wanted(q, direction)
         rows, least = [np.eye(len(q)), -np.eye(len(q))], [self._lower - q, q - self._upper]
         for s in near:
-            room = s.distance - s.margin - KEPT
+            room = s.distance - s.margin - CLEARANCE_BEYOND_MARGIN
             rows.append(s.gradient[None])
             if room >= 0.0:
                 least.append(np.array([-room]))
             else:
-                least.append(np.array([min(-room, STEP) if direction == "out" else 0.0]))
+                least.append(np.array([min(-room, ESCAPE_STEP) if direction == "out" else 0.0]))
         bounds = StepConstraints(np.concatenate(rows), np.concatenate(least))
         return least_distance(bounds, wanted)
 
@@ -182,10 +182,10 @@ class EscapeSearch:
             return np.zeros(len(q))
         model = self._model
         twist: Array = np.zeros(6)
-        twist[:3] = STEP * self._along(q, direction)
+        twist[:3] = ESCAPE_STEP * self._along(q, direction)
         jacobian = model.jacobian(q)
         square: Array = jacobian @ jacobian.T
-        square[np.diag_indices(6)] += DAMPING
+        square[np.diag_indices(6)] += ESCAPE_DAMPING
         return jacobian.T @ np.asarray(np.linalg.solve(square, twist), np.float64)
 
     def _along(self, q: Array, direction: Direction) -> Array:
@@ -234,21 +234,21 @@ def least_distance(bounds: StepConstraints, wanted: Array) -> Array | None:
     return wanted + x
 
 
-def _shrinking(pairs: Sequence[Separation]) -> Array | None:
+def _separating_step(pairs: Sequence[Separation]) -> Array | None:
     """Return a step along the gradient of the sum of these distances, for pairs that cannot all come apart at
     once."""
     if not pairs:
         return None
     total: Array = np.sum([s.gradient for s in pairs], axis=0)
     size = float(np.linalg.norm(total))
-    return total * (TURN / size) if size > 1e-6 else None
+    return total * (MAX_ESCAPE_TURN / size) if size > 1e-6 else None
 
 
 def _violated(near: tuple[Separation, ...]) -> list[Separation]:
     return [s for s in near if s.distance < s.margin]
 
 
-def _closest(near: tuple[Separation, ...]) -> dict[tuple[int, str], float]:
+def _closest_by_key(near: tuple[Separation, ...]) -> dict[tuple[int, str], float]:
     """Return the least distance of each part of the robot to each body, m; at most the margin."""
     closest: dict[tuple[int, str], float] = {}
     for s in near:
@@ -256,15 +256,15 @@ def _closest(near: tuple[Separation, ...]) -> dict[tuple[int, str], float]:
     return closest
 
 
-def _worse(near: tuple[Separation, ...], allowed: dict[tuple[int, str], float]) -> Separation | None:
+def _pair_too_close(near: tuple[Separation, ...], allowed: dict[tuple[int, str], float]) -> Separation | None:
     """Return a pair that has come closer than it may; None: there is none."""
     for s in near:
-        if s.distance < allowed.get(s.key, s.margin) - SLACK:
+        if s.distance < allowed.get(s.key, s.margin) - APPROACH_SLACK:
             return s
     return None
 
 
-def _between(near: tuple[Separation, ...]) -> str:
+def _blocking_words(near: tuple[Separation, ...]) -> str:
     """Describe the pairs that leave no room."""
     names = dict.fromkeys(f"{s.a} at {s.b}" for s in sorted(near, key=lambda s: s.distance - s.margin))
     return "no room: " + ", ".join(list(names)[:3]) if names else "a joint is at its limit"

@@ -15,13 +15,13 @@ import numpy as np
 
 from ...world.values import Array
 
-RANGE = 1.0
+MAX_EXTENSION = 1.0
 """Greatest extension of a tree, rad."""
-ATTEMPTS = 120
+SHORTCUT_ATTEMPTS = 120
 """Number of attempts to shorten a path between two random points."""
-IN_VAIN = 20
+MAX_FAILED_SHORTCUTS = 20
 """Number of failed attempts in a row after which shortening ends."""
-GAIN = 0.02
+MIN_SHORTCUT_GAIN = 0.02
 """Share of a path's length below which a shortcut is not tried."""
 
 EdgeFree = Callable[[Array, Array], bool]
@@ -55,10 +55,10 @@ def rrt_connect(
         # The smaller tree grows, so that a tree in a narrow place is not left behind.
         if ours.count > theirs.count:
             ours, theirs, forward = theirs, ours, not forward
-        new = _extended(ours, rng.uniform(lower, upper), edge)
+        new = _extend(ours, rng.uniform(lower, upper), edge)
         if new is None:
             continue
-        met = _met(theirs, ours.points[new], edge, between)
+        met = _connect(theirs, ours.points[new], edge, between)
         if met is not None:
             path = ours.back(new)[::-1] + theirs.back(met)
             return path if forward else path[::-1]
@@ -75,7 +75,7 @@ def shortcut_path(path: list[Array], between: EdgeFree, rng: np.random.Generator
             known[key] = between(a, b)
         return known[key]
 
-    return _skipped(_cut(_skipped(path, asked_once), asked_once, rng), asked_once)
+    return _skip_corners(_cut_shortcuts(_skip_corners(path, asked_once), asked_once, rng), asked_once)
 
 
 class _Tree:
@@ -119,28 +119,28 @@ class _Tree:
         return path
 
 
-def _extended(tree: _Tree, towards: Array, edge: EdgeFree) -> int | None:
+def _extend(tree: _Tree, towards: Array, edge: EdgeFree) -> int | None:
     """Add a node at most RANGE from the nearest one, if the edge is free. Returns its number, else None."""
     k, distance = tree.nearest(towards)
     near = tree.points[k]
-    q = towards if distance <= RANGE else near + (towards - near) * (RANGE / distance)
+    q = towards if distance <= MAX_EXTENSION else near + (towards - near) * (MAX_EXTENSION / distance)
     return tree.add(q, k) if edge(near, q) else None
 
 
-def _met(tree: _Tree, target: Array, edge: EdgeFree, between: EdgeFree) -> int | None:
+def _connect(tree: _Tree, target: Array, edge: EdgeFree, between: EdgeFree) -> int | None:
     """Grow the tree towards the target while edges are free. Returns the node from which the target is
     reached, else None."""
     k, distance = tree.nearest(target)
-    while distance > RANGE:
+    while distance > MAX_EXTENSION:
         near = tree.points[k]
-        q = near + (target - near) * (RANGE / distance)
+        q = near + (target - near) * (MAX_EXTENSION / distance)
         if not edge(near, q):
             return None
-        k, distance = tree.add(q, k), distance - RANGE
+        k, distance = tree.add(q, k), distance - MAX_EXTENSION
     return k if between(tree.points[k], target) else None
 
 
-def _skipped(path: list[Array], between: EdgeFree) -> list[Array]:
+def _skip_corners(path: list[Array], between: EdgeFree) -> list[Array]:
     """Skip corners: from each point go straight to the furthest reachable one."""
     kept, k = [path[0]], 0
     while k < len(path) - 1:
@@ -149,14 +149,14 @@ def _skipped(path: list[Array], between: EdgeFree) -> list[Array]:
     return kept
 
 
-def _cut(path: list[Array], between: EdgeFree, rng: np.random.Generator) -> list[Array]:
+def _cut_shortcuts(path: list[Array], between: EdgeFree, rng: np.random.Generator) -> list[Array]:
     """Cut a path short between random points.
 
     Geraerts and Overmars, "Creating high-quality paths for motion planning", IJRR 26 (2007).
     """
-    failed, along = 0, _lengths(path)
-    for low, high in np.sort(rng.random((ATTEMPTS, 2)), axis=1).tolist():
-        if len(path) < 3 or failed == IN_VAIN:
+    failed, along = 0, _cumulative_lengths(path)
+    for low, high in np.sort(rng.random((SHORTCUT_ATTEMPTS, 2)), axis=1).tolist():
+        if len(path) < 3 or failed == MAX_FAILED_SHORTCUTS:
             break
         low, high = low * along[-1], high * along[-1]
         i, j = bisect(along, low) - 1, min(bisect(along, high) - 1, len(path) - 2)
@@ -164,17 +164,17 @@ def _cut(path: list[Array], between: EdgeFree, rng: np.random.Generator) -> list
             continue
         a = path[i] + (path[i + 1] - path[i]) * ((low - along[i]) / (along[i + 1] - along[i]))
         b = path[j] + (path[j + 1] - path[j]) * ((high - along[j]) / (along[j + 1] - along[j]))
-        if high - low - math.sqrt(float((b - a) @ (b - a))) < GAIN * along[-1]:
+        if high - low - math.sqrt(float((b - a) @ (b - a))) < MIN_SHORTCUT_GAIN * along[-1]:
             continue
         if between(a, b):
             path, failed = [*path[: i + 1], a, b, *path[j + 1 :]], 0
-            along = _lengths(path)
+            along = _cumulative_lengths(path)
         else:
             failed += 1
     return path
 
 
-def _lengths(path: list[Array]) -> list[float]:
+def _cumulative_lengths(path: list[Array]) -> list[float]:
     """Return the length of the path up to each point, rad."""
     steps: Array = np.diff(np.array(path), axis=0)
     return [0.0, *np.cumsum(np.sqrt(np.einsum("ij,ij->i", steps, steps))).tolist()]

@@ -9,15 +9,15 @@ import numpy as np
 from ...robots.model import RobotModel
 from ...world.values import Array
 
-STEP = 0.03
+RETREAT_STEP = 0.03
 """Travel of the TCP in a step, m."""
-REACH = 0.45
+MAX_RETREAT_LENGTH = 0.45
 """Greatest travel in one direction, m."""
-ENOUGH = 3
+ENOUGH_STEPS = 3
 """Number of steps from which on no other directions are tried."""
-SWING = 0.5
+MAX_JOINT_SWING = 0.5
 """Greatest change of a joint in a step, rad: more means a singularity."""
-DAMPING = 1e-4
+RETREAT_DAMPING = 1e-4
 
 EdgeFree = Callable[[Array, Array], bool]
 
@@ -32,8 +32,8 @@ def retreat_path(model: RobotModel, edge: EdgeFree, q: Array) -> list[Array]:
     lower, upper = np.minimum(model.planned_lower, q), np.maximum(model.planned_upper, q)
     walk = _Walk(model, edge, lower, upper)
     chain = walk.along(q, -model.tcp(q).rotation()[:, 2], upright=True)
-    for towards in (_up, _home):
-        if len(chain) >= ENOUGH:
+    for towards in (_upwards, _towards_base):
+        if len(chain) >= ENOUGH_STEPS:
             break
         at = chain[-1] if chain else q
         chain += walk.along(at, towards(model, at), upright=False)
@@ -54,27 +54,27 @@ class _Walk:
         """
         rows = 6 if upright else 3
         wanted: Array = np.zeros(rows)
-        wanted[:3] = direction * STEP
+        wanted[:3] = direction * RETREAT_STEP
         chain, at = list[Array](), q
-        for _ in range(round(REACH / STEP)):
+        for _ in range(round(MAX_RETREAT_LENGTH / RETREAT_STEP)):
             jacobian = self._model.jacobian(at)[:rows]
             damped: Array = jacobian @ jacobian.T
-            damped[np.diag_indices(rows)] += DAMPING
+            damped[np.diag_indices(rows)] += RETREAT_DAMPING
             step: Array = jacobian.T @ np.asarray(np.linalg.solve(damped, wanted), np.float64)
             behind: Array = np.minimum(np.maximum(at + step, self._lower), self._upper)
             swing = float(np.abs(behind - at).max())
-            if not 1e-3 < swing < SWING or not self._edge(at, behind):
+            if not 1e-3 < swing < MAX_JOINT_SWING or not self._edge(at, behind):
                 break
             chain.append(behind)
             at = behind
         return chain
 
 
-def _up(_: RobotModel, __: Array) -> Array:
+def _upwards(_: RobotModel, __: Array) -> Array:
     return np.array([0.0, 0.0, 1.0])
 
 
-def _home(model: RobotModel, q: Array) -> Array:
+def _towards_base(model: RobotModel, q: Array) -> Array:
     x, y, _ = model.tcp(q).position
     base_x, base_y, _ = model.description.base_in_world.position
     away = float(np.hypot(x - base_x, y - base_y))

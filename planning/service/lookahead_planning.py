@@ -22,7 +22,7 @@ from ..requests import JointGoal, MotionPlan, Request
 from .motion_chain import split_into_legs
 from .solver import RequestSolver
 
-SAME_WIDTH = 0.002
+WIDTH_TOLERANCE = 0.002
 """Change of the fingers' opening that makes no difference, m."""
 
 
@@ -41,7 +41,7 @@ class CheckedBelief:
 
         The belief is unchanged, and no pair that was allowed then is forbidden now.
         """
-        same_hand = not width_matters or abs(self.width - now.width) <= SAME_WIDTH
+        same_hand = not width_matters or abs(self.width - now.width) <= WIDTH_TOLERANCE
         return self.version == now.version and self.allowed <= now.allowed and same_hand
 
 

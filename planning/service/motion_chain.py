@@ -18,7 +18,7 @@ from ..collision.trajectory_check import is_trajectory_free
 from ..failures import planning_failures
 from ..path_constraints import PathConstraints
 from ..requests import LineGoal, MotionPlan, OffsetGoal, Request
-from ..search.joint_planner import RADII
+from ..search.joint_planner import CORNER_RADII
 from ..timing.path_curves import (
     JointCurve,
     blend_curves,
@@ -31,15 +31,15 @@ from ..timing.time_parameterization import TimedTrajectory, stationary_trajector
 from ..timing.toppra_profile import ScaledStretch
 from .solver import RequestSolver
 
-ROUNDED = 0.02
+DEFAULT_LINE_ROUNDING = 0.02
 """Length of a straight line that may be rounded at each of its ends by default, m."""
-BETWEEN = (0.4, 0.2, 0.1, 0.05, 0.02)
+CORNER_CUTS = (0.4, 0.2, 0.1, 0.05, 0.02)
 """Distances at which the corner between two legs is cut on either side, tried in this order, rad."""
-SHARE = 0.45
+MAX_CORNER_SHARE = 0.45
 """Share of a leg that may be rounded at each of its ends."""
-TURN = -0.9
+MIN_CORNER_COSINE = -0.9
 """Cosine of the turn between two legs below which the arm stops: the path goes back on itself."""
-STEP = 0.02
+CORNER_CHECK_STEP = 0.02
 """Distance of the configurations at which a rounded corner is checked, rad."""
 
 
@@ -60,7 +60,7 @@ class _Leg:
 class MotionChain:
     """Solution of the legs of one request to `PlanService.through`."""
 
-    def __init__(self, solver: RequestSolver, rounded: float = ROUNDED) -> None:
+    def __init__(self, solver: RequestSolver, rounded: float = DEFAULT_LINE_ROUNDING) -> None:
         """Set the length of a straight line that may be rounded at each of its ends, m."""
         self._solver = solver
         self._rounded = rounded
@@ -74,7 +74,7 @@ class MotionChain:
             try:
                 plans.append(self._solver.solve(request, seed))
             except Failure as failure:
-                raise _of_leg(failure, k, leg, len(legs)) from None
+                raise _leg_failure(failure, k, leg, len(legs)) from None
             requests.append(replace(request, start=plans[-1].path[0]))
         return self._as_one(requests, plans)
 
@@ -99,7 +99,7 @@ class MotionChain:
                     motions=len(plans),
                 )
             trajectory, passed = timed
-            ends = _passes([leg.index for leg in moving], passed, len(plans))
+            ends = _leg_end_times([leg.index for leg in moving], passed, len(plans))
         checks = sum(plan.checks for plan in plans) + self._solver.collision.checks - begun
         path = np.concatenate([plans[0].path[:1], *(plan.path[1:] for plan in plans)])
         return MotionPlan(
@@ -129,21 +129,23 @@ class MotionChain:
             return spline_through(points)
         if not request.constraints:
             way = self._way(request)
-            for radius in RADII:
+            for radius in CORNER_RADII:
                 curve = rounded_polyline(points, radius)
-                if all(way.nearly_free(q) for q in curve.at(_steps(0.0, curve.length))):
+                if all(way.nearly_free(q) for q in curve.at(_check_parameters(0.0, curve.length))):
                     return curve
         return spline_through(distinct(plan.trajectory.position[:: max(1, len(plan.trajectory.times) // 60)]))
 
     def _corner(self, before: _Leg, after: _Leg) -> float | None:
         """Return the distance at which the corner between two legs is cut, rad; None: the arm stops there."""
-        if float(_end(before.curve) @ after.curve.at(0.0, 1)) < TURN:
+        if float(_end_direction(before.curve) @ after.curve.at(0.0, 1)) < MIN_CORNER_COSINE:
             return None
         room = min(self._room(before, at_end=True), self._room(after, at_end=False))
-        tried = sorted({min(radius, room) for radius in BETWEEN if min(radius, room) > 1e-3}, reverse=True)
+        tried = sorted(
+            {min(radius, room) for radius in CORNER_CUTS if min(radius, room) > 1e-3}, reverse=True
+        )
         for radius in tried:
             blend = blend_curves(before.curve, after.curve, radius)
-            first, second = _steps(0.0, radius), _steps(radius, 2.0 * radius)
+            first, second = _check_parameters(0.0, radius), _check_parameters(radius, 2.0 * radius)
             if self._allows(before, blend.at(first)) and self._allows(after, blend.at(second)):
                 return radius
         return None
@@ -157,12 +159,12 @@ class MotionChain:
         """Return how far a corner may reach into a leg, rad."""
         whole = leg.curve.length
         if not leg.line:
-            return SHARE * whole
+            return MAX_CORNER_SHARE * whole
         begin = np.array(self._solver.model.tcp(leg.plan.path[0]).position)
         end = np.array(self._solver.model.tcp(leg.plan.path[-1]).position)
         length = float(np.linalg.norm(end - begin))
         # The joints' travel along a line is uneven: the part near the corner is measured by itself.
-        share = SHARE if length < 1e-6 else min(SHARE, self._rounded / length)
+        share = MAX_CORNER_SHARE if length < 1e-6 else min(MAX_CORNER_SHARE, self._rounded / length)
         index = round(share * (len(leg.plan.path) - 1))
         part = leg.plan.path[-1 - index :] if at_end else leg.plan.path[: index + 1]
         return float(np.linalg.norm(np.diff(part, axis=0), axis=1).sum())
@@ -176,8 +178,8 @@ class MotionChain:
         parts: list[TimedTrajectory] = []
         passed: list[float] = []
         elapsed = 0.0
-        for run in _runs(legs, corners):
-            curve, ends = _run(run)
+        for run in _split_into_runs(legs, corners):
+            curve, ends = _run_curve(run)
             stretches = [
                 ScaledStretch(end, leg.request.scaling) for (leg, _), end in zip(run, ends, strict=True)
             ]
@@ -188,7 +190,7 @@ class MotionChain:
             passed += [elapsed + timed.when(end) for end in ends[:-1]]
             elapsed += timed.trajectory.duration
             passed.append(elapsed)
-        trajectory = _concatenated([part.trajectory for part in parts])
+        trajectory = _concatenate_trajectories([part.trajectory for part in parts])
         return (trajectory, passed) if self._stay_free(legs, trajectory, passed) else None
 
     def _stay_free(self, legs: Sequence[_Leg], trajectory: Trajectory, passed: Sequence[float]) -> bool:
@@ -224,12 +226,12 @@ def slice_trajectory(trajectory: Trajectory, begin: float, end: float) -> Trajec
     )
 
 
-def _of_leg(failure: Failure, index: int, leg: Request, count: int) -> Failure:
+def _leg_failure(failure: Failure, index: int, leg: Request, count: int) -> Failure:
     where = f"motion {index + 1} of {count} ({planning_failures.describe_goal(leg.target)})"
     return Failure(failure.cause, f"{where}: {failure.message}", **{**failure.evidence, "leg": index})
 
 
-def _passes(indices: Sequence[int], passed: Sequence[float], count: int) -> list[float]:
+def _leg_end_times(indices: Sequence[int], passed: Sequence[float], count: int) -> list[float]:
     """Return the end time of every leg, those that do not move included."""
     ends: list[float] = []
     latest = 0.0
@@ -240,7 +242,9 @@ def _passes(indices: Sequence[int], passed: Sequence[float], count: int) -> list
     return ends
 
 
-def _runs(legs: Sequence[_Leg], corners: Sequence[float | None]) -> list[list[tuple[_Leg, float | None]]]:
+def _split_into_runs(
+    legs: Sequence[_Leg], corners: Sequence[float | None]
+) -> list[list[tuple[_Leg, float | None]]]:
     """Group the legs between two stops, each with the cut of the corner after it."""
     runs: list[list[tuple[_Leg, float | None]]] = [[]]
     for leg, corner in zip(legs, [*corners, None], strict=True):
@@ -250,7 +254,7 @@ def _runs(legs: Sequence[_Leg], corners: Sequence[float | None]) -> list[list[tu
     return runs[:-1]
 
 
-def _run(run: Sequence[tuple[_Leg, float | None]]) -> tuple[JointCurve, list[float]]:
+def _run_curve(run: Sequence[tuple[_Leg, float | None]]) -> tuple[JointCurve, list[float]]:
     """Return the path of one run, and its parameter at the end of each leg: the middle of the corner
     there."""
     pieces: list[JointCurve] = []
@@ -269,7 +273,7 @@ def _run(run: Sequence[tuple[_Leg, float | None]]) -> tuple[JointCurve, list[flo
     return concatenate(pieces), ends
 
 
-def _concatenated(parts: Sequence[Trajectory]) -> Trajectory:
+def _concatenate_trajectories(parts: Sequence[Trajectory]) -> Trajectory:
     if len(parts) == 1:
         return parts[0]
     times, begin = [parts[0].times], parts[0].duration
@@ -283,9 +287,9 @@ def _concatenated(parts: Sequence[Trajectory]) -> Trajectory:
     return Trajectory(np.concatenate(times), rows("position"), rows("velocity"), rows("acceleration"))
 
 
-def _end(curve: JointCurve) -> Array:
+def _end_direction(curve: JointCurve) -> Array:
     return curve.at(curve.length, 1)
 
 
-def _steps(low: float, high: float) -> Array:
-    return np.linspace(low, high, max(2, int(np.ceil((high - low) / STEP)) + 1))
+def _check_parameters(low: float, high: float) -> Array:
+    return np.linspace(low, high, max(2, int(np.ceil((high - low) / CORNER_CHECK_STEP)) + 1))

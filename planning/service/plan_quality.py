@@ -13,9 +13,9 @@ from ...world.values import Array
 from ..collision.collision_checker import CollisionChecker
 from ..requests import ContactPair
 
-STEP = 0.05
+QUALITY_STEP = 0.05
 """Greatest distance in joint space between two measured configurations, rad."""
-FAR = 0.5
+MAX_MEASURED_DISTANCE = 0.5
 """Distance beyond which bodies are not measured, m."""
 
 
@@ -68,7 +68,7 @@ class PlanQualityMeter:
 
     def quality(self, trajectory: Trajectory) -> PlanQuality:
         """Measure a whole trajectory, in the scene of the checker's last update."""
-        picked = list(_picked(trajectory))
+        picked = list(_sampled_indices(trajectory))
         least = smallest_singular_values(self._model, trajectory.position[picked])
         worst = int(np.argmin(least))
         return PlanQuality(
@@ -85,7 +85,7 @@ class PlanQualityMeter:
     def _nearest(self, trajectory: Trajectory, picked: Sequence[int], *, itself: bool) -> NearestBody | None:
         nearest: NearestBody | None = None
         for k in picked:
-            within = FAR if nearest is None else nearest.contact.distance
+            within = MAX_MEASURED_DISTANCE if nearest is None else nearest.contact.distance
             contact = self._collision.nearest(trajectory.position[k], within, itself=itself)
             if contact is not None:
                 nearest = NearestBody(contact, float(trajectory.times[k]))
@@ -141,12 +141,12 @@ def length(path: Array) -> float:
     return float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())
 
 
-def _picked(trajectory: Trajectory) -> Iterator[int]:
+def _sampled_indices(trajectory: Trajectory) -> Iterator[int]:
     """Yield samples at most about STEP apart; the first and the last among them."""
     q = trajectory.position
     since = np.inf
     for k in range(len(q)):
         since += 0.0 if k == 0 else float(np.linalg.norm(q[k] - q[k - 1]))
-        if since >= STEP or k == len(q) - 1:
+        if since >= QUALITY_STEP or k == len(q) - 1:
             since = 0.0
             yield k

@@ -25,11 +25,20 @@ from ...world.values import Array, Bounds, Pose
 from ..collision.scene_queries import SceneQueries
 from ..collision.trajectory_judge import TrajectoryVerifier
 from ..failures import planning_failures
-from ..requests import BUDGET, ContactPair, Goal, LineGoal, MotionPlan, OffsetGoal, Request, Scaling
-from ..search.goal_configurations import SOLUTIONS
+from ..requests import (
+    DEFAULT_CHECK_BUDGET,
+    ContactPair,
+    Goal,
+    LineGoal,
+    MotionPlan,
+    OffsetGoal,
+    Request,
+    Scaling,
+)
+from ..search.goal_configurations import SOLUTIONS_PER_POSE
 from ..search.penetration_escape import EscapeSearch
 from .lookahead_planning import LookaheadPlanner, LookaheadResult, PlanProvenanceStore, is_plan_free
-from .motion_chain import ROUNDED, MotionChain, split_into_legs
+from .motion_chain import DEFAULT_LINE_ROUNDING, MotionChain, split_into_legs
 from .plan_quality import PlanQuality, PlanQualityMeter, combine_qualities, length, smallest_singular_values
 from .planner_overrides import PlannerOverrides
 from .planning_costs import CostMeter, MeasuredCost
@@ -143,7 +152,7 @@ class PlanService:
         scaling: Scaling | None = None,
         start: Array | None = None,
         node: str = "",
-        budget: int = BUDGET,
+        budget: int = DEFAULT_CHECK_BUDGET,
     ) -> Generator[None, None, MotionPlan]:
         """Plan a trajectory from `start` (n,) rad (default: the arm's configuration) to the goal; see
         `solve`."""
@@ -167,7 +176,7 @@ class PlanService:
         return (yield from self.solve(Request(line, start, scaling=scaling or Scaling()), node=node))
 
     def through(
-        self, legs: Sequence[Request], *, node: str = "", rounded: float = ROUNDED
+        self, legs: Sequence[Request], *, node: str = "", rounded: float = DEFAULT_LINE_ROUNDING
     ) -> Generator[None, None, MotionPlan]:
         """Plan one trajectory through several motions, each from the end of the one before, without a stop in
         between.
@@ -271,7 +280,7 @@ class PlanService:
             if first is not None and solver.collision.free(first):
                 return first
             rng = self._streams.at("ik", 0)
-            solutions = solver.ik.solutions(tcp_in_world, rng, around, SOLUTIONS)
+            solutions = solver.ik.solutions(tcp_in_world, rng, around, SOLUTIONS_PER_POSE)
             return next((q for q in solutions if solver.collision.free(q)), None)
 
     def reached(self, request: Request) -> ReachResult:

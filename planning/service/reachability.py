@@ -12,11 +12,11 @@ from ..kinematics.configuration_cost import configuration_cost
 from ..requests import ContactPair, PoseGoal, Request
 from .solver import RequestSolver
 
-HOME = "home"
+HOME_CONFIGURATION = "home"
 """Configuration of the robot file from which a comfortable solution is likely."""
-UNCOMFORTABLE = 0.3
+UNCOMFORTABLE_COST = 0.3
 """Cost above which the solution from home is tried, too, see `configuration_cost`, rad."""
-SOLUTIONS = 4
+MAX_SOLUTIONS = 4
 """Number of IK solutions that are searched."""
 
 
@@ -53,17 +53,17 @@ def check_reach(solver: RequestSolver, request: Request, rng: np.random.Generato
     near = solver.start(request)
     solver.look(request)
     solutions: list[Array] = []
-    for seed in (near, solver.model.named(HOME)):
+    for seed in (near, solver.model.named(HOME_CONFIGURATION)):
         q = solver.ik.descend(pose, seed)
         if q is not None:
             solutions.append(q)
-            if solver.collision.free(q) and configuration_cost(solver.model, q) < UNCOMFORTABLE:
+            if solver.collision.free(q) and configuration_cost(solver.model, q) < UNCOMFORTABLE_COST:
                 return ReachResult(q, len(solutions))
     if not any(solver.collision.free(q) for q in solutions):
         blocked = next((c for q in solutions[:1] for c in solver.collision.contacts(q)), None)
-        if blocked is not None and _of_the_hand(solver, request, blocked):
+        if blocked is not None and _is_hand_contact(solver, request, blocked):
             return ReachResult(None, len(solutions), blocked)
-        solutions += solver.ik.solutions(pose, rng, near, SOLUTIONS)
+        solutions += solver.ik.solutions(pose, rng, near, MAX_SOLUTIONS)
     free = [q for q in solutions if solver.collision.free(q)]
     if free:
         best = min(free, key=lambda q: float(np.linalg.norm(q - near)) + configuration_cost(solver.model, q))
@@ -73,7 +73,7 @@ def check_reach(solver: RequestSolver, request: Request, rng: np.random.Generato
     return ReachResult(None, len(solutions), least)
 
 
-def _of_the_hand(solver: RequestSolver, request: Request, contact: ContactPair) -> bool:
+def _is_hand_contact(solver: RequestSolver, request: Request, contact: ContactPair) -> bool:
     """Whether the hand or the held object touches a surrounding body. It then does so at this pose in any
     posture of the arm."""
     description, scene = solver.model.description, solver.scene(request)

@@ -19,11 +19,11 @@ from .lookahead_planning import PlanProvenance
 from .motion_chain import slice_trajectory
 from .plan_service import PlanService
 
-TOLERANCE = 0.02
+LIMIT_EXCESS_SHARE = 0.02
 """Greatest excess of a speed or an acceleration over its limit, as a share of the limit."""
-ROUNDING = 1e-6
+LIMIT_ROUNDING = 1e-6
 """Greatest excess of a joint over its soft limit, rad."""
-WITHIN = (0.0, 0.25, 0.5, 0.75, 1.0)
+SAMPLE_SHARES = (0.0, 0.25, 0.5, 0.75, 1.0)
 """Shares of the time between two samples at which a motion is checked."""
 
 
@@ -54,7 +54,7 @@ class TrajectoryGate:
         Fails with safety.trajectory, .joint_limit, .speed_limit, .acceleration_limit or .workspace, or with
         planning.blocked when it is believed to touch something.
         """
-        _sound(trajectory, self._model.n)
+        _check_soundness(trajectory, self._model.n)
         self._limits(trajectory)
         self._stays_inside(trajectory)
         made = self._plans.made.of(trajectory)
@@ -87,8 +87,8 @@ class TrajectoryGate:
     def _limits(self, trajectory: Trajectory) -> None:
         model = self._model
         times, q, v, a = _between(trajectory)
-        lower = np.minimum(model.lower, trajectory.start) - ROUNDING
-        upper = np.maximum(model.upper, trajectory.start) + ROUNDING
+        lower = np.minimum(model.lower, trajectory.start) - LIMIT_ROUNDING
+        upper = np.maximum(model.upper, trajectory.start) + LIMIT_ROUNDING
         self._within(
             trajectory, times, np.maximum(lower - q, q - upper), q, safety.JOINT_LIMIT, "rad beyond its limit"
         )
@@ -97,7 +97,7 @@ class TrajectoryGate:
             (a, model.acceleration_limit, safety.ACCELERATION_LIMIT, "rad/s² above its acceleration limit"),
         ):
             size = np.abs(values)
-            beyond = np.where(size > (1.0 + TOLERANCE) * limit, size - limit, 0.0)
+            beyond = np.where(size > (1.0 + LIMIT_EXCESS_SHARE) * limit, size - limit, 0.0)
             self._within(trajectory, times, beyond, values, cause, unit)
 
     def _within(
@@ -110,12 +110,12 @@ class TrajectoryGate:
         at, name = float(times[row]), self._model.description.joints[int(joint)]
         raise Failure(
             cause,
-            f"the trajectory is refused: {name} would be {by:.3f} {what} {_when(at, trajectory)}",
+            f"the trajectory is refused: {name} would be {by:.3f} {what} {_time_words(at, trajectory)}",
             joint=name,
             value=float(values[row, joint]),
             beyond=by,
             time=at,
-            fraction=_share(at, trajectory),
+            fraction=_time_share(at, trajectory),
         )
 
     def _stays_inside(self, trajectory: Trajectory) -> None:
@@ -124,7 +124,7 @@ class TrajectoryGate:
         tool = np.array([self._model.tcp(q).position for q in path])
         outside = np.maximum(low - tool, tool - high).max(axis=1)
         # From outside the tool may come back, but not go further out.
-        beyond = outside - max(0.0, float(outside[0])) - ROUNDING
+        beyond = outside - max(0.0, float(outside[0])) - LIMIT_ROUNDING
         worst = int(beyond.argmax())
         if beyond[worst] <= 0.0:
             return
@@ -132,16 +132,16 @@ class TrajectoryGate:
         raise Failure(
             safety.WORKSPACE,
             f"the trajectory is refused: the tool would be {outside[worst] * 1000:.0f} mm outside the "
-            f"workspace {_when(at, trajectory)}",
+            f"workspace {_time_words(at, trajectory)}",
             position=[round(float(c), 4) for c in tool[worst]],
             beyond=float(outside[worst]),
             time=at,
-            fraction=_share(at, trajectory),
+            fraction=_time_share(at, trajectory),
         )
 
     def _free(self, trajectory: Trajectory, made: PlanProvenance | None, done: float = 0.0) -> None:
         begin = 0.0
-        for request, end in _pieces(trajectory, made):
+        for request, end in _suppositions(trajectory, made):
             since, begin = max(begin, done), end
             if since > 0.0 and since >= end:
                 continue
@@ -185,10 +185,10 @@ class TrajectoryGate:
         touched = "; ".join(planning_failures.contact_lines(contacts)) or "the edge of the workspace"
         raise Failure(
             planning.BLOCKED,
-            f"the way is not free: {touched} {_when(at, trajectory)}",
+            f"the way is not free: {touched} {_time_words(at, trajectory)}",
             contacts=planning_failures.contact_lines(contacts),
             time=at,
-            fraction=_share(at, trajectory),
+            fraction=_time_share(at, trajectory),
             configuration=[round(float(c), 4) for c in hit],
         )
 
@@ -198,14 +198,14 @@ def _still_holds(made: PlanProvenance, plans: PlanService) -> bool:
     return made.seen.covers(plans.made.now(), width_matters=width_matters)
 
 
-def _pieces(trajectory: Trajectory, made: PlanProvenance | None) -> list[tuple[Request, float]]:
+def _suppositions(trajectory: Trajectory, made: PlanProvenance | None) -> list[tuple[Request, float]]:
     """Return the suppositions of each stretch of a trajectory, and the time at which it ends, s."""
     if made is None:
         return [(Request(JointGoal(trajectory.end), trajectory.start), trajectory.duration)]
     return list(zip(made.requests, made.passes, strict=True))
 
 
-def _sound(trajectory: Trajectory, joints: int) -> None:
+def _check_soundness(trajectory: Trajectory, joints: int) -> None:
     """Check shapes, finite numbers and rising times. Raises Failure(safety.trajectory)."""
     times = trajectory.times
     rows = (trajectory.position, trajectory.velocity, trajectory.acceleration)
@@ -232,7 +232,7 @@ def _between(trajectory: Trajectory) -> tuple[Array, Array, Array, Array]:
     q: list[Array] = []
     v: list[Array] = []
     a: list[Array] = []
-    for share in WITHIN:
+    for share in SAMPLE_SHARES:
         u = (share * h)[:, None]
         times.append(trajectory.times[:-1] + share * h)
         q.append(c[:, 0] + u * (c[:, 1] + u * (c[:, 2] + u * (c[:, 3] + u * (c[:, 4] + u * c[:, 5])))))
@@ -246,9 +246,9 @@ def _time_of(trajectory: Trajectory, q: Array) -> float:
     return float(trajectory.times[int(np.abs(trajectory.position - q).max(axis=1).argmin())])
 
 
-def _share(at: float, trajectory: Trajectory) -> float:
+def _time_share(at: float, trajectory: Trajectory) -> float:
     return at / max(trajectory.duration, 1e-9)
 
 
-def _when(at: float, trajectory: Trajectory) -> str:
-    return f"after {at:.2f} s, {_share(at, trajectory) * 100:.0f} % of the way"
+def _time_words(at: float, trajectory: Trajectory) -> str:
+    return f"after {at:.2f} s, {_time_share(at, trajectory) * 100:.0f} % of the way"

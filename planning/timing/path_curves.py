@@ -16,11 +16,12 @@ from scipy.linalg import solve_banded
 from ...world.trajectory import quintic
 from ...world.values import Array
 
-DEGREE = 5
-SAME = 1e-6
+POLYNOMIAL_DEGREE = 5
+SAME_WAYPOINT_DISTANCE = 1e-6
 """Distance below which two waypoints are the same, rad."""
 _FACTORS = [
-    np.array([float(math.perm(power, order)) for power in range(order, DEGREE + 1)]) for order in range(4)
+    np.array([float(math.perm(power, order)) for power in range(order, POLYNOMIAL_DEGREE + 1)])
+    for order in range(4)
 ]
 """Factors of the powers in the derivative of each order."""
 
@@ -50,10 +51,12 @@ class JointCurve:
     def derivatives(self, s: Array, last: int, first: int = 0) -> list[Array]:
         """Return the derivatives (m, n) of the orders from `first` to `last` at parameters (m,)."""
         piece = np.clip(np.searchsorted(self.breaks, s, side="right") - 1, 0, len(self.breaks) - 2)
-        powers = np.vander(s - self.breaks[piece], DEGREE + 1, increasing=True)
+        powers = np.vander(s - self.breaks[piece], POLYNOMIAL_DEGREE + 1, increasing=True)
         c = self.coefficients[piece]
         return [
-            np.einsum("mp,mpn->mn", powers[:, : DEGREE + 1 - order] * _FACTORS[order], c[:, order:])
+            np.einsum(
+                "mp,mpn->mn", powers[:, : POLYNOMIAL_DEGREE + 1 - order] * _FACTORS[order], c[:, order:]
+            )
             for order in range(first, last + 1)
         ]
 
@@ -113,7 +116,7 @@ def spline_through(points: Array) -> JointCurve:
     bands[1] = 2.0 * (h[:-1, 0] + h[1:, 0])
     bend = np.zeros_like(points)
     bend[1:-1] = solve_banded((1, 1), bands, 6.0 * np.diff(slopes, axis=0))
-    coefficients = np.zeros((len(h), DEGREE + 1, points.shape[1]))
+    coefficients = np.zeros((len(h), POLYNOMIAL_DEGREE + 1, points.shape[1]))
     coefficients[:, 0] = points[:-1]
     coefficients[:, 1] = slopes - h * (2.0 * bend[:-1] + bend[1:]) / 6.0
     coefficients[:, 2] = bend[:-1] / 2.0
@@ -137,7 +140,7 @@ def distinct(path: Array) -> Array:
     """Remove repeated points (m, n); begin and end stay exactly the same."""
     kept = [path[0]]
     for point in path[1:]:
-        if float(np.abs(point - kept[-1]).max()) > SAME:
+        if float(np.abs(point - kept[-1]).max()) > SAME_WAYPOINT_DISTANCE:
             kept.append(point)
     if len(kept) > 1:
         kept[-1] = path[-1]
@@ -145,7 +148,7 @@ def distinct(path: Array) -> Array:
 
 
 def _line(start: Array, unit: Array) -> Array:
-    coefficients = np.zeros((DEGREE + 1, len(start)))
+    coefficients = np.zeros((POLYNOMIAL_DEGREE + 1, len(start)))
     coefficients[0], coefficients[1] = start, unit
     return coefficients
 
@@ -162,7 +165,7 @@ def _arc(corner: Array, before: Array, after: Array, cut: float) -> Array:
 def _shifted(coefficients: Array, by: float) -> Array:
     """Return the polynomial in u - by instead of u (Taylor)."""
     shifted = coefficients.copy()
-    for low in range(DEGREE):
-        for k in range(DEGREE - 1, low - 1, -1):
+    for low in range(POLYNOMIAL_DEGREE):
+        for k in range(POLYNOMIAL_DEGREE - 1, low - 1, -1):
             shifted[k] += by * shifted[k + 1]
     return shifted

@@ -23,25 +23,25 @@ from ..requests import Scaling
 from .path_curves import JointCurve, distinct, rounded_polyline, spline_through
 from .toppra_profile import PathLimits, ScaledStretch, TimeLaw, least_ratio, time_optimal_law
 
-PERIOD = 0.01
+SAMPLE_PERIOD = 0.01
 """Greatest time between two samples of a trajectory, s."""
-RESERVE = 0.9
+ACCELERATION_SHARE = 0.9
 """Share of the acceleration limits in the plan: between grid points the profile overshoots."""
-HEAVY = 0.95
+TORQUE_SHARE = 0.95
 """Share of the remaining torques in the plan of the profile, for the same reason."""
-WINDOW = 0.045
+AVERAGING_WINDOW = 0.045
 """Window over which the time law is averaged, s: from full acceleration to full braking at the jerk limit."""
-BEND = 0.5
+BEND_JERK_SHARE = 0.5
 """Share of the jerk limit that the path's own bends may take at a constant speed."""
-PASSES = 3
+MAX_PROFILE_PASSES = 3
 """Greatest number of plans of a profile, each slower where the averaged one exceeded a limit."""
-ENOUGH = 1.01
+ACCEPTED_EXCESS = 1.01
 """Excess over a limit, as a factor, up to which a profile is not planned again: all of it goes slower."""
-GRID = 0.1
+GRID_DISTANCE = 0.1
 """Distance of TOPP-RA's grid points along the path, rad."""
-STEPS = 12
+MIN_GRID_STEPS = 12
 """Least number of grid steps, rounded up on each piece of the path."""
-TURN = 0.25
+MAX_GRID_TURN = 0.25
 """Greatest turn of the path's direction between two grid points, rad."""
 
 
@@ -79,7 +79,7 @@ def time_smooth(model: RobotModel, path: Array, scaling: Scaling) -> Trajectory 
 def stationary_trajectory(q: Array) -> Trajectory:
     """Return a trajectory without motion, for one period."""
     still = np.zeros((2, len(q)))
-    return Trajectory(np.array([0.0, PERIOD]), np.array([q, q]), still, still)
+    return Trajectory(np.array([0.0, SAMPLE_PERIOD]), np.array([q, q]), still, still)
 
 
 def time_curve(
@@ -94,22 +94,24 @@ def time_curve(
     grid = _grid(curve, stretches)
     at, first, second, third = curve.derivatives(grid, 3)
     # The averaged law lags behind the profile.
-    speed = limits.speed(grid, first, WINDOW)
-    acceleration = RESERVE * limits.kinematic(grid, limits.around(grid, first, WINDOW))[1]
+    speed = limits.speed(grid, first, AVERAGING_WINDOW)
+    acceleration = (
+        ACCELERATION_SHARE * limits.kinematic(grid, limits.around(grid, first, AVERAGING_WINDOW))[1]
+    )
     # At a constant speed the joints still jerk, where the path's bend changes.
-    speed = np.minimum(speed, np.cbrt(least_ratio(BEND * limits.jerk, third)))
-    inertia, bending = (share / HEAVY for share in limits.torques(at, first, second))
+    speed = np.minimum(speed, np.cbrt(least_ratio(BEND_JERK_SHARE * limits.jerk, third)))
+    inertia, bending = (share / TORQUE_SHARE for share in limits.torques(at, first, second))
     best: TimedTrajectory | None = None
-    for _ in range(PASSES):
+    for _ in range(MAX_PROFILE_PASSES):
         law = time_optimal_law(grid, first, second, speed, acceleration, (inertia, bending))
         if law is None:
             break
-        timed, excess, times = _followed(limits, curve, law)
+        timed, excess, times = _stretched_motion(limits, curve, law)
         if best is None or timed.trajectory.duration < best.trajectory.duration:
             best = timed
-        if excess.max() <= ENOUGH:
+        if excess.max() <= ACCEPTED_EXCESS:
             break
-        slower = _where(law, grid, times, excess)
+        slower = _slowdown(law, grid, times, excess)
         speed = np.minimum(speed, np.where(slower > 1.0, law.speed / slower, speed))
         acceleration = acceleration / slower[:, None] ** 2
         inertia, bending = inertia * slower[:, None] ** 2, bending * slower[:, None] ** 2
@@ -121,15 +123,17 @@ def _trajectory(model: RobotModel, curve: JointCurve, scaling: Scaling) -> Traje
     return None if timed is None else timed.trajectory
 
 
-def _followed(limits: PathLimits, curve: JointCurve, law: TimeLaw) -> tuple[TimedTrajectory, Array, Array]:
+def _stretched_motion(
+    limits: PathLimits, curve: JointCurve, law: TimeLaw
+) -> tuple[TimedTrajectory, Array, Array]:
     """Stretch the averaged law's motion as a whole until it keeps all limits.
 
     Returns it with the excess (m,) of each sample before, as a factor, and the samples' times (m,), s.
     """
-    duration = float(law.times[-1]) + WINDOW
+    duration = float(law.times[-1]) + AVERAGING_WINDOW
     # Limits are checked between the samples, too.
-    times: Array = np.linspace(0.0, duration, 2 * max(1, int(np.ceil(duration / PERIOD))) + 1)
-    s, ds, dds = law.averaged(times, WINDOW)
+    times: Array = np.linspace(0.0, duration, 2 * max(1, int(np.ceil(duration / SAMPLE_PERIOD))) + 1)
+    s, ds, dds = law.averaged(times, AVERAGING_WINDOW)
     s = np.clip(s, 0.0, curve.length)
     q, along, bend = curve.derivatives(s, 2)
     v = along * ds[:, None]
@@ -141,12 +145,12 @@ def _followed(limits: PathLimits, curve: JointCurve, law: TimeLaw) -> tuple[Time
     return TimedTrajectory(Trajectory(t, q, v, a), s[::2]), excess, times
 
 
-def _where(law: TimeLaw, grid: Array, times: Array, excess: Array) -> Array:
+def _slowdown(law: TimeLaw, grid: Array, times: Array, excess: Array) -> Array:
     """Return the factor (k,) of slowing at each grid point: the greatest of the samples that it contributes
     to."""
     slower = np.ones(len(grid))
     for k in np.flatnonzero(excess > 1.0):
-        low, high = np.interp([times[k] - WINDOW, times[k]], law.times, law.parameter)
+        low, high = np.interp([times[k] - AVERAGING_WINDOW, times[k]], law.times, law.parameter)
         first = max(int(np.searchsorted(grid, low, side="right")) - 1, 0)
         last = int(np.searchsorted(grid, high, side="left")) + 1
         slower[first:last] = np.maximum(slower[first:last], excess[k])
@@ -160,7 +164,9 @@ def _grid(curve: JointCurve, stretches: Sequence[ScaledStretch]) -> Array:
     spans = np.diff(marks)
     bends = np.linalg.norm(curve.at(np.concatenate([marks, marks[:-1] + spans / 2]), 2), axis=1)
     bend = np.maximum(np.maximum(bends[: len(spans)], bends[1 : len(marks)]), bends[len(marks) :])
-    counts = np.ceil(np.maximum(spans / min(GRID, curve.length / STEPS), spans * bend / TURN)).astype(int)
+    counts = np.ceil(
+        np.maximum(spans / min(GRID_DISTANCE, curve.length / MIN_GRID_STEPS), spans * bend / MAX_GRID_TURN)
+    ).astype(int)
     steps = np.repeat(spans / counts, counts)
     grid: Array = np.concatenate([[0.0], np.cumsum(steps)])
     grid[-1] = curve.length

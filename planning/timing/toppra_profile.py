@@ -14,11 +14,11 @@ from ...world.values import Array
 from ..requests import Scaling
 from .lazy_pyplot import lazy_pyplot
 
-TORQUE = 0.7
+TORQUE_LIMIT_SHARE = 0.7
 """Share of the torque limits in the plan: the servo and a held object need the rest."""
-RISE = 0.025
+ACCELERATION_RISE_TIME = 0.025
 """Time in which a joint may reach its acceleration limit, s; it defines the jerk limit."""
-APART = 4
+TORQUE_SAMPLE_STRIDE = 4
 """Step between the samples whose torques are checked: torques cost more than the rest."""
 
 
@@ -34,7 +34,7 @@ class PathLimits:
     """Limits of one robot along one path. A stretch scales velocity and acceleration, not jerk and torque."""
 
     def __init__(self, model: RobotModel, stretches: Sequence[ScaledStretch]) -> None:
-        self.jerk: Array = model.acceleration_limit / RISE
+        self.jerk: Array = model.acceleration_limit / ACCELERATION_RISE_TIME
         self._model = model
         self._data = model.arm.createData()
         self._ends = np.array([stretch.end for stretch in stretches[:-1]])
@@ -100,7 +100,7 @@ class PathLimits:
         # The servo sees these differences between samples.
         steps = (np.abs(np.diff(v, axis=0)) / (dt * acceleration[1:])).max(axis=1)
         squared[1:] = np.maximum(squared[1:], steps)
-        some = slice(None, None, APART)
+        some = slice(None, None, TORQUE_SAMPLE_STRIDE)
         weight = self._weight(q[some])
         moving = np.abs(self._rnea(q[some], v[some], a[some]) - weight) / self._left(weight)
         squared[some] = np.maximum(squared[some], moving.max(axis=1))
@@ -119,7 +119,7 @@ class PathLimits:
 
     def _left(self, weight: Array) -> Array:
         limit = self._model.torque_limit
-        return np.maximum(TORQUE * limit - np.abs(weight), 0.1 * limit)
+        return np.maximum(TORQUE_LIMIT_SHARE * limit - np.abs(weight), 0.1 * limit)
 
 
 def least_ratio(limit: Array, each: Array) -> Array:
@@ -131,7 +131,7 @@ with lazy_pyplot():
     from toppra.constraint import LinearConstraint
     from toppra.solverwrapper.cy_seidel_solverwrapper import seidelWrapper
 
-ROUNDED = 0.9999
+SPEED_ROUNDING = 0.9999
 """Share of the squared speed that a step keeps, so that rounding leaves it controllable."""
 
 
@@ -217,7 +217,7 @@ def time_optimal_law(
         if np.isnan(u):
             return None
         squared[k] = x
-        squared[k + 1] = min(max(ROUNDED * (x + 2.0 * steps[k] * u), 0.0), reach[k + 1])
+        squared[k + 1] = min(max(SPEED_ROUNDING * (x + 2.0 * steps[k] * u), 0.0), reach[k + 1])
     solver.close_solver()
     v: Array = np.sqrt(squared)
     mean = v[:-1] + v[1:]

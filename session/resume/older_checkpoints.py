@@ -17,7 +17,7 @@ from ...world.journal import JournalEvent, Plain
 from ..checkpoints import RunState
 from ..run_tally import RunCounters
 
-_JUST = 1e-6
+_TIME_TOLERANCE = 1e-6
 """Time below the length of a tick, s."""
 
 
@@ -32,11 +32,11 @@ def simulated_messages(
     wanted = [name for name in log.topics if name in fixed or name.startswith("/camera/")]
     continues = log.run.continues
     after = [time for time in (start, continues.time if continues else None) if time is not None]
-    begin = max(after) + _JUST if after else None
-    return log.messages(wanted, begin, None if end is None else end + _JUST)
+    begin = max(after) + _TIME_TOLERANCE if after else None
+    return log.messages(wanted, begin, None if end is None else end + _TIME_TOLERANCE)
 
 
-def completed(state: RunState, run: RunRecord) -> RunState:
+def complete_state(state: RunState, run: RunRecord) -> RunState:
     """Return the state with counters and recording state.
 
     The path that the arm followed last stays unknown, so a retreat along it is impossible.

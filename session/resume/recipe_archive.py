@@ -16,11 +16,11 @@ from pydantic import TypeAdapter, ValidationError
 from ...errors import PicktreeError
 from ...files.atomic_write import whole
 from ...simulation.backends import Backend
-from ..recipe import LIMIT, Recipe, fingerprints, recipe_files
+from ..recipe import DEFAULT_TIME_LIMIT, Recipe, fingerprints, recipe_files
 from .unpacking import Unpacking
 
-CARD = "recipe.json"
-_EPOCH = (1980, 1, 1, 0, 0, 0)
+HEADER_NAME = "recipe.json"
+_FILE_TIME = (1980, 1, 1, 0, 0, 0)
 """Time stamp of all files in an archive, so that equal recipes give equal archives."""
 
 
@@ -34,13 +34,13 @@ class RecipeHeader:
     parameters: Mapping[str, str] = field(default_factory=dict[str, str])
     backend: Backend = "physics"
     verify: bool = False
-    limit: float = LIMIT
+    limit: float = DEFAULT_TIME_LIMIT
     own_scene: bool = True
     files: Mapping[str, str] = field(default_factory=dict[str, str])
     """SHA-256 in hex and path of the original file, by name in the archive."""
 
 
-_ADAPTER = TypeAdapter(RecipeHeader)
+_HEADER_ADAPTER = TypeAdapter(RecipeHeader)
 
 
 def write_recipe(recipe: Recipe, path: Path) -> None:
@@ -59,9 +59,9 @@ def write_recipe(recipe: Recipe, path: Path) -> None:
     )
     data = io.BytesIO()
     with zipfile.ZipFile(data, "w", zipfile.ZIP_DEFLATED) as archive:
-        archive.writestr(zipfile.ZipInfo(CARD, _EPOCH), _ADAPTER.dump_json(card, indent=1))
+        archive.writestr(zipfile.ZipInfo(HEADER_NAME, _FILE_TIME), _HEADER_ADAPTER.dump_json(card, indent=1))
         for file in files:
-            archive.writestr(zipfile.ZipInfo(file.name, _EPOCH), file.data, zipfile.ZIP_DEFLATED)
+            archive.writestr(zipfile.ZipInfo(file.name, _FILE_TIME), file.data, zipfile.ZIP_DEFLATED)
     with whole([path], path) as (beside,):
         path.parent.mkdir(parents=True, exist_ok=True)
         beside.write_bytes(data.getvalue())
@@ -79,12 +79,12 @@ class RecipeFile:
         self.path = path
         try:
             self._archive = zipfile.ZipFile(path)
-            self.run = _ADAPTER.validate_json(self._archive.read(CARD))
+            self.run = _HEADER_ADAPTER.validate_json(self._archive.read(HEADER_NAME))
         except OSError as error:
             raise PicktreeError(f"{path}: the recipe cannot be read: {error.strerror}") from None
         except (zipfile.BadZipFile, KeyError, ValidationError):
             raise PicktreeError(f"{path}: no recipe of a batch, or a damaged one") from None
-        self.attachments = tuple(name for name in self._archive.namelist() if name != CARD)
+        self.attachments = tuple(name for name in self._archive.namelist() if name != HEADER_NAME)
         self._folder = tempfile.TemporaryDirectory(prefix="picktree-")
 
     def close(self) -> None:

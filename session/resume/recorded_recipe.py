@@ -17,13 +17,13 @@ from ...trees.mission import Mission
 from ..checkpoints import RunState
 from ..mission_edits import ReloadMessage
 from ..observer import Operator, RecordedAnswers
-from ..recipe import LIMIT, Recipe, StartCheckpoint
-from ..session_recording import START
-from .older_checkpoints import completed
+from ..recipe import DEFAULT_TIME_LIMIT, Recipe, StartCheckpoint
+from ..session_recording import START_ATTACHMENT
+from .older_checkpoints import complete_state
 from .unpacking import Unpacking
 
 _CHECKPOINT: Final = re.compile(r"checkpoint-\d+\.json")
-_EARLY: Final = 1e-6
+_TIME_TOLERANCE: Final = 1e-6
 """Tolerance of time comparisons, simulated s."""
 
 
@@ -61,7 +61,7 @@ class RecordedRun:
         backend: Backend = info.backend
         start = None
         if info.continues is not None:
-            start = StartCheckpoint(RunState.from_json(log.attachment(START)), info.continues)
+            start = StartCheckpoint(RunState.from_json(log.attachment(START_ATTACHMENT)), info.continues)
         return Recipe(
             self._unpacking.mission(),
             self._unpacking.scene(),
@@ -79,7 +79,7 @@ class RecordedRun:
 
     def edits(self, since: float = -1.0) -> RecordedEdits:
         """Return the edits that were taken over during the run later than `since`, simulated s."""
-        later = [(time, files) for time, files in self._edits if time > since + _EARLY]
+        later = [(time, files) for time, files in self._edits if time > since + _TIME_TOLERANCE]
         return RecordedEdits(self._unpacking, later)
 
     def answers(self, since: float = -1.0, after: Operator | None = None) -> Operator:
@@ -88,7 +88,7 @@ class RecordedRun:
         given = [
             (at.record.node, str(at.record.data["answer"]))
             for at in self.run.events
-            if at.record.kind == "operator_answer" and at.time > since + _EARLY
+            if at.record.kind == "operator_answer" and at.time > since + _TIME_TOLERANCE
         ]
         return RecordedAnswers(given, after)
 
@@ -97,7 +97,7 @@ class RecordedRun:
         return tuple(sorted(name for name in self.run.log.attachments if _CHECKPOINT.fullmatch(name)))
 
     def state(self, checkpoint: str) -> RunState:
-        return completed(RunState.from_json(self.run.log.attachment(checkpoint)), self.run)
+        return complete_state(RunState.from_json(self.run.log.attachment(checkpoint)), self.run)
 
     def last_checkpoint(self, time: float) -> tuple[str, RunState] | None:
         """Return name and state of the last checkpoint at `time` (simulated s) or before; None when there is
@@ -105,14 +105,14 @@ class RecordedRun:
         before: tuple[str, RunState] | None = None
         for name in self.checkpoints():
             state = RunState.from_json(self.run.log.attachment(name))
-            if state.time <= time + _EARLY:
+            if state.time <= time + _TIME_TOLERANCE:
                 before = (name, state)
-        return None if before is None else (before[0], completed(before[1], self.run))
+        return None if before is None else (before[0], complete_state(before[1], self.run))
 
     def from_checkpoint(self, name: str, state: RunState) -> Recipe:
         """Return a recipe that starts from this checkpoint, with the version of the mission at its time."""
         recipe = self.recipe()
-        edits = [files for time, files in self._edits if time <= state.time + _EARLY]
+        edits = [files for time, files in self._edits if time <= state.time + _TIME_TOLERANCE]
         if edits:
             recipe = replace(recipe, mission=self._unpacking.mission(edits[-1]))
         assert state.recording is not None
@@ -128,7 +128,7 @@ class RecordedRun:
         if self.run.info.limit is not None:
             return self.run.info.limit
         result = self.run.result
-        return result.sim_seconds if result is not None and result.status == "timeout" else LIMIT
+        return result.sim_seconds if result is not None and result.status == "timeout" else DEFAULT_TIME_LIMIT
 
 
 class RecordedEdits:
@@ -141,6 +141,6 @@ class RecordedEdits:
 
     def look(self, current: Mission, now: float) -> tuple[ReloadMessage, ...]:
         # One version at a time, at its time: loading a plug-in of a later version replaces the one that runs.
-        if self._edits and now >= self._edits[0][0] - _EARLY:
+        if self._edits and now >= self._edits[0][0] - _TIME_TOLERANCE:
             self.pending = self._unpacking.mission(self._edits.pop(0)[1])
         return ()

@@ -15,11 +15,11 @@ from pydantic import TypeAdapter, ValidationError
 from ...errors import PicktreeError
 from ...logs.recording.digest import Digest
 from ...logs.recording.recorder import Listener, RecordingState
-from ...logs.recording.rotation import NEVER, Rotation
-from ...logs.recording.true_state import WHOLE_EVERY, folded, read_state
+from ...logs.recording.rotation import NO_ROTATION, Rotation
+from ...logs.recording.true_state import WHOLE_STATE_PERIOD, fold_states, read_state
 from ...logs.run_record import RunRecord
 from ...logs.schema import topics
-from ...logs.schema.arithmetic_record import departure
+from ...logs.schema.arithmetic_record import arithmetic_difference
 from ...logs.schema.records import ResumedFrom
 from ...simulation.backends import build_hardware
 from ...simulation.faults.injector import FaultInjector, FaultState
@@ -29,17 +29,17 @@ from ...trees.running.debugger import Debugger
 from ...world.journal import JournalEvent, Plain
 from ..arithmetic_probe import arithmetic
 from ..assembly import assemble_world
-from ..checkpoints import RunState, take
+from ..checkpoints import RunState, take_checkpoint
 from ..observer import Operator, PresetAnswers, SessionWatcher
 from ..recipe import Recipe, StartCheckpoint
 from ..run_tally import RunCounters, RunCountersState
 from ..session import Session
-from ..session_recording import START
+from ..session_recording import START_ATTACHMENT
 from .older_checkpoints import simulated_messages
 from .recorded_recipe import RecordedRun
 
 _FAULTS = TypeAdapter(tuple[FaultState, ...])
-_NEVER = -1.0
+_NEVER_WRITTEN = -1.0
 
 
 def recipe_from_truth(recorded: RecordedRun) -> tuple[Recipe, str, float]:
@@ -60,13 +60,13 @@ def recipe_from_truth(recorded: RecordedRun) -> tuple[Recipe, str, float]:
     else:
         recipe = recorded.recipe()
         if recipe.start is not None:
-            name, known = START, recipe.start.state
+            name, known = START_ATTACHMENT, recipe.start.state
             knows, told = known.time, f"what it knows is of the run's own start, {known.time:.2f} s"
         else:
             name, known, knows, told = (
                 "",
                 _beginning(recipe),
-                _NEVER,
+                _NEVER_WRITTEN,
                 "there is no checkpoint: it knows nothing",
             )
     stood = snapshot_at_rest(recipe.backend, last.simulation, len(recipe.robot.joints))
@@ -104,7 +104,7 @@ class _Last:
 
 def _last_state(run: RunRecord) -> _Last:
     topic, end = topics.STATE.name, run.end
-    for start in (end - 2 * WHOLE_EVERY, None):
+    for start in (end - 2 * WHOLE_STATE_PERIOD, None):
         messages = list(run.log.messages([topic], start))
         if not messages:
             continue
@@ -113,7 +113,7 @@ def _last_state(run: RunRecord) -> _Last:
             whole = max((n for n, state in enumerate(told) if state.whole), default=None)
             if whole is None:
                 continue
-            state = folded(told[whole:])
+            state = fold_states(told[whole:])
             assert state is not None
             faults = _FAULTS.validate_python(state.pop("faults", ()))
             bias = tuple(float(value) for value in state.pop("wrist_bias", ()))
@@ -139,8 +139,10 @@ def _beginning(recipe: Recipe) -> RunState:
     hardware = build_hardware(recipe.backend, recipe.scene, recipe.robot, recipe.seed)
     world = assemble_world(hardware, recipe.scene, recipe.robot, recipe.seed, verify=recipe.verify)
     tree = build(recipe.mission, world, recipe.parameters)
-    empty = RecordingState(_NEVER, _NEVER, (), (), Digest().hex)
-    return take(world, tree, hardware, FaultInjector(recipe.faults, hardware), RunCounters(), empty)
+    empty = RecordingState(_NEVER_WRITTEN, _NEVER_WRITTEN, (), (), Digest().hex)
+    return take_checkpoint(
+        world, tree, hardware, FaultInjector(recipe.faults, hardware), RunCounters(), empty
+    )
 
 
 def _tally(run: RunRecord, known: RunState, since: float, until: float) -> RunCountersState:
@@ -171,10 +173,12 @@ def _recording(run: RunRecord, known: RunState, since: float, until: float) -> R
     digest = Digest(bytes.fromhex(before.digest)) if before is not None else Digest()
     for message in simulated_messages(run.log, since if since >= 0.0 else None, until):
         digest.add(message.topic, message.time, message.data)
-    return RecordingState(_NEVER, _NEVER, (), before.cameras if before is not None else (), digest.hex)
+    return RecordingState(
+        _NEVER_WRITTEN, _NEVER_WRITTEN, (), before.cameras if before is not None else (), digest.hex
+    )
 
 
-_FINISHED: Final = {
+_FINISHED_TEXTS: Final = {
     "success": "the goal is reached",
     "incomplete": "its tree ended in SUCCESS",
     "failure": "its tree ended in FAILURE",
@@ -192,7 +196,7 @@ class ResumeRequest:
     """Folder in which the new run's folder is made; None: `runs`."""
     limit: float | None = None
     """Limit in simulated s, counted from the beginning of the first run; None: as it was."""
-    rotation: Rotation = NEVER
+    rotation: Rotation = NO_ROTATION
     as_it_stands: bool = False
     """Whether to resume from the last recorded state of the simulation instead of the checkpoint's.
 
@@ -280,7 +284,7 @@ class Resumption:
                 f"going on with {run.path} from {name.removesuffix('.json')}: {state.time:.2f} s, "
                 f"{_done(state.items_done)}"
             )
-        departed = departure(run.info.arithmetic, arithmetic())
+        departed = arithmetic_difference(run.info.arithmetic, arithmetic())
         if departed:
             told = f"{told}\n{departed}"
         return recipe, told, recipe.start.state.time if recipe.start else -1.0
@@ -293,9 +297,10 @@ def _done(items: int) -> str:
 def _refuse_finished(run: RunRecord, limit: float | None) -> None:
     """Raise PicktreeError for a run that has come to its end, and for a limit that it has already reached."""
     status = run.log.result.get("status", "")
-    if status in _FINISHED:
+    if status in _FINISHED_TEXTS:
         raise PicktreeError(
-            f"{run.path}: the run is finished: {_FINISHED[status]}; `picktree whatif` lets it go on from a "
+            f"{run.path}: the run is finished: {_FINISHED_TEXTS[status]}; `picktree whatif` lets it go on "
+            "from a "
             "checkpoint with something changed"
         )
     if limit is not None and limit <= run.end:
@@ -303,9 +308,9 @@ def _refuse_finished(run: RunRecord, limit: float | None) -> None:
     if status == "timeout" and limit is None:
         raise PicktreeError(
             f"{run.path}: the run was ended at its limit, {run.end:.2f} s; give a later one, as in "
-            f"--limit '{_later(run.end)} s'"
+            f"--limit '{_suggested_limit(run.end)} s'"
         )
 
 
-def _later(end: float) -> int:
+def _suggested_limit(end: float) -> int:
     return max(60, round(2 * end / 60) * 60)

@@ -14,7 +14,7 @@ from ...world.random_streams import RandomStreams
 from ...world.scene.description import CameraDescription, SensorNoise
 from ...world.values import Array, Quaternion, rotated
 
-SATURATED, DARK = 0.4, 0.08
+MIN_COLOUR_SATURATION, MIN_COLOUR_BRIGHTNESS = 0.4, 0.08
 """Least saturation, and least brightness, of a pixel that counts as coloured; both 0 … 1."""
 
 
@@ -25,7 +25,7 @@ def mislabelled(picture: NDArray[np.uint8], others: Mapping[str, str]) -> NDArra
         return picture
     low, high = picture.min(axis=2).astype(np.float64), picture.max(axis=2).astype(np.float64)
     spread = high - low
-    coloured = (spread > SATURATED * high) & (high > 255 * DARK)
+    coloured = (spread > MIN_COLOUR_SATURATION * high) & (high > 255 * MIN_COLOUR_BRIGHTNESS)
     names = list(ITEM_COLOURS)
     known = np.array([colorsys.rgb_to_hsv(*rgb)[0] for rgb in ITEM_COLOURS.values()])
     rows, columns = np.nonzero(coloured)
@@ -59,16 +59,16 @@ def _pure(colour: Rgb) -> Array:
     return np.asarray((rgb - rgb.min()) / (rgb.max() - rgb.min()), np.float64)
 
 
-BLOCK = 240
+NOISE_BLOCK_STEPS = 240
 """Number of steps whose noise is drawn at once: a generator costs 15 µs, a number 10 ns."""
-VELOCITY_RATE = 10.0
+VELOCITY_NOISE_RATE = 10.0
 """Noise of a joint's velocity as a multiple of that of its position, 1/s: encoders differentiated over about
 0.1 s."""
-EDGE = 0.01
+MIN_EDGE_DEPTH_STEP = 0.01
 """Least difference of depth between neighbouring pixels at an edge, m."""
-FLOOR = 2e-4
+MIN_DEPTH_DEVIATION = 2e-4
 """Least standard deviation of a depth with noise, m."""
-COLOUR_NOISE = 4
+MAX_COLOUR_ERROR = 4
 """Greatest error of a colour channel, of 255."""
 
 
@@ -96,11 +96,11 @@ class BlockNoise:
 
     def _row(self, step: int) -> int:
         """Return the row of a step in its block; draws the block when it is not the present one."""
-        number, row = divmod(step, BLOCK)
+        number, row = divmod(step, NOISE_BLOCK_STEPS)
         if number != self._number:
             self._number = number
             rng = self._streams.at(self._stream, number)
-            self._block = rng.standard_normal((BLOCK, len(self._deviations))) * self._deviations
+            self._block = rng.standard_normal((NOISE_BLOCK_STEPS, len(self._deviations))) * self._deviations
             self._numbers = self._block.tolist()
         return row
 
@@ -147,7 +147,7 @@ class RobotSensorNoise:
     """Noise of encoders, gripper and wrist sensor at each step, in their units."""
 
     def __init__(self, noise: SensorNoise, streams: RandomStreams, joints: int) -> None:
-        rate = noise.encoder * VELOCITY_RATE
+        rate = noise.encoder * VELOCITY_NOISE_RATE
         self._encoders = BlockNoise(streams, "encoders", [noise.encoder] * joints + [rate] * joints)
         self._width = BlockNoise(streams, "width", [noise.width])
         self._wrench = BlockNoise(streams, "wrench", [noise.force] * 3 + [noise.torque] * 3)
@@ -180,7 +180,7 @@ def noisy_depth(
     """
     noisy = rng.standard_normal(depth.shape, dtype=np.float32)
     share = np.float32(camera.depth_noise * times / 0.7**2)
-    floor = FLOOR * times
+    floor = MIN_DEPTH_DEVIATION * times
     # At short range the quadratic model gives less noise than any real sensor has.
     near = np.nonzero((depth * depth * share < floor) & (depth > 0)) if share > 0 else ()
     least = noisy[near] * np.float32(floor) if near else None
@@ -198,8 +198,8 @@ def noisy_depth(
 def _edges(depth: NDArray[np.float32]) -> NDArray[np.bool_]:
     """Return a mask (h, w) of pixels with a step of depth towards one of the four neighbours."""
     edge = np.zeros(depth.shape, dtype=np.bool_)
-    down = np.abs(np.diff(depth, axis=0)) > EDGE
-    right = np.abs(np.diff(depth, axis=1)) > EDGE
+    down = np.abs(np.diff(depth, axis=0)) > MIN_EDGE_DEPTH_STEP
+    right = np.abs(np.diff(depth, axis=1)) > MIN_EDGE_DEPTH_STEP
     edge[1:] |= down
     edge[:-1] |= down
     edge[:, 1:] |= right
@@ -211,7 +211,7 @@ def noisy_colour(
     colour: NDArray[np.uint8], rng: np.random.Generator, times: float = 1.0
 ) -> NDArray[np.uint8]:
     """Return colour (h, w, 3) with evenly distributed noise on each channel; `times` multiplies it."""
-    errors = rng.integers(-COLOUR_NOISE, COLOUR_NOISE + 1, colour.shape, dtype=np.int8)
+    errors = rng.integers(-MAX_COLOUR_ERROR, MAX_COLOUR_ERROR + 1, colour.shape, dtype=np.int8)
     if times != 1.0:
         errors = np.round(errors * times).astype(np.int16)
     return np.clip(colour.astype(np.int16) + errors, 0, 255).astype(np.uint8)

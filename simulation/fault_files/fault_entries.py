@@ -88,10 +88,10 @@ class FaultFile:
     expect: FaultExpectation | None = None
 
 
-_NONE = (0.0, 0.0, 0.0)
+_ZERO_VECTOR = (0.0, 0.0, 0.0)
 
 
-def spec(entry: FaultEntryFile) -> FaultSpec:
+def fault_of_entry(entry: FaultEntryFile) -> FaultSpec:
     """Return the fault of a checked entry, which has all that its kind needs."""
     return _MAKERS[entry.fault](entry, _when(entry))
 
@@ -121,11 +121,11 @@ def _appear(entry: FaultEntryFile, when: When) -> Appear:
 
 
 def _bump(entry: FaultEntryFile, when: When) -> Bump:
-    return Bump(when, _target(entry), entry.velocity or _NONE, entry.spin or _NONE)
+    return Bump(when, _target(entry), entry.velocity or _ZERO_VECTOR, entry.spin or _ZERO_VECTOR)
 
 
 def _shift(entry: FaultEntryFile, when: When) -> CameraShift:
-    moved = Pose.from_rpy(entry.shift or _NONE, entry.turn or _NONE)
+    moved = Pose.from_rpy(entry.shift or _ZERO_VECTOR, entry.turn or _ZERO_VECTOR)
     return CameraShift(when, moved, entry.camera, entry.lasts)
 
 
@@ -151,7 +151,7 @@ _MAKERS: Mapping[str, Callable[[FaultEntryFile, When], FaultSpec]] = {
     "camera_noise": lambda entry, when: CameraNoise(when, entry.factor or 1.0, entry.camera, entry.lasts),
     "camera_mislabel": _mislabel,
     "wrench_bias": lambda entry, when: WrenchBias(
-        when, entry.force or _NONE, entry.torque or _NONE, entry.lasts
+        when, entry.force or _ZERO_VECTOR, entry.torque or _ZERO_VECTOR, entry.lasts
     ),
     "wrench_dead": lambda entry, when: WrenchDead(when, entry.lasts),
     "joint_weak": lambda entry, when: JointWeak(when, entry.joint or "", entry.share or 0.0, entry.lasts),

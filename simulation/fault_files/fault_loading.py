@@ -16,11 +16,11 @@ from ...world.causes import all_causes
 from ...world.scene.description import SceneDescription
 from ...world.scene.loading.scene_entries import check_unknown
 from ...world.scene.loading.scene_loading import load_scene
-from .fault_entries import FaultExpectation, FaultFile, spec
+from .fault_entries import FaultExpectation, FaultFile, fault_of_entry
 from .fault_schema import (
-    MAY,
-    NEEDS,
+    ALLOWED_KEYS,
     OWN_KEYS,
+    REQUIRED_KEYS,
     ExpectFile,
     FaultEntryFile,
     FaultsRestFile,
@@ -46,10 +46,10 @@ def check_entry(check: DocumentChecker, n: int, entry: FaultEntryFile) -> None:
         kind = entry.fault
         for name in OWN_KEYS:
             given = check.document.get((*loc, name)) is not None
-            if given and name not in MAY[kind]:
+            if given and name not in ALLOWED_KEYS[kind]:
                 hint = "it has 'stays'" if (kind, name) == ("obstacle", "lasts") else ""
                 check.fault((*loc, name), f"{kind!r} takes no {name!r}", hint, code="P602", key=True)
-            if not given and name in NEEDS[kind]:
+            if not given and name in REQUIRED_KEYS[kind]:
                 check.fault(loc, f"{kind!r} needs {name!r}", code="P601")
     with check.readable():
         if entry.target == TargetFile():
@@ -185,7 +185,7 @@ def check_faults(document: Document, place: FaultContext | None = None) -> Fault
     if any(fault.severity == "error" for fault in check.faults):
         return FaultsCheck(None, tuple(check.faults))
     expect = None if rest.expect is None else FaultExpectation(tuple(rest.expect.causes), rest.expect.lost)
-    specs = tuple(map(spec, entries))
+    specs = tuple(map(fault_of_entry, entries))
     return FaultsCheck(FaultFile(specs, str(document.path), document.text, expect), tuple(check.faults))
 
 

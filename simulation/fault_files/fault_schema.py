@@ -162,7 +162,7 @@ class FaultEntryFile(FileModel):
     """How long it stays before it is taken away; for good unless given. Only of the fault obstacle."""
 
 
-NEEDS: Mapping[str, tuple[str, ...]] = {
+REQUIRED_KEYS: Mapping[str, tuple[str, ...]] = {
     "remove": ("target",),
     "friction": ("target", "friction"),
     "bump": ("target", "velocity"),
@@ -187,7 +187,7 @@ NEEDS: Mapping[str, tuple[str, ...]] = {
     "kill": (),
 }
 """Required keys of each kind of fault, besides `fault` and `when`."""
-_MAY_BESIDE: Mapping[str, tuple[str, ...]] = {
+_OPTIONAL_KEYS: Mapping[str, tuple[str, ...]] = {
     "friction": ("mass",),
     "bump": ("spin",),
     "obstacle": ("name", "stays"),
@@ -205,11 +205,11 @@ _MAY_BESIDE: Mapping[str, tuple[str, ...]] = {
     "stall": ("lasts",),
     "no_plan": ("lasts", "requests"),
 }
-MAY: Mapping[str, tuple[str, ...]] = {
-    name: (*needed, *_MAY_BESIDE.get(name, ())) for name, needed in NEEDS.items()
+ALLOWED_KEYS: Mapping[str, tuple[str, ...]] = {
+    name: (*needed, *_OPTIONAL_KEYS.get(name, ())) for name, needed in REQUIRED_KEYS.items()
 }
 """Allowed keys of each kind of fault, the required ones included."""
-OWN_KEYS = tuple(dict.fromkeys(key for keys in MAY.values() for key in keys))
+OWN_KEYS = tuple(dict.fromkeys(key for keys in ALLOWED_KEYS.values() for key in keys))
 """Keys that some faults take and others do not."""
 
 

@@ -29,7 +29,7 @@ from ..fault_files.device_entries import (
 )
 from ..scoring.truth import TrueBody, TrueObstacle
 
-SQUEEZE = 1e-3
+JAM_SQUEEZE_DEPTH = 1e-3
 """Depth inside the gripped item at which jammed fingers aim, so that they keep pressing, m."""
 
 
@@ -133,7 +133,7 @@ class DeviceFaults:
             if isinstance(fault, JointWeak):
                 self.torque_shares[fault.joint] = self.torque_shares.get(fault.joint, 1.0) * fault.share
         silent = [self._held[n] for n, f in faults.items() if isinstance(f, WrenchDead)]
-        self.silence = _silence(silent[0]) if silent else None
+        self.silence = _frozen_reading(silent[0]) if silent else None
         biases = [f for f in faults.values() if isinstance(f, WrenchBias)]
         self.biased = bool(biases)
         self.bias = (_total(f.force for f in biases), _total(f.torque for f in biases))
@@ -147,14 +147,14 @@ class DeviceFaults:
                 and f.camera in (None, name)
             }
             if of:
-                self.cameras[name] = _trouble(of)
+                self.cameras[name] = _camera_state(of)
 
 
-def jammed(told: GripperCommand, width: float, most: float) -> tuple[float, float]:
+def jam_command(told: GripperCommand, width: float, most: float) -> tuple[float, float]:
     """Return opening, m, and force, N, that the drives of fingers keep when they jam at opening `width`, m.
     `most`: greatest force, N."""
-    if told.width < width - SQUEEZE:
-        return max(width - SQUEEZE, 0.0), told.force
+    if told.width < width - JAM_SQUEEZE_DEPTH:
+        return max(width - JAM_SQUEEZE_DEPTH, 0.0), told.force
     return width, most
 
 
@@ -163,7 +163,7 @@ def clipped(torque: Array, limits: Array) -> Array:
     return torque.clip(-limits, limits)
 
 
-def _silence(held: tuple[float, ...]) -> FrozenReading:
+def _frozen_reading(held: tuple[float, ...]) -> FrozenReading:
     fx, fy, fz, tx, ty, tz, since = held
     return FrozenReading(Wrench((fx, fy, fz), (tx, ty, tz)), since)
 
@@ -175,7 +175,7 @@ def _total(vectors: Iterable[Vector3]) -> Vector3:
     return x, y, z
 
 
-def _trouble(faults: Mapping[int, CameraFault]) -> CameraFaultState:
+def _camera_state(faults: Mapping[int, CameraFault]) -> CameraFaultState:
     moved, noise = Pose(), 1.0
     shown: dict[str, str] = {}
     for fault in faults.values():

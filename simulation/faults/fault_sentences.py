@@ -21,12 +21,12 @@ from ..fault_files.device_entries import (
 )  # fmt: skip
 
 
-def begins(fault: Ailing, width: float) -> str:
+def start_sentence(fault: Ailing, width: float) -> str:
     """Return the sentence for the start of a fault; `width` is the fingers' opening, m."""
     return f"{_begins(fault, width)}{_lasting(fault)}"
 
 
-def ends(fault: Ailing) -> str:
+def end_sentence(fault: Ailing) -> str:
     match fault:
         case GripperJam():
             return "the fingers move again"
@@ -52,7 +52,7 @@ def ends(fault: Ailing) -> str:
             return "the planner finds ways again"
 
 
-def details(fault: Ailing) -> dict[str, Plain]:
+def record_details(fault: Ailing) -> dict[str, Plain]:
     """Return the data of the record that goes with the sentence."""
     told: dict[str, Plain] = {}
     match fault:

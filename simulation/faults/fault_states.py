@@ -43,7 +43,7 @@ def choose_target(
     return min(fitting, key=lambda body: math.dist(body.pose.position, near), default=None)
 
 
-def told_of(fault: ItemFault, body: TrueBody) -> dict[str, Plain]:
+def record_data(fault: ItemFault, body: TrueBody) -> dict[str, Plain]:
     """Return the data of the record that goes with the sentence."""
     data: dict[str, Plain] = {"fault": fault.name, "item": body.id, "kind": body.kind}
     data["colour"] = body.colour

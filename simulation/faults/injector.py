@@ -40,16 +40,16 @@ from ..fault_files.item_entries import (
     Slip,
 )
 from .device_faults import InjectableRobot
-from .fault_sentences import begins, details, ends
-from .fault_states import FaultSchedule, FaultState, apply_item_fault, choose_target, told_of
+from .fault_sentences import end_sentence, record_details, start_sentence
+from .fault_states import FaultSchedule, FaultState, apply_item_fault, choose_target, record_data
 
 __all__ = ["FaultInjector", "FaultState", "InjectableProgram", "InjectableRobot", "new_states"]
 
-_AILING: tuple[type, ...] = (
+_DEVICE_FAULTS: tuple[type, ...] = (
     GripperJam, GripperWeak, JointWeak, Stall, WrenchBias, WrenchDead, CameraDrop, CameraShift, CameraNoise,
     CameraMislabel, NoPlan,
 )  # fmt: skip
-_PLANTED = "planted by the fault file"
+_PLANTED_MESSAGE = "planted by the fault file"
 
 
 @dataclass(frozen=True, slots=True)
@@ -158,7 +158,7 @@ class FaultInjector:
                     self._hardware.lubricate(state.standing, friction, again=True)
                 case Kill():
                     self._states[n] = replace(state, standing="")
-                case _ if isinstance(fault, _AILING):
+                case _ if isinstance(fault, _DEVICE_FAULTS):
                     self._hardware.afflict(n, cast(Ailing, fault), state.held)
                 case _:
                     pass
@@ -188,7 +188,7 @@ class FaultInjector:
                 return []
             case _:
                 self._hardware.relieve(n)
-                message = ends(cast(Ailing, fault))
+                message = end_sentence(cast(Ailing, fault))
         return [JournalEvent("fault", message, state.node, data | {"gone": True})]
 
     def _strike(self, n: int, fault: FaultSpec, now: float) -> list[JournalEvent]:
@@ -226,14 +226,16 @@ class FaultInjector:
             case _:
                 width = self._hardware.gripper.read().width
                 self._hardware.afflict(n, fault)
-                return InjectionResult(begins(fault, width), details(fault), standing=fault.name)
+                return InjectionResult(
+                    start_sentence(fault, width), record_details(fault), standing=fault.name
+                )
 
     def _befall(self, fault: ItemFault, state: FaultState) -> InjectionResult:
         name = fault.name
         body = choose_target(self._hardware, fault.target, state.node, self._object_place)
         if body is None:
             return InjectionResult(f"{name}: no item fits", {"fault": name, "item": None})
-        message, data = apply_item_fault(fault, body, self._hardware), told_of(fault, body)
+        message, data = apply_item_fault(fault, body, self._hardware), record_data(fault, body)
         if message is None:
             return InjectionResult(
                 f"{body.id} waits for room to be larger", data | {"waits": True}, waits=True
@@ -285,16 +287,16 @@ class FaultInjector:
             return InjectionResult(f"{name}: the node had ended before", {"fault": name, "skill": None})
         if not path:
             return InjectionResult("", {}, waits=True)
-        tree.stand_in(path, _body(fault))
-        return _meddled(fault, path)
+        tree.stand_in(path, _fault_generator(fault))
+        return _program_fault_result(fault, path)
 
     def _strike_at_once(self, n: int, fault: Hang | Raise, path: str, now: float) -> None:
         """Replace the generator of a skill that has just started, which may end in the same tick."""
         state = self._states[n]
         if state.dues[0].time > now or self._program is None:
             return
-        if self._program().stand_in(path, _body(fault)):
-            outcome = _meddled(fault, path)
+        if self._program().stand_in(path, _fault_generator(fault)):
+            outcome = _program_fault_result(fault, path)
             self._told.append(JournalEvent("fault", outcome.message, path, outcome.data))
             self._states[n] = self._occasions.taken(n, fault.when, state, now)
 
@@ -317,13 +319,13 @@ def new_states(
     )
 
 
-def _meddled(fault: Hang | Raise, path: str) -> InjectionResult:
+def _program_fault_result(fault: Hang | Raise, path: str) -> InjectionResult:
     name = path.rsplit("/", 1)[-1]
     does = "hangs" if isinstance(fault, Hang) else "raises an exception"
     return InjectionResult(f"the code of {name} {does}", {"fault": fault.name, "skill": path})
 
 
-def _body(fault: Hang | Raise) -> Callable[[], Generator[None, None, None]]:
+def _fault_generator(fault: Hang | Raise) -> Callable[[], Generator[None, None, None]]:
     return _for_ever if isinstance(fault, Hang) else _raising
 
 
@@ -334,4 +336,4 @@ def _for_ever() -> Generator[None, None, None]:
 
 def _raising() -> Generator[None, None, None]:
     yield from ()
-    raise RuntimeError(_PLANTED)
+    raise RuntimeError(_PLANTED_MESSAGE)

@@ -18,7 +18,7 @@ from ...world.shapes import Shape
 from ...world.values import Array, ObjectId, Pose
 from ..scoring.truth import TrueObstacle
 
-ROOM = 0.01
+MIN_OBSTACLE_CLEARANCE = 0.01
 """Least distance of an added obstacle to items and robot, m."""
 
 
@@ -74,7 +74,7 @@ class FreeSpaceCheck:
         items: Iterable[tuple[Shape, Pose]],
         q: Array,
         width: float,
-        room: float = ROOM,
+        room: float = MIN_OBSTACLE_CLEARANCE,
     ) -> bool:
         """Return whether a body fits at `pose` between items and robot, with clearance `room`, m. The arm is
         at `q` (n,), rad, the fingers are `width` m open."""

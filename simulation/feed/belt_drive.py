@@ -12,7 +12,7 @@ from ...world.scene.feed import Belt
 from ...world.shapes import Box
 from ...world.values import ObjectId, Pose, Vector3
 
-ACCELERATION = 0.25
+BELT_ACCELERATION = 0.25
 """Acceleration of a belt when it starts and stops, m/s².
 
 A ball or lying cylinder of radius r stays in its place on the belt while g·c/r is greater. With rolling
@@ -44,7 +44,7 @@ class BeltState:
     def after(self, top_speed: float, period: float) -> BeltState:
         """Return the state one control period later."""
         aim = top_speed if self.wanted else 0.0
-        change = ACCELERATION * period
+        change = BELT_ACCELERATION * period
         speed = min(max(aim, self.speed - change), self.speed + change)
         return replace(self, speed=speed, travelled=self.travelled + speed * period)
 

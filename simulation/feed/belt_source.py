@@ -16,18 +16,18 @@ from ...world.values import Pose
 from ..common.footprints import distance, footprint
 from ..spawning.spawn import LooseItem, SpawnedItem, draw_load
 from .belt_drive import BeltDrive, BeltSurface
-from .cell_interface import LOOK, FeedCell
+from .cell_interface import CELL_CHECK_INTERVAL, FeedCell
 from .light_curtain import Zone
 
-MARGIN = 0.05
+MIN_ARM_DISTANCE = 0.05
 """Margin around the running belt in which the arm may not be, m."""
-EDGE = 0.005
+EDGE_DISTANCE = 0.005
 """Distance of new items from the belt's edges, m."""
-CLEARANCE = 5e-4
+DROP_HEIGHT = 5e-4
 """Height above the belt from which new items drop, m."""
-FREE = 0.005
+MIN_ITEM_GAP = 0.005
 """Least gap between two items at the light barrier, m: at an item's rim the barrier may flicker."""
-PATIENCE = 3.0
+MAX_SETTLING_TIME = 3.0
 """Longest wait after a stop for the items on the belt to come to rest, s."""
 
 Phase: TypeAlias = Literal["standing", "running", "stopping"]
@@ -78,8 +78,8 @@ class BeltFeed:
         self._size = sum(n for _, n in self._round.counts)
         widest = max(reach(scene.entry(kind).shape, load.lying) for kind, _ in load.counts)
         track = drive.track
-        self._start = -track.length / 2 + widest + EDGE
-        self._aside = max(0.0, track.width / 2 - widest - EDGE)
+        self._start = -track.length / 2 + widest + EDGE_DISTANCE
+        self._aside = max(0.0, track.width / 2 - widest - EDGE_DISTANCE)
         self._rest = max(0.0, drive.belt.eye - self._start - widest)
         self._zone = zone_of(track)
         self._state = BeltFeedState()
@@ -113,12 +113,12 @@ class BeltFeed:
             case "standing":
                 return
             case "running":
-                if step % LOOK == 0:
+                if step % CELL_CHECK_INTERVAL == 0:
                     self._mind_the_arm()
                 if self._drive.moving:
                     self._run()
             case "stopping":
-                if step % LOOK == 0 and not self._drive.moving:
+                if step % CELL_CHECK_INTERVAL == 0 and not self._drive.moving:
                     self._wait_for_rest()
 
     def take_events(self) -> tuple[JournalEvent, ...]:
@@ -151,7 +151,7 @@ class BeltFeed:
         if self._another_comes() or self._all_at_barrier:
             self._drive.halt()
             self._state = replace(
-                self._state, phase="stopping", obstructed=False, until=self._cell.now + PATIENCE
+                self._state, phase="stopping", obstructed=False, until=self._cell.now + MAX_SETTLING_TIME
             )
         elif self._is_due():
             self._put()
@@ -162,7 +162,7 @@ class BeltFeed:
             return False
         here, before = self._drive.travelled, self._state.seen
         self._state = replace(self._state, seen=here)
-        return before is None or here - before > FREE
+        return before is None or here - before > MIN_ITEM_GAP
 
     def _wait_for_rest(self) -> None:
         riding = [b.id for b in self._cell.here() if self._drive.track.carries(b.pose.position)]
@@ -193,7 +193,7 @@ class BeltFeed:
         entry = self._scene.entry(coming.item.kind)
         turn = coming.item.turn
         low = bottom(entry.shape, Pose(orientation=turn))
-        point = self._drive.track.at(self._start, coming.aside, CLEARANCE - low)
+        point = self._drive.track.at(self._start, coming.aside, DROP_HEIGHT - low)
         outline = footprint(entry.shape, turn).at(point[:2])
         for body in self._cell.here():
             other = footprint(body.shape, body.pose.orientation).at(body.pose.position[:2])
@@ -239,4 +239,4 @@ def zone_of(track: BeltSurface) -> Zone:
     x, y, _ = track.pose.position
     ahead = track.pose.rotation()[:, 0]
     yaw = math.atan2(float(ahead[1]), float(ahead[0]))
-    return Zone((x, y), yaw, (track.length / 2, track.width / 2)).grown(MARGIN)
+    return Zone((x, y), yaw, (track.length / 2, track.width / 2)).grown(MIN_ARM_DISTANCE)

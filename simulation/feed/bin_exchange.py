@@ -12,10 +12,10 @@ from ...world.journal import JournalEvent
 from ...world.scene.description import Bin, SceneDescription
 from ...world.values import ObjectId
 from ..scoring.truth import TrueBody
-from .cell_interface import LOOK, FeedCell
+from .cell_interface import CELL_CHECK_INTERVAL, FeedCell
 from .light_curtain import Zone
 
-MARGIN = 0.05
+MIN_ARM_DISTANCE = 0.05
 """Least distance between the bin and the arm during the exchange, m."""
 
 
@@ -64,13 +64,13 @@ class BinExchange:
 
     def stepped(self, step: int) -> None:
         """Advance by one control period, the step-th of the run."""
-        if not self._asked or step % LOOK:
+        if not self._asked or step % CELL_CHECK_INTERVAL:
             return
         each = self._bins[self._asked[0]]
         self.obstructed = self._cell.arm_over(_zone(each))
         if self.obstructed:
             return
-        self._worked += LOOK * self._cell.period
+        self._worked += CELL_CHECK_INTERVAL * self._cell.period
         assert self._exchange is not None
         if self._worked >= self._exchange.seconds - 1e-9:
             self._carry_out(each)
@@ -117,7 +117,7 @@ def _zone(each: Bin) -> Zone:
     x, y, _ = each.pose.position
     across = each.pose.rotation()[:, 0]
     yaw = math.atan2(float(across[1]), float(across[0]))
-    return Zone((x, y), yaw, (each.size[0] / 2, each.size[1] / 2)).grown(MARGIN)
+    return Zone((x, y), yaw, (each.size[0] / 2, each.size[1] / 2)).grown(MIN_ARM_DISTANCE)
 
 
 def _counted(items: int) -> str:

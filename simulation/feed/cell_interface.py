@@ -11,7 +11,7 @@ from ..scoring.truth import TrueBody
 from ..spawning.spawn import SpawnedItem
 from .light_curtain import Zone
 
-LOOK = 12
+CELL_CHECK_INTERVAL = 12
 """Number of control periods between two checks of the cell by the feed."""
 
 

@@ -21,16 +21,16 @@ from ..spawning.spawn import (
     occupied_outlines,
     set_down,
 )
-from .cell_interface import LOOK, FeedCell
+from .cell_interface import CELL_CHECK_INTERVAL, FeedCell
 from .light_curtain import Zone
 
-MARGIN = 0.05
+MIN_ARM_DISTANCE = 0.05
 """Least distance between new items and the arm, m."""
-CLEARANCE = 5e-4
+DROP_HEIGHT = 5e-4
 """Height above the support from which new items drop, m."""
-PATIENCE = 3.0
+MAX_SETTLING_TIME = 3.0
 """Longest wait for new items to come to rest, s."""
-RETRY = 1.0
+RETRY_INTERVAL = 1.0
 """Time between two searches for free room on the table, s."""
 
 
@@ -90,7 +90,7 @@ class TableFeed:
         widest = max(reach(scene.entry(kind).shape, 1.0) for kind, _ in self._load.counts)
         (x0, y0), (x1, y1) = self._load.area
         middle, half = ((x0 + x1) / 2, (y0 + y1) / 2), ((x1 - x0) / 2, (y1 - y0) / 2)
-        self._zone = Zone(middle, 0.0, half).grown(widest + MARGIN)
+        self._zone = Zone(middle, 0.0, half).grown(widest + MIN_ARM_DISTANCE)
         levels = (support_height(scene.fixtures, x, y) for x in (x0, x1) for y in (y0, y1))
         self._level = min((level for level in levels if level is not None), default=-math.inf)
         """Height of the table, m; lower bodies take no room."""
@@ -126,7 +126,7 @@ class TableFeed:
             self._state = replace(self._state, pending=True)
 
     def stepped(self, step: int) -> None:
-        if step % LOOK:
+        if step % CELL_CHECK_INTERVAL:
             return
         if self._state.settling:
             self._wait_for_rest()
@@ -175,7 +175,7 @@ class TableFeed:
         places = self._places(hand)
         state = replace(self._state, tries=self._state.tries + 1)
         if not places:
-            self._state = replace(state, no_room=True, due=now + RETRY)
+            self._state = replace(state, no_room=True, due=now + RETRY_INTERVAL)
             return
         put = [self._put(hand[k], place) for k, place in sorted(places.items())]
         waiting = tuple(
@@ -190,7 +190,7 @@ class TableFeed:
             no_room=False,
             due=self._next_due(now),
             settling=tuple(put),
-            until=now + PATIENCE,
+            until=now + MAX_SETTLING_TIME,
         )
         self._tell(len(put), len(waiting))
 
@@ -229,7 +229,7 @@ class TableFeed:
 
     def _put(self, item: LooseItem, place: Array) -> ObjectId:
         made = set_down(self._scene, self._load, item, place, self._cell.next_id(), self._where)
-        pose = made.pose.shifted((0.0, 0.0, CLEARANCE))
+        pose = made.pose.shifted((0.0, 0.0, DROP_HEIGHT))
         self._cell.put(
             SpawnedItem(made.id, made.entry, made.colour, pose, made.dropped, brought_by=self._number)
         )

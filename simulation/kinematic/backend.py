@@ -23,18 +23,18 @@ from ..checkpoints.physics_state import GripperCommand
 from ..common.footprints import floor_height
 from ..common.uncertain_fixtures import displace_fixtures
 from ..fault_files.device_entries import Ailing, GripperJam, Stall, WrenchDead, counted
-from ..faults.device_faults import DeviceFaults, jammed
-from ..faults.planted_obstacles import ROOM, FreeSpaceCheck, HiddenObstacles
+from ..faults.device_faults import DeviceFaults, jam_command
+from ..faults.planted_obstacles import MIN_OBSTACLE_CLEARANCE, FreeSpaceCheck, HiddenObstacles
 from ..feed.belt_drive import BeltDrive
 from ..feed.feeder import Feeder, FeederState, has_feeder
 from ..scoring.truth import HoledFixtures, TrueBody, TrueObstacle
 from ..spawning.inventory import Inventory
-from ..spawning.spawn import TIGHT, SpawnedItem, enlarged_item, placed_item, spawn_items, walls
+from ..spawning.spawn import MIN_ITEM_CLEARANCE, SpawnedItem, enlarged_item, placed_item, spawn_items, walls
 from .belts import KinematicBelts
 from .bodies import KinematicBodies, KinematicBody
 from .camera import KinematicCamera, Posture, RenderStage
 from .cell_access import KinematicCell, body_of, true_body
-from .contact_forces import STIFFNESS, KinematicContactForces
+from .contact_forces import CONTACT_STIFFNESS, KinematicContactForces
 from .devices import KinematicArm, KinematicClock, KinematicWrench
 from .gripper import KinematicGripper
 
@@ -141,7 +141,11 @@ class KinematicHardware:
 
     def settings(self) -> Mapping[str, str]:
         """Return the settings of this simulation for the record."""
-        return {"engine": "kinematic", "period": f"{self.period:.6g} s", "contact": f"{STIFFNESS:g} N/m"}
+        return {
+            "engine": "kinematic",
+            "period": f"{self.period:.6g} s",
+            "contact": f"{CONTACT_STIFFNESS:g} N/m",
+        }
 
     def close(self) -> None:
         """Do nothing: no resource needs an explicit release."""
@@ -192,7 +196,7 @@ class KinematicHardware:
 
     def room_for(self, body: Fixture) -> bool:
         """Return whether the body's place is free of items and robot."""
-        return self._free(body.shape, body.pose, "", ROOM)
+        return self._free(body.shape, body.pose, "", MIN_OBSTACLE_CLEARANCE)
 
     def _free(
         self, shape: Shape, pose: Pose, but: str, room: float, more: Iterable[tuple[Shape, Pose]] = ()
@@ -224,7 +228,7 @@ class KinematicHardware:
         it is held, or when items or robot leave no room."""
         body = self._known(item)
         entry, pose = enlarged_item(body.entry, body.pose, factor)
-        if self.bodies.held == body.id or not self._free(entry.shape, pose, item, TIGHT):
+        if self.bodies.held == body.id or not self._free(entry.shape, pose, item, MIN_ITEM_CLEARANCE):
             return False
         self.bodies.put(replace(body, entry=entry, pose=pose, scale=body.scale * factor))
         self.bodies.settle()
@@ -234,7 +238,7 @@ class KinematicHardware:
         """Carry out a fault: add an item at `place`; None: something is there now. Raises PicktreeError where
         no fixture is below."""
         item = placed_item(self._real, self._inventory.next_id(), kind, colour, place, yaw)
-        if not self._free(item.entry.shape, item.pose, "", TIGHT, walls(self.scene)):
+        if not self._free(item.entry.shape, item.pose, "", MIN_ITEM_CLEARANCE, walls(self.scene)):
             return None
         self._inventory.add(item)
         self.bodies.put(body_of(item))
@@ -256,7 +260,7 @@ class KinematicHardware:
         match fault:
             case GripperJam():
                 told = GripperCommand(self.gripper.target, self.gripper.force)
-                return jammed(told, self.gripper.width, self.robot.gripper.max_force)
+                return jam_command(told, self.gripper.width, self.robot.gripper.max_force)
             case WrenchDead():
                 said = self.wrench.read()
                 return (*said.force, *said.torque, self.stamps.wrench)
@@ -317,7 +321,7 @@ class KinematicHardware:
         gripper.gripped, gripper.item_in_tcp, gripper.speed = saved.gripped, saved.item_in_tcp, 0.0
         self._obstacles.renew(self.scene.unknown if saved.obstacles is None else saved.obstacles)
         self._restand()
-        self.bodies.replace_all((_restored(known[item.id], item) for item in saved.items), saved.held)
+        self.bodies.replace_all((_restored_body(known[item.id], item) for item in saved.items), saved.held)
         for name, (_, friction) in self._lent.items():
             if name in self.bodies:
                 self.bodies.put(replace(self.bodies[name], friction=friction))
@@ -348,7 +352,7 @@ class KinematicHardware:
         return Posture(q, self.gripper.width, self.model.tcp(q), self._believed.tcp(q))
 
 
-def _restored(item: SpawnedItem, saved: ItemState) -> KinematicBody:
+def _restored_body(item: SpawnedItem, saved: ItemState) -> KinematicBody:
     entry = replace(item.entry, mass=saved.mass)
     if saved.scale != 1.0:
         entry = replace(entry, shape=scaled(entry.shape, saved.scale))

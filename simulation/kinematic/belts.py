@@ -15,9 +15,9 @@ from ...world.values import ObjectId, Vector3
 from ..feed.belt_drive import BeltDrive, BeltState, check_belts
 from .bodies import KinematicBodies, KinematicBody, Prism
 
-STANDS = 1e-3
+MAX_SUPPORT_GAP = 1e-3
 """Largest gap between an item and the surface on which it stands, m."""
-BESIDE = 1e-3
+LANDING_DISTANCE = 1e-3
 """Distance from the belt's end to the landing place of an item that falls off, m."""
 
 
@@ -69,8 +69,8 @@ class KinematicBelt(BeltDrive):
         track = self.track
         for body, prism in sorted(self._bodies.standing(), key=lambda each: (each[1].low[2], each[0].id)):
             low = prism.low[2]
-            on_belt = abs(low - track.height) <= STANDS and track.carries(body.pose.position)
-            if on_belt or any(abs(low - p.high[2]) <= STANDS and p.overlaps(prism) for p in tops):
+            on_belt = abs(low - track.height) <= MAX_SUPPORT_GAP and track.carries(body.pose.position)
+            if on_belt or any(abs(low - p.high[2]) <= MAX_SUPPORT_GAP and p.overlaps(prism) for p in tops):
                 riding.append(body)
                 tops.append(prism)
         return riding
@@ -82,7 +82,7 @@ class KinematicBelt(BeltDrive):
         if along <= track.length / 2:
             return
         reach = Prism.of(item, body.entry.shape, body.pose).outline.reach
-        beyond = track.length / 2 + reach + BESIDE - along
+        beyond = track.length / 2 + reach + LANDING_DISTANCE - along
         x, y, _ = self._ahead
         self._bodies.put(replace(body, pose=body.pose.shifted((x * beyond, y * beyond, 0.0))))
         self._bodies.fall(item, self._floor)

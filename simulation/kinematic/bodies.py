@@ -12,7 +12,7 @@ from ...world.values import ObjectId, Pose, Vector3
 from ..common.footprints import Footprint, distance, footprint
 from .holes import HoleBelow, KinematicHoles
 
-SINKING = 0.005
+MAX_SUPPORT_RISE = 0.005
 """Height above a body's lowest point up to which a surface counts as below it, m."""
 
 
@@ -154,7 +154,7 @@ class KinematicBodies:
         """Let an item fall straight down onto a static body below, or else onto the floor."""
         body = self._items[item]
         prism = Prism.of(item, body.entry.shape, body.pose)
-        if any(p.overlaps(prism) and p.high[2] <= prism.low[2] + SINKING for p in self._fixed):
+        if any(p.overlaps(prism) and p.high[2] <= prism.low[2] + MAX_SUPPORT_RISE for p in self._fixed):
             self.drop(item)
         else:
             self.put(replace(body, pose=body.pose.shifted((0.0, 0.0, floor - prism.low[2]))))
@@ -224,7 +224,7 @@ class KinematicBodies:
     def tops_below(self, prism: Prism) -> list[tuple[str, float]]:
         """Return names and heights, m, of the tops under the outline. A fixture with a hole there counts with
         the hole's bottom."""
-        limit = prism.low[2] + SINKING
+        limit = prism.low[2] + MAX_SUPPORT_RISE
         body = self._items.get(ObjectId(prism.id))
         hole = None if body is None else self._mouths.under(body.entry.shape, body.pose)
         tops = [

@@ -14,15 +14,15 @@ from .devices import KinematicArm, KinematicWrench
 from .gripper import KinematicGripper
 from .pushing import KinematicContacts, KinematicPushing
 
-STIFFNESS = 2.0e4
+CONTACT_STIFFNESS = 2.0e4
 """Stiffness of a contact with a support, N/m."""
-DAMPING = 60.0
+CONTACT_DAMPING = 60.0
 """Damping of a contact with a support, N·s/m."""
-DEEPEST = 0.03
+MAX_TIP_DEPTH = 0.03
 """Greatest depth below a top at which the finger tips still count as standing on it, m."""
-RELIEF = 2e-4
+SUPPORT_HEIGHT = 2e-4
 """Height above a support over which it takes the weight of a held object, m."""
-HELD = "held"
+HELD_FOOT = "held"
 """Name of the foot that is the bottom of the held item."""
 
 
@@ -152,7 +152,7 @@ class KinematicContactForces:
         if not back.any():
             return 0.0, 0.0
         rate = np.zeros(3) if before is None else (position - before) / self._period
-        x, y, _ = (STIFFNESS * back - DAMPING * rate).tolist()
+        x, y, _ = (CONTACT_STIFFNESS * back - CONTACT_DAMPING * rate).tolist()
         return x, y
 
     def _contacts(self, rotation: Array, position: Array, rate: float) -> list[tuple[Array, float]]:
@@ -164,27 +164,27 @@ class KinematicContactForces:
         for foot, side in (("one tip", aside), ("other tip", -aside)):
             tip = position + rotation @ np.array([0.0, side, reach])
             x, y, z = (float(c) for c in tip)
-            surface = self._feet.top(foot, z, self._bodies.tops(x, y, z + DEEPEST))
+            surface = self._feet.top(foot, z, self._bodies.tops(x, y, z + MAX_TIP_DEPTH))
             if surface is not None and surface > z:
-                force = STIFFNESS / 2 * (surface - z) - DAMPING / 2 * rate
+                force = CONTACT_STIFFNESS / 2 * (surface - z) - CONTACT_DAMPING / 2 * rate
                 found.append((tip, max(0.0, force)))
         held = self._bodies.held
         if held is None:
-            self._feet.forget(HELD)
+            self._feet.forget(HELD_FOOT)
             return found
         body = self._bodies[held]
         weight = body.entry.mass * GRAVITY
         upward = -weight
         lowest = bottom(body.entry.shape, body.pose)
-        if lowest < self._bodies.highest + RELIEF:
+        if lowest < self._bodies.highest + SUPPORT_HEIGHT:
             tops = self._bodies.tops_below(Prism.of(held, body.entry.shape, body.pose))
-            surface = self._feet.top(HELD, lowest, tops)
+            surface = self._feet.top(HELD_FOOT, lowest, tops)
             if surface is not None:
                 gap = lowest - surface
-                upward += weight * min(max(1.0 - gap / RELIEF, 0.0), 1.0)
+                upward += weight * min(max(1.0 - gap / SUPPORT_HEIGHT, 0.0), 1.0)
                 if gap < 0.0:
-                    upward += max(0.0, -STIFFNESS * gap - DAMPING * rate)
+                    upward += max(0.0, -CONTACT_STIFFNESS * gap - CONTACT_DAMPING * rate)
         else:
-            self._feet.forget(HELD)
+            self._feet.forget(HELD_FOOT)
         found.append((np.array(body.pose.position), upward))
         return found

@@ -10,7 +10,7 @@ from ...robots.model import RobotModel
 from ...world.values import Array, JointState, Quaternion, Wrench
 from ..faults.device_faults import DeviceFaults
 
-STIFFNESS = 60.0
+WEAK_JOINT_FREQUENCY = 60.0
 """Natural frequency of the critically damped servo of a joint that cannot follow exactly, rad/s."""
 
 
@@ -47,7 +47,7 @@ class WeakJoints:
         if np.all(np.abs(at_once) <= most):
             effort[weak] = at_once
             return aim, rate, effort
-        wanted = own @ (STIFFNESS**2 * error + 2.0 * STIFFNESS * behind) + load
+        wanted = own @ (WEAK_JOINT_FREQUENCY**2 * error + 2.0 * WEAK_JOINT_FREQUENCY * behind) + load
         effort[weak] = wanted.clip(-most, most)
         gained = np.linalg.solve(own, effort[weak] - load)
         velocity, position = rate.copy(), aim.copy()

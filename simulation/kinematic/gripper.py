@@ -9,7 +9,7 @@ from ..checkpoints.physics_state import GripperCommand
 from ..faults.device_faults import DeviceFaults
 from .bodies import KinematicBodies, KinematicBody
 
-OVERLAP = 0.001
+MIN_GRASP_OVERLAP = 0.001
 """Least overlap of an item with the pads for a grasp, m."""
 
 
@@ -104,7 +104,7 @@ class KinematicGripper:
             x, y, z = pose.position
             inside_x = min(x + float(high[0]), self._reach_x) - max(x + float(low[0]), -self._reach_x)
             inside_z = min(z + float(high[2]), self._highest) - max(z + float(low[2]), self._lowest)
-            if min(inside_x, inside_z) < OVERLAP:
+            if min(inside_x, inside_z) < MIN_GRASP_OVERLAP:
                 continue
             left, right = y + float(low[1]), y + float(high[1])
             size = right - left

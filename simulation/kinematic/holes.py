@@ -18,13 +18,13 @@ from ...world.scene.description import Fixture, Hole
 from ...world.shapes import Box, Shape, bottom
 from ...world.values import Array, ObjectId, Pose
 
-UPRIGHT = math.radians(3.0)
+MAX_ENTRY_TILT = math.radians(3.0)
 """Largest tilt with which an item enters a hole, rad."""
-TURN = math.radians(1.0)
+MAX_ENTRY_ROTATION = math.radians(1.0)
 """Rotation about the hole up to which a box enters with any clearance, rad: the hand gives way."""
-ENTERED = 0.002
+MIN_ENTERED_DEPTH = 0.002
 """Depth below the mouth from which an item is in the hole, m: more than a hand presses it into a surface."""
-HELD_WITHIN = 0.008
+MAX_SEATED_OFFSET = 0.008
 """Distance beyond the walls' clearance up to which an item in a hole stays in it, m."""
 
 
@@ -63,8 +63,8 @@ def _under(fixture: ObjectId, hole: Hole, mouth: Pose, shape: Shape, pose: Pose)
         return None
     item = mouth.inverse() @ pose
     x, y, _ = item.position
-    entered = bottom(shape, item) < -ENTERED
-    loose = HELD_WITHIN if entered else hole.chamfer
+    entered = bottom(shape, item) < -MIN_ENTERED_DEPTH
+    loose = MAX_SEATED_OFFSET if entered else hole.chamfer
     if hole.form == "round":
         off = max(0.0, math.hypot(x, y) - left[0] / 2)
     else:
@@ -75,7 +75,9 @@ def _under(fixture: ObjectId, hole: Hole, mouth: Pose, shape: Shape, pose: Pose)
     turn = _turn(hole, shape, rotation)
     if not entered:
         leaning = math.acos(min(1.0, abs(float(rotation[2, 2]))))
-        if leaning > UPRIGHT or abs(turn) > max(TURN, (min(left) + 2 * hole.chamfer) / max(hole.size)):
+        if leaning > MAX_ENTRY_TILT or abs(turn) > max(
+            MAX_ENTRY_ROTATION, (min(left) + 2 * hole.chamfer) / max(hole.size)
+        ):
             return None
     seated = mouth @ _seated(hole, left, item, turn)
     return HoleBelow(fixture, hole, mouth.position[2] - hole.depth, seated, entered)

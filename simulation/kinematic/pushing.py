@@ -18,9 +18,9 @@ from ...world.quasi_static_pushing import PlanarPushModel
 from ...world.values import GRAVITY, Array, ObjectId
 from .bodies import KinematicBodies, Prism
 
-FRESH = 0.005
+MAX_FIRST_CONTACT_DEPTH = 0.005
 """Depth below a top up to which a foot of unknown origin counts as standing on it, m."""
-LEVEL = 5e-4
+MAX_ENTRY_DEPTH = 5e-4
 """Depth below a top up to which a foot came from above, m."""
 
 
@@ -45,18 +45,18 @@ class KinematicContacts:
         """Return the highest of `tops` (names and heights at the foot, m) that carries the foot or is below
         it; None: there is none."""
         before, upon = self._height.get(foot), self._upon.get(foot, frozenset[str]())
-        entered = height + FRESH if before is None else before + LEVEL
+        entered = height + MAX_FIRST_CONTACT_DEPTH if before is None else before + MAX_ENTRY_DEPTH
         carrying = {name: top for name, top in tops if top <= max(height, entered) or name in upon}
         self._height[foot] = height
         self._upon[foot] = frozenset(name for name, top in carrying.items() if top > height)
         return max(carrying.values(), default=None)
 
 
-OVER = 0.0015
+MAX_STANDING_TIP_DEPTH = 0.0015
 """Depth below the top of an item up to which finger tips stand on it, m."""
-DOWNWARDS = 0.98
+MIN_DOWNWARD_COSINE = 0.98
 """Least cosine of the tilt of a hand that points down."""
-SIDEWAYS = 1e-7
+MIN_PUSH_TRAVEL = 1e-7
 """Least travel in a control period with which the hand pushes, m."""
 
 
@@ -81,12 +81,12 @@ class KinematicPushing:
         reach `tip` m beyond the TCP.
         """
         before, self._before = self._before, position.copy()
-        if before is None or float(rotation[2, 2]) > -DOWNWARDS:
+        if before is None or float(rotation[2, 2]) > -MIN_DOWNWARD_COSINE:
             return 0.0, 0.0
         low = float(position[2]) - tip
         dx, dy, dz = (position - before).tolist()
         way = math.hypot(dx, dy)
-        if low > self._bodies.highest or way < SIDEWAYS or way < abs(dz):
+        if low > self._bodies.highest or way < MIN_PUSH_TRAVEL or way < abs(dz):
             return 0.0, 0.0
         return self._push(rotation, position, width, low, (dx / way, dy / way))
 
@@ -96,7 +96,7 @@ class KinematicPushing:
         here = [
             (body, prism)
             for body, prism in self._bodies.standing()
-            if prism.high[2] > low + OVER
+            if prism.high[2] > low + MAX_STANDING_TIP_DEPTH
             and prism.low[2] < low + self._high
             and self._bodies.in_hole(body) is None
         ]
@@ -108,7 +108,11 @@ class KinematicPushing:
         )
         sliding = PlanarPushModel(
             {b.id: (outline(b.entry.shape, b.pose), planar(b.entry.shape, b.pose)) for b, _ in here},
-            [_still(prism) for prism in self._bodies.fixed if low < prism.high[2] - OVER],
+            [
+                _static_outline(prism)
+                for prism in self._bodies.fixed
+                if low < prism.high[2] - MAX_STANDING_TIP_DEPTH
+            ],
         )
         pushed = sliding.press([(finger, at) for finger in tool_outline(self._gripper, width)])
         force = 0.0
@@ -132,7 +136,7 @@ class KinematicPushing:
                 return
 
 
-def _still(prism: Prism) -> tuple[PlanarOutline, PlanarPose]:
+def _static_outline(prism: Prism) -> tuple[PlanarOutline, PlanarPose]:
     """Return a static prism's outline and its pose in the plane."""
     x, y = prism.outline.centre
     return PlanarOutline(np.array(prism.outline.polygon), prism.outline.radius), PlanarPose(x, y)

@@ -22,7 +22,7 @@ from ..checkpoints.physics_state import Checkpoint, RobotReading
 from ..common.sensor_noise import RobotSensorNoise
 from ..common.uncertain_fixtures import displace_fixtures
 from ..engine import (
-    EVERYDAY,
+    EVERYDAY_STEP_RATE,
     RESIDUAL_THRESHOLD,
     RESOLUTION,
     SOLVER_ITERATIONS,
@@ -33,12 +33,12 @@ from ..engine import (
     set_step_rate,
 )
 from ..fault_files.device_entries import Ailing, GripperJam, Stall, WrenchDead, counted
-from ..faults.device_faults import DeviceFaults, jammed
-from ..faults.planted_obstacles import ROOM, FreeSpaceCheck
+from ..faults.device_faults import DeviceFaults, jam_command
+from ..faults.planted_obstacles import MIN_OBSTACLE_CLEARANCE, FreeSpaceCheck
 from ..feed.belt_drive import BeltDrive
 from ..feed.feeder import Feeder, FeederState, has_feeder
 from ..scoring.truth import HoledFixtures, TrueBody, TrueObstacle
-from ..spawning.spawn import TIGHT, enlarged_item, placed_item, spawn_items, walls
+from ..spawning.spawn import MIN_ITEM_CLEARANCE, enlarged_item, placed_item, spawn_items, walls
 from .belts import PhysicsBelts
 from .cell_access import PhysicsCell
 from .contact_points import ContactPoints, TrueContact
@@ -48,7 +48,7 @@ from .penetration import Penetrations
 from .rgbd_camera import PhysicsCamera, StaticScene
 from .robot.devices import IdealSensors, PhysicsArm, PhysicsGripper, PhysicsWrench
 from .robot.robot_body import RobotBody
-from .sleeping_items import EVERY, REST_LOOKS
+from .sleeping_items import MIN_REST_CHECKS, SLEEP_CHECK_INTERVAL
 from .static_bodies import StaticBodies
 
 
@@ -71,7 +71,7 @@ class PhysicsHardware:
         """Function that frees the client. That happens by itself when hardware and devices are no longer
         used."""
         self._client = client.id
-        self._body = RobotBody(robot, client, 1 / EVERYDAY)
+        self._body = RobotBody(robot, client, 1 / EVERYDAY_STEP_RATE)
         noise = RobotSensorNoise(scene.noise, self._streams, len(robot.joints))
         self._senses = senses = IdealSensors(noise, 0, RobotReading((), (), (), ()))
         self._belts = PhysicsBelts(scene, client.id)
@@ -149,7 +149,7 @@ class PhysicsHardware:
     def pace(self, rate: int | None = None) -> None:
         """Set the rate of steps and control, Hz; None: the everyday rate. The contact solver gets suitable
         settings. Raises PicktreeError for an impossible rate."""
-        rate = EVERYDAY if rate is None else check_step_rate(rate)
+        rate = EVERYDAY_STEP_RATE if rate is None else check_step_rate(rate)
         if rate != self._senses.rate:
             self._senses.rate = rate
             set_step_rate(rate, self._client)
@@ -169,11 +169,11 @@ class PhysicsHardware:
         return {
             "backend": "physics",
             "engine": f"pybullet {version('pybullet')}",
-            "step": f"{1 / EVERYDAY:.9f} s",
+            "step": f"{1 / EVERYDAY_STEP_RATE:.9f} s",
             "solver_iterations": str(SOLVER_ITERATIONS),
             "solver_residual_threshold": str(RESIDUAL_THRESHOLD),
             "gravity": f"{GRAVITY} m/s²",
-            "sleep_after": f"{EVERY * REST_LOOKS / EVERYDAY:.2f} s",
+            "sleep_after": f"{SLEEP_CHECK_INTERVAL * MIN_REST_CHECKS / EVERYDAY_STEP_RATE:.2f} s",
         }
 
     def step(self) -> None:
@@ -217,7 +217,9 @@ class PhysicsHardware:
             self._ail()
         self._senses.reading = saved.robot
         self._senses.step = saved.step
-        self._senses.time = saved.step * RESOLUTION // EVERYDAY if saved.time is None else saved.time
+        self._senses.time = (
+            saved.step * RESOLUTION // EVERYDAY_STEP_RATE if saved.time is None else saved.time
+        )
         self._initial = saved.initial
         self.crushing.restore(saved.pressed)
         for name, camera in self._cameras.items():
@@ -226,7 +228,7 @@ class PhysicsHardware:
             self._feeder.restore(saved.feeder or FeederState())
 
     def _save(self) -> Checkpoint:
-        if self._senses.rate != EVERYDAY:
+        if self._senses.rate != EVERYDAY_STEP_RATE:
             raise PicktreeError("a checkpoint is not taken while the simulation is stepped finely")
         return self.snapshot()
 
@@ -313,7 +315,7 @@ class PhysicsHardware:
         body = next(body for body in self._items.here() if body.id == item)
         entry, pose = enlarged_item(self._items.inventory.here[body.id].entry, body.pose, factor)
         others = ((other.shape, other.pose) for other in self._items.here() if other.id != item)
-        if not self._free(entry.shape, pose, others, TIGHT):
+        if not self._free(entry.shape, pose, others, MIN_ITEM_CLEARANCE):
             return False
         self._items.enlarge(item, factor, pose)
         return True
@@ -323,7 +325,7 @@ class PhysicsHardware:
         no fixture is below."""
         item = placed_item(self._real, self._items.inventory.next_id(), kind, colour, place, yaw)
         others = [(other.shape, other.pose) for other in self._items.here()]
-        if not self._free(item.entry.shape, item.pose, [*others, *walls(self.scene)], TIGHT):
+        if not self._free(item.entry.shape, item.pose, [*others, *walls(self.scene)], MIN_ITEM_CLEARANCE):
             return None
         self._items.put(item)
         return item.id
@@ -347,7 +349,7 @@ class PhysicsHardware:
             case GripperJam():
                 reading, n = self._senses.reading, len(self.robot.joints)
                 width = self._body.fingers.width(reading.position[n:])
-                return jammed(self._body.grip, width, self.robot.gripper.max_force)
+                return jam_command(self._body.grip, width, self.robot.gripper.max_force)
             case WrenchDead():
                 said = self.wrench.read()
                 return (*said.force, *said.torque, self.wrench.stamp)
@@ -364,7 +366,9 @@ class PhysicsHardware:
 
     def room_for(self, body: Fixture) -> bool:
         """Return whether the body's place is free of items and robot."""
-        return self._free(body.shape, body.pose, ((i.shape, i.pose) for i in self._items.here()), ROOM)
+        return self._free(
+            body.shape, body.pose, ((i.shape, i.pose) for i in self._items.here()), MIN_OBSTACLE_CLEARANCE
+        )
 
     def _free(self, shape: Shape, pose: Pose, others: Iterable[tuple[Shape, Pose]], room: float) -> bool:
         """Return whether a body fits between the bodies `others` and the robot, with clearance `room`, m."""
@@ -386,8 +390,8 @@ class PhysicsHardware:
     def _empty(self, obstacles: Iterable[Fixture]) -> None:
         """Reset the simulation to one without items and belts; everything else is added in a fixed order."""
         reset(self._client)
-        self._senses.rate = EVERYDAY
-        self._body.period = 1 / EVERYDAY
+        self._senses.rate = EVERYDAY_STEP_RATE
+        self._body.period = 1 / EVERYDAY_STEP_RATE
         self._static.load()
         self._body.load()
         self._static.obstacles.renew(obstacles)

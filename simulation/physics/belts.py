@@ -18,18 +18,18 @@ from ...world.shapes import Box
 from ...world.values import ObjectId
 from ..engine import pb
 from ..feed.belt_drive import BeltDrive, BeltState, check_belts
-from .bodies import FIXED_FRICTION
+from .bodies import STATIC_BODY_FRICTION
 
-SET_BACK = 0.01
+SLAB_SET_BACK = 0.01
 """Travel after which the slab is set back, m. Its ends are off the belt's by half of that at most."""
 SLAB_MASS = 50.0
 """Mass of the slab, kg: large, so that items on it do not brake it."""
-MOTOR_FORCE = 500.0
+MAX_MOTOR_FORCE = 500.0
 """Greatest force of the slab's motor, N."""
-LIKE_A_TABLE, NOWHERE = (2, -3), (0, 0)
+STATIC_COLLISION_FILTER, NO_COLLISION_FILTER = (2, -3), (0, 0)
 """Collision group and mask of static bodies, and of bodies that touch nothing. Two bodies collide when either
 of them wants to."""
-SLAB = 0
+SLAB_LINK = 0
 """Link index of the slab in its body."""
 
 
@@ -75,8 +75,8 @@ class PhysicsBelt(BeltDrive):
         )
         pb.changeDynamics(
             self.slab,
-            SLAB,
-            lateralFriction=FIXED_FRICTION,
+            SLAB_LINK,
+            lateralFriction=STATIC_BODY_FRICTION,
             restitution=0.0,
             linearDamping=0.0,
             angularDamping=0.0,
@@ -92,7 +92,7 @@ class PhysicsBelt(BeltDrive):
             activationState=pb.ACTIVATION_STATE_DISABLE_SLEEPING,
             physicsClientId=client,
         )
-        pb.changeVisualShape(self.slab, SLAB, rgbaColor=(1.0, 1.0, 1.0, 0.0), physicsClientId=client)
+        pb.changeVisualShape(self.slab, SLAB_LINK, rgbaColor=(1.0, 1.0, 1.0, 0.0), physicsClientId=client)
         self._still = still
         self.state = BeltState(self.belt.id)
         self._drive(on=False)
@@ -101,7 +101,7 @@ class PhysicsBelt(BeltDrive):
     def restore(self, state: BeltState) -> None:
         self.state = state
         self._drive(on=state.moving)
-        pb.resetJointState(self.slab, SLAB, state.offset, state.speed, physicsClientId=self._client)
+        pb.resetJointState(self.slab, SLAB_LINK, state.offset, state.speed, physicsClientId=self._client)
 
     def before_step(self, period: float) -> None:
         if not self.state.moving:
@@ -114,10 +114,10 @@ class PhysicsBelt(BeltDrive):
     def after_step(self) -> None:
         if not self._driven:
             return
-        offset, velocity, *_ = pb.getJointState(self.slab, SLAB, self._client)
-        if offset > SET_BACK / 2:
-            offset -= SET_BACK
-            pb.resetJointState(self.slab, SLAB, offset, velocity, physicsClientId=self._client)
+        offset, velocity, *_ = pb.getJointState(self.slab, SLAB_LINK, self._client)
+        if offset > SLAB_SET_BACK / 2:
+            offset -= SLAB_SET_BACK
+            pb.resetJointState(self.slab, SLAB_LINK, offset, velocity, physicsClientId=self._client)
         self.state = replace(self.state, offset=offset)
         if not self.state.moving:
             self._brake()
@@ -129,26 +129,26 @@ class PhysicsBelt(BeltDrive):
 
     def _brake(self) -> None:
         """Set the slab's velocity to zero: the motor has stopped it but for the solver's residual."""
-        pb.resetJointState(self.slab, SLAB, self.state.offset, 0.0, physicsClientId=self._client)
+        pb.resetJointState(self.slab, SLAB_LINK, self.state.offset, 0.0, physicsClientId=self._client)
         self._drive(on=False)
 
     def _drive(self, *, on: bool) -> None:
         """Let the slab carry the items (`on`), or the static body."""
         self._driven = on
         self._motor(self.state.speed)
-        carrying, idle = (self.slab, SLAB), (self._still, -1)
+        carrying, idle = (self.slab, SLAB_LINK), (self._still, -1)
         if not on:
             carrying, idle = idle, carrying
-        pb.setCollisionFilterGroupMask(*idle, *NOWHERE, physicsClientId=self._client)
-        pb.setCollisionFilterGroupMask(*carrying, *LIKE_A_TABLE, physicsClientId=self._client)
+        pb.setCollisionFilterGroupMask(*idle, *NO_COLLISION_FILTER, physicsClientId=self._client)
+        pb.setCollisionFilterGroupMask(*carrying, *STATIC_COLLISION_FILTER, physicsClientId=self._client)
 
     def _motor(self, speed: float) -> None:
         pb.setJointMotorControl2(
             self.slab,
-            SLAB,
+            SLAB_LINK,
             pb.VELOCITY_CONTROL,
             targetVelocity=speed,
-            force=MOTOR_FORCE,
+            force=MAX_MOTOR_FORCE,
             physicsClientId=self._client,
         )
 

@@ -66,25 +66,25 @@ def _lists(fixture: Fixture) -> tuple[list[list[float]], list[int], list[list[fl
     return seen.corners.tolist(), list(range(len(seen.corners))), seen.normals.tolist()
 
 
-FIXED_FRICTION = 1.0
+STATIC_BODY_FRICTION = 1.0
 """Friction of static bodies. pybullet multiplies the two bodies' coefficients: an item's own is then the
 pair's."""
 ROLLING_FRICTION = 1e-3
 """Rolling and spinning friction of round items, m. With less, a lying cylinder gains energy from the solver
 and rolls away. Flat items have four contacts instead, and would make each step three times as expensive."""
-ROUND = ("cylinder", "sphere", "mesh")
-MAX_PARTS = 16
+ROUND_FORMS = ("cylinder", "sphere", "mesh")
+MAX_COLLISION_PARTS = 16
 """Greatest number of parts of a collision shape; `createCollisionShapeArray` silently drops the rest."""
-MOVING, ALL = 1, -1
+MOVING_BODY_GROUP, ALL_GROUPS_MASK = 1, -1
 """Collision group of moving bodies, and the mask of the groups with which they collide."""
-FLOOR = ObjectId("floor")
+FLOOR_ID = ObjectId("floor")
 
 
 def add_fixed(scene: SceneDescription, base_in_world: Pose, client: int) -> dict[int, str]:
     """Add floor, fixtures and bins for collisions, invisible to cameras; return their names by pybullet's
     body number."""
     height = floor_height(scene.fixtures, base_in_world.position[2])
-    floor = Fixture(FLOOR, Box((10.0, 10.0, 0.1)), Pose((0.0, 0.0, height - 0.05)))
+    floor = Fixture(FLOOR_ID, Box((10.0, 10.0, 0.1)), Pose((0.0, 0.0, height - 0.05)))
     bodies: dict[int, str] = {}
     for fixture in (floor, *scene.fixtures):
         check_body(fixture.id, fixture.shape, fixture.pose)
@@ -96,7 +96,9 @@ def add_fixed(scene: SceneDescription, base_in_world: Pose, client: int) -> dict
     for each in scene.bins:
         bodies[_fixed(_bin_collision(each, client), -1, each.pose, client)] = each.id
     for body in bodies:
-        pb.changeDynamics(body, -1, lateralFriction=FIXED_FRICTION, restitution=0.0, physicsClientId=client)
+        pb.changeDynamics(
+            body, -1, lateralFriction=STATIC_BODY_FRICTION, restitution=0.0, physicsClientId=client
+        )
         # A body without a visual shape would show its collision shape.
         pb.changeVisualShape(body, -1, rgbaColor=(1.0, 1.0, 1.0, 0.0), physicsClientId=client)
     return bodies
@@ -108,7 +110,9 @@ def add_obstacle(body: Fixture, client: int) -> int:
     number = _fixed(
         _collision(body.shape, client), _visual(body.shape, body.colour, client), body.pose, client
     )
-    pb.changeDynamics(number, -1, lateralFriction=FIXED_FRICTION, restitution=0.0, physicsClientId=client)
+    pb.changeDynamics(
+        number, -1, lateralFriction=STATIC_BODY_FRICTION, restitution=0.0, physicsClientId=client
+    )
     return number
 
 
@@ -147,7 +151,7 @@ def add_item(item: SpawnedItem, pose: Pose, client: int) -> int:
         physicsClientId=client,
     )
     set_friction(body, item.entry.friction, client)
-    rolling = ROLLING_FRICTION if item.entry.form in ROUND else 0.0
+    rolling = ROLLING_FRICTION if item.entry.form in ROUND_FORMS else 0.0
     pb.changeDynamics(
         body,
         -1,
@@ -170,7 +174,7 @@ def set_friction(body: int, friction: float, client: int) -> None:
 
 def forget_contacts(body: int, client: int) -> None:
     """Restart the contacts of a body: a contact keeps the friction with which it began."""
-    pb.setCollisionFilterGroupMask(body, -1, MOVING, ALL, physicsClientId=client)
+    pb.setCollisionFilterGroupMask(body, -1, MOVING_BODY_GROUP, ALL_GROUPS_MASK, physicsClientId=client)
 
 
 def set_mass(body: int, shape: Shape, mass: float, client: int) -> None:
@@ -220,8 +224,8 @@ def check_body(name: str, shape: Shape, pose: Pose) -> None:
 
 def _bin_collision(each: Bin, client: int) -> int:
     parts = each.parts()
-    if len(parts) > MAX_PARTS:
-        raise PicktreeError(f"{each.id}: {len(parts)} parts; pybullet takes {MAX_PARTS}")
+    if len(parts) > MAX_COLLISION_PARTS:
+        raise PicktreeError(f"{each.id}: {len(parts)} parts; pybullet takes {MAX_COLLISION_PARTS}")
     for box, _ in parts:
         check_body(each.id, box, each.pose)
     to_bin = each.pose.inverse()

@@ -13,7 +13,7 @@ from ..feed.light_curtain import LightCurtain, Zone
 from ..scoring.truth import TrueBody
 from ..spawning.spawn import SpawnedItem
 from .items import PhysicsItems
-from .robot.devices import PERIOD, IdealSensors
+from .robot.devices import EVERYDAY_PERIOD, IdealSensors
 
 
 class PhysicsCell:
@@ -31,7 +31,7 @@ class PhysicsCell:
 
     @property
     def period(self) -> float:
-        return PERIOD
+        return EVERYDAY_PERIOD
 
     def here(self) -> tuple[TrueBody, ...]:
         return self._items.here()

@@ -13,7 +13,7 @@ from ..scoring.truth import TrueBody
 from .items import PhysicsItems
 from .robot.robot_body import RobotBody
 
-FELT = 0.15
+MIN_EXAMINED_EFFORT_SHARE = 0.15
 """Effort of the finger drives from which contacts are examined, as a share of the least force limit."""
 
 
@@ -43,7 +43,7 @@ class CrushDetector:
         self._limits = limits
         self._client = client
         self._arm = len(body.description.joints)
-        self._worth = FELT * min(limits.values(), default=float("inf"))
+        self._worth = MIN_EXAMINED_EFFORT_SHARE * min(limits.values(), default=float("inf"))
         if body.description.gripper.linkage is not None:
             self._worth = 0.0
         self._most: dict[ObjectId, PeakFingerForce] = {}

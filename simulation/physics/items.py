@@ -19,7 +19,7 @@ from .bodies import add_item, forget_contacts, set_friction, set_mass
 from .robot.robot_body import finite
 from .sleeping_items import SleepingItems
 
-STILL = (0.0, 0.0, 0.0)
+ZERO_VELOCITY = (0.0, 0.0, 0.0)
 MAX_SETTLING_STEPS = 600
 """Greatest number of steps before time 0, if an item never comes to rest."""
 
@@ -174,7 +174,9 @@ class PhysicsItems:
     def remove(self, item: str) -> None:
         """Carry out a fault: remove the item."""
         name = self._known(item)
-        self._gone[name] = replace(self._state(name), velocity=STILL, spin=STILL, present=False)
+        self._gone[name] = replace(
+            self._state(name), velocity=ZERO_VELOCITY, spin=ZERO_VELOCITY, present=False
+        )
         self._bumps.pop(name, None)
         pb.removeBody(self._numbers.pop(name), self._client)
         self.sleepers.wake_all()

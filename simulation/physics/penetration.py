@@ -8,9 +8,9 @@ from collections.abc import Collection, Mapping
 from ...world.values import ObjectId
 from ..engine import pb
 
-WINDOW = 1.0
+PENETRATION_WINDOW = 1.0
 """Time for which measured depths are kept, s."""
-EVERY = 12
+PENETRATION_INTERVAL = 12
 """Number of steps between two measurements."""
 
 
@@ -27,7 +27,7 @@ class Penetrations:
         self._items: Mapping[ObjectId, int] = {}
         self._recent: dict[ObjectId, deque[tuple[float, float]]] = {}
         self._steps = 0
-        self.every = EVERY
+        self.every = PENETRATION_INTERVAL
         self.greatest: dict[ObjectId, float] = {}
         """Greatest depth of each item that touched a fixture since `watch`, m."""
         self.lasting: dict[ObjectId, float] = {}
@@ -63,7 +63,7 @@ class Penetrations:
     def _note(self, name: ObjectId, now: float, depth: float) -> None:
         recent = self._recent.setdefault(name, deque())
         recent.append((now, depth))
-        while recent[0][0] < now - WINDOW:
+        while recent[0][0] < now - PENETRATION_WINDOW:
             recent.popleft()
         self.greatest[name] = max(depth, self.greatest.get(name, 0.0))
 

@@ -18,9 +18,9 @@ from ..engine import Client, pb
 from ..faults.device_faults import DeviceFaults
 from .bodies import add_scenery
 
-LIGHT = (0.3, 0.2, 1.0)
+LIGHT_DIRECTION = (0.3, 0.2, 1.0)
 """Direction towards the light, in the world."""
-CLOSE = 0.01
+HAND_CAMERA_NEAR_CLIP = 0.01
 """Near clipping distance of a camera on the hand, m. The hand hides what is behind it, also where it is too
 near to be measured."""
 
@@ -52,7 +52,7 @@ class CameraRenderer:
 
     def __init__(self, camera: CameraDescription) -> None:
         self.camera = camera
-        self._clip = camera.near if camera.on == "world" else min(camera.near, CLOSE)
+        self._clip = camera.near if camera.on == "world" else min(camera.near, HAND_CAMERA_NEAR_CLIP)
         up = self._clip * math.tan(camera.fov / 2)
         right = up * camera.size[0] / camera.size[1]
         self._projection = pb.computeProjectionMatrix(-right, right, -up, up, self._clip, camera.far)
@@ -74,7 +74,7 @@ class CameraRenderer:
             height,
             view_matrix(optical),
             self._projection,
-            lightDirection=LIGHT,
+            lightDirection=LIGHT_DIRECTION,
             lightColor=(1.0, 1.0, 1.0),
             shadow=0,
             lightAmbientCoeff=0.6,

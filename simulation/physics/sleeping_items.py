@@ -12,30 +12,30 @@ from collections.abc import Callable, Collection, Iterable, Mapping
 from ...world.values import ObjectId, Quaternion, Vector3
 from ..engine import pb
 
-EVERY = 12
+SLEEP_CHECK_INTERVAL = 12
 """Number of steps between two checks of the items."""
-REST_LOOKS = 5
+MIN_REST_CHECKS = 5
 """Number of consecutive checks at which an item at rest has kept its place: 0.25 s.
 
 A body off balance falls e-fold faster in each fifth of that, so it does not count as resting.
 """
-MOVED, TURNED = 5e-5, 5e-4
+MAX_REST_DISPLACEMENT, MAX_REST_ROTATION = 5e-5, 5e-4
 """Greatest displacement of an item at rest: m, and a component of its quaternion."""
-STIR = 1e-10
+AWAKE_SLEEP_THRESHOLD = 1e-10
 """Sleep threshold of awake bodies, (m/s)² + (rad/s)²: a slower body may fall asleep again at once.
 
 The engine's own threshold of 0.05 would freeze an item in the middle of sliding or toppling.
 """
-DOZE, DOZE_STEPS = 1e-4, 3
+DOZING_SLEEP_THRESHOLD, DOZE_STEPS = 1e-4, 3
 """Sleep threshold, (m/s)² + (rad/s)², of an item that falls asleep, and its duration in steps. Resting
 contacts tremble by up to 7 mrad/s."""
-NEAR = 0.021
+ISLAND_QUERY_MARGIN = 0.021
 """Enlargement of a query box, m.
 
 The engine enlarges bounding boxes by its contact distance, 20 mm; bodies whose boxes overlap wake each other.
 It enlarges the boxes of bodies that it returns, but not the query box.
 """
-STILL = (0.0, 0.0, 0.0)
+ZERO_VELOCITY = (0.0, 0.0, 0.0)
 
 
 class SleepingItems:
@@ -56,21 +56,21 @@ class SleepingItems:
         """Watch these items, all awake, by pybullet's body numbers; `fixed` bodies wake nothing."""
         self._numbers, self._fixed = numbers, fixed
         for body in (*fixed, *numbers.values()):
-            self._set(body, pb.ACTIVATION_STATE_ENABLE_SLEEPING, STIR)
+            self._set(body, pb.ACTIVATION_STATE_ENABLE_SLEEPING, AWAKE_SLEEP_THRESHOLD)
         for body in fixed:
-            self._set(body, pb.ACTIVATION_STATE_SLEEP, STIR)
+            self._set(body, pb.ACTIVATION_STATE_SLEEP, AWAKE_SLEEP_THRESHOLD)
         self._asleep, self._dozing, self._steps = set(), {}, 0
         self._places = {name: (*self._pose(name), 0) for name in numbers}
 
     def add(self, name: ObjectId) -> None:
         """Add an awake item, whose body is in the watched mapping."""
-        self._set(self._numbers[name], pb.ACTIVATION_STATE_ENABLE_SLEEPING, STIR)
+        self._set(self._numbers[name], pb.ACTIVATION_STATE_ENABLE_SLEEPING, AWAKE_SLEEP_THRESHOLD)
         self._places[name] = (*self._pose(name), 0)
 
     def stand(self, body: int) -> None:
         """Add a static body, which is in the collection given as `fixed`."""
-        self._set(body, pb.ACTIVATION_STATE_ENABLE_SLEEPING, STIR)
-        self._set(body, pb.ACTIVATION_STATE_SLEEP, STIR)
+        self._set(body, pb.ACTIVATION_STATE_ENABLE_SLEEPING, AWAKE_SLEEP_THRESHOLD)
+        self._set(body, pb.ACTIVATION_STATE_SLEEP, AWAKE_SLEEP_THRESHOLD)
         self.wake_all()
 
     def stepped(self) -> None:
@@ -78,7 +78,7 @@ class SleepingItems:
         self._steps += 1
         if self._dozing:
             self._doze()
-        if self._steps % EVERY == 0:
+        if self._steps % SLEEP_CHECK_INTERVAL == 0:
             self._look()
 
     def _look(self) -> None:
@@ -93,8 +93,8 @@ class SleepingItems:
     def sleep(self, names: Iterable[ObjectId]) -> None:
         """Put items to sleep."""
         for name in names:
-            pb.resetBaseVelocity(self._numbers[name], STILL, STILL, self._client)
-            self._set(self._numbers[name], pb.ACTIVATION_STATE_SLEEP, DOZE)
+            pb.resetBaseVelocity(self._numbers[name], ZERO_VELOCITY, ZERO_VELOCITY, self._client)
+            self._set(self._numbers[name], pb.ACTIVATION_STATE_SLEEP, DOZING_SLEEP_THRESHOLD)
             self._places.pop(name, None)
             self._asleep.add(name)
             self._dozing[name] = DOZE_STEPS
@@ -105,7 +105,7 @@ class SleepingItems:
         The engine wakes them at the end of the next step; velocities set before then are lost.
         """
         for body in self._numbers.values():
-            self._set(body, pb.ACTIVATION_STATE_WAKE_UP, STIR)
+            self._set(body, pb.ACTIVATION_STATE_WAKE_UP, AWAKE_SLEEP_THRESHOLD)
         self._asleep, self._dozing = set(), {}
         self._places = {name: (*self._pose(name), 0) for name in self._numbers}
 
@@ -125,7 +125,12 @@ class SleepingItems:
                 self._dozing[name] = steps - 1
             else:
                 del self._dozing[name]
-                pb.changeDynamics(self._numbers[name], -1, sleepThreshold=STIR, physicsClientId=self._client)
+                pb.changeDynamics(
+                    self._numbers[name],
+                    -1,
+                    sleepThreshold=AWAKE_SLEEP_THRESHOLD,
+                    physicsClientId=self._client,
+                )
 
     def _notice_woken(self) -> None:
         """Update the list of sleeping items: the engine wakes bodies itself, and keeps a sleeping one at
@@ -142,11 +147,11 @@ class SleepingItems:
         position, orientation = self._pose(name)
         moved = max(abs(a - b) for a, b in zip(at, position, strict=True))
         turned = max(abs(a - b) for a, b in zip(turn, orientation, strict=True))
-        if moved > MOVED or turned > TURNED:
+        if moved > MAX_REST_DISPLACEMENT or turned > MAX_REST_ROTATION:
             self._places[name] = (position, orientation, 0)
             return False
         self._places[name] = (at, turn, looks + 1)
-        return looks + 1 >= REST_LOOKS
+        return looks + 1 >= MIN_REST_CHECKS
 
     def _island(self, name: ObjectId) -> set[ObjectId] | None:
         """Return the item and all items that the engine would wake with it; None when the robot or a running
@@ -162,7 +167,9 @@ class SleepingItems:
             found.add(one)
             low, high = pb.getAABB(self._numbers[one], -1, self._client)
             near = pb.getOverlappingObjects(
-                [c - NEAR for c in low], [c + NEAR for c in high], physicsClientId=self._client
+                [c - ISLAND_QUERY_MARGIN for c in low],
+                [c + ISLAND_QUERY_MARGIN for c in high],
+                physicsClientId=self._client,
             )
             for body, _ in near:
                 if body in names:

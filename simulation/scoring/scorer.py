@@ -18,17 +18,17 @@ from .truth import HoleSeating, TrueBody
 
 Verdict: TypeAlias = Literal["sorted", "misplaced", "left"]
 
-REST_SPEED = 0.02
+MAX_REST_SPEED = 0.02
 """Greatest speed of an item at rest, m/s."""
-REST_SPIN = 1.0
+MAX_REST_SPIN = 1.0
 """Greatest spin of an item at rest, rad/s."""
 
 
-DEEP_ENOUGH = 0.8
+MIN_SEATED_DEPTH_SHARE = 0.8
 """Share of a hole's depth that the lowest point of a seated item has reached."""
-UPRIGHT = math.radians(5.0)
+MAX_SEATED_TILT = math.radians(5.0)
 """Greatest tilt of an item that stands in a hole, rad."""
-HAIR = 0.15e-3
+MAX_PENETRATION = 0.15e-3
 """Penetration of an item and a fixture above which they have passed through each other, m."""
 
 
@@ -99,7 +99,7 @@ def score(truth: Iterable[TrueBody], scene: SceneDescription) -> Score:
     """
     truth = tuple(truth)
     destination = destination_rule(scene.destinations)
-    items = tuple(_judged(body, destination(body), scene.bins) for body in truth)
+    items = tuple(_item_score(body, destination(body), scene.bins) for body in truth)
     by_form: dict[str, FormScore] = {}
     for form in dict.fromkeys(item.form for item in items):
         by_form[form] = FormScore(*_counts(item for item in items if item.form == form))
@@ -111,18 +111,18 @@ def _outstanding(truth: Iterable[TrueBody], deliveries: Iterable[Delivery]) -> i
     return sum(max(0, d.total - brought[n]) for n, d in enumerate(deliveries) if d.total is not None)
 
 
-def _judged(body: TrueBody, destination: ObjectId | None, bins: Iterable[Bin]) -> ItemScore:
+def _item_score(body: TrueBody, destination: ObjectId | None, bins: Iterable[Bin]) -> ItemScore:
     """Return the score of an item; a crushed item is misplaced wherever it is."""
-    place = _judged_by_place(body, destination, bins)
+    place = _score_by_place(body, destination, bins)
     if body.crushed <= 0.0:
         return place
     reason = f"it was crushed: a finger pressed with {body.crushed:.1f} N"
     return replace(place, verdict="misplaced", reason=reason)
 
 
-def _judged_by_place(body: TrueBody, destination: ObjectId | None, bins: Iterable[Bin]) -> ItemScore:
+def _score_by_place(body: TrueBody, destination: ObjectId | None, bins: Iterable[Bin]) -> ItemScore:
     if body.seat is not None:
-        return _judged_in_hole(body, body.seat, destination)
+        return _score_in_hole(body, body.seat, destination)
     within = body.taken_with or next((b.id for b in bins if lies_in(b, body)), None)
     verdict: Verdict = "left"
     if (body.present or body.taken_with is not None) and within == destination:
@@ -132,10 +132,10 @@ def _judged_by_place(body: TrueBody, destination: ObjectId | None, bins: Iterabl
     return ItemScore(body.id, body.form, destination, within, verdict)
 
 
-def _judged_in_hole(body: TrueBody, seat: HoleSeating, destination: ObjectId | None) -> ItemScore:
+def _score_in_hole(body: TrueBody, seat: HoleSeating, destination: ObjectId | None) -> ItemScore:
     reason = why_not_seated(body, seat)
     within, verdict = (None if reason else seat.hole), "left"
-    if seat.penetration > HAIR:
+    if seat.penetration > MAX_PENETRATION:
         verdict = "misplaced"
     elif within is not None:
         verdict = "misplaced" if destination is None or not is_at(within, destination) else "sorted"
@@ -148,16 +148,16 @@ def _judged_in_hole(body: TrueBody, seat: HoleSeating, destination: ObjectId | N
 
 def why_not_seated(body: TrueBody, seat: HoleSeating) -> str:
     """Return why an item at a hole does not rest in it; empty when it does."""
-    if seat.penetration > HAIR:
+    if seat.penetration > MAX_PENETRATION:
         return f"it is {1000 * seat.penetration:.2f} mm deep in a wall of {seat.hole}"
     if not seat.fits:
         return f"{seat.hole} is no hole for it"
     if not seat.over:
         return f"it is {1000 * seat.off:.1f} mm beside {seat.hole}"
-    if seat.depth < DEEP_ENOUGH * seat.bottom:
+    if seat.depth < MIN_SEATED_DEPTH_SHARE * seat.bottom:
         depth, wanted = 1000 * seat.depth, 1000 * seat.bottom
         return f"it is {depth:.1f} mm deep in {seat.hole}, which is {wanted:.1f} mm deep"
-    if seat.tilt > UPRIGHT:
+    if seat.tilt > MAX_SEATED_TILT:
         return f"it leans by {math.degrees(seat.tilt):.1f} deg in {seat.hole}"
     if not _rests(body):
         return f"it still moves in {seat.hole}"
@@ -165,7 +165,7 @@ def why_not_seated(body: TrueBody, seat: HoleSeating) -> str:
 
 
 def _rests(body: TrueBody) -> bool:
-    return math.hypot(*body.velocity) <= REST_SPEED and math.hypot(*body.spin) <= REST_SPIN
+    return math.hypot(*body.velocity) <= MAX_REST_SPEED and math.hypot(*body.spin) <= MAX_REST_SPIN
 
 
 def lies_in(each: Bin, body: TrueBody) -> bool:

@@ -11,7 +11,7 @@ from ...world.scene.description import CatalogueEntry, Fixture, Form, Hole
 from ...world.shapes import Box, Shape, Sphere, bottom
 from ...world.values import ObjectId, Pose, Vector3
 
-BELOW = 0.001
+MAX_STANDING_DEPTH = 0.001
 """Depth below a board's top face up to which an item stands on it, m."""
 
 
@@ -55,7 +55,11 @@ class HoledFixtures:
             item = board.pose.inverse() @ pose
             across, along, _ = item.position
             lowest = bottom(shape, item)
-            if abs(across) > x / 2 or abs(along) > y / 2 or not -z / 2 - BELOW < lowest < z / 2 - BELOW:
+            if (
+                abs(across) > x / 2
+                or abs(along) > y / 2
+                or not -z / 2 - MAX_STANDING_DEPTH < lowest < z / 2 - MAX_STANDING_DEPTH
+            ):
                 continue
             return min((_seat(hole, shape, item) for hole in board.holes), key=lambda seat: seat.off)
         return None

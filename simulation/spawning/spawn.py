@@ -21,11 +21,11 @@ from .touching_items import lay_out_touching
 
 TUMBLE_HEIGHT = 0.1
 """Free fall of a tumbled item, m."""
-DARTS = 100
+MAX_PLACE_ATTEMPTS = 100
 """Number of random places that are tried for an outline."""
-LAYOUTS = 3
+MAX_LAYOUT_ATTEMPTS = 3
 """Number of attempts for a layout of all outlines."""
-RELAXATIONS = 100
+MAX_RELAXATION_ROUNDS = 100
 """Greatest number of rounds in which crowded outlines are pushed apart."""
 
 
@@ -169,11 +169,11 @@ def lay_out(
 ) -> list[Array] | None:
     """Return centres (2,) such that no two outlines are closer than the gap; the widest is placed first. None
     when there is no room for all."""
-    for _ in range(LAYOUTS):
-        places = _thrown(spawn, outlines, taken, rng, all_or_none=True)
+    for _ in range(MAX_LAYOUT_ATTEMPTS):
+        places = _random_places(spawn, outlines, taken, rng, all_or_none=True)
         if len(places) == len(outlines):
             return [places[k] for k in range(len(outlines))]
-    return _relaxed(spawn, outlines, taken, rng)
+    return _relaxed_places(spawn, outlines, taken, rng)
 
 
 def lay_out_some(
@@ -183,10 +183,10 @@ def lay_out_some(
     places = lay_out(spawn, outlines, taken, rng)
     if places is not None:
         return dict(enumerate(places))
-    return _thrown(spawn, outlines, taken, rng, all_or_none=False)
+    return _random_places(spawn, outlines, taken, rng, all_or_none=False)
 
 
-def _thrown(
+def _random_places(
     spawn: Spawn,
     outlines: Sequence[Footprint],
     taken: Sequence[Footprint],
@@ -200,7 +200,7 @@ def _thrown(
     places: dict[int, Array] = {}
     for k in sorted(range(len(outlines)), key=lambda k: -outlines[k].reach):
         others = [*taken, *(outlines[j].at(p) for j, p in places.items())]
-        for _ in range(DARTS):
+        for _ in range(MAX_PLACE_ATTEMPTS):
             spot = rng.uniform(low, high)
             if _clear(outlines[k].at(spot), others, spawn.gap):
                 places[k] = spot
@@ -223,15 +223,15 @@ def _clear(one: Footprint, others: Sequence[Footprint], gap: float) -> bool:
     )
 
 
-def _relaxed(
+def _relaxed_places(
     spawn: Spawn, outlines: Sequence[Footprint], taken: Sequence[Footprint], rng: np.random.Generator
 ) -> list[Array] | None:
     """Lay out a crowded area: begin at random places and push apart outlines that are too close. None when
     that fails."""
     low, high = _corners(spawn)
-    for _ in range(LAYOUTS):
+    for _ in range(MAX_LAYOUT_ATTEMPTS):
         places = [rng.uniform(low, high) for _ in outlines]
-        for _ in range(RELAXATIONS):
+        for _ in range(MAX_RELAXATION_ROUNDS):
             crowded = False
             for k, outline in enumerate(outlines):
                 one = outline.at(places[k])
@@ -254,11 +254,11 @@ def _relaxed(
     return None
 
 
-OF_A_FAULT = -1
+BROUGHT_BY_FAULT = -1
 """Value of `brought_by` for items that a fault has added."""
-GAP = 5e-4
+APPEARANCE_HEIGHT = 5e-4
 """Height above the support at which an item appears, m."""
-TIGHT = 5e-4
+MIN_ITEM_CLEARANCE = 5e-4
 """Clearance that a new or enlarged item needs around it, m."""
 
 
@@ -275,8 +275,8 @@ def placed_item(
         raise PicktreeError(f"nothing is below ({x:.3f}, {y:.3f})")
     entry = scene.entry(kind)
     turn = Pose(orientation=(0.0, 0.0, math.sin(yaw / 2), math.cos(yaw / 2)))
-    pose = turn.shifted((x, y, height - bottom(entry.shape, turn) + GAP))
-    return SpawnedItem(name, entry, colour, pose, dropped=False, brought_by=OF_A_FAULT)
+    pose = turn.shifted((x, y, height - bottom(entry.shape, turn) + APPEARANCE_HEIGHT))
+    return SpawnedItem(name, entry, colour, pose, dropped=False, brought_by=BROUGHT_BY_FAULT)
 
 
 def enlarged_item(entry: CatalogueEntry, pose: Pose, factor: float) -> tuple[CatalogueEntry, Pose]:

@@ -13,16 +13,16 @@ from ...world.shapes import Cylinder, Shape, Sphere
 from ...world.values import Array, Quaternion, quaternion_product
 from ..common.footprints import Footprint, distance, footprint
 
-TRIES = 12
+MAX_ITEM_ATTEMPTS = 12
 """Number of attempts to place one item of a group."""
-GROUPS = 6
+MAX_GROUP_ATTEMPTS = 6
 """Number of attempts to lay out a group."""
-CHOICES = 12
+PLACE_CANDIDATES = 12
 """Number of places next to others, of which the nearest to the group's middle is taken: a group, not a
 chain."""
-TOUCH = 1e-4
+TOUCHING_DISTANCE = 1e-4
 """Free distance of two touching items, m: nothing overlaps, and nothing moves when it settles."""
-FACE_TO_FACE = 0.9
+ALIGNED_SHARE = 0.9
 """Share of the items that are oriented like their neighbour."""
 
 
@@ -43,7 +43,7 @@ def lay_out_touching(
 ) -> TouchingLayout | None:
     """Lay out all items as a group within the area of `spawn`, its `gap` away from the outlines `taken`. None
     when there is no room for one."""
-    for _ in range(GROUPS):
+    for _ in range(MAX_GROUP_ATTEMPTS):
         found = _group(spawn, shapes, turns, taken, rng)
         if found is not None:
             return found
@@ -63,12 +63,15 @@ def _group(
     places: dict[int, Array] = {}
     outlines: list[Footprint] = []
     for k in order:
-        for _ in range(TRIES):
+        for _ in range(MAX_ITEM_ATTEMPTS):
             if not outlines:
                 spot, turn = low + (high - low) * rng.uniform(0.3, 0.7, size=2), turns[k]
             else:
                 middle = np.mean(list(places.values()), axis=0)
-                found = [_beside(shapes[k], turns[k], places, turned, outlines, rng) for _ in range(CHOICES)]
+                found = [
+                    _beside(shapes[k], turns[k], places, turned, outlines, rng)
+                    for _ in range(PLACE_CANDIDATES)
+                ]
                 spot, turn = min(found, key=lambda f: math.dist(f[0], middle))
             one = footprint(shapes[k], turn).at(spot)
             free = all(distance(one, other) >= spawn.gap for other in taken)
@@ -93,7 +96,7 @@ def _beside(
     touches any."""
     anchor = list(places)[int(rng.integers(len(places)))]
     angle = float(rng.uniform(-math.pi, math.pi))
-    aligned = rng.random() < FACE_TO_FACE
+    aligned = rng.random() < ALIGNED_SHARE
     if aligned and not isinstance(shape, Sphere | Cylinder):
         yaw = 2.0 * math.atan2(turned[anchor][2], turned[anchor][3])
         turn = _about_z(yaw)
@@ -105,11 +108,11 @@ def _beside(
     while True:
         spot = places[anchor] + way * off
         free = min(distance(one.at(spot), other) for other in outlines)
-        if free <= TOUCH:
+        if free <= TOUCHING_DISTANCE:
             return spot, turn
         # A step is never longer than the free distance; a little distance is kept, so that nothing
         # overlaps.
-        off -= max(free - TOUCH / 2, TOUCH / 4)
+        off -= max(free - TOUCHING_DISTANCE / 2, TOUCHING_DISTANCE / 4)
 
 
 def _about_z(yaw: float) -> Quaternion:

@@ -9,7 +9,11 @@ import pytest
 
 from picktree.analysis import Run
 from picktree.analysis.compare.divergence import MessageDifference, first_difference
-from picktree.analysis.compare.message_fields import FieldDifference, first_apart, first_field
+from picktree.analysis.compare.message_fields import (
+    FieldDifference,
+    first_difference_in_values,
+    first_differing_field,
+)
 from picktree.logs.recording import foxglove_messages
 from picktree.logs.recording.foxglove_messages import encode_image, encode_scene
 from picktree.logs.recording.recorder import Recorder
@@ -54,7 +58,9 @@ def test_a_field_of_a_protobuf_topic_is_named() -> None:
         foxglove_messages.encode_joints(50_000_000, Joints(("j1", "j2"), (0.5, x), (0.0, 0.0), (0.0, 0.0)))
         for x in (1.0, 1.5)
     )
-    assert first_field("foxglove.JointStates", a, b) == FieldDifference("joints[1].position", "j2", 1.0, 1.5)
+    assert first_differing_field("foxglove.JointStates", a, b) == FieldDifference(
+        "joints[1].position", "j2", 1.0, 1.5
+    )
 
 
 def test_a_record_in_the_metadata_of_an_entity_is_looked_into() -> None:
@@ -63,13 +69,13 @@ def test_a_record_in_the_metadata_of_an_entity_is_looked_into() -> None:
         for place in ("table", "red_bin")
     )
     a, b = (encode_scene(0, Scene((body,), ()), locked=True) for body in bodies)
-    found = first_field("foxglove.SceneUpdate", a, b)
+    found = first_differing_field("foxglove.SceneUpdate", a, b)
     assert found == FieldDifference("entities[0].metadata[2].value", "place", "table", "red_bin")
 
 
 def test_bytes_are_told_by_their_length() -> None:
     a, b = (encode_image(0, "camera", "png", data) for data in (b"abc", b"abcd"))
-    found = first_field("foxglove.CompressedImage", a, b)
+    found = first_differing_field("foxglove.CompressedImage", a, b)
     assert found == FieldDifference("data", "", "3 bytes, CRC-32 352441c2", "4 bytes, CRC-32 ed82cd11")
 
 
@@ -88,11 +94,13 @@ def test_bytes_are_told_by_their_length() -> None:
     ],
 )  # fmt: skip
 def test_values_are_compared_as_json_has_them(a: object, b: object, expected: FieldDifference | None) -> None:
-    assert first_apart(a, b) == expected
+    assert first_difference_in_values(a, b) == expected
 
 
 def test_undecodable_bytes_differ_as_a_whole() -> None:
-    assert first_field("picktree.Wrench", b"{", b"{}") == FieldDifference("", "", "1 bytes", "2 bytes")
+    assert first_differing_field("picktree.Wrench", b"{", b"{}") == FieldDifference(
+        "", "", "1 bytes", "2 bytes"
+    )
 
 
 def test_the_log_that_ends_first_is_named(tmp_path: Path) -> None:

@@ -19,7 +19,7 @@ from picktree.analysis.export.tables.csv_file import read_csv, write_csv
 from picktree.analysis.export.tables.parquet_file import read_parquet, write_parquet
 from picktree.analysis.export.tables.row_types import ColumnDoc, TableSpec, columns
 from picktree.errors import PicktreeError
-from picktree.logs.optional_libraries import adding
+from picktree.logs.optional_libraries import install_command
 
 GOLDEN = Path(__file__).parents[1] / "logs" / "golden" / "small.mcap"
 
@@ -181,7 +181,9 @@ def test_without_pyarrow_the_extra_is_named(
     monkeypatch.setitem(sys.modules, "pyarrow", None)
     with pytest.raises(PicktreeError) as raised:
         export(run, "parquet", tmp_path / "out")
-    assert str(raised.value) == f"An export to Parquet needs the extra 'parquet': {adding('parquet')}"
+    assert (
+        str(raised.value) == f"An export to Parquet needs the extra 'parquet': {install_command('parquet')}"
+    )
     assert not (tmp_path / "out").exists()
 
 

@@ -13,7 +13,7 @@ import pytest
 from google.protobuf.json_format import MessageToDict
 
 from picktree.analysis import Run
-from picktree.analysis.export.layout.lanes import LEAVES, lanes
+from picktree.analysis.export.layout.lanes import MAX_LEAF_LANES, lanes
 from picktree.analysis.export.layout.layout import ViewerLayout, camera_state, layout, paths_of
 from picktree.analysis.export.layout.layout_format import Split
 from picktree.analysis.export.layout.panels import literal, parse, values
@@ -92,7 +92,7 @@ def test_lanes_are_the_root_and_what_took_time_in_the_trees_order(troubled_log: 
     paths = [lane.path for lane in chosen]
     assert paths == sorted(paths, key=order.index)
     assert idle and not idle & set(paths)
-    assert len(chosen) <= LEAVES + 6
+    assert len(chosen) <= MAX_LEAF_LANES + 6
 
 
 def test_the_arrangement_holds_every_panel_once(made: ViewerLayout) -> None:

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from picktree.analysis.report.panels.header import pack_run
-from picktree.analysis.report.report import DRAWING, report, write_report
+from picktree.analysis.report.report import TREE_SCRIPTS, report, write_report
 from picktree.analysis.run import Run
 from picktree.cli.app import answer
 
@@ -45,7 +45,7 @@ def test_page_is_whole_in_itself(text: str) -> None:
     assert outside == []
     policy = next(found["content"] for tag, found in tags if found.get("http-equiv"))
     assert policy is not None and policy.startswith("default-src 'none'; script-src 'sha256-")
-    assert policy.count("'sha256-") == len(DRAWING) + 1
+    assert policy.count("'sha256-") == len(TREE_SCRIPTS) + 1
     assert "unsafe-eval" not in policy
     assert not re.search(r"@import|url\(", re.findall(r"<style>.*?</style>", text, re.DOTALL)[0])
 

@@ -15,7 +15,7 @@ from picktree.analysis.report.page_data.body_frames import Frames, TrueBodySampl
 from picktree.analysis.report.page_data.body_motion import SceneMotion, deviations, motion_of
 from picktree.analysis.report.page_data.packing import Section
 from picktree.analysis.report.panels.board import pack_board, sightings, unknown_bodies, yaw_and_tilt
-from picktree.analysis.report.panels.events import happenings, pack_failures, plain, plan_words
+from picktree.analysis.report.panels.events import pack_failures, plain_value, plan_line, report_events
 from picktree.logs.schema.records import BodyRecord, Plan, WriteRecord
 from picktree.world.shapes import Box
 from picktree.world.values import Pose
@@ -114,7 +114,7 @@ def test_yaw_and_tilt(orientation: tuple[float, float, float, float], yaw: float
 
 def test_events_put_a_failure_before_what_is_done_about_it(troubled_log: Path) -> None:
     with Run(troubled_log) as run:
-        found = happenings(run)
+        found = report_events(run)
     assert [one.time for one in found] == sorted(one.time for one in found)
     kinds = [one.kind for one in found]
     assert {"belief", "failure", "fault", "item_done", "pick", "plan", "recovery"} <= set(kinds)
@@ -126,11 +126,11 @@ def test_events_put_a_failure_before_what_is_done_about_it(troubled_log: Path) -
 
 
 def test_a_plan_is_said_in_one_line() -> None:
-    assert plan_words(Plan("to home", "direct", 12, 0.0, "found", "", 1.5)) == (
+    assert plan_line(Plan("to home", "direct", 12, 0.0, "found", "", 1.5)) == (
         "to home: 1.50 s of motion, 12 checks by direct"
     )
     refused = Plan("to a grasp", "", 3, 0.0, "planning.start_in_collision", "the hand touches the bin", 0.0)
-    assert plan_words(refused) == (
+    assert plan_line(refused) == (
         "to a grasp: planning.start_in_collision: the hand touches the bin (3 checks)"
     )
 
@@ -153,4 +153,4 @@ def test_a_log_of_format_1_has_the_failures_that_its_statuses_tell(sample: Any) 
 
 
 def test_plain_values_of_any_kind() -> None:
-    assert plain({"a": (1, None, Path("x"))}) == {"a": [1, None, "x"]}
+    assert plain_value({"a": (1, None, Path("x"))}) == {"a": [1, None, "x"]}

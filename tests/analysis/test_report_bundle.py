@@ -5,7 +5,7 @@ from __future__ import annotations
 import subprocess
 from pathlib import Path
 
-from picktree.analysis.report.report import PAGE
+from picktree.analysis.report.report import PAGE_FOLDER
 
 from ..needs import needs, packages
 
@@ -20,15 +20,15 @@ def test_bundle_is_as_new_as_its_sources(tmp_path: Path) -> None:
     )
     assert done.returncode == 0, done.stderr
     for name in ("report.js", "report.css"):
-        assert (tmp_path / name).read_bytes() == (PAGE / name).read_bytes(), (
-            f"{PAGE / name} is older than its sources: run `make page`"
+        assert (tmp_path / name).read_bytes() == (PAGE_FOLDER / name).read_bytes(), (
+            f"{PAGE_FOLDER / name} is older than its sources: run `make page`"
         )
 
 
 def test_bundle_carries_the_licences() -> None:
     banner = (HERE / "banner.txt").read_text(encoding="utf-8").strip()
-    assert (PAGE / "report.js").read_text(encoding="utf-8").startswith(banner)
-    assert (PAGE / "report.css").read_text(encoding="utf-8").startswith(banner)
+    assert (PAGE_FOLDER / "report.js").read_text(encoding="utf-8").startswith(banner)
+    assert (PAGE_FOLDER / "report.css").read_text(encoding="utf-8").startswith(banner)
     lock = (HERE / "package.json").read_text(encoding="utf-8")
     for words in ('"three": "0.187.0"', '"uplot": "1.6.32"'):
         assert words in lock

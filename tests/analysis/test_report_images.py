@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from picktree.analysis import Run
-from picktree.analysis.report.panels.images import fitting, pack_images
+from picktree.analysis.report.panels.images import images_within_budget, pack_images
 from picktree.logs.run_log import CameraImage, Stamped
 from picktree.world.protocols import Intrinsics
 
@@ -33,7 +33,7 @@ def opened(data: bytes) -> np.ndarray:
 
 def test_images_look_as_they_did_and_depth_is_a_scale_of_colours() -> None:
     (source,) = shots(1)
-    (picture,) = fitting([source], 1_000_000)
+    (picture,) = images_within_budget([source], 1_000_000)
     seen = cv2.cvtColor(opened(picture.colour), cv2.COLOR_BGR2RGB)
     assert seen.shape == (240, 320, 3)
     assert np.abs(seen.astype(int) - source.record.colour.astype(int)).mean() < 6
@@ -45,7 +45,7 @@ def test_images_look_as_they_did_and_depth_is_a_scale_of_colours() -> None:
 
 @pytest.mark.parametrize("budget", [120_000, 60_000, 20_000])
 def test_all_images_together_keep_to_their_budget(budget: int) -> None:
-    pictures = fitting(shots(20), budget)
+    pictures = images_within_budget(shots(20), budget)
     assert sum(len(p.colour) + len(p.depth) for p in pictures) <= budget
     assert pictures[0].time == 0.0
     if len(pictures) > 1:
@@ -53,7 +53,7 @@ def test_all_images_together_keep_to_their_budget(budget: int) -> None:
 
 
 def test_a_small_budget_costs_quality_before_it_costs_images() -> None:
-    good, fair = fitting(shots(20), 1_000_000), fitting(shots(20), 300_000)
+    good, fair = images_within_budget(shots(20), 1_000_000), images_within_budget(shots(20), 300_000)
     assert len(good) == len(fair) == 20
     assert len(fair[0].colour) < len(good[0].colour)
 

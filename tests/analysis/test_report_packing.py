@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from picktree.analysis.report.page_data.packing import GAP, Packable, Section, pack, quantised
-from picktree.analysis.report.report import PAGE
+from picktree.analysis.report.page_data.packing import NAN_LEVEL, Packable, Section, pack, quantise
+from picktree.analysis.report.report import PAGE_FOLDER
 
 from ..needs import NODE
 
@@ -36,7 +36,7 @@ console.log(JSON.stringify(plain(await unpack(text))));
 def unpacked(*sections: Section) -> dict[str, object]:
     """As the page has it; each array as its kind, shape and values."""
     NODE.require()
-    module = json.dumps((PAGE / "src" / "unpacking.js").as_uri())
+    module = json.dumps((PAGE_FOLDER / "src" / "unpacking.js").as_uri())
     done = subprocess.run(
         ["node", "--input-type=module", "-e", READER % module],
         input=pack(sections),
@@ -71,7 +71,7 @@ def test_plain_values_and_arrays_of_every_kind_come_back() -> None:
 def test_quantised_numbers_come_back_to_half_a_step(spread: float) -> None:
     values = np.random.default_rng(4).uniform(-spread, spread, (50, 2, 3))
     values[7, 1] = np.nan
-    found = unpacked(Section("x", quantised(values, 1e-4)))["x"]
+    found = unpacked(Section("x", quantise(values, 1e-4)))["x"]
     assert isinstance(found, dict)
     assert (found["kind"], found["shape"]) == ("Float32Array", [50, 2, 3])
     read = np.array([np.nan if value is None else value for value in found["values"]]).reshape(50, 2, 3)
@@ -80,20 +80,20 @@ def test_quantised_numbers_come_back_to_half_a_step(spread: float) -> None:
 
 @pytest.mark.parametrize("shape", [(0,), (0, 3), (1,), (4, 0)])
 def test_arrays_without_numbers_keep_their_shape(shape: tuple[int, ...]) -> None:
-    found = unpacked(Section("x", quantised(np.zeros(shape), 1.0)))["x"]
+    found = unpacked(Section("x", quantise(np.zeros(shape), 1.0)))["x"]
     assert found == {"kind": "Float32Array", "shape": list(shape), "values": [0] * int(np.prod(shape))}
 
 
 def test_what_is_still_takes_next_to_nothing() -> None:
     still = np.tile(np.random.default_rng(4).uniform(-1, 1, 7), (6000, 1))
-    assert len(pack([Section("x", quantised(still, 1e-4))])) < 400
+    assert len(pack([Section("x", quantise(still, 1e-4))])) < 400
 
 
 def test_a_step_that_is_too_fine_is_refused() -> None:
-    assert quantised(np.array([2.0e5]), 1e-4).levels.tolist() == [2_000_000_000]
-    assert quantised(np.array([np.nan]), 1e-4).levels.tolist() == [GAP]
+    assert quantise(np.array([2.0e5]), 1e-4).levels.tolist() == [2_000_000_000]
+    assert quantise(np.array([np.nan]), 1e-4).levels.tolist() == [NAN_LEVEL]
     with pytest.raises(ValueError, match=r"^a step of 0\.0001 is too fine for these numbers$"):
-        quantised(np.array([3.0e5]), 1e-4)
+        quantise(np.array([3.0e5]), 1e-4)
 
 
 def test_what_json_cannot_hold_is_refused() -> None:

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from picktree.analysis import Run
-from picktree.analysis.report.panels.plots import CurvePlot, PlotCurve, pack_plots, plots_of, thinned
+from picktree.analysis.report.panels.plots import CurvePlot, PlotCurve, pack_plots, plots_of, thin_plot
 
 from ..logs.scripted_log import record, tree
 
@@ -65,13 +65,13 @@ def test_a_log_without_readings_says_so(tmp_path: Path) -> None:
 
 def test_a_short_curve_stays_as_it_is() -> None:
     one = plot(np.sin(np.arange(100)))
-    assert thinned(one, 100) is one
+    assert thin_plot(one, 100) is one
 
 
 @given(st.lists(st.floats(-1e3, 1e3) | st.just(float("nan")), min_size=11, max_size=300), st.integers(4, 10))
 def test_thinning_keeps_every_extreme_in_its_place(values: list[float], most: int) -> None:
     full = np.array(values)
-    few = thinned(plot(full), most)
+    few = thin_plot(plot(full), most)
     kept = few.curves[0].values
     assert len(kept) == len(few.times) <= most
     assert (np.diff(few.times) >= 0).all()

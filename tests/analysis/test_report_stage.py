@@ -17,11 +17,11 @@ from picktree.analysis.report.page_data.body_frames import (
 from picktree.analysis.report.page_data.body_motion import motion_of
 from picktree.analysis.report.page_data.packing import Quantised
 from picktree.analysis.report.page_data.poses import between, composed, continuous, filled, inverse, row
-from picktree.analysis.report.page_data.truth_matching import matched, track
-from picktree.analysis.report.panels.stage import MOST_FACES, pack_stage, packed_link
+from picktree.analysis.report.page_data.truth_matching import match_bodies, true_poses
+from picktree.analysis.report.panels.stage import MAX_LINK_FACES, pack_stage, packed_link
 from picktree.analysis.run import Run
 from picktree.logs.meshes.binary_gltf import write_glb
-from picktree.logs.meshes.triangle_meshes import joined, shape_mesh
+from picktree.logs.meshes.triangle_meshes import join_meshes, shape_mesh
 from picktree.logs.schema.records import BodyRecord, LinkMesh
 from picktree.world.shapes import Box, Sphere
 from picktree.world.values import Array, Pose
@@ -120,13 +120,13 @@ def test_true_bodies_are_matched_to_the_nearest_believed_ones_of_their_kind() ->
         sampled("item_2", [0, 20], [0.502, 0.502]),
         sampled("item_3", [0, 20], [0.9, 0.9], "green"),
     ]
-    assert matched(ones, truths) == [1, 2, 0, None]
-    assert matched([], truths) == [None] * 4
+    assert match_bodies(ones, truths) == [1, 2, 0, None]
+    assert match_bodies([], truths) == [None] * 4
 
 
 def test_what_lies_is_interpolated_from_second_to_second() -> None:
     truth = sampled("item", [0, 20, 40], [0.0, 0.2, 0.2])
-    found = track(truth, None, 60)
+    found = true_poses(truth, None, 60)
     np.testing.assert_allclose(found[:21, 0], np.linspace(0.0, 0.2, 21))
     assert np.isnan(found[41:, 0]).all()  # the log does not say
 
@@ -134,21 +134,21 @@ def test_what_lies_is_interpolated_from_second_to_second() -> None:
 def test_what_is_held_moves_with_the_hand_and_not_straight() -> None:
     arc = np.sin(np.linspace(0.0, math.pi, 21))  # out and back between two samples
     one = believed("red_1", arc, np.ones(21))
-    found = track(sampled("item", [0, 20], [0.002, 0.004]), one, 21)
+    found = true_poses(sampled("item", [0, 20], [0.002, 0.004]), one, 21)
     np.testing.assert_allclose(found[:, 0] - arc, np.linspace(0.002, 0.004, 21), atol=1e-9)
 
 
 def test_what_is_taken_stays_where_it_was_until_then() -> None:
     held = np.arange(21) >= 12
     hand = np.where(held, 0.5 + 0.01 * (np.arange(21) - 12), 0.5)
-    found = track(sampled("item", [0, 20], [0.501, 0.581]), believed("red_1", hand, held), 21)
+    found = true_poses(sampled("item", [0, 20], [0.501, 0.581]), believed("red_1", hand, held), 21)
     np.testing.assert_allclose(found[:12, 0], 0.501)
     np.testing.assert_allclose(found[12:, 0], hand[12:] + 0.001)
 
 
 def test_what_slips_from_the_hand_goes_from_the_hand_to_where_it_was_found() -> None:
     hand = np.linspace(0.0, 1.0, 21)
-    found = track(sampled("item", [0, 20], [0.0, 0.3]), believed("red_1", hand, np.ones(21)), 21)
+    found = true_poses(sampled("item", [0, 20], [0.0, 0.3]), believed("red_1", hand, np.ones(21)), 21)
     assert found[0, 0] == pytest.approx(0.0)
     assert found[-1, 0] == pytest.approx(0.3)
     low, high = np.minimum(hand, 0.3), np.maximum(hand, 0.3)
@@ -186,13 +186,13 @@ def test_an_item_that_a_fault_took_away_is_gone_from_that_tick_on(troubled_log: 
 
 def test_heavy_models_are_thinned_and_foreign_ones_left_out() -> None:
     balls = [shape_mesh(Sphere(0.05)).placed(Pose((0.2 * k, 0.0, 0.0))) for k in range(3)]
-    heavy = joined(balls)
-    assert len(heavy.faces) > 2 * MOST_FACES
+    heavy = join_meshes(balls)
+    assert len(heavy.faces) > 2 * MAX_LINK_FACES
     packed = packed_link(LinkMesh("link", write_glb(heavy)))
     assert isinstance(packed, dict)
     faces, vertices = packed["faces"], packed["vertices"]
     assert isinstance(faces, np.ndarray) and isinstance(vertices, Quantised)
-    assert MOST_FACES < len(faces) <= 3 * MOST_FACES
+    assert MAX_LINK_FACES < len(faces) <= 3 * MAX_LINK_FACES
     places = vertices.levels * vertices.step
     away = np.linalg.norm(places - np.round(places / 0.2) * 0.2 * [1, 0, 0], axis=1)
     assert np.abs(away - 0.05).max() < 0.004  # on the balls still

@@ -11,7 +11,7 @@ import pytest
 
 from picktree.analysis.resim.changes import RunChanges
 from picktree.analysis.resim.difference_reasons import notes, reasons
-from picktree.analysis.resim.resim import ResimAnswer, ResimOrder, carry_out, resimulate
+from picktree.analysis.resim.resim import ResimAnswer, ResimOrder, resimulate, run_order
 from picktree.analysis.resim.resim_comparison import RecordDifference
 from picktree.analysis.run import Run
 from picktree.errors import PicktreeError
@@ -127,7 +127,7 @@ def greeting(tmp_path_factory: pytest.TempPathFactory) -> RunResult:
 
 def again(log: Path, changes: RunChanges | None = None, until: float | None = None) -> ResimAnswer:
     """As the other process does it."""
-    return carry_out(ResimOrder(log, changes or RunChanges(), until, None), lambda _: None)
+    return run_order(ResimOrder(log, changes or RunChanges(), until, None), lambda _: None)
 
 
 def test_a_run_is_made_again_from_its_log_alone(greeting: RunResult) -> None:
@@ -262,7 +262,7 @@ def test_sources_that_moved_are_counted_and_not_listed() -> None:
 
 
 def test_the_sources_of_a_run_are_those_of_all_rooms_but_tools() -> None:
-    left_out = environment._NO_PART_OF_A_RUN
+    left_out = environment._FILES_WITHOUT_EFFECT
     assert [name for name in left_out if not (ROOT / name).exists()] == []
     found = environment.sources()
     assert [path for path in found if path.startswith(left_out)] == []

@@ -12,7 +12,7 @@ from picktree.analysis.render.renderer import render
 from picktree.analysis.render.snapshot import draw, snapshot
 from picktree.analysis.render.viewpoint import PictureView
 from picktree.errors import PicktreeError
-from picktree.logs.meshes.triangle_meshes import joined, shape_mesh
+from picktree.logs.meshes.triangle_meshes import join_meshes, shape_mesh
 from picktree.logs.recording.images import decode_colour
 from picktree.logs.run_log import RunLog
 from picktree.world.shapes import Box, Sphere
@@ -43,7 +43,7 @@ def test_what_is_nearer_hides_what_is_behind() -> None:
     below = shape_mesh(Box((0.2, 0.2, 0.1)), (0.9, 0.05, 0.05))
     above = shape_mesh(Sphere(0.3), (0.05, 0.9, 0.05)).placed(Pose((0.0, 0.0, 0.5)))
     for order in ((below, above), (above, below)):
-        assert not red(render(joined(order), ABOVE, (80, 80))).any()
+        assert not red(render(join_meshes(order), ABOVE, (80, 80))).any()
     assert red(render(below, ABOVE, (80, 80))).any()
 
 

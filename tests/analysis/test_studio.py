@@ -9,7 +9,7 @@ from picktree.analysis.render.captions import Caption, CaptionFailure, write
 from picktree.analysis.render.renderer import MeshRenderer, render
 from picktree.analysis.render.viewpoint import PictureView, parse_size, parse_view
 from picktree.errors import PicktreeError
-from picktree.logs.meshes.triangle_meshes import Mesh, joined, shape_mesh
+from picktree.logs.meshes.triangle_meshes import Mesh, join_meshes, shape_mesh
 from picktree.world.shapes import Box, Sphere
 from picktree.world.values import Pose
 
@@ -22,11 +22,11 @@ PLACES = (Pose((0.1, 0.1, 0.12)), Pose((-0.15, -0.2, 0.4)), Pose((0.5, 0.3, 0.12
 
 
 def whole(place: Pose) -> Mesh:
-    return joined([TABLE, WALL, BALL.placed(place)])
+    return join_meshes([TABLE, WALL, BALL.placed(place)])
 
 
 def test_what_stands_still_need_not_be_drawn_again() -> None:
-    studio = MeshRenderer(joined([TABLE, WALL]), VIEW, SIZE)
+    studio = MeshRenderer(join_meshes([TABLE, WALL]), VIEW, SIZE)
     ball = studio.model(BALL)
     for place in PLACES:  # in one studio, so that nothing of a picture may stay for the next
         drawn = studio.picture([(ball, place)]).astype(int)
@@ -38,7 +38,7 @@ def test_what_stands_still_need_not_be_drawn_again() -> None:
 
 
 def test_a_picture_is_drawn_again_to_the_last_bit() -> None:
-    studio = MeshRenderer(joined([TABLE, WALL]), VIEW, SIZE)
+    studio = MeshRenderer(join_meshes([TABLE, WALL]), VIEW, SIZE)
     ball = studio.model(BALL)
     first = studio.picture([(ball, PLACES[0])])
     studio.picture([(ball, PLACES[1])])

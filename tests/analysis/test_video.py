@@ -13,7 +13,7 @@ from picktree.analysis.render.scene_view import Show
 from picktree.analysis.render.video.film import FilmRequest, FrameSetup, FrameWorkers, film
 from picktree.analysis.render.viewpoint import PictureView
 from picktree.errors import PicktreeError
-from picktree.logs.optional_libraries import adding
+from picktree.logs.optional_libraries import install_command
 from picktree.logs.run_log import RunLog
 from picktree.logs.run_result import RunResult
 
@@ -163,7 +163,7 @@ def test_without_the_extra_it_is_said_how_to_get_it(
     monkeypatch.setitem(sys.modules, "av", None)
     with RunLog(log_path) as log, pytest.raises(PicktreeError) as raised:
         film(log, tmp_path / "film.mp4")
-    assert str(raised.value) == f"A video needs the extra 'video': {adding('video')}"
+    assert str(raised.value) == f"A video needs the extra 'video': {install_command('video')}"
 
 
 def test_an_interrupted_film_leaves_no_file(log_path: Path, tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ import pytest
 from picktree.authoring.drawing.chart import Chart, ChartPort
 from picktree.authoring.drawing.chart_builder import chart, chart_of_file
 from picktree.authoring.drawing.formats.dot import dot
-from picktree.authoring.drawing.formats.file_formats import drawn, suffix_of
+from picktree.authoring.drawing.formats.file_formats import drawing_text, suffix_of
 from picktree.authoring.drawing.formats.text import text
 from picktree.errors import PicktreeError
 from picktree.trees.loading.loader import parse_mission
@@ -209,7 +209,9 @@ def written_out(found: Chart, name: str) -> int:
 
 def pictures() -> dict[str, str]:
     """Of the shift, in each format."""
-    return {suffix: drawn(chart_of_file(SHIFT), suffix) for suffix in (".svg", ".html", ".dot", ".txt")}
+    return {
+        suffix: drawing_text(chart_of_file(SHIFT), suffix) for suffix in (".svg", ".html", ".dot", ".txt")
+    }
 
 
 def test_a_picture_is_the_same_in_every_process_and_folder(
@@ -224,7 +226,7 @@ def test_suffix_of_a_picture() -> None:
     with pytest.raises(PicktreeError) as refused:
         suffix_of("tree.pdf")
     assert str(refused.value) == "tree.pdf: a picture is a file that ends in .svg, .html, .dot or .txt"
-    assert drawn(charted(), ".txt") == text(charted())
+    assert drawing_text(charted(), ".txt") == text(charted())
 
 
 def test_the_page_on_pictures_tells_how_to_draw_one() -> None:

@@ -15,7 +15,7 @@ import pytest
 from picktree.authoring.drawing.chart import Chart
 from picktree.authoring.drawing.chart_builder import chart, chart_of_file
 from picktree.authoring.drawing.formats.html import chart_json, html
-from picktree.authoring.drawing.formats.shapes import PAGE
+from picktree.authoring.drawing.formats.shapes import PAGE_FOLDER
 
 from ..needs import CHROMIUM, CHROMIUM_PROGRAM, NODE, needs, packages
 from ..trees.scripted import mission
@@ -57,7 +57,9 @@ def test_page_needs_nothing_from_elsewhere() -> None:
     tags = Page(page()).tags
     assert [attributes for tag, attributes in tags if tag in ("link", "img", "iframe")] == []
     assert [attributes for tag, attributes in tags if tag == "script" and "src" in attributes] == []
-    own = "".join((PAGE / name).read_text() for name in ("viewer.js", "page.js", "arranging.js", "page.css"))
+    own = "".join(
+        (PAGE_FOLDER / name).read_text() for name in ("viewer.js", "page.js", "arranging.js", "page.css")
+    )
     assert not re.search(r"fetch\(|XMLHttpRequest|import |url\(|@import", own)
 
 
@@ -88,7 +90,7 @@ def test_no_text_of_a_mission_ends_the_script() -> None:
 
 def run_script(program: str) -> Any:
     """Run it after the scripts that lay out, with `chart` and `root` of the shift."""
-    scripts = "".join((PAGE / name).read_text() for name in ("libraries.js", "arranging.js"))
+    scripts = "".join((PAGE_FOLDER / name).read_text() for name in ("libraries.js", "arranging.js"))
     data = json.dumps(chart_json(shift()))
     text = f"{scripts}\nconst chart = {data};\nconst root = rootItem(chart);\n{program}"
     ran = subprocess.run(["node", "-"], input=text, capture_output=True, text=True)
@@ -153,7 +155,7 @@ def test_libraries_are_what_their_recipe_makes(tmp_path: Path) -> None:
     subprocess.run(
         ["sh", "-c", f"OUT={made} npm run --silent build"], cwd=LIBRARIES, check=True, capture_output=True
     )
-    assert made.read_bytes() == (PAGE / "libraries.js").read_bytes()
+    assert made.read_bytes() == (PAGE_FOLDER / "libraries.js").read_bytes()
 
 
 @pytest.mark.slow

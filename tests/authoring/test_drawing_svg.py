@@ -19,10 +19,10 @@ from picktree.authoring.drawing.chart import Chart
 from picktree.authoring.drawing.chart_builder import chart, chart_of_file
 from picktree.authoring.drawing.formats.svg import svg
 from picktree.authoring.drawing.layout.cards import NodeCard, width, wrapped
-from picktree.authoring.drawing.layout.frames import GAP, TreeFrame, expanded, frame_of, page
+from picktree.authoring.drawing.layout.frames import FRAME_GAP, TreeFrame, expanded, frame_of, page
 from picktree.authoring.drawing.layout.graphviz_layout import (
-    BESIDE,
-    BETWEEN,
+    COLUMN_GAP,
+    ROW_GAP,
     BoxPosition,
     LayoutBox,
     lay_out_boxes,
@@ -117,11 +117,11 @@ def test_children_stand_in_order_and_in_the_next_column() -> None:
     ]
     spots = lay_out_boxes(boxes)
     assert spots[0].x == 0
-    assert {spots[1].x, spots[2].x, spots[3].x} == {100 + BESIDE}
-    assert spots[4].x == 100 + BESIDE + 120 + BESIDE
+    assert {spots[1].x, spots[2].x, spots[3].x} == {100 + COLUMN_GAP}
+    assert spots[4].x == 100 + COLUMN_GAP + 120 + COLUMN_GAP
     assert spots[1].y == 0
-    assert spots[2].y >= 24 + BETWEEN
-    assert spots[3].y >= spots[2].y + 40 + BETWEEN
+    assert spots[2].y >= 24 + ROW_GAP
+    assert spots[3].y >= spots[2].y + 40 + ROW_GAP
     assert spots[4].y + 12 == spots[2].y + 20, "an only child stands level with its parent"
 
 
@@ -130,11 +130,11 @@ def test_a_page_has_the_shape_of_a_screen() -> None:
     four = page([(600, 400)] * 4)
     assert four.spots == (
         BoxPosition(0, 0),
-        BoxPosition(600 + GAP, 0),
-        BoxPosition(0, 400 + GAP),
-        BoxPosition(600 + GAP, 400 + GAP),
+        BoxPosition(600 + FRAME_GAP, 0),
+        BoxPosition(0, 400 + FRAME_GAP),
+        BoxPosition(600 + FRAME_GAP, 400 + FRAME_GAP),
     )
-    assert (four.width, four.height) == (1200 + GAP, 800 + GAP)
+    assert (four.width, four.height) == (1200 + FRAME_GAP, 800 + FRAME_GAP)
 
 
 def test_picture_of_200_nodes_has_a_sensible_size() -> None:

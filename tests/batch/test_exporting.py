@@ -18,7 +18,7 @@ from picktree.batch.results.store import Store
 from picktree.batch.results.tables import TABLES
 from picktree.cli.app import answer
 from picktree.errors import PicktreeError
-from picktree.logs.optional_libraries import adding
+from picktree.logs.optional_libraries import install_command
 
 from .test_store import ITEMS, SUCCESS, store
 
@@ -84,7 +84,9 @@ def test_parquet_needs_its_extra(results: Store, tmp_path: Path, monkeypatch: py
     monkeypatch.delitem(sys.modules, "picktree.batch.results.parquet_tables", raising=False)
     with results, pytest.raises(PicktreeError) as refused:
         export(results, "parquet", tmp_path / "out")
-    assert str(refused.value) == f"An export to Parquet needs the extra 'parquet': {adding('parquet')}"
+    assert (
+        str(refused.value) == f"An export to Parquet needs the extra 'parquet': {install_command('parquet')}"
+    )
 
 
 def test_it_is_typed_so(results: Store, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

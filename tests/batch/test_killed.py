@@ -5,6 +5,7 @@ from __future__ import annotations
 import multiprocessing
 import os
 import signal
+import time
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -16,6 +17,7 @@ from picktree.batch.results.store import Store
 from picktree.batch.workers import local_executor
 from picktree.batch.workers.batch import Batch
 from picktree.batch.workers.local_executor import LocalExecutor
+from picktree.errors import PicktreeError
 
 from ..commands import PATIENCE, forked_worker
 from .trouble import troubled
@@ -47,6 +49,18 @@ def run_and_be_killed(folder: Path, plan: BatchPlan, moment: str) -> None:
         batch.run(executor, Remembering())
 
 
+def resumed(folder: Path) -> Batch:
+    """Resume a batch as soon as the workers of its killed process have let go of it."""
+    end = time.monotonic() + PATIENCE
+    while True:
+        try:
+            return Batch.resume(folder)
+        except PicktreeError as error:
+            if "another process" not in str(error) or time.monotonic() > end:
+                raise
+        time.sleep(0.1)
+
+
 @pytest.mark.parametrize(
     ("moment", "recorded"), [("between the result and its record", 0), ("in the middle of a commit", 1)]
 )
@@ -61,7 +75,7 @@ def test_a_batch_killed_at_the_worst_moment_comes_to_the_same_table(
     process.start()
     process.join(PATIENCE)
     assert process.exitcode == -signal.SIGKILL
-    with Batch.resume(folder) as batch:
+    with resumed(folder) as batch:
         assert len(batch.store.recorded()) == recorded
         seen = Remembering()
         assert batch.run(workers, seen)

@@ -25,7 +25,7 @@ from picktree.batch.workers.executor import Executor
 from picktree.batch.workers.local_executor import LocalExecutor
 from picktree.cli.app import answer
 from picktree.errors import PicktreeError
-from picktree.logs.optional_libraries import adding
+from picktree.logs.optional_libraries import install_command
 
 from ..commands import until
 from ..needs import RAY, needs
@@ -107,11 +107,21 @@ def cluster() -> Generator[str]:
         yield address
 
 
+def all_workers(executor: RayExecutor, count: int) -> None:
+    """Wait until `count` workers are there. On a busy machine they come one after the other."""
+
+    def all_there() -> bool:
+        executor.wait(0.1)
+        return executor.slots == count
+
+    until(all_there, f"worker {count}")
+
+
 @pytest.fixture(scope="module")
 def two(cluster: str) -> Generator[RayExecutor]:
     """Two workers of the cluster."""
     with RayExecutor(2, cluster) as executor:
-        assert executor.slots == 2
+        all_workers(executor, 2)
         yield executor
 
 
@@ -265,7 +275,7 @@ def test_without_the_extra_it_is_said_how_to_get_it(monkeypatch: pytest.MonkeyPa
     monkeypatch.setattr(ray_executor, "find_spec", dict[str, object]().get)
     with pytest.raises(PicktreeError) as missing:
         RayExecutor()
-    assert str(missing.value) == f"A batch on a Ray cluster needs the extra 'ray': {adding('ray')}"
+    assert str(missing.value) == f"A batch on a Ray cluster needs the extra 'ray': {install_command('ray')}"
 
 
 def test_ray_is_loaded_in_processes_of_its_own_alone() -> None:
@@ -326,7 +336,7 @@ def test_a_node_that_is_lost_costs_its_jobs_one_try(tmp_path: Path, cluster: str
                 time.sleep(0.05)"""
     plan = troubled(tmp_path, doing, (0, 1, 2))
     with node(cluster, 1) as lost, RayExecutor(2, cluster) as executor:
-        assert executor.slots == 2
+        all_workers(executor, 2)
 
         class Killing(Remembering):
             there: frozenset[int] = frozenset()

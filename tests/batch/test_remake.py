@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from picktree.batch.plan.plan import BatchPlan
-from picktree.batch.results.store import NAME, Store
+from picktree.batch.results.store import RESULTS_FILE, Store
 from picktree.batch.workers.batch import Batch
 from picktree.batch.workers.executor import Executor
 from picktree.batch.workers.rerun_job import rerun_job
@@ -53,7 +53,7 @@ def batch(dropped: Path, tmp_path: Path) -> Path:
 
 
 def row(batch: Path, number: int, columns: str = "folder") -> tuple[object, ...]:
-    with Store(batch / NAME) as store:
+    with Store(batch / RESULTS_FILE) as store:
         return store.query(f"SELECT {columns} FROM jobs WHERE number = {number}").rows[0]
 
 
@@ -87,7 +87,10 @@ def test_elsewhere_it_goes_into_a_folder_of_its_own(batch: Path, tmp_path: Path,
 
 
 def test_another_run_than_the_recorded_one_is_not_taken_for_it(batch: Path, worker: Executor) -> None:
-    with closing(sqlite3.connect(batch / NAME)) as results, results:  # as if another machine had run it
+    with (
+        closing(sqlite3.connect(batch / RESULTS_FILE)) as results,
+        results,
+    ):  # as if another machine had run it
         results.execute("UPDATE jobs SET digest = 'of another run' WHERE number = 0")
         results.execute("UPDATE versions SET version = '0.1' WHERE library = 'numpy'")
     found = rerun_job(f"{batch}@15 N,seed=3", executor=worker)

@@ -18,7 +18,7 @@ from picktree.batch.results.rows import (
     JobTimingRow,
     PlantedRow,
 )
-from picktree.batch.results.store import NAME, Store
+from picktree.batch.results.store import RESULTS_FILE, Store
 
 from ..browser import Chromium
 from ..needs import CHROMIUM, needs
@@ -51,7 +51,7 @@ def report(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (folder / "jobs/kept").mkdir(parents=True)
     (folder / "jobs/kept/report.html").write_text("<!doctype html><title>the run</title>")
     sorted_items = tuple(replace(item, bin="red_bin", verdict="sorted") for item in ITEMS)
-    with Store.create(folder / NAME, jobs) as store:
+    with Store.create(folder / RESULTS_FILE, jobs) as store:
         for n, job in enumerate(jobs[:-1]):
             bad = n < 12 and n % 3 == 0
             row = replace(SUCCESS, sim_seconds=10.0 + n % 5)

@@ -10,7 +10,7 @@ import pytest
 
 from picktree.batch.plan.plan import BatchPlan, Job
 from picktree.batch.results.rows import JobFailureRow, JobItemRow, JobRow, JobRows, JobTimingRow
-from picktree.batch.results.store import NAME, Store
+from picktree.batch.results.store import RESULTS_FILE, Store
 from picktree.batch.statistics.summary import summarise
 from picktree.errors import PicktreeError
 
@@ -48,7 +48,7 @@ def store(folder: Path, rows: dict[int, JobRow], values: tuple[str, ...] = ("15"
         Job(f"{n:016x}", n, variant, seed, "recipe")
         for n, (variant, seed) in enumerate((v, s) for v in plan.variants() for s in plan.seeds)
     ]
-    made = Store.create(folder / NAME, jobs)
+    made = Store.create(folder / RESULTS_FILE, jobs)
     for number, row in rows.items():
         rest = JobRows(row, items=ITEMS, timings=(JobTimingRow("grasp", 6.0), JobTimingRow("think", 1.0)))
         failures = (SLIP,) if row.status != "success" else ()

@@ -12,7 +12,7 @@ from types import SimpleNamespace
 import pytest
 
 from picktree.batch.plan.plan import BatchPlan, Keep
-from picktree.batch.results.store import NAME, Store
+from picktree.batch.results.store import RESULTS_FILE, Store
 from picktree.batch.workers import batch as module
 from picktree.batch.workers.batch import Batch
 from picktree.batch.workers.executor import Executor
@@ -176,7 +176,7 @@ def test_a_batch_whose_creation_was_cut_short_is_created_by_resume_or_anew(
         made = Batch.resume(folder)
     with made:
         assert [job.seed for job in made.jobs] == [0, 1]
-    assert {path.name for path in folder.iterdir()} == {"plan.json", NAME, "lock", "recipes"}
+    assert {path.name for path in folder.iterdir()} == {"plan.json", RESULTS_FILE, "lock", "recipes"}
 
 
 def test_whatever_is_left_of_the_last_commits_the_earlier_ones_are_whole(
@@ -188,16 +188,16 @@ def test_whatever_is_left_of_the_last_commits_the_earlier_ones_are_whole(
         folder, BatchPlan("cut", (troubled(tmp_path, {}),), (0, 1, 2), backend="kinematic")
     ) as batch:
         assert batch.run(worker, Remembering())
-        log = Path(f"{folder / NAME}-wal").read_bytes()
+        log = Path(f"{folder / RESULTS_FILE}-wal").read_bytes()
         for name in ("", "-wal"):
-            shutil.copy(f"{folder / NAME}{name}", f"{tmp_path / NAME}{name}")
+            shutil.copy(f"{folder / RESULTS_FILE}{name}", f"{tmp_path / RESULTS_FILE}{name}")
     counts: set[int] = set()
     for length in range(0, len(log), max(1, len(log) // 60)):
         cut = tmp_path / f"cut-{length}"
         cut.mkdir()
-        shutil.copy(tmp_path / NAME, cut)
-        (cut / f"{NAME}-wal").write_bytes(log[:length])
-        with Store(cut / NAME) as store:
+        shutil.copy(tmp_path / RESULTS_FILE, cut)
+        (cut / f"{RESULTS_FILE}-wal").write_bytes(log[:length])
+        with Store(cut / RESULTS_FILE) as store:
             done, items = store.query(
                 "SELECT count(*), (SELECT count(DISTINCT job) FROM items) FROM jobs WHERE status = 'success'"
             ).rows[0]

@@ -11,7 +11,7 @@ import pytest
 
 from picktree.batch.plan.plan import Job, Variant
 from picktree.batch.results.rows import JobRow, JobRows
-from picktree.batch.results.store import NAME, Store
+from picktree.batch.results.store import RESULTS_FILE, Store
 from picktree.simulation.fault_files.fault_entries import FaultExpectation
 
 Program = Callable[[str], ModuleType]
@@ -88,7 +88,7 @@ def made_up(tmp_path: Path, program: Program) -> Path:
     ]
     jobs.append(Job("calm", len(jobs), Variant(Path("/sort_plainly.yaml"), None, None, {}, "none"), 0, "r"))
     known = measures.Measured(tmp_path / "measures.jsonl")
-    with Store.create(tmp_path / NAME, jobs) as store:
+    with Store.create(tmp_path / RESULTS_FILE, jobs) as store:
         for job, (fault, seed, status, done, struck, failures, force, message) in zip(
             jobs, told, strict=False
         ):

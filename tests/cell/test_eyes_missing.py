@@ -10,7 +10,7 @@ import pytest
 
 from picktree.cell.world import World
 from picktree.robots.loading import load_robot
-from picktree.session.assembly import TICK, assemble_world
+from picktree.session.assembly import TICK_LENGTH, assemble_world
 from picktree.simulation.kinematic.backend import KinematicHardware
 from picktree.world.causes import Failure
 from picktree.world.journal import JournalEvent
@@ -41,7 +41,7 @@ def cell(shots: str) -> World:
     hardware.cameras = {"overhead": Failing(hardware.cameras["overhead"], shots)}
     world = assemble_world(hardware, scene, robot, 3)
     for _ in range(40):
-        world.control.step_tick(TICK)
+        world.control.step_tick(TICK_LENGTH)
     return world
 
 
@@ -51,16 +51,16 @@ def driven(world: World, doing: Generator[None, None, T]) -> T:
             next(doing)
         except StopIteration as end:
             return end.value
-        world.control.step_tick(TICK)
+        world.control.step_tick(TICK_LENGTH)
 
 
 def test_a_frame_that_is_missing_is_waited_for_and_noted() -> None:
     world = cell("-o-x")
-    summary = driven(world, world.eyes.look("overhead"))
+    summary = driven(world, world.vision.look("overhead"))
     assert len(summary.seen) == 4
     events = [e for e in world.journal.take() if isinstance(e, JournalEvent) and e.kind == "frames_missed"]
     assert [(e.message, e.data) for e in events] == [("3 of 4 frames did not come", {"missed": 3})]
-    assert world.eyes.newest == pytest.approx(2.3)
+    assert world.vision.newest == pytest.approx(2.3)
 
 
 @pytest.mark.parametrize(
@@ -72,10 +72,10 @@ def test_a_frame_that_is_missing_is_waited_for_and_noted() -> None:
 )
 def test_a_camera_without_image_is_said_and_nothing_is_believed(shots: str, message: str) -> None:
     world = cell(shots)
-    for look in (world.eyes.look, world.eyes.shoot):
+    for look in (world.vision.look, world.vision.shoot):
         with pytest.raises(Failure) as raised:
             driven(world, look("overhead"))
         assert str(raised.value) == f"perception.no_image: {message}"
         assert raised.value.evidence["frames"] == 4
-    assert world.eyes.looks == 0
+    assert world.vision.looks == 0
     assert world.scene.objects == ()

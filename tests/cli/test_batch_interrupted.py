@@ -9,7 +9,7 @@ import sys
 import tempfile
 from pathlib import Path
 
-from picktree.batch.results.store import NAME, Store
+from picktree.batch.results.store import RESULTS_FILE, Store
 
 from ..batch.processes import alive
 from ..commands import PATIENCE, Command, Streams, Terminal, until
@@ -61,7 +61,7 @@ def job(folder: Path) -> int:
 
 
 def counts(folder: Path) -> tuple[tuple[object, ...], ...]:
-    with Store(folder / "batch" / NAME) as store:
+    with Store(folder / "batch" / RESULTS_FILE) as store:
         return store.query("SELECT status, count(*) FROM jobs GROUP BY status ORDER BY status").rows
 
 

@@ -131,7 +131,7 @@ m.yaml:3:1: error P207: [no markup]
 
 
 def test_live_view_tells_above_the_tree(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("picktree.cli.terminal.progress._PERIOD", -1.0)
+    monkeypatch.setattr("picktree.cli.terminal.progress._REDRAW_PERIOD", -1.0)
     file = io.StringIO()
     console = Console(file=file, force_terminal=True, width=60, height=20, color_system=None)
     with LiveDisplay(console) as view:
@@ -146,7 +146,7 @@ def test_live_view_tells_above_the_tree(monkeypatch: pytest.MonkeyPatch) -> None
 def test_live_view_draws_the_tree_and_leaves_nothing_behind(
     result: RunResult, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("picktree.cli.terminal.progress._PERIOD", -1.0)
+    monkeypatch.setattr("picktree.cli.terminal.progress._REDRAW_PERIOD", -1.0)
     file = io.StringIO()
     console = Console(file=file, force_terminal=True, width=60, height=20, color_system=None)
     with LiveDisplay(console) as view:

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from picktree.cli.app import answer
-from picktree.logs.optional_libraries import adding
+from picktree.logs.optional_libraries import install_command
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
@@ -43,7 +43,7 @@ def test_without_the_sdk_the_extra_is_named(
     monkeypatch.delitem(sys.modules, "picktree.session.live_view", raising=False)
     monkeypatch.setitem(sys.modules, "foxglove", None)
     assert answer(["run", "m.yaml", "--live"]) == 2
-    assert capsys.readouterr().err == f"A live view needs the extra 'live': {adding('live')}\n"
+    assert capsys.readouterr().err == f"A live view needs the extra 'live': {install_command('live')}\n"
     assert stage.requests == []
 
 

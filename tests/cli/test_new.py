@@ -14,7 +14,7 @@ import pytest
 import yaml
 
 from picktree.cli.app import answer
-from picktree.cli.author.new import STARTS, StartKind, write_start
+from picktree.cli.author.new import STARTERS, StartKind, write_start
 from picktree.errors import PicktreeError
 
 KINDS: tuple[StartKind, ...] = ("mission", "scene", "plugin")
@@ -63,7 +63,7 @@ def test_editors_find_a_schema_that_takes_the_file(kind: StartKind, begin: Begin
         named = first.removeprefix("# yaml-language-server: $schema=")
         assert faults(file.parent / named, yaml.safe_load(file.read_text())) == []
         checked += 1
-    assert checked == sum(1 for part in STARTS[kind].parts if part.name.endswith(".yaml"))
+    assert checked == sum(1 for part in STARTERS[kind].parts if part.name.endswith(".yaml"))
 
 
 def test_schema_of_a_plugin_knows_its_skill(begin: Begin, tmp_path: Path) -> None:
@@ -130,7 +130,7 @@ what to type next:
 def test_three_starts_share_a_folder(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     for kind in KINDS:
         write_start(kind, tmp_path)
-    names = {part.name for kind in KINDS for part in STARTS[kind].parts}
+    names = {part.name for kind in KINDS for part in STARTERS[kind].parts}
     assert set(files(tmp_path)) == names
     assert answer(["check", "--strict", str(tmp_path)]) == 0
     capsys.readouterr()
@@ -140,7 +140,7 @@ def test_three_starts_share_a_folder(tmp_path: Path, capsys: pytest.CaptureFixtu
 def test_a_file_that_is_there_is_never_replaced(
     kind: StartKind, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    last = [part.name for part in STARTS[kind].parts if not part.made][-1]
+    last = [part.name for part in STARTERS[kind].parts if not part.made][-1]
     (tmp_path / last).parent.mkdir(exist_ok=True)
     (tmp_path / last).write_text("mine\n")
     assert answer(["new", kind, str(tmp_path)]) == 2

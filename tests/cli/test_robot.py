@@ -227,6 +227,8 @@ def test_one_pick_on_each_arm(
     said = json.loads(capfd.readouterr().out)
     assert (said["status"], said["items"]["sorted"], said["picks"]["held"]) == ("success", 1, 1)
     # What a run of an arm is made from is in its log; that it runs in another process is not the matter here.
-    monkeypatch.setattr(resim, "_ask", lambda order, _: child.carry_out(order, lambda answer: None))
+    monkeypatch.setattr(
+        resim, "_run_in_process", lambda order, _: child.run_order(order, lambda answer: None)
+    )
     assert answer(["resim", said["folder"]]) == 0
     assert f"digest {said['digest'][:16]}" in capfd.readouterr().out

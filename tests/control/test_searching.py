@@ -11,7 +11,7 @@ import pytest
 
 from picktree.control.cartesian.compliant_motion import ContactState
 from picktree.control.contact.hole_search import InsertionMotion, InsertionParameters, Search
-from picktree.control.contact.peg_motion import LIFTED, BelievedHole, HeldPeg
+from picktree.control.contact.peg_motion import CLEAR_FOOT_HEIGHT, BelievedHole, HeldPeg
 from picktree.control.contact.search_patterns import SettlingDetector, grid, rotation_about, spiral
 
 PERIOD = 1 / 240
@@ -91,7 +91,7 @@ def test_a_hole_further_away_is_not_found_and_the_peg_ends_above() -> None:
     tcp, _ = played(course, Board((0.006, 0.0)))
     assert course.outcome == "not found"
     assert course.searched == pytest.approx(0.003, abs=2e-4)
-    assert (tcp + course.rotation @ FOOT)[2] > 0.9 * LIFTED
+    assert (tcp + course.rotation @ FOOT)[2] > 0.9 * CLEAR_FOOT_HEIGHT
 
 
 def test_without_a_search_only_a_hole_right_below_is_found() -> None:
@@ -112,7 +112,7 @@ def test_a_peg_that_stands_too_high_is_pulled_back_and_at_last_drawn_out() -> No
     tcp, _ = played(course, Board((0.002, 0.0), floor=0.012))
     assert (course.outcome, course.tried, course.pulled) == ("jammed", ["spiral", "spiral"], 4)
     assert course.deepest == pytest.approx(0.012, abs=1e-3)
-    assert (tcp + course.rotation @ FOOT)[2] > 0.9 * LIFTED
+    assert (tcp + course.rotation @ FOOT)[2] > 0.9 * CLEAR_FOOT_HEIGHT
 
 
 def test_a_hole_without_a_bottom_is_none() -> None:

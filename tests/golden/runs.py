@@ -28,7 +28,7 @@ from picktree.logs.schema import topics
 from picktree.logs.schema.topics import Topic
 from picktree.session.arithmetic_probe import arithmetic
 from picktree.session.resume.resumption import ResumeRequest, Resumption
-from picktree.session.session import LIMIT, RunRequest, Session
+from picktree.session.session import DEFAULT_TIME_LIMIT, RunRequest, Session
 from picktree.simulation.backends import Backend
 
 HERE = Path(__file__).parent
@@ -60,7 +60,7 @@ class Golden:
             faults=HERE / f"{self.faults}.yaml" if self.faults else None,
             out=out,
             backend=self.backend,
-            limit=self.interrupted or LIMIT,
+            limit=self.interrupted or DEFAULT_TIME_LIMIT,
         )
 
 
@@ -147,7 +147,7 @@ def compute(name: str) -> Computed:
         result = Session(golden.request(Path(folder)), listener=entries.add).run()
         if golden.interrupted is not None:
             entries = Entries()
-            request = ResumeRequest(result.folder, out=Path(folder), limit=LIMIT)
+            request = ResumeRequest(result.folder, out=Path(folder), limit=DEFAULT_TIME_LIMIT)
             with Resumption(request) as resumption:
                 result = resumption.session(listener=entries.add).run()
     missing = entries.missing(golden.shows)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from picktree.logs.schema.arithmetic_record import Arithmetic, departure
+from picktree.logs.schema.arithmetic_record import Arithmetic, arithmetic_difference
 from picktree.session.arithmetic_probe import arithmetic
 
 THEN = Arithmetic(
@@ -27,32 +27,34 @@ def test_the_record_of_this_process_names_all_that_computes() -> None:
 
 
 def test_the_same_arithmetic_has_no_departure() -> None:
-    assert departure(THEN, THEN) == ""
+    assert arithmetic_difference(THEN, THEN) == ""
 
 
 def test_another_version_is_named_on_both_sides() -> None:
     now = replace(THEN, versions={**THEN.versions, "glibc": "2.41"})
     said = "recorded with other arithmetic (glibc 2.36, here 2.41): the runs may part"
-    assert departure(THEN, now) == said
-    assert departure(THEN, now, "in B") == said.replace("here", "in B")
+    assert arithmetic_difference(THEN, now) == said
+    assert arithmetic_difference(THEN, now, "in B") == said.replace("here", "in B")
 
 
 def test_other_kernels_are_named_when_the_probe_shows_them() -> None:
     kernels = {**THEN.kernels, "OpenBLAS in numpy": "Sandybridge, 1 thread"}
     now = replace(THEN, kernels=kernels, probe={**THEN.probe, "OpenBLAS": "03"})
-    assert departure(THEN, now) == (
+    assert arithmetic_difference(THEN, now) == (
         "recorded with other arithmetic (OpenBLAS in numpy Haswell, 1 thread, here Sandybridge, 1 thread): "
         "the runs may part"
     )
-    assert departure(THEN, replace(THEN, kernels=kernels)) == "", "names alone change no number"
+    assert arithmetic_difference(THEN, replace(THEN, kernels=kernels)) == "", "names alone change no number"
 
 
 def test_a_probe_that_differs_for_no_known_reason_is_said() -> None:
     now = replace(THEN, probe={"numpy": "11", "OpenBLAS": "12"})
-    assert departure(THEN, now) == (
+    assert arithmetic_difference(THEN, now) == (
         "recorded with other arithmetic (other results of numpy and OpenBLAS here): the runs may part"
     )
 
 
 def test_an_older_log_has_no_record() -> None:
-    assert departure(Arithmetic(), THEN) == "arithmetic not recorded: the log is of an older version"
+    assert (
+        arithmetic_difference(Arithmetic(), THEN) == "arithmetic not recorded: the log is of an older version"
+    )

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from picktree.logs import optional_libraries
-from picktree.logs.optional_libraries import adding
+from picktree.logs.optional_libraries import install_command
 
 ROOT = Path(__file__).parents[2]
 PIP = "-m pip install"
@@ -24,12 +24,12 @@ def python(monkeypatch: pytest.MonkeyPatch) -> Path:
 
 def test_in_the_checkout(python: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(ROOT)
-    assert adding("ray") == f".venv/bin/python {PIP} -c constraints.txt 'picktree[ray]'"
+    assert install_command("ray") == f".venv/bin/python {PIP} -c constraints.txt 'picktree[ray]'"
 
 
 def test_from_elsewhere(python: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    assert adding("ray") == f"{python} {PIP} -c {ROOT / 'constraints.txt'} 'picktree[ray]'"
+    assert install_command("ray") == f"{python} {PIP} -c {ROOT / 'constraints.txt'} 'picktree[ray]'"
 
 
 def test_of_an_installed_package(python: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -37,12 +37,14 @@ def test_of_an_installed_package(python: Path, tmp_path: Path, monkeypatch: pyte
     monkeypatch.setattr(
         optional_libraries, "__file__", str(tmp_path / "picktree" / "logs" / "optional_libraries.py")
     )
-    assert adding("ray") == f"{python} {PIP} 'picktree[ray]'"
+    assert install_command("ray") == f"{python} {PIP} 'picktree[ray]'"
 
 
 def test_it_takes_the_picktree_that_is_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """pip needs no place to look for it, and the pins are no fault to it."""
     monkeypatch.chdir(tmp_path)
-    done = subprocess.run(["sh", "-c", f"{adding('analysis')} --no-index"], capture_output=True, text=True)
+    done = subprocess.run(
+        ["sh", "-c", f"{install_command('analysis')} --no-index"], capture_output=True, text=True
+    )
     assert done.returncode == 0, done.stderr
     assert "Requirement already satisfied: picktree[analysis]" in done.stdout

@@ -11,8 +11,8 @@ import pytest
 from picktree.errors import PicktreeError
 from picktree.logs.meshes.binary_gltf import read_glb, write_glb
 from picktree.logs.meshes.link_meshes import link_meshes
-from picktree.logs.meshes.mesh_decimation import thinned
-from picktree.logs.meshes.triangle_meshes import joined, load_mesh, shape_mesh
+from picktree.logs.meshes.mesh_decimation import decimate
+from picktree.logs.meshes.triangle_meshes import join_meshes, load_mesh, shape_mesh
 from picktree.world.shapes import Box, ConvexMesh, Cylinder, Shape, Sphere
 from picktree.world.values import Pose
 
@@ -89,7 +89,7 @@ def test_surfaces_are_closed_and_face_outwards(shape: Shape) -> None:
 @pytest.mark.parametrize("size", [1.0, 30.0])
 def test_a_fine_mesh_is_thinned_without_losing_its_shape(tmp_path: Path, size: float) -> None:
     sphere = shape_mesh(Sphere(0.5))
-    fine = joined([sphere.placed(Pose((float(x), 0.0, 0.0))) for x in range(4)])
+    fine = join_meshes([sphere.placed(Pose((float(x), 0.0, 0.0))) for x in range(4)])
     lines = [f"v {x} {y} {z}" for x, y, z in size * fine.vertices]
     lines += ["f " + " ".join(str(i + 1) for i in face) for face in fine.faces]
     (tmp_path / "fine.obj").write_text("\n".join(lines))
@@ -121,7 +121,7 @@ def test_thinning_keeps_corners_borders_and_colours() -> None:
     middle = vertices[faces].mean(axis=1)
     colours[(middle[:, 2] > 0.499) & (np.hypot(middle[:, 0], middle[:, 1]) < 0.3)] = (1.0, 0.0, 0.0)
 
-    few, thin, painted = thinned(vertices, faces, colours, 300)
+    few, thin, painted = decimate(vertices, faces, colours, 300)
     assert len(faces) == 5760 and len(thin) <= 310
     corners = np.array([(x, y, z) for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
     assert np.linalg.norm(few[:, None] - corners, axis=2).min(axis=0).max() < 1e-3

@@ -71,7 +71,7 @@ def test_a_folder_that_cannot_be_written_is_one_clear_error(sample: ModuleType, 
 def test_a_disk_that_is_nearly_full_is_one_clear_error_before_anything_is_written(
     sample: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("picktree.logs.mcap.sealed_file.ROOM", 10**18)
+    monkeypatch.setattr("picktree.logs.mcap.sealed_file.MIN_FREE_BYTES", 10**18)
     path = tmp_path / "runs" / "log.mcap"
     with pytest.raises(PicktreeError) as raised:
         Recorder(path, sample.RUN)
@@ -171,8 +171,8 @@ TOPIC = OneTopic()
 @pytest.fixture
 def quick_beats(monkeypatch: pytest.MonkeyPatch) -> None:
     """The wall second, shortened to a twentieth."""
-    monkeypatch.setattr("picktree.logs.recording.log_file._BEAT", 0.0125)
-    monkeypatch.setattr("picktree.logs.recording.log_file._AGE", 0.025)
+    monkeypatch.setattr("picktree.logs.recording.log_file._HEARTBEAT_PERIOD", 0.0125)
+    monkeypatch.setattr("picktree.logs.recording.log_file._MAX_MESSAGE_AGE", 0.025)
 
 
 @pytest.mark.usefixtures("quick_beats")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from picktree.logs.recording.true_state import EVERY, StateWriter, folded, read_state
+from picktree.logs.recording.true_state import STATE_PERIOD, StateWriter, fold_states, read_state
 
 
 def body(name: str, x: float) -> dict[str, Any]:
@@ -19,11 +19,11 @@ def test_what_changed_is_told_and_read_as_a_whole() -> None:
         {"step": 4, "ledger": ["a"], "items": [body("b", 0.1), body("c", 0.2)]},
     ]
     writer = StateWriter()
-    told = [read_state(writer.encode(n * EVERY, state)) for n, state in enumerate(states)]
+    told = [read_state(writer.encode(n * STATE_PERIOD, state)) for n, state in enumerate(states)]
     assert [message.whole for message in told] == [True, False, False, False]
     assert told[1].state == {"step": 2, "items": [body("b", 0.1)]}
     for n, state in enumerate(states, 1):
-        assert folded(told[:n]) == state
+        assert fold_states(told[:n]) == state
 
 
 def test_everything_is_told_again_after_a_while_and_in_a_further_file() -> None:

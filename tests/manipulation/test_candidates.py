@@ -11,13 +11,13 @@ import pytest
 from picktree.cell.world import World
 from picktree.manipulation.grasp.grasp_candidates import GraspCandidate, grasp_candidates
 from picktree.manipulation.pick.pick_candidates import (
-    APPROACH,
-    GRASP,
-    HAND,
-    PLACE,
-    PRE_GRASP,
-    RANKED,
-    ROOM,
+    APPROACH_STAGE,
+    GRASP_STAGE,
+    HAND_STAGE,
+    PLACE_STAGE,
+    PRE_GRASP_STAGE,
+    RANKED_STAGE,
+    ROOM_STAGE,
     PickPlaceCandidate,
     count_rejections,
     describe_rejections,
@@ -96,10 +96,14 @@ def test_the_best_candidate_is_proven_up_to_its_approach() -> None:
     assert len(plan.passes) == 2
     ranked = trail(world)
     assert (ranked.purpose, ranked.object, ranked.into) == ("grasp by Grasp", BLOCK, "red_bin")
-    assert ranked.stages[RANKED] == len(grasps(world))
-    assert ranked.stages[APPROACH] == 1
+    assert ranked.stages[RANKED_STAGE] == len(grasps(world))
+    assert ranked.stages[APPROACH_STAGE] == 1
     (accepted,) = (tried for tried in ranked.tried if tried.verdict == "accepted")
-    assert (accepted.name, accepted.place, accepted.stage) == (pick.grasp.name, pick.landing.name, APPROACH)
+    assert (accepted.name, accepted.place, accepted.stage) == (
+        pick.grasp.name,
+        pick.landing.name,
+        APPROACH_STAGE,
+    )
 
 
 def test_cheap_tests_are_made_of_many_and_dear_ones_of_few() -> None:
@@ -134,21 +138,23 @@ def test_a_neighbour_that_the_hand_would_touch_is_named_with_its_distance() -> N
     world = world_with(believed(BLOCK, (x, 0.0, 0.02)), *walls)
     assert answer(stream(world).find()) is None
     ranked = trail(world)
-    assert ranked.stages[HAND] == 0
-    assert {tried.stage for tried in ranked.tried} == {HAND}
+    assert ranked.stages[HAND_STAGE] == 0
+    assert {tried.stage for tried in ranked.tried} == {HAND_STAGE}
     assert all(tried.by.startswith("wall_") and tried.gap < 0.003 for tried in ranked.tried)
     first = count_rejections(ranked.tried, ranked.into)[0]
     assert first.words.startswith("the hand would touch wall_")
     assert first.words.endswith("mm deep in it at best)")
-    assert sum(fate.count for fate in count_rejections(ranked.tried, ranked.into)) == ranked.stages[RANKED]
+    assert (
+        sum(fate.count for fate in count_rejections(ranked.tried, ranked.into)) == ranked.stages[RANKED_STAGE]
+    )
 
 
 def test_an_object_out_of_reach() -> None:
     world = world_with(believed(BLOCK, (0.98, 0.5, 0.02)))
     assert answer(stream(world).find()) is None
     ranked = trail(world)
-    assert (ranked.stages[HAND], ranked.stages[PRE_GRASP]) == (ranked.stages[RANKED], 0)
-    assert reasons(ranked) == f"{ranked.stages[RANKED]} the pre-grasp is out of reach"
+    assert (ranked.stages[HAND_STAGE], ranked.stages[PRE_GRASP_STAGE]) == (ranked.stages[RANKED_STAGE], 0)
+    assert reasons(ranked) == f"{ranked.stages[RANKED_STAGE]} the pre-grasp is out of reach"
 
 
 def test_a_full_bin() -> None:
@@ -162,8 +168,8 @@ def test_a_full_bin() -> None:
         )
     assert answer(stream(world).find()) is None
     ranked = trail(world)
-    assert reasons(ranked) == f"{ranked.stages[RANKED]} red_bin is full"
-    assert ranked.stages[PRE_GRASP] == 0, "the arm is not asked for what leads nowhere"
+    assert reasons(ranked) == f"{ranked.stages[RANKED_STAGE]} red_bin is full"
+    assert ranked.stages[PRE_GRASP_STAGE] == 0, "the arm is not asked for what leads nowhere"
 
 
 def test_a_place_that_is_covered_is_told_with_what_covers_it() -> None:
@@ -174,11 +180,11 @@ def test_a_place_that_is_covered_is_told_with_what_covers_it() -> None:
     )
     assert answer(stream(world).find()) is None
     ranked = trail(world)
-    assert ranked.stages[GRASP] > 0
-    assert (ranked.stages[ROOM], ranked.stages[PLACE]) == (0, 0)
+    assert ranked.stages[GRASP_STAGE] > 0
+    assert (ranked.stages[ROOM_STAGE], ranked.stages[PLACE_STAGE]) == (0, 0)
     covered = "from there red_bin cannot be reached (over red_bin red_block_1 would touch lid_1)"
-    assert reasons(ranked).startswith(f"{ranked.stages[GRASP]} {covered}")
-    assert len(ranked.tried) < 2 * ranked.stages[RANKED], "places that fail alike are one row"
+    assert reasons(ranked).startswith(f"{ranked.stages[GRASP_STAGE]} {covered}")
+    assert len(ranked.tried) < 2 * ranked.stages[RANKED_STAGE], "places that fail alike are one row"
 
 
 def test_an_object_that_belongs_nowhere_is_grasped_all_the_same() -> None:

@@ -65,7 +65,7 @@ class Bench(Cell):
     def close(self, entry: CatalogueEntry) -> ClosingResult:
         world = SimpleNamespace(
             control=self.loop,
-            grip=self.grip,
+            gripper=self.grip,
             robot=self.model,
             clock=self.hardware.clock,
             move=self.move,

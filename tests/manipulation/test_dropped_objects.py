@@ -93,7 +93,7 @@ def opening(belief: PlanningScene) -> tuple[World, list[float | None]]:
         widths.append(width)
         yield
 
-    return cast("World", SimpleNamespace(scene=belief, grip=SimpleNamespace(open=move))), widths
+    return cast("World", SimpleNamespace(scene=belief, gripper=SimpleNamespace(open=move))), widths
 
 
 @pytest.mark.parametrize("halted", [False, True])
@@ -153,7 +153,7 @@ def test_with_a_bin_goes_what_was_believed_in_it(inside: int, words: str) -> Non
     )
     world = SimpleNamespace(
         scene=belief, attempts=attempts, journal=journal, noticed=noticed,
-        feed=SimpleNamespace(read=lambda: "signals"), eyes=SimpleNamespace(bins=heaps),
+        feed=SimpleNamespace(read=lambda: "signals"), vision=SimpleNamespace(bins=heaps),
     )  # fmt: skip
     assert apply_bin_exchanges(cast("World", world), "Main/Exchange") == ("red_bin",)
     assert [str(o.id) for o in belief.objects] == ["held", "left"]

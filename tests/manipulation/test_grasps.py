@@ -7,7 +7,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from picktree.manipulation.grasp.grasp_candidates import ROOMY, TIGHT, TIP_CLEARANCE, grasp_candidates
+from picktree.manipulation.grasp.grasp_candidates import (
+    ROOMY_EXCESS,
+    TIGHT_EXCESS,
+    TIP_CLEARANCE,
+    grasp_candidates,
+)
 from picktree.robots.description import GripperDescription, PadContact
 from picktree.world.belief.planning_scene import BeliefObject
 from picktree.world.shapes import Box, ConvexMesh, Cylinder, Shape, Sphere, bottom, corners, top
@@ -47,7 +52,7 @@ def test_a_box_is_closed_on_across_its_faces(yaw: float, a: float, b: float) -> 
         assert max(abs(closing)) == pytest.approx(1.0, abs=1e-6)
         across = (a, b, 0.04)[int(np.argmax(np.abs(closing)))]
         assert candidate.expected_width == pytest.approx(across)
-        assert TIGHT * 0.6 <= candidate.opening - across <= ROOMY + 1e-9
+        assert TIGHT_EXCESS * 0.6 <= candidate.opening - across <= ROOMY_EXCESS + 1e-9
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from picktree.manipulation.insert.insertion import (
-    ABOVE,
+    SEARCH_HEIGHT,
     InsertionTask,
     fit,
     inserted_pose,
@@ -44,11 +44,11 @@ def test_the_object_stands_upright_over_the_mouth_at_each_turn_that_fits(
     shape: Shape, turns: int, roll: float
 ) -> None:
     plan = held(shape, upright(roll=roll))
-    poses = poses_over(plan, ABOVE)
+    poses = poses_over(plan, SEARCH_HEIGHT)
     assert len({round(math.atan2(*p.rotation()[:2, 0]), 3) for p in poses}) == len(poses) == turns
     for tcp in poses:
         thing = plan.hole_in_world.inverse() @ tcp @ plan.object_in_tcp
-        assert thing.position == pytest.approx((0.0, 0.0, ABOVE + plan.height / 2), abs=1e-9)
+        assert thing.position == pytest.approx((0.0, 0.0, SEARCH_HEIGHT + plan.height / 2), abs=1e-9)
         assert abs(thing.rotation()[2, 2]) == pytest.approx(1.0)
         if isinstance(shape, Box):
             size = np.abs(thing.rotation()) @ np.array(shape.size)
@@ -57,7 +57,7 @@ def test_the_object_stands_upright_over_the_mouth_at_each_turn_that_fits(
 
 def test_what_is_held_lying_does_not_stand_over_a_hole() -> None:
     lying = Pose.from_rpy((0.0, 0.0, 0.0), (math.pi / 2, 0.0, 0.0))
-    assert poses_over(held(DOWEL, lying), ABOVE) == ()
+    assert poses_over(held(DOWEL, lying), SEARCH_HEIGHT) == ()
 
 
 @pytest.mark.parametrize(
@@ -68,10 +68,10 @@ def test_the_point_that_goes_first_is_on_the_rim_towards_a_finger(
     shape: Shape, reach: float, roll: float
 ) -> None:
     plan = held(shape, upright(roll=roll))
-    tcp = poses_over(plan, ABOVE)[0]
+    tcp = poses_over(plan, SEARCH_HEIGHT)[0]
     thing = peg(plan, tcp)
     foot = plan.hole_in_world.inverse() @ tcp
-    assert foot.apply(thing.foot) == pytest.approx((0.0, 0.0, ABOVE), abs=1e-9)
+    assert foot.apply(thing.foot) == pytest.approx((0.0, 0.0, SEARCH_HEIGHT), abs=1e-9)
     assert np.linalg.norm(thing.tip) == pytest.approx(reach)
     assert float(thing.tip @ thing.lean) > 0.7 * reach
     assert thing.lean[1] > 0.7 - 1e-9

@@ -11,7 +11,7 @@ import pytest
 from picktree.control.cartesian.compliant_motion import ContactState
 from picktree.manipulation.push.push_arcs import ArcPath, straight
 from picktree.manipulation.push.pushed_object import PlanarEstimate, estimate_from_camera, fuse_estimates
-from picktree.manipulation.push.stroke_course import AWAY, PushMotion
+from picktree.manipulation.push.stroke_course import BACK_OFF_TRAVEL, PushMotion
 from picktree.world.planar_geometry import PlanarPose
 
 PERIOD = 1 / 240
@@ -50,7 +50,7 @@ def test_a_push_ends_where_its_way_ends_and_leaves_the_object() -> None:
     assert (course.blocked, course.lost, course.in_contact) == (False, False, True)
     assert course.touched_at == pytest.approx(0.002, abs=0.002)
     assert course.carrier.x == pytest.approx(0.59, abs=1e-4)
-    assert course.position[0] == pytest.approx(0.56 - AWAY, abs=5e-4)
+    assert course.position[0] == pytest.approx(0.56 - BACK_OFF_TRAVEL, abs=5e-4)
 
 
 def test_what_does_not_move_stops_the_push() -> None:

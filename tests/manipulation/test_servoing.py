@@ -134,7 +134,7 @@ def test_what_the_hand_does_not_see_is_not_touched() -> None:
     cell = Cell(LOOK, off(), "kinematic", 3)
     cell.finish()
     before = {o.id: o for o in cell.world.scene.objects}
-    bins = dict(cell.world.eyes.bins)
+    bins = dict(cell.world.vision.bins)
     cell.start(mission("Observe: {camera: wrist}"))
     cell.finish()
     after = {o.id: o for o in cell.world.scene.objects}
@@ -142,14 +142,14 @@ def test_what_the_hand_does_not_see_is_not_touched() -> None:
     unseen = [name for name, o in after.items() if o.last_seen == before[name].last_seen]
     assert unseen
     assert all(after[name] == before[name] for name in unseen)
-    assert set(cell.world.eyes.bins) == set(bins)
+    assert set(cell.world.vision.bins) == set(bins)
 
 
 def test_a_cell_without_a_camera_on_the_hand_does_as_before() -> None:
     scene = replace(off(), cameras=off().cameras[:1])
     cell = Cell(LOOK, scene, "kinematic", 3)
     cell.finish()
-    assert cell.world.eyes.hand is None
+    assert cell.world.vision.hand is None
     target = next(o for o in cell.world.scene.objects if o.kind == "block")
     cell.start(mission(f"Grasp: {{object: {target.id}}}"))
     assert cell.finish() is NodeStatus.SUCCESS

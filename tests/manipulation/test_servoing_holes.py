@@ -11,7 +11,7 @@ import pytest
 from picktree.cell.world import World
 from picktree.manipulation.insert.hole_servoing import look_at_hole
 from picktree.robots.loading import load_robot
-from picktree.session.assembly import TICK, assemble_world
+from picktree.session.assembly import TICK_LENGTH, assemble_world
 from picktree.simulation.backends import build_hardware
 from picktree.simulation.common.uncertain_fixtures import displace_fixtures
 from picktree.world.causes import Failure
@@ -46,7 +46,7 @@ def carried_out(world: World, steps: Generator[None, None, T]) -> T:
             next(steps)
         except StopIteration as end:
             return end.value
-        world.control.step_tick(TICK)
+        world.control.step_tick(TICK_LENGTH)
 
 
 def test_the_mouth_is_seen_where_it_truly_is() -> None:

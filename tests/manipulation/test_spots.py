@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from picktree.manipulation.place.bin_spots import (
-    ABOVE_RIM,
+    RELEASE_RIM_HEIGHT,
     free_cells,
     heap_heights,
     put_down_poses,
@@ -60,7 +60,7 @@ def test_release_poses_hold_the_object_over_the_spot_above_the_rim() -> None:
     for tcp in release_poses(BIN, spot, BLOCK, IN_HAND, higher=0.03):
         held = tcp @ IN_HAND
         assert held.position[:2] == pytest.approx(spot.centre)
-        assert bottom(BLOCK, held) == pytest.approx(0.10 + ABOVE_RIM + 0.03)
+        assert bottom(BLOCK, held) == pytest.approx(0.10 + RELEASE_RIM_HEIGHT + 0.03)
         assert tcp.rotation()[2, 2] == pytest.approx(-1.0)
 
 

@@ -66,7 +66,7 @@ class Lift:
         )
         self.grip = SimpleNamespace(width=self.width)
         clock = SimpleNamespace(now=self.now)
-        made = SimpleNamespace(control=control, robot=MODEL, tick=TICK, clock=clock, grip=self.grip)
+        made = SimpleNamespace(control=control, robot=MODEL, tick=TICK, clock=clock, gripper=self.grip)
         return cast("World", made)
 
     def weigh(self) -> LiftWeighing:
@@ -76,7 +76,7 @@ class Lift:
         while self.now < 0.5 - 1e-9 and weighing.doubt is None:
             self.now += TICK
             later = self.world()
-            world.__dict__.update(control=later.control, clock=later.clock, grip=self.grip)
+            world.__dict__.update(control=later.control, clock=later.clock, gripper=self.grip)
             weighing.watch()
         return weighing
 
@@ -115,5 +115,5 @@ def test_fingers_that_move_leave_doubt(width: float) -> None:
     world = Lift(0.1).world()
     kept = GripMonitor(world)
     assert kept.watch() is None
-    world.grip.__dict__["width"] = width
+    world.gripper.__dict__["width"] = width
     assert kept.watch() is kept.doubt is not None

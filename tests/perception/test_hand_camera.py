@@ -16,7 +16,7 @@ from picktree.perception.geometry.camera_geometry import PosedCamera
 from picktree.perception.pipeline import Perception
 from picktree.perception.segmentation.blobs import downsample
 from picktree.planning.kinematics.inverse_kinematics import InverseKinematics
-from picktree.simulation.common.sensor_noise import FLOOR, noisy_depth
+from picktree.simulation.common.sensor_noise import MIN_DEPTH_DEVIATION, noisy_depth
 from picktree.simulation.kinematic.backend import KinematicHardware
 from picktree.simulation.physics.backend import PhysicsHardware
 from picktree.simulation.scoring.truth import TrueBody
@@ -116,7 +116,7 @@ def test_depth_has_a_floor_of_noise_from_near() -> None:
     camera = scene().cameras[1]
     rng = np.random.default_rng(1)
     near, far = (np.full((100, 100), z, dtype=np.float32) for z in (0.1, 0.7))
-    assert float(np.std(noisy_depth(near, camera, rng))) == pytest.approx(FLOOR, rel=0.05)
+    assert float(np.std(noisy_depth(near, camera, rng))) == pytest.approx(MIN_DEPTH_DEVIATION, rel=0.05)
     assert float(np.std(noisy_depth(far, camera, rng))) == pytest.approx(0.002, rel=0.05)
     assert np.array_equal(noisy_depth(near, replace(camera, depth_noise=0.0), rng), near)
 

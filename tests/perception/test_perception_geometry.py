@@ -87,7 +87,7 @@ def test_every_named_colour_is_told_in_light_and_shade() -> None:
     for name, rgb in ITEM_COLOURS.items():
         for light in (1.0, 0.7, 0.45):
             pixel = np.round(np.array([[rgb]]) * 255 * light).astype(np.uint8)
-            assert blobs.NAMES[int(blobs.labels(pixel)[0, 0])] == name
+            assert blobs.LABEL_NAMES[int(blobs.labels(pixel)[0, 0])] == name
 
 
 def test_greys_have_no_colour() -> None:

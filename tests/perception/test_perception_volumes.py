@@ -11,7 +11,7 @@ from picktree.perception.data_association import update_belief
 from picktree.perception.pipeline import Perception
 from picktree.perception.voxels.obstacle_volumes import merge_cells
 from picktree.perception.voxels.voxel_grid import (
-    CELL,
+    CELL_SIZE,
     cell_centres,
     cell_keys,
     cells_in_body,
@@ -243,7 +243,7 @@ def test_an_obstacle_of_an_older_log_is_taken_up_too() -> None:
         ),
         "test",
     )  # fmt: skip
-    assert len(cells_of(scene.get("obstacle_1"))) * float(np.prod(CELL)) > 0.9 * 0.06 * 0.06 * 0.3
+    assert len(cells_of(scene.get("obstacle_1"))) * float(np.prod(CELL_SIZE)) > 0.9 * 0.06 * 0.06 * 0.3
     look(scene, Thing(Box((0.06, 0.06, 0.3)), turned, "grey"), now=1)
     (known,) = obstacles(scene)
     assert str(known.id) == "obstacle_1" and known.blocks

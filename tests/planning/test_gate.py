@@ -12,7 +12,7 @@ import pytest
 from picktree.planning.requests import HeldObject, JointGoal, MotionPlan, NamedGoal, PoseGoal, Request
 from picktree.planning.service.trajectory_gate import TrajectoryGate
 from picktree.robots.loading import load_robot
-from picktree.session.assembly import TICK, assemble_world
+from picktree.session.assembly import TICK_LENGTH, assemble_world
 from picktree.simulation.backends import Backend, build_hardware
 from picktree.world.belief.planning_scene import BeliefObject
 from picktree.world.causes import Failure
@@ -39,7 +39,7 @@ class Cell:
                 next(doing)
             except StopIteration as end:
                 return end.value
-            self.world.control.step_tick(TICK)
+            self.world.control.step_tick(TICK_LENGTH)
         raise AssertionError("not done after 400 ticks")
 
     def checks(self, doing: Generator[None, None, object]) -> int:
@@ -143,12 +143,12 @@ def test_what_comes_into_the_belief_on_the_way_stops_the_arm_before_it() -> None
     doing = world.move.along(trajectory)
     for _ in range(15):
         next(doing)
-        world.control.step_tick(TICK)
+        world.control.step_tick(TICK_LENGTH)
     before = world.plan.solver.collision.checks
     cell.put(0.8, -0.4, 0.04)
     next(doing)
     assert world.plan.solver.collision.checks - before > 20
-    world.control.step_tick(TICK)
+    world.control.step_tick(TICK_LENGTH)
     x, y, z = MODEL.tcp(trajectory.end).position
     cell.put(x, y, z, 0.2, "intruder")
     with pytest.raises(

@@ -18,7 +18,7 @@ from picktree.planning.requests import (
     Scaling,
 )
 from picktree.planning.service.motion_chain import split_into_legs
-from picktree.planning.timing.toppra_profile import RISE
+from picktree.planning.timing.toppra_profile import ACCELERATION_RISE_TIME
 from picktree.world.causes import Failure, planning
 from picktree.world.journal import PlanEntry
 from picktree.world.shapes import Box
@@ -56,7 +56,9 @@ def respects(trajectory: Trajectory, scaling: Scaling) -> None:
     assert (np.abs(trajectory.velocity) <= velocity).all()
     assert (np.abs(np.diff(trajectory.velocity, axis=0)) <= acceleration * dt).all()
     assert (np.abs(trajectory.acceleration) <= acceleration).all()
-    assert (np.abs(np.diff(trajectory.acceleration, axis=0)) <= acceleration / RISE * dt).all()
+    assert (
+        np.abs(np.diff(trajectory.acceleration, axis=0)) <= acceleration / ACCELERATION_RISE_TIME * dt
+    ).all()
 
 
 def inner(plan: MotionPlan, slack: int = 3) -> list[Trajectory]:

@@ -7,10 +7,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from picktree.planning.kinematics.inverse_kinematics import (
-    ANGLE,
-    APART,
-    POSITION,
-    RESTARTS,
+    ANGLE_ACCURACY,
+    MAX_FAILED_DESCENTS,
+    MIN_SOLUTION_DIFFERENCE,
+    POSITION_ACCURACY,
     InverseKinematics,
 )
 from picktree.world.values import Pose
@@ -31,9 +31,9 @@ def test_every_reachable_pose_is_solved(seed: int, joint: int, end: float | None
     (q,) = found
     assert np.all(q >= MODEL.planned_lower) and np.all(q <= MODEL.planned_upper)
     reached = MODEL.tcp(q)
-    assert reached.distance(target) <= 1.01 * POSITION
+    assert reached.distance(target) <= 1.01 * POSITION_ACCURACY
     turned = reached.rotation() @ target.rotation().T
-    assert np.linalg.norm(turned - np.eye(3)) <= 2 * ANGLE
+    assert np.linalg.norm(turned - np.eye(3)) <= 2 * ANGLE_ACCURACY
 
 
 def test_solutions_differ_and_the_nearest_comes_first() -> None:
@@ -42,14 +42,17 @@ def test_solutions_differ_and_the_nearest_comes_first() -> None:
     assert len(found) == 4
     far = [float(np.linalg.norm(q - HOME)) for q in found]
     assert far == sorted(far)
-    assert min(float(np.abs(a - b).max()) for i, a in enumerate(found) for b in found[:i]) > APART
+    assert (
+        min(float(np.abs(a - b).max()) for i, a in enumerate(found) for b in found[:i])
+        > MIN_SOLUTION_DIFFERENCE
+    )
     assert ik.solves >= 4
 
 
 def test_out_of_reach_gives_nothing_and_ends() -> None:
     ik = InverseKinematics(MODEL)
     assert ik.solutions(Pose((0.9, 0.0, 0.0)), np.random.default_rng(0), HOME) == []
-    assert ik.solves == RESTARTS
+    assert ik.solves == MAX_FAILED_DESCENTS
 
 
 def test_further_away_than_the_arm_is_long_takes_no_descent() -> None:

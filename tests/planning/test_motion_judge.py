@@ -11,8 +11,8 @@ from trimesh import load_mesh  # pyright: ignore[reportUnknownVariableType]
 from picktree.planning.collision.collision_bodies import fixed_bodies, movable_bodies
 from picktree.planning.collision.collision_checker import CollisionChecker
 from picktree.planning.collision.fcl_shapes import FclSolid, distance_between, hull, place, solid
-from picktree.planning.collision.swept_volumes import STEP, TURN, moments_of
-from picktree.planning.collision.trajectory_judge import TOLERANCE, TrajectoryVerifier
+from picktree.planning.collision.swept_volumes import MAX_JOINT_STEP, MAX_TCP_STEP, moments_of
+from picktree.planning.collision.trajectory_judge import PENETRATION_ROUNDING, TrajectoryVerifier
 from picktree.planning.kinematics.inverse_kinematics import InverseKinematics
 from picktree.planning.requests import Scaling
 from picktree.planning.timing.time_parameterization import time_corners
@@ -96,7 +96,11 @@ def test_bounds_hide_no_contact_and_no_nearer_pair(seed: int) -> None:
     least = one_by_one(trajectory, scene)
     judged = {(c.a, c.b): c.distance for c in judge().judge(trajectory, scene, WIDTH, excuse_start=False)}
     # What is held may sink 2 mm into a board.
-    deep = {pair: d for pair, d in least.items() if d < (-0.002 if pair[1] == "table" else 0.0) - TOLERANCE}
+    deep = {
+        pair: d
+        for pair, d in least.items()
+        if d < (-0.002 if pair[1] == "table" else 0.0) - PENETRATION_ROUNDING
+    }
     assert judged == pytest.approx(deep, abs=1e-9)
     closest = judge().clearance(trajectory, scene, WIDTH)
     assert closest is not None
@@ -108,8 +112,8 @@ def test_moments_are_close_together_and_begin_and_end_with_the_motion() -> None:
     trajectory = some_motion(3)
     moments = moments_of(MODEL, trajectory)
     points = np.array([MODEL.tcp(q).position for q in moments.configurations])
-    assert np.linalg.norm(np.diff(points, axis=0), axis=1).max() <= STEP * 1.001
-    assert np.linalg.norm(np.diff(moments.configurations, axis=0), axis=1).max() <= TURN * 1.001
+    assert np.linalg.norm(np.diff(points, axis=0), axis=1).max() <= MAX_TCP_STEP * 1.001
+    assert np.linalg.norm(np.diff(moments.configurations, axis=0), axis=1).max() <= MAX_JOINT_STEP * 1.001
     np.testing.assert_array_equal(moments.configurations[[0, -1]], trajectory.position[[0, -1]])
     assert (moments.times[0], moments.times[-1]) == (0.0, trajectory.duration)
     assert np.all(np.diff(moments.times) > 0)

@@ -8,7 +8,13 @@ from scipy.spatial.transform import Rotation, Slerp
 
 from picktree.planning.collision.collision_checker import CollisionChecker
 from picktree.planning.collision.start_tolerance import StartTolerance
-from picktree.planning.kinematics.cartesian_lines import JUMP, STEP, plan_line, plan_line_from_any, slerp
+from picktree.planning.kinematics.cartesian_lines import (
+    MAX_JOINT_JUMP,
+    MAX_LINE_STEP,
+    plan_line,
+    plan_line_from_any,
+    slerp,
+)
 from picktree.planning.kinematics.inverse_kinematics import InverseKinematics
 from picktree.world.belief.planning_scene import PlanningScene
 from picktree.world.shapes import Box
@@ -45,10 +51,10 @@ def test_a_line_is_straight_in_even_steps_and_turns_evenly() -> None:
     points = np.array([pose.position for pose in poses])
     share = np.linspace(0.0, 1.0, len(points))[:, None]
     np.testing.assert_allclose(points, points[0] + share * (points[-1] - points[0]), atol=3e-5)
-    assert np.linalg.norm(np.diff(points, axis=0), axis=1).max() <= STEP + 3e-5
+    assert np.linalg.norm(np.diff(points, axis=0), axis=1).max() <= MAX_LINE_STEP + 3e-5
     turned = [begin.angle(pose) for pose in poses]
     np.testing.assert_allclose(turned, share[:, 0] * begin.angle(end), atol=5e-4)
-    assert np.abs(np.diff(found.path, axis=0)).max() < JUMP
+    assert np.abs(np.diff(found.path, axis=0)).max() < MAX_JOINT_JUMP
 
 
 def test_the_same_line_backwards_leads_back() -> None:
@@ -70,7 +76,7 @@ def test_a_line_out_of_reach_says_where_it_ended() -> None:
     assert 0.2 < found.fraction < 0.8
     assert found.ended_at is not None
     reached = MODEL.tcp(found.path[-1]).position[0]
-    assert found.ended_at.position[0] == pytest.approx(reached + STEP, abs=1e-4)
+    assert found.ended_at.position[0] == pytest.approx(reached + MAX_LINE_STEP, abs=1e-4)
 
 
 def test_a_line_that_meets_something_says_with_which_configuration() -> None:

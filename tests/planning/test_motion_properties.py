@@ -17,8 +17,8 @@ from picktree.planning.collision.collision_checker import CollisionChecker
 from picktree.planning.collision.edges import EdgeSteps, bisection_order
 from picktree.planning.collision.start_tolerance import StartTolerance
 from picktree.planning.collision.trajectory_check import (
-    STEP,
-    TURN,
+    MAX_JOINT_STEP,
+    MAX_TCP_STEP,
     first_collision,
     is_trajectory_free,
     sampled_configurations,
@@ -117,7 +117,7 @@ def test_no_point_of_the_arm_moves_further_in_a_step_than_said(robot: str) -> No
     def points(q: Array) -> Array:
         pin.forwardKinematics(model.arm, data, q)
         tool = pin.updateFramePlacement(model.arm, data, model.tcp_frame).act(
-            np.array([0.0, 0.0, edges.BEYOND])
+            np.array([0.0, 0.0, edges.REACH_BEYOND_TCP])
         )
         return np.array([*(data.oMi[k].translation.copy() for k in range(1, model.n + 1)), tool])
 
@@ -131,7 +131,7 @@ def test_no_point_of_the_arm_moves_further_in_a_step_than_said(robot: str) -> No
         k = int(rng.integers(count))
         step = points(a + (b - a) * ((k + 1) / count)) - points(a + (b - a) * (k / count))
         furthest = max(furthest, float(np.linalg.norm(step, axis=1).max()))
-    assert 0.3 * edges.SWEEP < furthest <= edges.SWEEP
+    assert 0.3 * edges.MAX_EDGE_SWEEP < furthest <= edges.MAX_EDGE_SWEEP
 
 
 @given(st.integers(1, 500))
@@ -153,8 +153,8 @@ def test_a_timed_path_is_checked_at_steps_of_five_millimetres() -> None:
     np.testing.assert_array_equal(checked[0], trajectory.start)
     np.testing.assert_allclose(checked[-1], trajectory.end, atol=1e-12)
     tool = np.array([MODEL.tcp(q).position for q in checked])
-    assert np.linalg.norm(np.diff(tool, axis=0), axis=1).max() <= STEP * 1.02
-    assert np.linalg.norm(np.diff(checked, axis=0), axis=1).max() <= TURN * 1.001
+    assert np.linalg.norm(np.diff(tool, axis=0), axis=1).max() <= MAX_TCP_STEP * 1.02
+    assert np.linalg.norm(np.diff(checked, axis=0), axis=1).max() <= MAX_JOINT_STEP * 1.001
     standing = a_motion(HOME, HOME)
     np.testing.assert_array_equal(sampled_configurations(MODEL, standing), [HOME, HOME])
 

@@ -17,7 +17,12 @@ from picktree.planning.timing.path_curves import (
     spline_through,
 )
 from picktree.planning.timing.time_parameterization import time_corners, time_curve, time_smooth
-from picktree.planning.timing.toppra_profile import RISE, TORQUE, ScaledStretch, TimeLaw
+from picktree.planning.timing.toppra_profile import (
+    ACCELERATION_RISE_TIME,
+    TORQUE_LIMIT_SHARE,
+    ScaledStretch,
+    TimeLaw,
+)
 from picktree.world.trajectory import Trajectory
 from picktree.world.values import Array
 
@@ -40,20 +45,23 @@ def keeps_all_limits(trajectory: Trajectory, scaling: Scaling) -> None:
     assert (np.abs(t.velocity) <= velocity * more).all()
     assert (np.abs(t.acceleration) <= acceleration * more).all()
     assert (np.abs(np.diff(t.velocity, axis=0)) <= acceleration * dt * more).all()
-    assert (np.abs(np.diff(t.acceleration, axis=0)) <= MODEL.acceleration_limit / RISE * dt * more).all()
+    assert (
+        np.abs(np.diff(t.acceleration, axis=0))
+        <= MODEL.acceleration_limit / ACCELERATION_RISE_TIME * dt * more
+    ).all()
     for ends in (t.velocity, t.acceleration):
         assert not ends[0].any() and not ends[-1].any()
     still = np.zeros(7)
     for q, v, a in list(zip(t.position, t.velocity, t.acceleration, strict=True))[::6]:
         weight = MODEL.inverse_dynamics(q, still, still)
         moving = np.abs(MODEL.inverse_dynamics(q, v, a) - weight)
-        left = np.maximum(TORQUE * MODEL.torque_limit - np.abs(weight), 0.1 * MODEL.torque_limit)
+        left = np.maximum(TORQUE_LIMIT_SHARE * MODEL.torque_limit - np.abs(weight), 0.1 * MODEL.torque_limit)
         assert (moving <= left * more).all()
 
 
 def is_what_it_says(trajectory: Trajectory) -> None:
     """Velocities and accelerations are the derivatives of the positions, as near as the jerk allows."""
-    t, jerk = trajectory, MODEL.acceleration_limit / RISE
+    t, jerk = trajectory, MODEL.acceleration_limit / ACCELERATION_RISE_TIME
     dt = np.diff(t.times)[:, None]
     mean = [(rows[1:] + rows[:-1]) / 2 * dt for rows in (t.velocity, t.acceleration)]
     bend = np.diff(t.acceleration, axis=0) * dt**2 / 12

@@ -9,7 +9,7 @@ from textwrap import indent
 from typing import cast
 
 from picktree.cell.world import World
-from picktree.planning.requests import BUDGET, NamedGoal, OffsetGoal, Request
+from picktree.planning.requests import DEFAULT_CHECK_BUDGET, NamedGoal, OffsetGoal, Request
 from picktree.planning.service.planner_overrides import PlannerOverrides
 from picktree.recovery import NODES as RECOVERY
 from picktree.trees.loading.loader import parse_mission
@@ -98,8 +98,8 @@ def test_it_answers_as_its_child() -> None:
 def test_a_manner_changes_what_is_asked() -> None:
     manner = PlannerOverrides(seed=2, budget=2.5, clearance=0.01)
     free = manner.of(Request(NamedGoal("home"), clearance=0.002))
-    assert (free.budget, round(free.clearance, 6)) == (round(2.5 * BUDGET), 0.012)
+    assert (free.budget, round(free.clearance, 6)) == (round(2.5 * DEFAULT_CHECK_BUDGET), 0.012)
     line = manner.of(Request(OffsetGoal((0.0, 0.0, 0.1))))
-    assert (line.budget, line.clearance) == (round(2.5 * BUDGET), 0.0)
+    assert (line.budget, line.clearance) == (round(2.5 * DEFAULT_CHECK_BUDGET), 0.0)
     assert manner.stream("planner a") == "planner a seed 2"
     assert PlannerOverrides().stream("planner a") == "planner a"

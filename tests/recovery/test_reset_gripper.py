@@ -45,7 +45,7 @@ def test_fingers_that_follow_are_moved_to_and_fro_once() -> None:
     told, seconds = ended(made)
     assert told == ""
     assert made.happened("gripper_reset") == ["gripper_reset: the fingers follow again, at try 1"]
-    assert made.world.grip.width == pytest.approx(0.08, abs=1e-3)
+    assert made.world.gripper.width == pytest.approx(0.08, abs=1e-3)
     assert 0.5 < seconds < 1.5
 
 
@@ -129,7 +129,7 @@ def test_a_refusal_of_the_gripper_is_tried_again_and_a_stop_is_not(
     cause: Cause, move: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     made, _ = cell("ResetGripper: {tries: 2, wait: 1 s}")
-    refused, moves = list[Failure](), getattr(made.world.grip, move)
+    refused, moves = list[Failure](), getattr(made.world.gripper, move)
 
     def moving(*given: Any) -> Any:
         if not refused:
@@ -137,7 +137,7 @@ def test_a_refusal_of_the_gripper_is_tried_again_and_a_stop_is_not(
             raise refused[0]
         return moves(*given)
 
-    monkeypatch.setattr(made.world.grip, move, moving)
+    monkeypatch.setattr(made.world.gripper, move, moving)
     told, _ = ended(made)
     if cause is safety.STOP:
         assert told == "safety.stop: it was refused"
@@ -185,7 +185,7 @@ def test_the_fingers_wait_until_the_arm_stands() -> None:
 def test_between_two_tries_it_waits_that_long(wait: float, monkeypatch: pytest.MonkeyPatch) -> None:
     made, hardware = cell(f"ResetGripper: {{tries: 2, wait: {wait}}}")
     jam(hardware)
-    began, closes = list[float](), made.world.grip.close
+    began, closes = list[float](), made.world.gripper.close
 
     def closing(force: float) -> Any:
         began.append(made.world.clock.now)
@@ -193,7 +193,7 @@ def test_between_two_tries_it_waits_that_long(wait: float, monkeypatch: pytest.M
         began.append(made.world.clock.now)
         return result
 
-    monkeypatch.setattr(made.world.grip, "close", closing)
+    monkeypatch.setattr(made.world.gripper, "close", closing)
     ended(made)
     assert wait <= began[2] - began[1] < wait + 0.3  # and opened again
     assert made.world.clock.now - began[-1] == pytest.approx(wait, abs=1e-6)

@@ -69,7 +69,7 @@ def test_out_of_what_is_believed_about_the_hand_and_to_the_pose() -> None:
 def test_with_no_way_out_it_says_what_it_is_in_and_what_was_tried_and_stays(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("picktree.manipulation.retreat.clearing.REACH", 0.03)
+    monkeypatch.setattr("picktree.manipulation.retreat.clearing.MAX_ESCAPE_LENGTH", 0.03)
     made = cell()
     x, y, z = made.world.control.tcp.position
     believe(made, "ghost", (0.8, 0.8, 0.8), (x, y, z + 0.1))
@@ -169,7 +169,7 @@ class Ways:
         """At each question; the last is used again."""
         self.said = list[str]()
         outs, world = list(out), cell.world
-        look = world.eyes.look
+        look = world.vision.look
 
         def out_(leaving: RetreatMotion) -> Doing[bool]:
             self.said.append("out")
@@ -194,7 +194,7 @@ class Ways:
         patch.setattr(RetreatMotion, "anew", anew)
         patch.setattr("picktree.recovery.safe_retreat.go_home", home_)
         patch.setattr(world.plan, "contacts", self._contacts)
-        patch.setattr(world.eyes, "look", looking)
+        patch.setattr(world.vision, "look", looking)
 
     def _contacts(self) -> tuple[ContactPair, ...]:
         return self.contacts.pop(0) if len(self.contacts) > 1 else self.contacts[0]
@@ -256,7 +256,7 @@ def test_the_first_three_things_in_the_way_are_named(monkeypatch: pytest.MonkeyP
 
 
 def test_what_is_near_is_not_in_the_way_and_the_time_may_be_over(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("picktree.recovery.safe_retreat.LONGEST", 0.0)
+    monkeypatch.setattr("picktree.recovery.safe_retreat.RETREAT_TIME_LIMIT", 0.0)
     ways = Ways(cell(), monkeypatch, False)
     ways.contacts = [pairs(-0.001)]
     failure = ways.failure()
@@ -328,13 +328,13 @@ def test_fingers_open_where_they_have_room(room: bool, monkeypatch: pytest.Monke
         return () if room else ("ghost",)
 
     monkeypatch.setattr(made.world.queries, "hand_contacts", contacts)
-    opens = made.world.grip.open
+    opens = made.world.gripper.open
 
     def opening(*given: Any) -> Any:
         ways.said.append("open")
         return opens(*given)
 
-    monkeypatch.setattr(made.world.grip, "open", opening)
+    monkeypatch.setattr(made.world.gripper, "open", opening)
     assert ways.failure("SafeRetreat: {hand: open}") is None
     assert ways.said == (["open", "out", "home"] if room else ["out", "open", "home"])
     assert asked == [(0.08, (item,))]
@@ -348,7 +348,7 @@ def test_fingers_that_do_not_open_may_do_so_further_away(
 ) -> None:
     made, _ = holding()
     ways = Ways(made, monkeypatch, True, home=False)
-    refused, opens = list[Failure](), made.world.grip.open
+    refused, opens = list[Failure](), made.world.gripper.open
 
     def opening(*given: Any) -> Any:
         if not refused:
@@ -356,7 +356,7 @@ def test_fingers_that_do_not_open_may_do_so_further_away(
             raise refused[0]
         return opens(*given)
 
-    monkeypatch.setattr(made.world.grip, "open", opening)
+    monkeypatch.setattr(made.world.gripper, "open", opening)
     failure = ways.failure("SafeRetreat: {hand: open}")
     assert failure is not None
     if cause is control.TIMEOUT:

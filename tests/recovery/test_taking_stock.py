@@ -78,13 +78,13 @@ def test_with_an_empty_hand_it_goes_home_and_looks() -> None:
     made, _ = cell(block=1, can=1)
     made.start(mission("GoTo: {pose: rest}"))
     made.finish()
-    looks = made.world.eyes.looks
+    looks = made.world.vision.looks
     found, notes = stock(made)
     assert found == ResyncReport((), (), False)
     assert notes == [FIRST, "looked: nothing more is done; 2 to be done"]
     assert at_home(made)
-    assert made.world.eyes.looks > looks
-    assert made.world.grip.width > 0.07
+    assert made.world.vision.looks > looks
+    assert made.world.gripper.width > 0.07
 
 
 def test_what_is_in_the_hand_is_felt_put_down_and_known_again() -> None:
@@ -92,7 +92,7 @@ def test_what_is_in_the_hand_is_felt_put_down_and_known_again() -> None:
     item = grasped(made)
     forget_the_hand(made, item)
     made.world.attempts.failed("Main/Grasp", item, "top 0")
-    width, before = 1000 * made.world.grip.width, made.world.attempts.state()
+    width, before = 1000 * made.world.gripper.width, made.world.attempts.state()
     found, notes = stock(made)
     assert found == ResyncReport((), (), True)
     assert notes == [
@@ -258,7 +258,7 @@ def test_fingers_that_come_half_of_the_way_have_nothing_between_them(
         yield
         return reached
 
-    monkeypatch.setattr(made.world.grip, "move", moving)
+    monkeypatch.setattr(made.world.gripper, "move", moving)
     found, _ = stock(made)
     assert found.held is held
     assert asked[0] == (pytest.approx(max(width - 0.004, 0.0)), 5.0)

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from picktree.analysis.resim.changes import RunChanges
-from picktree.analysis.resim.resim import ResimOrder, carry_out
+from picktree.analysis.resim.resim import ResimOrder, run_order
 from picktree.analysis.run import Run
 from picktree.logs.run_result import RunResult
 from picktree.session.checkpoints import RunState
@@ -181,7 +181,7 @@ def test_from_each_checkpoint_it_goes_on_byte_for_byte(recorded: RecordedRun, tm
 
 
 def test_run_again_from_its_log_it_is_the_same(result: RunResult) -> None:
-    again = carry_out(ResimOrder(result.log, RunChanges(), 12.0, None), lambda _: None)
+    again = run_order(ResimOrder(result.log, RunChanges(), 12.0, None), lambda _: None)
     assert (again.exact, again.difference) == (True, None)
     assert again.ticks > 200
 

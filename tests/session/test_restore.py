@@ -13,8 +13,8 @@ from picktree.analysis.run import Run
 from picktree.errors import PicktreeError
 from picktree.logs.mcap.reader import RawMessage
 from picktree.logs.run_result import RunResult
-from picktree.session.checkpoints import RunState, take
-from picktree.session.resume.older_checkpoints import completed, simulated_messages
+from picktree.session.checkpoints import RunState, take_checkpoint
+from picktree.session.resume.older_checkpoints import complete_state, simulated_messages
 from picktree.session.resume.recorded_recipe import RecordedRun
 from picktree.session.session import RunRequest, Session
 from picktree.simulation.backends import Backend
@@ -93,7 +93,9 @@ def test_what_goes_on_is_in_the_state_of_the_checkpoint(recorded: RecordedRun, t
         assert state.recording is not None and state.bins_seen and state.streams
         session = Session(recorded.from_checkpoint(name, state), out=tmp_path)
         injector = session._injector  # pyright: ignore[reportPrivateUsage]
-        taken = take(session.world, session.tree, session.hardware, injector, session.tally, state.recording)
+        taken = take_checkpoint(
+            session.world, session.tree, session.hardware, injector, session.tally, state.recording
+        )
         assert taken == state
 
 
@@ -120,7 +122,7 @@ def test_a_continued_log_stands_alone(recorded: RecordedRun, tmp_path: Path) -> 
 def test_what_an_older_checkpoint_lacks_is_in_the_log(recorded: RecordedRun) -> None:
     for name in recorded.checkpoints():
         state = recorded.state(name)
-        made = completed(replace(state, tally=None, recording=None), recorded.run)
+        made = complete_state(replace(state, tally=None, recording=None), recorded.run)
         assert made.tally == state.tally
         assert made.recording is not None and state.recording is not None
         assert made.recording.digest == state.recording.digest

@@ -16,7 +16,7 @@ from picktree.analysis.run import Run
 from picktree.errors import PicktreeError
 from picktree.logs.run_log import RunLog
 from picktree.logs.run_result import RunResult
-from picktree.session.assembly import TICK
+from picktree.session.assembly import TICK_LENGTH
 from picktree.session.observer import PresetAnswers
 from picktree.session.resume.recorded_recipe import RecordedRun
 from picktree.session.resume.resumption import ResumeRequest, Resumption
@@ -86,7 +86,7 @@ class Killer:
             self._held += 1
         while self._held == 9:
             with RunLog(self._log) as log:
-                if log.end > now - 1.5 * TICK:
+                if log.end > now - 1.5 * TICK_LENGTH:
                     os.kill(os.getpid(), signal.SIGKILL)
             time.sleep(0.02)
 

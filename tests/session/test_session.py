@@ -12,7 +12,7 @@ import pytest
 from picktree.errors import PicktreeError
 from picktree.logs.run_log import RunLog
 from picktree.logs.run_result import RunResult
-from picktree.session.assembly import TICK
+from picktree.session.assembly import TICK_LENGTH
 from picktree.session.checkpoints import RunState
 from picktree.session.session import RunRequest, Session
 from picktree.trees.running.runner import NodeInfo, TickReport
@@ -47,7 +47,7 @@ class Interrupting:
     def finished(self, result: RunResult) -> None: ...
 
     def ticked(self, now: float, report: TickReport, items_done: int, items_total: int) -> None:
-        if round(now / TICK) == 6:
+        if round(now / TICK_LENGTH) == 6:
             os.kill(os.getpid(), signal.SIGINT)
 
 

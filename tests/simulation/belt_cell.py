@@ -102,7 +102,7 @@ def wait(hardware: Hardware, seconds: float) -> None:
 def ride(hardware: Hardware, way: float) -> None:
     """Let the belt run so far, and stop."""
     belt = belt_of(hardware)
-    brake = belt.belt.speed**2 / 2 / belt_drive.ACCELERATION
+    brake = belt.belt.speed**2 / 2 / belt_drive.BELT_ACCELERATION
     end = belt.travelled + way - brake
     belt.go()
     while belt.travelled < end:

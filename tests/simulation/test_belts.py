@@ -13,7 +13,7 @@ import pytest
 
 from picktree.errors import PicktreeError
 from picktree.simulation.checkpoints.physics_state import Checkpoint
-from picktree.simulation.feed.belt_drive import ACCELERATION
+from picktree.simulation.feed.belt_drive import BELT_ACCELERATION
 from picktree.simulation.physics import belts
 from picktree.simulation.physics.backend import PhysicsHardware
 from picktree.world.scene.description import Fixture
@@ -58,7 +58,7 @@ def test_items_of_every_shape_ride_without_slipping(speed: float) -> None:
 def test_what_is_round_rolls_when_the_belt_starts_faster_than_rolling_friction_can(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("picktree.simulation.feed.belt_drive.ACCELERATION", 3.0)
+    monkeypatch.setattr("picktree.simulation.feed.belt_drive.BELT_ACCELERATION", 3.0)
     slip = np.abs(carried(0.15)).max(axis=1)
     assert slip[[0, 1, 3]].max() < 0.3
     assert slip[5] > 1.0
@@ -86,7 +86,7 @@ def test_no_item_is_set_anywhere_nor_pushed_while_it_rides(monkeypatch: pytest.M
 
 def test_setting_the_slab_back_changes_nothing_for_the_items(monkeypatch: pytest.MonkeyPatch) -> None:
     usual = carried(0.1)
-    monkeypatch.setattr(belts, "SET_BACK", 2.0)
+    monkeypatch.setattr(belts, "SLAB_SET_BACK", 2.0)
     assert np.abs(carried(0.1) - usual).max() < 0.1
 
 
@@ -100,13 +100,13 @@ def test_a_belt_starts_and_stops_by_a_ramp_and_then_stands() -> None:
         hardware.step()
         speeds.append(hardware.truth()[0].velocity[1])
     # It slept in the first step.
-    assert max(np.diff(speeds)[2:]) == pytest.approx(ACCELERATION / 240, rel=0.2)
+    assert max(np.diff(speeds)[2:]) == pytest.approx(BELT_ACCELERATION / 240, rel=0.2)
     assert speeds[-1] == pytest.approx(0.1, abs=1e-4)
     start = belt.travelled
     belt.halt()
     wait(hardware, 0.5)
     assert not belt.moving
-    assert belt.travelled - start == pytest.approx(0.1**2 / 2 / ACCELERATION, abs=3e-4)
+    assert belt.travelled - start == pytest.approx(0.1**2 / 2 / BELT_ACCELERATION, abs=3e-4)
     wait(hardware, 0.5)
     before = positions(hardware)
     wait(hardware, 1.0)

@@ -8,14 +8,14 @@ from pathlib import Path
 import pytest
 
 from picktree.simulation.fault_files.fault_loading import load_faults
-from picktree.simulation.fault_files.fault_schema import NEEDS
+from picktree.simulation.fault_files.fault_schema import REQUIRED_KEYS
 
 ROOT = Path(__file__).parents[2]
 EXAMPLES = sorted((ROOT / "examples/faults").glob("*.yaml"))
 
 
 def test_there_is_one_of_each_kind() -> None:
-    assert [path.stem for path in EXAMPLES] == sorted(NEEDS)
+    assert [path.stem for path in EXAMPLES] == sorted(REQUIRED_KEYS)
 
 
 @pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
@@ -28,4 +28,4 @@ def test_it_shows_that_kind(path: Path) -> None:
 
 def test_the_page_has_a_row_for_each_kind() -> None:
     page = (ROOT / "docs/faults.md").read_text()
-    assert re.findall(r"^\| `(\w+)` \|", page, re.MULTILINE) == list(NEEDS)
+    assert re.findall(r"^\| `(\w+)` \|", page, re.MULTILINE) == list(REQUIRED_KEYS)

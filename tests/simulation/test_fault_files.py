@@ -38,7 +38,7 @@ from picktree.simulation.fault_files.fault_entries import (  # fmt: skip
     Slip,
 )
 from picktree.simulation.fault_files.fault_loading import load_faults, parse_faults
-from picktree.simulation.fault_files.fault_schema import MAY, NEEDS
+from picktree.simulation.fault_files.fault_schema import ALLOWED_KEYS, REQUIRED_KEYS
 from picktree.world.scene.loading.scene_loading import load_scene
 from picktree.world.values import Pose
 
@@ -111,7 +111,7 @@ def test_every_kind_is_read() -> None:
     )
     new = {line.split(",")[0] for line in KINDS.split("{fault: ")[1:]}
     known = {"remove", "friction", "bump", "obstacle"} | new
-    assert known == set(NEEDS) == set(MAY)
+    assert known == set(REQUIRED_KEYS) == set(ALLOWED_KEYS)
 
 
 def test_what_is_expected_is_read_and_judged() -> None:

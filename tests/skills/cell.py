@@ -15,7 +15,7 @@ from textwrap import indent
 import numpy as np
 
 from picktree.robots.loading import load_robot
-from picktree.session.assembly import TICK, assemble_world
+from picktree.session.assembly import TICK_LENGTH, assemble_world
 from picktree.simulation.backends import Backend, build_hardware
 from picktree.simulation.physics.backend import PhysicsHardware
 from picktree.simulation.scoring.scorer import Score, score
@@ -84,7 +84,7 @@ class Cell:
 
     def wait(self) -> None:
         """A tick of time in which no node is ticked."""
-        self.world.control.step_tick(TICK)
+        self.world.control.step_tick(TICK_LENGTH)
         self.world.scene.carry(self.world.control.tcp)
 
     @property

@@ -127,7 +127,7 @@ def test_pictures_are_taken_when_the_arm_has_settled(ports: str, expected: list[
     while made.leaf != "Survey":
         made.tick()
     did, world = list[str](), made.world
-    settle, shoot = world.control.settle, world.eyes.shoot
+    settle, shoot = world.control.settle, world.vision.shoot
 
     def settling() -> Steps:
         did.append("settle")
@@ -138,7 +138,7 @@ def test_pictures_are_taken_when_the_arm_has_settled(ports: str, expected: list[
         return shoot(camera)
 
     world.control.settle = settling  # type: ignore[method-assign]
-    world.eyes.shoot = shooting  # type: ignore[method-assign]
+    world.vision.shoot = shooting  # type: ignore[method-assign]
     assert failed(made) == ""
     # Motions settle, too; what counts is what comes right before the pictures.
     kept = [one for n, one in enumerate(did) if one == "shoot" or did[n + 1 : n + 2] == ["shoot"]]
@@ -181,7 +181,7 @@ def test_touches_are_made_with_two_forces_in_turn(monkeypatch: pytest.MonkeyPatc
     forces = [float(e.data["force"]) for e in found]  # type: ignore[arg-type]
     assert forces == pytest.approx([3.0, 6.0] * 4, abs=1.0)
     assert [e.message.rpartition(" with ")[2] for e in found] == [f"{force:.1f} N" for force in forces]
-    assert made.world.grip.width > 0.07
+    assert made.world.gripper.width > 0.07
 
 
 def test_fewer_than_eight_touches_are_not_enough(monkeypatch: pytest.MonkeyPatch) -> None:

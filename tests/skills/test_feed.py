@@ -101,7 +101,7 @@ def test_what_lay_in_an_exchanged_bin_is_gone_with_all_that_was_known_of_it() ->
     cell, feed, block = placed("ExchangeBin: {bin: red_bin}")
     world = cell.world
     assert world.facts()["items_done"] == 1
-    world.eyes.bins[RED] = BinView(np.full((3, 3), 0.04))
+    world.vision.bins[RED] = BinView(np.full((3, 3), 0.04))
     world.attempts.failed("Main/Grasp", block, "top 0")
     world.attempts.failed("Main/Grasp", "another", "top 0")
     began = world.clock.now
@@ -109,7 +109,7 @@ def test_what_lay_in_an_exchanged_bin_is_gone_with_all_that_was_known_of_it() ->
     assert world.clock.now - began == pytest.approx(1.0)
     assert feed.heard == ["exchange red_bin"]
     assert world.scene.objects == ()
-    assert RED not in world.eyes.bins
+    assert RED not in world.vision.bins
     assert world.attempts.state() == {"Main/Grasp|another": ["top 0"]}
     assert bin_fill_level(world, world.scene.bins[RED]) == 0.0
     assert cell.happened("bin_emptied") == [
@@ -130,18 +130,18 @@ def test_the_reason_is_in_the_change_of_the_belief() -> None:
 
 def test_only_a_bin_that_is_so_full_is_exchanged() -> None:
     cell, feed = cell_with("ExchangeBin: {bin: red_bin, fill: 0.5}", loads=0)
-    cell.world.eyes.bins[RED] = BinView(np.full((3, 3), 0.045))
+    cell.world.vision.bins[RED] = BinView(np.full((3, 3), 0.045))
     assert outcome(cell) == ("SUCCESS", "", 0.0)
     assert feed.heard == []
     cell.start(mission("ExchangeBin: {bin: red_bin, fill: 0.5}"))
-    cell.world.eyes.bins[RED] = BinView(np.full((3, 3), 0.055))
+    cell.world.vision.bins[RED] = BinView(np.full((3, 3), 0.055))
     assert outcome(cell)[:2] == ("SUCCESS", "")
     assert feed.heard == ["exchange red_bin"]
 
 
 def test_a_bin_that_is_just_so_full_is_exchanged() -> None:
     cell, feed = cell_with(LOOK, loads=0)
-    cell.world.eyes.bins[RED] = BinView(np.full((3, 3), 0.045))
+    cell.world.vision.bins[RED] = BinView(np.full((3, 3), 0.045))
     full = bin_fill_level(cell.world, cell.world.scene.bins[RED])
     cell.start(mission(f"ExchangeBin: {{bin: red_bin, fill: {full!r}}}"))
     assert outcome(cell)[:2] == ("SUCCESS", "")
@@ -170,7 +170,7 @@ def test_who_places_knows_of_the_empty_bin_that_stands_there_by_now() -> None:
     (block,) = [o.id for o in cell.world.scene.objects]
     cell.start(mission(f"Grasp: {{object: {block}, onward: false}}"))
     cell.finish()
-    cell.world.eyes.bins[RED] = BinView(np.full((3, 3), 0.125))  # a full one, when it was seen
+    cell.world.vision.bins[RED] = BinView(np.full((3, 3), 0.125))  # a full one, when it was seen
     feed.exchanges[RED] = 1
     cell.start(mission(f"Place: {{object: {block}, into: red_bin}}"))
     assert outcome(cell)[:2] == ("SUCCESS", "")

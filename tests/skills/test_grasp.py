@@ -80,7 +80,7 @@ def test_the_transfer_is_planned_ahead_where_it_is_known(
     cell.finish()
     assert cell.tree.failure is None
     assert (plans.count(False), len(plans)) == (ahead, later)
-    assert (cell.world.underway.take() is not None) is handed_over
+    assert (cell.world.handover.take() is not None) is handed_over
 
 
 def test_another_object_in_the_hand_is_told() -> None:
@@ -205,7 +205,7 @@ def test_a_miss_is_told_with_what_was_felt_and_remembered(kind: str, monkeypatch
     assert cell.world.attempts.count("Main/Grasp", block) == 1
     assert cell.world.scene.held is None
     cell.wait()
-    assert cell.world.grip.width > 0.07
+    assert cell.world.gripper.width > 0.07
 
 
 def _nothing(*_: Any) -> Doing[bool]:

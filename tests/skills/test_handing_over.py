@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from picktree.control.execution.motions import ArmMotion
-from picktree.manipulation.pick.pick_candidates import TRANSFER
+from picktree.manipulation.pick.pick_candidates import TRANSFER_STAGE
 from picktree.manipulation.pick.transfer_requests import transfer_requests
 from picktree.perception.fitting.view import BinView
 from picktree.planning.requests import OffsetGoal, Request
@@ -131,7 +131,7 @@ def test_what_is_known_since_is_heeded(monkeypatch: pytest.MonkeyPatch) -> None:
         held = cell.world.scene.get(block)
         cell.world.scene.put(replace(held, confidence=0.5), "seen again")
         if news:
-            cell.world.eyes.bins[into] = BinView(np.full((3, 3), 0.092))
+            cell.world.vision.bins[into] = BinView(np.full((3, 3), 0.092))
         cell.start(mission(f"Place: {{object: {block}, into: {into}}}"))
         cell.finish()
         assert (cell.tree.status.value, placed(cell)) == ("SUCCESS", into)
@@ -195,7 +195,7 @@ def test_the_approach_is_broken_off_when_there_is_no_way_on(monkeypatch: pytest.
     cell.finish()
     assert cell.tree.status.value == "SUCCESS"
     assert len(asked) == 2
-    (refused,) = (tried for tried in ranked[-1].tried if tried.stage == TRANSFER)
+    (refused,) = (tried for tried in ranked[-1].tried if tried.stage == TRANSFER_STAGE)
     assert refused.verdict.startswith(
         "no way to the place: motion 1 of 3 (straight by (0.000, 0.000, -0.500)): "
     )

@@ -202,9 +202,9 @@ def test_a_peg_that_turned_in_the_hand_is_no_hole_that_was_not_found(
         assert cell.running
     for _ in range(4):
         cell.tick()
-    before = 1000 * cell.world.grip.width
+    before = 1000 * cell.world.gripper.width
     turn_in_hand(cell, degrees)
-    after = 1000 * cell.world.grip.width
+    after = 1000 * cell.world.gripper.width
     report = failed(cell)
     held = cell.world.scene.held
     assert held is not None

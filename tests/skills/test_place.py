@@ -52,7 +52,7 @@ def test_what_sticks_to_the_opened_fingers_was_not_placed(
         "place.missed",
         f"{block} still hangs on the open fingers (load 0.98 N, then 0.98 N)",
     )
-    assert cell.world.grip.width > 0.06
+    assert cell.world.gripper.width > 0.06
     cell.wait()
     held = cell.world.scene.held
     assert held is not None
@@ -152,7 +152,7 @@ def test_a_bin_whose_heap_is_too_high_is_full() -> None:
     cell, _, block = holding()
     heights = np.full((3, 3), 0.125)
     heights[1, 1] = 0.12
-    cell.world.eyes.bins[ObjectId("red_bin")] = BinView(heights)
+    cell.world.vision.bins[ObjectId("red_bin")] = BinView(heights)
     cell.start(mission(f"Place: {{object: {block}, into: red_bin}}"))
     cell.finish()
     failure = cell.tree.failure

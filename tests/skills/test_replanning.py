@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from picktree.cell.vision import Vision
-from picktree.manipulation.motion.replanning import MOST
+from picktree.manipulation.motion.replanning import MAX_REPLANS
 from picktree.perception.fitting.view import BinView
 from picktree.planning.service.trajectory_gate import TrajectoryGate
 from picktree.simulation.kinematic.backend import KinematicHardware
@@ -147,8 +147,8 @@ def test_what_is_put_where_it_would_be_let_go_sends_it_to_another_spot() -> None
     into = str(cell.world.scene.destination(block))
     heights = np.full((3, 3), 0.02)
     heights[1, 1] = 0.11
-    cell.world.eyes.bins[into] = BinView(heights)
-    cell.world.eyes.looks += 1
+    cell.world.vision.bins[into] = BinView(heights)
+    cell.world.vision.looks += 1
     cell.finish()
     assert (cell.tree.status.value, cell.score().sorted) == ("SUCCESS", 1)
     (event,) = [e for e in cell.events if e.kind == "replanned"]
@@ -188,7 +188,7 @@ def test_it_plans_anew_a_bounded_number_of_times(monkeypatch: pytest.MonkeyPatch
     failure = cell.tree.failure
     assert failure is not None
     assert str(failure.cause) == "planning.blocked"
-    assert len(cell.happened("replanned")) == MOST
+    assert len(cell.happened("replanned")) == MAX_REPLANS
     assert cell.world.control.at_rest
 
 
@@ -239,13 +239,13 @@ def test_pictures_of_a_moving_arm_do_no_harm_to_the_belief() -> None:
     value = cell.tree.blackboard.save()["Main/items"]
     assert isinstance(value, list)
     known = {str(o.id) for o in cell.world.scene.objects}
-    looks = cell.world.eyes.looks
+    looks = cell.world.vision.looks
     for item in value:
         cell.start(mission(watched(sorting(cell, str(item)))))
         cell.finish()
         assert cell.tree.status.value == "SUCCESS"
     assert {str(o.id) for o in cell.world.scene.objects} == known
-    assert cell.world.eyes.looks > looks + 20
+    assert cell.world.vision.looks > looks + 20
     assert cell.happened("replanned") == []
 
 

@@ -8,7 +8,7 @@ from textwrap import dedent
 import pytest
 
 from picktree.files.yaml.document import FileError, load_document
-from picktree.trees.loading.include import MAX_FILES
+from picktree.trees.loading.include import MAX_INCLUDED_FILES
 from picktree.trees.loading.loader import examine, load_mission, parse_mission, read_mission
 from picktree.trees.mission import Mission, RecordedFiles
 
@@ -146,10 +146,12 @@ def test_a_symbolic_link_does_not_lead_out(tmp_path: Path) -> None:
 def test_the_number_of_files_is_bounded(tmp_path: Path) -> None:
     chain = {
         f"n{n}": f"library: true\ninclude: [n{n + 1}.yaml]\ntrees: {{N{n}: AlwaysSuccess}}"
-        for n in range(MAX_FILES + 1)
+        for n in range(MAX_INCLUDED_FILES + 1)
     }
     (fault,) = faults(tmp_path, m="include: [n0.yaml]\ntrees: {Main: AlwaysSuccess}", **chain)
-    assert fault == f"P243 n{MAX_FILES - 1}.yaml:4:11: include[0]: a mission includes at most 50 files"
+    assert (
+        fault == f"P243 n{MAX_INCLUDED_FILES - 1}.yaml:4:11: include[0]: a mission includes at most 50 files"
+    )
 
 
 def test_a_library_cannot_be_run_but_looked_at(tmp_path: Path) -> None:

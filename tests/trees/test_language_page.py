@@ -11,7 +11,7 @@ from picktree.authoring.check import check_mission
 from picktree.files.expressions.parser import FUNCTIONS
 from picktree.files.yaml.document import parse_document
 from picktree.trees.declaration import COMMON_KEYS
-from picktree.trees.loading.include import MAX_FILES
+from picktree.trees.loading.include import MAX_INCLUDED_FILES
 from picktree.trees.loading.loader import load_mission
 from picktree.trees.mission import library_names
 from picktree.trees.values.fault_collector import MAX_NODES
@@ -38,7 +38,7 @@ def test_it_names_all_that_there_is(names: list[str]) -> None:
 
 def test_it_names_all_functions_and_bounds() -> None:
     assert [name for name in FUNCTIONS if f"`{name}(" not in PAGE] == []
-    assert f"{MAX_FILES} included files" in PAGE
+    assert f"{MAX_INCLUDED_FILES} included files" in PAGE
     assert f"{MAX_NODES:,} nodes" in PAGE
 
 

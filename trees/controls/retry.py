@@ -60,7 +60,7 @@ class RetryUntilSuccessful(Decorator):
         if fault or 0 < self.num_attempts <= self._attempts:
             return self._give_up(report)
         # Reports are limited, so that the state does not grow over hours of attempts.
-        self._reports = (*self._reports, *((report,) if report else ()))[-_KEPT:]
+        self._reports = (*self._reports, *((report,) if report else ()))[-_MAX_REPORTS:]
         return NodeStatus.RUNNING
 
     def _give_up(self, last: FailureReport | None) -> NodeStatus:
@@ -100,4 +100,4 @@ def _for_good(reasons: FailureReasons, used_up: FailureReasons) -> FailureReason
     return joined((reported, used_up.tried())) if reasons.any & UNREPORTED else reported
 
 
-_KEPT = 20
+_MAX_REPORTS = 20

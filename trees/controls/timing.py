@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from ..flow.flow_walk import FlowAnalysis
     from ..mission import NodeSpec
 
-_ROUNDING = 1e-9
+_TIME_TOLERANCE = 1e-9
 """Tolerance for the rounding of summed ticks, s."""
 
 
@@ -39,7 +39,7 @@ class Timeout(Decorator):
 
     def on_tick(self) -> NodeStatus:
         elapsed = self.world.clock.now - self._since
-        if self.msec > 0 and elapsed >= self.msec / 1000.0 - _ROUNDING:
+        if self.msec > 0 and elapsed >= self.msec / 1000.0 - _TIME_TOLERANCE:
             self.body.halt()
             raise Failure(
                 tree.TIMEOUT,
@@ -80,7 +80,7 @@ class Delay(Decorator):
 
     def on_tick(self) -> NodeStatus:
         waited = self.world.clock.now - self._since
-        self._over = self._over or waited >= self.delay_msec / 1000.0 - _ROUNDING
+        self._over = self._over or waited >= self.delay_msec / 1000.0 - _TIME_TOLERANCE
         return self.relay() if self._over else NodeStatus.RUNNING
 
     @classmethod

@@ -16,7 +16,7 @@ from ..values.fault_collector import MissionDiagnostics
 from ..values.port_types import show
 from .registry import NodeRegistry
 
-NAME = re.compile(r"[^/#\x00-\x1f]{1,60}")
+NAME_PATTERN = re.compile(r"[^/#\x00-\x1f]{1,60}")
 """Valid name of a node, or of a case."""
 Filled: TypeAlias = tuple[tuple[str, NodeSpec], ...]
 """Children of a slot as (label, node); the label is the name in a table, else empty."""
@@ -115,7 +115,7 @@ class ChildReader:
         for key, body in value.items():
             if slot.of == "cause":
                 self._check_pattern(key, (*loc, key), trail)
-            elif not NAME.fullmatch(key):
+            elif not NAME_PATTERN.fullmatch(key):
                 self._fault((*loc, key), trail, f"{show(key)} cannot name a case", code="P232", key=True)
             node = self._one(body, (*loc, key), trail, names, key)
             if node is not None:

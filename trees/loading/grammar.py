@@ -19,7 +19,7 @@ from ..ports import PortDeclaration
 from ..values.fault_collector import MissionDiagnostics
 from ..values.port_types import PortValues, show
 from ..values.references import Binding, Constant, ExpressionLocator
-from .children import NAME, ChildNames, ChildReader, Filled, labels_of
+from .children import NAME_PATTERN, ChildNames, ChildReader, Filled, labels_of
 from .port_wires import PortReader
 from .registry import NodeRegistry
 
@@ -99,7 +99,7 @@ class NodeSpecReader:
         self, identity: str, body: Value, loc: Location, start: Location, above: str, names: ChildNames
     ) -> NodeSpec | None:
         given = body.get("name") if isinstance(body, dict) else None
-        named = isinstance(given, str) and NAME.fullmatch(given) is not None
+        named = isinstance(given, str) and NAME_PATTERN.fullmatch(given) is not None
         name = names.take(given if named and isinstance(given, str) else identity[:60])
         site = _Site(loc, start, f"{above}/{name}")
         if given is not None and not named:

@@ -10,8 +10,8 @@ from ...files.yaml.document import Document, FileError, Location, Value, where
 from ..mission import IN_LIBRARY, MissionFiles
 from ..values.fault_collector import MissionDiagnostics
 
-MAX_FILES: Final = 50
-MAX_CHARACTERS: Final = 1_000_000
+MAX_INCLUDED_FILES: Final = 50
+MAX_INCLUDED_CHARACTERS: Final = 1_000_000
 """Limit of the total size of all included files, characters."""
 _SUFFIXES = (".yaml", ".yml")
 
@@ -53,10 +53,10 @@ class IncludeReader:
             return
         if name in self._found:
             return
-        if len(self._found) >= MAX_FILES:
-            if len(self._found) == MAX_FILES:
+        if len(self._found) >= MAX_INCLUDED_FILES:
+            if len(self._found) == MAX_INCLUDED_FILES:
                 self._found[""] = None
-                message = f"a mission includes at most {MAX_FILES} files"
+                message = f"a mission includes at most {MAX_INCLUDED_FILES} files"
                 self._fault(document, (index,), message, code="P243")
             return
         included = self._found[name] = self._read(document, index, name)
@@ -76,8 +76,8 @@ class IncludeReader:
         for fault in included.faults:
             self._faults.add(fault)
         self._characters += len(included.text)
-        if self._characters > MAX_CHARACTERS:
-            message = f"the included files are larger than {MAX_CHARACTERS // 1_000_000} MB together"
+        if self._characters > MAX_INCLUDED_CHARACTERS:
+            message = f"the included files are larger than {MAX_INCLUDED_CHARACTERS // 1_000_000} MB together"
             self._fault(document, (index,), message, code="P243")
             return None
         if included.data.get("library") is not True:

@@ -32,7 +32,7 @@ from .include import IncludeReader
 from .registry import NodeRegistry
 from .tree_set import TreeSetReader
 
-_KEYS = ("picktree", "kind", "name", "scene", "goal", "library", "include", "plugins", "trees")
+_MISSION_KEYS = ("picktree", "kind", "name", "scene", "goal", "library", "include", "plugins", "trees")
 _NOT_IN_LIBRARY = ("scene", "goal")
 _GOAL_NAMES = ("total", "sorted", "misplaced", "left", "outstanding")
 
@@ -61,8 +61,8 @@ class MissionHead:
         if self._document.data.get("library") not in (None, True, False):
             self._fault(("library",), "'library' is true or false", code="P202")
         for key in self._document.data:
-            if key not in _KEYS:
-                hint = self._faults.nearest(key, _KEYS)
+            if key not in _MISSION_KEYS:
+                hint = self._faults.nearest(key, _MISSION_KEYS)
                 self._fault((key,), f"a mission has no key {show(key)}", hint, code="P201", key=True)
             elif key in _NOT_IN_LIBRARY and self.library:
                 message = f"a library has no {key!r}: that is for the mission to say"

@@ -21,7 +21,7 @@ from ..values.port_types import convert_literal, show
 from ..values.references import ATTRIBUTES, Binding, Constant, ExpressionLocator, Reference
 
 MAX_ASSIGNMENTS: Final = 20
-MAX_LENGTH: Final = 4000
+MAX_ASSIGNMENTS_LENGTH: Final = 4000
 _PIECE = re.compile(r"""'(?:[^'\\]|\\.)*'|"(?:[^"\\]|\\.)*"|;|[^;'"]+|['"]""", re.DOTALL)
 _ASSIGNMENT = re.compile(r"\s*([A-Za-z_]\w{0,59})\s*(:?=)(?!=)", re.ASCII)
 _CHANGE = re.compile(r"\s*([A-Za-z_]\w{0,59})\s*([-+*/])=", re.ASCII)
@@ -29,8 +29,8 @@ _CHANGE = re.compile(r"\s*([A-Za-z_]\w{0,59})\s*([-+*/])=", re.ASCII)
 
 def parse_assignments(text: str) -> tuple[Assignment, ...]:
     """Parse assignments. Raises ExpressionError with the index of the wrong character."""
-    if len(text) > MAX_LENGTH:
-        raise ExpressionError(f"the assignments are longer than {MAX_LENGTH} characters")
+    if len(text) > MAX_ASSIGNMENTS_LENGTH:
+        raise ExpressionError(f"the assignments are longer than {MAX_ASSIGNMENTS_LENGTH} characters")
     found: list[Assignment] = []
     for at, part in _parts(text):
         if not part.strip():

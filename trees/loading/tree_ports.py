@@ -14,7 +14,7 @@ from ..ports import PortDeclaration
 from ..values.fault_collector import MissionDiagnostics
 from ..values.port_types import NAMES_IN_FILES, PortType, convert_literal, show
 
-_KEYS = ("type", "default", "doc", "unit", "choices", "direction")
+_PORT_KEYS = ("type", "default", "doc", "unit", "choices", "direction")
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,8 +57,8 @@ class TreePorts:
             self._fault(loc, "a port is a mapping", "as '{type: object}'", code="P211")
             return PortDeclaration(name, name, "in", PortType("any"), "", default="")
         for key in entry:
-            if key not in _KEYS:
-                hint = self._faults.nearest(key, _KEYS)
+            if key not in _PORT_KEYS:
+                hint = self._faults.nearest(key, _PORT_KEYS)
                 self._fault((*loc, key), f"a port has no key {key!r}", hint, code="P211", key=True)
         kind, given = self._type(entry, loc), _Given(entry, loc)
         port = PortDeclaration(

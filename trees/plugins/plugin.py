@@ -23,7 +23,7 @@ from ..node import Node
 from .plugin_import import PluginError, importing
 
 
-def offered(module: ModuleType, plugin: str, attribute: str) -> tuple[type[Node], ...]:
+def offered_nodes(module: ModuleType, plugin: str, attribute: str) -> tuple[type[Node], ...]:
     """Return the node classes that a plug-in's module lists. Raises PluginError for an invalid class."""
     nodes: object = getattr(module, attribute, None)
     if not isinstance(nodes, tuple | list):
@@ -116,7 +116,7 @@ def _check_cause(cause: Cause | Family, plugin: str, node: str) -> None:
 
 
 _DOTTED = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)*")
-_LAST = "__picktree_run__"
+_RUN_ATTRIBUTE = "__picktree_run__"
 """Attribute under which a file's module keeps its `_Run`."""
 
 
@@ -130,7 +130,7 @@ def load_installed(module: str, distribution: str = "") -> Plugin:
     name, _, attribute = module.partition(":")
     with importing(name):
         found = importlib.import_module(name)
-        nodes = offered(found, name, attribute or "NODES")
+        nodes = offered_nodes(found, name, attribute or "NODES")
     return Plugin(name, nodes, *_source(found), distribution)
 
 
@@ -173,7 +173,7 @@ def _file(plugin: str, folder: Path) -> Plugin:
         name = f"picktree_plugin_{path.stem}_{hashlib.sha256(bytes(path)).hexdigest()[:8]}"
         with _replaced(name) as before:
             module = _run(name, path, source, before)
-            nodes = offered(module, plugin, "NODES")
+            nodes = offered_nodes(module, plugin, "NODES")
     return Plugin(plugin, nodes, path, source)
 
 
@@ -202,7 +202,7 @@ def _replaced(name: str) -> Generator[ModuleType | None]:
 def _run(name: str, path: Path, source: bytes, before: ModuleType | None) -> ModuleType:
     """Return the file's module. Missions that name the same file share its classes, as with an import."""
     digest = hashlib.sha256(source).hexdigest()
-    last: _Run | None = getattr(before, _LAST, None)
+    last: _Run | None = getattr(before, _RUN_ATTRIBUTE, None)
     if before is not None and last is not None:
         if last.digest == digest:
             return before
@@ -213,7 +213,7 @@ def _run(name: str, path: Path, source: bytes, before: ModuleType | None) -> Mod
     module = importlib.util.module_from_spec(spec)
     sys.modules[name] = module
     exec(compile(source, str(path), "exec"), vars(module))
-    setattr(module, _LAST, _Run(digest, frozenset(known_causes()) - frozenset(kept)))
+    setattr(module, _RUN_ATTRIBUTE, _Run(digest, frozenset(known_causes()) - frozenset(kept)))
     return module
 
 

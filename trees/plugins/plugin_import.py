@@ -15,7 +15,7 @@ from types import FrameType, TracebackType
 from ...errors import PicktreeError
 from ...world.causes import CauseError, known_causes, restore_causes
 
-_MOST_LINES = 40
+_MAX_TRACEBACK_LINES = 40
 """Maximum length of a traceback, lines; an endless recursion produces thousands."""
 _KEPT_AT_START = 8
 
@@ -59,9 +59,9 @@ def own_traceback(error: BaseException) -> str:
             one.__traceback__ = _foreign(one.__traceback__)
             todo += [one.__cause__, one.__context__]
     lines = "".join(traceback.format_exception(error)).rstrip().splitlines()
-    if len(lines) > _MOST_LINES:
-        left_out = len(lines) - _MOST_LINES
-        end = len(lines) - (_MOST_LINES - _KEPT_AT_START)
+    if len(lines) > _MAX_TRACEBACK_LINES:
+        left_out = len(lines) - _MAX_TRACEBACK_LINES
+        end = len(lines) - (_MAX_TRACEBACK_LINES - _KEPT_AT_START)
         lines = [*lines[:_KEPT_AT_START], f"  … {left_out} lines are left out", *lines[end:]]
     return "\n".join(lines)
 

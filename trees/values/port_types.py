@@ -45,7 +45,7 @@ class PortProblem:
     hint: str = ""
 
 
-_LARGEST = 2**63 - 1
+_LARGEST_INTEGER = 2**63 - 1
 """Largest integer: a log holds 64 bits."""
 
 
@@ -55,7 +55,7 @@ def plain_copy(value: object) -> Plain:
         case None | bool():
             return value
         case int():
-            if not -_LARGEST <= value <= _LARGEST:
+            if not -_LARGEST_INTEGER <= value <= _LARGEST_INTEGER:
                 raise ValueError("the number is too large")
             return int(value)
         case str():
@@ -207,11 +207,13 @@ def show(value: object) -> str:
     if isinstance(value, bool):
         return str(value).lower()
     # Only the part that is shown is converted: a value may be as large as a file.
-    text = repr(cast("list[object] | str", value)[:_SHOWN] if isinstance(value, str | list) else value)
-    return text if len(text) <= _SHOWN else text[: _SHOWN - 3] + "..."
+    text = repr(
+        cast("list[object] | str", value)[:_MAX_SHOWN_LENGTH] if isinstance(value, str | list) else value
+    )
+    return text if len(text) <= _MAX_SHOWN_LENGTH else text[: _MAX_SHOWN_LENGTH - 3] + "..."
 
 
-_SHOWN = 60
+_MAX_SHOWN_LENGTH = 60
 
 
 def _string(value: object, _: str | None) -> str:

@@ -9,11 +9,11 @@ from typing import Any
 
 from ....logs.schema.records import TreeNode
 from ....logs.visits import Visit
-from ....session.environment import SOURCES
+from ....session.environment import SOURCES_ATTACHMENT
 from ..diff import RunDiff
 from ..divergence import Divergence
 from ..message_fields import short_names, value_text
-from ..run_outcome import KILLED, ItemChange, ItemEnd, RunOutcome, TimeChange, TimeUse
+from ..run_outcome import KILLED_STATUS, ItemChange, ItemEnd, RunOutcome, TimeChange, TimeUse
 from ..run_settings import FileChange, value_changes
 from .divergence_text import first_value_lines, parting_lines
 
@@ -88,11 +88,11 @@ def _spent_json(spent: TimeUse) -> dict[str, Any]:
     return asdict(spent)
 
 
-MOST = 8
+MAX_TABLE_ROWS = 8
 """Maximum number of rows of a table; the others are only counted."""
-_DIFF_LINES = 24
+_MAX_DIFF_LINES = 24
 """Maximum number of lines about one file's changes."""
-_MOVED = 0.005
+_MIN_TIME_CHANGE = 0.005
 """Change below which a time counts as unchanged, s."""
 
 
@@ -107,14 +107,17 @@ def _lines(diff: RunDiff) -> Iterator[str]:
     yield from _verdict(diff)
     if diff.verdict == "identical":
         return
-    names = short_names(_above(diff))
+    names = short_names(_parent_paths(diff))
     for title, lines in (
         ("what they were started with", _set_up(diff)),
         ("outcome", _outcome(diff.a, diff.b)),
         ("time, by type of leaf (simulated s)", _times(diff.time.by_type, {})),
-        ("time, by node (simulated s; with the nodes below it)", _times(_told_once(diff), names)),
+        (
+            "time, by node (simulated s; with the nodes below it)",
+            _times(_without_repeated_parents(diff), names),
+        ),
         ("failures by cause", _counts(diff)),
-        ("ways through the tree that were not taken as often", _ways(diff, names)),
+        ("ways through the tree that were not taken as often", _ending_rows(diff, names)),
         ("items", _items(diff)),
     ):
         shown = list(lines)
@@ -172,7 +175,7 @@ def _set_up(diff: RunDiff) -> Iterator[str]:
         yield from _file(change)
     for name, only in (("A", nodes.only_a), ("B", nodes.only_b)):
         if only:
-            yield from _listed(f"nodes only in {name}", list(_tops(only)))
+            yield from _listed(f"nodes only in {name}", list(_topmost_nodes(only)))
     moved = {pair.a.path: pair.b for pair in nodes.moved}
     for path, node in moved.items():
         above = moved.get(path.rpartition("/")[0])
@@ -189,14 +192,14 @@ def _file(change: FileChange) -> Iterator[str]:
     if not change.diff:
         yield f"{change.name}: changed (its lines are the same, or it is no text)"
         return
-    if change.name == SOURCES:
+    if change.name == SOURCES_ATTACHMENT:
         yield f"{change.name}: {'; '.join(change.diff)}"
         return
     plus, minus = (sum(line.startswith(sign) for line in change.diff) for sign in "+-")
     yield f"{change.name}: changed, {minus} lines of A, {plus} of B"
-    yield from (f"  {line}" for line in change.diff[:_DIFF_LINES])
-    if len(change.diff) > _DIFF_LINES:
-        yield f"  … {len(change.diff) - _DIFF_LINES} lines more"
+    yield from (f"  {line}" for line in change.diff[:_MAX_DIFF_LINES])
+    if len(change.diff) > _MAX_DIFF_LINES:
+        yield f"  … {len(change.diff) - _MAX_DIFF_LINES} lines more"
 
 
 def _outcome(a: RunOutcome, b: RunOutcome) -> Iterator[str]:
@@ -204,7 +207,7 @@ def _outcome(a: RunOutcome, b: RunOutcome) -> Iterator[str]:
         return "unknown" if run.items_total is None else f"{run.items_sorted} of {run.items_total}"
 
     def known(status: str) -> str:
-        return "killed: no result in the log" if status == KILLED else status
+        return "killed: no result in the log" if status == KILLED_STATUS else status
 
     yield from _table(
         [
@@ -221,28 +224,32 @@ def _outcome(a: RunOutcome, b: RunOutcome) -> Iterator[str]:
 
 
 def _times(changes: Iterable[TimeChange], names: Mapping[str, str]) -> Iterator[str]:
-    moved = [change for change in changes if abs(change.change) >= _MOVED or change.a.count != change.b.count]
+    moved = [
+        change
+        for change in changes
+        if abs(change.change) >= _MIN_TIME_CHANGE or change.a.count != change.b.count
+    ]
     if not moved:
         return
     rows = [("", "A: times", "sum", "median", "B: times", "sum", "median", "change")]
-    for change in moved[:MOST]:
+    for change in moved[:MAX_TABLE_ROWS]:
         name = names.get(change.name, change.name)
-        rows.append((name, *_spent(change.a), *_spent(change.b), f"{change.change:+.2f}"))
+        rows.append((name, *_duration_cells(change.a), *_duration_cells(change.b), f"{change.change:+.2f}"))
     yield from _table(rows, right=True)
-    if len(moved) > MOST:
-        yield f"… {len(moved) - MOST} more with smaller changes"
+    if len(moved) > MAX_TABLE_ROWS:
+        yield f"… {len(moved) - MAX_TABLE_ROWS} more with smaller changes"
 
 
-def _told_once(diff: RunDiff) -> Iterator[TimeChange]:
+def _without_repeated_parents(diff: RunDiff) -> Iterator[TimeChange]:
     """Yield the nodes except those whose parent has the same times and counts."""
-    above = _above(diff)
+    above = _parent_paths(diff)
     known = {change.name: (change.a, change.b) for change in diff.time.by_node}
     for change in diff.time.by_node:
         if known.get(above[change.name]) != (change.a, change.b):
             yield change
 
 
-def _above(diff: RunDiff) -> Mapping[str, str]:
+def _parent_paths(diff: RunDiff) -> Mapping[str, str]:
     """Return the path of each node's parent as in A; as in B for nodes that only B has."""
     nodes, path_in_a = diff.alignment.nodes, diff.alignment.nodes.a_by_b
     return {
@@ -251,7 +258,7 @@ def _above(diff: RunDiff) -> Mapping[str, str]:
     }
 
 
-def _spent(spent: TimeUse) -> tuple[str, str, str]:
+def _duration_cells(spent: TimeUse) -> tuple[str, str, str]:
     if spent.median is None:
         return "–", "–", "–"
     return str(spent.count), f"{spent.total:.2f}", f"{spent.median:.2f}"
@@ -262,17 +269,17 @@ def _counts(diff: RunDiff) -> Iterator[str]:
         yield from _table([("", "A", "B"), *((c.name, str(c.a), str(c.b)) for c in diff.causes)], right=True)
 
 
-def _ways(diff: RunDiff, names: Mapping[str, str]) -> Iterator[str]:
-    above = _above(diff)
+def _ending_rows(diff: RunDiff, names: Mapping[str, str]) -> Iterator[str]:
+    above = _parent_paths(diff)
     ended: dict[str, tuple[str, str]] = {}
     for path in dict.fromkeys(way.path for way in diff.ways):
         ones = [way for way in diff.ways if way.path == path]
         ended[path] = _endings((w.a, w.outcome) for w in ones), _endings((w.b, w.outcome) for w in ones)
     rows = [(names.get(path, path), *both) for path, both in ended.items() if ended.get(above[path]) != both]
     if rows:
-        yield from _table([("", "A", "B"), *rows[: 3 * MOST]])
-    if len(rows) > 3 * MOST:
-        yield f"… {len(rows) - 3 * MOST} more"
+        yield from _table([("", "A", "B"), *rows[: 3 * MAX_TABLE_ROWS]])
+    if len(rows) > 3 * MAX_TABLE_ROWS:
+        yield f"… {len(rows) - 3 * MAX_TABLE_ROWS} more"
 
 
 def _endings(counts: Iterable[tuple[int, str]]) -> str:
@@ -307,12 +314,12 @@ def _ended(end: ItemEnd | None) -> tuple[str, str, str, str]:
 
 def _listed(title: str, names: list[str]) -> Iterator[str]:
     yield f"{title}:"
-    yield from (f"  {name}" for name in names[:MOST])
-    if len(names) > MOST:
-        yield f"  … {len(names) - MOST} more"
+    yield from (f"  {name}" for name in names[:MAX_TABLE_ROWS])
+    if len(names) > MAX_TABLE_ROWS:
+        yield f"  … {len(names) - MAX_TABLE_ROWS} more"
 
 
-def _tops(nodes: Sequence[TreeNode]) -> Iterator[str]:
+def _topmost_nodes(nodes: Sequence[TreeNode]) -> Iterator[str]:
     """Yield the nodes that are below none of the others, with the number of the others below each."""
     paths = [node.path for node in nodes]
     for path in paths:

@@ -7,10 +7,10 @@ from collections.abc import Iterator, Mapping
 from ....logs.schema.records import Values
 from ....logs.visits import HALTED, Visit
 from ..divergence import Divergence, How, MessageDifference
-from ..message_fields import first_apart, value_text
+from ..message_fields import first_difference_in_values, value_text
 from ..run_settings import value_changes
 
-HOW: Mapping[How, str] = {
+DIVERGENCE_TEXTS: Mapping[How, str] = {
     "type": "is of another type",
     "inputs": "begins with other inputs",
     "outcome": "ends otherwise",
@@ -25,16 +25,16 @@ def parting_lines(parting: Divergence) -> Iterator[str]:
     a, b = parting.a, parting.b
     same = a is not None and b is not None and parting.how not in ("order", "end")
     if parting.how != "end":
-        yield f"they part at {parting.time:.2f} s: {_what(parting, a if same else None)}"
+        yield f"they part at {parting.time:.2f} s: {_divergence_phrase(parting, a if same else None)}"
     for side, visit in (("A", a), ("B", b)):
         if visit is None:
             yield f"  {side}  nothing more begins" if parting.how == "order" else f"  {side}  –"
             continue
         yield f"  {side}  {visit.path}{_about(visit)}"
-        yield f"     {_course(visit)}"
+        yield f"     {_visit_text(visit)}"
     if a is not None and b is not None and same:
-        yield from _apart("read", a.inputs, b.inputs)
-        yield from _apart("evidence", a.evidence, b.evidence)
+        yield from _differing_values("read", a.inputs, b.inputs)
+        yield from _differing_values("evidence", a.evidence, b.evidence)
     for side, visit in (("A", parting.next_a), ("B", parting.next_b)):
         if visit is not None:
             yield f"  then {side}  {visit.path}{_about(visit)} from {visit.start:.2f} s: {_ended(visit)}"
@@ -56,7 +56,7 @@ def first_value_lines(first: MessageDifference) -> Iterator[str]:
     yield f"  B  {value_text(first.b)}"
 
 
-def _apart(title: str, a: Values, b: Values) -> Iterator[str]:
+def _differing_values(title: str, a: Values, b: Values) -> Iterator[str]:
     """Yield the values that differ; for lists the first differing element."""
     if not a or not b:
         for side, values in (("A", a), ("B", b)):
@@ -65,16 +65,16 @@ def _apart(title: str, a: Values, b: Values) -> Iterator[str]:
                 yield f"     {title} of {side}: {said}"
         return
     for change in value_changes(a, b):
-        found = first_apart(change.a, change.b, change.name)
+        found = first_difference_in_values(change.a, change.b, change.name)
         if found is not None:
             yield f"     {title} {found.path}: A {value_text(found.a)}, B {value_text(found.b)}"
 
 
-def _what(parting: Divergence, same: Visit | None) -> str:
+def _divergence_phrase(parting: Divergence, same: Visit | None) -> str:
     if same is None:
-        return HOW[parting.how]
-    also = "".join(f", {HOW[aspect]}" for aspect in parting.also)
-    return f"{same.path.rsplit('/', 1)[-1]} {HOW[parting.how]}{also}"
+        return DIVERGENCE_TEXTS[parting.how]
+    also = "".join(f", {DIVERGENCE_TEXTS[aspect]}" for aspect in parting.also)
+    return f"{same.path.rsplit('/', 1)[-1]} {DIVERGENCE_TEXTS[parting.how]}{also}"
 
 
 def _about(visit: Visit) -> str:
@@ -84,7 +84,7 @@ def _about(visit: Visit) -> str:
     return f" ({', '.join(said)})" if said else ""
 
 
-def _course(visit: Visit) -> str:
+def _visit_text(visit: Visit) -> str:
     return f"{visit.start:.2f} to {visit.end:.2f} s: {_ended(visit)}"
 
 

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ....logs.schema.records import BodyRecord
-from ....manipulation.pick.pick_candidates import PLACE, ROOM, TRANSFER
+from ....manipulation.pick.pick_candidates import PLACE_STAGE, ROOM_STAGE, TRANSFER_STAGE
 from ....manipulation.place.bin_spots import free_cells, heap_heights
 from ....world.belief.planning_scene import BeliefObject
 from ....world.scene.description import Bin, Fixture
@@ -156,7 +156,7 @@ def _no_grasp(case: Investigation, failure: FailureStory) -> Finding | None:
     for rejection in choice.rejections:
         reason, count = rejection.reason, rejection.count
         match = TOUCHES.match(reason)
-        if rejection.stage in (ROOM, PLACE, TRANSFER) or NOWHERE in reason:
+        if rejection.stage in (ROOM_STAGE, PLACE_STAGE, TRANSFER_STAGE) or NOWHERE in reason:
             nowhere += count
         elif match:
             touched[(rejection.by or match.group(1)).split("/")[0]] += count

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from ....simulation.scoring.scorer import REST_SPEED
+from ....simulation.scoring.scorer import MAX_REST_SPEED
 from ....world.scene.destinations import is_at
 from ..investigation.case import Finding, Investigation
 from ..investigation.explanation import FailureStory
@@ -126,7 +126,7 @@ def _left_bin(case: Investigation, true: str, item: str, into: str, time: float)
     ends = case.bin_at(lies)
     where = f"in {ends}" if ends else f"at {place(lies.pose.position)}"
     reasons = [f"{item} was let go over {into} at {seconds(time)}, and truly lies {where}"]
-    if ends == into and case.scores[true].bin is None and track.last_speed > REST_SPEED:
+    if ends == into and case.scores[true].bin is None and track.last_speed > MAX_REST_SPEED:
         title = f"{item} still moved in {into} when the mission ended"
         moved = distance(math.dist(lies.pose.position, track.bodies[-2].pose.position))
         reasons.append(f"it moved {moved} {between(track.times[-2], track.times[-1])}")

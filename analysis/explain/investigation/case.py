@@ -17,7 +17,7 @@ from ....errors import PicktreeError
 from ....logs.run_log import Stamped
 from ....logs.schema.records import BodyRecord, Event
 from ....logs.visits import Visit
-from ....simulation.scoring.scorer import REST_SPEED, ItemScore, score
+from ....simulation.scoring.scorer import MAX_REST_SPEED, ItemScore, score
 from ....simulation.scoring.truth import TrueBody
 from ....world.scene.description import Bin, CatalogueEntry, Fixture, SceneDescription
 from ....world.scene.destinations import destination_rule
@@ -184,7 +184,9 @@ class Investigation:
         number = 0 if result is None else len(lying) - result.items.sorted
         fast = sorted(lying, key=lambda each: -self.truth.tracks[str(each.id)].last_speed)
         return [
-            each for each in fast[: max(0, number)] if self.truth.tracks[str(each.id)].last_speed > REST_SPEED
+            each
+            for each in fast[: max(0, number)]
+            if self.truth.tracks[str(each.id)].last_speed > MAX_REST_SPEED
         ]
 
     def name_of(self, true: str) -> str:

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from ....files.diagnostics.fault_rendering import Paint
 from ....logs.episodes.episode import Episode, Planted
 from ....logs.episodes.episode_counts import ENDS, CauseCount
-from ....manipulation.pick.pick_candidates import RANKED
+from ....manipulation.pick.pick_candidates import RANKED_STAGE
 from ..investigation.episodes_of_log import Episodes
 from ..investigation.explanation import CandidateChoice, CureAttempt, FailureStory
 from ..investigation.number_wording import counted, listed, seconds, wrapped
@@ -198,7 +198,7 @@ def _tells(choice: CandidateChoice, story: FailureStory) -> bool:
 
 def _choice(choice: CandidateChoice) -> str:
     if any(r.stage for r in choice.rejections):
-        asked = counted(dict(choice.stages).get(RANKED, 0), "candidate")
+        asked = counted(dict(choice.stages).get(RANKED_STAGE, 0), "candidate")
         return f"Grasps at {seconds(choice.time)}: {asked}: {'; '.join(_few(_counts(choice)))}."
     stages = ", ".join(f"{count} {name}" for name, count in choice.stages)
     what = "Plans" if choice.purpose == "plan" else f"Grasps at {seconds(choice.time)}"

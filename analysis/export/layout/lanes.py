@@ -9,9 +9,9 @@ from dataclasses import dataclass
 from ....logs.schema.records import Tree, TreeNode
 from ...run import Run
 
-LEAVES = 12
+MAX_LEAF_LANES = 12
 """Maximum number of lanes of leaves."""
-INNER = 5
+MAX_INNER_LANES = 5
 """Maximum number of lanes of nodes with children, besides the root."""
 
 
@@ -54,8 +54,10 @@ def lanes(run: Run) -> tuple[Lane, ...]:
         return (node.path not in activity.failed, -activity.ticks[node.path])
 
     chosen = {root}
-    chosen.update(node.path for node in sorted(leaves, key=rank)[:LEAVES])
-    chosen.update(node.path for node in sorted(inner, key=lambda n: -activity.ticks[n.path])[:INNER])
+    chosen.update(node.path for node in sorted(leaves, key=rank)[:MAX_LEAF_LANES])
+    chosen.update(
+        node.path for node in sorted(inner, key=lambda n: -activity.ticks[n.path])[:MAX_INNER_LANES]
+    )
     paths = [node.path for node in nodes if node.path in chosen]
     return tuple(Lane(path, label) for path, label in zip(paths, labels(paths), strict=True))
 

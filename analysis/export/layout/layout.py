@@ -24,11 +24,11 @@ from .layout_format import CameraState, Entities, Frustum, Grid, LayoutFile, Pan
 _AZIMUTH, _ELEVATION = -30.0, 25.0
 """Direction of the camera as seen from the scene, degrees; the azimuth is about z, from +x."""
 _FOV = 45.0
-_AIR = 1.15
+_VIEW_MARGIN = 1.15
 """Factor by which the view is larger than the scene's sphere."""
-_TRUTH = "#ff00ff59"
+_TRUTH_COLOUR = "#ff00ff59"
 """Colour of the ground truth over the belief."""
-_EMPTY = np.array([[-0.5, -0.5, 0.0], [0.5, 0.5, 1.0]])
+_EMPTY_SCENE_BOX = np.array([[-0.5, -0.5, 0.0], [0.5, 0.5, 1.0]])
 
 
 def three_dee(log: RunLog, title: str, *, truth: bool) -> ThreeDee:
@@ -39,7 +39,7 @@ def three_dee(log: RunLog, title: str, *, truth: bool) -> ThreeDee:
     shown: dict[str, Entities | Frustum] = {
         topics.ROBOT.name: {"visible": True},
         topics.OBJECTS.name: {"visible": True},
-        topics.TRUTH.name: {"visible": truth, "color": _TRUTH, "showOutlines": True},
+        topics.TRUTH.name: {"visible": truth, "color": _TRUTH_COLOUR, "showOutlines": True},
     }
     for camera in log.cameras:
         shown[topics.calibration_topic(camera).name] = {
@@ -81,7 +81,7 @@ def camera_state(centre: Array, radius: float) -> CameraState:
     The panel puts its camera at `centre` + `distance` · (−sin φ sin θ, −sin φ cos θ, cos φ).
     """
     return {
-        "distance": round(_AIR * radius / math.sin(math.radians(_FOV / 2)), 3),
+        "distance": round(_VIEW_MARGIN * radius / math.sin(math.radians(_FOV / 2)), 3),
         "perspective": True,
         "phi": 90.0 - _ELEVATION,
         "target": [0.0, 0.0, 0.0],
@@ -110,7 +110,7 @@ def _points(scene: Scene | None, transforms: Sequence[Transform]) -> Array:
         placed = [(body.shape, body.pose) for body in scene.bodies]
         placed += [(part.shape, part.pose) for part in scene.fixed if "/" in part.id]
         found += [pose.apply(corners(shape)) for shape, pose in placed]
-    return np.concatenate(found) if found else _EMPTY
+    return np.concatenate(found) if found else _EMPTY_SCENE_BOX
 
 
 def _frames(log: RunLog) -> tuple[str, ...]:

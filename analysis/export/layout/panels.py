@@ -159,7 +159,7 @@ def _elements(value: object) -> Sequence[object]:
     return ()
 
 
-_EVENTS = ("fault", "pick", "recovery", "item_done", "safety_stop", "mission_edited")
+_LANE_EVENTS = ("fault", "pick", "recovery", "item_done", "safety_stop", "mission_edited")
 """Kinds of event that have a lane where the log holds any."""
 
 
@@ -173,7 +173,7 @@ def state_transitions(run: Run) -> StateTransitions:
     happened = {at.record.kind for at in run.events}
     paths += [
         _transition(kind.replace("_", " "), f'{topics.EVENTS.name}{{kind=="{kind}"}}.message')
-        for kind in _EVENTS
+        for kind in _LANE_EVENTS
         if kind in happened
     ]
     return {"isSynced": True, "paths": paths, "foxglovePanelTitle": "Tree"}

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ...run import Run
 from ..layout.lanes import lanes
-from ..tables.table_rows import about
+from ..tables.table_rows import run_rows
 from .stage import TIMELINE, RerunWriter, camera_entity, write_stage
 
 _IDLE = "IDLE"
@@ -24,7 +24,7 @@ _STATES: Mapping[str, int] = {
     "SKIPPED": 0x8A8F98FF,
     _IDLE: 0x00000000,
 }
-_LOOK = rr.StateConfiguration(
+_STATE_STYLE = rr.StateConfiguration(
     values=list(_STATES),
     colors=np.array(list(_STATES.values()), dtype=np.uint32),
     visible=[state != _IDLE for state in _STATES],
@@ -34,7 +34,7 @@ _COLOURS = (0xE0443EFF, 0x2E9E5BFF, 0x3D8BFDFF, 0xC98A1AFF, 0x8E5BD0FF, 0x17A2A8
 """Colours of the series of a plot, in order: x red, y green, z blue."""
 
 
-def write_course(sheet: RerunWriter, run: Run) -> None:
+def write_signals(sheet: RerunWriter, run: Run) -> None:
     _lanes(sheet, run)
     _signals(sheet, run)
     sheet.always("/about", rr.TextDocument(_about(run), media_type="text/markdown"))
@@ -48,7 +48,7 @@ def write_course(sheet: RerunWriter, run: Run) -> None:
 
 def _about(run: Run) -> str:
     """Return settings and outcome of the run as a table."""
-    words = [(row.key, row.value.replace("|", "\\|").replace("\n", " ")) for row in about(run)]
+    words = [(row.key, row.value.replace("|", "\\|").replace("\n", " ")) for row in run_rows(run)]
     return "\n".join(["| | |", "|---|---|", *(f"| {key} | {value} |" for key, value in words)])
 
 
@@ -70,7 +70,7 @@ def _lanes(sheet: RerunWriter, run: Run) -> None:
         lane.append((time, state))
     for path, lane in lanes.items():
         entity = lane_entity(path)
-        sheet.always(entity, _LOOK)
+        sheet.always(entity, _STATE_STYLE)
         states = [state for _, state in lane]
         sheet.column(entity, [time for time, _ in lane], rr.StateChange.columns(state=states))
 
@@ -95,7 +95,7 @@ def _changes(run: Run) -> Iterator[tuple[str, float, str]]:
 
 def _signals(sheet: RerunWriter, run: Run) -> None:
     joints, wrenches, controls = run.joints, run.wrenches, run.controls
-    arm = _arm(run)
+    arm = _arm_joint_count(run)
     for name, values in (
         ("position", joints.positions), ("velocity", joints.velocities), ("effort", joints.efforts)
     ):  # fmt: skip
@@ -112,7 +112,7 @@ def _signals(sheet: RerunWriter, run: Run) -> None:
     )
 
 
-def _arm(run: Run) -> int:
+def _arm_joint_count(run: Run) -> int:
     """Return the number of the arm's joints: the length of a plan's waypoint, or of all joints without a
     plan."""
     return next((len(at.record.path[0]) for at in run.plans if at.record.path), len(run.joints.names))
@@ -134,7 +134,7 @@ def _series(
     sheet.column(entity, times.tolist(), columns)
 
 
-_EVENTS = ["$origin/**", "- /events/belief/**", "- /events/image/**"]
+_EVENT_FILTER = ["$origin/**", "- /events/belief/**", "- /events/image/**"]
 """Filter of the event view. It hides events of which each image brings many; they are in the recording."""
 
 
@@ -144,7 +144,7 @@ def write_rerun(run: Run, path: Path) -> None:
     sheet = RerunWriter(path, name, blueprint(run))
     try:
         write_stage(sheet, run)
-        write_course(sheet, run)
+        write_signals(sheet, run)
     finally:
         sheet.close()
 
@@ -183,7 +183,7 @@ def blueprint(run: Run) -> rrb.Blueprint:
                 rrb.Vertical(
                     rrb.Tabs(*images, rrb.TextDocumentView(origin="/about", name="Run")),
                     rrb.TextLogView(origin="/log", name="Failures and recoveries"),
-                    rrb.TextLogView(origin="/events", contents=_EVENTS, name="Events"),
+                    rrb.TextLogView(origin="/events", contents=_EVENT_FILTER, name="Events"),
                 ),
                 column_shares=[5, 3],
             ),

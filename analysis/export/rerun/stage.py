@@ -10,7 +10,7 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
-from ....logs.meshes.binary_gltf import upright
+from ....logs.meshes.binary_gltf import with_y_up
 from ....logs.meshes.triangle_meshes import part_mesh, shape_mesh
 from ....logs.recording import foxglove_messages
 from ....logs.recording.foxglove_messages import UNKNOWN_COLOUR
@@ -58,10 +58,10 @@ class RerunWriter:
 
 _Z_UP_FROM_Y_UP = rr.Quaternion(xyzw=(math.sin(math.pi / 4), 0.0, 0.0, math.cos(math.pi / 4)))
 """Rotation from glTF, which has Y up, to the links' frames, which have Z up."""
-_STRETCH = 10_000
+_MAX_POSES_IN_MEMORY = 10_000
 """Maximum number of poses of a frame in memory: a run may last for hours."""
-_TRUTH = (255, 0, 255)
-_PLANNED, _REFUSED = (40, 200, 120), (230, 60, 60)
+_TRUTH_COLOUR = (255, 0, 255)
+_PLAN_COLOUR, _FAILED_PLAN_COLOUR = (40, 200, 120), (230, 60, 60)
 
 
 def write_stage(sheet: RerunWriter, run: Run) -> None:
@@ -92,7 +92,7 @@ def _robot(sheet: RerunWriter, run: Run) -> None:
     """Write the meshes once; they follow their links' frames."""
     for mesh in run.log.robot_model():
         model = f"/world/robot/{rr.escape_entity_path_part(mesh.link)}/model"
-        sheet.always(model, rr.Asset3D(contents=upright(mesh.glb), media_type="model/gltf-binary"))
+        sheet.always(model, rr.Asset3D(contents=with_y_up(mesh.glb), media_type="model/gltf-binary"))
         sheet.always(model, rr.Transform3D(quaternion=_Z_UP_FROM_Y_UP))
 
 
@@ -123,7 +123,7 @@ def _bodies(
             entity = _entity(source, body.id)
             sheet.at(time, entity, _placed(body.pose))
             if there.get(body.id) != present[body.id]:
-                colour = _TRUTH if source == "truth" else _rgb(body.colour)
+                colour = _TRUTH_COLOUR if source == "truth" else _rgb(body.colour)
                 sheet.at(time, entity, _body_form(body, colour, fill))
         there = present
 
@@ -140,7 +140,7 @@ def _frames(sheet: RerunWriter, run: Run) -> None:
                 continue
             track = tracks.setdefault(entity, [])
             track.append((at.time, t.pose))
-            if len(track) == _STRETCH:
+            if len(track) == _MAX_POSES_IN_MEMORY:
                 _move(sheet, entity, tracks.pop(entity))
     for entity, track in tracks.items():
         _move(sheet, entity, track)
@@ -171,7 +171,7 @@ def _plans(sheet: RerunWriter, run: Run) -> None:
     """Write the TCP path of the last plan; nothing where no plan was found."""
     for at in run.plans:
         way = [at.record.tool_path] if len(at.record.tool_path) > 1 else []
-        colour = _PLANNED if at.record.outcome == "found" else _REFUSED
+        colour = _PLAN_COLOUR if at.record.outcome == "found" else _FAILED_PLAN_COLOUR
         sheet.at(at.time, "/world/plan", rr.LineStrips3D(way, colors=[colour] * len(way), radii=0.003))
 
 

@@ -15,7 +15,7 @@ from .row_types import Cell, TableSpec, cells
 
 R = TypeVar("R")
 
-_FORMULA = re.compile(r"'*[=+\-@\t\r]")
+_FORMULA_START = re.compile(r"'*[=+\-@\t\r]")
 """Beginnings of text that a spreadsheet takes as a formula, which could run a program, unless ' precedes."""
 
 
@@ -26,7 +26,7 @@ def write_csv(path: Path, table: TableSpec[R], rows: Iterable[R]) -> int:
         writer = csv.writer(file, lineterminator="\r\n")
         writer.writerow([column.name for column in table.columns])
         for row in rows:
-            writer.writerow([said(cell) for cell in cells(row)])
+            writer.writerow([cell_text(cell) for cell in cells(row)])
             count += 1
     return count
 
@@ -47,14 +47,14 @@ def read_csv(path: Path, table: TableSpec[R]) -> tuple[R, ...]:
         )
 
 
-def said(cell: Cell) -> str:
+def cell_text(cell: Cell) -> str:
     match cell:
         case None:
             return ""
         case bool():
             return "true" if cell else "false"
         case str():
-            return f"'{cell}" if _FORMULA.match(cell) else cell
+            return f"'{cell}" if _FORMULA_START.match(cell) else cell
         case _:
             return repr(cell)
 
@@ -70,4 +70,4 @@ def _read(text: str, kind: str, optional: bool) -> Cell:
         case "bool":
             return {"true": True, "false": False}[text]
         case _:
-            return text[1:] if text.startswith("'") and _FORMULA.match(text) else text
+            return text[1:] if text.startswith("'") and _FORMULA_START.match(text) else text

@@ -15,9 +15,9 @@ from .row_types import Column, TableSpec, cells
 
 R = TypeVar("R")
 
-_GROUP = 100_000
+_ROW_GROUP_SIZE = 100_000
 """Maximum number of rows in memory: a run may last for hours."""
-TYPES = {"int": pa.int64(), "float": pa.float64(), "bool": pa.bool_(), "text": pa.string()}
+ARROW_TYPES = {"int": pa.int64(), "float": pa.float64(), "bool": pa.bool_(), "text": pa.string()}
 
 
 def write_parquet(path: Path, table: TableSpec[R], rows: Iterable[R]) -> int:
@@ -29,9 +29,9 @@ def write_parquet(path: Path, table: TableSpec[R], rows: Iterable[R]) -> int:
     count = 0
     waiting = iter(rows)
     with parquet.ParquetWriter(path, schema, compression="zstd") as writer:
-        while taken := [cells(row) for row in itertools.islice(waiting, _GROUP)]:
+        while taken := [cells(row) for row in itertools.islice(waiting, _ROW_GROUP_SIZE)]:
             arrays = [
-                pa.array([row[k] for row in taken], type=TYPES[column.kind])
+                pa.array([row[k] for row in taken], type=ARROW_TYPES[column.kind])
                 for k, column in enumerate(table.columns)
             ]
             writer.write_table(pa.Table.from_arrays(arrays, schema=schema))
@@ -49,4 +49,4 @@ def read_parquet(path: Path, table: TableSpec[R]) -> tuple[R, ...]:
 
 def field_of(column: Column) -> pa.Field:
     metadata = {"unit": column.unit, "meaning": column.meaning}
-    return pa.field(column.name, TYPES[column.kind], nullable=column.optional, metadata=metadata)
+    return pa.field(column.name, ARROW_TYPES[column.kind], nullable=column.optional, metadata=metadata)

@@ -17,7 +17,7 @@ R = TypeVar("R")
 Cell: TypeAlias = int | float | bool | str | None
 Kind: TypeAlias = Literal["int", "float", "bool", "text"]
 
-_KINDS: Final[dict[type, Kind]] = {int: "int", float: "float", bool: "bool", str: "text"}
+_COLUMN_KINDS: Final[dict[type, Kind]] = {int: "int", float: "float", bool: "bool", str: "text"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,7 +71,7 @@ def _column(name: str, said: Any) -> Column:
     kind, says = get_args(said)
     options = get_args(kind) if get_origin(kind) is types.UnionType else (kind,)
     (only,) = (option for option in options if option is not types.NoneType)
-    return Column(name, _KINDS[only], len(options) > 1, says.unit, says.meaning)
+    return Column(name, _COLUMN_KINDS[only], len(options) > 1, says.unit, says.meaning)
 
 
 Time: TypeAlias = Annotated[float, ColumnDoc("simulated time", "s")]

@@ -139,7 +139,7 @@ def items(run: Run) -> Iterator[row_types.ItemRow]:
             picks=len(picked),
             held=sum(1 for pick in picked if pick.held),
             failures=sum(1 for failure in run.failures if failure.item == story.id),
-            first_seen=_first(story),
+            first_seen=_first_event_time(story),
             done=done.get(story.id),
         )
 
@@ -190,7 +190,7 @@ def timings(run: Run) -> Iterator[row_types.TimingRow]:
         )
 
 
-def about(run: Run) -> Iterator[row_types.RunRow]:
+def run_rows(run: Run) -> Iterator[row_types.RunRow]:
     """Yield the settings of the run and its result."""
     told = asdict(run.info)
     groups = {"parameter": "parameters", "physics": "physics", "version": "versions"}
@@ -218,7 +218,7 @@ def _object(time: float, source: str, body: BodyRecord) -> row_types.ObjectRow:
     )  # fmt: skip
 
 
-def _first(story: ItemStory) -> float | None:
+def _first_event_time(story: ItemStory) -> float | None:
     return min((event.time for event in story.events), default=None)
 
 

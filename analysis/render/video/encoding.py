@@ -14,11 +14,11 @@ if TYPE_CHECKING:
     from av import VideoFrame
     from av.filter import Graph
 
-_BT709 = 1
-_LIMITED = 1
+_BT709_COLOURS = 1
+_LIMITED_RANGE = 1
 """Numbers of H.273 for the usual colours of films: BT.709, and limited range with black at 16 and white at
 235."""
-_KEY = 2.0
+_KEYFRAME_INTERVAL = 2.0
 """Interval between points at which playback of a film can start, s."""
 
 
@@ -37,14 +37,14 @@ def write_mp4(path: Path, pictures: Iterable[Picture], size: tuple[int, int], fp
         stream = container.add_stream("libx264", rate=fps, options={"crf": "21", "preset": "faster"})
         stream.width, stream.height = size
         stream.pix_fmt = "yuv420p"
-        stream.gop_size = max(1, round(_KEY * fps))
+        stream.gop_size = max(1, round(_KEYFRAME_INTERVAL * fps))
         # Set explicitly, because players guess differently.
         context = stream.codec_context
-        context.color_primaries = context.color_trc = context.colorspace = _BT709
-        context.color_range = _LIMITED
+        context.color_primaries = context.color_trc = context.colorspace = _BT709_COLOURS
+        context.color_range = _LIMITED_RANGE
         for count, picture in enumerate(pictures, 1):
             frame = av.VideoFrame.from_ndarray(picture, format="rgb24").reformat(
-                format="yuv420p", dst_colorspace=_BT709
+                format="yuv420p", dst_colorspace=_BT709_COLOURS
             )
             _stamp(frame, count - 1, fps)
             container.mux(stream.encode(frame))
@@ -86,10 +86,10 @@ def write_gif(
             frame = av.VideoFrame.from_ndarray(picture, format="rgb24")
             _stamp(frame, count - 1, fps)
             source.push(frame)
-            for reduced in _pulled(graph):
+            for reduced in _ready_frames(graph):
                 container.mux(stream.encode(reduced))
         source.push(None)
-        for reduced in _pulled(graph):
+        for reduced in _ready_frames(graph):
             container.mux(stream.encode(reduced))
         container.mux(stream.encode(None))
     return count
@@ -113,10 +113,10 @@ def _palette(sample: Sequence[Picture]) -> VideoFrame:
         _stamp(frame, number, 1)
         source.push(frame)
     source.push(None)
-    return _pulled(graph)[-1]
+    return _ready_frames(graph)[-1]
 
 
-def _pulled(graph: Graph) -> list[VideoFrame]:
+def _ready_frames(graph: Graph) -> list[VideoFrame]:
     """Return the frames that the graph has ready."""
     from av.error import BlockingIOError, EOFError
 

@@ -27,7 +27,7 @@ from ..scene_view import SceneRenderer, Show
 from ..viewpoint import VIEWS, PictureView
 from .encoding import require_encoder, write_gif, write_mp4
 
-_AHEAD = 2
+_MAX_WAITING_FRAMES = 2
 """Maximum number of frames that wait at each process: no process is idle, and few frames are in memory."""
 
 
@@ -54,7 +54,7 @@ class FrameWorkers:
             context = multiprocessing.get_context("spawn")
             for _ in range(self._count):
                 ours, theirs = context.Pipe()
-                process = context.Process(target=_paint, args=(theirs, self._setup), daemon=True)
+                process = context.Process(target=_draw_frames, args=(theirs, self._setup), daemon=True)
                 process.start()
                 theirs.close()
                 self._painters.append((process, ours))
@@ -76,17 +76,17 @@ class FrameWorkers:
         if not self._painters:
             scenery = _scenery(self._setup)
             for frame in frames:
-                yield _drawn(scenery, frame)
+                yield _draw_frame(scenery, frame)
             return
         waiting: deque[Connection] = deque()
         for number, frame in enumerate(frames):
-            if len(waiting) == _AHEAD * len(self._painters):
+            if len(waiting) == _MAX_WAITING_FRAMES * len(self._painters):
                 yield self._received(waiting.popleft())
             line = self._painters[number % len(self._painters)][1]
             try:
                 line.send(frame)
             except OSError:
-                raise _died() from None
+                raise _dead_process_error() from None
             waiting.append(line)
         while waiting:
             yield self._received(waiting.popleft())
@@ -96,22 +96,22 @@ class FrameWorkers:
         try:
             data = line.recv_bytes()
         except (EOFError, OSError):
-            raise _died() from None
+            raise _dead_process_error() from None
         return np.frombuffer(data, np.uint8).reshape(height, width, 3)
 
 
-def _died() -> PicktreeError:
+def _dead_process_error() -> PicktreeError:
     return PicktreeError("a process that draws frames has died; --processes 1 does without others")
 
 
-def _paint(line: Connection, setup: FrameSetup) -> None:
+def _draw_frames(line: Connection, setup: FrameSetup) -> None:
     """Draw received frames until the connection closes: the main function of a process."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent process decides
     scenery = _scenery(setup)
     try:
         while True:
             frame: FrameContent = line.recv()
-            line.send_bytes(_drawn(scenery, frame).tobytes())
+            line.send_bytes(_draw_frame(scenery, frame).tobytes())
     except (EOFError, OSError):
         return
 
@@ -120,18 +120,18 @@ def _scenery(setup: FrameSetup) -> SceneRenderer:
     return SceneRenderer(setup.robot, setup.view, setup.size)
 
 
-def _drawn(scenery: SceneRenderer, frame: FrameContent) -> Picture:
+def _draw_frame(scenery: SceneRenderer, frame: FrameContent) -> Picture:
     picture = scenery.picture(frame.shown)
     write(picture, frame.caption)
     return picture
 
 
-ENDINGS: Final = (".mp4", ".gif")
-HOLD = 2.0
+FILM_SUFFIXES: Final = (".mp4", ".gif")
+FAILURE_DISPLAY_TIME = 2.0
 """Time for which a failure is shown, s of the film."""
-_FEW = 60
+_MAX_SINGLE_PROCESS_FRAMES = 60
 """Number of frames up to which further processes do not pay for their start."""
-_SAMPLE = 5
+_PALETTE_IMAGES = 5
 """Number of images from which a GIF's colours are chosen."""
 
 
@@ -203,8 +203,8 @@ def film(
     began = time.monotonic()
     request = request or FilmRequest()
     ending = output.suffix.lower()
-    if ending not in ENDINGS:
-        raise PicktreeError(f"{output}: a film is a file that ends in {' or '.join(ENDINGS)}")
+    if ending not in FILM_SUFFIXES:
+        raise PicktreeError(f"{output}: a film is a file that ends in {' or '.join(FILM_SUFFIXES)}")
     require_encoder()
     moving = ending == ".gif"
     fps = request.fps or (10 if moving else 20)
@@ -216,7 +216,7 @@ def film(
     times = [min(start + k * request.speed / fps, end) for k in range(count)]
 
     def pictures(some: list[float], painters: FrameWorkers) -> Iterator[Picture]:
-        hold, speed = HOLD * request.speed, request.speed
+        hold, speed = FAILURE_DISPLAY_TIME * request.speed, request.speed
         frames = moments(log, some, (start, end), show=request.show, hold=hold, speed=speed, bar=True)
         return painters.pictures(frames)
 
@@ -228,10 +228,12 @@ def film(
     except OSError as error:
         raise _refused(output, error) from None
     try:
-        with FrameWorkers(setup, request.processes if count > _FEW else 1) as painters:
-            drawn = _counted(pictures(times, painters), count, progress)
+        with FrameWorkers(setup, request.processes if count > _MAX_SINGLE_PROCESS_FRAMES else 1) as painters:
+            drawn = _with_progress(pictures(times, painters), count, progress)
             if moving:
-                sample = list(pictures(times[:: max(1, math.ceil(count / _SAMPLE))], FrameWorkers(setup, 1)))
+                sample = list(
+                    pictures(times[:: max(1, math.ceil(count / _PALETTE_IMAGES))], FrameWorkers(setup, 1))
+                )
                 frames = write_gif(partial, drawn, size, fps, sample)
             else:
                 frames = write_mp4(partial, drawn, size, fps)
@@ -261,7 +263,7 @@ def _span(log: RunLog, request: FilmRequest) -> tuple[float, float]:
     return request.start, end
 
 
-def _counted(
+def _with_progress(
     pictures: Iterable[Picture], count: int, progress: Callable[[int, int], None] | None
 ) -> Iterator[Picture]:
     for number, picture in enumerate(pictures, 1):

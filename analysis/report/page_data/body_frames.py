@@ -99,7 +99,7 @@ def truths_of(run: Run) -> list[TrueBodySamples]:
     """Return the true bodies, each up to the tick at which a fault removed it."""
     bodies: dict[str, BodyRecord] = {}
     found: dict[str, list[tuple[int, tuple[float, ...]]]] = {}
-    taken = _taken(run)
+    taken = _removal_ticks(run)
     for at in run.log.truths():
         tick = run.ticks.number_at(at.time)
         for body in at.record.bodies:
@@ -121,7 +121,7 @@ def truths_of(run: Run) -> list[TrueBodySamples]:
     ]
 
 
-def _taken(run: Run) -> dict[str, int]:
+def _removal_ticks(run: Run) -> dict[str, int]:
     """Return the tick of the removal by a fault, by the true body's id."""
     taken: dict[str, int] = {}
     for at in run.events:
@@ -138,8 +138,8 @@ def spans(flags: Flags) -> list[Span]:
 
 
 def _differs(a: BodyRecord, b: BodyRecord) -> bool:
-    return _look(a) != _look(b)
+    return _appearance_key(a) != _appearance_key(b)
 
 
-def _look(body: BodyRecord) -> tuple[object, ...]:
+def _appearance_key(body: BodyRecord) -> tuple[object, ...]:
     return body.shape, body.colour, body.kind, body.role, body.place, body.blocks

@@ -13,7 +13,7 @@ import numpy as np
 from ....logs.schema.records import BodyRecord
 from ...run import Run
 from .body_frames import BelievedBody, Frames, TrueBodySamples, believed_of, frames_of, truths_of
-from .truth_matching import matched, track
+from .truth_matching import match_bodies, true_poses
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -38,7 +38,7 @@ class BeliefDeviation:
     """Distance between both positions, m; NaN where one of them is missing."""
 
 
-_FINE = 5e-4
+_MIN_DISTANCE_CHANGE = 5e-4
 """Smallest change of a distance that counts, m."""
 _MOTIONS: WeakKeyDictionary[Run, SceneMotion] = WeakKeyDictionary()
 
@@ -48,7 +48,7 @@ def motion_of(run: Run) -> SceneMotion:
     if motion is None:
         frames = frames_of(run)
         believed, truths = believed_of(run, frames), truths_of(run)
-        motion = _MOTIONS[run] = SceneMotion(frames, believed, truths, matched(believed, truths))
+        motion = _MOTIONS[run] = SceneMotion(frames, believed, truths, match_bodies(believed, truths))
     return motion
 
 
@@ -64,7 +64,7 @@ def deviations(motion: SceneMotion) -> Iterator[BeliefDeviation]:
         if one is None:
             yield from (BeliefDeviation(tick, "", truth.body, math.nan) for tick in sorted(samples))
             continue
-        poses = track(truth, one, motion.frames.ticks)
+        poses = true_poses(truth, one, motion.frames.ticks)
         apart = np.linalg.norm(one.track[:, :3] - poses[:, :3], axis=1).tolist()
         present = one.present.tolist()
         told = math.nan
@@ -72,7 +72,7 @@ def deviations(motion: SceneMotion) -> Iterator[BeliefDeviation]:
             if (
                 tick in samples
                 or math.isnan(apart[tick]) != math.isnan(told)
-                or abs(apart[tick] - told) > _FINE
+                or abs(apart[tick] - told) > _MIN_DISTANCE_CHANGE
             ):
                 told = apart[tick]
                 yield BeliefDeviation(tick, one.id if present[tick] else "", truth.body, told)

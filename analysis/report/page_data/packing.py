@@ -45,7 +45,7 @@ class Quantised:
     """Numbers that the page receives as multiples of a step, in 32-bit floats; NaN stays NaN."""
 
     levels: NDArray[np.int32]
-    """Multiples of `step`, (n, …); `GAP` for NaN."""
+    """Multiples of `step`, (n, …); `NAN_LEVEL` for NaN."""
     step: float
 
 
@@ -54,8 +54,8 @@ Packable: TypeAlias = (
 )
 """JSON in which numpy arrays and `Quantised` may occur as values."""
 
-GAP: Final = -(2**31)
-_KINDS: Final[Mapping[str, str]] = {
+NAN_LEVEL: Final = -(2**31)
+_ARRAY_TYPES: Final[Mapping[str, str]] = {
     "b": "u1", "u1": "u1", "i1": "i1", "u2": "u2", "i2": "i2", "u4": "u4", "i4": "i4", "f4": "f4", "f8": "f8",
 }  # fmt: skip
 
@@ -68,14 +68,14 @@ class Section:
     data: Packable
 
 
-def quantised(values: AnyArray, step: float) -> Quantised:
+def quantise(values: AnyArray, step: float) -> Quantised:
     """Round `values` (n, …) to the nearest multiples of `step`. Raises ValueError beyond 31 bits."""
     with np.errstate(invalid="ignore"):
         levels = np.round(np.asarray(values, dtype=np.float64) / step)
     gaps = np.isnan(levels)
-    if np.abs(levels[~gaps]).max(initial=0.0) >= -GAP:
+    if np.abs(levels[~gaps]).max(initial=0.0) >= -NAN_LEVEL:
         raise ValueError(f"a step of {step} is too fine for these numbers")
-    return Quantised(np.where(gaps, GAP, levels).astype(np.int32), step)
+    return Quantised(np.where(gaps, NAN_LEVEL, levels).astype(np.int32), step)
 
 
 def pack(sections: Iterable[Section]) -> str:
@@ -113,7 +113,7 @@ class _Blobs:
                 raise TypeError(f"a report cannot hold a {type(value).__name__}")
 
     def _array(self, array: AnyArray) -> object:
-        kind = _KINDS.get(array.dtype.str[1:]) or _KINDS.get(array.dtype.kind)
+        kind = _ARRAY_TYPES.get(array.dtype.str[1:]) or _ARRAY_TYPES.get(array.dtype.kind)
         if kind is None:
             raise TypeError(f"a report cannot hold an array of {array.dtype}")
         data = np.ascontiguousarray(array).astype("<" + kind).tobytes()

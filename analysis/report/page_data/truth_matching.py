@@ -10,17 +10,17 @@ from ....world.values import Array
 from .body_frames import BelievedBody, TrueBodySamples
 from .poses import between, composed, filled, inverse
 
-RIDES = 0.03
+MAX_HELD_OFFSET = 0.03
 """Maximum distance between truth and belief of a held body that moves with the hand, m."""
-FAR = 0.3
+MAX_MATCH_DISTANCE = 0.3
 """Distance above which two bodies match equally badly, m."""
-NEVER = 10.0
+OTHER_ROLE_COST = 10.0
 """Cost of a pair of an item and an obstacle, m."""
-UNLIKE = 0.1
+OTHER_LOOK_COST = 0.1
 """Cost of a different kind, and of a different colour, in a match, m each."""
 
 
-def matched(believed: Sequence[BelievedBody], truths: Sequence[TrueBodySamples]) -> list[int | None]:
+def match_bodies(believed: Sequence[BelievedBody], truths: Sequence[TrueBodySamples]) -> list[int | None]:
     """Return for each true body the number of the believed one, or None.
 
     The sum of mean distances is minimal.
@@ -32,7 +32,7 @@ def matched(believed: Sequence[BelievedBody], truths: Sequence[TrueBodySamples])
     if not costs.size:
         return found
     for truth, column in zip(*linear_sum_assignment(costs), strict=True):
-        if costs[truth, column] < FAR + UNLIKE:
+        if costs[truth, column] < MAX_MATCH_DISTANCE + OTHER_LOOK_COST:
             found[int(truth)] = int(column)
     return found
 
@@ -42,15 +42,15 @@ def _cost(one: BelievedBody, truth: TrueBodySamples) -> float:
     there = ~np.isnan(poses[:, 0])
     body = one.looks[-1].body
     if body.role != truth.body.role:
-        return NEVER
-    unlike = UNLIKE * ((body.kind != truth.body.kind) + (body.colour != truth.body.colour))
+        return OTHER_ROLE_COST
+    unlike = OTHER_LOOK_COST * ((body.kind != truth.body.kind) + (body.colour != truth.body.colour))
     if not there.any():
-        return FAR + UNLIKE + unlike
+        return MAX_MATCH_DISTANCE + OTHER_LOOK_COST + unlike
     apart = np.linalg.norm(poses[there, :3] - truth.poses[there, :3], axis=1)
-    return float(np.median(np.minimum(apart, FAR))) + unlike
+    return float(np.median(np.minimum(apart, MAX_MATCH_DISTANCE))) + unlike
 
 
-def track(truth: TrueBodySamples, one: BelievedBody | None, ticks: int) -> Array:
+def true_poses(truth: TrueBodySamples, one: BelievedBody | None, ticks: int) -> Array:
     """Return the poses of a true body at each tick, (n, 7); NaN before its first and after its last
     sample.
 
@@ -80,8 +80,8 @@ def _in_hand(poses: Array, held: np.ndarray, start: Array, end: Array, share: Ar
     """Interpolate between two samples during which the robot holds the body for some time."""
     before = composed(inverse(poses[:1]), start[:1])
     after = composed(inverse(poses[-1:]), end[-1:])
-    rides_before = held[0] and np.linalg.norm(before[0, :3]) < RIDES
-    rides_after = held[-1] and np.linalg.norm(after[0, :3]) < RIDES
+    rides_before = held[0] and np.linalg.norm(before[0, :3]) < MAX_HELD_OFFSET
+    rides_after = held[-1] and np.linalg.norm(after[0, :3]) < MAX_HELD_OFFSET
     ones = np.ones((len(poses), 1))
     if rides_before and rides_after:
         return composed(poses, between(ones * before, ones * after, share))

@@ -15,10 +15,10 @@ from ....logs.schema.records import BodyRecord
 from ....world.values import Pose
 from ...run import Run
 from ..page_data.body_motion import BeliefDeviation, SceneMotion, deviations, motion_of
-from ..page_data.packing import Packable, Section, StringTable, quantised
+from ..page_data.packing import Packable, Section, StringTable, quantise
 from ..page_data.tick_table import TickTable, tick_table
 
-_STILL: Final = 2e-4
+_MIN_POSITION_CHANGE: Final = 2e-4
 """Smallest change of a believed position that counts, m."""
 
 
@@ -59,7 +59,7 @@ def sightings(run: Run) -> tuple[BeliefSighting, ...]:
 
 
 def _differs(before: BodyRecord, after: BodyRecord) -> bool:
-    moved = math.dist(before.pose.position, after.pose.position) > _STILL
+    moved = math.dist(before.pose.position, after.pose.position) > _MIN_POSITION_CHANGE
     turned = before.pose.orientation != after.pose.orientation and _angle(before.pose, after.pose) > 0.005
     return moved or turned or any(
         getattr(before, name) != getattr(after, name)
@@ -115,7 +115,7 @@ def _belief(seen: Sequence[BeliefSighting]) -> Packable:
         "there": np.array([body is not None for body in bodies], dtype=np.uint8),
         "attached": np.array([body is not None and body.attached for body in bodies], dtype=np.uint8),
         **texts,
-        **{name: quantised(numbers[:, k], steps[k]) for k, name in enumerate(names)},
+        **{name: quantise(numbers[:, k], steps[k]) for k, name in enumerate(names)},
         "words": list(words.texts),
     }
 
@@ -137,14 +137,14 @@ def _truth(motion: SceneMotion) -> Packable:
         "tick": np.array([one.tick for one in believed], dtype=np.uint32),
         "object": words.numbers([one.object for one in believed]),
         "true": words.numbers([one.body.id for one in believed]),
-        "distance": quantised(np.array([1000.0 * one.distance for one in believed]), 0.1),
-        "gone": _gone(motion),
+        "distance": quantise(np.array([1000.0 * one.distance for one in believed]), 0.1),
+        "gone": _removed_objects(motion),
         "unknown": [{"tick": tick, "bodies": list(bodies)} for tick, bodies in unknown_bodies(told, motion)],
         "words": list(words.texts),
     }
 
 
-def _gone(motion: SceneMotion) -> list[Packable]:
+def _removed_objects(motion: SceneMotion) -> list[Packable]:
     """Return the objects that still are in the belief after a fault has removed them, with the tick of the
     removal."""
     last = max((int(truth.ticks[-1]) for truth in motion.truths), default=0)

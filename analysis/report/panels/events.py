@@ -17,12 +17,12 @@ from ..page_data.packing import Packable, Section, StringTable
 def pack_failures(run: Run) -> Section:
     """Pack all of `run.explanation`, field by field, with the causes of its episodes in `causes`."""
     explanation = run.explanation
-    named = {field.name: plain(getattr(explanation, field.name)) for field in fields(explanation)}
+    named = {field.name: plain_value(getattr(explanation, field.name)) for field in fields(explanation)}
     causes = explanation.recovery.causes
-    return Section("failures", {**named, "causes": [_counted(each) for each in causes]})
+    return Section("failures", {**named, "causes": [_packed_cause(each) for each in causes]})
 
 
-def _counted(found: CauseCount) -> dict[str, Packable]:
+def _packed_cause(found: CauseCount) -> dict[str, Packable]:
     """Return counts, time lost and cures of a cause."""
     total = found.total
     return {
@@ -34,22 +34,22 @@ def _counted(found: CauseCount) -> dict[str, Packable]:
     }
 
 
-def plain(value: object) -> Packable:
+def plain_value(value: object) -> Packable:
     """Return a dataclass and its content as JSON: fields by name."""
     if value is None or isinstance(value, bool | int | float | str):
         return value
     if is_dataclass(value) and not isinstance(value, type):
-        return {field.name: plain(getattr(value, field.name)) for field in fields(value)}
+        return {field.name: plain_value(getattr(value, field.name)) for field in fields(value)}
     if isinstance(value, Mapping):
-        return {str(key): plain(below) for key, below in value.items()}  # pyright: ignore
+        return {str(key): plain_value(below) for key, below in value.items()}  # pyright: ignore
     if isinstance(value, Sequence):
-        return [plain(below) for below in value]  # pyright: ignore
+        return [plain_value(below) for below in value]  # pyright: ignore
     return str(value)
 
 
-_REPEATED: Final = frozenset({"image"})
+_KINDS_WITH_PANEL: Final = frozenset({"image"})
 """Kinds of event with a panel of their own."""
-_RANKS: Final = {"failure": 1, "recovery": 2, "handled": 3}
+_ORDER_IN_TICK: Final = {"failure": 1, "recovery": 2, "handled": 3}
 """Order of events within one tick."""
 
 
@@ -63,7 +63,7 @@ class ReportEvent:
 
 
 def pack_events(run: Run) -> Section:
-    found = happenings(run)
+    found = report_events(run)
     if not found:
         return Section("events", {"empty": "The log tells of no event."})
     words = StringTable()
@@ -79,26 +79,26 @@ def pack_events(run: Run) -> Section:
     )
 
 
-def happenings(run: Run) -> tuple[ReportEvent, ...]:
+def report_events(run: Run) -> tuple[ReportEvent, ...]:
     """Return the events in order of time; in one tick failures before their recoveries."""
     found = [*_events(run), *_plans(run), *_lines(run)]
-    return tuple(sorted(found, key=lambda one: (one.time, _RANKS.get(one.kind, 0))))
+    return tuple(sorted(found, key=lambda one: (one.time, _ORDER_IN_TICK.get(one.kind, 0))))
 
 
 def _events(run: Run) -> Iterator[ReportEvent]:
     for at in run.events:
         event = at.record
-        if event.kind not in _REPEATED:
+        if event.kind not in _KINDS_WITH_PANEL:
             yield ReportEvent(at.time, event.kind, event.message, event.node)
 
 
 def _plans(run: Run) -> Iterator[ReportEvent]:
     for at in run.plans:
         kind = "plan" if at.record.outcome == "found" else "no plan"
-        yield ReportEvent(at.time, kind, plan_words(at.record), "")
+        yield ReportEvent(at.time, kind, plan_line(at.record), "")
 
 
-def plan_words(plan: Plan) -> str:
+def plan_line(plan: Plan) -> str:
     """Return a plan in one line."""
     cost = f"{plan.checks} checks by {plan.planner}" if plan.planner else f"{plan.checks} checks"
     if plan.outcome == "found":

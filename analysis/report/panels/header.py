@@ -8,7 +8,7 @@ from ...explain.investigation.explanation import ExplainedOutcome
 from ...run import Run
 from ..page_data.packing import Packable, Section
 
-_WORDS = {"success": "success", "paused": "open", "interrupted": "open", "killed": "open"}
+_OUTCOME_COLOURS = {"success": "success", "paused": "open", "interrupted": "open", "killed": "open"}
 """Colour class of the outcome; any other outcome is a failure."""
 
 
@@ -57,7 +57,7 @@ def summary(run: Run) -> str:
 def _outcome(outcome: ExplainedOutcome) -> Packable:
     return {
         "word": outcome.status,
-        "kind": _WORDS.get(outcome.status, "failure"),
+        "kind": _OUTCOME_COLOURS.get(outcome.status, "failure"),
         "sentence": outcome.sentence,
         "items": _items(outcome),
     }

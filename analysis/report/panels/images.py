@@ -14,10 +14,10 @@ from ....logs.run_log import CameraImage, Stamped
 from ...run import Run
 from ..page_data.packing import Packable, Section
 
-BUDGET: Final = 1_000_000
+IMAGE_BYTE_LIMIT: Final = 1_000_000
 """Maximum size of all images together, bytes; base64 adds a third."""
-_QUALITIES: Final = (80, 60, 45)
-_SMALLEST: Final = 160
+_WEBP_QUALITIES: Final = (80, 60, 45)
+_MIN_IMAGE_WIDTH: Final = 160
 """Minimum width of a readable image, pixels."""
 
 
@@ -34,13 +34,13 @@ class ReportImage:
     farthest: float
 
 
-def pack_images(run: Run, budget: int = BUDGET) -> Section:
+def pack_images(run: Run, budget: int = IMAGE_BYTE_LIMIT) -> Section:
     """Pack all images, or as many as `budget` bytes hold, evenly over the run."""
     shots = [shot for camera in run.log.cameras for shot in run.log.shots(camera)]
     if not shots:
         return Section("images", {"empty": "No camera took an image in this run."})
     shots.sort(key=lambda at: at.time)
-    pictures = fitting(shots, budget)
+    pictures = images_within_budget(shots, budget)
     findings = {
         round(at.time, 3): at.record.data.get("findings") for at in run.events if at.record.kind == "image"
     }
@@ -56,28 +56,28 @@ def pack_images(run: Run, budget: int = BUDGET) -> Section:
     )
 
 
-def fitting(shots: Sequence[Stamped[CameraImage]], budget: int) -> list[ReportImage]:
+def images_within_budget(shots: Sequence[Stamped[CameraImage]], budget: int) -> list[ReportImage]:
     """Return the images in the best quality that `budget` allows.
 
     When even the smallest are too many, return fewer, the first and the last among them.
     """
     some = [shots[k] for k in range(0, len(shots), max(len(shots) // 8, 1))]
-    for width, quality in _looks(shots[0].record.colour.shape[1]):
+    for width, quality in _widths_and_qualities(shots[0].record.colour.shape[1]):
         mean = sum(map(_size, _pictures(some, width, quality))) / len(some)
         if 1.1 * mean * len(shots) <= budget:
             return _pictures(shots, width, quality)
-    width, quality = _looks(shots[0].record.colour.shape[1])[-1]
+    width, quality = _widths_and_qualities(shots[0].record.colour.shape[1])[-1]
     mean = sum(map(_size, _pictures(some, width, quality))) / len(some)
     count = max(int(budget / (1.1 * mean)), 1)
     chosen = sorted({round(float(k)) for k in np.linspace(0, len(shots) - 1, count)})
     return _pictures([shots[k] for k in chosen], width, quality)
 
 
-def _looks(width: int) -> list[tuple[int, int]]:
+def _widths_and_qualities(width: int) -> list[tuple[int, int]]:
     """Return widths and qualities, from the best to the lowest."""
     whole = min(width, 640)
-    small = [(max(whole // 2, _SMALLEST), 60)] if whole > _SMALLEST else []
-    return [*((whole, quality) for quality in _QUALITIES), *small]
+    small = [(max(whole // 2, _MIN_IMAGE_WIDTH), 60)] if whole > _MIN_IMAGE_WIDTH else []
+    return [*((whole, quality) for quality in _WEBP_QUALITIES), *small]
 
 
 def _size(picture: ReportImage) -> int:
@@ -97,13 +97,13 @@ def _picture(at: Stamped[CameraImage], width: int, quality: int) -> ReportImage:
         shot.camera,
         at.time,
         _webp(colour, width, quality),
-        _webp(_coloured(shot.depth, nearest, farthest), width, quality),
+        _webp(_depth_image(shot.depth, nearest, farthest), width, quality),
         nearest,
         farthest,
     )
 
 
-def _coloured(depth: NDArray[np.float32], nearest: float, farthest: float) -> NDArray[np.uint8]:
+def _depth_image(depth: NDArray[np.float32], nearest: float, farthest: float) -> NDArray[np.uint8]:
     """Return depth as BGR: bright is near, black is unknown."""
     span = max(farthest - nearest, 1e-6)
     levels = np.clip(255.0 * (farthest - depth) / span, 0.0, 255.0).astype(np.uint8)

@@ -17,7 +17,7 @@ from ..page_data.tick_table import ABSENT, STATUSES, TICKED, TickTable, tick_tab
 OUTCOMES: Final = ("RUNNING", "SUCCESS", "FAILURE", "SKIPPED", HALTED)
 """Outcomes by code."""
 
-_MARKS: Final = frozenset({"recovery", "fault", "item_done", "safety_stop", "mission_edited"})
+_MARKED_KINDS: Final = frozenset({"recovery", "fault", "item_done", "safety_stop", "mission_edited"})
 """Kinds of event that the lanes mark."""
 
 
@@ -39,7 +39,7 @@ def pack_lanes(run: Run) -> Section:
     if not len(table.times):
         return Section("lanes", {"empty": "The log holds no tick."})
     whole = run.log.format >= 2
-    visits = run.visits if whole else tuple(_seen(table))
+    visits = run.visits if whole else tuple(_visits_from_statuses(table))
     colours = _colours(run)
     return Section(
         "lanes",
@@ -66,7 +66,7 @@ def pack_lanes(run: Run) -> Section:
                     "node": at.record.node,
                 }
                 for at in run.events
-                if at.record.kind in _MARKS
+                if at.record.kind in _MARKED_KINDS
             ],
             "note": ""
             if whole
@@ -150,7 +150,7 @@ def _colours(run: Run) -> dict[str, str]:
     return found
 
 
-def _seen(table: TickTable) -> Iterator[Visit]:
+def _visits_from_statuses(table: TickTable) -> Iterator[Visit]:
     """Yield visits from the statuses alone, for a log without transitions.
 
     Events between two ticks are lost.

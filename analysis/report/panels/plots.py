@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 from ....errors import PicktreeError
 from ....logs.series import ControlSeries, JointSeries, WrenchSeries
 from ...run import Run
-from ..page_data.packing import Packable, Section, quantised
+from ..page_data.packing import Packable, Section, quantise
 
 Floats = NDArray[np.float64]
 
-MOST: Final = 8000
+MAX_CURVE_POINTS: Final = 8000
 """Maximum number of points of a curve.
 
 Of a longer one only the minimum and the maximum of each stretch remain, so that no peak is lost.
@@ -45,7 +45,7 @@ class CurvePlot:
 
 
 def pack_plots(run: Run) -> Section:
-    plots = [thinned(plot) for plot in plots_of(run) if plot.curves and len(plot.times)]
+    plots = [thin_plot(plot) for plot in plots_of(run) if plot.curves and len(plot.times)]
     if not plots:
         return Section("plots", {"empty": "The log holds neither joints nor forces."})
     return Section("plots", {"plots": [_packed(plot) for plot in plots]})
@@ -63,7 +63,7 @@ def plots_of(run: Run) -> tuple[CurvePlot, ...]:
     )
 
 
-def thinned(plot: CurvePlot, most: int = MOST) -> CurvePlot:
+def thin_plot(plot: CurvePlot, most: int = MAX_CURVE_POINTS) -> CurvePlot:
     """Return the plot with at most `most` points: minimum and maximum of each curve in each stretch, in order
     of time."""
     n = len(plot.times)
@@ -100,7 +100,7 @@ def _extremes(values: Floats, size: int) -> Floats:
 
 def _joint_plots(joints: JointSeries, fingers: Sequence[str]) -> tuple[CurvePlot, ...]:
     arm = [k for k, name in enumerate(joints.names) if name not in fingers]
-    labels = _short([joints.names[k] for k in arm])
+    labels = _without_common_prefix([joints.names[k] for k in arm])
 
     def plot(name: str, title: str, unit: str, step: float, values: Floats) -> CurvePlot:
         curves = tuple(PlotCurve(label, values[:, k]) for label, k in zip(labels, arm, strict=True))
@@ -114,7 +114,7 @@ def _joint_plots(joints: JointSeries, fingers: Sequence[str]) -> tuple[CurvePlot
 
 def _tracking(joints: JointSeries, told: ControlSeries) -> CurvePlot:
     """Return the plot of the joints' deviations from the servo's set points."""
-    labels = _short(joints.names[: told.errors.shape[1]])
+    labels = _without_common_prefix(joints.names[: told.errors.shape[1]])
     curves = tuple(PlotCurve(label, 1000.0 * told.errors[:, k]) for k, label in enumerate(labels))
     return CurvePlot(
         "tracking", "Tracking error", "mrad", 1e-3, told.times, curves,
@@ -157,9 +157,9 @@ def _packed(plot: CurvePlot) -> Packable:
         "title": plot.title,
         "unit": plot.unit,
         "note": plot.note,
-        "times": quantised(plot.times, 1e-3),
+        "times": quantise(plot.times, 1e-3),
         "labels": [curve.label for curve in plot.curves],
-        "values": [quantised(curve.values, plot.step) for curve in plot.curves],
+        "values": [quantise(curve.values, plot.step) for curve in plot.curves],
     }
 
 
@@ -176,7 +176,7 @@ def _fingers(run: Run) -> tuple[str, ...]:
     return tuple(name for name in run.joints.names if "finger" in name)
 
 
-def _short(names: Sequence[str]) -> list[str]:
+def _without_common_prefix(names: Sequence[str]) -> list[str]:
     """Return the names without their common prefix."""
     if len(names) < 2:
         return list(names)

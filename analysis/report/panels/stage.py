@@ -10,8 +10,8 @@ import numpy as np
 from ....errors import PicktreeError
 from ....logs.meshes.binary_gltf import read_glb
 from ....logs.meshes.link_meshes import parts_of
-from ....logs.meshes.mesh_decimation import thinned
-from ....logs.meshes.triangle_meshes import Mesh, joined, part_mesh, shape_mesh, smoothed
+from ....logs.meshes.mesh_decimation import decimate
+from ....logs.meshes.triangle_meshes import Mesh, join_meshes, part_mesh, shape_mesh, smooth_mesh
 from ....logs.recording.foxglove_messages import UNKNOWN_COLOUR
 from ....logs.schema.records import BodyRecord, LinkMesh, PartRecord
 from ....robots.loading import parse_robot
@@ -21,13 +21,13 @@ from ....world.values import Array, Pose
 from ...run import Run
 from ..page_data.body_frames import BelievedBody, Frames, TrueBodySamples, spans
 from ..page_data.body_motion import motion_of
-from ..page_data.packing import Packable, Quantised, Section, quantised
+from ..page_data.packing import Packable, Quantised, Section, quantise
 from ..page_data.poses import composed, continuous, filled, inverse, row
-from ..page_data.truth_matching import track
+from ..page_data.truth_matching import true_poses
 
-MOST_FACES = 3000
+MAX_LINK_FACES = 3000
 """Maximum number of faces of one link."""
-GRAIN = 1e-4
+VERTEX_RESOLUTION = 1e-4
 """Rounding of vertices, m."""
 
 
@@ -37,10 +37,12 @@ def packed_link(model: LinkMesh) -> Packable:
         mesh = read_glb(model.glb)
     except (ValueError, KeyError, IndexError, struct.error):
         return None
-    if len(mesh.faces) > MOST_FACES:
+    if len(mesh.faces) > MAX_LINK_FACES:
         # The file has a vertex for each of its normals; corners at one place become one vertex again.
-        places, same = np.unique(np.round(mesh.vertices / GRAIN), axis=0, return_inverse=True)
-        mesh = smoothed(*thinned(places * GRAIN, same.ravel()[mesh.faces], mesh.colours, MOST_FACES))
+        places, same = np.unique(np.round(mesh.vertices / VERTEX_RESOLUTION), axis=0, return_inverse=True)
+        mesh = smooth_mesh(
+            *decimate(places * VERTEX_RESOLUTION, same.ravel()[mesh.faces], mesh.colours, MAX_LINK_FACES)
+        )
     return {"link": model.link, **packed_mesh(mesh)}
 
 
@@ -48,7 +50,7 @@ def packed_mesh(mesh: Mesh) -> dict[str, Packable]:
     """Pack a mesh with one vertex for all equal corners."""
     corners = np.concatenate(
         [
-            np.round(mesh.vertices[mesh.faces.ravel()] / GRAIN),
+            np.round(mesh.vertices[mesh.faces.ravel()] / VERTEX_RESOLUTION),
             np.round(mesh.normals.reshape(-1, 3) * 127),
             np.round(mesh.colours.repeat(3, axis=0) * 255),
         ],
@@ -56,7 +58,7 @@ def packed_mesh(mesh: Mesh) -> dict[str, Packable]:
     ).astype(np.int32)
     rows, faces = np.unique(corners, axis=0, return_inverse=True)
     return {
-        "vertices": quantised(rows[:, :3] * GRAIN, GRAIN),
+        "vertices": quantise(rows[:, :3] * VERTEX_RESOLUTION, VERTEX_RESOLUTION),
         "normals": rows[:, 3:6].astype(np.int8),
         "colours": rows[:, 6:].astype(np.uint8),
         "faces": faces.astype(np.uint16 if len(rows) < 1 << 16 else np.uint32),
@@ -86,7 +88,7 @@ def packed_body(body: BodyRecord) -> Packable:
     """Return the shape of a body; an obstacle's blocks are one mesh."""
     if not body.blocks:
         return packed_shape(body.shape)
-    mesh = joined(shape_mesh(shape).placed(pose) for shape, pose in parts_of(body))
+    mesh = join_meshes(shape_mesh(shape).placed(pose) for shape, pose in parts_of(body))
     return {"mesh": packed_mesh(mesh)}
 
 
@@ -94,11 +96,11 @@ def rgb(name: str) -> list[Packable]:
     return list(COLOURS.get(name, UNKNOWN_COLOUR))
 
 
-METRES, TURNS = 1e-4, 2e-5
+POSITION_RESOLUTION, QUATERNION_RESOLUTION = 1e-4, 2e-5
 """Rounding of positions, m, and of the components of quaternions."""
-LINGERS = 0.4
+PLAN_DISPLAY_TIME = 0.4
 """Time for which the path of a motion is shown beyond its planned end, s."""
-CONSIDERED = 2.0
+CANDIDATE_DISPLAY_TIME = 2.0
 """Time for which the candidates of a search are shown, s."""
 
 
@@ -136,11 +138,14 @@ def _chain(frames: Frames, links: Sequence[str]) -> list[Array]:
 
 def _pose_track(track: Array) -> Packable:
     smooth = continuous(track)
-    return {"p": _grained(smooth[:, :3], METRES), "q": _grained(smooth[:, 3:], TURNS)}
+    return {
+        "p": _quantised_values(smooth[:, :3], POSITION_RESOLUTION),
+        "q": _quantised_values(smooth[:, 3:], QUATERNION_RESOLUTION),
+    }
 
 
-def _grained(values: Array, grain: float) -> Quantised:
-    return quantised(values, grain)
+def _quantised_values(values: Array, grain: float) -> Quantised:
+    return quantise(values, grain)
 
 
 def _tool(run: Run, links: Sequence[str]) -> Packable:
@@ -179,7 +184,7 @@ def _object(one: BelievedBody) -> Packable:
 
 
 def _truth(truth: TrueBodySamples, one: BelievedBody | None, partner: int | None, ticks: int) -> Packable:
-    poses = track(truth, one, ticks)
+    poses = true_poses(truth, one, ticks)
     return {
         "id": truth.body.id,
         "kind": truth.body.kind,
@@ -210,11 +215,11 @@ def _plans(run: Run) -> Packable:
     found: list[Packable] = []
     for k, at in enumerate(run.plans):
         plan = at.record
-        end = at.time + plan.thinking + plan.duration + LINGERS
+        end = at.time + plan.thinking + plan.duration + PLAN_DISPLAY_TIME
         if k + 1 < len(run.plans):
             end = min(end, run.plans[k + 1].time)
         if len(plan.tool_path) > 1:
-            points = quantised(np.array(plan.tool_path), 1e-3)
+            points = quantise(np.array(plan.tool_path), 1e-3)
             found.append({"from": at.time, "to": end, "request": plan.request, "path": points})
     return found
 
@@ -223,7 +228,7 @@ def _choices(run: Run) -> Packable:
     """Pack candidates of grasps and places for a limited time."""
     found: list[Packable] = []
     for k, at in enumerate(run.candidates):
-        end = at.time + CONSIDERED
+        end = at.time + CANDIDATE_DISPLAY_TIME
         if k + 1 < len(run.candidates):
             end = min(end, run.candidates[k + 1].time)
         tried = at.record.tried
@@ -232,7 +237,7 @@ def _choices(run: Run) -> Packable:
                 "from": at.time,
                 "to": end,
                 "object": at.record.object,
-                "poses": quantised(
+                "poses": quantise(
                     np.array([(*c.position, *c.orientation) for c in tried]).reshape(-1, 7), 1e-3
                 ),
                 "accepted": np.array([c.verdict == "accepted" for c in tried], dtype=np.uint8),

@@ -17,7 +17,7 @@ from ...run import Run
 from ..page_data.packing import Packable, Section
 from ..page_data.tick_table import STATUSES, tick_table
 
-_NOWHERE: Final = Path("/nonexistent/picktree/mission.yaml")
+_MISSING_MISSION_PATH: Final = Path("/nonexistent/picktree/mission.yaml")
 """Path that replaces the mission's own, so that a report runs no code from beside it."""
 
 
@@ -42,7 +42,9 @@ def _of_mission(run: Run, folder: str) -> Chart:
         if name.startswith(f"{folder}include/")
     }
     text = log.attachment(f"{folder}mission.yaml").decode("utf-8", "replace")
-    return chart(parse_mission(text, _NOWHERE, files=RecordedFiles(texts, _NOWHERE.parent)))
+    return chart(
+        parse_mission(text, _MISSING_MISSION_PATH, files=RecordedFiles(texts, _MISSING_MISSION_PATH.parent))
+    )
 
 
 def _paths(drawn: Chart) -> set[str]:

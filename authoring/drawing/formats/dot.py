@@ -7,7 +7,7 @@ from typing import Final
 
 from ....trees.declaration import Kind
 from ..chart import CHARACTERS, BranchRole, Chart, ChartNode, ChartPort, ChartTree
-from .shapes import LIGHT, escape
+from .shapes import LIGHT_COLOURS, escape
 
 _SHAPES: Final[Mapping[Kind, str]] = {
     "action": 'shape=box, style="rounded,filled"',
@@ -18,8 +18,8 @@ _SHAPES: Final[Mapping[Kind, str]] = {
 }
 _EDGES: Final[Mapping[BranchRole, str]] = {
     "child": "",
-    "choice": f'color="{LIGHT["choice_rim"]}", fontcolor="{LIGHT["choice_ink"]}"',
-    "cure": f'style=dashed, color="{LIGHT["cure_rim"]}", fontcolor="{LIGHT["cure_ink"]}"',
+    "choice": f'color="{LIGHT_COLOURS["choice_rim"]}", fontcolor="{LIGHT_COLOURS["choice_ink"]}"',
+    "cure": f'style=dashed, color="{LIGHT_COLOURS["cure_rim"]}", fontcolor="{LIGHT_COLOURS["cure_ink"]}"',
 }
 
 
@@ -43,7 +43,10 @@ def _cluster(chart: Chart, tree: ChartTree, path: str, call: ChartNode | None, e
     yield f"subgraph {_quoted(f'cluster {path}')} {{"
     ports = tree.ports if call is None else call.ports
     label = _label([f"{CHARACTERS['subtree']} {tree.name}", *map(_port, ports)])
-    yield f'  graph [label={label}, style="rounded,filled", fillcolor="{LIGHT["bar"]}", color="#c5ccd6"]'
+    yield (
+        f'  graph [label={label}, style="rounded,filled", fillcolor="{LIGHT_COLOURS["bar"]}", '
+        'color="#c5ccd6"]'
+    )
     yield from (f"  {line}" for line in _node(chart, tree.root, f"{path}/{tree.root.name}", expand))
     yield "}"
 
@@ -55,7 +58,7 @@ def _node(chart: Chart, node: ChartNode, path: str, expand: bool) -> Iterator[st
         return
     attributes = f"label={_label(_texts(node))}, {_SHAPES[node.kind]}, {_colours(node)}"
     attributes += f", tooltip={_label([node.place])}"
-    attributes += f', color="{LIGHT["stop"]}", penwidth=2' if node.breakpoint else ""
+    attributes += f', color="{LIGHT_COLOURS["stop"]}", penwidth=2' if node.breakpoint else ""
     yield f"{_quoted(path)} [{attributes}]"
     for branch in node.branches:
         below = f"{path}/{branch.node.name}"
@@ -106,7 +109,7 @@ def _port(port: ChartPort) -> str:
 
 def _colours(node: ChartNode) -> str:
     name = "cure" if node.symbol == "recover" else node.kind
-    return f'fillcolor="{LIGHT[name]}", color="{LIGHT[f"{name}_rim"]}"'
+    return f'fillcolor="{LIGHT_COLOURS[name]}", color="{LIGHT_COLOURS[f"{name}_rim"]}"'
 
 
 def _label(lines: list[str], *, centred: bool = False) -> str:

@@ -30,6 +30,6 @@ def suffix_of(name: str) -> Suffix:
     raise PicktreeError(f"{name}: a picture is a file that ends in .svg, .html, .dot or .txt")
 
 
-def drawn(chart: Chart, suffix: Suffix, *, expand: bool = False) -> str:
+def drawing_text(chart: Chart, suffix: Suffix, *, expand: bool = False) -> str:
     """Return the text of a drawing file; equal charts give equal texts on every machine."""
     return _DRAWERS[suffix](chart, expand=expand)

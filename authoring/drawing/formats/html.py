@@ -10,8 +10,8 @@ import orjson
 from ..chart import MEANINGS, Branch, Chart, ChartNode, ChartPort, ChartTree, Rule
 from ..layout.cards import card, header, pill
 from .shapes import (
-    ALL,
-    PAGE,
+    ALL_ICONS,
+    PAGE_FOLDER,
     card_svg,
     classes,
     definitions,
@@ -31,8 +31,8 @@ _SCRIPTS: Final = ("libraries.js", "arranging.js", "viewer.js", "page.js")
 
 def html(chart: Chart, *, expand: bool = False) -> str:
     """Return the self-contained page. `expand`: it opens with every sub-tree expanded."""
-    template = Template((PAGE / "page.html").read_text(encoding="utf-8"))
-    scripts = [(PAGE / name).read_text(encoding="utf-8") for name in _SCRIPTS]
+    template = Template((PAGE_FOLDER / "page.html").read_text(encoding="utf-8"))
+    scripts = [(PAGE_FOLDER / name).read_text(encoding="utf-8") for name in _SCRIPTS]
     about = [chart.file, f"scene {chart.scene}" if chart.scene else "", chart.goal]
     return template.substitute(
         title=escape(chart.title),
@@ -52,7 +52,7 @@ def chart_json(chart: Chart, *, expand: bool = False) -> dict[str, Json]:
         "title": chart.title,
         "expand": expand,
         "order": [tree.name for tree in chart.trees],
-        "definitions": definitions(ALL),
+        "definitions": definitions(ALL_ICONS),
         "trees": {tree.name: _tree(chart, tree) for tree in chart.trees},
     }
 

@@ -12,12 +12,12 @@ from typing import Final, Literal, TypeAlias
 from ..chart import MEANINGS, ChartNode, Symbol
 from ..layout.cards import (
     HEAD_LINE,
-    ICON_ROOM,
-    LEAST,
     LINE,
+    MIN_CARD_HEIGHT,
     PADDING,
     PILL_LINE,
     SIDE,
+    TITLE_OFFSET,
     BranchLabel,
     Header,
     NodeCard,
@@ -71,12 +71,12 @@ def use(icon: Icon, x: float, y: float) -> str:
     return f'<use href="#i-{icon}" class="icon" x="{x:g}" y="{y:g}" width="14" height="14"/>'
 
 
-ALL: Final[tuple[Icon, ...]] = tuple(_STROKES)
+ALL_ICONS: Final[tuple[Icon, ...]] = tuple(_STROKES)
 
 
-PAGE: Final = Path(__file__).parent / "page"
+PAGE_FOLDER: Final = Path(__file__).parent / "page"
 
-LIGHT: Final[Mapping[str, str]] = {
+LIGHT_COLOURS: Final[Mapping[str, str]] = {
     "paper": "#f6f7f9", "sheet": "#ffffff", "bar": "#eef1f5", "rim": "#c5ccd6", "ink": "#1d2433",
     "muted": "#5f6b7c", "edge": "#8f9bad",
     "action": "#ffffff", "action_rim": "#7a8699",
@@ -90,7 +90,7 @@ LIGHT: Final[Mapping[str, str]] = {
     "success": "#12915a", "success_fill": "#d9f4e5", "failure": "#d92d20", "failure_fill": "#fde3e1",
     "running": "#1668e3", "running_fill": "#dbe9ff", "skipped": "#8f9bad", "found": "#ffd54a",
 }  # fmt: skip
-DARK: Final[Mapping[str, str]] = {
+DARK_COLOURS: Final[Mapping[str, str]] = {
     "paper": "#13161b", "sheet": "#1a1e25", "bar": "#222833", "rim": "#3b4454", "ink": "#e5e9f0",
     "muted": "#9aa6b6", "edge": "#66738a",
     "action": "#20262f", "action_rim": "#78859a",
@@ -108,25 +108,25 @@ DARK: Final[Mapping[str, str]] = {
 
 def style() -> str:
     """Return the CSS of nodes, edges and frames, without variables, which not all SVG viewers know."""
-    template = Template((PAGE / "drawing.css").read_text(encoding="utf-8"))
+    template = Template((PAGE_FOLDER / "drawing.css").read_text(encoding="utf-8"))
     return _themed(template)
 
 
 def page_style() -> str:
     """Return the CSS of the page around a drawing."""
-    return _themed(Template((PAGE / "page.css").read_text(encoding="utf-8")))
+    return _themed(Template((PAGE_FOLDER / "page.css").read_text(encoding="utf-8")))
 
 
 def _themed(template: Template) -> str:
-    dark = template.substitute(DARK)
+    dark = template.substitute(DARK_COLOURS)
     coloured = "\n".join(
         line for line, plain in zip(dark.splitlines(), template.template.splitlines(), strict=True)
         if "$" in plain
     )  # fmt: skip
-    return f"{template.substitute(LIGHT)}@media (prefers-color-scheme: dark) {{\n{coloured}\n}}\n"
+    return f"{template.substitute(LIGHT_COLOURS)}@media (prefers-color-scheme: dark) {{\n{coloured}\n}}\n"
 
 
-_ROUND: Final = {"condition": 13, "subtree": 3, "control": 3, "decorator": 8, "action": 5}
+_CORNER_RADII: Final = {"condition": 13, "subtree": 3, "control": 3, "decorator": 8, "action": 5}
 
 
 def classes(node: ChartNode) -> str:
@@ -137,10 +137,10 @@ def classes(node: ChartNode) -> str:
 def card_svg(card: NodeCard) -> str:
     """Return the card's box and texts as SVG, with the upper left corner at (0, 0)."""
     node = card.node
-    radius = LEAST // 2 if node.written_as_list else _ROUND[node.kind]
+    radius = MIN_CARD_HEIGHT // 2 if node.written_as_list else _CORNER_RADII[node.kind]
     box = f'<rect class="box" width="{card.width}" height="{card.height}" rx="{radius}"/>'
     if node.written_as_list:
-        return box + use(node.symbol, (LEAST - 14) / 2, (LEAST - 14) / 2)
+        return box + use(node.symbol, (MIN_CARD_HEIGHT - 14) / 2, (MIN_CARD_HEIGHT - 14) / 2)
     return box + _texts(node.symbol, card.head, card.lines) + _flag(node, card.width)
 
 
@@ -193,11 +193,11 @@ def tooltip(node: ChartNode) -> str:
 
 
 def _texts(symbol: Symbol, head: Sequence[TextLine], lines: Sequence[TextLine]) -> str:
-    top = (LEAST - 14) / 2
+    top = (MIN_CARD_HEIGHT - 14) / 2
     found = [use(symbol, SIDE - 1, top)]
     for index, line in enumerate(head):
-        found.append(_text(line, SIDE + ICON_ROOM, HEAD_LINE * index + 17))
-    below = max(HEAD_LINE * len(head) + 2 * PADDING, LEAST)
+        found.append(_text(line, SIDE + TITLE_OFFSET, HEAD_LINE * index + 17))
+    below = max(HEAD_LINE * len(head) + 2 * PADDING, MIN_CARD_HEIGHT)
     for index, line in enumerate(lines):
         found.append(_text(line, SIDE, below + LINE * index + 8))
     return "".join(found)

@@ -22,10 +22,10 @@ from .shapes import (
     use,
 )
 
-MARGIN: Final = 24
-_TOP: Final = 62
+PAGE_MARGIN: Final = 24
+_TITLE_HEIGHT: Final = 62
 """Height of the title and the line below it, px."""
-_BOTTOM: Final = 26
+_LEGEND_HEIGHT: Final = 26
 """Height of the legend, px."""
 _LEGEND_GAP: Final = 18.0
 
@@ -39,13 +39,13 @@ def svg(chart: Chart, *, expand: bool = False, statuses: Mapping[str, NodeStatus
     sheet = page([(frame.width, frame.height) for frame in frames])
     drawn = [
         _Drawing(statuses or {}, links=not expand).frame(
-            frame, MARGIN + spot.x, _TOP + spot.y, frame.tree.name
+            frame, PAGE_MARGIN + spot.x, _TITLE_HEIGHT + spot.y, frame.tree.name
         )
         for frame, spot in zip(frames, sheet.spots, strict=True)
     ]
     legend = _legend(chart)
-    across = max(sheet.width, _heading_width(chart), _legend_width(legend)) + 2 * MARGIN
-    down = _TOP + sheet.height + MARGIN + _BOTTOM
+    across = max(sheet.width, _heading_width(chart), _legend_width(legend)) + 2 * PAGE_MARGIN
+    down = _TITLE_HEIGHT + sheet.height + PAGE_MARGIN + _LEGEND_HEIGHT
     rows = [
         f'<svg xmlns="http://www.w3.org/2000/svg" class="drawing" viewBox="0 0 {across} {down}" '
         f'width="{across}" height="{down}">',
@@ -53,8 +53,8 @@ def svg(chart: Chart, *, expand: bool = False, statuses: Mapping[str, NodeStatus
         f"<style>\n{style()}</style>",
         f"<defs>{definitions([*legend, 'out'])}</defs>",
         f'<rect class="ground" width="{across}" height="{down}"/>',
-        f'<text class="heading" x="{MARGIN}" y="30">{escape(chart.title)}</text>',
-        f'<text class="remark" x="{MARGIN}" y="48">{escape(_remark(chart))}</text>',
+        f'<text class="heading" x="{PAGE_MARGIN}" y="30">{escape(chart.title)}</text>',
+        f'<text class="remark" x="{PAGE_MARGIN}" y="48">{escape(_remark(chart))}</text>',
         *drawn,
         _legend_svg(legend, down - 18),
         "</svg>\n",
@@ -124,7 +124,7 @@ def _legend(chart: Chart) -> list[Symbol]:
 
 def _legend_svg(symbols: list[Symbol], y: int) -> str:
     rows: list[str] = []
-    x = float(MARGIN)
+    x = float(PAGE_MARGIN)
     for symbol in symbols:
         text = MEANINGS[symbol]
         rows.append(f'{use(symbol, x, y - 11)}<text class="remark" x="{x + 19:g}" y="{y}">{text}</text>')

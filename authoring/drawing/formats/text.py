@@ -8,15 +8,15 @@ from typing import Final
 
 from ..chart import CHARACTERS, Branch, Chart, ChartNode, ChartPort, ChartTree
 
-WIDTH: Final = 100
+DEFAULT_COLUMNS: Final = 100
 """Default width, columns."""
-_READABLE: Final = 40
+_MIN_NODE_COLUMNS: Final = 40
 """Minimum width of a node's line at any depth, columns."""
-_LEAST: Final = 8
+_MIN_VALUE_COLUMNS: Final = 8
 """Minimum width of a shortened value, columns."""
 
 
-def text(chart: Chart, *, columns: int = WIDTH, expand: bool = False) -> str:
+def text(chart: Chart, *, columns: int = DEFAULT_COLUMNS, expand: bool = False) -> str:
     """Return the trees as text, one node per line. `expand`: each call is followed by its tree."""
     about = [chart.title, *([f"scene {chart.scene}"] if chart.scene else [])]
     rows = [_cut(" · ".join(about), columns)]
@@ -73,15 +73,15 @@ def _port(port: ChartPort) -> str:
 def _row(indent: str, title: str, words: Sequence[str], columns: int) -> str:
     """Return one line with the longest words shortened to fit; lines of deep nodes may be longer."""
     words = list(words)
-    columns = max(columns, _cells(indent) + _READABLE)
+    columns = max(columns, _cells(indent) + _MIN_NODE_COLUMNS)
     room = columns - _cells(indent) - _cells(title) - 2 * len(words)
     while words and sum(map(_cells, words)) > room:
         longest = max(range(len(words)), key=lambda index: _cells(words[index]))
         excess = sum(map(_cells, words)) - room
         size = _cells(words[longest])
-        if size <= _LEAST:
+        if size <= _MIN_VALUE_COLUMNS:
             break
-        words[longest] = _cut(words[longest], max(size - excess, _LEAST))
+        words[longest] = _cut(words[longest], max(size - excess, _MIN_VALUE_COLUMNS))
     return _cut("  ".join([f"{indent}{title}", *words]), columns)
 
 

@@ -30,7 +30,7 @@ _BOLD = (
     365, 457, 838, 500, 500, 675, 716, 593, 716, 678, 435, 716, 712, 343, 343, 665, 343, 1042, 712, 687,
     716, 716, 493, 595, 478, 712, 652, 924, 645, 652, 582, 712, 365, 712, 838,
 )  # fmt: skip
-_FIRST = 32
+_FIRST_CHARACTER_CODE = 32
 """Code of the first character in the tables, which hold thousandths of the font size."""
 _TABLES: Final[Mapping[Face, tuple[int, ...]]] = {"regular": _REGULAR, "bold": _BOLD, "mono": (602,) * 95}
 
@@ -77,7 +77,7 @@ def _fitting(text: str, most: float, size: float, face: Face) -> int:
 
 
 def _em(character: str, table: tuple[int, ...]) -> int:
-    index = ord(character) - _FIRST
+    index = ord(character) - _FIRST_CHARACTER_CODE
     if 0 <= index < len(table):
         return table[index]
     if unicodedata.combining(character):
@@ -94,14 +94,14 @@ LINE: Final = 15
 PADDING: Final = 5
 SIDE: Final = 9
 ICON: Final = 14
-ICON_ROOM: Final = 21
+TITLE_OFFSET: Final = 21
 """Distance from the icon's left edge to the title, px."""
-LEAST: Final = 26
+MIN_CARD_HEIGHT: Final = 26
 """Height of a card without lines, px."""
 PILL_LINE: Final = 14
 PILL_SIDE: Final = 8
 PILL_GAP: Final = 12
-_MOST: Final = 240.0
+_MAX_TEXT_WIDTH: Final = 240.0
 """Maximum width of a text before it is broken, px."""
 _MOST_LABEL: Final = 190.0
 _FLAG_ROOM: Final = 16
@@ -166,7 +166,7 @@ class Header:
 
 def card(node: ChartNode) -> NodeCard:
     if node.written_as_list:
-        return NodeCard(node, (), (), LEAST, LEAST)
+        return NodeCard(node, (), (), MIN_CARD_HEIGHT, MIN_CARD_HEIGHT)
     head, lines = _head(node), _lines(node)
     flag = _FLAG_ROOM if node.breakpoint else 0
     return NodeCard(node, head, lines, _across(head, lines, flag), _down(head, lines))
@@ -194,12 +194,14 @@ def header(tree: ChartTree, call: ChartNode | None = None) -> Header:
 
 def _head(node: ChartNode) -> tuple[TextLine, ...]:
     title, name = node.id, node.given_name
-    if name and _width(f"{title} {name}", "id") <= _MOST:
+    if name and _width(f"{title} {name}", "id") <= _MAX_TEXT_WIDTH:
         x = _width(title, "id") + (1.0 if name.startswith("#") else 5.0)
         return (TextLine((TextSpan(title, "id", 0.0), TextSpan(name, "name", x))),)
-    broken = [TextLine((TextSpan(part, "id", 0.0),)) for part in wrapped(title, _MOST, TITLE, "bold")]
+    broken = [
+        TextLine((TextSpan(part, "id", 0.0),)) for part in wrapped(title, _MAX_TEXT_WIDTH, TITLE, "bold")
+    ]
     if name:
-        broken += [TextLine((TextSpan(part, "name", 0.0),)) for part in wrapped(name, _MOST, TITLE)]
+        broken += [TextLine((TextSpan(part, "name", 0.0),)) for part in wrapped(name, _MAX_TEXT_WIDTH, TITLE)]
     return tuple(broken)
 
 
@@ -219,7 +221,9 @@ def _port(port: ChartPort, doc: str = "") -> list[TextLine]:
     key = TextSpan(port.key if output else f"{port.key}:", "key", 0.0)
     lines = _entry(key, port.value, port.role, arrow=output)
     if doc:
-        lines += [TextLine((TextSpan(part, "doc", 12.0),)) for part in wrapped(doc, _MOST, SMALL, lines=2)]
+        lines += [
+            TextLine((TextSpan(part, "doc", 12.0),)) for part in wrapped(doc, _MAX_TEXT_WIDTH, SMALL, lines=2)
+        ]
     return lines
 
 
@@ -228,7 +232,7 @@ def _entry(key: TextSpan, text: str, look: SpanClass, *, arrow: bool) -> list[Te
     size, face = _SIZES[look]
     at = _width(key.text, key.look) + 5.0
     x = at + (ICON + 2 if arrow else 0)
-    first, *more = wrapped(text, max(_MOST - x, 110.0), size, face)
+    first, *more = wrapped(text, max(_MAX_TEXT_WIDTH - x, 110.0), size, face)
     return [
         TextLine((key, TextSpan(first, look, x)), at if arrow else None),
         *(TextLine((TextSpan(part, look, x),)) for part in more),
@@ -236,14 +240,14 @@ def _entry(key: TextSpan, text: str, look: SpanClass, *, arrow: bool) -> list[Te
 
 
 def _across(head: tuple[TextLine, ...], lines: tuple[TextLine, ...], flag: int) -> int:
-    title = ICON_ROOM + max(line.width for line in head) + flag
+    title = TITLE_OFFSET + max(line.width for line in head) + flag
     return math.ceil(max([title, *(line.width for line in lines)]) + 2 * SIDE)
 
 
 def _down(head: tuple[TextLine, ...], lines: tuple[TextLine, ...]) -> int:
     """Return the height of a box, px; even, so that level boxes have their middles at the same pixel."""
     below = LINE * len(lines) + PADDING - 2 if lines else 0
-    height = max(HEAD_LINE * len(head) + 2 * PADDING, LEAST) + below
+    height = max(HEAD_LINE * len(head) + 2 * PADDING, MIN_CARD_HEIGHT) + below
     return height + height % 2
 
 

@@ -9,10 +9,10 @@ from typing import Final
 
 from ..chart import Branch, BranchRole, Chart, ChartNode, ChartTree
 from .cards import PILL_GAP, BranchLabel, Header, NodeCard, card, header, pill
-from .graphviz_layout import BESIDE, BoxPosition, LayoutBox, lay_out_boxes
+from .graphviz_layout import COLUMN_GAP, BoxPosition, LayoutBox, lay_out_boxes
 
-GAP: Final = 28
-_SHAPE: Final = 1.5
+FRAME_GAP: Final = 28
+_TARGET_ASPECT_RATIO: Final = 1.5
 """Target ratio of width to height of a page."""
 
 
@@ -26,7 +26,12 @@ class FramePage:
 def page(sizes: Sequence[tuple[int, int]]) -> FramePage:
     """Return the page nearest to a screen's shape among those with one column, two, and so on."""
     pages = [_in_columns(sizes, count) for count in range(1, len(sizes) + 1)]
-    return min(pages, key=lambda p: max(p.width / p.height / _SHAPE, p.height * _SHAPE / p.width))
+    return min(
+        pages,
+        key=lambda p: max(
+            p.width / p.height / _TARGET_ASPECT_RATIO, p.height * _TARGET_ASPECT_RATIO / p.width
+        ),
+    )
 
 
 def _in_columns(sizes: Sequence[tuple[int, int]], count: int) -> FramePage:
@@ -37,15 +42,15 @@ def _in_columns(sizes: Sequence[tuple[int, int]], count: int) -> FramePage:
         shortest = depths.index(min(depths))
         columns[shortest].append(index)
         tops.append(depths[shortest])
-        depths[shortest] += height + GAP
+        depths[shortest] += height + FRAME_GAP
     widths = [max((sizes[index][0] for index in column), default=0) for column in columns]
     lefts = {
-        index: sum(widths[:number]) + GAP * number
+        index: sum(widths[:number]) + FRAME_GAP * number
         for number, column in enumerate(columns)
         for index in column
     }
     spots = tuple(BoxPosition(lefts[index], tops[index]) for index in range(len(sizes)))
-    return FramePage(spots, sum(widths) + GAP * (count - 1), max(depths) - GAP)
+    return FramePage(spots, sum(widths) + FRAME_GAP * (count - 1), max(depths) - FRAME_GAP)
 
 
 INSET: Final = 16
@@ -105,7 +110,9 @@ class TreeFrame:
             if tile.parent is not None:
                 above = self.tiles[tile.parent]
                 start = above.body_x + above.body.width
-                yield Edge(start, above.middle, tile.x - BESIDE, tile.x, tile.middle, tile.role, tile.body_x)
+                yield Edge(
+                    start, above.middle, tile.x - COLUMN_GAP, tile.x, tile.middle, tile.role, tile.body_x
+                )
 
 
 @dataclass(frozen=True, slots=True)
@@ -152,7 +159,7 @@ class _Framing:
             self._tiles[tree.name] = self._lay_out(tree)
         head = header(tree, call)
         top = head.height + INSET
-        tiles = tuple(_moved(tile, INSET, top) for tile in self._tiles[tree.name])
+        tiles = tuple(_shifted(tile, INSET, top) for tile in self._tiles[tree.name])
         return TreeFrame(tree, call, head, tiles)
 
     def _lay_out(self, tree: ChartTree) -> tuple[PlacedCard, ...]:
@@ -203,5 +210,5 @@ def _rooms(parents: Sequence[int | None], pills: Sequence[BranchLabel | None]) -
     return [widest[parent] if label is not None else 0 for parent, label in zip(parents, pills, strict=True)]
 
 
-def _moved(tile: PlacedCard, x: int, y: int) -> PlacedCard:
+def _shifted(tile: PlacedCard, x: int, y: int) -> PlacedCard:
     return replace(tile, x=tile.x + x, y=tile.y + y)

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
-BESIDE: Final = 44
+COLUMN_GAP: Final = 44
 """Distance between columns, px."""
-BETWEEN: Final = 10
+ROW_GAP: Final = 10
 """Distance between boxes of a column, px."""
 _PER_INCH: Final = 72.0
 
@@ -46,7 +46,7 @@ def lay_out_boxes(boxes: Sequence[LayoutBox]) -> tuple[BoxPosition, ...]:
     families = Counter(box.parent for box in boxes)
     graph = AGraph(
         directed=True, strict=False, ordering="out", splines="false",
-        nodesep=f"{BETWEEN / _PER_INCH:.6f}", ranksep=f"{BESIDE / _PER_INCH:.6f}",
+        nodesep=f"{ROW_GAP / _PER_INCH:.6f}", ranksep=f"{COLUMN_GAP / _PER_INCH:.6f}",
     )  # fmt: skip
     # An only child is level with its parent. Without labels Graphviz needs no font, and so prints nothing
     # about missing fonts.
@@ -60,7 +60,7 @@ def lay_out_boxes(boxes: Sequence[LayoutBox]) -> tuple[BoxPosition, ...]:
     graph.layout(prog="dot")
     middles = [float(graph.get_node(index).attr["pos"].partition(",")[0]) for index in range(len(boxes))]
     tops = [middle - box.height / 2 for middle, box in zip(middles, boxes, strict=True)]
-    lefts = [sum(columns[:depth]) + BESIDE * depth for depth in depths]
+    lefts = [sum(columns[:depth]) + COLUMN_GAP * depth for depth in depths]
     return tuple(BoxPosition(x, round(y - min(tops))) for x, y in zip(lefts, tops, strict=True))
 
 

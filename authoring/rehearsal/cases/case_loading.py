@@ -201,7 +201,7 @@ def _effects(then: EffectsFile | None) -> Effects:
     return Effects() if then is None else Effects(then.facts, entries(then.objects), then.hand)
 
 
-MOST_CASES = 500
+MAX_CASES = 500
 """Maximum number of cases in a file: more are neither read by people, nor checked in a second."""
 
 
@@ -239,8 +239,8 @@ class _Reader:
             self._answers.scripts(()),
         )
         many = self._document.data.get("cases")
-        if isinstance(many, dict) and len(many) > MOST_CASES:
-            message = f"at most {MOST_CASES} cases are wanted in a file, not {len(many)}"
+        if isinstance(many, dict) and len(many) > MAX_CASES:
+            message = f"at most {MAX_CASES} cases are wanted in a file, not {len(many)}"
             check.fault(("cases",), message, code="P110", key=True)
             return CaseFile(self._document, None, ())
         given = check.each(CaseEntry, "cases")

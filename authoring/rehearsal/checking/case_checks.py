@@ -24,7 +24,7 @@ from ..stage.node_roles import NodeRole, may_fail_with
 from .expect_checks import ExpectChecks, WorldChecks
 from .known_names import CaseNames
 
-_ALWAYS = (tree.MISSING_INPUT, tree.TIMEOUT, world.UNKNOWN_OBJECT, internal.ERROR)
+_ALWAYS_POSSIBLE = (tree.MISSING_INPUT, tree.TIMEOUT, world.UNKNOWN_OBJECT, internal.ERROR)
 """Causes with which every node may fail; a program fault is included, because missions may handle it."""
 
 
@@ -88,7 +88,7 @@ class LeafChecks:
             names = ", ".join(map(str, declared))
             hint = f"one of {names}" if names else "it declares none: it cannot fail"
             impossible("status", f"{identity} is a skill, which fails for a cause", hint)
-        allowed = (*may_fail_with(role), *_ALWAYS)
+        allowed = (*may_fail_with(role), *_ALWAYS_POSSIBLE)
         for cause in causes:
             if not any(matches(str(one), cause) for one in allowed):
                 names = ", ".join(map(str, declared)) or "none"

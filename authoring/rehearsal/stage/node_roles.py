@@ -13,7 +13,7 @@ from ....trees.node import Node
 from ....trees.ports import PortDeclaration
 from ....world.causes import Cause, Family, perception
 
-_OWN = frozenset(NODES)
+_LANGUAGE_NODES = frozenset(NODES)
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,7 +36,7 @@ class NodeRole:
 
 def is_stubbed(node: type[Node]) -> bool:
     """Whether a stub replaces the node: a leaf outside the language that does more than change the belief."""
-    return node.played and node not in _OWN and not node.declaration.slots
+    return node.played and node not in _LANGUAGE_NODES and not node.declaration.slots
 
 
 def may_fail_with(role: NodeRole) -> tuple[Cause | Family, ...]:

@@ -31,7 +31,7 @@ from .trace import Trace
 TABLE = "table"
 HAND = "hand"
 UNKNOWN = "unknown"
-_SHAPE = Box((0.04, 0.04, 0.04))
+_DEFAULT_SHAPE = Box((0.04, 0.04, 0.04))
 """Shape of an object whose kind is in no catalogue; nothing is computed with it."""
 
 
@@ -200,7 +200,7 @@ class Belief:
     def _put(self, identity: ObjectId, entry: ObjectFile) -> None:
         known = self.scene.find(identity)
         belief = known or BeliefObject(
-            identity, "item", UNKNOWN, UNKNOWN, _SHAPE, UNKNOWN, Pose(), 0.0, 0.0, 1.0, 0.0
+            identity, "item", UNKNOWN, UNKNOWN, _DEFAULT_SHAPE, UNKNOWN, Pose(), 0.0, 0.0, 1.0, 0.0
         )
         if entry.kind is not None:
             belief = _of_kind(belief, entry.kind, self._catalogue.get(entry.kind))
@@ -235,7 +235,7 @@ def _object_of(leaf: NodeDeclaration, inputs: Mapping[str, Any]) -> str | None:
     return None
 
 
-TICK = 0.05
+TICK_PERIOD = 0.05
 """Simulated time between two ticks, s, as in a run."""
 
 
@@ -247,7 +247,7 @@ class TickClock:
 
     @property
     def now(self) -> float:
-        return self.ticks * TICK
+        return self.ticks * TICK_PERIOD
 
 
 class _Notes(Journal):
@@ -265,7 +265,7 @@ class _Notes(Journal):
 class RehearsalWorld:
     """World that nodes see during a rehearsal: only the part that control nodes need."""
 
-    tick = TICK
+    tick = TICK_PERIOD
 
     def __init__(self, scene: SceneDescription | None, prompter: ScriptedAnswers, trace: Trace) -> None:
         self.clock = TickClock()

@@ -131,16 +131,16 @@ class NodeSpy(Node, abstract=True):
 def leaf_stub(node: type[Node]) -> type[Node]:
     """Return the stub class of a leaf."""
     kept = {name: getattr(node, name) for name in ("declaration", "kind", "causes", "uses", "hand_after")}
-    return _made(node.__name__, (LeafStub,), {**kept, "stands_for": node})
+    return _node_class(node.__name__, (LeafStub,), {**kept, "stands_for": node})
 
 
 @cache
 def node_spy(node: type[Node]) -> type[Node]:
     """Return a spy class derived from the node's own class."""
-    return _made(node.__name__, (NodeSpy, node), {})
+    return _node_class(node.__name__, (NodeSpy, node), {})
 
 
-def _made(name: str, bases: tuple[type[Node], ...], members: dict[str, Any]) -> type[Node]:
+def _node_class(name: str, bases: tuple[type[Node], ...], members: dict[str, Any]) -> type[Node]:
     return cast(
         "type[Node]", types.new_class(name, bases, {"abstract": True}, lambda body: body.update(members))
     )

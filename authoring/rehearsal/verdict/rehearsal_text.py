@@ -19,7 +19,7 @@ from ..stage.trace import (
 from .coverage import CauseRaised, Coverage, CoveragePoint
 from .rehearsal_result import CaseResult, Rehearsal
 
-_WIDEST = 44
+_MAX_NAME_WIDTH = 44
 """Maximum column width for node names; a longer name moves the rest of its line."""
 
 
@@ -31,7 +31,7 @@ def trace_lines(events: tuple[Event, ...], names: Mapping[str, str]) -> list[str
     """
     rows = [(when, names.get(path, path), what) for when, path, what in _rows(events)]
     wide = max((len(when) for when, _, _ in rows), default=0)
-    width = min(_WIDEST, max((len(name) for _, name, _ in rows), default=0))
+    width = min(_MAX_NAME_WIDTH, max((len(name) for _, name, _ in rows), default=0))
     return [f"  {when:>{wide}}  {name:<{width}}  {what}".rstrip() for when, name, what in rows]
 
 

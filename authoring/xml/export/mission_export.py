@@ -49,7 +49,7 @@ class XmlExporter:
         comments = self._comments.at_the_top()
         trees = tuple(self.tree(tree) for tree in self._mission.trees.values())
         parts = (*trees, Element("TreeNodesModel", {}, (*self._tree_models(), *self._node_models())))
-        attributes = {"BTCPP_format": btcpp_vocabulary.FORMAT}
+        attributes = {"BTCPP_format": btcpp_vocabulary.XML_FORMAT}
         if MAIN in self._mission.trees:
             attributes["main_tree_to_execute"] = MAIN
         root = Element("root", attributes, parts, comments=comments)
@@ -111,7 +111,7 @@ class XmlExporter:
                     lambda: tree_nodes_model.repeat_while_model(node.declaration),
                 )
                 return self._plain(spec, node, btcpp_vocabulary.REPEAT_WHILE, trail)
-            case identity if identity in btcpp_vocabulary.SAME:
+            case identity if identity in btcpp_vocabulary.SHARED_NODES:
                 return self._plain(spec, node, identity, trail)
             case identity:
                 if btcpp_vocabulary.taken(identity):
@@ -271,7 +271,10 @@ class XmlExporter:
     def _check_type(self, bound: Reference, port: PortDeclaration, spec: NodeSpec, trail: str) -> None:
         """Check a key's type: BehaviorTree.CPP derives it from the first port of its own that the key is
         wired to."""
-        if spec.id not in (*btcpp_vocabulary.SAME, "Switch") or port.key not in btcpp_vocabulary.PORT_TYPES:
+        if (
+            spec.id not in (*btcpp_vocabulary.SHARED_NODES, "Switch")
+            or port.key not in btcpp_vocabulary.PORT_TYPES
+        ):
             return
         kind = btcpp_vocabulary.PORT_TYPES[port.key]
         first = self._types.setdefault(str(bound), kind)

@@ -101,7 +101,7 @@ def _binding(part: Part) -> int:
             return _VALUE
 
 
-LARGEST = 2**63 - 1
+LARGEST_INTEGER = 2**63 - 1
 _LOGIC = {"and": "&&", "or": "||"}
 
 
@@ -132,7 +132,7 @@ def _literal(value: str | int | float | bool | None) -> str:
         case bool():
             return "true" if value else "false"
         case int():
-            if abs(value) > LARGEST:
+            if abs(value) > LARGEST_INTEGER:
                 raise NotExpressible("the number is too large")
             return str(value)
         case float():

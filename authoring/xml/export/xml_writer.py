@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 from ..format.element import Element
 
-WIDTH = 110
+MAX_LINE_LENGTH = 110
 """Maximum length of a line; longer elements have each attribute on a separate line."""
 _UNFIT = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 _ESCAPES = {"&": "&amp;", "<": "&lt;", ">": "&gt;"}
@@ -30,7 +30,7 @@ def _lines(element: Element, indent: str) -> Iterator[str]:
         yield f"{indent}<!-- {_in_comment(comment)} -->"
     words = [f'{key}="{_escaped(value, _IN_ATTRIBUTES)}"' for key, value in element.attributes.items()]
     start = " ".join([f"{indent}<{element.name}", *words])
-    if len(start) > WIDTH and len(words) > 1:
+    if len(start) > MAX_LINE_LENGTH and len(words) > 1:
         start = f"\n{indent}    ".join([f"{indent}<{element.name}", *words])
     if element.text:
         yield f"{start}>{_escaped(element.text, _ESCAPES)}</{element.name}>"

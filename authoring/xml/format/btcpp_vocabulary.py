@@ -46,14 +46,14 @@ def read_indexes(text: str) -> tuple[int, ...]:
     return tuple(int(part) for part in text.split(";"))
 
 
-FORMAT: Final = "4"
+XML_FORMAT: Final = "4"
 
 ELEMENTS: Final = ("Action", "Condition", "Control", "Decorator", "SubTree")
 """Elements that name their node in the attribute ID."""
 STRUCTURE: Final = ("root", "Root", "BehaviorTree", "TreeNodesModel", "include", *ELEMENTS)
 """Names that the format reserves."""
 
-SAME: Final = frozenset(
+SHARED_NODES: Final = frozenset(
     (
         "Sequence", "Fallback", "ReactiveSequence", "ReactiveFallback", "Parallel", "IfThenElse",
         "WhileDoElse", "Inverter", "ForceSuccess", "ForceFailure", "Repeat", "KeepRunningUntilFailure",
@@ -87,7 +87,7 @@ FOREIGN: Final[dict[str, str]] = {
     "SequenceStar": "this is of format 3; in format 4 it is <SequenceWithMemory>",
 }
 """Nodes of BehaviorTree.CPP without a counterpart, and the nearest alternative."""
-BUILT_IN: Final = SAME | TRANSLATED | (frozenset(FOREIGN) - {"SubTreePlus", "SequenceStar"})
+BUILT_IN: Final = SHARED_NODES | TRANSLATED | (frozenset(FOREIGN) - {"SubTreePlus", "SequenceStar"})
 
 CHECK: Final = "CheckExpression"
 """Condition leaf for an expression that scripts cannot express."""

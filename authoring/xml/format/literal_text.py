@@ -26,7 +26,7 @@ _NAMES: Final = {
     "BT::AnyTypeAllowed": "any", "AnyTypeAllowed": "any", "unsigned int": "int", "float": "float",
     "BT::SimpleString": "string", "long": "int", "unsigned": "int",
 }  # fmt: skip
-_LONG: Final = 1e15
+_MIN_EXPONENT_NUMBER: Final = 1e15
 """Limit from which numbers are written with an exponent."""
 _VECTOR = re.compile(r"std::vector<\s*(?P<of>[\w: ]+?)\s*(?:,.*)?>")
 _TRUTH = {"true": True, "True": True, "TRUE": True, "1": True,
@@ -71,7 +71,7 @@ def read_value(text: str, kind: PortType) -> Value:
     match kind.name:
         case "int" | "float":
             number = _resolved(text)
-            if isinstance(number, float) and number.is_integer() and abs(number) < _LONG:
+            if isinstance(number, float) and number.is_integer() and abs(number) < _MIN_EXPONENT_NUMBER:
                 return int(number)
             return number if type(number) in (int, float) else text
         case "bool":
@@ -106,7 +106,7 @@ def _scalar_text(value: str | int | float | bool) -> str:
     match value:
         case bool():
             return "true" if value else "false"
-        case float() if value.is_integer() and abs(value) < _LONG:
+        case float() if value.is_integer() and abs(value) < _MIN_EXPONENT_NUMBER:
             return str(int(value))
         case float():
             return repr(value)

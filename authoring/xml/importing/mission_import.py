@@ -25,9 +25,9 @@ from .node_import import XmlNodeReader
 from .port_import import PortsOfTrees, TreePort
 from .source import XmlSource, read_source
 
-WIDTH = 108
+MAX_LINE_LENGTH = 108
 """Maximum length of a line; values that fit are written in one."""
-_MOST_IN_LINE = 3
+_MAX_MAPPINGS_IN_LINE = 3
 """Maximum number of nested or neighbouring mappings in a line."""
 _PLAIN = re.compile(r"[A-Za-z_](?:[\w./<>=+*()!%' ;-]*[\w./<>=+*()!%';-])?", re.ASCII)
 _IN_QUOTES = re.compile(r"[ !#-\[\]-~\u00a1-\ud7ff\ue000-\ufefe\uff00-\ufffd\U00010000-\U0010ffff]*")
@@ -94,7 +94,11 @@ def _entry(entry: MarkedEntry, indent: str) -> Iterator[str]:
         yield f"{indent}# {comment}"
     key = scalar_text(entry.key)
     line = _line(entry.value)
-    if line is not None and len(indent) + len(key) + 2 + len(line) <= WIDTH and not _is_children(entry):
+    if (
+        line is not None
+        and len(indent) + len(key) + 2 + len(line) <= MAX_LINE_LENGTH
+        and not _is_children(entry)
+    ):
         yield f"{indent}{key}: {line}"
     elif entry.value.entries or entry.value.items:
         yield f"{indent}{key}:"
@@ -113,7 +117,7 @@ def _block(value: MarkedValue, indent: str) -> Iterator[str]:
         if line is not None and item.entries is not None and len(item.entries) == 1:
             # `- Grasp: {…}` reads better than `- {Grasp: {…}}`.
             line = line[1:-1]
-        if line is not None and len(indent) + 2 + len(line) <= WIDTH:
+        if line is not None and len(indent) + 2 + len(line) <= MAX_LINE_LENGTH:
             yield f"{indent}- {line}"
         elif item.entries:
             lines = [line for entry in item.entries for line in _entry(entry, indent + "  ")]
@@ -132,7 +136,7 @@ def _is_children(entry: MarkedEntry) -> bool:
 
 def _line(value: MarkedValue) -> str | None:
     """Return the value in one line; None where that is hard to read."""
-    if _commented(value) or _mappings(value) > _MOST_IN_LINE or _has_children(value):
+    if _commented(value) or _mappings(value) > _MAX_MAPPINGS_IN_LINE or _has_children(value):
         return None
     return _flow(value)
 

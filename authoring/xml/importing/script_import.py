@@ -22,8 +22,8 @@ from ....files.expressions.syntax_tree import (
 )
 from ..export.script_export import expression_text
 
-MAX_LENGTH: Final = 4000
-MAX_DEPTH: Final = 40
+MAX_SCRIPT_LENGTH: Final = 4000
+MAX_SCRIPT_DEPTH: Final = 40
 _TOKEN = re.compile(
     r"""(?P<space>\s+)
     |(?P<hex>0[xX][0-9a-fA-F]+\b)
@@ -128,8 +128,8 @@ def _tokens(script: str) -> Iterator[_Token]:
 
 class _Parser:
     def __init__(self, script: str) -> None:
-        if len(script) > MAX_LENGTH:
-            raise ScriptError(f"the script is longer than {MAX_LENGTH} characters", 0)
+        if len(script) > MAX_SCRIPT_LENGTH:
+            raise ScriptError(f"the script is longer than {MAX_SCRIPT_LENGTH} characters", 0)
         self._tokens = list(_tokens(script))
         self._next = 0
         self._depth = 0
@@ -199,8 +199,8 @@ class _Parser:
 
     def _nested(self) -> Part:
         self._depth += 1
-        if self._depth > MAX_DEPTH:
-            raise ScriptError(f"the script is nested more than {MAX_DEPTH} deep", self._token.at)
+        if self._depth > MAX_SCRIPT_DEPTH:
+            raise ScriptError(f"the script is nested more than {MAX_SCRIPT_DEPTH} deep", self._token.at)
         part = self._choice()
         self._depth -= 1
         return part

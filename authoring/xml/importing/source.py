@@ -76,11 +76,11 @@ class _Reader:
         if root.name != "root":
             message = f"the first element is <root>, not <{root.name}>"
             self._fault(
-                root.mark, "", message, f'as <root BTCPP_format="{btcpp_vocabulary.FORMAT}">', code="P904"
+                root.mark, "", message, f'as <root BTCPP_format="{btcpp_vocabulary.XML_FORMAT}">', code="P904"
             )
             return
         version = root.attributes.get("BTCPP_format")
-        if version != btcpp_vocabulary.FORMAT:
+        if version != btcpp_vocabulary.XML_FORMAT:
             message = 'BTCPP_format="4" is missing' if version is None else f"format {version!r} is not read"
             hint = "this reads the files of BehaviorTree.CPP 4 and Groot2; convert older ones there"
             self._fault(root.place("BTCPP_format"), "root", message, hint, code="P904")

@@ -14,8 +14,8 @@ from xml.parsers import expat
 from ....files.marks import Diagnostic, FileError, Mark
 from ..format.element import Element, one_line
 
-MAX_CHARACTERS: Final = 4_000_000
-MAX_DEPTH: Final = 100
+MAX_XML_CHARACTERS: Final = 4_000_000
+MAX_ELEMENT_DEPTH: Final = 100
 MAX_ELEMENTS: Final = 20_000
 MAX_ATTRIBUTES: Final = 1000
 """Maximum number of attributes of one element."""
@@ -52,7 +52,7 @@ class _Reader:
     def __init__(self, text: str, file: str) -> None:
         self._raw = text.encode("utf-8", "surrogatepass")
         self._file = file
-        self._too_large = len(text) > MAX_CHARACTERS
+        self._too_large = len(text) > MAX_XML_CHARACTERS
         self._at, self._line, self._column = 0, 1, 1
         self._open: list[_Open] = []
         self._comments: list[str] = []
@@ -61,7 +61,7 @@ class _Reader:
 
     def read(self) -> Element:
         if self._too_large:
-            message = f"the file is larger than {MAX_CHARACTERS // 1_000_000} MB"
+            message = f"the file is larger than {MAX_XML_CHARACTERS // 1_000_000} MB"
             self._refuse(0, message, code="P903")
         parser = self._parser = expat.ParserCreate("UTF-8")
         parser.buffer_text = True
@@ -84,8 +84,8 @@ class _Reader:
         self._count += 1
         if self._count > MAX_ELEMENTS:
             self._refuse(at, f"the file has more than {MAX_ELEMENTS} elements", code="P903")
-        if len(self._open) >= MAX_DEPTH:
-            self._refuse(at, f"the elements are nested more than {MAX_DEPTH} deep", code="P903")
+        if len(self._open) >= MAX_ELEMENT_DEPTH:
+            self._refuse(at, f"the elements are nested more than {MAX_ELEMENT_DEPTH} deep", code="P903")
         if len(attributes) > MAX_ATTRIBUTES:
             self._refuse(at, f"an element has more than {MAX_ATTRIBUTES} attributes", code="P903")
         comments, self._comments = tuple(self._comments), []

@@ -11,11 +11,11 @@ from ....errors import PicktreeError
 from ....world.values import Array, GripperState, JointState, Wrench
 from ...checkpoints.physics_state import GripperCommand, RobotReading
 from ...common.sensor_noise import RobotSensorNoise
-from ...engine import EVERYDAY, RESOLUTION
+from ...engine import EVERYDAY_STEP_RATE, RESOLUTION
 from ...faults.device_faults import DeviceFaults
 from .robot_body import RobotBody, finite
 
-PERIOD = 1 / EVERYDAY
+EVERYDAY_PERIOD = 1 / EVERYDAY_STEP_RATE
 """Everyday physics step and control period, s; in contact both are shorter."""
 
 
@@ -29,7 +29,7 @@ class IdealSensors:
     reading: RobotReading
     time: int = 0
     """Time since time 0, in units of 1/`engine.RESOLUTION` s."""
-    rate: int = EVERYDAY
+    rate: int = EVERYDAY_STEP_RATE
     """Step rate, Hz."""
 
     @property
@@ -44,7 +44,7 @@ class IdealSensors:
 
     def stepped(self, reading: RobotReading) -> bool:
         """Record a step; return whether an everyday step has ended with it."""
-        everyday = RESOLUTION // EVERYDAY
+        everyday = RESOLUTION // EVERYDAY_STEP_RATE
         before = self.time // everyday
         self.step += 1
         self.time += RESOLUTION // self.rate
@@ -54,7 +54,7 @@ class IdealSensors:
     @property
     def everyday_steps(self) -> int:
         """Number of everyday steps in the time so far."""
-        return self.time * EVERYDAY // RESOLUTION
+        return self.time * EVERYDAY_STEP_RATE // RESOLUTION
 
 
 class PhysicsArm:

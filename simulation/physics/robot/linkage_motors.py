@@ -17,7 +17,7 @@ from ....world.values import Pose, Quaternion, Vector3, rotated
 from ...checkpoints.physics_state import GripperCommand
 from ...engine import pb
 
-MISSED = 0.86
+MISSING_GEAR_SHARE = 0.86
 """Share of the gear's reaction on the hand that the engine leaves out of the joint feedback.
 
 With a contact at one finger the feedback contains 12 to 17 % of the force that the arm's joints hold. Of the
@@ -45,18 +45,18 @@ class GearReaction:
     def read(self, turn: Quaternion) -> Vector3:
         """Return the missing force on the wrist in the world's axes, N; `turn` is the hand's orientation in
         the world."""
-        force = -2.0 * MISSED * pb.getConstraintState(self._gear, self._client)[0]
+        force = -2.0 * MISSING_GEAR_SHARE * pb.getConstraintState(self._gear, self._client)[0]
         x, y, z = rotated(turn, self._axis)
         return (force * x, force * y, force * z)
 
 
-GAIN = 0.2
+KNUCKLE_GAIN = 0.2
 """Share of a knuckle's error that one step removes."""
-HOLD = 1.0
+BAR_GAIN = 1.0
 """Share of the error of a joint beyond a knuckle that one step removes."""
-MOST_PASSED = 3.0
+MAX_BAR_TORQUE_FACTOR = 3.0
 """Greatest torque of the bars that is passed on, as a multiple of the knuckle's own torque."""
-BARS = 200.0
+MAX_BAR_TORQUE = 200.0
 """Greatest torque of the bars that keep a finger upright, Nm."""
 
 
@@ -120,14 +120,14 @@ class LinkageMotors:
             ahead = 1.0 if aim >= position[joint] else -1.0
             torque = self._grip.force * per_rad / abs(by)
             # A gripped item presses against the bars; vibration of the bars is not passed on.
-            bars = min(max(ahead * passed_on[joint], 0.0), MOST_PASSED * torque)
+            bars = min(max(ahead * passed_on[joint], 0.0), MAX_BAR_TORQUE_FACTOR * torque)
             pb.setJointMotorControl2(
                 self._body,
                 joint,
                 pb.POSITION_CONTROL,
                 targetPosition=aim,
                 force=torque + bars,
-                positionGain=GAIN,
+                positionGain=KNUCKLE_GAIN,
                 velocityGain=1.0,
                 maxVelocity=(self._grip.speed or self._speed) / per_rad * abs(by),
                 physicsClientId=self._client,
@@ -140,8 +140,8 @@ class LinkageMotors:
                 pb.POSITION_CONTROL,
                 targetPosition=held.by * position[held.of] + held.offset,
                 targetVelocity=held.by * velocity[held.of],
-                force=BARS,
-                positionGain=HOLD,
+                force=MAX_BAR_TORQUE,
+                positionGain=BAR_GAIN,
                 velocityGain=1.0,
                 physicsClientId=self._client,
             )
