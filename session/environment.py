@@ -111,23 +111,37 @@ def source_changes(before: Mapping[str, str], now: Mapping[str, str]) -> tuple[s
     A file with the same content at another path has moved. Where many paths are gone and many are new, the
     files were edited as they moved, and are counted with the others.
     """
-    gone = {path: digest for path, digest in before.items() if path not in now}
-    new = {path: digest for path, digest in now.items() if path not in before}
-    same = (Counter(gone.values()) & Counter(new.values())).total()
-    edited = min(len(gone), len(new)) - same
+    gone, new, _, edited = _moves(before, now)
     altered = [path for path, digest in before.items() if now.get(path, digest) != digest]
-    if edited <= _MAX_NAMED_FILES:
-        edited = 0
+    if not edited:
         altered += [path for path, digest in gone.items() if digest not in new.values()]
         altered += [path for path, digest in new.items() if digest not in gone.values()]
-    moved, said = same + edited, list[str]()
-    if moved:
-        one = "1 file has another place" if moved == 1 else f"{moved} files have other places"
-        said.append(f"the sources have moved since ({one}{f', {edited} of them changed' if edited else ''})")
+    said = [moved] if (moved := moved_sources(before, now)) else []
     if altered:
         more = f" and {len(altered) - _MAX_NAMED_FILES} more" if len(altered) > _MAX_NAMED_FILES else ""
         said.append(f"picktree itself was changed in {', '.join(sorted(altered)[:_MAX_NAMED_FILES])}{more}")
     return tuple(said)
+
+
+def moved_sources(before: Mapping[str, str], now: Mapping[str, str]) -> str:
+    """Return a sentence on the files of picktree that have moved; empty when none has."""
+    _, _, same, edited = _moves(before, now)
+    moved = same + edited
+    if not moved:
+        return ""
+    one = "1 file has another place" if moved == 1 else f"{moved} files have other places"
+    return f"the sources have moved since ({one}{f', {edited} of them changed' if edited else ''})"
+
+
+def _moves(
+    before: Mapping[str, str], now: Mapping[str, str]
+) -> tuple[dict[str, str], dict[str, str], int, int]:
+    """Return the files that are gone, the new ones, and how many moved: unchanged, and edited on the way."""
+    gone = {path: digest for path, digest in before.items() if path not in now}
+    new = {path: digest for path, digest in now.items() if path not in before}
+    same = (Counter(gone.values()) & Counter(new.values())).total()
+    edited = min(len(gone), len(new)) - same
+    return gone, new, same, edited if edited > _MAX_NAMED_FILES else 0
 
 
 def _run_files() -> Iterator[Path]:

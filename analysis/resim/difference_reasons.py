@@ -58,6 +58,16 @@ def notes(run: Run) -> tuple[str, ...]:
     return tuple(found)
 
 
+def moved_sources(run: Run) -> tuple[str, ...]:
+    """Return a sentence when picktree's files have other places than in the version that recorded the run."""
+    try:
+        before = environment.sources_from_text(run.log.attachment(environment.SOURCES_ATTACHMENT).decode())
+    except PicktreeError:
+        return ()
+    moved = environment.moved_sources(before, environment.sources())
+    return (moved,) if moved else ()
+
+
 def _present_hash(name: str, path: Path) -> str | None:
     """Return the hash of today's file; None when there is no such file."""
     if name != "scene.yaml":

@@ -33,7 +33,7 @@ from ..compare.run_outcome import outcome_of
 from ..compare.text.divergence_text import parting_lines
 from ..run import Run
 from .changes import RunChanges, apply_changes, parse_tick
-from .difference_reasons import notes, reasons
+from .difference_reasons import moved_sources, notes, reasons
 from .resim_comparison import RecordComparison, RecordDifference, is_cut
 from .resim_result import Resimulation
 
@@ -207,7 +207,8 @@ def resimulate(
                 if answer.difference or answer.trees
                 else ()
             ),
-            notes=notes(run),
+            # Where it differs, the reasons have it.
+            notes=(*notes(run), *(() if answer.difference or answer.trees else moved_sources(run))),
             parting=(),
             outcomes=None,
             warnings=answer.warnings,
