@@ -17,6 +17,8 @@ import pytest
 from picktree.files.shipped_files import rooms
 
 from .commands import call
+from .house.figures import figures, folder_sizes, lone_folders, long_modules
+from .house.source import House, When, circles, read_house
 from .rooms import PACKAGES, PROJECT, ROOMS, ROOT
 
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -59,6 +61,45 @@ def test_every_list_of_packages_has_all_of_them() -> None:
     (floors,) = (each for each in tool["importlinter"]["contracts"] if each["name"] == "floors")
     layers = {name.strip() for layer in floors["layers"] for name in layer.split("|")}
     assert {f"picktree.{room}" for room in ROOMS} <= layers
+
+
+CIRCLES_OF_TYPES = {
+    "authoring/xml/importing/node_import.py authoring/xml/importing/translations.py",
+    "batch/workers/job_process.py batch/workers/local_executor.py",
+    "cell/operator_desk.py cell/world.py",
+    "session/run_summary.py session/session.py session/session_recording.py",
+    "world/scene/calibration_results.py world/scene/description.py world/scene/feed.py",
+}
+"""Files that know each other's types, or import each other in a function. Those of `trees` are the nodes with
+their flow analysis."""
+
+
+@pytest.fixture(scope="module")
+def house() -> House:
+    return read_house(ROOT)
+
+
+def test_no_file_imports_itself_in_a_circle(house: House) -> None:
+    assert circles(house.graph([When.LOADING])) == []
+    found = {
+        " ".join(sorted(house.files[name].file for name in one)) for one in circles(house.graph(list(When)))
+    }
+    assert {one for one in found if not one.startswith("trees/")} <= CIRCLES_OF_TYPES
+
+
+def test_files_and_folders_are_read_at_a_sitting(house: House) -> None:
+    assert len(house.modules) > 300
+    assert {module.file for module in long_modules(house, 410)} <= {"logs/episodes/episode_tracker.py"}
+    assert max(folder_sizes(house).values()) <= 15
+    assert len(lone_folders(house)) <= 2
+
+
+def test_docstrings_get_no_more_obscure(house: House) -> None:
+    """They begin with a verb or a noun, and their first sentence has 25 words at most: both may only fall."""
+    found = figures(house)["docstrings"]
+    assert found["docstrings"] > 8000
+    assert found["obscure first word"] <= 119
+    assert found["first sentence of more than 25 words"] <= 4
 
 
 def tracked_files() -> list[Path]:
