@@ -216,7 +216,7 @@ def test_every_generator_is_keyed() -> None:
         ],  # of an analysis; no run depends on it
         # Where inverse kinematics begins, and what a failure is looked into with, are always the same.
         "planning/kinematics/ik_seeds.py": [
-            "np.random.default_rng(0).uniform(size=(SIZE, model.n))",
+            "np.random.default_rng(0).uniform(size=(SEED_COUNT, model.n))",
             "np.random.default_rng(0)",
         ],
         "planning/search/constrained_rrt.py": ["np.random.default_rng(seed)"],

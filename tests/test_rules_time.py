@@ -23,6 +23,7 @@ MEASURING = {
     "control/execution/control_loop.py",
     "world/stopwatch.py",
     "session/session.py",
+    "session/run_summary.py",
     "logs/recording/recorder.py",
     "logs/recording/log_file.py",
     "logs/mcap/writer.py",
