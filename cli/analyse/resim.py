@@ -26,7 +26,7 @@ def whatif(
     ] = None,
     set_: Annotated[
         list[str] | None,
-        typer.Option("--set", metavar="RESULTS_FILE=VALUE", help="Other parameter of the mission."),
+        typer.Option("--set", metavar="NAME=VALUE", help="Other parameter of the mission."),
     ] = None,
     faults: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Faults from there on.", show_default="the same")
@@ -88,7 +88,7 @@ def resim(
     ] = None,
     set_: Annotated[
         list[str] | None,
-        typer.Option("--set", metavar="RESULTS_FILE=VALUE", help="Other parameter of the mission."),
+        typer.Option("--set", metavar="NAME=VALUE", help="Other parameter of the mission."),
     ] = None,
     scene: Annotated[str | None, typer.Option(metavar="SCENE", help="Another scene.")] = None,
     faults: Annotated[Path | None, typer.Option(metavar="FILE", help="Other faults.")] = None,

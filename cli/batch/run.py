@@ -34,7 +34,7 @@ _PLAN_OPTIONS = (
 
 def run(
     context: typer.Context,
-    plan: Annotated[Path | None, typer.Argument(metavar="[PLAN]", help="BatchPlan file.")] = None,
+    plan: Annotated[Path | None, typer.Argument(metavar="[PLAN]", help="Plan file.")] = None,
     mission: Annotated[
         list[Path] | None,
         typer.Option(metavar="FILE", help="Instead of a plan: missions to be tried."),

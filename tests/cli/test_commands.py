@@ -158,6 +158,12 @@ def test_bad_parameters(settings: list[str], said: str, capsys: pytest.CaptureFi
     assert capsys.readouterr().err == said
 
 
+@pytest.mark.parametrize("command", ["run", "resim", "whatif"])
+def test_the_help_names_what_set_takes(command: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert answer([command, "--help"]) == 0
+    assert "--set NAME=VALUE" in " ".join(capsys.readouterr().out.split())
+
+
 def test_json_is_alone_on_stdout_even_when_a_library_prints(result: RunResult, tmp_path: Path) -> None:
     program = f"""
 import os, sys
