@@ -18,7 +18,7 @@ from ..cartesian.compliant_motion import FIRM_STIFFNESS, CartesianStiffness, Com
 from ..contact.guarded_move import GuardedMoveResult
 from ..joints.soft_contact import ContactThresholds, JointImpedanceResult
 from ..joints.soft_controller import JointImpedanceController
-from ..safety.motion_lease import ForceGuard
+from ..safety.contact_guard import ForceGuard
 from .contact_motion import CompliantMotionResult, CompliantMotionRunner
 from .control_loop import ControlLoop
 from .jog_motion import JogMotion, JogResult, Lookout, Twists
