@@ -1,1 +1,1 @@
-"""Picks and places: ranked candidates, approach, lift, transfer, release, and visual servoing of the grasp."""
+"""Picks and places: ranked candidates, approach, lift, transfer, release, visual servoing of the grasp."""
