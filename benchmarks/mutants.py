@@ -41,7 +41,13 @@ LOOP = ("step_tick", "step", "run", "holds", "_brake_motion")
 DRIVE = ("brake", "_stands_beside", "stop_at_once")
 """Methods of the control loop and the drive that decide about a stop."""
 ROOMS: dict[str, dict[str, tuple[str, ...]]] = {
-    "skills": {"skills/*.py": ()},
+    "skills": {
+        "skills/*.py": (),
+        "manipulation/pick/object_*.py": (),
+        "manipulation/insert/contact_insertion.py": (),
+        "manipulation/push/closed_loop_pushing.py": (),
+        "manipulation/carry/hold_check.py": (),
+    },
     "recovery": {"recovery/*.py": ()},
     "scorer": {
         f"simulation/{name}.py": () for name in ("scoring/scorer", "scoring/truth", "physics/penetration")

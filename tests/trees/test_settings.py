@@ -33,7 +33,7 @@ def test_a_run_with_an_override_has_it_in_its_tree_and_its_log(tmp_path: Path) -
     )
     session = Session(request)
     grasp = next(node for node in session.execution.tree.nodes if node.wiring.id == "Grasp")
-    assert grasp.save()["ports"]["force"] == "12"  # type: ignore[index, call-overload]
+    assert grasp.save_state()["ports"]["force"] == "12"  # type: ignore[index, call-overload]
     assert session.run().reached
 
 
