@@ -50,7 +50,7 @@ ROOMS: dict[str, dict[str, tuple[str, ...]]] = {
     },
     "recovery": {"recovery/*.py": ()},
     "scorer": {
-        f"simulation/{name}.py": () for name in ("scoring/scorer", "scoring/truth", "physics/penetration")
+        f"simulation/{name}.py": () for name in ("scoring/scorer", "scoring/truth", "physics/contacts")
     },
     "safety": {
         "control/safety/*.py": (),
