@@ -11,7 +11,8 @@ from ..cell.operator_desk import OperatorQuestion, OperatorRequests
 from ..errors import PicktreeError
 from ..logs.run_result import RunResult
 from ..trees.running.runner import NodeInfo, TickReport
-from ..world.journal import Journal, JournalEvent, Plain
+from ..world.events.run_events import OperatorAnswerEvent
+from ..world.journal import Journal
 
 
 class Operator(Protocol):
@@ -73,8 +74,8 @@ def answer_pending(desk: OperatorRequests, journal: Journal, operator: Operator 
     if answer is None:
         return False
     desk.answer(answer)
-    data: dict[str, Plain] = {"question": question.reason, "answer": answer}
-    journal.note(JournalEvent("operator_answer", f"the answer is: {answer}", question.node, data))
+    message = f"the answer is: {answer}"
+    journal.note(OperatorAnswerEvent(message, question.node, question=question.reason, answer=answer))
     return True
 
 

@@ -28,7 +28,8 @@ from ..trees.running.runner import TickReport
 from ..trees.running.tree_adoption import StateTransfer
 from ..trees.status import NodeStatus
 from ..world.causes import Failure
-from ..world.journal import JournalEvent, Plain
+from ..world.events.run_events import CheckpointEvent, MissionEditedEvent
+from ..world.journal import JournalEvent
 from ..world.values import Vector3
 from .assembly import TICK_LENGTH, assemble_world
 from .checkpoints import RunState, restore_checkpoint, take_checkpoint
@@ -340,7 +341,7 @@ class Session:
 
     def _note_checkpoint(self) -> None:
         done = self.tally.done
-        self.world.journal.note(JournalEvent("checkpoint", f"after {done} items", "", {"items_done": done}))
+        self.world.journal.note(CheckpointEvent(f"after {done} items", items_done=done))
 
     @property
     def disagreements(self) -> int:
@@ -373,12 +374,8 @@ class Session:
         structure = tree.structure()
         self.tally.follow(structure)
         message = f"the edited mission takes over: {adoption_summary(adoption)}"
-        data: dict[str, Plain] = {
-            "files": scribe.edited(mission, structure),
-            "fresh": list(adoption.fresh),
-            "gone": list(adoption.gone),
-        }
-        self.world.journal.note(JournalEvent("mission_edited", message, "", data))
+        files, fresh, gone = scribe.edited(mission, structure), tuple(adoption.fresh), tuple(adoption.gone)
+        self.world.journal.note(MissionEditedEvent(message, files=files, fresh=fresh, gone=gone))
         if self._debugger:
             self._debugger.follow(tree)
         if self._watcher:

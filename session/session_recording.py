@@ -17,6 +17,7 @@ from ..simulation.backends import Simulation
 from ..trees.blackboard import BlackboardWrite
 from ..trees.mission import Mission
 from ..trees.running.runner import NodeInfo, TickReport
+from ..world.events.run_events import BeltStopsEvent, BinExchangedEvent, DeliveryEvent, FaultEvent
 from ..world.journal import Entry, JournalEvent
 from ..world.values import Array, Pose
 from . import environment
@@ -30,7 +31,6 @@ if TYPE_CHECKING:
 START_ATTACHMENT: Final = "start.json"
 """Name of the attachment with the checkpoint from which a run resumes, with the tree of this run."""
 
-_FEED_EVENTS = ("delivery", "belt_stops", "bin_exchanged")
 """Feed events after which items have moved at once."""
 
 Tap: TypeAlias = Callable[[str, int, bytes], None]
@@ -227,7 +227,9 @@ class SessionRecorder:
 
 def _moves_bodies(event: JournalEvent) -> bool:
     """Whether bodies have moved at once with this event."""
-    return event.kind in _FEED_EVENTS or event.data.get("fault") == "obstacle"
+    if isinstance(event, FaultEvent):
+        return event.fault == "obstacle"
+    return isinstance(event, DeliveryEvent | BeltStopsEvent | BinExchangedEvent)
 
 
 def _tree(structure: tuple[NodeInfo, ...]) -> records.Tree:

@@ -31,7 +31,7 @@ from ..trees.ports import In, port
 from ..trees.skill import ARM, GRIPPER, Doing, Skill, Steps
 from ..world.causes import Failure, control, grasp, perception, planning, safety
 from ..world.causes import world as world_causes
-from ..world.journal import JournalEvent
+from ..world.events.skill_events import PickEvent
 from ..world.values import ObjectId, Pose, Vector3
 
 if TYPE_CHECKING:
@@ -378,19 +378,16 @@ class Grasp(Skill):
     ) -> None:
         """Record one closing of the fingers, and the measured grip."""
         world.journal.note(
-            JournalEvent(
-                "pick",
+            PickEvent(
                 f"{self.object}: {'held' if hold.held else 'not held'}",
                 self.path,
-                {
-                    "object": self.object,
-                    "form": belief.form,
-                    "candidate": candidate.name,
-                    "held": hold.held,
-                    "first_try": first,
-                    "width": hold.width,
-                    "load": hold.load,
-                    "force": world.gripper.force,
-                },
+                object=self.object,
+                form=belief.form,
+                candidate=candidate.name,
+                held=hold.held,
+                first_try=first,
+                width=hold.width,
+                load=hold.load,
+                force=world.gripper.force,
             )
         )

@@ -26,7 +26,7 @@ from ..trees.skill import ARM, GRIPPER, Doing, Skill, Steps
 from ..world.belief.hole_matching import find_hole, fits_hole, fitting_hole, occupied
 from ..world.causes import Failure, control, grasp, insert, place, planning, safety
 from ..world.causes import world as world_causes
-from ..world.journal import JournalEvent
+from ..world.events.skill_events import ItemDoneEvent
 from ..world.values import ObjectId
 
 if TYPE_CHECKING:
@@ -279,19 +279,16 @@ class Insert(Skill):
                 load_after=after,
             )
         world.journal.note(
-            JournalEvent(
-                "item_done",
+            ItemDoneEvent(
                 f"{held.id} inserted into {plan.hole.id}",
                 self.path,
-                {
-                    "object": held.id,
-                    "form": held.form,
-                    "into": plan.hole.id,
-                    "spot": plan.hole.id,
-                    "depth": course.depth,
-                    "force": self._force,
-                    "seconds": self._seconds,
-                    "found_by": course.tried[-1] if course.tried else "",
-                },
+                object=held.id,
+                form=held.form,
+                into=plan.hole.id,
+                spot=plan.hole.id,
+                depth=course.depth,
+                force=self._force,
+                seconds=self._seconds,
+                found_by=course.tried[-1] if course.tried else "",
             )
         )

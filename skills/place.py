@@ -21,7 +21,7 @@ from ..trees.values.port_types import PortProblem, PortValues
 from ..world.belief.planning_scene import BeliefObject
 from ..world.causes import Failure, control, grasp, place, planning, safety
 from ..world.causes import world as world_causes
-from ..world.journal import JournalEvent
+from ..world.events.skill_events import ItemDoneEvent
 from ..world.scene.description import Bin
 from ..world.shapes import bottom
 from ..world.values import ObjectId, Pose
@@ -267,11 +267,13 @@ class Place(Skill):
                 load_after=after,
             )
         world.journal.note(
-            JournalEvent(
-                "item_done",
+            ItemDoneEvent(
                 f"{held.id} placed {('into ' + self.into) if self.into else f'at {self.at}'}",
                 self.path,
-                {"object": held.id, "form": held.form, "into": self.into, "spot": self._spot},
+                object=held.id,
+                form=held.form,
+                into=self.into,
+                spot=self._spot,
             )
         )
 

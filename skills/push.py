@@ -32,7 +32,7 @@ from ..trees.skill import ARM, CAMERA, GRIPPER, Doing, Skill, Steps
 from ..trees.values.port_types import PortProblem, PortValues
 from ..world.causes import Failure, control, perception, planning, push, safety
 from ..world.causes import world as world_causes
-from ..world.journal import JournalEvent, Plain
+from ..world.events.skill_events import PushEvent
 from ..world.planar_geometry import PlanarPose, moved, outline, planar
 from ..world.values import ObjectId
 
@@ -197,9 +197,8 @@ class Push(Skill):
 
     def _parted(self, world: World, name: str, made: list[str]) -> None:
         if made:
-            data: dict[str, Plain] = {"object": name, "strokes": [*made]}
             text = f"{name}: the hand fits around it after {len(made)} strokes"
-            world.journal.note(JournalEvent("push", text, self.path, data))
+            world.journal.note(PushEvent(text, self.path, object=name, strokes=tuple(made)))
 
     def _to(self, world: World, belief: BeliefObject, aim: PushGoal) -> Steps:
         stalled = lost = 0
@@ -350,17 +349,14 @@ class Push(Skill):
     def _note(self, world: World, belief: BeliefObject, aim: PushGoal, made: list[str]) -> None:
         off, turned = self._off(belief, aim)
         world.journal.note(
-            JournalEvent(
-                "push",
+            PushEvent(
                 f"{self.object}: {len(made)} strokes, {_error_words(off, turned)} off",
                 self.path,
-                {
-                    "object": self.object,
-                    "form": belief.form,
-                    "off": off,
-                    "turned": turned,
-                    "strokes": [*made],
-                },
+                object=self.object,
+                form=belief.form,
+                off=off,
+                turned=turned,
+                strokes=tuple(made),
             )
         )
 

@@ -17,7 +17,7 @@ import numpy as np
 from ...control.cartesian.compliant_motion import CartesianStiffness, CompliantMotion, ContactState
 from ...control.wrist.contact_detection import ContactDetector
 from ...world.causes import Failure, grasp
-from ...world.journal import JournalEvent
+from ...world.events.skill_events import CentredEvent, RegraspEvent
 from ...world.values import Array, ObjectId, Vector3
 from .grip_force import GripForce
 
@@ -57,11 +57,11 @@ def relocate_object(
 
 def _note(world: World, object_id: ObjectId, node: str, failure: Failure, where: str) -> None:
     world.journal.note(
-        JournalEvent(
-            "regrasp",
+        RegraspEvent(
             f"{object_id} is grasped once more ({where}): {failure.message}",
             node,
-            {"object": object_id, "where": where},
+            object=object_id,
+            where=where,
         )
     )
 
@@ -163,11 +163,12 @@ def close(world: World, pressure: GripForce, node: str) -> Generator[None, None,
     closed = ClosingResult(grip.width, way, float(axis @ left))
     if gave:
         world.journal.note(
-            JournalEvent(
-                "centred",
+            CentredEvent(
                 f"the hand gave way by {abs(way) * 1000:.1f} mm until both fingers touched",
                 node,
-                {"way": way, "aside": closed.aside, "width": closed.width},
+                way=way,
+                aside=closed.aside,
+                width=closed.width,
             )
         )
     return closed
