@@ -14,6 +14,7 @@ from ...logs.run_record import RunRecord
 from ...logs.schema.records import ResumedFrom
 from ...simulation.backends import Backend
 from ...trees.mission import Mission
+from ...world.events.run_events import MissionEditedEvent, OperatorAnswerEvent
 from ..checkpoints import RunState
 from ..observer import Interrupter, RecordedAnswers, ReloadMessage
 from ..recipe import DEFAULT_TIME_LIMIT, Recipe, StartCheckpoint
@@ -38,7 +39,7 @@ class RecordedRun:
         self._folder = tempfile.TemporaryDirectory(prefix="picktree-")
         self._unpacking = Unpacking(run.log, Path(self._folder.name))
         self._edits = [
-            (at.time, str(at.record.data["files"])) for at in run.events if at.record.kind == "mission_edited"
+            (at.time, at.record.files) for at in run.events if isinstance(at.record, MissionEditedEvent)
         ]
 
     def close(self) -> None:
@@ -84,9 +85,9 @@ class RecordedRun:
     def answers(self, since: float = -1.0) -> RecordedAnswers:
         """Return an operator with the answers that were given later than `since`, simulated s."""
         given = [
-            (at.record.node, str(at.record.data["answer"]))
+            (at.record.node, at.record.answer)
             for at in self.run.events
-            if at.record.kind == "operator_answer" and at.time > since + _TIME_TOLERANCE
+            if isinstance(at.record, OperatorAnswerEvent) and at.time > since + _TIME_TOLERANCE
         ]
         return RecordedAnswers(given)
 
