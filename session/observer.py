@@ -12,7 +12,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from ..errors import PicktreeError
-from ..world.journal import Journal, JournalEvent, Plain
+from ..world.events.run_events import OperatorAnswerEvent
+from ..world.journal import Journal
 
 if TYPE_CHECKING:  # The displays of the command line are observers and must be loaded at once.
     from pathlib import Path
@@ -136,8 +137,8 @@ def answer_pending(desk: OperatorRequests, journal: Journal, operators: Sequence
     if answer is None:
         return False
     desk.answer(answer)
-    data: dict[str, Plain] = {"question": question.reason, "answer": answer}
-    journal.note(JournalEvent("operator_answer", f"the answer is: {answer}", question.node, data))
+    message = f"the answer is: {answer}"
+    journal.note(OperatorAnswerEvent(message, question.node, question=question.reason, answer=answer))
     return True
 
 

@@ -8,7 +8,7 @@ from functools import partial
 import numpy as np
 
 from ...robots.model import RobotModel
-from ...world.journal import JournalEvent
+from ...world.events.skill_events import WristBiasEvent
 from ...world.values import Array, JointState
 from ..joints.external_torque import EffortCheck
 from ..wrist.wrist_wrench import MAX_BIAS_STEP, WristWrench
@@ -51,7 +51,7 @@ class BiasEstimator:
             words = (
                 f"the wrist felt {by:.1f} N that no joint carries: its bias has jumped, and is learnt anew"
             )
-            self._monitor.note(JournalEvent("wrist_bias", words, data={"force": by}))
+            self._monitor.note(WristBiasEvent(words, force=by))
         return learnt
 
     def zero_empty(self, state: JointState, *, rested: bool) -> bool:

@@ -15,7 +15,7 @@ import numpy as np
 
 from ...control.cartesian.compliant_motion import CartesianStiffness, CompliantMotion, ContactState
 from ...control.wrist.contact_detection import ContactDetector
-from ...world.journal import JournalEvent
+from ...world.events.skill_events import CentredEvent
 from ...world.values import Array
 from .grip_force import GripForce
 
@@ -121,11 +121,12 @@ def close(world: World, pressure: GripForce, node: str) -> Generator[None, None,
     closed = ClosingResult(grip.width, way, float(axis @ left))
     if gave:
         world.journal.note(
-            JournalEvent(
-                "centred",
+            CentredEvent(
                 f"the hand gave way by {abs(way) * 1000:.1f} mm until both fingers touched",
                 node,
-                {"way": way, "aside": closed.aside, "width": closed.width},
+                way=way,
+                aside=closed.aside,
+                width=closed.width,
             )
         )
     return closed

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, TypeVar
 
 from ...planning.requests import MotionPlan
 from ...world.causes import Cause, Failure, planning
-from ...world.journal import JournalEvent
+from ...world.events.skill_events import ReplannedEvent
 from ..retreat.clearing import escape_contact
 
 if TYPE_CHECKING:
@@ -39,18 +39,15 @@ class ReplanBudget:
             return False
         self.made += 1
         self._world.journal.note(
-            JournalEvent(
-                "replanned",
+            ReplannedEvent(
                 f"stopped and planned anew: {failure.message}",
                 self._node,
-                {
-                    "object": self._subject,
-                    "cause": failure.cause.name,
-                    "why": failure.message,
-                    "by": [*_obstacle_names(failure)],
-                    "time": self.made,
-                    "most": self._most,
-                },
+                object=self._subject,
+                cause=failure.cause.name,
+                why=failure.message,
+                by=tuple(_obstacle_names(failure)),
+                time=self.made,
+                most=self._most,
             )
         )
         return True

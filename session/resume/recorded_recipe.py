@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import re
 import tempfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
-from typing import Final, cast
+from typing import Final
 
 from ...errors import PicktreeError
 from ...logs.mcap.reader import RawMessage
@@ -21,7 +21,8 @@ from ...logs.schema.records import ResumedFrom
 from ...logs.visits import with_transitions
 from ...simulation.backends import Backend
 from ...trees.mission import Mission
-from ...world.journal import JournalEvent, Plain
+from ...world.events.run_events import MissionEditedEvent, OperatorAnswerEvent
+from ...world.journal import JournalEvent
 from ..checkpoints import RunState
 from ..observer import Interrupter, RecordedAnswers, ReloadMessage
 from ..recipe import DEFAULT_TIME_LIMIT, Recipe, StartCheckpoint
@@ -46,7 +47,7 @@ class RecordedRun:
         self._folder = tempfile.TemporaryDirectory(prefix="picktree-")
         self._unpacking = Unpacking(run.log, Path(self._folder.name))
         self._edits = [
-            (at.time, str(at.record.data["files"])) for at in run.events if at.record.kind == "mission_edited"
+            (at.time, at.record.files) for at in run.events if isinstance(at.record, MissionEditedEvent)
         ]
 
     def close(self) -> None:
@@ -92,9 +93,9 @@ class RecordedRun:
     def answers(self, since: float = -1.0) -> RecordedAnswers:
         """Return an operator with the answers that were given later than `since`, simulated s."""
         given = [
-            (at.record.node, str(at.record.data["answer"]))
+            (at.record.node, at.record.answer)
             for at in self.run.events
-            if at.record.kind == "operator_answer" and at.time > since + _TIME_TOLERANCE
+            if isinstance(at.record, OperatorAnswerEvent) and at.time > since + _TIME_TOLERANCE
         ]
         return RecordedAnswers(given)
 
@@ -184,9 +185,7 @@ def tally_of(run: RunRecord, time: float) -> RunCounters:
     coming = list(run.trees)
     events: dict[float, list[JournalEvent]] = {}
     for at in run.events:
-        event = at.record
-        data = cast("Mapping[str, Plain]", event.data)
-        events.setdefault(at.time, []).append(JournalEvent(event.kind, event.message, event.node, data))
+        events.setdefault(at.time, []).append(at.record)
     ticks = run.log.ticks(end=time)
     for at in ticks if run.log.format >= 2 else with_transitions(ticks):
         while coming and coming[0].time <= at.time:

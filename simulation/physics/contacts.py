@@ -1,5 +1,5 @@
-"""Contacts of the last simulation step: contact points, item in the hand, penetration of items with holes, and
-finger forces on fragile items."""
+"""Contacts of the last simulation step: contact points, item in the hand, penetration of items with holes,
+and finger forces on fragile items."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from collections import deque
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
 
+from ...world.events.run_events import CrushedEvent
 from ...world.journal import JournalEvent
 from ...world.values import ObjectId
 from ..checkpoints import PressedItem, RobotReading
@@ -228,9 +229,12 @@ class CrushDetector:
         self._most[name] = after
         if after.crushed and not before.crushed:
             self._events.append(
-                JournalEvent(
-                    "crushed",
+                CrushedEvent(
                     f"{name} was crushed: {finger} pressed with {force:.1f} N, and it bears {limit:g} N",
-                    data={"object": name, "finger": finger, "force": force, "limit": limit, "time": now},
+                    object=name,
+                    finger=finger,
+                    force=force,
+                    limit=limit,
+                    time=now,
                 )
             )
