@@ -9,7 +9,7 @@ from collections import Counter
 from _motion_robots import shipped
 from _motion_tables import Column, Part, Table, cpu, median, p95, share
 from picktree.planning.collision.collision_checker import CollisionChecker
-from picktree.planning.collision.start_tolerance import StartTolerance
+from picktree.planning.collision.trajectory_check import StartTolerance
 from picktree.planning.kinematics.cartesian_lines import plan_line, plan_line_from_any
 from picktree.planning.kinematics.inverse_kinematics import InverseKinematics
 from picktree.robots.model import RobotModel

@@ -15,8 +15,8 @@ from ...world.values import Array, Vector3
 from ..requests import ContactPair
 from .collision_bodies import CollisionMargins, GeometryOwner, fixed_bodies, movable_bodies
 from .fcl_shapes import FclSolid, hull, place, solid
-from .start_tolerance import APPROACH_SLACK, START_ZONE, START_ZONE_OF_OBJECTS
 from .swept_volumes import LinkSolid, Pairs, RobotSweep, moments_of
+from .trajectory_check import APPROACH_SLACK, START_ZONE, START_ZONE_OF_OBJECTS
 
 PENETRATION_ROUNDING = 0.0001
 """Penetration that is put down to rounding, m."""

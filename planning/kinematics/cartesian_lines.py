@@ -10,7 +10,7 @@ import numpy as np
 
 from ...robots.model import RobotModel
 from ...world.values import Array, Pose, Quaternion
-from ..collision.start_tolerance import StartTolerance
+from ..collision.trajectory_check import StartTolerance
 from .inverse_kinematics import InverseKinematics
 
 MAX_LINE_STEP = 0.005

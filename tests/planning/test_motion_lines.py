@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation, Slerp
 
 from picktree.planning.collision.collision_checker import CollisionChecker
-from picktree.planning.collision.start_tolerance import StartTolerance
+from picktree.planning.collision.trajectory_check import StartTolerance
 from picktree.planning.kinematics.cartesian_lines import (
     MAX_JOINT_JUMP,
     MAX_LINE_STEP,
