@@ -9,8 +9,7 @@ from typing import Literal, TypeAlias
 from ...world.events.run_events import BeltRunsEvent, BeltStopsEvent
 from ...world.journal import JournalEvent
 from ...world.random_streams import RandomStreams
-from ...world.scene.description import SceneDescription
-from ...world.scene.feed import Delivery
+from ...world.scene.description import Delivery, SceneDescription
 from ...world.scene.loading.feed_loading import APART, SPREAD, reach
 from ...world.shapes import bottom
 from ...world.values import Pose

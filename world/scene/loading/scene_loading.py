@@ -18,11 +18,12 @@ from ....files.yaml.document import Document, merge_patch, read_document
 from ....files.yaml.document_checker import DocumentChecker
 from ...values import Bounds, ObjectId, Pose
 from ..body_schema import CatalogueFile, FixtureFile, UnknownFile
-from ..calibration_results import SceneCalibration, apply_calibration
+from ..calibration_results import SceneCalibration
 from ..description import (
     Bin,
     CatalogueEntry,
     Destination,
+    Exchange,
     Fixture,
     Hole,
     SafetyLimits,
@@ -32,7 +33,6 @@ from ..description import (
     Thinking,
 )
 from ..destinations import can_hold, rule_names
-from ..feed import Exchange
 from ..scene_schema import SECTIONS, CalibrationFile, CameraFile, DestinationFile, RestFile
 from ..spawn_schema import FeedFile, SpawnFile
 from .feed_loading import belt, check_belts, check_feed, delivery
@@ -188,9 +188,7 @@ class _Parts:
             robot=rest.robot if self.robot.parent == ROBOTS else str(self.robot.resolve()),
             fixtures=tuple(b for b in bodies if not isinstance(b, Bin)),
             bins=tuple(bins.values()),
-            cameras=tuple(
-                apply_calibration(camera(name, entry), known) for name, entry in self.cameras.items()
-            ),
+            cameras=tuple(camera(name, entry).calibrated(known) for name, entry in self.cameras.items()),
             catalogue=tuple(k for k in self.catalogue.values() if k is not None),
             spawn=tuple(_spawn(entry) for entry in self.spawn),
             destinations=tuple(Destination(d.where, ObjectId(d.to)) for d in self.destinations),

@@ -1,20 +1,22 @@
-"""Checkpoint of the physics backend: numbers and names only, exact in JSON, no pickle."""
+"""Checkpoints of the two backends: numbers and names only, exact in JSON, no pickle."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
-from typing import Any, Literal
+from typing import Any, Literal, TypeAlias
 
 from pydantic import TypeAdapter, ValidationError
 
-from ...errors import PicktreeError
-from ...world.scene.description import Fixture
-from ...world.values import ObjectId, Quaternion, Vector3
-from ..feed.belt_drive import BeltState
-from ..feed.feeder import FeederState
-from ..spawning.inventory import InventoryState
+from ..errors import PicktreeError
+from ..world.scene.description import Fixture
+from ..world.values import ObjectId, Pose, Quaternion, Vector3
+from .feed.belt_drive import BeltState
+from .feed.feeder import FeederState
+from .spawning.inventory import InventoryState
+
+Backend: TypeAlias = Literal["physics", "kinematic"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,3 +144,94 @@ class Checkpoint:
 @cache  # built on first use: a run needs that of its own backend only
 def _adapter() -> TypeAdapter[Checkpoint]:
     return TypeAdapter(Checkpoint)
+
+
+@dataclass(frozen=True, slots=True)
+class ItemState:
+    """Item in a checkpoint: pose in the world, and properties that faults can change."""
+
+    id: ObjectId
+    pose: Pose
+    friction: float
+    mass: float
+    present: bool
+    scale: float = 1.0
+    """Scale by faults, as a multiple of the catalogue's size."""
+
+
+@dataclass(frozen=True, slots=True)
+class KinematicState:
+    """Complete state of the kinematic backend, besides scene, robot and seed."""
+
+    seed: int
+    periods: int
+    position: tuple[float, ...]
+    velocity: tuple[float, ...]
+    width: float
+    target: float
+    force: float
+    gripped: float
+    item_in_tcp: Pose | None
+    held: ObjectId | None
+    items: tuple[ItemState, ...]
+    """Items that did not leave with a bin, in the order of their numbers."""
+    belts: tuple[BeltState, ...] = ()
+    inventory: InventoryState | None = None
+    """Items that came after the start or left; None when there are none, as in older logs."""
+    feeder: FeederState | None = None
+    obstacles: tuple[Fixture, ...] | None = None
+    """Obstacles that the robot does not know; None: those of the scene, as in older logs."""
+
+    def to_plain(self) -> dict[str, Any]:
+        """Return the state as JSON types. Floats survive exactly."""
+        return _kinematic_adapter().dump_python(self, mode="json")
+
+    @classmethod
+    def from_plain(cls, plain: object) -> KinematicState:
+        """Read a state from JSON types. Raises PicktreeError when they are no checkpoint of this backend."""
+        try:
+            return _kinematic_adapter().validate_python(plain)
+        except ValidationError as error:
+            first = error.errors()[0]
+            where = ".".join(str(part) for part in first["loc"])
+            raise PicktreeError(f"no checkpoint of the kinematic backend: {where}: {first['msg']}") from None
+
+
+@cache  # built on first use: a run needs that of its own backend only
+def _kinematic_adapter() -> TypeAdapter[KinematicState]:
+    return TypeAdapter(KinematicState)
+
+
+_STILL = (0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True, slots=True)
+class RestSnapshot:
+    """Snapshot of a simulation in which nothing moves, and the arm's configuration in it."""
+
+    plain: dict[str, Any]
+    """Plain values of the checkpoint, as `build_hardware` takes them."""
+    position: tuple[float, ...]
+    """Configuration of the arm, rad."""
+
+
+def snapshot_at_rest(backend: Backend, snapshot: Mapping[str, Any], joints: int) -> RestSnapshot:
+    """Return a snapshot with all velocities set to zero. The arm has `joints` joints and holds its
+    configuration; the fingers keep their last command.
+
+    Raises PicktreeError when `snapshot` is no checkpoint of the backend.
+    """
+    if backend == "kinematic":
+        stood = KinematicState.from_plain(snapshot)
+        return RestSnapshot(
+            replace(stood, velocity=tuple(0.0 for _ in stood.velocity)).to_plain(), stood.position
+        )
+    saved = Checkpoint.from_plain(snapshot)
+    position = saved.robot.position[:joints]
+    still = replace(
+        saved,
+        arm=ArmCommand("follow", position, (0.0,) * joints, ()),
+        robot=replace(saved.robot, velocity=tuple(0.0 for _ in saved.robot.velocity)),
+        items=tuple(replace(item, velocity=_STILL, spin=_STILL) for item in saved.items),
+    )
+    return RestSnapshot(still.to_plain(), position)
