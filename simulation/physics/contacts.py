@@ -1,5 +1,5 @@
-"""Contacts of the last simulation step: contact points, item in the hand, penetration of items with holes,
-and finger forces on fragile items."""
+"""Contacts of the last simulation step: points, item in the hand, penetration of items with holes, and finger
+forces on fragile items."""
 
 from __future__ import annotations
 
