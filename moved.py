@@ -20,6 +20,11 @@ if TYPE_CHECKING:
 MODULES: Final[Mapping[str, str]] = {
     "batch.batch": "batch.workers.batch",
     "batch.cluster.executor": "batch.cluster.ray_executor",
+    "cell.handover": "skill_world.handover",
+    "cell.operator_desk": "skill_world.operator_desk",
+    "cell.vision": "skill_world.vision",
+    "cell.world": "skill_world.world",
+    "control.cartesian.twist": "control.cartesian.velocity_controller",
     "logs.comparing.alignment": "analysis.compare.alignment",
     "logs.comparing.first_difference": "analysis.compare.divergence",
     "logs.operators": "session.observer",
@@ -36,7 +41,6 @@ MODULES: Final[Mapping[str, str]] = {
     "world.control.courses": "control.cartesian.compliant_motion",
     "world.control.jogging": "control.execution.jog_motion",
     "world.control.stiffness": "control.cartesian.compliant_motion",
-    "control.cartesian.twist": "control.cartesian.velocity_controller",
     "world.control.twist": "control.cartesian.velocity_controller",
     "world.errors": "errors",
     "world.motion.requests": "planning.requests",
@@ -45,7 +49,7 @@ MODULES: Final[Mapping[str, str]] = {
     "world.robot.model": "robots.model",
     "world.scene.load": "world.scene.loading.scene_loading",
     "world.scene.planning_scene": "world.belief.planning_scene",
-    "world.world": "cell.world",
+    "world.world": "skill_world.world",
 }
 """New name of a module by its old one."""
 NAMES: Final[Mapping[str, str]] = {

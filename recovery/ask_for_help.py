@@ -6,7 +6,7 @@ import re
 from collections.abc import Generator
 from typing import TYPE_CHECKING, Final, cast
 
-from ..cell.operator_desk import GIVE_UP, GO_ON, SET_ASIDE, OperatorQuestion
+from ..skill_world.operator_desk import GIVE_UP, GO_ON, SET_ASIDE, OperatorQuestion
 from ..trees.flow.default_flow import leaf
 from ..trees.node import Node
 from ..trees.ports import In, Out, port
@@ -20,7 +20,7 @@ from ..world.events.run_events import HelpWantedEvent
 from ..world.values import ObjectId
 
 if TYPE_CHECKING:
-    from ..cell.world import World
+    from ..skill_world.world import World
     from ..trees.flow import FlowState, NodeOutcomes
     from ..trees.flow.flow_walk import FlowAnalysis
     from ..trees.mission import NodeSpec

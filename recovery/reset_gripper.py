@@ -11,7 +11,7 @@ from ..world.causes import Failure, control, grasp, safety
 from ..world.events.skill_events import GripperResetEvent
 
 if TYPE_CHECKING:
-    from ..cell.world import World
+    from ..skill_world.world import World
 
 
 class ResetGripper(Skill):

@@ -15,7 +15,7 @@ from ..world.events.skill_events import SetAsideEvent
 from ..world.values import ObjectId
 
 if TYPE_CHECKING:
-    from ..cell.world import World
+    from ..skill_world.world import World
     from ..trees.flow import FlowState, NodeOutcomes
     from ..trees.flow.flow_walk import FlowAnalysis
     from ..trees.mission import NodeSpec

@@ -13,7 +13,7 @@ from ..world.causes import Cause, Failure, Family, perception
 from ..world.values import ObjectId
 
 if TYPE_CHECKING:
-    from ..cell.world import World
+    from ..skill_world.world import World
 
 
 class Observe(Skill):

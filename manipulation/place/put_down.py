@@ -17,8 +17,8 @@ from .dropped_objects import support_height_at
 from .release_poses import blocked, put_down_poses
 
 if TYPE_CHECKING:
-    from ...cell.world import World
     from ...control.execution.trajectory_motion import Doing
+    from ...skill_world.world import World
     from ...world.values import Pose, Vector3
 
 SPOT_RING_RADII = (0.0, 0.05, 0.10, 0.16, 0.24)

@@ -15,7 +15,7 @@ from ..status import NodeStatus
 from ..values.port_types import plain_copy, show
 
 if TYPE_CHECKING:
-    from ...cell.world import World
+    from ...skill_world.world import World
     from ..flow.flow_walk import FlowAnalysis
     from ..mission import NodeSpec
 
