@@ -21,8 +21,8 @@ from ..logs.run_result import (
 from ..logs.schema.records import NodeTime, Timing
 from ..simulation.scoring.scorer import ItemScore, score
 from ..simulation.scoring.truth import TrueBody
+from ..world.computing_time import Stopwatch
 from ..world.scene.description import SceneDescription
-from ..world.stopwatch import Stopwatch
 
 if TYPE_CHECKING:
     from .session import Session

@@ -21,7 +21,7 @@ from .skills.cell import EXAMPLES, Cell, items, sorting
 MEASURING = {
     "trees/node.py",
     "control/execution/control_loop.py",
-    "world/stopwatch.py",
+    "world/computing_time.py",
     "session/session.py",
     "session/run_summary.py",
     "logs/recording/recorder.py",

@@ -17,7 +17,6 @@ from ...files.atomic_write import whole
 from ...files.shipped_files import find_file
 from ...perception.expectation.backdrop import table_of
 from ...robots.loading import SHIPPED as ROBOTS
-from ...robots.tool_frame import rpy_of
 from ...world.scene.description import SceneDescription
 from ...world.scene.loading.scene_loading import SHIPPED, load_scene, parse_scene
 from ...world.shapes import top
@@ -167,7 +166,7 @@ def scene_text(
     if tool is not None:
         tcp = scene.tool @ shift
         sigma = ", ".join(f"{1000 * s:.3f}" for s in tool.deviation)
-        turn = "" if rpy_of(tcp) == (0.0, 0.0, 0.0) else f", rpy: {_list(rpy_of(tcp))}"
+        turn = "" if tcp.rpy() == (0.0, 0.0, 0.0) else f", rpy: {_list(tcp.rpy())}"
         lines += [
             f"  # ± {sigma} mm along x, y, z, from {tool.touches} touches; they do not tell its turn.",
             f"  tcp: {{offset: {_list(tcp.position)}{turn}}}",
@@ -207,7 +206,7 @@ def _deviation_comment(camera: CameraEstimate) -> str:
 
 
 def _pose_text(pose: Pose) -> str:
-    return f"{{at: {_list(pose.position)}, rpy: {_list(rpy_of(pose))}}}"
+    return f"{{at: {_list(pose.position)}, rpy: {_list(pose.rpy())}}}"
 
 
 def _list(numbers: Vector3) -> str:

@@ -18,7 +18,6 @@ from ...logs.run_result import RunResult, RunStatus
 from ...logs.schema.topics import EVENTS
 from ...robots.loading import load_robot
 from ...robots.model import RobotModel
-from ...robots.tool_frame import rpy_of
 from ...session.observer import SessionWatcher
 from ...session.recipe import Recipe
 from ...session.session import Session
@@ -135,7 +134,7 @@ def _camera_json(camera: CameraEstimate) -> Plain:
     return {
         "on": "hand" if camera.on_hand else "world",
         "at": list(camera.pose.position),
-        "rpy": list(rpy_of(camera.pose)),
+        "rpy": list(camera.pose.rpy()),
         "moved": camera.moved,
         "turned": camera.turned,
         "deviation": {"position": list(camera.deviation.position), "angle": list(camera.deviation.angle)},

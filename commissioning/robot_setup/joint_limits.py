@@ -24,7 +24,7 @@ DEFAULT_VELOCITY = 1.0
 """Velocity of a joint for which the URDF gives none, rad/s."""
 ACCELERATION_TORQUE_SHARE = 0.5
 """Share of the torque left by gravity with which an acceleration is estimated."""
-SOONEST = 0.3
+MIN_SPEED_UP_TIME = 0.3
 """Least time in which a joint reaches its velocity, s: it bounds the estimated acceleration."""
 MIN_ACCELERATION = 0.5
 """Least acceleration that is proposed for a joint, rad/s²."""
@@ -87,7 +87,7 @@ def estimate(
     sees.
 
     Gravity torque and inertia are the largest of random configurations. No joint reaches its velocity in less
-    than SOONEST.
+    than MIN_SPEED_UP_TIME.
     """
     generator = np.random.default_rng([seed, 3])
     gravity: Array = np.zeros(model.n)
@@ -103,7 +103,7 @@ def estimate(
         if torque <= weight:
             comment += f"; gravity alone needs {weight:.1f} Nm"
         acceleration = min(
-            ACCELERATION_TORQUE_SHARE * max(torque - weight, 0.0) / seen, limit.velocity / SOONEST
+            ACCELERATION_TORQUE_SHARE * max(torque - weight, 0.0) / seen, limit.velocity / MIN_SPEED_UP_TIME
         )
         acceleration = float(f"{max(acceleration, MIN_ACCELERATION):.2g}")
         found.append(replace(limit, torque=torque, acceleration=acceleration, comment=comment))

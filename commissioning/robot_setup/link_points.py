@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
 from ...errors import PicktreeError
-from ...robots.mesh_files import mesh_file
-from ...robots.urdf_tree import UrdfMesh, UrdfPrimitive, link_geometry, parsed_urdf
+from ...robots.urdf_tree import UrdfMesh, UrdfPrimitive, link_geometry, mesh_file, parsed_urdf
 from ...world.shapes import corners
 from ...world.values import Array
 from .urdf_source import UnsuitableUrdf

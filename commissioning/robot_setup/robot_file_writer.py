@@ -7,7 +7,6 @@ import math
 from collections.abc import Iterator, Sequence
 
 from ...robots.gripper_mounting import LinkInertia
-from ...robots.tool_frame import rpy_of
 from ...world.shapes import Box
 from ...world.values import Pose
 from .draft import RobotDraft
@@ -182,7 +181,7 @@ def _box(box: Box, pose: Pose) -> str:
 def _frame(pose: Pose, spread: str = "") -> str:
     """Return `at: …, rpy: …` without zero parts; on two lines when `spread` is an indent."""
     at = f"at: [{', '.join(_mm(c) for c in pose.position)}]"
-    rpy = [0.0 if abs(a) < 1e-7 else a for a in rpy_of(pose)]
+    rpy = [0.0 if abs(a) < 1e-7 else a for a in pose.rpy()]
     if not any(rpy):
         return at
     turned = f"rpy: [{', '.join(_angle(a) for a in rpy)}]"

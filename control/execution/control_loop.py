@@ -12,8 +12,8 @@ import numpy as np
 from ...errors import PicktreeError
 from ...robots.model import RobotModel
 from ...world.causes import Failure, control, safety
+from ...world.computing_time import Stopwatch
 from ...world.protocols import Hardware
-from ...world.stopwatch import Stopwatch
 from ...world.values import Array, JointState, Pose, Wrench
 from ..cartesian.impedance import CartesianImpedance, ContactReflex
 from ..commands import Controller, JointCommand

@@ -6,7 +6,7 @@ from collections.abc import Generator
 from contextlib import contextmanager
 from dataclasses import dataclass
 
-from ...world.thinking_time import ComputeTimeAccount
+from ...world.computing_time import ComputeTimeAccount
 from ..collision.collision_checker import CollisionChecker
 from ..kinematics.inverse_kinematics import InverseKinematics
 

@@ -8,8 +8,7 @@ from dataclasses import dataclass, replace
 from ...errors import PicktreeError
 from ...world.journal import JournalEvent
 from ...world.random_streams import RandomStreams
-from ...world.scene.description import SceneDescription
-from ...world.scene.feed import AtIntervals, AtTimes, Delivery, WhenClear
+from ...world.scene.description import AtIntervals, AtTimes, Delivery, SceneDescription, WhenClear
 from ...world.scene.loading.feed_loading import reach
 from ...world.values import Array, ObjectId, Quaternion
 from ..common.footprints import footprint, support_height

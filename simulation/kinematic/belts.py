@@ -9,8 +9,7 @@ from types import MappingProxyType
 import numpy as np
 
 from ...world.raycasting import span
-from ...world.scene.description import Fixture, SceneDescription
-from ...world.scene.feed import Belt
+from ...world.scene.description import Belt, Fixture, SceneDescription
 from ...world.values import ObjectId, Vector3
 from ..feed.belt_drive import BeltDrive, BeltState, check_belts
 from .bodies import KinematicBodies, KinematicBody, Prism

@@ -11,8 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ...robots.description import GripperDescription
-from ...robots.finger_outline import tool_outline
+from ...robots.description import GripperDescription, tool_outline
 from ...world.planar_geometry import PlanarOutline, PlanarPose, moved, outline, planar
 from ...world.quasi_static_pushing import PlanarPushModel
 from ...world.values import GRAVITY, Array, ObjectId

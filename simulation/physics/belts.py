@@ -12,8 +12,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from types import MappingProxyType
 
-from ...world.scene.description import Fixture, SceneDescription
-from ...world.scene.feed import Belt
+from ...world.scene.description import Belt, Fixture, SceneDescription
 from ...world.shapes import Box
 from ...world.values import ObjectId
 from ..engine import pb

@@ -16,8 +16,7 @@ from picktree.simulation.checkpoints.physics_state import Checkpoint
 from picktree.simulation.kinematic.backend import KinematicHardware
 from picktree.simulation.physics.backend import PhysicsHardware
 from picktree.simulation.scoring.truth import TrueBody
-from picktree.world.scene.description import SceneDescription, Spawn
-from picktree.world.scene.feed import Delivery
+from picktree.world.scene.description import Delivery, SceneDescription, Spawn
 
 from ..other_process import OtherProcess
 from .belt_cell import AT, BELT, KINDS, TOP, Hardware, belt_of, belt_scene
