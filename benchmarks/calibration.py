@@ -57,7 +57,7 @@ def one(job: Job) -> Row:
 
 
 def _run(job: Job, setting: str) -> Row:
-    from picktree.commissioning.calibrate.job import CalibrationRequest, calibrate
+    from picktree.commissioning.calibration_job import CalibrationRequest, calibrate
     from picktree.world.scene.loading.scene_loading import load_scene
 
     base, cameras = SETTINGS[setting]

@@ -182,6 +182,11 @@ class UrdfTree:
                 return (*self.above(name), name)
         return ()
 
+    def joints_between(self, above: str, link: str) -> tuple[str, ...] | None:
+        """Return the joints from one link down to another; None when the other is not below it."""
+        start, names = self.joints_to(above), self.joints_to(link)
+        return names[len(start) :] if names[: len(start)] == start else None
+
     def pose(self, link: str, positions: Mapping[str, float], base: str | None = None) -> Pose:
         """Return a link's pose in the root link, or in `base` above it. Joints that `positions` does not name
         are at 0.

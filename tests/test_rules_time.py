@@ -29,7 +29,7 @@ MEASURING = {
     "logs/mcap/writer.py",
     "session/recipe.py",
     "session/mission_edits.py",
-    "commissioning/calibrate/job.py",
+    "commissioning/calibration_job.py",
     "session/live_view.py",
     "session/real_time_pace.py",
     "analysis/report/report.py",

@@ -9,22 +9,22 @@ from dataclasses import dataclass, replace
 from datetime import datetime
 from pathlib import Path
 
-from ...calibration.estimate import CalibrationEstimate, CameraEstimate, ToolEstimate, estimate
-from ...calibration.observations import SHOT, TOUCH, CalibrationData, TargetImage, TargetTouch
-from ...calibration.targets import CalibrationTarget, fingertip_corners, targets
-from ...errors import PicktreeError
-from ...logs.run_log import RunLog
-from ...logs.run_result import RunResult, RunStatus
-from ...logs.schema.topics import EVENTS
-from ...robots.loading import load_robot
-from ...robots.model import RobotModel
-from ...session.observer import SessionWatcher
-from ...session.recipe import Recipe
-from ...session.session import Session
-from ...trees.loading.loader import parse_mission
-from ...trees.loading.registry import NodeRegistry
-from ...world.journal import Plain
-from ...world.scene.description import SceneDescription
+from ..calibration.estimate import CalibrationEstimate, CameraEstimate, ToolEstimate, estimate
+from ..calibration.observations import SHOT, TOUCH, CalibrationData, TargetImage, TargetTouch
+from ..calibration.targets import CalibrationTarget, fingertip_corners, targets
+from ..errors import PicktreeError
+from ..logs.run_log import RunLog
+from ..logs.run_result import RunResult, RunStatus
+from ..logs.schema.topics import EVENTS
+from ..robots.loading import load_robot
+from ..robots.model import RobotModel
+from ..session.observer import SessionWatcher
+from ..session.recipe import Recipe
+from ..session.session import Session
+from ..trees.loading.loader import parse_mission
+from ..trees.loading.registry import NodeRegistry
+from ..world.journal import Plain
+from ..world.scene.description import SceneDescription
 from .corrected_scene import TargetPlacement, calibration_scene, output_file, write
 
 MAX_SHOWN_SKIPS = 4
@@ -51,18 +51,6 @@ class CalibrationAnswer:
     output: Path | None = None
     """Corrected scene file; None: none was written."""
     why_not: str = ""
-
-    def without(self, why: str) -> CalibrationAnswer:
-        """Return the answer of a calibration without a result."""
-        return replace(self, why_not=why)
-
-    def missing(self, cameras: tuple[str, ...]) -> CalibrationAnswer:
-        return replace(self, unseen=cameras)
-
-    def found(
-        self, known: CalibrationEstimate, target_off: tuple[float, float], output: Path
-    ) -> CalibrationAnswer:
-        return replace(self, known=known, target_off=target_off, output=output)
 
     def to_text(self, program: str = "picktree") -> str:
         lines: list[str] = []
@@ -197,16 +185,18 @@ def calibrate(asked: CalibrationRequest, watcher: SessionWatcher | None = None) 
     found = _record(result)
     answer = CalibrationAnswer(asked.scene, asked.seed, result.status, result.folder, found.skipped)
     if result.status != "success":
-        return answer.without(result.message or f"the run ended as {result.status}")
+        return replace(answer, why_not=result.message or f"the run ended as {result.status}")
     evidence = CalibrationData(found.shots, found.touches, fingertip_corners(RobotModel(robot)))
-    answer = answer.missing(tuple(c for c in cameras if all(c != shot.camera for shot in found.shots)))
+    seen = {shot.camera for shot in found.shots}
+    answer = replace(answer, unseen=tuple(camera for camera in cameras if camera not in seen))
     try:
         known = estimate(evidence, target.tiles, target.size, target.pose)
     except PicktreeError as error:
-        return answer.without(str(error))
+        return replace(answer, why_not=str(error))
     when = datetime.now().strftime("%Y-%m-%d %H:%M")
     write(output, asked.scene, asked.robot, scene, known, when, f"picktree calibrate, {result.folder.name}")
-    return answer.found(known, _target_displacement(known, target), output)
+    target_off = known.target.distance(target.pose), known.target.angle(target.pose)
+    return replace(answer, known=known, target_off=target_off, output=output)
 
 
 def mission_text(target: str, cameras: Sequence[str], views: int, *, touch: bool, all_of_them: bool) -> str:
@@ -270,8 +260,3 @@ def _record(result: RunResult) -> _Recorded:
             elif event["kind"] == SKIPPED_EVENT:
                 skipped.append(event["message"])
     return _Recorded(tuple(shots), tuple(touches), tuple(skipped))
-
-
-def _target_displacement(known: CalibrationEstimate, target: CalibrationTarget) -> tuple[float, float]:
-    """Return distance and rotation of the target from its believed pose, m and rad."""
-    return known.target.distance(target.pose), known.target.angle(target.pose)
