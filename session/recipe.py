@@ -211,6 +211,16 @@ def _hashed_meshes(urdf: str) -> Mapping[str, str]:
     }
 
 
+@dataclass(frozen=True, slots=True)
+class Recording:
+    """Place and size of a run's log."""
+
+    out: Path | None = None
+    """Folder in which the run's folder is made; None: `runs`."""
+    rotation: Rotation = NO_ROTATION
+    """Limits at which the log continues in a further file."""
+
+
 @dataclass(frozen=True)
 class RunRequest:
     """Request for a run: the files and settings that make its recipe, and where its log goes."""

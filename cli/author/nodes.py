@@ -26,6 +26,9 @@ def nodes(
     markdown: Annotated[
         bool, typer.Option("--markdown", help="Print the page of the documentation with all of them.")
     ] = False,
+    stub: Annotated[
+        bool, typer.Option("--stub", help="Print a Python stub of their constructors, for editors.")
+    ] = False,
     output: Annotated[
         Path | None,
         typer.Option("-o", "--output", metavar="FILE", help="Write it there instead of to stdout."),
@@ -42,6 +45,11 @@ def nodes(
 
     known = registry(shipped=shipped)
     trees = _sub_trees(mission, known) if mission else ()
+    if stub:
+        from ...authoring.reference.python_stub import stub as stub_text
+
+        show(stub_text(known.declarations()), output)
+        return
     declared = (*known.declarations(), *trees)
     causes = known.causes
     if name is not None:
