@@ -21,7 +21,7 @@ from .skills.cell import EXAMPLES, Cell, items, sorting
 MEASURING = {
     "trees/node.py",
     "control/execution/control_loop.py",
-    "world/stopwatch.py",
+    "world/computing_time.py",
     "session/session.py",
     "session/run_summary.py",
     "logs/recording/recorder.py",
@@ -29,7 +29,7 @@ MEASURING = {
     "logs/mcap/writer.py",
     "session/recipe.py",
     "session/mission_edits.py",
-    "commissioning/calibrate/job.py",
+    "commissioning/calibration_job.py",
     "session/live_view.py",
     "session/observer.py",
     "analysis/report/report.py",

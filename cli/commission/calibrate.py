@@ -61,9 +61,9 @@ def calibrate(
     """
     answer = keep_stdout() if json else None
 
-    from ...commissioning.calibrate.corrected_scene import parse_place
-    from ...commissioning.calibrate.job import CalibrationRequest
-    from ...commissioning.calibrate.job import calibrate as calibrated
+    from ...commissioning.calibration_job import CalibrationRequest
+    from ...commissioning.calibration_job import calibrate as calibrated
+    from ...commissioning.corrected_scene import parse_place
 
     place = parse_place(at) if at else None
     asked = CalibrationRequest(

@@ -58,8 +58,8 @@ def plan(
     answer = keep_stdout() if json else None
 
     from ...analysis.render.viewpoint import parse_size, parse_view
-    from ...commissioning.plan_trial.target_syntax import quantity
-    from ...commissioning.plan_trial.trial import PlanQuery, plan_in_scene
+    from ...commissioning.plan_trial import PlanQuery, plan_in_scene
+    from ...commissioning.target_syntax import quantity
     from ...planning.requests import DEFAULT_CHECK_BUDGET
 
     found = plan_in_scene(

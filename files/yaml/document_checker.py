@@ -9,7 +9,7 @@ from typing import Any, Literal, TypeVar, cast, get_args, get_origin
 import pydantic
 from pydantic import BaseModel
 
-from ..marks import MAX_FAULTS, SPOILT, CheckedFile, Diagnostic, Location, Severity, too_many
+from ..marks import MAX_FAULTS, SPOILING_CODES, CheckedFile, Diagnostic, Location, Severity, too_many
 from ..value_wording import describe, listed, suggest_boolean, suggest_name, suggest_number
 from .document import Document
 from .field_types import InvalidValue, UnreadPart, check_name
@@ -32,7 +32,7 @@ class DocumentChecker:
     def __init__(self, document: Document) -> None:
         self.document = document
         self.faults: list[Diagnostic] = list(document.faults)
-        self._spoilt = {fault.mark for fault in document.faults if fault.code in SPOILT}
+        self._spoilt = {fault.mark for fault in document.faults if fault.code in SPOILING_CODES}
 
     @property
     def full(self) -> bool:

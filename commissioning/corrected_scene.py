@@ -10,19 +10,18 @@ from pathlib import Path
 
 import yaml
 
-from ...calibration.estimate import CalibrationEstimate, CameraEstimate
-from ...calibration.targets import targets
-from ...errors import PicktreeError
-from ...files.atomic_write import whole
-from ...files.shipped_files import find_file
-from ...perception.expectation.backdrop import table_of
-from ...robots.loading import SHIPPED as ROBOTS
-from ...robots.tool_frame import rpy_of
-from ...world.scene.description import SceneDescription
-from ...world.scene.loading.scene_loading import SHIPPED, load_scene, parse_scene
-from ...world.shapes import top
-from ...world.values import Pose, Vector3
-from ..plan_trial.target_syntax import quantity
+from ..calibration.estimate import CalibrationEstimate, CameraEstimate
+from ..calibration.targets import targets
+from ..errors import PicktreeError
+from ..files.atomic_write import whole
+from ..files.shipped_files import find_file
+from ..perception.expectation.backdrop import table_of
+from ..robots.loading import SHIPPED as ROBOTS
+from ..world.scene.description import SceneDescription
+from ..world.scene.loading.scene_loading import SHIPPED, load_scene, parse_scene
+from ..world.shapes import top
+from ..world.values import Pose, Vector3
+from .target_syntax import quantity
 
 TARGET_NAME = "calibration_target"
 TARGET_SIZE = (0.18, 0.16, 0.05)
@@ -129,24 +128,11 @@ def write(
     when: str,
     by: str,
 ) -> None:
-    """Write the corrected scene file. `scene` is the calibrated scene, `robot` the robot that replaced its
-    own. Raises PicktreeError when the disk refuses; then no file remains."""
-    text = scene_text(output, name, robot, scene, found, when, by)
-    parse_scene(text, output.absolute())
-    with whole([output], output) as (beside,):
-        beside.write_text(text, encoding="utf-8")
+    """Write the corrected scene: `base:` and `calibration:`, with the standard deviation above each value.
 
-
-def scene_text(
-    output: Path,
-    name: str,
-    robot: str | None,
-    scene: SceneDescription,
-    found: CalibrationEstimate,
-    when: str,
-    by: str,
-) -> str:
-    """Return the file's text: `base:` and `calibration:`, with the standard deviation above each value."""
+    `scene` is the calibrated scene, `robot` the robot that replaced its own. Raises PicktreeError when the
+    disk refuses; then no file remains.
+    """
     path = find_file(name, SHIPPED, Path.cwd(), "scene")
     tool = found.tool if found.tool is not None and found.tool.sure else None
     shift = Pose() if tool is None else Pose(tool.offset)
@@ -167,12 +153,15 @@ def scene_text(
     if tool is not None:
         tcp = scene.tool @ shift
         sigma = ", ".join(f"{1000 * s:.3f}" for s in tool.deviation)
-        turn = "" if rpy_of(tcp) == (0.0, 0.0, 0.0) else f", rpy: {_list(rpy_of(tcp))}"
+        turn = "" if tcp.rpy() == (0.0, 0.0, 0.0) else f", rpy: {_list(tcp.rpy())}"
         lines += [
             f"  # ± {sigma} mm along x, y, z, from {tool.touches} touches; they do not tell its turn.",
             f"  tcp: {{offset: {_list(tcp.position)}{turn}}}",
         ]
-    return "\n".join(lines) + "\n"
+    text = "\n".join(lines) + "\n"
+    parse_scene(text, output.absolute())
+    with whole([output], output) as (beside,):
+        beside.write_text(text, encoding="utf-8")
 
 
 def _uncalibrated_hand_cameras(
@@ -207,7 +196,7 @@ def _deviation_comment(camera: CameraEstimate) -> str:
 
 
 def _pose_text(pose: Pose) -> str:
-    return f"{{at: {_list(pose.position)}, rpy: {_list(rpy_of(pose))}}}"
+    return f"{{at: {_list(pose.position)}, rpy: {_list(pose.rpy())}}}"
 
 
 def _list(numbers: Vector3) -> str:

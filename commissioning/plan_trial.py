@@ -10,11 +10,11 @@ from typing import TypeVar
 
 import numpy as np
 
-from ...analysis.render.viewpoint import PictureView
-from ...cell.world import World
-from ...planning.failures.planning_failures import contact_lines
-from ...planning.kinematics.levenberg_marquardt import is_hinge
-from ...planning.requests import (
+from ..analysis.render.viewpoint import PictureView
+from ..cell.world import World
+from ..planning.failures.planning_failures import contact_lines
+from ..planning.kinematics.levenberg_marquardt import is_hinge
+from ..planning.requests import (
     DEFAULT_CHECK_BUDGET,
     Constraint,
     MotionPlan,
@@ -22,15 +22,15 @@ from ...planning.requests import (
     Request,
     UprightConstraint,
 )
-from ...robots.loading import load_robot
-from ...session.assembly import assemble_world
-from ...simulation.backends import build_hardware
-from ...simulation.scoring.truth import TrueBody
-from ...world.belief.planning_scene import BeliefObject
-from ...world.causes import Failure
-from ...world.scene.loading.scene_loading import load_scene
-from . import trial_picture
+from ..robots.loading import load_robot
+from ..session.assembly import assemble_world
+from ..simulation.backends import build_hardware
+from ..simulation.scoring.truth import TrueBody
+from ..world.belief.planning_scene import BeliefObject
+from ..world.causes import Failure
+from ..world.scene.loading.scene_loading import load_scene
 from .target_syntax import GoalAttempt, ParsedGoal, parse_goal, parse_start
+from .trial_picture import draw
 from .trial_result import PlanAnswer, PlanFigures, PlanRefusal
 
 EXACT_BELIEF_DEVIATION = 1e-4
@@ -138,7 +138,7 @@ def plan_in_scene(asked: PlanQuery) -> PlanAnswer:
         answer = replace(answer, refused=refused)
     if asked.picture is not None:
         view = asked.view or PictureView()
-        trial_picture.draw(world, q, tried.outcome, answer.asked, asked.picture, view, asked.size)
+        draw(world, q, tried.outcome, answer.asked, asked.picture, view, asked.size)
         answer = replace(answer, picture=str(asked.picture))
     return answer
 

@@ -9,20 +9,20 @@ from pathlib import Path
 
 import numpy as np
 
-from ...analysis.render.captions import Caption, CaptionFailure, write
-from ...analysis.render.scene_view import SceneContent, SceneRenderer
-from ...analysis.render.viewpoint import PictureView
-from ...cell.world import World
-from ...files.atomic_write import whole
-from ...logs.meshes.binary_gltf import read_glb, write_glb
-from ...logs.meshes.link_meshes import link_meshes
-from ...logs.recording.images import write_picture
-from ...logs.recording.journal_records import belief_record
-from ...logs.schema.records import BodyRecord, LinkMesh, PartRecord, Scene
-from ...planning.requests import MotionPlan
-from ...world.causes import Failure
-from ...world.shapes import Sphere
-from ...world.values import Array, Pose
+from ..analysis.render.captions import Caption, CaptionFailure, write
+from ..analysis.render.scene_view import SceneContent, SceneRenderer
+from ..analysis.render.viewpoint import PictureView
+from ..cell.world import World
+from ..files.atomic_write import whole
+from ..logs.meshes.binary_gltf import read_glb, write_glb
+from ..logs.meshes.link_meshes import link_meshes
+from ..logs.recording.images import write_picture
+from ..logs.recording.journal_records import belief_record
+from ..logs.schema.records import BodyRecord, LinkMesh, PartRecord, Scene
+from ..planning.requests import MotionPlan
+from ..world.causes import Failure
+from ..world.shapes import Sphere
+from ..world.values import Array, Pose
 
 START_COLOUR = (0.80, 0.86, 0.93)
 """Colour of the arm at the start."""

@@ -9,23 +9,22 @@ from dataclasses import dataclass, replace
 from datetime import datetime
 from pathlib import Path
 
-from ...calibration.estimate import CalibrationEstimate, CameraEstimate, ToolEstimate, estimate
-from ...calibration.observations import CalibrationData, TargetImage, TargetTouch
-from ...calibration.targets import CalibrationTarget, fingertip_corners, targets
-from ...errors import PicktreeError
-from ...logs.run_log import RunLog
-from ...logs.run_result import RunResult, RunStatus
-from ...robots.loading import load_robot
-from ...robots.model import RobotModel
-from ...robots.tool_frame import rpy_of
-from ...session.observer import Observer
-from ...session.recipe import Recipe, Recording
-from ...session.session import Session
-from ...trees.loading.loader import parse_mission
-from ...trees.loading.registry import NodeRegistry
-from ...world.events.skill_events import CalibrationShotEvent, CalibrationSkippedEvent, CalibrationTouchEvent
-from ...world.journal import Plain
-from ...world.scene.description import SceneDescription
+from ..calibration.estimate import CalibrationEstimate, CameraEstimate, ToolEstimate, estimate
+from ..calibration.observations import CalibrationData, TargetImage, TargetTouch
+from ..calibration.targets import CalibrationTarget, fingertip_corners, targets
+from ..errors import PicktreeError
+from ..logs.run_log import RunLog
+from ..logs.run_result import RunResult, RunStatus
+from ..robots.loading import load_robot
+from ..robots.model import RobotModel
+from ..session.observer import Observer
+from ..session.recipe import Recipe, Recording
+from ..session.session import Session
+from ..trees.loading.loader import parse_mission
+from ..trees.loading.registry import NodeRegistry
+from ..world.events.skill_events import CalibrationShotEvent, CalibrationSkippedEvent, CalibrationTouchEvent
+from ..world.journal import Plain
+from ..world.scene.description import SceneDescription
 from .corrected_scene import TargetPlacement, calibration_scene, output_file, write
 
 MAX_SHOWN_SKIPS = 4
@@ -52,18 +51,6 @@ class CalibrationAnswer:
     output: Path | None = None
     """Corrected scene file; None: none was written."""
     why_not: str = ""
-
-    def without(self, why: str) -> CalibrationAnswer:
-        """Return the answer of a calibration without a result."""
-        return replace(self, why_not=why)
-
-    def missing(self, cameras: tuple[str, ...]) -> CalibrationAnswer:
-        return replace(self, unseen=cameras)
-
-    def found(
-        self, known: CalibrationEstimate, target_off: tuple[float, float], output: Path
-    ) -> CalibrationAnswer:
-        return replace(self, known=known, target_off=target_off, output=output)
 
     def to_text(self, program: str = "picktree") -> str:
         lines: list[str] = []
@@ -135,7 +122,7 @@ def _camera_json(camera: CameraEstimate) -> Plain:
     return {
         "on": "hand" if camera.on_hand else "world",
         "at": list(camera.pose.position),
-        "rpy": list(rpy_of(camera.pose)),
+        "rpy": list(camera.pose.rpy()),
         "moved": camera.moved,
         "turned": camera.turned,
         "deviation": {"position": list(camera.deviation.position), "angle": list(camera.deviation.angle)},
@@ -195,16 +182,18 @@ def calibrate(asked: CalibrationRequest, observers: Sequence[Observer] = ()) -> 
     found = _record(result)
     answer = CalibrationAnswer(asked.scene, asked.seed, result.status, result.folder, found.skipped)
     if result.status != "success":
-        return answer.without(result.message or f"the run ended as {result.status}")
+        return replace(answer, why_not=result.message or f"the run ended as {result.status}")
     evidence = CalibrationData(found.shots, found.touches, fingertip_corners(RobotModel(robot)))
-    answer = answer.missing(tuple(c for c in cameras if all(c != shot.camera for shot in found.shots)))
+    seen = {shot.camera for shot in found.shots}
+    answer = replace(answer, unseen=tuple(camera for camera in cameras if camera not in seen))
     try:
         known = estimate(evidence, target.tiles, target.size, target.pose)
     except PicktreeError as error:
-        return answer.without(str(error))
+        return replace(answer, why_not=str(error))
     when = datetime.now().strftime("%Y-%m-%d %H:%M")
     write(output, asked.scene, asked.robot, scene, known, when, f"picktree calibrate, {result.folder.name}")
-    return answer.found(known, _target_displacement(known, target), output)
+    target_off = known.target.distance(target.pose), known.target.angle(target.pose)
+    return replace(answer, known=known, target_off=target_off, output=output)
 
 
 def mission_text(target: str, cameras: Sequence[str], views: int, *, touch: bool, all_of_them: bool) -> str:
@@ -270,8 +259,3 @@ def _record(result: RunResult) -> _Recorded:
                 case _:
                     pass
     return _Recorded(tuple(shots), tuple(touches), tuple(skipped))
-
-
-def _target_displacement(known: CalibrationEstimate, target: CalibrationTarget) -> tuple[float, float]:
-    """Return distance and rotation of the target from its believed pose, m and rad."""
-    return known.target.distance(target.pose), known.target.angle(target.pose)

@@ -10,14 +10,14 @@ from difflib import get_close_matches
 
 import numpy as np
 
-from ...cell.world import World
-from ...errors import PicktreeError
-from ...files.quantities import parse_quantity
-from ...manipulation.grasp.grasp_candidates import grasp_candidates
-from ...planning.requests import LineGoal, NamedGoal, RegionGoal, Request, Target
-from ...world.belief.planning_scene import BeliefObject
-from ...world.scene.description import Bin
-from ...world.values import Array, Pose
+from ..cell.world import World
+from ..errors import PicktreeError
+from ..files.quantities import parse_quantity
+from ..manipulation.grasp.grasp_candidates import grasp_candidates
+from ..planning.requests import LineGoal, NamedGoal, RegionGoal, Request, Target
+from ..world.belief.planning_scene import BeliefObject
+from ..world.scene.description import Bin
+from ..world.values import Array, Pose
 
 HEIGHT_OVER_BIN = 0.1
 """Height of the tool above the rim of a bin, m."""

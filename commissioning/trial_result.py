@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from math import degrees
 
-from ...world.causes import Evidence
+from ..world.causes import Evidence
 
 MILLIMETRE_KEYS = frozenset({"depth", "by", "short", "at", "point", "first"})
 """Keys of evidence in m that the text gives in mm."""
