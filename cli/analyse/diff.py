@@ -18,7 +18,7 @@ def diff(
     answer = keep_stdout() if json else None
 
     from ...analysis.compare.diff import diff as compare
-    from ...analysis.compare.text.diff_text import to_json_text, to_text
+    from ...analysis.compare.diff_text import to_json_text, to_text
     from ...analysis.run import Run
 
     with Run(a) as one, Run(b) as other:

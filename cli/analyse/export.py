@@ -18,7 +18,7 @@ def layout(
     ] = None,
 ) -> None:
     """Write a layout for Foxglove and Lichtblick, made for this log's tree, joints and cameras."""
-    from ...analysis.export.layout.layout import layout as make
+    from ...analysis.export.layout import layout as make
     from ...analysis.run import Run
     from ...files.atomic_write import whole
 

@@ -81,7 +81,7 @@ def video(
     answer = keep_stdout() if json else None
     import json as encoding
 
-    from ...analysis.render.video.film import FilmRequest, film
+    from ...analysis.render.film import FilmRequest, film
     from ...analysis.render.viewpoint import parse_size, parse_view
     from ...logs.recording.interrupts import Interrupts
     from ...logs.run_log import RunLog

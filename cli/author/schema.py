@@ -40,7 +40,7 @@ def schema(
 ) -> None:
     """Print the JSON Schema of a kind of file, by which editors complete, explain and underline."""
     from ...authoring.schema.schema_parts import to_text
-    from ...batch.plan.plan_schema import plan_schema
+    from ...batch.plan_loading import plan_schema
     from ...errors import PicktreeError
     from ..terminal.node_registries import registry
     from ..terminal.output import show

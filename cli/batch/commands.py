@@ -62,7 +62,7 @@ def report(
     ] = 5,
 ) -> None:
     """Write the batch as one page: rates with intervals, where the time goes, causes, the worst runs."""
-    from ...batch.report.report import write_report
+    from ...batch.report import write_report
 
     write_report(folder, output, runs)
     print(output)
@@ -78,8 +78,8 @@ def export(
     json: Annotated[bool, typer.Option("--json", help="Print what was written as one JSON object.")] = False,
 ) -> None:
     """Write every table as a CSV or Parquet file, for pandas, DuckDB or a spreadsheet."""
-    from ...batch.results.batch_export import export as write
     from ...batch.results.store import RESULTS_FILE, Store
+    from ...batch.results.store import export as write
 
     with Store(folder / RESULTS_FILE) as store:
         written = write(store, to, output)

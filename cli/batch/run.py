@@ -19,7 +19,7 @@ from ..terminal.output import keep_stdout, program
 
 if TYPE_CHECKING:
     from ...batch.cluster.ray_executor import RayExecutor
-    from ...batch.plan.plan import BatchPlan
+    from ...batch.plan import BatchPlan
     from ...batch.statistics.summary import BatchSummary
     from ...batch.workers.batch import Batch
     from ...batch.workers.executor import Executor
@@ -100,7 +100,7 @@ def run(
         raise PicktreeError("--address is of a Ray cluster: add --executor ray")
     answer = keep_stdout() if json else None
 
-    from ...batch.plan.plan_loading import load_plan, plan_of
+    from ...batch.plan_loading import load_plan, plan_of
     from ...batch.workers.batch import Batch
 
     options = {

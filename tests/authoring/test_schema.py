@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 from picktree.authoring.schema.mission_context import any_mission, one_mission
 from picktree.authoring.schema.mission_schema import mission_schema
 from picktree.authoring.schema.schema_parts import Schema, to_text
-from picktree.batch.plan.plan_schema import plan_schema
+from picktree.batch.plan_loading import plan_schema
 from picktree.cli.author.file_kinds import CHECKS
 from picktree.cli.author.file_schemas import FileKind, file_schema
 from picktree.cli.author.schema import Kind
