@@ -1,4 +1,4 @@
-"""Store of a batch's results: one SQLite file with one writing process, any number of readers, and its export."""
+"""Store of a batch's results: one SQLite file with one writing process and any number of readers."""
 
 from __future__ import annotations
 

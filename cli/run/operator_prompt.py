@@ -1,4 +1,4 @@
-"""Prompt for the operator at the terminal when a mission asks for help."""
+"""Prompts at the terminal during a run: of the operator when a mission asks for help, and of the debugger."""
 
 from __future__ import annotations
 
@@ -8,6 +8,8 @@ from contextlib import AbstractContextManager
 from typing import TextIO
 
 from ...cell.operator_desk import OperatorQuestion
+from ..terminal.command_prompt import complete_with, line_reader
+from .debugger_prompt import DebugPrompt
 
 
 class PersonAtTerminal:
@@ -52,3 +54,10 @@ class PersonAtTerminal:
 def person(out: TextIO, aside: Callable[[], AbstractContextManager[None]]) -> PersonAtTerminal | None:
     """Return the operator's prompt; None when stdin is no terminal."""
     return PersonAtTerminal(out, aside) if sys.stdin.isatty() else None
+
+
+def debug_prompt(out: TextIO) -> DebugPrompt:
+    prompt = DebugPrompt(line_reader(out), out)
+    if sys.stdin.isatty():
+        complete_with(prompt)
+    return prompt
