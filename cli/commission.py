@@ -65,7 +65,7 @@ def calibrate(
         scene, tuple(camera or ()), tcp, target, place, robot, seed, views, output, replace, out
     )
     with run_display() as view:
-        found = calibrated(asked, view)
+        found = calibrated(asked, (view,))
     print_answer(answer, lambda: found.to_text(program()), found.to_json_text)
     end_with(found.output is not None, found.status)
 

@@ -51,7 +51,7 @@ def whatif(
     from ..terminal.progress import run_display
 
     with run_display() as view:
-        found = what_if(log, at, changes=changes, out=out, watcher=view)
+        found = what_if(log, at, changes=changes, out=out, observers=(view,))
     if found.warnings:
         from ...files.diagnostics.fault_rendering import fault_lines
 

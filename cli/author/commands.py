@@ -67,7 +67,7 @@ def check(
 ) -> None:
     """Check files of any kind: all faults of all files at once. Exit code 2: there are errors."""
     from ...files.diagnostics.file_checks import UnsavedText, check_files
-    from ...files.yaml.reader import MAX_BYTES
+    from ...files.yaml.file_text import MAX_BYTES
     from .file_kinds import CHECKS
 
     def given(name: str) -> Path | UnsavedText:
@@ -121,6 +121,9 @@ def nodes(
     markdown: Annotated[
         bool, typer.Option("--markdown", help="Print the page of the documentation with all of them.")
     ] = False,
+    stub: Annotated[
+        bool, typer.Option("--stub", help="Print a Python stub of their constructors, for editors.")
+    ] = False,
     output: TextFile = None,
 ) -> None:
     """List the nodes that a mission may use; with a NAME its ports, causes and an example."""
@@ -133,6 +136,11 @@ def nodes(
 
     known = registry(shipped=shipped)
     trees = _sub_trees(mission, known) if mission else ()
+    if stub:
+        from ...authoring.reference.python_stub import stub as stub_text
+
+        show(stub_text(known.declarations()), output)
+        return
     declared = (*known.declarations(), *trees)
     causes = known.causes
     if name is not None:
@@ -162,11 +170,11 @@ def _named(name: str, declared: tuple[NodeDeclaration, ...]) -> NodeDeclaration:
 def _sub_trees(path: Path, known: NodeRegistry) -> tuple[NodeDeclaration, ...]:
     """Return the mission's sub-trees as nodes; the nodes of its plug-ins are added to `known`."""
     from ...authoring.schema.mission_context import one_mission
-    from ...files.yaml.document import open_document
+    from ...files.yaml.document import read_document
     from ...trees.declaration import NodeDeclaration
     from ...trees.mission import MAIN
 
-    mission = one_mission(open_document(path, "mission"), known)
+    mission = one_mission(read_document(path, "mission"), known)
     return tuple(
         NodeDeclaration(name, f"A sub-tree of {path.name}.", "subtree", ports)
         for name, ports in mission.trees.items()
@@ -276,11 +284,11 @@ def schema(
     else:
         from ...authoring.schema.mission_context import any_mission, one_mission
         from ...authoring.schema.mission_schema import mission_schema
-        from ...files.yaml.document import open_document
+        from ...files.yaml.document import read_document
 
         nodes = registry(shipped=shipped)
         particular = any_mission()
         if mission is not None:
-            particular = one_mission(open_document(mission, "mission"), nodes)
+            particular = one_mission(read_document(mission, "mission"), nodes)
         found = mission_schema(nodes, particular)
     show(to_text(found), output)
