@@ -87,6 +87,7 @@ docs: $(RUN)
 	@set -e; for kind in mission scene robot faults cases plan; do \
 		"$(BIN)/picktree" schema $$kind --shipped --output schemas/$$kind.json; done; \
 	"$(BIN)/picktree" nodes --shipped --markdown --output docs/nodes.md; \
+	"$(BIN)/picktree" nodes --shipped --stub --output nodes.pyi; \
 	"$(BIN)/picktree" explain-code --index > docs/codes.md; \
 	"$(BIN)/python" -c 'from picktree.logs.schema import event_records as e; print(e.events_page(), end="")' \
 		> docs/events.md; \

@@ -45,7 +45,7 @@ def one(job: Job) -> Row:
     )
     session = Session(request)
     result = session.run()
-    hardware = session.hardware
+    hardware = session.execution.hardware
     kinds = {body.id: body.kind for body in hardware.truth()}
     crushing = getattr(hardware, "crushing")  # noqa: B009  of the physical backend alone
     pressed = [

@@ -130,7 +130,7 @@ def _watched() -> Generator[Callable[[Session], dict[str, Any]]]:
     from picktree.simulation.physics.backend import PhysicsHardware
 
     def watch(session: Session) -> dict[str, Any]:
-        hardware = session.hardware
+        hardware = session.execution.hardware
         assert isinstance(hardware, PhysicsHardware)
         found: dict[str, Any] = {}
         step = hardware.step

@@ -60,8 +60,8 @@ class AskForHelp(Node):
     _asks: bool = False
     """Whether the arm is at rest and the question was asked."""
 
-    def __init__(self, wiring: Wiring, runtime: Runtime) -> None:
-        super().__init__(wiring, runtime)
+    def bind(self, wiring: Wiring, runtime: Runtime) -> None:
+        super().bind(wiring, runtime)
         self._braking: Generator[None, None, None] | None = None
 
     @classmethod

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import time
 from collections.abc import Collection, Iterator, Mapping
-from typing import TYPE_CHECKING, ClassVar, cast
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar, Self, cast
 
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
@@ -15,12 +17,14 @@ from ..world.events.event_kinds import event_of
 from ..world.events.run_events import InternalErrorEvent, PostconditionFailedEvent, UndeclaredCauseEvent
 from ..world.journal import Plain
 from .declaration import Hand, Kind, NodeDeclaration, Resource, declare
+from .description import Child, NodeDescription, NodeSignature, describe, documented
 from .flow.default_flow import any_order_outcomes
 from .port_values import accept_output, constant_inputs, read_input, wired_references
 from .pre_postconditions import after_postconditions, assign_after, settled_before
 from .runtime import Runtime, TreeWorld, Wiring, evaluate
 from .status import PY_TREES_STATUS, NodeStatus
 from .transitions import end_transition, start_transition
+from .tree_definition import MAIN, MissionSource, TreeDefinition, node_text
 from .values.failure_reports import (
     internal_error_report,
     pack,
@@ -79,6 +83,10 @@ class Node(Behaviour):
     """Statuses of children that the node counts: it restarts when an edit removes such a child."""
     declaration: ClassVar[NodeDeclaration]
 
+    __signature__ = NodeSignature()
+
+    description: NodeDescription
+    """Ports and children of a node that was made in Python; a node of a running tree has none."""
     path: str
     ticked: bool
     """Whether it was ticked in the tree's present or last tick."""
@@ -92,9 +100,28 @@ class Node(Behaviour):
         super().__init_subclass__()
         if not abstract:
             cls.declaration = declare(cls)
+            cls.__doc__ = documented(cls.declaration)
 
-    def __init__(self, wiring: Wiring, runtime: Runtime) -> None:
-        super().__init__(name=wiring.name)
+    def __init__(self, *children: Child, name: str = "", **ports: Any) -> None:
+        """Describe a node in Python, in the terms of a mission file; `bound` makes the nodes that are ticked.
+
+        Raises TypeError for a port that the node does not have, or a missing one.
+        """
+        super().__init__(name=name or self.declaration.id)
+        self.description = describe(
+            type(self), self.declaration, children, {"name": name, **ports} if name else ports
+        )
+
+    @classmethod
+    def bound(cls, wiring: Wiring, runtime: Runtime) -> Self:
+        """Return a node of a running tree; called by the builder."""
+        node = cls.__new__(cls)
+        node.bind(wiring, runtime)
+        return node
+
+    def bind(self, wiring: Wiring, runtime: Runtime) -> None:
+        """Give the node its place in a running tree. A sub-class that extends it calls it first."""
+        Behaviour.__init__(self, name=wiring.name)
         self.path = wiring.path
         self.ticked = False
         self.failure = None
@@ -106,6 +133,19 @@ class Node(Behaviour):
         self._begun = False
         self._inputs: dict[str, object] = {}
         self._outputs: dict[str, object] = {}
+
+    def save(self, file: str | PathLike[str], *, scene: str | None = None, name: str = "") -> None:
+        """Write a mission file whose `Main` is the tree below this node, made in Python.
+
+        Raises PicktreeError for a node that no file offers, or a disk that refuses.
+        """
+        path = Path(file)
+        MissionSource(TreeDefinition(MAIN, self), name or path.stem, scene).save(path)
+
+    def __repr__(self) -> str:
+        if "description" in vars(self):
+            return node_text(self.description)
+        return f"<{type(self).__name__} {self.path}>"
 
     # Written by sub-classes.
 
@@ -222,8 +262,8 @@ class Node(Behaviour):
         self._set(NodeStatus.IDLE)
         self._note_end()
 
-    def save(self) -> dict[str, Plain]:
-        """Return the state for `restore` as plain values."""
+    def save_state(self) -> dict[str, Plain]:
+        """Return the state for `restore_state` as plain values."""
         remembered: dict[str, Plain] = {name: pack(getattr(self, name)) for name in self.remembers}
         return {
             "id": self._wiring.id,
@@ -238,8 +278,8 @@ class Node(Behaviour):
             "memory": remembered,
         }
 
-    def restore(self, saved: Mapping[str, Plain]) -> None:
-        """Restore a state that `save` returned."""
+    def restore_state(self, saved: Mapping[str, Plain]) -> None:
+        """Restore a state that `save_state` returned."""
         self._set(NodeStatus(str(saved["state"])))
         self._begun = self._state is NodeStatus.RUNNING
         self.failure = report_from_plain(saved["failure"])

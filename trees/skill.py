@@ -57,8 +57,8 @@ class Skill(Node, abstract=True):
     waits_for: ClassVar[str] = ""
     """Port with the allowed waiting time, s, which is added to `limit`."""
 
-    def __init__(self, wiring: Wiring, runtime: Runtime) -> None:
-        super().__init__(wiring, runtime)
+    def bind(self, wiring: Wiring, runtime: Runtime) -> None:
+        super().bind(wiring, runtime)
         self._steps: Steps | None = None
         self._began = 0.0
         self._known_stop: FailureReport | None = None

@@ -18,8 +18,8 @@ from ...logs.run_result import RunResult, RunStatus
 from ...robots.loading import load_robot
 from ...robots.model import RobotModel
 from ...robots.tool_frame import rpy_of
-from ...session.observer import SessionWatcher
-from ...session.recipe import Recipe
+from ...session.observer import Observer
+from ...session.recipe import Recipe, Recording
 from ...session.session import Session
 from ...trees.loading.loader import parse_mission
 from ...trees.loading.registry import NodeRegistry
@@ -174,7 +174,7 @@ class CalibrationRequest:
     out: Path | None = None
 
 
-def calibrate(asked: CalibrationRequest, watcher: SessionWatcher | None = None) -> CalibrationAnswer:
+def calibrate(asked: CalibrationRequest, observers: Sequence[Observer] = ()) -> CalibrationAnswer:
     """Run the calibration and write the corrected scene.
 
     Raises PicktreeError for an unknown scene, robot, camera or target, and when the file must not be replaced
@@ -190,8 +190,8 @@ def calibrate(asked: CalibrationRequest, watcher: SessionWatcher | None = None) 
     robot = load_robot(asked.robot or scene.robot, beside)
     text = mission_text(target.name, cameras, asked.views, touch=asked.touch, all_of_them=not asked.cameras)
     mission = parse_mission(text, Path("calibrate.yaml"), NodeRegistry())
-    session = Session(Recipe(mission, scene, robot, asked.seed), watcher, out=asked.out)
-    result = session.run()
+    recipe = Recipe(mission, scene, robot, asked.seed)
+    result = Session(recipe, record=Recording(asked.out), observers=observers).run()
     found = _record(result)
     answer = CalibrationAnswer(asked.scene, asked.seed, result.status, result.folder, found.skipped)
     if result.status != "success":

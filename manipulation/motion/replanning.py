@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator
+from collections.abc import Callable
 from typing import TYPE_CHECKING, TypeVar
 
 from ...planning.requests import MotionPlan
@@ -12,10 +12,9 @@ from ..retreat.clearing import escape_contact
 
 if TYPE_CHECKING:
     from ...cell.world import World
-    from ...control.execution.trajectory_motion import Watch
+    from ...control.execution.trajectory_motion import Doing, Watch
 
 T = TypeVar("T")
-Doing = Generator[None, None, T]
 
 MAX_REPLANS = 4
 """Maximum number of replans of one skill before it fails."""
@@ -83,7 +82,7 @@ def follow_with_replanning(
         return plan
 
 
-def plan_after_stop(world: World, ask: Callable[[], Doing[T]], node: str, *, after: int) -> Doing[T]:
+def plan_after_stop(world: World, ask: Callable[[], Doing[T]], node: str, *, after: int = 1) -> Doing[T]:
     """Return the plan from where the arm stands. `after`: number of stops before.
 
     After a stop, an arm that is believed to touch something moves out of contact first.
@@ -93,7 +92,7 @@ def plan_after_stop(world: World, ask: Callable[[], Doing[T]], node: str, *, aft
     except Failure as failure:
         if not after or failure.cause is not planning.START_IN_COLLISION:
             raise
-    yield from escape_contact(world, world.handling.slowly, node)
+    yield from escape_contact(world, node)
     return (yield from ask())
 
 

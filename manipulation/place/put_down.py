@@ -11,13 +11,14 @@ from ...world.belief.planning_scene import BeliefObject
 from ...world.causes import Failure, place
 from ...world.events.skill_events import PutDownEvent
 from ..grasp.straight_lines import DOWNWARDS
-from ..retreat.clearing import FREE_PATH_THRESHOLDS, REDUCED_SPEED, WARY_SPEED, Doing, RetreatMotion
+from ..retreat.clearing import FREE_PATH_THRESHOLDS, REDUCED_SPEED, WARY_SPEED, RetreatMotion
 from ..retreat.homing import observe_with_fixed_cameras
 from .bin_spots import blocked, put_down_poses
 from .dropped_objects import support_height_at
 
 if TYPE_CHECKING:
     from ...cell.world import World
+    from ...control.execution.trajectory_motion import Doing
     from ...world.values import Pose, Vector3
 
 SPOT_RING_RADII = (0.0, 0.05, 0.10, 0.16, 0.24)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator
-from typing import TYPE_CHECKING, TypeAlias, TypeVar
+from collections.abc import Callable
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
@@ -15,12 +15,12 @@ from ...world.values import GRAVITY, Array, Vector3
 
 if TYPE_CHECKING:
     from ...cell.world import World
+    from ...control.execution.trajectory_motion import Doing
     from ...planning.search.penetration_escape import EscapePath
     from ...world.trajectory import Trajectory
 
 
 T = TypeVar("T")
-Doing: TypeAlias = Generator[None, None, T]
 
 ESCAPE_SPEED = 0.05
 """Speed limit of the fastest point of arm and tool on an escape path, m/s."""
@@ -287,13 +287,11 @@ def _sizes(result: JointImpedanceResult) -> str:
     return f"{result.torque:.1f} Nm at the joints, {result.force:.0f} N at the wrist"
 
 
-def escape_contact(world: World, scaling: Scaling, node: str) -> Generator[None, None, None]:
+def escape_contact(world: World, node: str) -> Doing[None]:
     """Move the arm out of believed contacts, slowly and with decreasing depths, and up from nearby obstacles.
 
-    Without an escape path nothing happens; the next plan then fails with the reason. `scaling` has no effect:
-    escape paths are slow.
+    Without an escape path nothing happens; the next plan then fails with the reason.
     """
-    del scaling
     leaving = RetreatMotion(world, node)
     yield from leaving.relax()
     if (yield from leaving.out()):
