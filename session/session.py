@@ -172,8 +172,7 @@ class Session:
 
     def _note_checkpoint(self) -> None:
         done = self.execution.tally.done
-        journal = self.execution.world.journal
-        journal.note(CheckpointEvent(f"after {done} items", items_done=done))
+        self.execution.world.journal.note(CheckpointEvent(f"after {done} items", items_done=done))
 
     def _follow_edits(self, recorder: SessionRecorder) -> None:
         execution = self.execution
@@ -191,8 +190,7 @@ class Session:
         adoption = self.execution.adopt(mission)
         message = f"the edited mission takes over: {adoption_summary(adoption)}"
         files, fresh, gone = recorder.edited(mission), tuple(adoption.fresh), tuple(adoption.gone)
-        event = MissionEditedEvent(message, files=files, fresh=fresh, gone=gone)
-        self.execution.world.journal.note(event)
+        self.execution.world.journal.note(MissionEditedEvent(message, files=files, fresh=fresh, gone=gone))
         for observer in self._observers:
             observer.edited(self.execution)
         self._tell(message)
