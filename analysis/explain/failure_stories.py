@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from ...files.value_wording import listed
 from ...logs.episodes.episode import CureNames
 from ...logs.run_log import Stamped
 from ...logs.schema.records import BodyRecord, Candidates, Plan
@@ -21,7 +22,7 @@ from .investigation.body_tracks import horizontal_distance
 from .investigation.case import Investigation
 from .investigation.explanation import CandidateChoice, FailureStory, RejectedCandidate, number
 from .investigation.failure_course import FailureCourses, VisitTree
-from .investigation.number_wording import distance, listed, place, seconds
+from .investigation.number_wording import distance, place, seconds
 
 if TYPE_CHECKING:
     from ...logs.run_record import RunRecord

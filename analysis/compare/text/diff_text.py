@@ -7,12 +7,13 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
 
+from ....files.node_patterns import short_names
 from ....logs.schema.records import TreeNode
 from ....logs.visits import Visit
 from ....session.environment import SOURCES_ATTACHMENT
 from ..diff import RunDiff
 from ..divergence import Divergence
-from ..message_fields import short_names, value_text
+from ..message_fields import value_text
 from ..run_outcome import KILLED_STATUS, ItemChange, ItemEnd, RunOutcome, TimeChange, TimeUse
 from ..run_settings import FileChange, value_changes
 from .divergence_text import first_value_lines, parting_lines
