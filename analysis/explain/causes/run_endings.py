@@ -5,11 +5,11 @@ from __future__ import annotations
 from statistics import median
 
 from ....files.value_wording import listed
+from ....logs.failure_courses import time_lost
 from ....logs.visits import HALTED, Visit
 from ....world.events.skill_events import SafetyStopEvent
 from ..investigation.case import Finding, Investigation
 from ..investigation.explanation import ExplainedOutcome, FailureStory, number, word
-from ..investigation.failure_course import time_lost
 from ..investigation.number_wording import counted, seconds
 
 
