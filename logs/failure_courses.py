@@ -5,13 +5,53 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from typing import Literal, Protocol, TypeAlias
 
-from ....logs.episodes.episode import CureNames
-from ....logs.run_log import Stamped
-from ....logs.visits import HALTED, Visit
-from ....world.events.run_events import RecoveryEvent
-from ....world.journal import JournalEvent
-from .explanation import CureAttempt, FailureLink, FailureStory, Fate
+from ..world.events.run_events import RecoveryEvent
+from ..world.journal import JournalEvent
+from .episodes.episode import CureNames
+from .run_log import Stamped
+from .visits import HALTED, Visit
+
+Fate: TypeAlias = Literal["cured", "passed_over", "branched", "ended", "open"]
+"""What became of a failure.
+
+`cured`: recovery ran and what had failed then succeeded. `passed_over`: nothing cured it, and a loop went on
+with the next item. `branched`: a Fallback or another node went another way, as its mission says. `ended`: it
+reached the root, and the mission ended with it. `open`: the log ends before.
+"""
+
+
+@dataclass(frozen=True, slots=True)
+class FailureLink:
+    """A node that ended because of a failure, from where it came up towards the root."""
+
+    path: str
+    id: str
+    time: float
+    """Simulated s at which it ended."""
+    outcome: str
+    """FAILURE; or what the node made of it: SUCCESS, RUNNING when it went on."""
+
+
+@dataclass(frozen=True, slots=True)
+class CureAttempt:
+    """One try to cure a failure."""
+
+    node: str
+    """Path of the node that recovers, such as a `Recover`."""
+    handler: str
+    """The pattern of `when`, `otherwise`, or what the node calls it."""
+    time: float
+    """Simulated s at which it began."""
+    attempt: int
+    """The run of the branch that had failed: 1 for the first."""
+    ended: str
+    """How the handler's own branch ended: SUCCESS, FAILURE, SKIPPED, HALTED, RUNNING."""
+    seconds: float
+    """Simulated s that it took."""
+    ran: str = ""
+    """What the handler ran, as a reader knows it: a sub-tree, or the nodes of a list."""
 
 
 class VisitTree:
@@ -86,7 +126,7 @@ GIVE_UP = "give_up"
 
 @dataclass(frozen=True, slots=True)
 class FailureCourse:
-    """See the fields of the same names of a `FailureStory`."""
+    """Course of a failure up the tree: the nodes that it ended, what was tried, and the decision."""
 
     chain: tuple[FailureLink, ...]
     handled_by: tuple[CureAttempt, ...]
@@ -204,7 +244,21 @@ class FailureCourses:
         return [CureAttempt(parent.path, label, last.start, attempt, last.outcome, last.duration, ran)]
 
 
-def time_lost(failures: Iterable[FailureStory]) -> float:
+class DecidedFailure(Protocol):
+    """Failure with the time of the decision about it."""
+
+    @property
+    def time(self) -> float:
+        """Time of the failure, simulated s."""
+        ...
+
+    @property
+    def fate_at(self) -> float | None:
+        """Time of the decision, simulated s; None when the log ends before."""
+        ...
+
+
+def time_lost(failures: Iterable[DecidedFailure]) -> float:
     """Simulated s during which at least one of them was undecided; those that the log leaves open count
     nothing."""
     lost = until = 0.0
