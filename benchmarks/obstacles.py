@@ -178,8 +178,8 @@ def _drawn(
     """Something in the way from the item to its bin, as an entry of a scene file."""
     from picktree.robots.loading import load_robot
     from picktree.robots.model import RobotModel
-    from picktree.simulation.common.footprints import distance, footprint
     from picktree.simulation.faults.planted_obstacles import FreeSpaceCheck
+    from picktree.simulation.footprints import distance, footprint
     from picktree.simulation.scoring.truth import TrueBody
     from picktree.world.scene.destinations import destination_rule
 

@@ -14,8 +14,12 @@ import numpy as np
 
 from ...world.values import Array
 from ..cartesian.compliant_motion import ContactState
-from .peg_motion import CLEAR_FOOT_HEIGHT, BelievedHole, HeldPeg, Part, PegMotion
-from .search_patterns import (
+from .peg_motion import (
+    CLEAR_FOOT_HEIGHT,
+    BelievedHole,
+    HeldPeg,
+    Part,
+    PegMotion,
     SettlingDetector,
     grid,
     perpendicular_axes,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 
@@ -50,23 +50,12 @@ TORQUE_SLACK, MASS_SLACK = 0.1, 0.1
 TORQUE_LIMIT_NAME = safety.TORQUE_LIMIT.name
 
 
-@dataclass(frozen=True, slots=True)
-class MonitorState:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MonitorState(LatchState):
     """State of the monitor between two control periods."""
 
-    stopped: FailureReport | None
-    stops: int
-    tolerated: tuple[tuple[str, float], ...]
-    """Violations that were acknowledged and persist: name and level."""
-    levels: tuple[tuple[str, float], ...]
-    """Violations that persist: name and level."""
     felt: Vector3
-    retreats: str = ""
-    """Node path of the retreat that acknowledged."""
-    standing: tuple[tuple[str, FailureReport], ...] = ()
-    """Failure report of each persisting violation."""
-    latched: str = ""
-    """Name of the violation that latched the stop."""
+    """Mean of the force at the wrist, N in the world."""
     overloaded: tuple[float, ...] = ()
     """Duration of each joint's overload, s."""
     unexplained: tuple[float, ...] = ()
@@ -361,30 +350,14 @@ class SafetyMonitor:
     def state(self) -> MonitorState:
         latch = self._latch.state()
         return MonitorState(
-            latch.stopped,
-            latch.stops,
-            latch.tolerated,
-            latch.levels,
-            (self._felt[0], self._felt[1], self._felt[2]),
-            latch.retreats,
-            latch.standing,
-            latch.latched,
-            tuple(self._overloaded.tolist()),
-            tuple(self._unexplained.tolist()),
+            **{field.name: getattr(latch, field.name) for field in fields(latch)},
+            felt=(self._felt[0], self._felt[1], self._felt[2]),
+            overloaded=tuple(self._overloaded.tolist()),
+            unexplained=tuple(self._unexplained.tolist()),
         )
 
     def restore(self, saved: MonitorState) -> None:
-        self._latch.restore(
-            LatchState(
-                saved.stopped,
-                saved.stops,
-                saved.tolerated,
-                saved.levels,
-                saved.retreats,
-                saved.standing,
-                saved.latched,
-            )
-        )
+        self._latch.restore(saved)
         self._felt = list(saved.felt)
         self._forceful = self._latch.stands(safety.FORCE_LIMIT.name)
         n = len(self._names)

@@ -13,9 +13,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...control.wrist.payload_estimate import CENTRE_PRIOR_SIGMA, Payload
-from ...control.wrist.slip_detection import (
+from ...control.wrist.payload_estimate import (
+    CENTRE_PRIOR_SIGMA,
     MassEstimate,
+    Payload,
     SlipDetector,
     WristSample,
     estimate_moving_mass,

@@ -1,4 +1,6 @@
-"""Unpacking of a run's files from its log into a folder, in which the usual loaders read them.
+"""Files of a recipe, in a log or in an archive, unpacked into a folder in which the usual loaders read them.
+
+The archive is a ZIP file from which the recipe can be run on any machine at any time.
 
 A text is read as it is, unless it names a file that cannot be placed there. Then a copy is read that names it
 elsewhere, and the value keeps the text of the log.

@@ -1,4 +1,7 @@
-"""Recorded recipe: a run that can be repeated from its log alone."""
+"""Recorded recipe: a run that can be repeated from its log alone.
+
+Older checkpoints are completed: counters and recording state are computed from the log itself.
+"""
 
 from __future__ import annotations
 

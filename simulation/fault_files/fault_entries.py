@@ -1,4 +1,5 @@
-"""Values of fault file entries, made from entries that passed the checks."""
+"""Values of fault file entries, made from entries that passed the checks: faults of items, obstacles, devices
+and program."""
 
 from __future__ import annotations
 

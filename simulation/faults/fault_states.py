@@ -1,5 +1,8 @@
 """Progress of the faults of a file: occasions so far, occasions used, and due faults; targets of item
-faults."""
+faults.
+
+The sentences and data of the record for device faults are here, too.
+"""
 
 from __future__ import annotations
 

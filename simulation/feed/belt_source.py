@@ -13,11 +13,10 @@ from ...world.scene.description import Delivery, SceneDescription
 from ...world.scene.loading.feed_loading import MIN_BELT_GAP, SPACING_SPREAD, reach
 from ...world.shapes import bottom
 from ...world.values import Pose
-from ..common.footprints import distance, footprint
+from ..footprints import distance, footprint
 from ..spawning.spawn import LooseItem, SpawnedItem, draw_load
 from .belt_drive import BeltDrive, BeltSurface
-from .cell_interface import CELL_CHECK_INTERVAL, FeedCell
-from .light_curtain import Zone
+from .cell_interface import CELL_CHECK_INTERVAL, FeedCell, Zone
 
 MIN_ARM_DISTANCE = 0.05
 """Margin around the running belt in which the arm may not be, m."""

@@ -16,8 +16,7 @@ from ...world.values import ObjectId
 from ..scoring.truth import TrueBody
 from .belt_drive import BeltDrive
 from .belt_source import BeltFeed, BeltFeedState
-from .cell_interface import CELL_CHECK_INTERVAL, FeedCell, ItemSource
-from .light_curtain import Zone
+from .cell_interface import CELL_CHECK_INTERVAL, FeedCell, ItemSource, Zone
 from .table_source import TableFeed, TableFeedState
 
 MIN_ARM_DISTANCE = 0.05

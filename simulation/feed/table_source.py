@@ -12,7 +12,7 @@ from ...world.random_streams import RandomStreams
 from ...world.scene.description import AtIntervals, AtTimes, Delivery, SceneDescription, WhenClear
 from ...world.scene.loading.feed_loading import reach
 from ...world.values import Array, ObjectId, Quaternion
-from ..common.footprints import footprint, support_height
+from ..footprints import footprint, support_height
 from ..spawning.spawn import (
     LooseItem,
     SpawnedItem,
@@ -21,8 +21,7 @@ from ..spawning.spawn import (
     occupied_outlines,
     set_down,
 )
-from .cell_interface import CELL_CHECK_INTERVAL, FeedCell
-from .light_curtain import Zone
+from .cell_interface import CELL_CHECK_INTERVAL, FeedCell, Zone
 
 MIN_ARM_DISTANCE = 0.05
 """Least distance between new items and the arm, m."""

@@ -19,12 +19,12 @@ from ...world.scene.description import Fixture, SceneDescription
 from ...world.shapes import Shape, scaled
 from ...world.values import GRAVITY, ObjectId, Pose, Vector3
 from ..checkpoints import GripperCommand, ItemState, KinematicState
-from ..common.footprints import floor_height
 from ..fault_files.device_entries import Ailing, GripperJam, Stall, WrenchDead, counted
 from ..faults.device_faults import DeviceFaults, jam_command
 from ..faults.planted_obstacles import MIN_OBSTACLE_CLEARANCE, FreeSpaceCheck, HiddenObstacles
 from ..feed.belt_drive import BeltDrive
 from ..feed.feeder import Feeder, FeederState, has_feeder
+from ..footprints import floor_height
 from ..scoring.truth import HoledFixtures, TrueBody, TrueObstacle
 from ..spawning.inventory import Inventory
 from ..spawning.spawn import (

@@ -15,7 +15,7 @@ from ...world.raycasting import span
 from ...world.scene.description import Belt, Fixture, SceneDescription
 from ...world.values import ObjectId, Vector3
 from ..feed.belt_drive import BeltDrive, BeltState, check_belts
-from ..feed.light_curtain import LightCurtain, Zone
+from ..feed.cell_interface import LightCurtain, Zone
 from ..scoring.truth import TrueBody
 from ..spawning.inventory import Inventory, departed
 from ..spawning.spawn import SpawnedItem

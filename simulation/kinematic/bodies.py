@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from ...world.scene.description import CatalogueEntry, Fixture, SceneDescription
 from ...world.shapes import Shape, extents
 from ...world.values import ObjectId, Pose, Vector3
-from ..common.footprints import Footprint, distance, footprint
+from ..footprints import Footprint, distance, footprint
 from .holes import HoleBelow, KinematicHoles
 
 MAX_SUPPORT_RISE = 0.005

@@ -14,12 +14,12 @@ from ...world.random_streams import RandomStreams
 from ...world.scene.description import CameraDescription, Fixture, SceneDescription
 from ...world.shapes import Shape
 from ...world.values import Array, ObjectId, Pose
-from ..common.sensor_noise import mislabelled, noisy_colour, noisy_depth
 from ..engine import Client, pb
 from ..faults.device_faults import DeviceFaults
 from ..physics.bodies import add_item, add_obstacle
 from ..physics.rgbd_camera import CameraRenderer, RenderedImage, StaticScene, in_front, intrinsics
 from ..physics.robot.robot_body import RobotBody
+from ..sensor_noise import mislabelled, noisy_colour, noisy_depth
 from ..spawning.spawn import SpawnedItem
 from .bodies import KinematicBodies, KinematicBody
 

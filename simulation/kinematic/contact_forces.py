@@ -1,4 +1,8 @@
-"""Contact forces on hand and held item, and the reading of the wrist sensor, in the kinematic backend."""
+"""Contact forces on hand and held item, and the reading of the wrist sensor, in the kinematic backend.
+
+Fingers push items aside, tops carry feet. Pushed items follow `world.quasi_static_pushing`, the model that
+the planner of push strokes uses too.
+"""
 
 from __future__ import annotations
 

@@ -19,7 +19,6 @@ from ...world.scene.description import Fixture, SceneDescription
 from ...world.shapes import Shape
 from ...world.values import GRAVITY, ObjectId, Pose, Vector3
 from ..checkpoints import Checkpoint, RobotReading
-from ..common.sensor_noise import RobotSensorNoise
 from ..engine import (
     EVERYDAY_STEP_RATE,
     RESIDUAL_THRESHOLD,
@@ -37,6 +36,7 @@ from ..faults.planted_obstacles import MIN_OBSTACLE_CLEARANCE, FreeSpaceCheck
 from ..feed.belt_drive import BeltDrive
 from ..feed.feeder import Feeder, FeederState, has_feeder
 from ..scoring.truth import HoledFixtures, TrueBody, TrueObstacle
+from ..sensor_noise import RobotSensorNoise
 from ..spawning.spawn import (
     MIN_ITEM_CLEARANCE,
     displace_fixtures,

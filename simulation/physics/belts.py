@@ -23,7 +23,7 @@ from ...world.shapes import Box
 from ...world.values import ObjectId
 from ..engine import pb
 from ..feed.belt_drive import BeltDrive, BeltState, check_belts
-from ..feed.light_curtain import LightCurtain, Zone
+from ..feed.cell_interface import LightCurtain, Zone
 from ..scoring.truth import TrueBody
 from ..spawning.spawn import SpawnedItem
 from .bodies import STATIC_BODY_FRICTION

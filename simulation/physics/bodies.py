@@ -22,8 +22,8 @@ from ...world.scene.description import Bin, Fixture, SceneDescription
 from ...world.scene.hole_geometry import convex_pieces, surface
 from ...world.shapes import Box, ConvexMesh, Cylinder, Shape, Sphere
 from ...world.values import Array, ObjectId, Pose, Vector3
-from ..common.footprints import floor_height
 from ..engine import pb
+from ..footprints import floor_height
 from ..spawning.spawn import SpawnedItem
 
 if TYPE_CHECKING:

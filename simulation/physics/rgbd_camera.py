@@ -13,9 +13,9 @@ from ...world.protocols import Clock, Intrinsics, NoImage, RgbdImage
 from ...world.random_streams import RandomStreams
 from ...world.scene.description import CameraDescription, SceneDescription
 from ...world.values import Pose
-from ..common.sensor_noise import mislabelled, noisy_colour, noisy_depth
 from ..engine import Client, pb
 from ..faults.device_faults import DeviceFaults
+from ..sensor_noise import mislabelled, noisy_colour, noisy_depth
 from .bodies import add_scenery
 
 LIGHT_DIRECTION = (0.3, 0.2, 1.0)

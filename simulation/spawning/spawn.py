@@ -1,6 +1,7 @@
 """Spawning: the items of a run's start, drawn from the stream `spawn` by scene and seed alone.
 
-The feed uses the same functions to draw and lay out loads.
+The feed uses the same functions to draw and lay out loads. The true poses of fixtures with uncertain
+placement are drawn here, too.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from ...world.random_streams import RandomStreams
 from ...world.scene.description import NO_UNCERTAINTY, CatalogueEntry, Fixture, SceneDescription, Spawn
 from ...world.shapes import Shape, bottom, scaled
 from ...world.values import Array, ObjectId, Pose, Quaternion, quaternion_product
-from ..common.footprints import Footprint, distance, footprint, support_height
+from ..footprints import Footprint, distance, footprint, support_height
 from .touching_items import lay_out_touching
 
 TUMBLE_HEIGHT = 0.1

@@ -11,7 +11,7 @@ import numpy as np
 from ...world.scene.description import Spawn
 from ...world.shapes import Cylinder, Shape, Sphere
 from ...world.values import Array, Quaternion, quaternion_product
-from ..common.footprints import Footprint, distance, footprint
+from ..footprints import Footprint, distance, footprint
 
 MAX_ITEM_ATTEMPTS = 12
 """Number of attempts to place one item of a group."""

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from picktree.control.wrist.payload_estimate import Payload
-from picktree.control.wrist.slip_detection import (
+from picktree.control.wrist.payload_estimate import (
     MassEstimate,
+    Payload,
     SlipDetector,
     WristSample,
     estimate_moving_mass,

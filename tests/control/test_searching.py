@@ -11,8 +11,15 @@ import pytest
 
 from picktree.control.cartesian.compliant_motion import ContactState
 from picktree.control.contact.hole_search import InsertionMotion, InsertionParameters, Search
-from picktree.control.contact.peg_motion import CLEAR_FOOT_HEIGHT, BelievedHole, HeldPeg
-from picktree.control.contact.search_patterns import SettlingDetector, grid, rotation_about, spiral
+from picktree.control.contact.peg_motion import (
+    CLEAR_FOOT_HEIGHT,
+    BelievedHole,
+    HeldPeg,
+    SettlingDetector,
+    grid,
+    rotation_about,
+    spiral,
+)
 
 PERIOD = 1 / 240
 LINEAR = 600.0

@@ -15,10 +15,10 @@ from picktree.perception.geometry.camera_geometry import PosedCamera, register_h
 from picktree.perception.pipeline import Perception
 from picktree.perception.segmentation.blobs import downsample
 from picktree.planning.kinematics.inverse_kinematics import InverseKinematics
-from picktree.simulation.common.sensor_noise import MIN_DEPTH_DEVIATION, noisy_depth
 from picktree.simulation.kinematic.backend import KinematicHardware
 from picktree.simulation.physics.backend import PhysicsHardware
 from picktree.simulation.scoring.truth import TrueBody
+from picktree.simulation.sensor_noise import MIN_DEPTH_DEVIATION, noisy_depth
 from picktree.world.belief.planning_scene import BeliefObject, PlanningScene
 from picktree.world.protocols import RgbdImage
 from picktree.world.scene.description import CatalogueEntry, SceneDescription

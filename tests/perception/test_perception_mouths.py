@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from picktree.perception.fitting.hole_mouths import detect_hole
-from picktree.simulation.common.sensor_noise import noisy_depth
 from picktree.simulation.engine import Client
 from picktree.simulation.physics.bodies import add_scenery
 from picktree.simulation.physics.rgbd_camera import CameraRenderer, intrinsics
+from picktree.simulation.sensor_noise import noisy_depth
 from picktree.world.protocols import RgbdImage
 from picktree.world.scene.description import Fixture, Hole, SceneDescription
 from picktree.world.scene.loading.scene_entries import look_at_frame

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from picktree.robots.model import RobotModel
-from picktree.simulation.feed.light_curtain import LightCurtain, Zone
+from picktree.simulation.feed.cell_interface import LightCurtain, Zone
 
 from .simulated_cell import panda
 

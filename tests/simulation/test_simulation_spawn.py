@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from picktree.errors import PicktreeError
-from picktree.simulation.common.footprints import distance, footprint
+from picktree.simulation.footprints import distance, footprint
 from picktree.simulation.spawning.spawn import TUMBLE_HEIGHT, spawn_items
 from picktree.world.scene.description import Spawn
 from picktree.world.shapes import Box, Cylinder, bottom

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from picktree.simulation.common.sensor_noise import WrenchBiasNoise
+from picktree.simulation.sensor_noise import WrenchBiasNoise
 from picktree.world.random_streams import RandomStreams
 from picktree.world.scene.description import SensorNoise
 

@@ -9,9 +9,9 @@ from typing import TypeAlias
 
 import numpy as np
 
-from ...world.scene.description import Fixture
-from ...world.shapes import Box, Cylinder, Shape, Sphere, bottom, corners, top
-from ...world.values import Array, Pose, Quaternion
+from ..world.scene.description import Fixture
+from ..world.shapes import Box, Cylinder, Shape, Sphere, bottom, corners, top
+from ..world.values import Array, Pose, Quaternion
 
 Point: TypeAlias = tuple[float, float]
 FLOOR_DEPTH = 0.75

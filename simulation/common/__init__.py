@@ -1,1 +1,0 @@
-"""Parts that both backends share."""
