@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Literal
 
 from ..manipulation.carry.hold_check import MAX_EMPTY_WIDTH, GripCheck
+from ..manipulation.carry.put_down import put_down
 from ..manipulation.place.dropped_objects import open_gripper, release_object
-from ..manipulation.place.put_down import put_down
 from ..manipulation.retreat.clearing import RetreatMotion
 from ..manipulation.retreat.homing import go_home, observe_with_fixed_cameras
 from ..trees.declaration import Hand
