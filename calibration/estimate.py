@@ -12,7 +12,7 @@ from scipy.optimize import least_squares
 
 from ..errors import PicktreeError
 from ..world.scene.calibration_results import TargetTile
-from ..world.values import Array, Pose, Vector3
+from ..world.values import Array, Pose, Vector3, vector3
 from .hand_eye import camera_in_tcp, spread, target_in_camera
 from .observations import CalibrationData, TargetImage
 from .residuals import CalibrationParameters, CalibrationResiduals
@@ -114,7 +114,7 @@ def estimate(
     tool = None
     if evidence.touches:
         left = float(np.sqrt((residuals.felt(best) ** 2).mean()))
-        tool = ToolEstimate(_three(best.tool), _three(sigma[-4:-1]), len(evidence.touches), left)
+        tool = ToolEstimate(vector3(best.tool), vector3(sigma[-4:-1]), len(evidence.touches), left)
     corrected = Pose(tool.offset) if tool is not None and tool.sure else Pose()
     found: list[CameraEstimate] = []
     for n, (name, shots) in enumerate(by_camera.items()):
@@ -223,9 +223,4 @@ def _differences(residuals: CalibrationResiduals, at: CalibrationParameters) -> 
 
 
 def _deviation(sigma: Array) -> PoseDeviation:
-    return PoseDeviation(_three(sigma[:3]), _three(sigma[3:]))
-
-
-def _three(numbers: Array) -> Vector3:
-    x, y, z = (float(n) for n in numbers)
-    return x, y, z
+    return PoseDeviation(vector3(sigma[:3]), vector3(sigma[3:]))
