@@ -9,7 +9,7 @@ from pydantic import BeforeValidator, Field, Strict, WithJsonSchema
 
 from ...errors import PicktreeError
 from ...files.value_wording import describe
-from ...files.yaml.field_types import FileModel, Flag, InvalidValue, quantity
+from ...files.yaml.file_models import FileModel, Flag, InvalidValue, quantity
 
 if TYPE_CHECKING:
     from ...authoring.schema.schema_parts import Schema
