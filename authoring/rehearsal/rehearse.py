@@ -8,8 +8,7 @@ from pathlib import Path
 from typing import cast
 
 from ...errors import PicktreeError
-from ...files.diagnostics.fault_codes import pages
-from ...files.diagnostics.suppressions import apply_suppressions
+from ...files.diagnostics.fault_codes import apply_suppressions, pages
 from ...files.node_patterns import short_names
 from ...files.yaml.document import Document, FileError, read_document, suggest_name
 from ...trees.loading.loader import load_mission
