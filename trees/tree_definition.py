@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import ModuleType
 from typing import Final
 
 from ..errors import PicktreeError
-from ..files.marks import Mark
+from ..files.marks import Diagnostic, Mark
 from ..files.value_wording import suggest_name
+from ..files.yaml.document import Document, read_document
 from ..files.yaml.reader import Value
 from ..files.yaml.writer import from_value, mission_text, value_text
 from .description import Described, NodeDescription, plain_value, python_name
@@ -20,6 +21,7 @@ MAIN: Final = "Main"
 FILE_MODULE: Final = "picktree_plugin_"
 """Beginning of the names under which the files of plug-ins are imported."""
 _NOWHERE: Final = Mark("", 1, 1)
+_IN_PYTHON: Final = Mark("mission", 0, 0)
 
 
 class TreeDefinition:
@@ -120,6 +122,10 @@ class MissionSource:
         data["trees"] = {name: tree.value() for name, tree in trees.items()}
         return mission_text(from_value(data, _NOWHERE))
 
+    def document(self, folder: Path) -> Document:
+        """Return the mission as a document in `folder` that is not written there."""
+        return read_document(self.text(folder), folder / f"{self.name}.yaml", "mission")
+
     def save(self, file: Path) -> None:
         """Write the mission file. Raises PicktreeError for a node that no file offers, or a disk that
         refuses."""
@@ -132,6 +138,11 @@ class MissionSource:
             file.write_text(self.text(file.absolute().parent), encoding="utf-8")
         except OSError as error:
             raise PicktreeError(f"{file}: the mission cannot be written: {error.strerror}") from None
+
+
+def python_faults(faults: Iterable[Diagnostic]) -> tuple[Diagnostic, ...]:
+    """Return faults of a mission that was made in Python: their places are paths in the tree, not lines."""
+    return tuple(replace(fault, mark=_IN_PYTHON) for fault in faults)
 
 
 def _is_ours(node: type) -> bool:
