@@ -207,6 +207,16 @@ class Cell(CellSession):
             answer = replace(answer, refused=PlanRefusal.of(failure))
         return PlanOutcome(world, start, outcome, answer)
 
+    def move(self, plan: MotionPlan | PlanOutcome) -> None:
+        """Move the arm along a plan.
+
+        Raises Failure when something stops it, PicktreeError for a refused plan.
+        """
+        found = plan.plan if isinstance(plan, PlanOutcome) else plan
+        if found is None:
+            raise PicktreeError(f"there is no plan to move along:\n{plan}")
+        super().move(found)
+
     def show(self, *, view: str = "corner", size: tuple[int, int] = PICTURE_SIZE) -> SceneImage:
         """Return a picture of the robot and its belief at present.
 

@@ -136,7 +136,8 @@ class Mission:
         return check.mission
 
     def _check(self) -> MissionCheck:
-        nodes = self._source.local_classes() if self._source is not None else ()
+        folder = self._document.path.parent
+        nodes = self._source.local_classes(folder) if self._source is not None else ()
         return check_mission(self._document, NodeRegistry(nodes))
 
     def _faults(self, check: MissionCheck, severity: str = "") -> tuple[Diagnostic, ...]:

@@ -185,8 +185,9 @@ class CellSession:
 
     def _checked(self, source: MissionSource) -> Mission:
         """Return the mission as it is run. Raises FileError with all its faults."""
-        document = source.document(Path.cwd())
-        check = check_mission(document, NodeRegistry(source.local_classes()), self._names)
+        folder = Path.cwd()
+        registry = NodeRegistry(source.local_classes(folder))
+        check = check_mission(source.document(folder), registry, self._names)
         errors = [fault for fault in check.faults if fault.severity == "error"]
         if errors or check.mission is None:
             raise FileError(python_faults(errors))
