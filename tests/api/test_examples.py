@@ -45,6 +45,13 @@ def test_document(empty_folder: Path) -> None:
     assert {"top.png", "moment.png", "sort.yaml", "sort.svg", "forces", "runs"} <= written
 
 
+def test_sample_of_the_readme(capsys: pytest.CaptureFixture[str]) -> None:
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    (sample,) = re.findall(r"^```python\n(.*?)^```", text, re.MULTILINE | re.DOTALL)
+    exec(compile(sample, "README.md", "exec"), {})
+    assert capsys.readouterr().out.startswith("Grasp: SUCCESS after ")
+
+
 def test_notebook() -> None:
     assert all(cell["outputs"] == [] and cell["execution_count"] is None for cell in code_cells(NOTEBOOK))
     shown = execute(NOTEBOOK)
