@@ -11,7 +11,7 @@ from ..authoring.check import MissionCheck, check_mission
 from ..authoring.drawing.chart_builder import chart
 from ..errors import PicktreeError
 from ..files.marks import Diagnostic, FileError
-from ..files.yaml.document import Document, open_document
+from ..files.yaml.document import Document, read_document
 from ..trees import mission as loaded
 from ..trees.loading.registry import NodeRegistry
 from ..trees.node import Node
@@ -160,4 +160,4 @@ class Mission:
 
 def load(file: str | PathLike[str]) -> Mission:
     """Load a mission file. Raises FileError when it is no mission file; `check` shows its other faults."""
-    return Mission(open_document(Path(file), "mission"))
+    return Mission(read_document(Path(file), "mission"))

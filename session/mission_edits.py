@@ -13,12 +13,13 @@ from typing import Final, Protocol
 from ..authoring.check import check_mission
 from ..errors import PicktreeError
 from ..files.diagnostics.fault_rendering import fault_lines
-from ..files.yaml.document import Document, FileError, open_document, read_text
+from ..files.yaml.document import Document, FileError, read_document
+from ..files.yaml.file_text import read_text
 from ..trees.loading.scene_names import SceneNames, scene_names
 from ..trees.mission import IN_LIBRARY, Mission
 from ..trees.ports import PortDeclaration
 from ..trees.running.tree_adoption import StateTransfer
-from ..world.journal import JournalEvent, Plain
+from ..world.events.run_events import MissionChangedEvent
 from .execution import Execution
 from .observer import Interrupter, ReloadMessage
 
@@ -32,7 +33,7 @@ def read_edited(current: Mission, known: SceneNames, *, own_scene: bool) -> Miss
     Raises FileError with the checker's errors, and PicktreeError for an edit that needs a new run.
     `own_scene`: the run has the scene that the mission names, not another.
     """
-    check = check_mission(open_document(current.document.path, "mission"), known=known)
+    check = check_mission(read_document(current.document.path, "mission"), known=known)
     errors = [fault for fault in check.faults if fault.severity == "error"]
     if errors or check.mission is None:
         raise FileError(errors)
@@ -63,7 +64,7 @@ def mission_source_files(mission: Path) -> tuple[Path, ...]:
         found[file] = None
         if file.suffix != ".py":
             try:
-                todo += _named_by(open_document(file, "mission"))
+                todo += _named_by(read_document(file, "mission"))
             except FileError:
                 continue
     return tuple(found)
@@ -224,10 +225,10 @@ def _is_on_disk(mission: Mission) -> bool:
         return False
 
 
-def mission_changed(adoption: StateTransfer) -> JournalEvent:
+def mission_changed(adoption: StateTransfer) -> MissionChangedEvent:
     """Return the journal event of a run that resumes with another mission."""
-    data: dict[str, Plain] = {"fresh": list(adoption.fresh), "gone": list(adoption.gone)}
-    return JournalEvent("mission_changed", f"another mission goes on: {adoption_summary(adoption)}", "", data)
+    message = f"another mission goes on: {adoption_summary(adoption)}"
+    return MissionChangedEvent(message, fresh=tuple(adoption.fresh), gone=tuple(adoption.gone))
 
 
 def adoption_summary(adoption: StateTransfer) -> str:

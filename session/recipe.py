@@ -174,7 +174,7 @@ def installed_meshes(robot: RobotDescription) -> Mapping[str, str]:
 
 def is_installed(robot: RobotDescription) -> bool:
     """Whether the robot's URDF, and that of a mounted gripper, are named as `package:path`."""
-    data = read_document(robot.text, Path(robot.source), "robot").data
+    data = read_document(Path(robot.source), "robot", robot.text).data
     mount = data.get("mount")
     named = [str(data.get("urdf"))]
     if isinstance(mount, dict):

@@ -31,7 +31,7 @@ MEASURING = {
     "session/mission_edits.py",
     "commissioning/calibrate/job.py",
     "session/live_view.py",
-    "session/real_time_pace.py",
+    "session/observer.py",
     "analysis/report/report.py",
     "analysis/resim/resim.py",
     "analysis/render/video/film.py",

@@ -123,7 +123,7 @@ class MissionSource:
 
     def document(self, folder: Path) -> Document:
         """Return the mission as a document in `folder` that is not written there."""
-        return read_document(self.text(folder), folder / f"{self.name}.yaml", "mission")
+        return read_document(folder / f"{self.name}.yaml", "mission", self.text(folder))
 
     def save(self, file: Path) -> None:
         """Write the mission file. Raises PicktreeError for a node that no file offers, or a disk that

@@ -79,11 +79,11 @@ def _named(name: str, declared: tuple[NodeDeclaration, ...]) -> NodeDeclaration:
 def _sub_trees(path: Path, known: NodeRegistry) -> tuple[NodeDeclaration, ...]:
     """Return the mission's sub-trees as nodes; the nodes of its plug-ins are added to `known`."""
     from ...authoring.schema.mission_context import one_mission
-    from ...files.yaml.document import open_document
+    from ...files.yaml.document import read_document
     from ...trees.declaration import NodeDeclaration
     from ...trees.mission import MAIN
 
-    mission = one_mission(open_document(path, "mission"), known)
+    mission = one_mission(read_document(path, "mission"), known)
     return tuple(
         NodeDeclaration(name, f"A sub-tree of {path.name}.", "subtree", ports)
         for name, ports in mission.trees.items()

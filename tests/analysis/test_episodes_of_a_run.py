@@ -12,7 +12,7 @@ from picktree.analysis.explain.investigation.episodes_of_log import episodes_of
 from picktree.analysis.explain.text.rendering import to_json_text, to_text
 from picktree.analysis.run import Run
 from picktree.logs.episodes.episode_counts import CureCount, PlantedCount, added_planted, by_cause
-from picktree.session.resume.older_checkpoints import tally_of
+from picktree.session.resume.recorded_recipe import tally_of
 from picktree.session.run_tally import EpisodeCountersState, RunCounters, RunCountersState
 
 from ..logs.scripted_log import begins, ends, record, tree

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 import picktree as pt
 from picktree.authoring.check import check_mission
-from picktree.files.yaml.document import open_document
+from picktree.files.yaml.document import read_document
 from picktree.trees.description import python_name
 from picktree.trees.loading.loader import examine
 from picktree.trees.loading.registry import NodeRegistry
@@ -66,7 +66,7 @@ def filled(slot: SlotDeclaration, depth: int) -> st.SearchStrategy[Any]:
 def test_saved_tree_has_the_values_of_the_tree(tmp_path_factory: pytest.TempPathFactory, tree: Node) -> None:
     file = tmp_path_factory.mktemp("trees") / "m.yaml"
     tree.save(file, scene="sort_small")
-    assert open_document(file, "mission").data["trees"] == {"Main": tree.description.value()}
+    assert read_document(file, "mission").data["trees"] == {"Main": tree.description.value()}
 
 
 @pytest.mark.parametrize("identity", sorted(NODES))
@@ -74,7 +74,7 @@ def test_every_kind_of_node_loads_as_it_was_made(identity: str, tmp_path: Path) 
     """With the least that it takes, and references for all its ports."""
     tree = least(NODES[identity])
     tree.save(tmp_path / "m.yaml")
-    reading = examine(open_document(tmp_path / "m.yaml", "mission"))
+    reading = examine(read_document(tmp_path / "m.yaml", "mission"))
     assert {fault.code for fault in reading.faults} <= SEMANTIC, reading.faults
     same(tree, reading.mission.main.root)
 
@@ -146,8 +146,8 @@ def test_tree_of_the_readme_is_its_yaml(tmp_path: Path) -> None:
 
     text = (ROOT / "README.md").read_text(encoding="utf-8").split("```yaml\n")[1].split("```")[0]
     (tmp_path / "first.yaml").write_text(text, encoding="utf-8")
-    written = open_document(mission.save(tmp_path / "m.yaml"), "mission")
-    assert written.data == open_document(tmp_path / "first.yaml", "mission").data
+    written = read_document(mission.save(tmp_path / "m.yaml"), "mission")
+    assert written.data == read_document(tmp_path / "first.yaml", "mission").data
     assert check_mission(written).mission is not None
 
 

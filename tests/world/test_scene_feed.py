@@ -7,8 +7,7 @@ from pathlib import Path
 import pytest
 
 from picktree.files.yaml.document import FileError, read_document
-from picktree.world.scene.description import Spawn
-from picktree.world.scene.feed import AtIntervals, AtTimes, Belt, Delivery, Exchange, WhenClear
+from picktree.world.scene.description import AtIntervals, AtTimes, Belt, Delivery, Exchange, Spawn, WhenClear
 from picktree.world.scene.loading.scene_loading import check_scene, parse_scene
 from picktree.world.shapes import Box
 
@@ -214,8 +213,8 @@ def test_a_fault_is_named(old: str, new: str, message: str) -> None:
 
 
 def warnings(text: str) -> list[str]:
-    found = check_scene(read_document(text, HERE, "scene"))
-    assert found.scene is not None
+    found = check_scene(read_document(HERE, "scene", text))
+    assert found.value is not None
     return [str(fault) for fault in found.faults]
 
 

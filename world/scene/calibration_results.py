@@ -2,17 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from ..shapes import Box
 from ..values import Array, Pose, Vector3
-
-if TYPE_CHECKING:
-    from .description import CameraDescription
-
 
 COLOURS = ("red", "yellow", "blue", "purple", "green", "cyan")
 """Colours of the squares, row by row. All differ, so that each square is identified by itself and the
@@ -77,11 +72,3 @@ class SceneCalibration:
     date: str = ""
     by: str = ""
     """Short description of the calibration's source."""
-
-
-def apply_calibration(camera: CameraDescription, calibration: SceneCalibration | None) -> CameraDescription:
-    """The camera with its calibrated pose, where there is one. The true pose, `pose @ error`, stays."""
-    found = dict(calibration.cameras).get(camera.name) if calibration is not None else None
-    if found is None:
-        return camera
-    return replace(camera, pose=found, error=found.inverse() @ camera.pose @ camera.error)

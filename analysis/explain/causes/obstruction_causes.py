@@ -10,7 +10,7 @@ import numpy as np
 
 from ....logs.schema.records import BodyRecord
 from ....manipulation.pick.pick_candidates import PLACE_STAGE, ROOM_STAGE, TRANSFER_STAGE
-from ....manipulation.place.bin_spots import free_cells, heap_heights
+from ....manipulation.place.release_poses import free_cells, heap_heights
 from ....world.belief.planning_scene import BeliefObject
 from ....world.scene.description import Bin, Fixture
 from ....world.shapes import extents

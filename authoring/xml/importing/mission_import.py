@@ -57,7 +57,7 @@ class _Importer:
         self._refuse(reading.faults)
         self._refuse(self._changed(reading.mission))
         written = mission_text(whole)
-        assert read_document(written, self._path, "mission").data == data
+        assert read_document(self._path, "mission", written).data == data
         return written
 
     def _refuse(self, faults: Iterable[Diagnostic]) -> None:

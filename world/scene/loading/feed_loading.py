@@ -6,14 +6,23 @@ import math
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
 
-from ....files.models.validation import DocumentChecker
 from ....files.value_wording import describe, suggest_name
 from ....files.yaml.document import Location
+from ....files.yaml.document_checker import DocumentChecker
 from ...shapes import Box, Cylinder, Shape, Sphere, extents
 from ...values import Bounds, ObjectId, Pose
 from ..body_schema import FixtureFile
-from ..description import CatalogueEntry, Fixture, Spawn
-from ..feed import AtIntervals, AtTimes, Belt, Delivery, When, WhenClear
+from ..description import (
+    AtIntervals,
+    AtTimes,
+    Belt,
+    CatalogueEntry,
+    Delivery,
+    Fixture,
+    Spawn,
+    When,
+    WhenClear,
+)
 from ..spawn_schema import FeedFile, WhenFile
 from .scene_entries import body
 from .spawn_areas import check_area, check_crowding, check_kinds
