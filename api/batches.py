@@ -8,7 +8,7 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..batch.plan.plan_loading import plan_of
+from ..batch.plan_loading import plan_of
 from ..batch.results.queries import QueryResult
 from ..batch.results.store import RESULTS_FILE, Store
 from ..batch.statistics.comparison import RecipeComparison, compare_recipes
@@ -27,8 +27,8 @@ from .mission import Mission
 from .runs import setting_text
 
 if TYPE_CHECKING:
-    from ..batch.plan.plan import Job, Keep
-    from ..batch.results.rows import JobRow
+    from ..batch.plan import Job, Keep
+    from ..batch.results.tables import JobRow
     from ..batch.workers.batch import RecordedJob
 
 

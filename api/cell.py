@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 
 from ..analysis.render.viewpoint import parse_view
 from ..cell.world import World
-from ..commissioning.plan_trial.trial import plan_figures
-from ..commissioning.plan_trial.trial_picture import plan_picture
-from ..commissioning.plan_trial.trial_result import PlanAnswer, PlanRefusal
+from ..commissioning.plan_trial import plan_figures
+from ..commissioning.trial_picture import plan_picture
+from ..commissioning.trial_result import PlanAnswer, PlanRefusal
 from ..errors import PicktreeError
 from ..files.value_wording import suggest_name
 from ..manipulation.grasp.grasp_candidates import grasp_candidates

@@ -16,8 +16,8 @@ import numpy as np
 from ...errors import PicktreeError
 from ...robots.model import RobotModel
 from ...world.causes import Failure, safety
+from ...world.computing_time import Stopwatch
 from ...world.protocols import Hardware
-from ...world.stopwatch import Stopwatch
 from ...world.values import Array, JointState, Pose, Wrench
 from ..cartesian.impedance import CartesianImpedance
 from ..commands import Controller

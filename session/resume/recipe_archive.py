@@ -26,7 +26,7 @@ from ...files.atomic_write import whole
 from ...files.yaml.document import FileError, read_document
 from ...robots.description import RobotDescription
 from ...robots.loading import parse_robot, robot_names
-from ...robots.mesh_files import mesh_file
+from ...robots.urdf_tree import mesh_file
 from ...simulation.backends import Backend
 from ...simulation.fault_files.fault_entries import FaultFile
 from ...simulation.fault_files.fault_loading import parse_faults

@@ -9,8 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 
-from ...robots.description import GripperDescription
-from ...robots.finger_outline import tool_outline
+from ...robots.description import GripperDescription, tool_outline
 from ...robots.model import RobotModel, pose_of
 from ...world.planar_geometry import PlanarOutline, PlanarPose, moved, outline, planar
 from ...world.quasi_static_pushing import PlanarPushModel

@@ -13,7 +13,7 @@ import numpy as np
 
 from ...errors import PicktreeError
 from ...world.random_streams import RandomStreams
-from ...world.scene.description import CERTAIN, CatalogueEntry, Fixture, SceneDescription, Spawn
+from ...world.scene.description import NO_UNCERTAINTY, CatalogueEntry, Fixture, SceneDescription, Spawn
 from ...world.shapes import Shape, bottom, scaled
 from ...world.values import Array, ObjectId, Pose, Quaternion, quaternion_product
 from ..common.footprints import Footprint, distance, footprint, support_height
@@ -294,7 +294,7 @@ def walls(scene: SceneDescription) -> Iterable[tuple[Shape, Pose]]:
 def displace_fixtures(scene: SceneDescription, seed: int, *, level: bool = False) -> SceneDescription:
     """Return the scene with its fixtures at their true poses, for the simulation only; the robot gets the
     scene as given. `level`: fixtures are shifted and turned, but not tilted."""
-    if all(fixture.uncertainty == CERTAIN for fixture in scene.fixtures):
+    if all(fixture.uncertainty == NO_UNCERTAINTY for fixture in scene.fixtures):
         return scene
     streams = RandomStreams(seed)
     return replace(scene, fixtures=tuple(_displaced(fixture, streams, level) for fixture in scene.fixtures))
@@ -304,7 +304,7 @@ def _displaced(fixture: Fixture, streams: RandomStreams, level: bool) -> Fixture
     """Return the fixture displaced within its bounds. It is shifted along its x and y and turned about its z,
     evenly distributed, and tilted about a random level axis through its middle."""
     most = fixture.uncertainty
-    if most == CERTAIN:
+    if most == NO_UNCERTAINTY:
         return fixture
     rng = streams.at(f"fixture/{fixture.id}", 0)
     x, y = (float(rng.uniform(-most.position, most.position)) for _ in range(2))

@@ -9,9 +9,8 @@ from pathlib import Path
 import pytest
 
 from picktree.analysis import Run
-from picktree.analysis.compare.diff import RunDiff, diff
-from picktree.analysis.compare.run_settings import FileChange
-from picktree.analysis.compare.text.diff_text import to_json_text, to_text
+from picktree.analysis.compare.diff import FileChange, RunDiff, diff
+from picktree.analysis.compare.diff_text import to_json_text, to_text
 from picktree.logs.run_result import ItemCount, PickCount, RunResult, WallSeconds
 from picktree.logs.schema.records import TransitionRecord, WriteRecord
 from picktree.world.events.skill_events import ItemDoneEvent, PickEvent

@@ -35,10 +35,10 @@ def test_help_tells_every_name() -> None:
 
 
 def test_batch_is_a_room_and_a_function() -> None:
-    import picktree.batch.plan.plan as plan
+    import picktree.batch.plan as plan
 
     assert callable(pt.batch)
-    assert plan.BatchPlan is pt.batch.plan.plan.BatchPlan  # type: ignore[attr-defined]
+    assert plan.BatchPlan is pt.batch.plan.BatchPlan  # type: ignore[attr-defined]
 
 
 def test_signature_shows_ports_with_defaults() -> None:

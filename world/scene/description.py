@@ -40,7 +40,7 @@ class PlacementUncertainty:
     """About its own z, and of its tilt about a horizontal axis, at most, rad."""
 
 
-CERTAIN = PlacementUncertainty()
+NO_UNCERTAINTY = PlacementUncertainty()
 
 
 Form: TypeAlias = Literal["box", "cylinder", "sphere", "plate", "mesh"]
@@ -56,7 +56,7 @@ class Fixture:
     """Believed pose in the world."""
     colour: str = "grey"
     holes: tuple[Hole, ...] = ()
-    uncertainty: PlacementUncertainty = CERTAIN
+    uncertainty: PlacementUncertainty = NO_UNCERTAINTY
     """How far from there it may really stand: only the simulation draws where."""
     tiles: tuple[TargetTile, ...] = ()
     """Coloured squares on its top: it is a target for calibrating."""
