@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Collection, Iterator, Mapping
-from os import PathLike
-from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Self, cast
+from typing import TYPE_CHECKING, ClassVar, Self, cast
 
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
@@ -16,15 +14,15 @@ from ..world.causes import Cause, Failure, FailureReport, Family, internal, matc
 from ..world.events.event_kinds import event_of
 from ..world.events.run_events import InternalErrorEvent, PostconditionFailedEvent, UndeclaredCauseEvent
 from ..world.journal import Plain
-from .declaration import Hand, Kind, NodeDeclaration, Resource, declare
-from .description import Child, NodeDescription, NodeSignature, describe, documented
+from .declaration import Hand, Kind, Resource, declare
+from .described_node import DescribedNode
+from .description import documented
 from .flow.default_flow import any_order_outcomes
 from .port_values import accept_output, constant_inputs, read_input, wired_references
 from .pre_postconditions import after_postconditions, assign_after, settled_before
 from .runtime import Runtime, TreeWorld, Wiring, evaluate
 from .status import PY_TREES_STATUS, NodeStatus
 from .transitions import end_transition, start_transition
-from .tree_definition import MAIN, MissionSource, TreeDefinition, node_text
 from .values.failure_reports import (
     internal_error_report,
     pack,
@@ -44,7 +42,7 @@ if TYPE_CHECKING:
 _ALWAYS_POSSIBLE = (tree.MISSING_INPUT, tree.TIMEOUT, world.UNKNOWN_OBJECT, internal.ERROR)
 
 
-class Node(Behaviour):
+class Node(DescribedNode):
     """A node of a tree. A parent calls `step` for a tick and `halt` to stop it.
 
     A sub-class writes `on_tick`, and where needed `on_start` and `on_halt`. The status is that of the present
@@ -81,12 +79,7 @@ class Node(Behaviour):
     They follow the child when the mission is edited during a run."""
     counted: ClassVar[tuple[NodeStatus, ...]] = ()
     """Statuses of children that the node counts: it restarts when an edit removes such a child."""
-    declaration: ClassVar[NodeDeclaration]
 
-    __signature__ = NodeSignature()
-
-    description: NodeDescription
-    """Ports and children of a node that was made in Python; a node of a running tree has none."""
     path: str
     ticked: bool
     """Whether it was ticked in the tree's present or last tick."""
@@ -101,16 +94,6 @@ class Node(Behaviour):
         if not abstract:
             cls.declaration = declare(cls)
             cls.__doc__ = documented(cls.declaration)
-
-    def __init__(self, *children: Child, name: str = "", **ports: Any) -> None:
-        """Describe a node in Python, in the terms of a mission file; `bound` makes the nodes that are ticked.
-
-        Raises TypeError for a port that the node does not have, or a missing one.
-        """
-        super().__init__(name=name or self.declaration.id)
-        self.description = describe(
-            type(self), self.declaration, children, {"name": name, **ports} if name else ports
-        )
 
     @classmethod
     def bound(cls, wiring: Wiring, runtime: Runtime) -> Self:
@@ -133,19 +116,6 @@ class Node(Behaviour):
         self._begun = False
         self._inputs: dict[str, object] = {}
         self._outputs: dict[str, object] = {}
-
-    def save(self, file: str | PathLike[str], *, scene: str | None = None, name: str = "") -> None:
-        """Write a mission file whose `Main` is the tree below this node, made in Python.
-
-        Raises PicktreeError for a node that no file offers, or a disk that refuses.
-        """
-        path = Path(file)
-        MissionSource(TreeDefinition(MAIN, self), name or path.stem, scene).save(path)
-
-    def __repr__(self) -> str:
-        if "description" in vars(self):
-            return node_text(self.description)
-        return f"<{type(self).__name__} {self.path}>"
 
     # Written by sub-classes.
 
@@ -365,7 +335,6 @@ class Node(Behaviour):
         self.halt()
 
     # Private.
-
     def _one_tick(self) -> NodeStatus:
         if self._wiring.preconditions:
             try:
