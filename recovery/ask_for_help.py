@@ -7,7 +7,7 @@ from collections.abc import Generator
 from typing import TYPE_CHECKING, Final, cast
 
 from ..cell.operator_desk import GIVE_UP, GO_ON, SET_ASIDE, OperatorQuestion, situation
-from ..trees.flow.default_flow import leaf
+from ..trees.flow import LeafFlow
 from ..trees.node import Node
 from ..trees.ports import In, Out, port
 from ..trees.runtime import Runtime, Wiring
@@ -20,9 +20,6 @@ from ..world.values import ObjectId
 
 if TYPE_CHECKING:
     from ..cell.world import World
-    from ..trees.flow import FlowState, NodeOutcomes
-    from ..trees.flow.flow_walk import FlowAnalysis
-    from ..trees.mission import NodeSpec
 
 _INSERTED: Final = re.compile(r"\{[A-Za-z_]\w{0,59}(?:\.[A-Za-z_]\w{0,59}){0,9}\}", re.ASCII)
 
@@ -37,6 +34,7 @@ class AskForHelp(Node):
     itself changes nothing: the nodes after this one act on it.
     """
 
+    flow = LeafFlow()
     example = """
     Sequence:
       - AskForHelp: {reason: "the {item.kind} slips each time", object: "{item}", answer: "{answer}"}
@@ -148,7 +146,3 @@ class AskForHelp(Node):
                 reference=str(reference),
             ) from None
         return "nothing" if value is None else str(value)
-
-    @classmethod
-    def flow(cls, spec: NodeSpec, entry: FlowState, walk: FlowAnalysis) -> NodeOutcomes:
-        return leaf(cls, spec, entry, walk, takes_time=True)

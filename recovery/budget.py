@@ -2,20 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, cast
+from typing import cast
 
 from ..trees.controls.decorator import Decorator
-from ..trees.flow import FlowState, NodeOutcomes, OutcomeCollector
+from ..trees.flow import FAILURE, RUNNING, ChildFlow
 from ..trees.node import Node
 from ..trees.ports import In, port
 from ..trees.status import NodeStatus
 from ..trees.values.port_types import PortValues
 from ..world.causes import FailureReport, tree
 from ..world.values import ObjectId
-
-if TYPE_CHECKING:
-    from ..trees.flow.flow_walk import FlowAnalysis
-    from ..trees.mission import NodeSpec
 
 
 class Budget(Decorator):
@@ -32,6 +28,7 @@ class Budget(Decorator):
     them.
     """
 
+    flow = ChildFlow(own={RUNNING: FAILURE, FAILURE: FAILURE})
     example = """
     Budget:
       of: "{item}"
@@ -51,7 +48,6 @@ class Budget(Decorator):
     tries: In[int] = port("how many handlers may run; -1 for any number", default=-1, least=-1)
     time: In[float] = port("how long recovery may take; 0 for any time", unit="s", default=0.0, least=0)
     causes = (tree.BUDGET,)
-    by_turns = True
     remembers = ("_accounts", "_before", "_given_up")
     _accounts: dict[str, list[float]] = {}  # noqa: RUF012 - replaced, never changed
     """Handlers run and seconds spent by object, without objects whose last run succeeded."""
@@ -129,15 +125,6 @@ class Budget(Decorator):
         if state is NodeStatus.SUCCESS:
             self._accounts = {key: value for key, value in self._accounts.items() if key != self.of}
         return state
-
-    @classmethod
-    def flow(cls, spec: NodeSpec, entry: FlowState, walk: FlowAnalysis) -> NodeOutcomes:
-        flow, ends = walk.child(spec.children[0], (entry,)), OutcomeCollector()
-        ends.take(flow)
-        used_up = walk.fails(spec, walk.causes.of(cls.causes))
-        for state in (*flow.failure, *flow.running):
-            ends.fail_at(state, used_up)
-        return ends.flow()
 
     # Private.
 

@@ -7,15 +7,13 @@ from typing import TYPE_CHECKING, cast
 
 from ..planning.service.planner_overrides import PlannerOverrides
 from ..trees.controls.decorator import Decorator
-from ..trees.flow import FlowState, NodeOutcomes, OutcomeCollector
+from ..trees.flow import ChildFlow
 from ..trees.ports import In, port
 from ..trees.status import NodeStatus
 from ..trees.values.port_types import PortValues
 
 if TYPE_CHECKING:
     from ..planning.service.plan_service import PlanService
-    from ..trees.flow.flow_walk import FlowAnalysis
-    from ..trees.mission import NodeSpec
 
 
 class PlanWith(Decorator):
@@ -25,6 +23,7 @@ class PlanWith(Decorator):
     planned as before afterwards. Where one stands in the other, budgets multiply and clearances add up.
     """
 
+    flow = ChildFlow()
     example = """
     Recover:
       attempts: 3
@@ -46,8 +45,6 @@ class PlanWith(Decorator):
         least=0,
         most=0.1,
     )
-    by_turns = True
-    steady = True
 
     @classmethod
     def check_ports(cls, given: PortValues) -> tuple[str, ...]:
@@ -61,9 +58,3 @@ class PlanWith(Decorator):
         manner = PlannerOverrides(self.seed, self.budget, self.clearance)
         with plan.in_manner(manner) if plan is not None else nullcontext():
             return self.relay()
-
-    @classmethod
-    def flow(cls, spec: NodeSpec, entry: FlowState, walk: FlowAnalysis) -> NodeOutcomes:
-        ends = OutcomeCollector()
-        ends.take(walk.child(spec.children[0], (entry,)))
-        return ends.flow()

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING, cast
 
-from ..trees.flow.default_flow import leaf
+from ..trees.flow import LeafFlow
 from ..trees.node import Node
 from ..trees.ports import In, port
 from ..trees.status import NodeStatus
@@ -16,9 +16,6 @@ from ..world.values import ObjectId
 
 if TYPE_CHECKING:
     from ..cell.world import World
-    from ..trees.flow import FlowState, NodeOutcomes
-    from ..trees.flow.flow_walk import FlowAnalysis
-    from ..trees.mission import NodeSpec
 
 _GIVEN_UP_ENTRY = "given up"
 """Entry in the memory of attempts for each time that an item was given up."""
@@ -31,6 +28,7 @@ class SetAside(Node):
     Nothing moves: the belief alone changes. An item that is gone needs no giving up: SUCCESS.
     """
 
+    flow = LeafFlow(instant=True, gives_up=True)
     example = """
     Fallback:
       - Grasp: {object: "{item}"}
@@ -39,7 +37,6 @@ class SetAside(Node):
 
     kind = "action"
     played = False
-    gives_up = True
     object: In[ObjectId] = port("the item to give up, which is not in the hand")
     after: In[int] = port("which time it is given up indeed; before that it is counted", default=1, least=1)
     causes = (place.MISSED,)
@@ -70,7 +67,3 @@ class SetAside(Node):
             )
         )
         return NodeStatus.SUCCESS
-
-    @classmethod
-    def flow(cls, spec: NodeSpec, entry: FlowState, walk: FlowAnalysis) -> NodeOutcomes:
-        return leaf(cls, spec, entry, walk, takes_time=False)

@@ -6,6 +6,7 @@ import inspect
 import re
 import sys
 import typing
+from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import cache
@@ -16,17 +17,16 @@ from py_trees.common import Status
 
 from ..errors import PicktreeError
 from ..world.causes import Cause, Family
+from .flow import ChildFlow, Flow, Hand, LeafFlow
 from .ports import In, Out, PortDeclaration, PortSpec, Required
 from .slots import Slot, SlotDeclaration
 from .values.port_types import PortType, convert_literal
+from .values.references import Binding, Constant
 
 if TYPE_CHECKING:
     from .node import Node
 
 Kind: TypeAlias = Literal["action", "condition", "control", "decorator", "subtree"]
-
-Hand: TypeAlias = Literal["unchanged", "full", "empty", "kept"]
-"""Content of the hand after success; `kept`: an object is still held, on purpose and in a safe place."""
 
 IDENTIFIER = re.compile(r"[A-Za-z_]\w{0,59}", re.ASCII)
 PRECONDITIONS = ("_failureIf", "_successIf", "_skipIf", "_while")
@@ -61,6 +61,9 @@ class NodeDeclaration:
     hand_after: Hand = "unchanged"
     example: str = ""
     """A node of this kind as a mission writes it, for the reference; a test checks it."""
+    shares: tuple[Resource, ...] = ()
+    flow: Flow | None = None
+    """None: nothing is known."""
 
     def port(self, key: str) -> PortDeclaration | None:
         return next((p for p in self.ports if p.key == key), None)
@@ -80,6 +83,23 @@ class NodeDeclaration:
     def keys(self) -> tuple[str, ...]:
         """Keys that the node may have in a file."""
         return (*(p.key for p in self.ports), *(s.key for s in self.slots), *COMMON_KEYS)
+
+    def causes_with(self, ports: Mapping[str, Binding]) -> tuple[Cause | Family, ...]:
+        """Return the causes with which the node may fail under this wiring."""
+        needed = self.flow.fails_with if isinstance(self.flow, LeafFlow) else ""
+        return self.causes if not needed or needed in ports else ()
+
+    def hand_with(self, ports: Mapping[str, Binding]) -> tuple[Hand, tuple[Hand, ...]]:
+        """Return the hand's content after success under this wiring, and all contents after any end."""
+        if not isinstance(self.flow, LeafFlow) or not self.flow.hand_by:
+            return self.hand_after, ("unchanged", self.hand_after)
+        key, hands = self.flow.hand_by
+        bound, declared = ports.get(key), self.port(key)
+        if bound is not None and not isinstance(bound, Constant):
+            return self.hand_after, (self.hand_after, *hands.values())
+        value = bound.value if bound is not None else declared.default if declared is not None else None
+        success = hands.get(value, self.hand_after)
+        return success, (self.hand_after, success)
 
 
 def declare(node: type[Node]) -> NodeDeclaration:
@@ -114,7 +134,16 @@ def declare(node: type[Node]) -> NodeDeclaration:
         slots,
         node.hand_after,
         inspect.cleandoc(node.example),
+        node.shares,
+        _flow_of(node),
     )
+
+
+def _flow_of(node: type[Node]) -> Flow | None:
+    """Return the flow of the class; None where `on_tick` is overridden without it."""
+    base = next(base for base in node.__mro__ if {"flow", "on_tick"} & vars(base).keys())
+    flow: object = vars(base).get("flow")
+    return flow if isinstance(flow, LeafFlow | ChildFlow) else None
 
 
 def _make_descriptors(node: type[Node], identity: str) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Collection, Iterator, Mapping
-from typing import TYPE_CHECKING, ClassVar, cast
+from typing import ClassVar, cast
 
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
@@ -13,7 +13,7 @@ from ..files.expressions.expression import Expression
 from ..world.causes import Cause, Failure, FailureReport, Family, internal, matches, tree, world
 from ..world.journal import JournalEvent, Plain
 from .declaration import Hand, Kind, NodeDeclaration, Resource, declare
-from .flow.default_flow import any_order_outcomes
+from .flow import Flow
 from .port_values import accept_output, constant_inputs, read_input, wired_references
 from .pre_postconditions import after_postconditions, assign_after, settled_before
 from .runtime import Runtime, TreeWorld, Wiring, evaluate
@@ -28,12 +28,7 @@ from .values.failure_reports import (
     unpack,
 )
 from .values.port_types import PortProblem, PortValues, plain_copy
-from .values.references import Binding, Constant
-
-if TYPE_CHECKING:
-    from .flow import FlowState, NodeOutcomes
-    from .flow.flow_walk import FlowAnalysis
-    from .mission import NodeSpec
+from .values.references import Constant
 
 _ALWAYS_POSSIBLE = (tree.MISSING_INPUT, tree.TIMEOUT, world.UNKNOWN_OBJECT, internal.ERROR)
 
@@ -53,19 +48,13 @@ class Node(Behaviour):
     """Causes with which the node itself may fail; those of its children are added."""
     uses: ClassVar[tuple[Resource, ...]] = ()
     hand_after: ClassVar[Hand] = "unchanged"
-    """Content of the hand after the node's success, for the linter."""
+    """Content of the hand after the node's success."""
     shares: ClassVar[tuple[Resource, ...]] = ()
     """Resources in `uses` that other nodes may use in the same tick."""
     played: ClassVar[bool] = True
     """Whether a stub replaces the node in a rehearsal. Not leaves that only read or change the belief."""
-    by_turns: ClassVar[bool] = False
-    """Whether the node runs one child at a time, each until it ends, for the linter."""
-    gives_up: ClassVar[bool] = False
-    """Whether success drops an item from the work that is left, though it is not done, for the linter."""
-    steady: ClassVar[bool] = False
-    """Whether node and children take no time, write the blackboard only, and follow from keys and facts."""
-    lasting: ClassVar[int] = 0
-    """Number of remembered facts that outlast the node's end; its `flow` has a flag for each."""
+    flow: ClassVar[Flow | None] = None
+    """Ways in which the node may end; None: any. A class that overrides `on_tick` restates it."""
     example: ClassVar[str] = ""
     """The node as a mission writes it, for the reference."""
     remembers: ClassVar[tuple[str, ...]] = ()
@@ -130,31 +119,6 @@ class Node(Behaviour):
         A str concerns the whole node, a PortProblem one of its keys.
         """
         return ()
-
-    # Overrides for the linter, where the declaration is not exact enough.
-
-    @classmethod
-    def causes_with(cls, ports: Mapping[str, Binding]) -> tuple[Cause | Family, ...]:
-        """Return the causes with which the node may fail under this wiring."""
-        return cls.causes
-
-    @classmethod
-    def hand_with(cls, ports: Mapping[str, Binding]) -> tuple[Hand, tuple[Hand, ...]]:
-        """Return the hand's content after success under this wiring, and all contents after any end."""
-        return cls.hand_after, ("unchanged", cls.hand_after)
-
-    @classmethod
-    def empties_with(cls, inputs: Mapping[str, object]) -> str:
-        """Return the bin that is empty after success with these inputs, for rehearsals; "" for none."""
-        return ""
-
-    @classmethod
-    def flow(cls, spec: NodeSpec, entry: FlowState, walk: FlowAnalysis) -> NodeOutcomes:
-        """Return the outcomes that the node may have when it starts in this state.
-
-        The default is the most cautious. A class that overrides only `on_tick` gets it, too.
-        """
-        return any_order_outcomes(cls, spec, entry, walk)
 
     # Called by the parent and the runner.
 

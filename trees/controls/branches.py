@@ -2,16 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
-from ..flow import NOTHING, FlowState, NodeOutcomes, OutcomeCollector, States, tidy
+from ..flow import Branch
 from ..node import ControlNode, Node
 from ..slots import children
 from ..status import NodeStatus
-
-if TYPE_CHECKING:
-    from ..flow.flow_walk import FlowAnalysis
-    from ..mission import NodeSpec
 
 
 class IfThenElse(ControlNode):
@@ -20,9 +14,7 @@ class IfThenElse(ControlNode):
     Without a third child a no is FAILURE. SKIPPED when the condition is skipped.
     """
 
-    by_turns = True
-    steady = True
-
+    flow = Branch()
     example = """
     IfThenElse:
       - Condition: {if: holding}
@@ -58,12 +50,6 @@ class IfThenElse(ControlNode):
         state = chosen.step()
         return self.fail_with(chosen.failure) if state is NodeStatus.FAILURE else state
 
-    @classmethod
-    def flow(cls, spec: NodeSpec, entry: FlowState, walk: FlowAnalysis) -> NodeOutcomes:
-        ends = OutcomeCollector()
-        _branch(spec, frozenset((entry,)), walk, ends)
-        return ends.flow()
-
 
 class WhileDoElse(ControlNode):
     """Asks its first child at every tick, and ticks the second while it holds, the third while not.
@@ -72,8 +58,7 @@ class WhileDoElse(ControlNode):
     before the other is ticked. Without a third child a no is FAILURE.
     """
 
-    steady = True
-
+    flow = Branch(reactive=True)
     example = """
     WhileDoElse:
       - Condition: {if: items_left}
@@ -105,38 +90,3 @@ class WhileDoElse(ControlNode):
                 return other
         state = chosen.step()
         return self.fail_with(chosen.failure) if state is NodeStatus.FAILURE else state
-
-    @classmethod
-    def flow(cls, spec: NodeSpec, entry: FlowState, walk: FlowAnalysis) -> NodeOutcomes:
-        ends = OutcomeCollector()
-        starts: States = frozenset((entry,))
-        while (after := tidy(starts | _branch(spec, starts, walk, ends, asked_anew=True))) != starts:
-            starts = after
-        return ends.flow()
-
-
-def _branch(
-    spec: NodeSpec, starts: States, walk: FlowAnalysis, ends: OutcomeCollector, *, asked_anew: bool = False
-) -> States:
-    """Collect the outcomes of the branch that the condition selects; return the states in which a node may
-    run.
-
-    `asked_anew`: the condition is ticked again at every tick while a branch runs.
-    """
-    condition, *branches = spec.children
-    asked = walk.child(condition, starts)
-    meanwhile = walk.effect(condition, starts) if asked_anew else NOTHING
-    ends.skip(asked.skipped)
-    ends.run(asked.running)
-    running = set(asked.running)
-    chosen = (asked.success, tidy(asked.failure))
-    for branch, states, never in zip(branches, chosen, ("succeeds", "fails"), strict=False):
-        if not states:
-            walk.unreached(branch, f"{condition.name} before it never {never}")
-            continue
-        flow = walk.child(branch, states, meanwhile)
-        ends.take(flow)
-        running |= flow.running
-    if len(branches) == 1:
-        ends.fail(asked.failure)
-    return tidy(running)

@@ -2,18 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
-from ..flow import NOTHING, Failures, FlowState, NodeOutcomes, OutcomeCollector, States, tidy
-from ..flow.outcomes import try_next
+from ..flow import NEXT, ChildFlow
 from ..node import ControlNode
 from ..slots import children
 from ..status import NodeStatus
 from ..values.failure_reports import decisive_report
-
-if TYPE_CHECKING:
-    from ..flow.flow_walk import FlowAnalysis
-    from ..mission import NodeSpec
 
 
 class Fallback(ControlNode):
@@ -23,9 +16,7 @@ class Fallback(ControlNode):
     (a false condition) does not hide one that has. SKIPPED when all were skipped.
     """
 
-    by_turns = True
-    steady = True
-
+    flow = ChildFlow(failure=NEXT, skipped=NEXT)
     example = """
     Fallback:
       - Place: {object: "{item}", into: red_bin}
@@ -58,12 +49,6 @@ class Fallback(ControlNode):
             return NodeStatus.SKIPPED
         return self.fail_with(decisive_report(part.failure for part in self.parts))
 
-    @classmethod
-    def flow(cls, spec: NodeSpec, entry: FlowState, walk: FlowAnalysis) -> NodeOutcomes:
-        ends = OutcomeCollector()
-        _try_all(spec, frozenset((entry,)), walk, ends)
-        return ends.flow()
-
 
 class ReactiveFallback(ControlNode):
     """Tries every child anew at each tick, from the first.
@@ -72,8 +57,7 @@ class ReactiveFallback(ControlNode):
     ticked. Both hold the arm for a moment, and the one that acquired it last keeps it.
     """
 
-    steady = True
-
+    flow = ChildFlow(failure=NEXT, skipped=NEXT, reactive=True)
     example = """
     ReactiveFallback:
       - Condition: {if: not holding}
@@ -94,40 +78,3 @@ class ReactiveFallback(ControlNode):
         if skipped == len(self.parts):
             return NodeStatus.SKIPPED
         return self.fail_with(decisive_report(part.failure for part in self.parts))
-
-    @classmethod
-    def flow(cls, spec: NodeSpec, entry: FlowState, walk: FlowAnalysis) -> NodeOutcomes:
-        ends = OutcomeCollector()
-        starts: States = frozenset((entry,))
-        while (after := tidy(starts | _try_all(spec, starts, walk, ends, asked_anew=True))) != starts:
-            starts = after
-        return ends.flow()
-
-
-def _try_all(
-    spec: NodeSpec, starts: States, walk: FlowAnalysis, ends: OutcomeCollector, *, asked_anew: bool = False
-) -> States:
-    """Collect the outcomes of one pass over the children; return the states in which a child may run.
-
-    `asked_anew`: the children before the running one are ticked again at every tick.
-    """
-    skipped: States = starts
-    failed: Failures = {}
-    running: set[FlowState] = set()
-    meanwhile = NOTHING
-    before = ""
-    for part in spec.children:
-        if not skipped and not failed:
-            walk.unreached(part, f"{before} before it never fails")
-            continue
-        trial = try_next(part, skipped, failed, walk, meanwhile)
-        if asked_anew:
-            meanwhile = meanwhile.with_(walk.effect(part, (*skipped, *failed)))
-        ends.succeed(trial.success)
-        running |= trial.running
-        skipped, failed = trial.skipped, trial.failed
-        before = part.name
-    ends.run(running)
-    ends.skip(skipped)
-    ends.fail(failed)
-    return tidy(running)

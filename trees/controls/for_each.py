@@ -3,19 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Collection
-from typing import TYPE_CHECKING, Literal, cast
+from typing import Literal
 
-from ..flow import FlowState, NodeOutcomes, OutcomeCollector, States, tidy
+from ..flow import AGAIN, Loop
 from ..node import Node
 from ..ports import In, Out, port
 from ..status import NodeStatus
 from ..values.failure_reports import cannot_be_hidden
 from ..values.port_types import PortProblem, PortValues
 from .decorator import Decorator
-
-if TYPE_CHECKING:
-    from ..flow.flow_walk import FlowAnalysis
-    from ..mission import NodeSpec
 
 
 class ForEach(Decorator):
@@ -27,8 +23,9 @@ class ForEach(Decorator):
     was skipped for every element.
     """
 
-    by_turns = True
-
+    flow = Loop(
+        success=AGAIN, skipped=AGAIN, runs="most", each_of="in", passes_over=("on_failure", "continue")
+    )
     example = """
     ForEach:
       in: "{items}"
@@ -85,38 +82,6 @@ class ForEach(Decorator):
         first = self._index + (self.body.state is NodeStatus.RUNNING)
         left = [item for item in self._items[first:] if item not in elements]
         self._items = [*self._items[:first], *left]
-
-    @classmethod
-    def flow(cls, spec: NodeSpec, entry: FlowState, walk: FlowAnalysis) -> NodeOutcomes:
-        items, most = walk.literal(spec, "in"), walk.number(spec, "most")
-        length = len(cast("list[object]", items)) if isinstance(items, list) else None
-        part, ends = spec.children[0], OutcomeCollector()
-        if length is None or length == 0 or most is None or most == 0:
-            ends.succeed((entry,))
-        if length == 0 or most == 0:
-            walk.unreached(part, "there is no element")
-            return ends.flow()
-        only_one = length == 1 or most == 1
-        element, on_failure = walk.key_of(spec, "out"), walk.literal(spec, "on_failure")
-        starts: States = frozenset((entry,))
-        while True:
-            flow = walk.child(part, tidy(state.written(element) for state in starts))
-            passed = set(flow.success)
-            for state, reasons in flow.failure.items():
-                # A safety stop may be passed over once the operator has acknowledged it.
-                ends.fail_at(state, reasons.only(walk.unhidable) if on_failure == "continue" else reasons)
-                passed |= {state} if on_failure != "fail" else set()
-            ends.succeed(passed)
-            ends.skip(flow.skipped)
-            ends.run(flow.running)
-            after = starts
-            if not only_one:
-                ends.succeed(flow.skipped)
-                ends.run(passed | flow.skipped)
-                after = tidy(starts | passed | flow.skipped)
-            if after == starts:
-                return ends.flow()
-            starts = after
 
     def _may_pass_over(self) -> bool:
         report = self.body.failure

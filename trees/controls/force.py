@@ -2,24 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
-from ..flow import NO_REPORT, FlowState, NodeOutcomes, OutcomeCollector
+from ..flow import FAILURE, SUCCESS, ChildFlow
 from ..status import NodeStatus
 from ..values.failure_reports import cannot_be_hidden
 from .decorator import Decorator
-
-if TYPE_CHECKING:
-    from ..flow.flow_walk import FlowAnalysis
-    from ..mission import NodeSpec
 
 
 class Inverter(Decorator):
     """SUCCESS becomes FAILURE without a report, and FAILURE becomes SUCCESS, unless it is a safety stop."""
 
-    by_turns = True
-    steady = True
-
+    flow = ChildFlow(success=FAILURE, failure=SUCCESS)
     example = """
     Inverter:
       Condition: {if: holding}
@@ -36,20 +28,11 @@ class Inverter(Decorator):
             case other:
                 return other
 
-    @classmethod
-    def flow(cls, spec: NodeSpec, entry: FlowState, walk: FlowAnalysis) -> NodeOutcomes:
-        flow, ends = walk.child(spec.children[0], (entry,)), OutcomeCollector()
-        _hide_failures(flow, walk, ends)
-        ends.fail(dict.fromkeys(flow.success, NO_REPORT))
-        return ends.flow()
-
 
 class ForceSuccess(Decorator):
     """SUCCESS however the child ends. It cannot hide a safety stop (safety.*) or a fault of the program."""
 
-    by_turns = True
-    steady = True
-
+    flow = ChildFlow(failure=SUCCESS)
     example = """
     ForceSuccess:
       GoTo: {pose: observe}
@@ -61,20 +44,11 @@ class ForceSuccess(Decorator):
             return NodeStatus.SUCCESS
         return state
 
-    @classmethod
-    def flow(cls, spec: NodeSpec, entry: FlowState, walk: FlowAnalysis) -> NodeOutcomes:
-        flow, ends = walk.child(spec.children[0], (entry,)), OutcomeCollector()
-        _hide_failures(flow, walk, ends)
-        ends.succeed(flow.success)
-        return ends.flow()
-
 
 class ForceFailure(Decorator):
     """FAILURE however the child ends, with the child's failure when it has one."""
 
-    by_turns = True
-    steady = True
-
+    flow = ChildFlow(success=FAILURE)
     example = """
     Fallback:
       - Grasp: {object: "{item}"}
@@ -85,23 +59,3 @@ class ForceFailure(Decorator):
     def on_tick(self) -> NodeStatus:
         state = self.relay()
         return NodeStatus.FAILURE if state is NodeStatus.SUCCESS else state
-
-    @classmethod
-    def flow(cls, spec: NodeSpec, entry: FlowState, walk: FlowAnalysis) -> NodeOutcomes:
-        flow, ends = walk.child(spec.children[0], (entry,)), OutcomeCollector()
-        ends.fail(flow.failure)
-        ends.fail(dict.fromkeys(flow.success, NO_REPORT))
-        ends.skip(flow.skipped)
-        ends.run(flow.running)
-        return ends.flow()
-
-
-def _hide_failures(flow: NodeOutcomes, walk: FlowAnalysis, ends: OutcomeCollector) -> None:
-    """Collect the outcomes of a child other than success, with failures turned into successes where
-    allowed."""
-    for state, reasons in flow.failure.items():
-        ends.fail_at(state, reasons.only(walk.unhidable))
-        if hidden := reasons.only(~walk.unhidable).any:
-            ends.succeed((state if reasons.loud & hidden else state.in_doubt(),))
-    ends.skip(flow.skipped)
-    ends.run(flow.running)

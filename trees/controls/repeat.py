@@ -2,18 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from ...files.expressions.expression import Expression
-from ..flow import FlowState, NodeOutcomes, OutcomeCollector, States, tidy
+from ..flow import AGAIN, Loop
 from ..ports import In, port
 from ..status import NodeStatus
 from ..values.port_types import PortValues
 from .decorator import Decorator
-
-if TYPE_CHECKING:
-    from ..flow.flow_walk import FlowAnalysis
-    from ..mission import NodeSpec
 
 
 class Repeat(Decorator):
@@ -22,8 +16,7 @@ class Repeat(Decorator):
     `while` is asked before each cycle. The tick ends between two cycles. A skipped child skips the loop.
     """
 
-    by_turns = True
-
+    flow = Loop(success=AGAIN, runs="num_cycles", guard="while")
     example = """
     Repeat:
       num_cycles: 3
@@ -61,44 +54,11 @@ class Repeat(Decorator):
             return True
         return self.condition is not None and not self.holds(self.condition)
 
-    @classmethod
-    def flow(cls, spec: NodeSpec, entry: FlowState, walk: FlowAnalysis) -> NodeOutcomes:
-        cycles, part, ends = walk.number(spec, "num_cycles"), spec.children[0], OutcomeCollector()
-        condition = walk.literal(spec, "while")
-        starts: States = frozenset((entry,))
-        if cycles is None or cycles == 0:
-            ends.succeed(starts)
-        if cycles == 0:
-            walk.unreached(part, "num_cycles is 0")
-            return ends.flow()
-        while True:
-            begun = starts
-            if isinstance(condition, Expression):
-                asked = walk.ask(spec, "while", condition, starts)
-                ends.succeed(asked.no)
-                ends.fail(asked.failed)
-                begun = asked.yes
-            if not begun:
-                walk.unreached(part, "its while never holds")
-            flow = walk.child(part, begun)
-            ends.fail(flow.failure)
-            ends.skip(flow.skipped)
-            ends.run(flow.running)
-            if cycles is None or cycles > 0:
-                ends.succeed(flow.success)
-            if cycles != 1:
-                ends.run(flow.success)
-            after = starts if cycles == 1 else tidy(starts | flow.success)
-            if after == starts:
-                return ends.flow()
-            starts = after
-
 
 class KeepRunningUntilFailure(Decorator):
     """Runs its child again and again, one tick apart, until it fails; then it fails with its failure."""
 
-    by_turns = True
-
+    flow = Loop(success=AGAIN, skipped=AGAIN)
     example = """
     KeepRunningUntilFailure:
       Observe: {camera: overhead, expect: "{item}"}
@@ -107,16 +67,3 @@ class KeepRunningUntilFailure(Decorator):
     def on_tick(self) -> NodeStatus:
         state = self.relay()
         return state if state is NodeStatus.FAILURE else NodeStatus.RUNNING
-
-    @classmethod
-    def flow(cls, spec: NodeSpec, entry: FlowState, walk: FlowAnalysis) -> NodeOutcomes:
-        ends = OutcomeCollector()
-        starts: States = frozenset((entry,))
-        while True:
-            flow = walk.child(spec.children[0], starts)
-            ends.fail(flow.failure)
-            ends.run(flow.running | flow.success | flow.skipped)
-            after = tidy(starts | flow.success | flow.skipped)
-            if after == starts:
-                return ends.flow()
-            starts = after

@@ -2,19 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from ...world.causes import FailureReport, internal, matches, tree
-from ..flow import UNREPORTED, FailureReasons, FlowState, NodeOutcomes, OutcomeCollector, States, joined, tidy
+from ..flow import AGAIN, Loop
 from ..ports import In, port
 from ..status import NodeStatus
 from ..values.failure_reports import with_attached
 from ..values.port_types import PortProblem, PortValues
 from .decorator import Decorator
-
-if TYPE_CHECKING:
-    from ..flow.flow_walk import FlowAnalysis
-    from ..mission import NodeSpec
 
 
 class RetryUntilSuccessful(Decorator):
@@ -24,8 +18,7 @@ class RetryUntilSuccessful(Decorator):
     tree.attempts when the child gave no reason. A fault of the program is not tried again.
     """
 
-    by_turns = True
-
+    flow = Loop(failure=AGAIN, runs="num_attempts")
     example = """
     RetryUntilSuccessful:
       num_attempts: 3
@@ -68,36 +61,6 @@ class RetryUntilSuccessful(Decorator):
             message = f"{self._attempts} attempts are used up"
             return self.fail(tree.ATTEMPTS, message, attached=self._reports)
         return self.fail_with(with_attached(last, self._reports))
-
-    @classmethod
-    def flow(cls, spec: NodeSpec, entry: FlowState, walk: FlowAnalysis) -> NodeOutcomes:
-        attempts, part, ends = walk.number(spec, "num_attempts"), spec.children[0], OutcomeCollector()
-        used_up = walk.fails(spec, walk.causes.of(cls.causes))
-        if attempts is None or attempts == 0:
-            ends.fail_at(entry, used_up)
-        if attempts == 0:
-            walk.unreached(part, "num_attempts is 0")
-            return ends.flow()
-        starts: States = frozenset((entry,))
-        while True:
-            flow = walk.child(part, starts)
-            ends.succeed(flow.success)
-            ends.skip(flow.skipped)
-            ends.run(flow.running)
-            for state, reasons in flow.failure.items():
-                if attempts != 1:
-                    ends.run((state,))
-                if attempts is None or attempts > 0:
-                    ends.fail_at(state, _for_good(reasons if attempts == 1 else reasons.tried(), used_up))
-            after = starts if attempts == 1 else tidy(starts | flow.failure.keys())
-            if after == starts:
-                return ends.flow()
-            starts = after
-
-
-def _for_good(reasons: FailureReasons, used_up: FailureReasons) -> FailureReasons:
-    reported = reasons.only(~UNREPORTED)
-    return joined((reported, used_up.tried())) if reasons.any & UNREPORTED else reported
 
 
 _MAX_REPORTS = 20

@@ -2,16 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
-from ..flow import NONE, NOTHING, FlowState, NodeOutcomes, OutcomeCollector, States, tidy
+from ..flow import NEXT, ChildFlow
 from ..node import ControlNode
 from ..slots import children
 from ..status import NodeStatus
-
-if TYPE_CHECKING:
-    from ..flow.flow_walk import FlowAnalysis
-    from ..mission import NodeSpec
 
 
 class Sequence(ControlNode):
@@ -21,9 +15,7 @@ class Sequence(ControlNode):
     failure of its failing child.
     """
 
-    by_turns = True
-    steady = True
-
+    flow = ChildFlow(success=NEXT, skipped=NEXT)
     example = """
     Sequence:
       - Grasp: {object: "{item}"}
@@ -55,12 +47,6 @@ class Sequence(ControlNode):
             self._index += 1
         return NodeStatus.SKIPPED if self._skipped == len(self.parts) else NodeStatus.SUCCESS
 
-    @classmethod
-    def flow(cls, spec: NodeSpec, entry: FlowState, walk: FlowAnalysis) -> NodeOutcomes:
-        ends = OutcomeCollector()
-        _go_through(spec, frozenset((entry,)), walk, ends)
-        return ends.flow()
-
 
 class ReactiveSequence(ControlNode):
     """Asks every child anew at each tick, from the first: conditions first, then what they guard.
@@ -68,8 +54,7 @@ class ReactiveSequence(ControlNode):
     When an earlier child runs or fails, a later one that was RUNNING is halted, after the earlier was ticked.
     """
 
-    steady = True
-
+    flow = ChildFlow(success=NEXT, skipped=NEXT, reactive=True)
     example = """
     ReactiveSequence:
       - Condition: {if: not stopped}
@@ -88,41 +73,3 @@ class ReactiveSequence(ControlNode):
                     later.halt()
                 return state if state is NodeStatus.RUNNING else self.fail_with(part.failure)
         return NodeStatus.SKIPPED if skipped == len(self.parts) else NodeStatus.SUCCESS
-
-    @classmethod
-    def flow(cls, spec: NodeSpec, entry: FlowState, walk: FlowAnalysis) -> NodeOutcomes:
-        ends = OutcomeCollector()
-        starts: States = frozenset((entry,))
-        while (after := tidy(starts | _go_through(spec, starts, walk, ends, asked_anew=True))) != starts:
-            starts = after
-        return ends.flow()
-
-
-def _go_through(
-    spec: NodeSpec, starts: States, walk: FlowAnalysis, ends: OutcomeCollector, *, asked_anew: bool = False
-) -> States:
-    """Collect the outcomes of one pass over the children; return the states in which a child may run.
-
-    `asked_anew`: the children before the running one are ticked again at every tick.
-    """
-    skipped, going = starts, NONE
-    """States after children that were all skipped, and after others."""
-    running: set[FlowState] = set()
-    meanwhile = NOTHING
-    before = ""
-    for part in spec.children:
-        if not skipped and not going:
-            walk.unreached(part, f"{before} before it never succeeds")
-            continue
-        first, then = walk.child(part, skipped, meanwhile), walk.child(part, going, meanwhile)
-        for flow in (first, then):
-            ends.fail(flow.failure)
-            running |= flow.running
-        if asked_anew:
-            meanwhile = meanwhile.with_(walk.effect(part, skipped | going))
-        skipped, going = first.skipped, tidy(first.success | then.success | then.skipped)
-        before = part.name
-    ends.run(running)
-    ends.succeed(going)
-    ends.skip(skipped)
-    return tidy(running)

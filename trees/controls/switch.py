@@ -2,20 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from ...world.causes import Failure, tree
-from ..flow import FlowState, NodeOutcomes, OutcomeCollector, States, tidy
+from ..flow import Choice
 from ..node import ControlNode, Node
 from ..ports import In, port
 from ..slots import optional_child, table
 from ..status import NodeStatus
 from ..values.port_types import PortProblem, PortValues, show
-from ..values.references import Reference
-
-if TYPE_CHECKING:
-    from ..flow.flow_walk import FlowAnalysis
-    from ..mission import NodeSpec
 
 
 class Switch(ControlNode):
@@ -25,8 +18,7 @@ class Switch(ControlNode):
     ticked, as in BT.CPP. Without a case and a default it fails with tree.no_case.
     """
 
-    steady = True
-
+    flow = Choice(reactive=True)
     example = """
     Switch:
       variable: "{item.form}"
@@ -56,7 +48,8 @@ class Switch(ControlNode):
 
     def on_tick(self) -> NodeStatus:
         self.read_inputs()
-        chosen = next((node for name, node in self.cases.items() if _same(self.variable, name)), self.default)
+        fitting = (node for name, node in self.cases.items() if is_case(self.variable, name))
+        chosen = next(fitting, self.default)
         if chosen is None:
             raise Failure(
                 tree.NO_CASE,
@@ -67,30 +60,6 @@ class Switch(ControlNode):
         self._leave_others(chosen)
         state = chosen.step()
         return self.fail_with(chosen.failure) if state is NodeStatus.FAILURE else state
-
-    @classmethod
-    def flow(cls, spec: NodeSpec, entry: FlowState, walk: FlowAnalysis) -> NodeOutcomes:
-        ends = OutcomeCollector()
-        chosen = _chosen(spec, walk)
-        for part in spec.children:
-            if not any(part is one for one in chosen):
-                walk.unreached(part, f"the value is always {show(walk.literal(spec, 'variable'))}")
-        default = "default" in spec.slots
-        if not chosen or (not default and walk.literal(spec, "variable") is None):
-            ends.fail_at(entry, walk.fails(spec, walk.causes.of(cls.causes)))
-        starts: States = frozenset((entry,))
-        while True:
-            running: set[FlowState] = set()
-            for part in chosen:
-                flow = walk.child(part, starts)
-                ends.take(flow)
-                running |= flow.running
-            # The value seldom changes while a case runs. The analysis allows for it, and reports nothing
-            # about it.
-            after = tidy(starts | {state.in_doubt() for state in running} if len(chosen) > 1 else starts)
-            if after == starts:
-                return ends.flow()
-            starts = after
 
     def _leave_others(self, chosen: Node) -> None:
         for node in self.below:
@@ -106,7 +75,8 @@ def _value_of(name: str) -> object:
         return name
 
 
-def _same(value: object, name: str) -> bool:
+def is_case(value: object, name: str) -> bool:
+    """Whether the case of that name is the one for the value."""
     if isinstance(value, bool):
         return name == str(value).lower()
     if isinstance(value, int | float):
@@ -115,14 +85,3 @@ def _same(value: object, name: str) -> bool:
         except ValueError:
             return False
     return name == ("null" if value is None else str(value))
-
-
-def _chosen(spec: NodeSpec, walk: FlowAnalysis) -> tuple[NodeSpec, ...]:
-    """The cases, and the default, that the value may lead to; one at most where the text says the value."""
-    bound = spec.ports["variable"]
-    if isinstance(bound, Reference):
-        return spec.children
-    for name, part in spec.slots["cases"]:
-        if _same(bound.value, name):
-            return (part,)
-    return tuple(part for _, part in spec.slots.get("default", ()))

@@ -2,17 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from ...world.causes import Failure, tree
-from ..flow import FlowState, NodeOutcomes, OutcomeCollector
+from ..flow import FAILURE, IDLE, RUNNING, ChildFlow
 from ..ports import In, port
 from ..status import NodeStatus
 from .decorator import Decorator
-
-if TYPE_CHECKING:
-    from ..flow.flow_walk import FlowAnalysis
-    from ..mission import NodeSpec
 
 _TIME_TOLERANCE = 1e-9
 """Tolerance for the rounding of summed ticks, s."""
@@ -21,8 +15,7 @@ _TIME_TOLERANCE = 1e-9
 class Timeout(Decorator):
     """Halts its child and fails with tree.timeout when it still runs after that time. 0 is without limit."""
 
-    by_turns = True
-
+    flow = ChildFlow(own={RUNNING: FAILURE}, own_unless="msec")
     example = """
     Timeout:
       msec: 20 s
@@ -49,21 +42,11 @@ class Timeout(Decorator):
             )
         return self.relay()
 
-    @classmethod
-    def flow(cls, spec: NodeSpec, entry: FlowState, walk: FlowAnalysis) -> NodeOutcomes:
-        flow, ends = walk.child(spec.children[0], (entry,)), OutcomeCollector()
-        ends.take(flow)
-        if walk.number(spec, "msec") != 0:
-            for state in flow.running:
-                ends.fail_at(state, walk.fails(spec, walk.causes.of(cls.causes)))
-        return ends.flow()
-
 
 class Delay(Decorator):
     """Waits that time, RUNNING, and then ticks its child."""
 
-    by_turns = True
-
+    flow = ChildFlow(own={IDLE: RUNNING}, own_unless="delay_msec")
     example = """
     Delay:
       delay_msec: 500 ms
@@ -82,11 +65,3 @@ class Delay(Decorator):
         waited = self.world.clock.now - self._since
         self._over = self._over or waited >= self.delay_msec / 1000.0 - _TIME_TOLERANCE
         return self.relay() if self._over else NodeStatus.RUNNING
-
-    @classmethod
-    def flow(cls, spec: NodeSpec, entry: FlowState, walk: FlowAnalysis) -> NodeOutcomes:
-        ends = OutcomeCollector()
-        ends.take(walk.child(spec.children[0], (entry,)))
-        if walk.number(spec, "delay_msec") != 0:
-            ends.run((entry,))
-        return ends.flow()

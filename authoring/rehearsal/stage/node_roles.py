@@ -70,10 +70,10 @@ def _walk(mission: Mission, spec: NodeSpec, above: str, text: str, branch: str) 
     path, text, node = f"{above}/{spec.name}", f"{text}/{spec.name}", spec.node
     role = NodeRole(path, text, spec, branch)
     if node is not None:
-        uses = node.declaration.uses
-        wired = [port for port in node.declaration.outputs if port.key in spec.ports]
-        needed = tuple(port for port in wired if not follows_from_belief(port, uses))
-        role = NodeRole(path, text, spec, branch, is_stubbed(node), node.causes_with(spec.ports), needed)
+        declared = node.declaration
+        wired = [port for port in declared.outputs if port.key in spec.ports]
+        needed = tuple(port for port in wired if not follows_from_belief(port, declared.uses))
+        role = NodeRole(path, text, spec, branch, is_stubbed(node), declared.causes_with(spec.ports), needed)
     yield role
     if spec.node is None:
         called = mission.trees[spec.id]

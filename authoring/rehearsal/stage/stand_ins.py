@@ -6,6 +6,7 @@ import types
 from functools import cache
 from typing import Any, ClassVar, cast
 
+from ....trees.flow import LeafFlow
 from ....trees.node import Node
 from ....trees.ports import PortDeclaration
 from ....trees.status import NodeStatus
@@ -82,11 +83,12 @@ class LeafStub(Node, abstract=True):
         if answer is None or answer.then.hand is None:
             inputs = {port.key: self.input(port.key) for port in self.declaration.inputs}
             given = {key: Constant(value, None) for key, value in inputs.items()}
-            hand, _ = self.stands_for.hand_with({**self.wiring.ports, **given})
+            hand, _ = self.declaration.hand_with({**self.wiring.ports, **given})
             self._stage.belief.succeeded(self.declaration, hand, inputs, of_itself=answer is None)
-            emptied = self.stands_for.empties_with(inputs)
-            if emptied:
-                self._stage.belief.take_away(emptied)
+            flow = self.declaration.flow
+            emptied, unless = flow.empties if isinstance(flow, LeafFlow) else ("", "")
+            if emptied and not inputs.get(unless):
+                self._stage.belief.take_away(str(inputs[emptied]))
         self._write(answer)
         for port in self.declaration.outputs:
             if port.key in self.wiring.ports and (answer is None or port.key not in answer.outputs):
