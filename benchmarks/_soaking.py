@@ -12,11 +12,14 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from picktree.session.observer import Observer
+
 import numpy as np
 
 if TYPE_CHECKING:
     from picktree.logs.run_result import RunResult
-    from picktree.trees.running.runner import NodeInfo, TickReport
+    from picktree.session.execution import Execution
+    from picktree.trees.running.runner import TickReport
 
 MINUTE, QUARTER = 60.0, 900.0
 """Simulated s."""
@@ -65,7 +68,7 @@ class Quarter:
     part: int
 
 
-class Diary:
+class Diary(Observer):
     """Watches a run and writes a line for each minute and each quarter of an hour into a file, at once: a
     soak that is cut off has told what it knew."""
 
@@ -75,7 +78,7 @@ class Diary:
         self._minute = self._quarter = 0.0
         self._ticks = array("d")
 
-    def started(self, structure: tuple[NodeInfo, ...], folder: Path) -> None:
+    def started(self, run: Execution, folder: Path) -> None:
         self._write({"folder": str(folder), "part": self._part})
         self._last = time.process_time()
 
@@ -110,9 +113,6 @@ class Diary:
             self._write({"quarter": asdict(quarter(now, self._ticks, self._part))})
             self._ticks = array("d")
         self._last = time.process_time()  # what this diary costs is no part of a tick
-
-    def edited(self, structure: tuple[NodeInfo, ...]) -> None: ...
-    def told(self, now: float, text: str) -> None: ...
 
     def finished(self, result: RunResult) -> None:
         self._write({"result": result.to_json_text(), "part": self._part})

@@ -20,10 +20,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from _campaign import ROOT, Row, campaign, rate
+from picktree.session.observer import Observer
 
 if TYPE_CHECKING:
-    from picktree.logs.run_result import RunResult
-    from picktree.trees.running.runner import NodeInfo, TickReport
+    from picktree.session.execution import Execution
+    from picktree.trees.running.runner import TickReport
 
 COST_AN_ITEM = 1.0
 """CPU seconds, for the forecast."""
@@ -43,22 +44,18 @@ class Job:
     backend: str
 
 
-class Memory:
+class Memory(Observer):
     """Watches a run: resident memory in MB whenever so many items more are done."""
 
     def __init__(self) -> None:
         self.seen: dict[int, float] = {}
 
-    def started(self, structure: tuple[NodeInfo, ...], folder: Path) -> None:
+    def started(self, run: Execution, folder: Path) -> None:
         self.seen[0] = resident()
 
     def ticked(self, now: float, report: TickReport, items_done: int, items_total: int) -> None:
         if items_done % EVERY == 0 and items_done not in self.seen:
             self.seen[items_done] = resident()
-
-    def edited(self, structure: tuple[NodeInfo, ...]) -> None: ...
-    def told(self, now: float, text: str) -> None: ...
-    def finished(self, result: RunResult) -> None: ...
 
 
 def resident() -> float:
@@ -81,7 +78,7 @@ def one(job: Job) -> Row:
         limit=60.0 * job.items,
     )
     try:
-        session = Session(request, memory)
+        session = Session(request, observers=[memory])
         result = session.run()
     except Exception as error:  # noqa: BLE001  a crash is a figure of the campaign
         return {"seed": job.seed, "crash": f"{type(error).__name__}: {error}"}
@@ -93,8 +90,8 @@ def one(job: Job) -> Row:
         "memory_at_end": resident(),
         "log_files": len(logs),
         "log_bytes": sum(logs),
-        "belief": len(session.world.scene.objects),
-        "attempts": len(session.world.attempts.state()),
+        "belief": len(session.execution.world.scene.objects),
+        "attempts": len(session.execution.world.attempts.state()),
     }
 
 

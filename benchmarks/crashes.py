@@ -29,9 +29,9 @@ from pathlib import Path
 
 from _tape import Opened, open_moment, opens_in_stock_reader, taped
 from picktree.logs.run_log import RunLog
-from picktree.logs.run_result import RunResult
+from picktree.session.observer import Observer
 from picktree.session.session import RunRequest, Session
-from picktree.trees.running.runner import NodeInfo, TickReport
+from picktree.trees.running.runner import TickReport
 
 MISSION = Path(__file__).resolve().parent.parent / "examples" / "sort_by_colour.yaml"
 SHARED = Path("/dev/shm") if Path("/dev/shm").is_dir() else Path(tempfile.gettempdir())
@@ -92,7 +92,7 @@ def moments(folder: Path, count: int, rng: random.Random) -> None:
     )
 
 
-class Progress:
+class Progress(Observer):
     """Tells another process how far the run is: memory survives who wrote it."""
 
     def __init__(self, path: Path, *, stall: bool) -> None:
@@ -101,8 +101,6 @@ class Progress:
         self._count = 0
         self._stall = stall
 
-    def started(self, structure: tuple[NodeInfo, ...], folder: Path) -> None: ...
-
     def ticked(self, now: float, report: TickReport, items_done: int, items_total: int) -> None:
         PROGRESS.pack_into(self._memory, 8 + self._count * PROGRESS.size, now, time.monotonic())
         self._count += 1
@@ -110,14 +108,10 @@ class Progress:
         if self._stall and self._count == STALL_AT:
             time.sleep(STALL)
 
-    def edited(self, structure: tuple[NodeInfo, ...]) -> None: ...
-    def told(self, now: float, text: str) -> None: ...
-    def finished(self, result: RunResult) -> None: ...
-
 
 def child(folder: Path, progress: Path, *, stall: bool) -> None:
     request = RunRequest(MISSION, scene="sort_small", seed=1, backend="kinematic", out=folder)
-    Session(request, Progress(progress, stall=stall)).run()
+    Session(request, observers=[Progress(progress, stall=stall)]).run()
 
 
 @dataclass(frozen=True, slots=True)

@@ -33,7 +33,7 @@ from picktree.authoring.rehearsal.verdict.coverage import CoverageRecord
 from picktree.cli.author.file_kinds import CHECKS
 from picktree.errors import PicktreeError
 from picktree.files.diagnostics.file_checks import check_files
-from picktree.files.yaml.document import load_document
+from picktree.files.yaml.document import read_document
 from picktree.robots.loading import load_robot
 from picktree.simulation.fault_files.fault_loading import load_faults
 from picktree.trees.loading.loader import examine, load_mission
@@ -132,7 +132,7 @@ def _use(file: Path) -> str:
     if kind in loaders:
         loaders[kind]()
         return ""
-    reading = examine(load_document(file, "mission"))
+    reading = examine(read_document(file, "mission"))
     return "" if reading.mission.library else _first_tick(load_mission(file))
 
 

@@ -12,7 +12,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from picktree.authoring.check import check_mission
-from picktree.files.yaml.document import parse_document
+from picktree.files.yaml.document import read_document
 from picktree.trees.loading.registry import NodeRegistry
 
 HEAD = "picktree: 1\nkind: mission\nname: large\nscene: three_bins\ntrees:\n"
@@ -72,12 +72,12 @@ def main() -> None:
     print(f"{'nodes of all skills imported':<36} {time.perf_counter() - began:7.3f} s")
     text = text_of(options.nodes)
     path = Path("large.yaml")
-    found = check_mission(parse_document(text, path, "mission"), registry)
+    found = check_mission(read_document(path, "mission", text), registry)
     assert found.mission is not None, "\n".join(map(str, found.faults))
     count = sum(1 for tree in found.mission.trees.values() for _ in tree.root.iterate())
     print(f"{count} nodes in {len(found.mission.trees)} trees, {len(text) / 1000:.0f} kB")
-    document = parse_document(text, path, "mission")
-    timed("YAML with places", lambda: parse_document(text, path, "mission"), options.runs)
+    document = read_document(path, "mission", text)
+    timed("YAML with places", lambda: read_document(path, "mission", text), options.runs)
     timed("check: language, names, linter", lambda: check_mission(document, registry), options.runs)
 
 

@@ -43,7 +43,13 @@ LOOP = (
 )  # fmt: skip
 """Methods of the control loop that decide about a stop."""
 ROOMS: dict[str, dict[str, tuple[str, ...]]] = {
-    "skills": {"skills/*.py": ()},
+    "skills": {
+        "skills/*.py": (),
+        "manipulation/pick/object_*.py": (),
+        "manipulation/insert/contact_insertion.py": (),
+        "manipulation/push/closed_loop_pushing.py": (),
+        "manipulation/carry/hold_check.py": (),
+    },
     "recovery": {"recovery/*.py": ()},
     "scorer": {
         f"simulation/{name}.py": () for name in ("scoring/scorer", "scoring/truth", "physics/penetration")

@@ -50,11 +50,11 @@ def _run(job: Job) -> Row:
 
     out = Path(job.out) / f"{Path(job.scene).stem}-{job.seed}"
     session = Session(RunRequest(mission=Path(job.mission), scene=job.scene, seed=job.seed, out=out))
-    before = list(session.hardware.truth())
-    reach = within_reach(session.scene, before)
+    before = list(session.execution.hardware.truth())
+    reach = within_reach(session.execution.recipe.scene, before)
     result = session.run()
-    after = {str(body.id): body for body in session.hardware.truth()}
-    verdicts = {str(item.id): item for item in score(after.values(), session.scene).items}
+    after = {str(body.id): body for body in session.execution.hardware.truth()}
+    verdicts = {str(item.id): item for item in score(after.values(), session.execution.recipe.scene).items}
     items = [
         {
             "id": str(body.id),

@@ -16,7 +16,7 @@ from pathlib import Path
 from languages import text_of
 from picktree.authoring.rehearsal.checking.case_checks import examine_cases
 from picktree.authoring.rehearsal.rehearse import rehearse
-from picktree.files.yaml.document import parse_document
+from picktree.files.yaml.document import read_document
 from picktree.trees.loading.loader import parse_mission
 
 ROOT = Path(__file__).parents[1]
@@ -50,7 +50,7 @@ def command(runs: int) -> None:
 def large(nodes: int, runs: int) -> None:
     """Checking and rehearsing one case of a large mission."""
     mission = parse_mission(text_of(nodes), Path("large.yaml"))
-    document = parse_document(CASES, Path("cases.yaml"), "cases")
+    document = read_document(Path("cases.yaml"), "cases", CASES)
     checks: list[float] = []
     rehearsals: list[float] = []
     for _ in range(runs):

@@ -89,7 +89,7 @@ def soak(given: argparse.Namespace, diary: Path) -> None:
             asked = ResumeRequest(folders[-1], given.out, until + OVERTIME, FEED_ROTATION)
             resumption = stack.enter_context(Resumption(asked))
             print(resumption.told, flush=True)
-            session = resumption.session(watcher)
+            session = resumption.session([watcher])
         else:
             watcher = Diary(diary)
             request = RunRequest(
@@ -103,7 +103,7 @@ def soak(given: argparse.Namespace, diary: Path) -> None:
                 limit=until + OVERTIME,
                 rotation=FEED_ROTATION,
             )
-            session = Session(request, watcher)
+            session = Session(request, observers=[watcher])
         try:
             session.run()
         except BaseException as error:

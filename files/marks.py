@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from textwrap import indent
-from typing import Literal, NoReturn, TypeAlias
+from typing import Generic, Literal, NoReturn, TypeAlias, TypeVar
 
 from ..errors import PicktreeError
 
@@ -73,6 +73,23 @@ class FileError(PicktreeError):
     def __init__(self, faults: Iterable[Diagnostic]) -> None:
         self.faults = tuple(sorted(dict.fromkeys(faults), key=lambda fault: fault.mark))
         super().__init__("\n".join(map(str, self.faults)))
+
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, slots=True)
+class CheckedFile(Generic[T]):
+    """Result of checking a file: its value, None when there are errors, and all faults."""
+
+    value: T | None
+    faults: tuple[Diagnostic, ...]
+
+    def required(self) -> T:
+        """Return the value. Raises FileError with all faults when there are errors."""
+        if self.value is None:
+            raise FileError(self.faults)
+        return self.value
 
 
 def where(loc: Iterable[str | int]) -> str:

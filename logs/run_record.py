@@ -11,10 +11,11 @@ from types import TracebackType
 from typing import Self
 
 from ..errors import PicktreeError
+from ..world.journal import JournalEvent
 from .run_log import RunLog, Stamped
 from .run_result import RunResult
 from .schema import topics
-from .schema.records import Candidates, Event, LogLine, Plan, RunInfo, Scene, Tree
+from .schema.records import Candidates, LogLine, Plan, RunInfo, Scene, Tree
 from .series import (
     ControlSeries,
     GripperSeries,
@@ -113,7 +114,7 @@ class RunRecord:
         return next((at.record for at in reversed(trees) if at.time <= time + 1e-9), trees[0].record)
 
     @cached_property
-    def events(self) -> tuple[Stamped[Event], ...]:
+    def events(self) -> tuple[Stamped[JournalEvent], ...]:
         """Journal entries: `item_done`, `pick`, `fault`, `recovery`, `belief`, `checkpoint`, …"""
         return tuple(self.log.events())
 

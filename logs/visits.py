@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Final, TypeAlias
 
+from ..world.events.skill_events import PickEvent
+from ..world.journal import JournalEvent
 from .run_log import RunLog, Stamped
-from .schema.records import Event, NodeStatusRecord, Tick, TransitionRecord, Tree, Values, WriteRecord
+from .schema.records import NodeStatusRecord, Tick, TransitionRecord, Tree, Values, WriteRecord
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,25 +33,20 @@ class Pick:
     """Weight at the wrist after lifting, N; NaN: not recorded."""
 
 
-def picks_of(events: Iterable[Stamped[Event]]) -> tuple[Pick, ...]:
+def picks_of(events: Iterable[Stamped[JournalEvent]]) -> tuple[Pick, ...]:
     """Return the picks among the events of a run."""
-    return tuple(_pick(at) for at in events if at.record.kind == "pick")
-
-
-def _pick(at: Stamped[Event]) -> Pick:
-    data = at.record.data
-    width, load = (
-        float(value) if isinstance(value := data.get(name), (int, float)) else float("nan")
-        for name in ("width", "load")
-    )
-    return Pick(
-        at.time,
-        str(data["object"]),
-        bool(data["held"]),
-        at.record.node,
-        str(data.get("candidate", "")),
-        width,
-        load,
+    picks = ((at.time, at.record) for at in events if isinstance(at.record, PickEvent))
+    return tuple(
+        Pick(
+            time,
+            pick.object,
+            pick.held,
+            pick.node,
+            pick.candidate,
+            math.nan if pick.width is None else pick.width,
+            math.nan if pick.load is None else pick.load,
+        )
+        for time, pick in picks
     )
 
 

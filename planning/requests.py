@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Literal, TypeAlias, get_args
 
+from ..world.causes import Cause, Evidence, Failure
 from ..world.trajectory import Trajectory
 from ..world.values import Array, Bounds, ObjectId, Pose, Vector3
 
@@ -174,3 +175,12 @@ class ContactPair:
     point: Vector3 = field(default=(0.0, 0.0, 0.0))
     margin: float = 0.0
     """Margin between the two, m; 0 where it is not known."""
+
+
+class LegFailure(Failure):
+    """Planning failure of one leg of a motion chain."""
+
+    def __init__(self, cause: Cause, message: str, leg: int, evidence: Evidence) -> None:
+        """`leg`: index of the leg, from 0. It is part of the evidence, too."""
+        super().__init__(cause, message, **{**evidence, "leg": leg})
+        self.leg = leg

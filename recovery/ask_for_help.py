@@ -16,6 +16,7 @@ from ..trees.status import NodeStatus
 from ..trees.values.port_types import PortProblem, PortValues
 from ..trees.values.references import Reference
 from ..world.causes import Failure, control, tree
+from ..world.events.run_events import HelpWantedEvent
 from ..world.values import ObjectId
 
 if TYPE_CHECKING:
@@ -57,8 +58,8 @@ class AskForHelp(Node):
     _asks: bool = False
     """Whether the arm is at rest and the question was asked."""
 
-    def __init__(self, wiring: Wiring, runtime: Runtime) -> None:
-        super().__init__(wiring, runtime)
+    def bind(self, wiring: Wiring, runtime: Runtime) -> None:
+        super().bind(wiring, runtime)
         self._braking: Generator[None, None, None] | None = None
 
     @classmethod
@@ -120,13 +121,15 @@ class AskForHelp(Node):
         )
         world.operator.ask(question)
         self.feedback_message = f"waits for an answer: {question.reason}"
-        self.note(
-            "help_wanted",
-            f"help is wanted: {question.reason}",
-            reason=question.reason,
-            choices=list(question.choices),
-            object=question.object,
-            situation=question.situation,
+        world.journal.note(
+            HelpWantedEvent(
+                f"help is wanted: {question.reason}",
+                self.path,
+                reason=question.reason,
+                choices=question.choices,
+                object=question.object,
+                situation=question.situation,
+            )
         )
 
     def _text(self) -> str:

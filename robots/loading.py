@@ -3,22 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 
 from ..errors import PicktreeError
-from ..files.models.validation import DocumentChecker, describe
+from ..files.marks import CheckedFile, Location
 from ..files.shipped_files import find_file, is_file, shipped_names
-from ..files.yaml.document import (
-    Diagnostic,
-    Document,
-    FileError,
-    Location,
-    open_document,
-    read_document,
-    suggest_name,
-)
+from ..files.value_wording import describe, suggest_name
+from ..files.yaml.document import Document, read_document
+from ..files.yaml.document_checker import DocumentChecker
 from .description import Follower, GripperDescription, JointLimits, Linkage, PadContact, RobotDescription
 from .finger_linkage import LinkageParts, UnfitLinkage, solve_linkage
 from .gripper_mounting import GripperMount, LinkInertia, NamedUrdf, write_composed_urdf
@@ -29,25 +22,17 @@ from .urdf_tree import LIMITED, MOVING, UrdfError, UrdfTree, link_geometry, read
 SHIPPED = Path(__file__).parents[1] / "world" / "robots"
 
 
-@dataclass(frozen=True, slots=True)
-class RobotCheck:
-    """Result of checking a robot file: the robot, None when there are errors, and all faults."""
-
-    robot: RobotDescription | None
-    faults: tuple[Diagnostic, ...]
-
-
 def load_robot(name_or_path: str, beside: Path | None = None) -> RobotDescription:
     """Return the robot of that shipped name, or of a file whose path counts from `beside`.
 
     Raises FileError with all faults of the file, PicktreeError when there is no such file.
     """
-    return _faultless(open_document(find_file(name_or_path, SHIPPED, beside, "robot"), "robot"))
+    return check_robot(read_document(find_file(name_or_path, SHIPPED, beside, "robot"), "robot")).required()
 
 
 def parse_robot(text: str, path: Path) -> RobotDescription:
     """Return the robot of a file's text, as a log keeps it; `path` is the original path of the file."""
-    return _faultless(read_document(text, path, "robot"))
+    return check_robot(read_document(path, "robot", text)).required()
 
 
 def robot_names() -> tuple[str, ...]:
@@ -55,7 +40,7 @@ def robot_names() -> tuple[str, ...]:
     return shipped_names(SHIPPED)
 
 
-def check_robot(document: Document) -> RobotCheck:
+def check_robot(document: Document) -> CheckedFile[RobotDescription]:
     """Check a document of kind `robot` completely; never raises for its content."""
     check = DocumentChecker(document)
     robot = check.read(RobotFile)
@@ -68,24 +53,18 @@ def check_robot(document: Document) -> RobotCheck:
     linkage: Linkage | None = None
     if urdf is not None:
         linkage = _check_against(check, robot, urdf)
-    if urdf is None or any(fault.severity == "error" for fault in check.faults):
-        return RobotCheck(None, tuple(check.faults))
-    return RobotCheck(_described(document, robot, urdf, linkage), tuple(check.faults))
+    return check.result(lambda: _described(document, robot, urdf, linkage))
 
 
-def _faultless(document: Document) -> RobotDescription:
-    found = check_robot(document)
-    if found.robot is None:
-        raise FileError(found.faults)
-    return found.robot
-
-
-def _described(document: Document, robot: RobotFile, urdf: Path, linkage: Linkage | None) -> RobotDescription:
+def _described(
+    document: Document, robot: RobotFile, urdf: Path | None, linkage: Linkage | None
+) -> RobotDescription:
     gripper = robot.gripper
     first, second = gripper.pads
     widest = gripper.max_width if linkage is None else min(gripper.max_width or 1e9, linkage.widths[-1])
     joints = gripper.joints if linkage is None else (linkage.drive, *(f.joint for f in linkage.followers))
-    assert joints is not None and widest is not None  # `_check_form` has seen to it
+    # Without errors, `_whole_urdf` and `_check_form` have found these.
+    assert urdf is not None and joints is not None and widest is not None
     return RobotDescription(
         name=document.path.stem,
         urdf=str(urdf),

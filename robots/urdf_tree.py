@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Literal
 
 from ..errors import PicktreeError
-from ..files.yaml.yaml_errors import Unreadable, read_bytes
+from ..files.yaml.file_text import Unreadable, read_bytes
 from ..world.shapes import Box, Cylinder, Sphere
 from ..world.values import Pose, Vector3
 from .mesh_files import mesh_file

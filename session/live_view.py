@@ -18,6 +18,7 @@ from foxglove.websocket import Capability, ChannelView, Client, ServerListener
 from ..errors import PicktreeError
 from ..logs.schema import topics
 from ..logs.schema.topics import Topic
+from .observer import Observer
 
 LIVE_HOST = "127.0.0.1"
 DEFAULT_LIVE_PORT = 8765
@@ -34,7 +35,7 @@ _MOMENTARY_TOPICS = frozenset(
 """Topics of momentary events. The last message of any other topic still holds when a client connects."""
 
 
-class LiveServer:
+class LiveServer(Observer):
     """WebSocket server, from its creation until it is closed; a context manager.
 
     Raises PicktreeError when the port is not available. `port` 0 takes any free port.
@@ -71,7 +72,7 @@ class LiveServer:
     def url(self) -> str:
         return f"ws://{LIVE_HOST}:{self._server.port}"
 
-    def __call__(self, topic: Topic, at: int, data: bytes) -> None:
+    def recorded(self, topic: Topic, at: int, data: bytes, in_digest: bool) -> None:
         """Send a recorded message; `at` is simulated ns."""
         with self._lock:
             if topic.name not in _MOMENTARY_TOPICS:

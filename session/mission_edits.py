@@ -6,20 +6,22 @@ from __future__ import annotations
 import hashlib
 import time
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Final, Protocol
 
 from ..authoring.check import check_mission
 from ..errors import PicktreeError
 from ..files.diagnostics.fault_rendering import fault_lines
-from ..files.yaml.document import Document, FileError, open_document, read_text
-from ..trees.loading.scene_names import SceneNames
+from ..files.yaml.document import Document, FileError, read_document
+from ..files.yaml.file_text import read_text
+from ..trees.loading.scene_names import SceneNames, scene_names
 from ..trees.mission import IN_LIBRARY, Mission
 from ..trees.ports import PortDeclaration
 from ..trees.running.tree_adoption import StateTransfer
-from ..world.journal import JournalEvent, Plain
-from ..world.scene.description import SceneDescription
+from ..world.events.run_events import MissionChangedEvent
+from .execution import Execution
+from .observer import Interrupter, ReloadMessage
 
 MAX_WATCHED_FILES: Final = 200
 """Maximum number of files that are watched."""
@@ -31,7 +33,7 @@ def read_edited(current: Mission, known: SceneNames, *, own_scene: bool) -> Miss
     Raises FileError with the checker's errors, and PicktreeError for an edit that needs a new run.
     `own_scene`: the run has the scene that the mission names, not another.
     """
-    check = check_mission(open_document(current.document.path, "mission"), known=known)
+    check = check_mission(read_document(current.document.path, "mission"), known=known)
     errors = [fault for fault in check.faults if fault.severity == "error"]
     if errors or check.mission is None:
         raise FileError(errors)
@@ -62,7 +64,7 @@ def mission_source_files(mission: Path) -> tuple[Path, ...]:
         found[file] = None
         if file.suffix != ".py":
             try:
-                todo += _named_by(open_document(file, "mission"))
+                todo += _named_by(read_document(file, "mission"))
             except FileError:
                 continue
     return tuple(found)
@@ -160,42 +162,21 @@ class FileWatch:
         return fingerprint
 
 
-@dataclass(frozen=True, slots=True)
-class ReloadMessage:
-    """Message about an edit for the user; `refused`: the edit is not taken over."""
-
-    text: str
-    refused: bool = False
-
-
-class Revisions(Protocol):
-    """Other versions of the mission during its run. `pending` is the next one, until it is taken over."""
-
-    pending: Mission | None
-
-    def look(self, current: Mission, now: float) -> tuple[ReloadMessage, ...]:
-        """Return messages for the user. Called before each tick with the simulated time, s."""
-        ...
-
-
-class MissionReload:
+class MissionReload(Interrupter):
     """Reload of a mission after an edit. `pending` is the last good edit, until it is taken over."""
 
-    def __init__(
-        self, edits: EditSource, scene: SceneDescription, known: SceneNames, *, own_scene: bool
-    ) -> None:
-        """Watch the mission's files and the scene file.
-
-        `known` are the names of scene and robot; `own_scene`: the scene is the one that the mission names.
-        """
-        self.pending: Mission | None = None
+    def __init__(self, edits: EditSource) -> None:
+        """Watch the mission's files and the scene file, as far as `edits` reports changes of them."""
         self._edits = edits
-        self._scene = Path(scene.source)
-        self._scene_content = _content(self._scene)
-        self._known, self._own_scene = known, own_scene
         self._first = True
 
-    def look(self, current: Mission, now: float = 0.0) -> tuple[ReloadMessage, ...]:
+    def started(self, run: Execution, folder: Path) -> None:
+        recipe = run.recipe
+        self._scene = Path(recipe.scene.source)
+        self._scene_content = _content(self._scene)
+        self._known, self._own_scene = scene_names(recipe.scene, recipe.robot), recipe.own_scene
+
+    def look(self, current: Mission, now: float) -> tuple[ReloadMessage, ...]:
         """Return whether an edit is good or what is wrong with it, as messages; empty without an edit. Called
         at each tick."""
         if not self._first and not self._edits.found():
@@ -244,10 +225,10 @@ def _is_on_disk(mission: Mission) -> bool:
         return False
 
 
-def mission_changed(adoption: StateTransfer) -> JournalEvent:
+def mission_changed(adoption: StateTransfer) -> MissionChangedEvent:
     """Return the journal event of a run that resumes with another mission."""
-    data: dict[str, Plain] = {"fresh": list(adoption.fresh), "gone": list(adoption.gone)}
-    return JournalEvent("mission_changed", f"another mission goes on: {adoption_summary(adoption)}", "", data)
+    message = f"another mission goes on: {adoption_summary(adoption)}"
+    return MissionChangedEvent(message, fresh=tuple(adoption.fresh), gone=tuple(adoption.gone))
 
 
 def adoption_summary(adoption: StateTransfer) -> str:

@@ -1,38 +1,98 @@
-"""Observers of a running session: watchers of its progress, and operators who answer its questions."""
+"""Observers of a running session, and interrupters: operators, editors of the mission, requests to stop."""
 
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterable
-from pathlib import Path
-from typing import Protocol
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
-from ..cell.operator_desk import OperatorQuestion, OperatorRequests
 from ..errors import PicktreeError
-from ..logs.run_result import RunResult
-from ..trees.running.runner import NodeInfo, TickReport
-from ..world.journal import Journal, JournalEvent, Plain
+from ..world.events.run_events import OperatorAnswerEvent
+from ..world.journal import Journal
+
+if TYPE_CHECKING:  # The displays of the command line are observers and must be loaded at once.
+    from pathlib import Path
+
+    from ..cell.operator_desk import OperatorQuestion, OperatorRequests
+    from ..logs.run_result import RunResult
+    from ..logs.schema.topics import Topic
+    from ..trees.mission import Mission
+    from ..trees.running.runner import TickReport
+    from .execution import Execution
 
 
-class Operator(Protocol):
-    """Source of answers to a run's questions. Simulated time stands still during a question."""
+class Observer:
+    """Observer of a run. It only reads, so that a run is the same with and without it.
+
+    A subclass overrides the methods that it needs; those of this class do nothing. An exception ends the run
+    like any other: KeyboardInterrupt interrupts it.
+    """
+
+    def started(self, run: Execution, folder: Path) -> None:
+        """Called once before the first tick. `folder` is the run's folder."""
+
+    def ticked(self, now: float, report: TickReport, items_done: int, items_total: int) -> None:
+        """Called after a tick was recorded; `now` is simulated s. Simulated time stands still meanwhile."""
+
+    def edited(self, run: Execution) -> None:
+        """Called when an edited mission has taken over: its tree is ticked from the next tick on."""
+
+    def told(self, now: float, text: str) -> None:
+        """Called with a message that is no part of the run, such as the refusal of an edit."""
+
+    def recorded(self, topic: Topic, at: int, data: bytes, in_digest: bool) -> None:
+        """Called with every message of the log after it is written; `at` is simulated ns.
+
+        `in_digest`: the message is part of the run's digest.
+        """
+
+    def finished(self, result: RunResult) -> None:
+        """Called once with the result, after the log is finished."""
+
+
+@dataclass(frozen=True, slots=True)
+class ReloadMessage:
+    """Message about an edit for the user; `refused`: the edit is not taken over."""
+
+    text: str
+    refused: bool = False
+
+
+class Interrupter(Observer):
+    """Observer that may also change or end the run: it answers questions, edits the mission, or stops."""
+
+    pending: Mission | None = None
+    """Other version of the mission. The session takes it over when the run is quiescent, and sets None."""
+
+    def look(self, current: Mission, now: float) -> tuple[ReloadMessage, ...]:
+        """Return messages for the user about edits of the mission. Called before each tick; `now` is
+        simulated s."""
+        return ()
 
     def answer(self, question: OperatorQuestion) -> str | None:
-        """Return one of the question's choices; None when there is no answer, and the run ends `paused`."""
-        ...
+        """Return one of the question's choices; None when there is no answer.
+
+        Without an answer the next interrupter is asked, and the run ends `paused` after the last. Simulated
+        time stands still during a question.
+        """
+        return None
+
+    def stops(self) -> bool:
+        """Whether the run ends after the present tick, as by an interrupt."""
+        return False
 
 
-class PresetAnswers:
-    """Operator with answers that were given in advance, one for each question; then `after` answers."""
+class PresetAnswers(Interrupter):
+    """Operator with answers that were given in advance, one for each question."""
 
-    def __init__(self, answers: Iterable[str], after: Operator | None = None) -> None:
+    def __init__(self, answers: Iterable[str]) -> None:
         self._left = deque(answers)
-        self._after = after
 
     def answer(self, question: OperatorQuestion) -> str | None:
         """Return the next answer. Raises PicktreeError for one that is not among the question's choices."""
         if not self._left:
-            return self._after.answer(question) if self._after else None
+            return None
         said = self._left.popleft()
         choice = question.choice(said)
         if choice is None:
@@ -41,16 +101,15 @@ class PresetAnswers:
         return choice
 
 
-class RecordedAnswers:
+class RecordedAnswers(Interrupter):
     """Operator with the answers of a log, each for the node that asked.
 
-    When another node asks, or the choices do not contain the answer, `after` answers from then on.
+    When another node asks, or the choices do not contain the answer, it gives no answer from then on.
     """
 
-    def __init__(self, answers: Iterable[tuple[str, str]], after: Operator | None = None) -> None:
+    def __init__(self, answers: Iterable[tuple[str, str]]) -> None:
         """Take pairs of the asking node's path and the answer."""
         self._left = deque(answers)
-        self._after = after
 
     def answer(self, question: OperatorQuestion) -> str | None:
         if self._left:
@@ -58,37 +117,22 @@ class RecordedAnswers:
             if node == question.node and said in question.choices:
                 return said
             self._left.clear()
-        return self._after.answer(question) if self._after else None
+        return None
 
 
-def answer_pending(desk: OperatorRequests, journal: Journal, operator: Operator | None) -> bool:
-    """Have the operator answer the pending question. False when it stays without an answer.
+def answer_pending(desk: OperatorRequests, journal: Journal, operators: Sequence[Interrupter]) -> bool:
+    """Have the operators answer the pending question in turn. False when it stays without an answer.
 
     Simulated time stands still while a person thinks.
     """
     question = desk.pending
     if question is None:
         return True
-    answer = operator.answer(question) if operator else None
+    answers = (operator.answer(question) for operator in operators)
+    answer = next((each for each in answers if each is not None), None)
     if answer is None:
         return False
     desk.answer(answer)
-    data: dict[str, Plain] = {"question": question.reason, "answer": answer}
-    journal.note(JournalEvent("operator_answer", f"the answer is: {answer}", question.node, data))
+    message = f"the answer is: {answer}"
+    journal.note(OperatorAnswerEvent(message, question.node, question=question.reason, answer=answer))
     return True
-
-
-class SessionWatcher(Protocol):
-    """Watcher of a run's progress. It cannot change the run."""
-
-    def started(self, structure: tuple[NodeInfo, ...], folder: Path) -> None: ...
-    def ticked(self, now: float, report: TickReport, items_done: int, items_total: int) -> None: ...
-    def edited(self, structure: tuple[NodeInfo, ...]) -> None:
-        """Receive the tree of an edited mission, which is ticked from the next tick on."""
-        ...
-
-    def told(self, now: float, text: str) -> None:
-        """Receive a message that is no part of the run, such as the refusal of an edit."""
-        ...
-
-    def finished(self, result: RunResult) -> None: ...

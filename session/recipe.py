@@ -174,7 +174,7 @@ def installed_meshes(robot: RobotDescription) -> Mapping[str, str]:
 
 def is_installed(robot: RobotDescription) -> bool:
     """Whether the robot's URDF, and that of a mounted gripper, are named as `package:path`."""
-    data = read_document(robot.text, Path(robot.source), "robot").data
+    data = read_document(Path(robot.source), "robot", robot.text).data
     mount = data.get("mount")
     named = [str(data.get("urdf"))]
     if isinstance(mount, dict):
@@ -210,6 +210,16 @@ def _hashed_meshes(urdf: str) -> Mapping[str, str]:
     return {
         name: f"{hashlib.sha256(file.read_bytes()).hexdigest()} {file}" for name, file in robot_meshes(urdf)
     }
+
+
+@dataclass(frozen=True, slots=True)
+class Recording:
+    """Place and size of a run's log."""
+
+    out: Path | None = None
+    """Folder in which the run's folder is made; None: `runs`."""
+    rotation: Rotation = NO_ROTATION
+    """Limits at which the log continues in a further file."""
 
 
 @dataclass(frozen=True)

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from ..errors import PicktreeError
 from ..logs.run_result import (
@@ -21,21 +20,15 @@ from ..logs.run_result import (
 from ..logs.schema.records import NodeTime, Timing
 from ..simulation.scoring.scorer import ItemScore, score
 from ..simulation.scoring.truth import TrueBody
-from ..world.scene.description import SceneDescription
 from ..world.stopwatch import Stopwatch
-
-if TYPE_CHECKING:
-    from .session import Session
-
-LOG_FILE_NAME = "log.mcap"
-"""Name of the log file in the run's folder."""
+from .execution import Execution
 
 
 class RunTimer:
     """Wall and CPU time of a run from the timer's creation on, and wall time by part of the work."""
 
-    def __init__(self) -> None:
-        self.stopwatch = Stopwatch()
+    def __init__(self, stopwatch: Stopwatch | None = None) -> None:
+        self.stopwatch = stopwatch or Stopwatch()
         self._began = time.perf_counter()
         self._cpu_began = time.process_time()
 
@@ -74,25 +67,16 @@ class RunTimer:
         )
 
 
-def items_expected(scene: SceneDescription, truth: Iterable[TrueBody]) -> int:
-    """Return the total number of items of a run, or the number so far when a delivery has no known total."""
-    totals = [delivery.total for delivery in scene.deliveries]
-    known = [total for total in totals if total is not None]
-    if not totals or len(known) < len(totals):
-        return len(tuple(truth))
-    return sum(known) + sum(count for spawn in scene.spawn for _, count in spawn.counts)
-
-
-def summarise(session: Session, status: RunStatus, digest: str) -> RunResult:
-    """Return the result of a session that has ended with `status`, scored against the ground truth.
+def summarise(run: Execution, timer: RunTimer, status: RunStatus, digest: str, log: Path) -> RunResult:
+    """Return the result of a run that has ended with `status`, scored against the ground truth.
 
     A success that misses the goal becomes `incomplete`.
     """
-    scene, tree, tally = session.scene, session.tree, session.tally
-    desk, now = session.world.operator, session.world.clock.now
-    truth = session.hardware.truth()
+    recipe, tree, tally = run.recipe, run.tree, run.tally
+    scene, desk, now = recipe.scene, run.world.operator, run.world.clock.now
+    truth = run.hardware.truth()
     verdict = score(truth, scene)
-    goal = session.mission.goal.text if session.mission.goal else scene.goal
+    goal = run.mission.goal.text if run.mission.goal else scene.goal
     if status == "success" and not verdict.reached(goal):
         status = "incomplete"
     failure = tree.failure
@@ -100,7 +84,7 @@ def summarise(session: Session, status: RunStatus, digest: str) -> RunResult:
     asked = desk.pending if status == "paused" else None
     return RunResult(
         status=status,
-        seed=session.recipe.seed,
+        seed=recipe.seed,
         digest=digest,
         items=ItemCount(
             verdict.total,
@@ -115,13 +99,13 @@ def summarise(session: Session, status: RunStatus, digest: str) -> RunResult:
         cures=episodes.cures,
         planted=episodes.planted,
         sim_seconds=now,
-        cpu_seconds=session.timer.cpu_seconds,
-        wall_seconds=session.timer.wall_seconds(),
-        log=(session.folder / LOG_FILE_NAME).absolute(),
-        folder=session.folder.absolute(),
+        cpu_seconds=timer.cpu_seconds,
+        wall_seconds=timer.wall_seconds(),
+        log=log.absolute(),
+        folder=log.parent.absolute(),
         message=asked.reason if asked else failure.message if failure else "",
         thinking_charged=scene.thinking.collision_check > 0.0 and scene.thinking.image > 0.0,
-        disagreements=session.disagreements if session.recipe.verify else None,
+        disagreements=run.disagreements if recipe.verify else None,
         holes=tuple(
             _at_hole(body, item) for body, item in zip(truth, verdict.items, strict=True) if item.seat
         ),

@@ -2,71 +2,67 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING, Final, TypeAlias
+from typing import Final
 
 from ..logs.meshes.link_meshes import link_meshes
 from ..logs.recording.recorder import Listener, Recorder, RecordingState
+from ..logs.recording.rotation import NO_ROTATION, Rotation
 from ..logs.run_result import RunResult
 from ..logs.schema import records
-from ..simulation.backends import Simulation
+from ..logs.schema.topics import Topic
 from ..trees.blackboard import BlackboardWrite
 from ..trees.mission import Mission
 from ..trees.running.runner import NodeInfo, TickReport
+from ..world.events.run_events import BeltStopsEvent, BinExchangedEvent, DeliveryEvent, FaultEvent
 from ..world.journal import Entry, JournalEvent
 from ..world.values import Array, Pose
 from . import environment
 from .arithmetic_probe import arithmetic
 from .checkpoints import RunState
+from .execution import Execution
+from .observer import Observer
 from .recipe import fingerprints, mission_files, plugin_versions, recipe_files
-
-if TYPE_CHECKING:
-    from .session import Session
 
 START_ATTACHMENT: Final = "start.json"
 """Name of the attachment with the checkpoint from which a run resumes, with the tree of this run."""
 
-_FEED_EVENTS = ("delivery", "belt_stops", "bin_exchanged")
 """Feed events after which items have moved at once."""
 
-Tap: TypeAlias = Callable[[str, int, bytes], None]
-"""Receiver of messages: topic, simulated ns, payload."""
+LOG_FILE_NAME: Final = "log.mcap"
+"""Name of the log file in the run's folder."""
 
 
 class SessionRecorder:
     """Writer of one run's log; a context manager, so that the log is finished on every exit."""
 
     def __init__(
-        self,
-        path: Path,
-        session: Session,
-        structure: tuple[NodeInfo, ...],
-        tap: Tap | None = None,
-        listener: Listener | None = None,
+        self, path: Path, run: Execution, rotation: Rotation = NO_ROTATION, observers: Sequence[Observer] = ()
     ) -> None:
-        self._session = session
-        self._world = session.world
-        self._gripper = session.hardware.gripper
+        """Open the log. Each written message goes to `observers`."""
+        self._run = run
+        self._world = run.world
+        self._gripper = run.hardware.gripper
         self._checkpoints = self._edits = self._refused = 0
-        self._there = {body.id for body in session.hardware.truth() if body.present}
+        self._there = {body.id for body in run.hardware.truth() if body.present}
         """Ids of the items in the last message about the ground truth."""
-        recipe = session.recipe
+        recipe = run.recipe
         start = recipe.start
-        files = list(recipe_files(recipe))
+        self._files = list(recipe_files(recipe))
         info = records.RunInfo(
             mission=recipe.mission.name,
             scene=recipe.scene.name,
             robot=recipe.robot.name,
             seed=recipe.seed,
             backend=recipe.backend,
-            tick=session.world.tick,
+            tick=run.world.tick,
             parameters=recipe.parameters,
             physics={
-                **session.hardware.settings(),
+                **run.hardware.settings(),
                 "thinking.collision_check": repr(recipe.scene.thinking.collision_check),
                 "thinking.image": repr(recipe.scene.thinking.image),
             },
@@ -77,17 +73,15 @@ class SessionRecorder:
             own_scene=recipe.own_scene,
             machine=environment.machine(),
             arithmetic=arithmetic(),
-            files=fingerprints(recipe, files),
+            files=fingerprints(recipe, self._files),
             continues=start.continues if start else None,
         )
-        self._files, self._structure = files, structure
         self._recorder = Recorder(
             path,
             info,
-            rotation=session.rotation,
+            rotation=rotation,
             resumed=start.state.recording if start else None,
-            tap=tap,
-            listener=listener,
+            listener=_listener(observers),
         )
 
     def __enter__(self) -> SessionRecorder:
@@ -104,20 +98,20 @@ class SessionRecorder:
 
     def _begin(self) -> None:
         """Write the recipe's files, the tree and the robot model."""
-        recorder, session = self._recorder, self._session
-        recipe, structure, start = session.recipe, self._structure, session.recipe.start
+        recorder, run = self._recorder, self._run
+        recipe, tree, start = run.recipe, _tree(run.tree.structure()), run.recipe.start
         for file in self._files:
             recorder.attach(file.name, file.content, file.media_type)
         recorder.attach(environment.SOURCES_ATTACHMENT, environment.sources_to_text(environment.sources()))
-        recorder.fixed(recipe.scene.fixtures, recipe.scene.bins, session.hardware.true_fixtures())
+        recorder.fixed(recipe.scene.fixtures, recipe.scene.bins, run.hardware.true_fixtures())
         if start is None:
-            recorder.tree(_tree(structure))
+            recorder.tree(tree)
             recorder.robot_model(link_meshes(recipe.robot.urdf))
             return
-        state = replace(start.state, tree=session.tree.save())
+        state = replace(start.state, tree=run.tree.save())
         recorder.attach(START_ATTACHMENT, state.to_json(), "application/json")
         with recorder.preamble():
-            recorder.tree(_tree(structure), state.time)
+            recorder.tree(tree, state.time)
             recorder.robot_model(link_meshes(recipe.robot.urdf), state.time)
 
     @property
@@ -133,18 +127,18 @@ class SessionRecorder:
         """Return the state of the recording for a checkpoint."""
         return self._recorder.state()
 
-    def begin_again(self, report: TickReport, entries: tuple[Entry, ...], hardware: Simulation) -> None:
+    def begin_again(self, report: TickReport, entries: tuple[Entry, ...]) -> None:
         """Write the state at the checkpoint from which the run resumes, so that its log is complete by
         itself.
 
         It contains the tree with the whole blackboard as writes, the belief and the ground truth.
         """
-        board = self._session.tree.blackboard.save()
+        board = self._run.tree.blackboard.save()
         writes = tuple(BlackboardWrite(key, value, "") for key, value in board.items())
         with self._recorder.preamble():
-            self.tick(replace(report, writes=writes), entries, hardware)
+            self.tick(replace(report, writes=writes), entries)
 
-    def tick(self, report: TickReport, entries: tuple[Entry, ...], hardware: Simulation) -> None:
+    def tick(self, report: TickReport, entries: tuple[Entry, ...]) -> None:
         """Write everything about the tick that has just ended, before time advances."""
         world, recorder = self._world, self._recorder
         now = world.clock.now
@@ -164,9 +158,9 @@ class SessionRecorder:
         recorder.control(now, _control(world.control.controller, world.control.reference, state.position))
         moved = any(isinstance(entry, JournalEvent) and _moves_bodies(entry) for entry in entries)
         if moved or recorder.truth_due(now):
-            self._truth(now, hardware)
+            self._truth(now)
         if recorder.state_due(now):
-            recorder.true_state(now, self._session.true_state())
+            recorder.true_state(now, self._run.true_state())
 
     def _on_hand(self, tcp: Pose) -> dict[str, Pose]:
         """Return the optical frames in the world of the cameras that move with the tool, by camera name."""
@@ -176,14 +170,14 @@ class SessionRecorder:
     def timing(self, timing: records.Timing) -> None:
         self._recorder.timing(self._world.clock.now, timing)
 
-    def edited(self, mission: Mission, structure: tuple[NodeInfo, ...]) -> str:
+    def edited(self, mission: Mission) -> str:
         """Write the files and the tree of an edited mission that has taken over. Return the folder of its
         attachments."""
         self._edits += 1
         folder = f"edit-{self._edits:04d}"
         for file in mission_files(mission):
             self._recorder.attach(f"{folder}/{file.name}", file.content, file.media_type)
-        self._recorder.edited_tree(self._world.clock.now, _tree(structure))
+        self._recorder.edited_tree(self._world.clock.now, _tree(self._run.tree.structure()))
         return folder
 
     def refused(self, text: str) -> None:
@@ -201,18 +195,19 @@ class SessionRecorder:
         """Acknowledge an interrupt: the following records are the run's end."""
         self._recorder.settle()
 
-    def last(self, hardware: Simulation) -> None:
+    def last(self) -> None:
         """Write the ground truth at the end."""
         now = self._world.clock.now
-        self._truth(now, hardware)
-        self._recorder.true_state(now, self._session.true_state())
+        self._truth(now)
+        self._recorder.true_state(now, self._run.true_state())
 
-    def _truth(self, now: float, hardware: Simulation) -> None:
+    def _truth(self, now: float) -> None:
         """Write the ground truth.
 
         An item that a fault has removed is left out. One that left with its bin is written once more, at its
         last pose.
         """
+        hardware = self._run.hardware
         bodies = [
             body
             for body in hardware.truth()
@@ -225,9 +220,24 @@ class SessionRecorder:
         self._recorder.finish({"status": result.status, "json": result.to_json_text()})
 
 
+def _listener(observers: Sequence[Observer]) -> Listener | None:
+    """Return a listener that calls the observers of messages in turn; None when there are none."""
+    hearing = [each.recorded for each in observers if type(each).recorded is not Observer.recorded]
+    if not hearing:
+        return None
+
+    def call(topic: Topic, at: int, data: bytes, in_digest: bool) -> None:
+        for hear in hearing:
+            hear(topic, at, data, in_digest)
+
+    return call
+
+
 def _moves_bodies(event: JournalEvent) -> bool:
     """Whether bodies have moved at once with this event."""
-    return event.kind in _FEED_EVENTS or event.data.get("fault") == "obstacle"
+    if isinstance(event, FaultEvent):
+        return event.fault == "obstacle"
+    return isinstance(event, DeliveryEvent | BeltStopsEvent | BinExchangedEvent)
 
 
 def _tree(structure: tuple[NodeInfo, ...]) -> records.Tree:

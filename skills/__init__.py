@@ -1,34 +1,58 @@
-"""Skills that come with picktree: leaves that move the robot or look through its cameras."""
+"""Skills that come with picktree: leaves that move the robot or look through its cameras.
 
-from ..trees.node import Node
-from .await_items import AwaitItems
-from .exchange_bin import ExchangeBin
-from .go_to import GoTo
-from .grasp import Grasp
-from .gripper import CloseGripper, OpenGripper
-from .insert import Insert
-from .jog import Jog
-from .observe import Observe
-from .place import Place
-from .push import Push
-from .survey import Survey
-from .touch_target import TouchTarget
-from .watch_scene import WatchScene
+The classes are imported on first use: one skill does not load the others.
+"""
 
-NODES: tuple[type[Node], ...] = (
-    Observe,
-    Grasp,
-    Place,
-    Insert,
-    Push,
-    GoTo,
-    OpenGripper,
-    CloseGripper,
-    AwaitItems,
-    ExchangeBin,
-    Jog,
-    Survey,
-    TouchTarget,
-    WatchScene,
-)
-"""Node classes of the entry point `picktree.nodes`."""
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from ..trees.node import Node
+    from .await_items import AwaitItems as AwaitItems
+    from .exchange_bin import ExchangeBin as ExchangeBin
+    from .go_to import GoTo as GoTo
+    from .grasp import Grasp as Grasp
+    from .gripper import CloseGripper as CloseGripper
+    from .gripper import OpenGripper as OpenGripper
+    from .insert import Insert as Insert
+    from .jog import Jog as Jog
+    from .observe import Observe as Observe
+    from .place import Place as Place
+    from .push import Push as Push
+    from .survey import Survey as Survey
+    from .touch_target import TouchTarget as TouchTarget
+    from .watch_scene import WatchScene as WatchScene
+
+    NODES: tuple[type[Node], ...]
+    """Node classes of the entry point `picktree.nodes`."""
+
+_MODULES = {
+    "Observe": "observe",
+    "Grasp": "grasp",
+    "Place": "place",
+    "Insert": "insert",
+    "Push": "push",
+    "GoTo": "go_to",
+    "OpenGripper": "gripper",
+    "CloseGripper": "gripper",
+    "AwaitItems": "await_items",
+    "ExchangeBin": "exchange_bin",
+    "Jog": "jog",
+    "Survey": "survey",
+    "TouchTarget": "touch_target",
+    "WatchScene": "watch_scene",
+}
+"""Modules by class, in the order of the reference."""
+
+
+def __getattr__(name: str) -> object:
+    """Return a skill's class, or `NODES`: all of them."""
+    if name == "NODES":
+        return tuple(
+            getattr(import_module(f".{module}", __name__), node) for node, module in _MODULES.items()
+        )
+    if name not in _MODULES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module(f".{_MODULES[name]}", __name__), name)

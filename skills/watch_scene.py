@@ -75,10 +75,10 @@ class WatchScene(Decorator):
     def on_halt(self) -> None:
         self._pending = None
 
-    def save(self) -> dict[str, Plain]:
+    def save_state(self) -> dict[str, Plain]:
         """Save the state without a picture in processing: the run continues without it, too."""
         self._pending = None
-        return super().save()
+        return super().save_state()
 
     def _watch(self, world: World) -> None:
         now = world.clock.now

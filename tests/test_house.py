@@ -67,7 +67,6 @@ CIRCLES_OF_TYPES = {
     "authoring/xml/importing/node_import.py authoring/xml/importing/translations.py",
     "batch/workers/job_process.py batch/workers/local_executor.py",
     "cell/operator_desk.py cell/world.py",
-    "session/run_summary.py session/session.py session/session_recording.py",
     "world/scene/calibration_results.py world/scene/description.py world/scene/feed.py",
 }
 """Files that know each other's types, or import each other in a function. Those of `trees` are the nodes with

@@ -17,12 +17,14 @@ import pytest
 from picktree.cli.run.debugger_prompt import DebugPrompt
 from picktree.logs.run_result import RunResult
 from picktree.robots.loading import load_robot
+from picktree.session.debugger import Debugger, DebuggerStop
+from picktree.session.execution import Execution
+from picktree.session.observer import Observer
 from picktree.session.session import RunRequest, Session
 from picktree.simulation.backends import Backend
 from picktree.simulation.kinematic.backend import KinematicHardware
 from picktree.simulation.physics.backend import PhysicsHardware
-from picktree.trees.running.debugger import Debugger, DebuggerStop
-from picktree.trees.running.runner import NodeInfo, TickReport
+from picktree.trees.running.runner import TickReport
 from picktree.world.scene.loading.scene_loading import load_scene
 
 from .rooms import ROOT, modules
@@ -32,6 +34,8 @@ BACKENDS: tuple[Backend, ...] = ("kinematic", "physics")
 ELSEWHERE = """\
 import sys
 from pathlib import Path
+from picktree.session.execution import Execution
+from picktree.session.observer import Observer
 from picktree.session.session import RunRequest, Session
 for backend in ("kinematic", "physics"):
     request = RunRequest(Path(sys.argv[1]), seed=3, out=Path(sys.argv[2]), backend=backend)
@@ -39,21 +43,17 @@ for backend in ("kinematic", "physics"):
 """
 
 
-class Onlooker:
+class Onlooker(Observer):
     """Looks at everything that a live view could show."""
 
     def __init__(self) -> None:
         self.seen: list[str] = []
 
-    def started(self, structure: tuple[NodeInfo, ...], folder: Path) -> None:
-        self.seen.append(f"{len(structure)} nodes in {folder}")
+    def started(self, run: Execution, folder: Path) -> None:
+        self.seen.append(f"{len(run.tree.structure())} nodes in {folder}")
 
     def ticked(self, now: float, report: TickReport, items_done: int, items_total: int) -> None:
         self.seen.append(f"{now} {[str(node) for node in report.nodes]} {items_done}/{items_total}")
-
-    def edited(self, structure: tuple[NodeInfo, ...]) -> None: ...
-
-    def told(self, now: float, text: str) -> None: ...
 
     def finished(self, result: RunResult) -> None:
         self.seen.append(result.to_text())
@@ -82,7 +82,9 @@ def digest(
     inquirer: Inquirer | None = None,
 ) -> str:
     request = RunRequest(EXAMPLES / "one_pick.yaml", seed=seed, out=folder, backend=backend, verify=verify)
-    return Session(request, watcher, Debugger(inquirer) if inquirer else None).run().digest
+    debugger = Debugger(inquirer) if inquirer else None
+    observers = [each for each in (watcher, debugger) if each is not None]
+    return Session(request, observers=observers).run().digest
 
 
 @pytest.fixture(scope="module")

@@ -11,7 +11,7 @@ from typing import Final, Literal, Protocol
 from ..errors import PicktreeError
 from ..files.expressions.expression import Expression
 from ..files.shipped_files import is_file, shipped_names
-from ..files.yaml.document import Diagnostic, Document, Mark, open_document, read_document, suggest_name
+from ..files.yaml.document import Diagnostic, Document, Mark, read_document, suggest_name
 from .node import Node
 from .ports import PortDeclaration
 from .values.fault_collector import MAX_NODES
@@ -45,7 +45,7 @@ class FilesOnDisk:
             raise PicktreeError(_missing(name, self._folder))
         if not name.startswith(IN_LIBRARY) and not _inside(path, self._folder):
             raise PicktreeError(f"{name!r} leads out of the mission's folder by a symbolic link")
-        return open_document(path, "mission")
+        return read_document(path, "mission")
 
 
 class RecordedFiles:
@@ -57,7 +57,7 @@ class RecordedFiles:
     def document(self, name: str) -> Document:
         if name not in self._texts:
             raise PicktreeError(f"the record holds no file {name!r}")
-        return read_document(self._texts[name], path_of(name, self._folder), "mission")
+        return read_document(path_of(name, self._folder), "mission", self._texts[name])
 
 
 def path_of(name: str, folder: Path) -> Path:

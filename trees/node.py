@@ -4,21 +4,27 @@ from __future__ import annotations
 
 import time
 from collections.abc import Collection, Iterator, Mapping
-from typing import ClassVar, cast
+from os import PathLike
+from pathlib import Path
+from typing import Any, ClassVar, Self, cast
 
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
 from ..files.expressions.expression import Expression
 from ..world.causes import Cause, Failure, FailureReport, Family, internal, matches, tree, world
-from ..world.journal import JournalEvent, Plain
+from ..world.events.event_kinds import event_of
+from ..world.events.run_events import InternalErrorEvent, PostconditionFailedEvent, UndeclaredCauseEvent
+from ..world.journal import Plain
 from .declaration import Hand, Kind, NodeDeclaration, Resource, declare
+from .description import Child, NodeDescription, NodeSignature, describe, documented
 from .flow import Flow
 from .port_values import accept_output, constant_inputs, read_input, wired_references
 from .pre_postconditions import after_postconditions, assign_after, settled_before
 from .runtime import Runtime, TreeWorld, Wiring, evaluate
 from .status import PY_TREES_STATUS, NodeStatus
 from .transitions import end_transition, start_transition
+from .tree_definition import MAIN, MissionSource, TreeDefinition, node_text
 from .values.failure_reports import (
     internal_error_report,
     pack,
@@ -66,6 +72,10 @@ class Node(Behaviour):
     """Statuses of children that the node counts: it restarts when an edit removes such a child."""
     declaration: ClassVar[NodeDeclaration]
 
+    __signature__ = NodeSignature()
+
+    description: NodeDescription
+    """Ports and children of a node that was made in Python; a node of a running tree has none."""
     path: str
     ticked: bool
     """Whether it was ticked in the tree's present or last tick."""
@@ -79,9 +89,28 @@ class Node(Behaviour):
         super().__init_subclass__()
         if not abstract:
             cls.declaration = declare(cls)
+            cls.__doc__ = documented(cls.declaration)
 
-    def __init__(self, wiring: Wiring, runtime: Runtime) -> None:
-        super().__init__(name=wiring.name)
+    def __init__(self, *children: Child, name: str = "", **ports: Any) -> None:
+        """Describe a node in Python, in the terms of a mission file; `bound` makes the nodes that are ticked.
+
+        Raises TypeError for a port that the node does not have, or a missing one.
+        """
+        super().__init__(name=name or self.declaration.id)
+        self.description = describe(
+            type(self), self.declaration, children, {"name": name, **ports} if name else ports
+        )
+
+    @classmethod
+    def bound(cls, wiring: Wiring, runtime: Runtime) -> Self:
+        """Return a node of a running tree; called by the builder."""
+        node = cls.__new__(cls)
+        node.bind(wiring, runtime)
+        return node
+
+    def bind(self, wiring: Wiring, runtime: Runtime) -> None:
+        """Give the node its place in a running tree. A sub-class that extends it calls it first."""
+        Behaviour.__init__(self, name=wiring.name)
         self.path = wiring.path
         self.ticked = False
         self.failure = None
@@ -93,6 +122,19 @@ class Node(Behaviour):
         self._begun = False
         self._inputs: dict[str, object] = {}
         self._outputs: dict[str, object] = {}
+
+    def save(self, file: str | PathLike[str], *, scene: str | None = None, name: str = "") -> None:
+        """Write a mission file whose `Main` is the tree below this node, made in Python.
+
+        Raises PicktreeError for a node that no file offers, or a disk that refuses.
+        """
+        path = Path(file)
+        MissionSource(TreeDefinition(MAIN, self), name or path.stem, scene).save(path)
+
+    def __repr__(self) -> str:
+        if "description" in vars(self):
+            return node_text(self.description)
+        return f"<{type(self).__name__} {self.path}>"
 
     # Written by sub-classes.
 
@@ -177,14 +219,15 @@ class Node(Behaviour):
             node.halt()
         if self._state is NodeStatus.RUNNING:
             for problem in assign_after(self._wiring, self.world, NodeStatus.IDLE):
-                self.note("postcondition_failed", problem.message, cause=problem.cause.name)
+                event = PostconditionFailedEvent(problem.message, self.path, cause=problem.cause.name)
+                self.world.journal.note(event)
         self.failure = None
         self.feedback_message = ""
         self._set(NodeStatus.IDLE)
         self._note_end()
 
-    def save(self) -> dict[str, Plain]:
-        """Return the state for `restore` as plain values."""
+    def save_state(self) -> dict[str, Plain]:
+        """Return the state for `restore_state` as plain values."""
         remembered: dict[str, Plain] = {name: pack(getattr(self, name)) for name in self.remembers}
         return {
             "id": self._wiring.id,
@@ -199,8 +242,8 @@ class Node(Behaviour):
             "memory": remembered,
         }
 
-    def restore(self, saved: Mapping[str, Plain]) -> None:
-        """Restore a state that `save` returned."""
+    def restore_state(self, saved: Mapping[str, Plain]) -> None:
+        """Restore a state that `save_state` returned."""
         self._set(NodeStatus(str(saved["state"])))
         self._begun = self._state is NodeStatus.RUNNING
         self.failure = report_from_plain(saved["failure"])
@@ -270,8 +313,8 @@ class Node(Behaviour):
         return plain_copy(self._outputs[key])
 
     def note(self, kind: str, message: str, **data: Plain) -> None:
-        """Add an event of this node to the journal."""
-        self.world.journal.note(JournalEvent(kind, message, self.path, data))
+        """Add an event of this node to the journal; a kind of one's own, or one that is declared."""
+        self.world.journal.note(event_of(kind, message, self.path, data))
 
     # Entry points of py_trees, so that its tools work on these trees.
 
@@ -339,12 +382,14 @@ class Node(Behaviour):
         declared = (*self.causes, *_ALWAYS_POSSIBLE)
         if not any(matches(str(cause), failure.cause) for cause in declared):
             message = f"{self._wiring.id} failed with {failure.cause}, which it does not declare"
-            self.note("undeclared_cause", message, cause=failure.cause.name)
+            event = UndeclaredCauseEvent(message, self.path, cause=failure.cause.name)
+            self.world.journal.note(event)
         return FailureReport(failure.cause, failure.message, plain_evidence(failure.evidence), self.path)
 
     def _fault(self, error: Exception, doing: str) -> FailureReport:
         report = internal_error_report(error, f"{self._wiring.id} was {doing}", self.path)
-        self.note("internal_error", report.message, traceback=str(report.evidence["traceback"]))
+        traceback = str(report.evidence["traceback"])
+        self.world.journal.note(InternalErrorEvent(report.message, self.path, traceback=traceback))
         return report
 
     def _guarded_halt(self) -> None:

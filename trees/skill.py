@@ -7,6 +7,7 @@ from collections.abc import Generator
 from typing import TYPE_CHECKING, ClassVar, Final, TypeAlias, TypeVar, cast
 
 from ..world.causes import Failure, FailureReport, internal, tree
+from ..world.events.run_events import InternalErrorEvent
 from .declaration import Resource
 from .flow import LeafFlow
 from .node import Node
@@ -54,8 +55,8 @@ class Skill(Node, abstract=True):
     waits_for: ClassVar[str] = ""
     """Port with the allowed waiting time, s, which is added to `limit`."""
 
-    def __init__(self, wiring: Wiring, runtime: Runtime) -> None:
-        super().__init__(wiring, runtime)
+    def bind(self, wiring: Wiring, runtime: Runtime) -> None:
+        super().bind(wiring, runtime)
         self._steps: Steps | None = None
         self._began = 0.0
         self._known_stop: FailureReport | None = None
@@ -139,7 +140,8 @@ class Skill(Node, abstract=True):
                     raise
                 refused += 1
         if refused:
-            self.note("internal_error", f"{self.wiring.id} yields while it is halted: a finally cannot wait")
+            message = f"{self.wiring.id} yields while it is halted: a finally cannot wait"
+            self.world.journal.note(InternalErrorEvent(message, self.path))
 
     def _give_way(self) -> None:
         """Replace the skill's body with the stand-in of the runtime, if there is one."""
@@ -162,5 +164,5 @@ class Skill(Node, abstract=True):
         if not forgotten:
             return NodeStatus.SUCCESS
         message = f"{self.wiring.id} ended without writing its output {', '.join(map(repr, forgotten))}"
-        self.note("internal_error", message)
+        self.world.journal.note(InternalErrorEvent(message, self.path))
         return self.fail(internal.ERROR, message)

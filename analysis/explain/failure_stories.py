@@ -10,10 +10,12 @@ from typing import TYPE_CHECKING
 
 from ...logs.episodes.episode import CureNames
 from ...logs.run_log import Stamped
-from ...logs.schema.records import BodyRecord, Candidates, Event, Plan
+from ...logs.schema.records import BodyRecord, Candidates, Plan
 from ...logs.visits import HALTED, Visit
 from ...manipulation.pick.pick_candidates import count_rejections
 from ...world.causes import Cause, all_causes
+from ...world.events.run_events import FaultEvent
+from ...world.events.skill_events import SafetyStopEvent
 from .causes.item_whereabouts import MISPLACED, SAMPLED
 from .investigation.body_tracks import horizontal_distance
 from .investigation.case import Investigation
@@ -89,7 +91,7 @@ LATELY = 5.0
 
 
 def failure_context(
-    case: Investigation, failure: FailureStory, planted: Sequence[Stamped[Event]]
+    case: Investigation, failure: FailureStory, planted: Sequence[Stamped[FaultEvent]]
 ) -> tuple[str, ...]:
     return (
         *_belief(case, failure),
@@ -147,7 +149,7 @@ def _stops(case: Investigation, failure: FailureStory) -> list[str]:
     visit = case.visit(failure)
     return [
         f"safety: the arm was stopped at {seconds(at.time)}: {at.record.message}"
-        for at in case.events("safety_stop", start=visit.start, end=failure.time)
+        for at in case.events(SafetyStopEvent, start=visit.start, end=failure.time)
     ]
 
 
@@ -161,14 +163,12 @@ def _halted(case: Investigation, failure: FailureStory) -> list[str]:
     return [f"stopped with it: {listed(stopped[::-1], 4)}"] if stopped else []
 
 
-def _faults(case: Investigation, failure: FailureStory, planted: Sequence[Stamped[Event]]) -> list[str]:
+def _faults(case: Investigation, failure: FailureStory, planted: Sequence[Stamped[FaultEvent]]) -> list[str]:
     true = case.pairs.get(failure.item)
     return [
         f"planted: {at.record.message} ({failure.time - at.time:.1f} s before)"
         for at in planted
-        if true is not None
-        and at.record.data.get("item") == true
-        and failure.time - LATELY <= at.time <= failure.time
+        if true is not None and at.record.item == true and failure.time - LATELY <= at.time <= failure.time
     ]
 
 

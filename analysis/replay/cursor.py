@@ -10,9 +10,9 @@ from typing import Any, Literal, TypeAlias, TypeVar
 
 from ...errors import PicktreeError
 from ...logs.run_log import Stamped
+from ...logs.schema.event_records import BeliefEvent
 from ...logs.schema.records import (
     Control,
-    Event,
     Joints,
     Plan,
     Scene,
@@ -24,6 +24,7 @@ from ...logs.schema.records import (
 )
 from ...logs.series import TickAt
 from ...logs.visits import Visit, VisitBuilder, with_transitions
+from ...world.journal import JournalEvent
 from ..run import Run
 from .node_names import find_nodes
 
@@ -93,9 +94,9 @@ class CursorChanges:
     to: int
     moves: tuple[NodeChange, ...]
     writes: tuple[KeyChange, ...]
-    belief: tuple[Stamped[Event], ...]
+    belief: tuple[Stamped[BeliefEvent], ...]
     """Events about changes of the belief."""
-    events: tuple[Stamped[Event], ...]
+    events: tuple[Stamped[JournalEvent], ...]
     """All other events."""
     plans: tuple[Stamped[Plan], ...]
 
@@ -272,8 +273,8 @@ class Cursor:
             self.number,
             _between_ticks(self.course.moves, since, self.number),
             _between_ticks(self.course.writes, since, self.number),
-            tuple(at for at in events if at.record.kind == "belief"),
-            tuple(at for at in events if at.record.kind != "belief"),
+            tuple(Stamped(at.time, at.record) for at in events if isinstance(at.record, BeliefEvent)),
+            tuple(at for at in events if not isinstance(at.record, BeliefEvent)),
             _between(self.run.plans, begin, self.time),
         )
 

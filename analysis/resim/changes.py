@@ -11,7 +11,7 @@ from typing import Final
 
 from ...authoring.check import check_mission
 from ...errors import PicktreeError
-from ...files.yaml.document import Diagnostic, FileError, open_document
+from ...files.yaml.document import Diagnostic, FileError, read_document
 from ...robots.loading import load_robot
 from ...session.recipe import Recipe, mission_files
 from ...simulation.fault_files.fault_entries import FaultFile
@@ -121,7 +121,7 @@ def checked_mission(path: Path, recipe: Recipe) -> tuple[Mission, tuple[Diagnost
     Raises FileError with the checker's errors, PicktreeError for a library.
     """
     known = scene_names(recipe.scene, recipe.robot)
-    check = check_mission(open_document(path, "mission"), known=known)
+    check = check_mission(read_document(path, "mission"), known=known)
     errors = [fault for fault in check.faults if fault.severity == "error"]
     if errors or check.mission is None:
         raise FileError(errors)

@@ -25,9 +25,11 @@ from ...files.yaml.document import FileError
 from ...logs.run_result import RunResult
 from ...logs.schema.arithmetic_record import Arithmetic
 from ...session.arithmetic_probe import arithmetic
+from ...session.observer import Observer
+from ...session.recipe import Recording
 from ...session.resume.recorded_recipe import RecordedRun
 from ...session.session import Session
-from ...trees.running.runner import NodeInfo, TickReport
+from ...trees.running.runner import TickReport
 from ..compare.alignment import align
 from ..compare.run_outcome import outcome_of
 from ..compare.text.divergence_text import parting_lines
@@ -77,17 +79,12 @@ ORDER = TypeAdapter(ResimOrder)
 ANSWER = TypeAdapter(ResimAnswer)
 
 
-class _Progress:
-    """Watcher that reports the progress of the run."""
+class _Progress(Observer):
+    """Observer that reports the progress of the run."""
 
     def __init__(self, say: Callable[[ResimAnswer], None]) -> None:
         self._say = say
         self._said = 0.0
-
-    def started(self, structure: tuple[NodeInfo, ...], folder: Path) -> None: ...
-    def edited(self, structure: tuple[NodeInfo, ...]) -> None: ...
-    def told(self, now: float, text: str) -> None: ...
-    def finished(self, result: RunResult) -> None: ...
 
     def ticked(self, now: float, report: TickReport, items_done: int, items_total: int) -> None:
         wall = time.monotonic()
@@ -105,20 +102,19 @@ def run_order(order: ResimOrder, say: Callable[[ResimAnswer], None]) -> ResimAns
     ):
         changed = apply_changes(order.changes, recorded.recipe())
         recipe = changed.recipe
-        comparison = RecordComparison(run, order.until, order.changes.settings if order.changes else None)
-        limit = recipe.limit if comparison.until is None else min(recipe.limit, comparison.until)
-        edits = None if order.changes.mission else recorded.edits()
-        session = Session(
-            replace(recipe, limit=limit),
-            _Progress(say),
-            out=order.out or Path(away),
-            revisions=edits,
-            tap=comparison.take,
-            operator=recorded.answers(),
+        comparison = RecordComparison(
+            run,
+            order.until,
+            order.changes.settings if order.changes else None,
+            stop_at_difference=not order.changes,
         )
-        if not order.changes:
-            comparison.on_difference = session.stop
-        result = session.run()
+        limit = recipe.limit if comparison.until is None else min(recipe.limit, comparison.until)
+        edits = () if order.changes.mission else (recorded.edits(),)
+        result = Session(
+            replace(recipe, limit=limit),
+            record=Recording(order.out or Path(away)),
+            observers=(_Progress(say), comparison, recorded.answers(), *edits),
+        ).run()
         comparison.finish()
         return ResimAnswer(
             ticks=comparison.ticks,

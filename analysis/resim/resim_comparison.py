@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from pathlib import PurePath
 from typing import Literal, TypeAlias, cast
@@ -14,6 +14,8 @@ from ...logs.mcap.reader import RawMessage
 from ...logs.recording import foxglove_messages
 from ...logs.recording.digest import Digest
 from ...logs.schema import topics
+from ...logs.schema.topics import Topic
+from ...session.observer import Interrupter
 from ...session.resume.older_checkpoints import simulated_messages
 from ...trees.mission import MAIN
 from ..compare.message_fields import FieldDifference, first_differing_field
@@ -110,8 +112,9 @@ class RecordDifference:
     now: object
 
 
-class RecordComparison:
-    """Comparison of a run's simulated messages with the record; `take` receives each message.
+class RecordComparison(Interrupter):
+    """Comparison of a run's simulated messages with the record; an observer of the run.
+
 
     `until`: end of the comparison, simulated s, inclusive; by default the record's end. For a record of a run
     that was cut off, messages after its last whole tick are not compared.
@@ -125,12 +128,14 @@ class RecordComparison:
         *,
         since: float | None = None,
         other_tree: bool = False,
+        stop_at_difference: bool = False,
     ) -> None:
         """Prepare the comparison.
 
         `settings`: parameters of the mission that were changed on purpose. Then inputs of nodes are not
         compared, only their behaviour. None: the same run. `since`: the run resumes at this time, simulated
-        s. `other_tree`: its tree differs from the recorded one.
+        s. `other_tree`: its tree differs from the recorded one. `stop_at_difference`: the run
+        ends at the first difference.
         """
         self.difference: RecordDifference | None = None
         self.trees: RecordDifference | None = None
@@ -139,7 +144,6 @@ class RecordComparison:
         """Number of ticks that agree."""
         self.exact = True
         """Whether the agreeing messages agree in their bytes, not only in their values."""
-        self.on_difference: Callable[[], None] = lambda: None
         self._run = run
         self._times = run.ticks.times
         self._whole = until is None and not is_cut(run)
@@ -151,6 +155,7 @@ class RecordComparison:
         self._older = not run.info.machine
         self._unknown = self._not_known_then()
         self._settings = settings
+        self._stop_at_difference = stop_at_difference
         self._other_tree = other_tree
         self._now = -1
         self._taken: Counter[str] = Counter()
@@ -162,7 +167,14 @@ class RecordComparison:
         """Digest of the compared messages of the present run, in hex."""
         return self._digest.hex
 
-    def take(self, topic: str, time: int, data: bytes) -> None:
+    def stops(self) -> bool:
+        return self.difference is not None and self._stop_at_difference
+
+    def recorded(self, topic: Topic, at: int, data: bytes, in_digest: bool) -> None:
+        if in_digest:
+            self._take(topic.name, at, data)
+
+    def _take(self, topic: str, time: int, data: bytes) -> None:
         """Compare the next message of the run, `time` in simulated ns."""
         if self.difference is not None or topic in self._unknown:
             return
@@ -235,7 +247,6 @@ class RecordComparison:
 
     def _stop(self, difference: RecordDifference) -> None:
         self.difference = difference
-        self.on_difference()
 
 
 def is_cut(run: Run) -> bool:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,8 +10,8 @@ from ...errors import PicktreeError
 from ...logs.run_result import RunResult
 from ...logs.schema.arithmetic_record import arithmetic_difference
 from ...session.arithmetic_probe import arithmetic
-from ...session.observer import SessionWatcher
-from ...session.recipe import Recipe
+from ...session.observer import Observer
+from ...session.recipe import Recipe, Recording
 from ...session.resume.older_checkpoints import tally_of
 from ...session.resume.recorded_recipe import RecordedRun
 from ...session.run_tally import RunCounters
@@ -32,7 +32,7 @@ def what_if(
     *,
     changes: RunChanges | None = None,
     out: Path | None = None,
-    watcher: SessionWatcher | None = None,
+    observers: Sequence[Observer] = (),
 ) -> Continuation:
     """Resume a logged run from its last checkpoint at or before `at`, with changes, and compare both runs.
 
@@ -58,19 +58,18 @@ def what_if(
             since=begin,
             other_tree=changed.other_tree,
         )
+        since = -1.0 if begin is None else begin
+        edits = () if changes.mission else (recorded.edits(since),)
         session = Session(
             recipe,
-            watcher,
-            out=out,
-            revisions=None if changes.mission else recorded.edits(-1.0 if begin is None else begin),
-            tap=comparison.take,
-            operator=recorded.answers(-1.0 if begin is None else begin),
+            record=Recording(out),
+            observers=(*observers, comparison, recorded.answers(since), *edits),
         )
         result = session.run()
         if result.status != "interrupted":
             comparison.finish()
         first = 0 if begin is None else run.ticks.number_at(begin)
-        adoption = session.adoption
+        adoption = session.execution.adoption
         return Continuation(
             log=run.path.absolute(),
             at_tick=tick,
@@ -87,7 +86,7 @@ def what_if(
             exact=comparison.exact,
             difference=comparison.difference or comparison.trees,
             recorded=_recorded_outcome(run),
-            now=_new_outcome(result, session.tally),
+            now=_new_outcome(result, session.execution.tally),
             status=result.status,
             parting=_parting(run, result.log, begin),
             arithmetic=arithmetic_difference(run.info.arithmetic, arithmetic()),

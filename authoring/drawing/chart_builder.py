@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import cast
 
 from ...files.marks import FileError, Mark
-from ...files.yaml.document import open_document
+from ...files.yaml.document import read_document
 from ...trees.loading.loader import examine
 from ...trees.mission import MAIN, Mission, NodeSpec, TreeSpec, name_of
 from ...trees.ports import PortDeclaration
@@ -31,7 +31,7 @@ from .chart import (
 
 def chart_of_file(path: Path) -> Chart:
     """Return the chart of a mission or library file. Raises FileError with all its errors."""
-    reading = examine(open_document(path, "mission"))
+    reading = examine(read_document(path, "mission"))
     if reading.faults:
         raise FileError(reading.faults)
     return chart(reading.mission)

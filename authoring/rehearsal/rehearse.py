@@ -10,7 +10,7 @@ from typing import cast
 from ...errors import PicktreeError
 from ...files.diagnostics.fault_codes import pages
 from ...files.diagnostics.suppressions import apply_suppressions
-from ...files.yaml.document import Document, FileError, load_document, suggest_name
+from ...files.yaml.document import Document, FileError, read_document, suggest_name
 from ...trees.loading.loader import load_mission
 from ...trees.mission import Mission
 from ...trees.running.builder import build
@@ -41,7 +41,7 @@ def rehearse_files(mission: Path, cases: Path | None = None, names: Collection[s
         if mission.is_file() and not cases.is_file():
             raise PicktreeError(f"there are no cases {cases}; name the file with --cases")
     loaded = load_mission(mission)
-    found = examine_cases(load_document(cases, "cases"), loaded)
+    found = examine_cases(read_document(cases, "cases"), loaded)
     if found.errors:
         raise FileError(found.errors)
     document = found.cases.document

@@ -5,7 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from ...files.marks import FileError
-from ...files.yaml.document import read_document, read_text
+from ...files.yaml.document import read_document
+from ...files.yaml.file_text import read_text
 from ...trees.loading.loader import examine
 from ...trees.loading.registry import NodeRegistry
 from .export.mission_export import mission_to_xml
@@ -21,7 +22,7 @@ def convert_text(text: str, path: Path, registry: NodeRegistry | None = None) ->
     """Convert a text as `convert` converts a file."""
     if text.lstrip().startswith("<"):
         return xml_to_mission(text, path, registry)
-    reading = examine(read_document(text, path, "mission"), registry)
+    reading = examine(read_document(path, "mission", text), registry)
     if any(fault.severity == "error" for fault in reading.faults):
         raise FileError(reading.faults)
     return mission_to_xml(reading.mission)

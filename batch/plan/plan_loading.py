@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 
 from pydantic import ValidationError
 
 from ...authoring.check import MissionCheck, check_mission
 from ...errors import PicktreeError
-from ...files.models.validation import DocumentChecker
-from ...files.yaml.document import Diagnostic, Document, FileError, open_document
+from ...files.marks import CheckedFile, Diagnostic, FileError
+from ...files.yaml.document import Document, read_document
+from ...files.yaml.document_checker import DocumentChecker
 from ...simulation.fault_files.fault_loading import load_faults
 from ...trees.loading.scene_names import SceneNames, load_surroundings
 from ...trees.running.run_settings import read_settings
@@ -20,20 +20,9 @@ from .plan import BatchPlan, JobLimits
 from .plan_schema import NO_FAULTS, PlanFile
 
 
-@dataclass(frozen=True, slots=True)
-class PlanCheck:
-    """Result of the check of a plan file and of its files. `plan` is None when there are errors."""
-
-    plan: BatchPlan | None
-    faults: tuple[Diagnostic, ...]
-
-
 def load_plan(path: Path) -> BatchPlan:
     """Load a plan. Raises FileError with all errors of the plan and of every file that it names."""
-    found = check_plan_file(open_document(path, "plan"))
-    if found.plan is None:
-        raise FileError([fault for fault in found.faults if fault.severity == "error"])
-    return found.plan
+    return check_plan(read_document(path, "plan")).required()
 
 
 def plan_of(words: Mapping[str, object]) -> BatchPlan:
@@ -56,26 +45,20 @@ def plan_of(words: Mapping[str, object]) -> BatchPlan:
     return plan
 
 
-def check_plan(document: Document) -> Iterable[Diagnostic]:
-    """Return all diagnostics of a document of kind `plan`."""
-    return check_plan_file(document).faults
-
-
-def check_plan_file(document: Document) -> PlanCheck:
+def check_plan(document: Document) -> CheckedFile[BatchPlan]:
     """Check a document of kind `plan` completely; never raises for its content."""
     check = DocumentChecker(document)
     file = check.read(PlanFile)
     if check.faults:
-        return PlanCheck(None, tuple(check.faults))
+        return CheckedFile(None, tuple(check.faults))
     plan = _plan(file, document.path)
     faults = list(check_files_of(plan))
     if not faults:
         for name in plan.settings:
             for message in _misfits(plan, name):
                 check.fault(("set", name), message, code="P802", key=True)
-    faults = [*check.faults, *faults]
-    wrong = any(fault.severity == "error" for fault in faults)
-    return PlanCheck(None if wrong else plan, tuple(faults))
+    check.faults += faults
+    return check.result(lambda: plan)
 
 
 def check_files_of(plan: BatchPlan) -> Iterator[Diagnostic]:
@@ -110,7 +93,7 @@ def _faults_of_mission(mission: Path, scene: str | None) -> Iterable[Diagnostic]
 
 def _checked(mission: Path, scene: str | None) -> MissionCheck:
     known: SceneNames | None = load_surroundings(scene) if scene is not None else None
-    return check_mission(open_document(mission, "mission"), known=known)
+    return check_mission(read_document(mission, "mission"), known=known)
 
 
 def _misfits(plan: BatchPlan, name: str) -> Iterator[str]:

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Literal, cast
 from pydantic import BeforeValidator, Field, Strict, WithJsonSchema
 
 from ...errors import PicktreeError
-from ...files.models.validation import FileModel, Flag, InvalidValue, describe, quantity
+from ...files.value_wording import describe
+from ...files.yaml.field_types import FileModel, Flag, InvalidValue, quantity
 
 if TYPE_CHECKING:
     from ...authoring.schema.schema_parts import Schema

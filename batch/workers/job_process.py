@@ -30,7 +30,7 @@ import numpy as np
 
 from ...errors import PicktreeError
 from ...session.resume.recipe_archive import RecipeFile
-from ...session.session import Session
+from ...session.session import Recording, Session
 from . import job_output
 from .executor import Event, JobFailed, JobFinished, JobOrder, JobStopped
 from .local_executor import die_with_parent, end_children, exit_code_words, resident
@@ -42,11 +42,11 @@ def run_attempt(order: JobOrder) -> Event:
     try:
         order.folder.mkdir(parents=True, exist_ok=True)
         with RecipeFile(order.recipe) as kept:
-            session = Session(kept.recipe(order.seed), out=order.folder)
+            session = Session(kept.recipe(order.seed), record=Recording(order.folder))
             result = session.run()
             if result.status == "interrupted":
                 return JobStopped(order)
-            rows = collect_run_rows(session, result.folder, order.attempt)
+            rows = collect_run_rows(session.execution, result.folder, order.attempt)
         _write_whole(order, rows.to_json())
     except KeyboardInterrupt:
         return JobStopped(order)

@@ -10,7 +10,7 @@ from ...analysis.explain.explain import explain
 from ...analysis.explain.investigation.explanation import FailureStory
 from ...analysis.run import Run
 from ...logs.visits import Visit
-from ...session.session import Session
+from ...session.execution import Execution
 from ...simulation.scoring.scorer import score
 from ...world.values import ObjectId, Vector3
 from ..results.rows import (
@@ -36,8 +36,8 @@ _PHASES: dict[str, Phase] = {
 """Phase of a leaf's time outside of recovery, by node ID."""
 
 
-def collect_run_rows(session: Session, folder: Path, attempts: int) -> JobRows:
-    """Return the rows of a finished session; `folder` is that of the run."""
+def collect_run_rows(execution: Execution, folder: Path, attempts: int) -> JobRows:
+    """Return the rows of a finished execution; `folder` is that of the run."""
     with Run(folder) as run:
         result = run.result
         assert result is not None, "a session that has ended writes its result"
@@ -62,7 +62,7 @@ def collect_run_rows(session: Session, folder: Path, attempts: int) -> JobRows:
                 root_cause=explanation.root_causes[0].cause if explanation.root_causes else "",
                 look_at=f"{look[0].time:.2f} s: {look[0].why}" if look else "",
             ),
-            items=tuple(_items(session, run)),
+            items=tuple(_items(execution, run)),
             picks=tuple(JobPickRow(p.time, p.object, p.held, p.node) for p in run.picks),
             failures=tuple(
                 JobFailureRow(
@@ -110,10 +110,11 @@ def collect_run_rows(session: Session, folder: Path, attempts: int) -> JobRows:
         )
 
 
-def _items(session: Session, run: Run) -> Iterator[JobItemRow]:
-    arrivals = _arrivals(run, {body.id for body in session.hardware.truth()})
-    scores = {item.id: item for item in score(session.hardware.truth(), session.scene).items}
-    for body in session.hardware.truth():
+def _items(execution: Execution, run: Run) -> Iterator[JobItemRow]:
+    truth = execution.hardware.truth()
+    arrivals = _arrivals(run, {body.id for body in truth})
+    scores = {item.id: item for item in score(truth, execution.recipe.scene).items}
+    for body in truth:
         judged = scores[body.id]
         arrived, (x, y, _) = arrivals.get(body.id, (0.0, body.pose.position))
         yield JobItemRow(

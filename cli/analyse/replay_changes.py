@@ -45,8 +45,7 @@ def _timed_changes(cursor: Cursor, changes: CursorChanges) -> list[tuple[float, 
     ]
     believed: dict[tuple[float, str], list[str]] = {}
     for at in changes.belief:
-        data = at.record.data
-        believed.setdefault((at.time, str(data["reason"])), []).append(str(data["object"]))
+        believed.setdefault((at.time, at.record.reason), []).append(at.record.object)
     told += [(time, f"belief: {_objects(ones)}: {reason}") for (time, reason), ones in believed.items()]
     told += [(at.time, f"{at.record.kind}: {at.record.message}") for at in changes.events]
     told += [(at.time, _plan(at)) for at in changes.plans]

@@ -51,7 +51,7 @@ def whatif(
 
     changes = RunChanges(mission, None, settings, faults, no_faults)
     with _view() as view:
-        found = what_if(log, at, changes=changes, out=out, watcher=view)
+        found = what_if(log, at, changes=changes, out=out, observers=(view,))
     if found.warnings:
         from ...files.diagnostics.fault_rendering import fault_lines
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING
 
-from ...files.yaml.document import Diagnostic, Document, FileError, open_document
+from ...files.yaml.document import Diagnostic, Document, FileError, read_document
 from ...robots.loading import check_robot
 from ...world.scene.loading.scene_loading import check_scene
 
@@ -19,7 +19,7 @@ def check_cell(document: Document) -> tuple[Diagnostic, ...]:
     if scene.robot is None:
         return scene.faults
     try:
-        return (*scene.faults, *check_robot(open_document(scene.robot, "robot")).faults)
+        return (*scene.faults, *check_robot(read_document(scene.robot, "robot")).faults)
     except FileError as error:
         return (*scene.faults, *error.faults)
 
@@ -30,13 +30,7 @@ def _mission(document: Document) -> Iterable[Diagnostic]:
     return check_mission(document).faults
 
 
-def _scene(document: Document) -> Iterable[Diagnostic]:
-    return check_cell(document)
-
-
 def _robot(document: Document) -> Iterable[Diagnostic]:
-    from ...robots.loading import check_robot
-
     return check_robot(document).faults
 
 
@@ -55,12 +49,12 @@ def _cases(document: Document) -> Iterable[Diagnostic]:
 def _plan(document: Document) -> Iterable[Diagnostic]:
     from ...batch.plan.plan_loading import check_plan
 
-    return check_plan(document)
+    return check_plan(document).faults
 
 
 CHECKS: Mapping[str, Check] = {
     "mission": _mission,
-    "scene": _scene,
+    "scene": check_cell,
     "robot": _robot,
     "faults": _faults,
     "cases": _cases,

@@ -26,6 +26,9 @@ def nodes(
     markdown: Annotated[
         bool, typer.Option("--markdown", help="Print the page of the documentation with all of them.")
     ] = False,
+    stub: Annotated[
+        bool, typer.Option("--stub", help="Print a Python stub of their constructors, for editors.")
+    ] = False,
     output: Annotated[
         Path | None,
         typer.Option("-o", "--output", metavar="FILE", help="Write it there instead of to stdout."),
@@ -42,6 +45,11 @@ def nodes(
 
     known = registry(shipped=shipped)
     trees = _sub_trees(mission, known) if mission else ()
+    if stub:
+        from ...authoring.reference.python_stub import stub as stub_text
+
+        show(stub_text(known.declarations()), output)
+        return
     declared = (*known.declarations(), *trees)
     causes = known.causes
     if name is not None:
@@ -71,11 +79,11 @@ def _named(name: str, declared: tuple[NodeDeclaration, ...]) -> NodeDeclaration:
 def _sub_trees(path: Path, known: NodeRegistry) -> tuple[NodeDeclaration, ...]:
     """Return the mission's sub-trees as nodes; the nodes of its plug-ins are added to `known`."""
     from ...authoring.schema.mission_context import one_mission
-    from ...files.yaml.document import open_document
+    from ...files.yaml.document import read_document
     from ...trees.declaration import NodeDeclaration
     from ...trees.mission import MAIN
 
-    mission = one_mission(open_document(path, "mission"), known)
+    mission = one_mission(read_document(path, "mission"), known)
     return tuple(
         NodeDeclaration(name, f"A sub-tree of {path.name}.", "subtree", ports)
         for name, ports in mission.trees.items()

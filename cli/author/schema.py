@@ -53,11 +53,11 @@ def schema(
     else:
         from ...authoring.schema.mission_context import any_mission, one_mission
         from ...authoring.schema.mission_schema import mission_schema
-        from ...files.yaml.document import open_document
+        from ...files.yaml.document import read_document
 
         nodes = registry(shipped=shipped)
         particular = any_mission()
         if mission is not None:
-            particular = one_mission(open_document(mission, "mission"), nodes)
+            particular = one_mission(read_document(mission, "mission"), nodes)
         found = mission_schema(nodes, particular)
     show(to_text(found), output)

@@ -70,7 +70,7 @@ def calibrate(
         scene, tuple(camera or ()), tcp, target, place, robot, seed, views, output, replace, out
     )
     with _view() as view:
-        found = calibrated(asked, view)
+        found = calibrated(asked, (view,))
     if answer is None:
         print(found.to_text(program()))
     else:

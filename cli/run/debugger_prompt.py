@@ -9,8 +9,8 @@ from typing import TextIO
 from ...analysis.replay.node_names import find_node, find_nodes
 from ...errors import PicktreeError
 from ...files.expressions.expression import Expression, ExpressionError
+from ...session.debugger import Breakpoint, Debugger, DebuggerStop, When
 from ...trees.node import Node
-from ...trees.running.debugger import Breakpoint, Debugger, DebuggerStop, When
 from ...trees.running.runner import BehaviourTree
 from ...trees.runtime import evaluate
 from ...trees.status import NodeStatus

@@ -8,9 +8,10 @@ from contextlib import AbstractContextManager
 from typing import TextIO
 
 from ...cell.operator_desk import OperatorQuestion
+from ...session.observer import Interrupter
 
 
-class PersonAtTerminal:
+class PersonAtTerminal(Interrupter):
     """Prompt that shows the question and reads the answer, while run and clock wait.
 
     `read` returns a line and raises EOFError at the end of the input. `aside` is entered during the prompt,
@@ -49,6 +50,6 @@ class PersonAtTerminal:
             print(line, file=self._out, flush=True)
 
 
-def person(out: TextIO, aside: Callable[[], AbstractContextManager[None]]) -> PersonAtTerminal | None:
-    """Return the operator's prompt; None when stdin is no terminal."""
-    return PersonAtTerminal(out, aside) if sys.stdin.isatty() else None
+def operators(out: TextIO, aside: Callable[[], AbstractContextManager[None]]) -> tuple[PersonAtTerminal, ...]:
+    """Return the operator's prompt; empty when stdin is no terminal."""
+    return (PersonAtTerminal(out, aside),) if sys.stdin.isatty() else ()

@@ -14,8 +14,8 @@ from ...errors import PicktreeError
 from ..terminal.output import keep_stdout, program
 
 if TYPE_CHECKING:
-    from ...logs.recording.recorder import Listener
-    from ...trees.running.debugger import Debugger
+    from ...session.debugger import Debugger
+    from ...session.observer import Observer
     from ..terminal.progress import RunDisplay
 
 
@@ -112,7 +112,7 @@ def run(
     from ...session.real_time_pace import WallClockPacer
     from ...session.recipe import DEFAULT_TIME_LIMIT
     from ...session.session import RunRequest, Session
-    from .operator_prompt import person
+    from .operator_prompt import operators
 
     rotation = Rotation(round(rotate_mb * 1e6), rotate_minutes * 60.0)
     with ExitStack() as stack:
@@ -124,12 +124,14 @@ def run(
             resumption = stack.enter_context(Resumption(asked))
             print(resumption.told, file=sys.stderr, flush=True)
         view = stack.enter_context(_view(to_stderr=json, lines=debug))
-        live_view = stack.enter_context(_live_view(live, live_port))
-        watcher = view if pace is None else WallClockPacer(view, pace)
-        debugger = _debugger(to_stderr=json) if debug else None
-        operator = person(sys.stderr if json else sys.stdout, view.aside)
+        observers: list[Observer] = [view, *stack.enter_context(_live_view(live, live_port))]
+        if pace is not None:
+            observers.append(WallClockPacer(pace))
+        if debug:
+            observers.append(_debugger(to_stderr=json))
+        people = operators(sys.stderr if json else sys.stdout, view.aside)
         if resumption is not None:
-            session = resumption.session(watcher, debugger, listener=live_view, operator=operator)
+            session = resumption.session((*observers, *people))
         else:
             assert mission is not None
             request = RunRequest(
@@ -146,8 +148,7 @@ def run(
                 limit=DEFAULT_TIME_LIMIT if seconds is None else seconds,
                 rotation=rotation,
             )
-            given = PresetAnswers(answers or (), operator)
-            session = Session(request, watcher, debugger, listener=live_view, operator=given)
+            session = Session(request, observers=(*observers, PresetAnswers(answers or ()), *people))
         result = session.run()
     if answer is None:
         print(result.to_text(program()))
@@ -212,10 +213,10 @@ def parse_limit(text: str) -> float:
 
 
 @contextmanager
-def _live_view(wanted: bool, port: int) -> Generator[Listener | None]:
+def _live_view(wanted: bool, port: int) -> Generator[tuple[Observer, ...]]:
     """Serve the live view in the block, if it is wanted; its address goes to stderr."""
     if not wanted:
-        yield None
+        yield ()
         return
     from ...logs.optional_libraries import optional_import
 
@@ -223,11 +224,11 @@ def _live_view(wanted: bool, port: int) -> Generator[Listener | None]:
         from ...session.live_view import LiveServer
     with LiveServer(port) as live_view:
         print(f"live view at {live_view.url}", file=sys.stderr, flush=True)
-        yield live_view
+        yield (live_view,)
 
 
 def _debugger(*, to_stderr: bool) -> Debugger:
-    from ...trees.running.debugger import Debugger
+    from ...session.debugger import Debugger
     from .debug_input import debug_prompt
 
     return Debugger(debug_prompt(sys.stderr if to_stderr else sys.stdout))

@@ -7,14 +7,17 @@ from collections.abc import Collection, Generator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING, Protocol, Self
+from typing import TYPE_CHECKING, Protocol
 
 from rich.console import Console, Group
 from rich.live import Live
 from rich.text import Text
 
+from ...session.observer import Observer
+
 if TYPE_CHECKING:
     from ...logs.run_result import RunResult
+    from ...session.execution import Execution
     from ...trees.running.runner import NodeInfo, NodeReport, TickReport
 
 _REDRAW_PERIOD = 0.1
@@ -30,24 +33,19 @@ STYLED_STATUS_MARKS = {
 }
 
 
-class RunDisplay(Protocol):
+class RunDisplay(Observer, AbstractContextManager["RunDisplay"]):
     """Observer of a session that holds the terminal while it is entered."""
 
-    def __enter__(self) -> Self: ...
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None: ...
-    def started(self, structure: tuple[NodeInfo, ...], folder: Path) -> None: ...
-    def ticked(self, now: float, report: TickReport, items_done: int, items_total: int) -> None: ...
-    def edited(self, structure: tuple[NodeInfo, ...]) -> None: ...
-    def told(self, now: float, text: str) -> None: ...
-    def finished(self, result: RunResult) -> None: ...
+
     def aside(self) -> AbstractContextManager[None]:
         """Release the terminal to another user in the block."""
-        ...
+        return nullcontext()
 
 
-class LinesDisplay:
+class LinesDisplay(RunDisplay):
     """Display with a line for each finished item and each failed leaf, and one after a long time without."""
 
     def __init__(self, console: Console) -> None:
@@ -56,19 +54,12 @@ class LinesDisplay:
         self._done = 0
         self._said_at = 0.0
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None: ...
-
-    def started(self, structure: tuple[NodeInfo, ...], folder: Path) -> None:
-        self.edited(structure)
+    def started(self, run: Execution, folder: Path) -> None:
+        self.edited(run)
         self._line(f"recording to {folder}")
 
-    def edited(self, structure: tuple[NodeInfo, ...]) -> None:
-        self._leaves = frozenset(node.path for node in structure if not node.children)
+    def edited(self, run: Execution) -> None:
+        self._leaves = run.tree.leaves
 
     def told(self, now: float, text: str) -> None:
         self._say(now, text)
@@ -83,11 +74,6 @@ class LinesDisplay:
         if now - self._said_at >= _MAX_SILENCE:
             self._say(now, f"at {deepest_running(report.nodes)}")
 
-    def finished(self, result: RunResult) -> None: ...
-
-    def aside(self) -> AbstractContextManager[None]:
-        return nullcontext()
-
     def _say(self, now: float, text: str) -> None:
         self._said_at = now
         self._line(f"{now:8.2f} s  {text}")
@@ -96,26 +82,22 @@ class LinesDisplay:
         self._console.print(text, markup=False, soft_wrap=True)
 
 
-class LiveDisplay:
+class LiveDisplay(RunDisplay):
     """Display of the tree with its statuses, redrawn a few times per second of wall time, removed at the
     end."""
 
     def __init__(self, console: Console) -> None:
         self._live = Live(console=console, auto_refresh=False, transient=True)
         self._structure: tuple[NodeInfo, ...] = ()
-        self._folder = Path()
         self._began = self._drawn_at = time.monotonic()
-
-    def __enter__(self) -> Self:
-        return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self._live.stop()
 
-    def started(self, structure: tuple[NodeInfo, ...], folder: Path) -> None:
-        self._structure, self._folder = structure, folder
+    def started(self, run: Execution, folder: Path) -> None:
+        self.edited(run)
         self._began = time.monotonic()
         self._live.start()
 
@@ -135,8 +117,8 @@ class LiveDisplay:
             row.truncate(self._live.console.width, overflow="ellipsis")
         self._live.update(Group(*rows, Text(), Text(footer, style="bold")), refresh=True)
 
-    def edited(self, structure: tuple[NodeInfo, ...]) -> None:
-        self._structure = structure
+    def edited(self, run: Execution) -> None:
+        self._structure = run.tree.structure()
 
     def told(self, now: float, text: str) -> None:
         self._live.console.print(f"{now:8.2f} s  {text}", markup=False, soft_wrap=True)

@@ -10,20 +10,20 @@ from datetime import datetime
 from pathlib import Path
 
 from ...calibration.estimate import CalibrationEstimate, CameraEstimate, ToolEstimate, estimate
-from ...calibration.observations import SHOT, TOUCH, CalibrationData, TargetImage, TargetTouch
+from ...calibration.observations import CalibrationData, TargetImage, TargetTouch
 from ...calibration.targets import CalibrationTarget, fingertip_corners, targets
 from ...errors import PicktreeError
 from ...logs.run_log import RunLog
 from ...logs.run_result import RunResult, RunStatus
-from ...logs.schema.topics import EVENTS
 from ...robots.loading import load_robot
 from ...robots.model import RobotModel
 from ...robots.tool_frame import rpy_of
-from ...session.observer import SessionWatcher
-from ...session.recipe import Recipe
+from ...session.observer import Observer
+from ...session.recipe import Recipe, Recording
 from ...session.session import Session
 from ...trees.loading.loader import parse_mission
 from ...trees.loading.registry import NodeRegistry
+from ...world.events.skill_events import CalibrationShotEvent, CalibrationSkippedEvent, CalibrationTouchEvent
 from ...world.journal import Plain
 from ...world.scene.description import SceneDescription
 from .corrected_scene import TargetPlacement, calibration_scene, output_file, write
@@ -154,9 +154,6 @@ def _tool_json(tool: ToolEstimate) -> Plain:
     }
 
 
-SKIPPED_EVENT = "calibration_skipped"
-
-
 @dataclass(frozen=True, slots=True)
 class CalibrationRequest:
     """Request of `picktree calibrate`."""
@@ -177,7 +174,7 @@ class CalibrationRequest:
     out: Path | None = None
 
 
-def calibrate(asked: CalibrationRequest, watcher: SessionWatcher | None = None) -> CalibrationAnswer:
+def calibrate(asked: CalibrationRequest, observers: Sequence[Observer] = ()) -> CalibrationAnswer:
     """Run the calibration and write the corrected scene.
 
     Raises PicktreeError for an unknown scene, robot, camera or target, and when the file must not be replaced
@@ -193,8 +190,8 @@ def calibrate(asked: CalibrationRequest, watcher: SessionWatcher | None = None) 
     robot = load_robot(asked.robot or scene.robot, beside)
     text = mission_text(target.name, cameras, asked.views, touch=asked.touch, all_of_them=not asked.cameras)
     mission = parse_mission(text, Path("calibrate.yaml"), NodeRegistry())
-    session = Session(Recipe(mission, scene, robot, asked.seed), watcher, out=asked.out)
-    result = session.run()
+    recipe = Recipe(mission, scene, robot, asked.seed)
+    result = Session(recipe, record=Recording(asked.out), observers=observers).run()
     found = _record(result)
     answer = CalibrationAnswer(asked.scene, asked.seed, result.status, result.folder, found.skipped)
     if result.status != "success":
@@ -262,14 +259,16 @@ def _record(result: RunResult) -> _Recorded:
     touches: list[TargetTouch] = []
     skipped: list[str] = []
     with RunLog(result.log) as log:
-        for message in log.messages((EVENTS.name,)):
-            event = json.loads(message.data)
-            if event["kind"] == SHOT:
-                shots.append(TargetImage.from_plain(event["data"]))
-            elif event["kind"] == TOUCH:
-                touches.append(TargetTouch.from_plain(event["data"]))
-            elif event["kind"] == SKIPPED_EVENT:
-                skipped.append(event["message"])
+        for at in log.events():
+            match at.record:
+                case CalibrationShotEvent() as event:
+                    shots.append(TargetImage.from_event(event))
+                case CalibrationTouchEvent() as event:
+                    touches.append(TargetTouch.from_event(event))
+                case CalibrationSkippedEvent(message=message):
+                    skipped.append(message)
+                case _:
+                    pass
     return _Recorded(tuple(shots), tuple(touches), tuple(skipped))
 
 

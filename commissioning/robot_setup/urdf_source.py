@@ -8,7 +8,7 @@ from pathlib import Path
 
 from ...errors import PicktreeError
 from ...files.shipped_files import is_file
-from ...files.yaml.yaml_errors import Unreadable, read_bytes
+from ...files.yaml.file_text import Unreadable, read_bytes
 from ...robots.gripper_mounting import NamedUrdf
 from ...robots.mesh_files import package_folder
 from ...robots.urdf_tree import MAX_BYTES, UrdfError, UrdfTree, read_skeleton

@@ -8,7 +8,7 @@ from functools import partial
 import numpy as np
 
 from ...robots.model import RobotModel
-from ...world.journal import JournalEvent
+from ...world.events.skill_events import WristBiasEvent
 from ...world.values import GRAVITY, Array, JointState, Vector3
 from ..joints.external_torque import MIN_EXPLAINED_SHARE, EffortCheck
 from ..wrist.wrist_wrench import MAX_BIAS_STEP, MAX_QUIET_DEVIATION, WristWrench
@@ -75,7 +75,7 @@ class WristPlausibility:
             words = (
                 f"the wrist felt {by:.1f} N that no joint carries: its bias has jumped, and is learnt anew"
             )
-            self._monitor.note(JournalEvent("wrist_bias", words, data={"force": by}))
+            self._monitor.note(WristBiasEvent(words, force=by))
         return learnt
 
     def _borne(self, state: JointState, claimed: Array) -> bool:

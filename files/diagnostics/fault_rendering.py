@@ -42,7 +42,7 @@ class SourceLines:
 
 
 def _read_lines(file: str) -> list[str]:
-    from ..yaml.document import read_text
+    from ..yaml.file_text import read_text
 
     try:
         return _lines(read_text(Path(file)))

@@ -15,7 +15,8 @@ from typing import TypeAlias
 
 from ..marks import SPOILT, Diagnostic, FileError, Mark
 from ..shipped_files import is_file, is_folder
-from ..yaml.document import KINDS, Document, decoded, read_document, read_text
+from ..yaml.document import KINDS, Document, read_document
+from ..yaml.file_text import decoded, read_text
 from .fault_codes import pages, title
 from .fault_rendering import Paint, SourceLines, as_github, as_text, plain
 from .suppressions import apply_suppressions
@@ -157,7 +158,7 @@ class _Round:
         try:
             text = decoded(given.raw, name) if isinstance(given, UnsavedText) else read_text(path)
             self._texts[name] = text
-            document = read_document(text, path)
+            document = read_document(path, text=text)
             found = list(self._checks[document.kind](document))
         except FileError as error:
             return error.faults

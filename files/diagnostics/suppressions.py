@@ -11,7 +11,7 @@ import yaml
 
 from ..marks import MAX_FAULTS, Diagnostic, Mark
 from ..value_wording import suggest_name
-from ..yaml.reader import PositionIndex
+from ..yaml.file_text import PositionIndex
 
 _COMMENT = re.compile(r"(?:^|(?<=[ \t]))#[ \t]*picktree[ \t]*:[ \t]*(?P<text>[^\r\n]*)", re.MULTILINE)
 _ALLOW = re.compile(r"allow[ \t]+(?P<codes>[^\s,]+(?:[ \t]*,[ \t]*[^\s,]+)*)(?:[ \t].*)?")

@@ -1,4 +1,4 @@
-"""Reading one YAML file: plain values, and the place in the file of each of them."""
+"""Document: the content of one YAML file, as plain values with the place of each."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from typing import cast
 
 from ..marks import Diagnostic, FileError, Location, Mark, Severity, where
 from ..value_wording import describe, suggest_name
-from .reader import MAX_BYTES, Value, YamlNode, mark_at, read
-from .yaml_errors import Unreadable, read_bytes
+from .file_text import read_text
+from .reader import Value, YamlNode, read
 
 __all__ = [
     "KINDS",
@@ -21,12 +21,8 @@ __all__ = [
     "Location",
     "Mark",
     "Value",
-    "load_document",
     "merge_patch",
-    "open_document",
-    "parse_document",
     "read_document",
-    "read_text",
     "suggest_name",
     "where",
 ]  # fmt: skip
@@ -133,23 +129,13 @@ def _merged(base: YamlNode, over: YamlNode) -> YamlNode:
     return YamlNode(value, over.mark, entries=merged, keys=keys)
 
 
-def load_document(path: Path, kind: str | None = None) -> Document:
-    """Read a file. Raises FileError with every fault of its form; `kind` None takes any kind."""
-    return _flawless(open_document(path, kind))
+def read_document(path: Path, kind: str | None = None, text: str | None = None) -> Document:
+    """Read a file of that kind, or of any. `text`: the file's content, where it was read already.
 
-
-def parse_document(text: str, path: Path, kind: str | None = None) -> Document:
-    """As `load_document`, of a text that was read already."""
-    return _flawless(read_document(text, path, kind))
-
-
-def open_document(path: Path, kind: str | None = None) -> Document:
-    """As `load_document`, for who goes on checking: faults that let it be read are in `Document.faults`."""
-    return read_document(read_text(path), path, kind)
-
-
-def read_document(text: str, path: Path, kind: str | None = None) -> Document:
-    """As `open_document`, of a text that was read already."""
+    Raises FileError with every fault of its form that keeps it from being read. Other faults of form are in
+    `Document.faults`: a check of its content adds to them.
+    """
+    text = read_text(path) if text is None else text
     reading = read(text, str(path))
     data = reading.root.value
     if not isinstance(data, dict):
@@ -161,35 +147,6 @@ def read_document(text: str, path: Path, kind: str | None = None) -> Document:
         # What another kind or another format says cannot be judged.
         raise FileError([*faults, *other])
     return Document(path, text, str(data["kind"]), data, reading.root, tuple(faults))
-
-
-def _flawless(document: Document) -> Document:
-    if document.faults:
-        raise FileError(document.faults)
-    return document
-
-
-def read_text(path: Path) -> str:
-    """The text of a file. Raises FileError when it is no regular file, too large or not UTF-8."""
-    try:
-        return decoded(read_bytes(path, MAX_BYTES), str(path))
-    except Unreadable as error:
-        code = "P123" if error.large else "P124"
-        raise FileError([Diagnostic(Mark(str(path), 1, 1), "", error.message, error.hint, code)]) from None
-
-
-def decoded(raw: bytes, file: str) -> str:
-    """The text of a file's bytes. Raises FileError when they are not UTF-8."""
-    start = Mark(file, 1, 1)
-    if raw.startswith((b"\xff\xfe", b"\xfe\xff")) or 0 < raw[:4].count(0) < 4:
-        wide = "the file is UTF-16 or UTF-32, not UTF-8"
-        raise FileError([Diagnostic(start, "", wide, "save it as UTF-8", "P122")])
-    try:
-        return raw.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        before = raw[: error.start].decode("utf-8-sig", errors="replace")
-        mark = mark_at(file, before, len(before))
-        raise FileError([Diagnostic(mark, "", "the file is not UTF-8", "save it as UTF-8", "P122")]) from None
 
 
 def _format_faults(root: YamlNode) -> Iterable[Diagnostic]:

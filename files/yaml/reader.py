@@ -8,18 +8,17 @@ from __future__ import annotations
 
 import math
 import re
-from bisect import bisect_right
 from dataclasses import dataclass, field
 from typing import NoReturn, TypeAlias
 
 import yaml
 
 from ..marks import MAX_FAULTS, Diagnostic, FileError, Location, Mark, too_many, where
-from .yaml_errors import describe_yaml_error
+from .file_text import check_characters
+from .yaml_errors import yaml_fault
 
 Value: TypeAlias = "dict[str, Value] | list[Value] | str | int | float | bool | None"
 
-MAX_BYTES = 1_000_000
 MAX_DEPTH = 200
 MAX_VALUES = 50_000
 """Maximum number of values of one file, keys and expanded aliases included; they are read in less than 0.5
@@ -57,30 +56,6 @@ def read(text: str, file: str) -> YamlReadResult:
     return _Reader(text, file).read()
 
 
-class PositionIndex:
-    """Lines and columns of a text's characters, which are counted from 0."""
-
-    def __init__(self, file: str, text: str) -> None:
-        self._file = file
-        self._starts = [0, *(end.end() for end in _LINE_END.finditer(text))]
-
-    def mark(self, index: int) -> Mark:
-        line = bisect_right(self._starts, index)
-        return Mark(self._file, line, index - self._starts[line - 1] + 1)
-
-
-def mark_at(file: str, text: str, index: int) -> Mark:
-    """The place of one character that is counted from 0."""
-    return PositionIndex(file, text[:index]).mark(index)
-
-
-_LINE_END = re.compile(r"\r\n|\n|\r")
-# What YAML 1.2 allows in a stream (section 5.1), less the byte order mark in mid-text, and less what ends a
-# line for some readers and not for others: they disagree about what stands behind it.
-_FORBIDDEN = re.compile(
-    "[^\t\n\r\x20-\x7e\xa0-\u2027\u202a-\ud7ff\ue000-\ufefe\uff00-\ufffd\U00010000-\U0010ffff]|\r(?!\n)"
-)
-_LINE_SEPARATORS = "\r\x85\u2028\u2029"
 _NULL = re.compile(r"(?:null|Null|NULL|~|)")
 _BOOL = re.compile(r"(?:true|True|TRUE|false|False|FALSE)")
 _INT = re.compile(r"[-+]?[0-9]+|0o[0-7]+|0x[0-9a-fA-F]+")
@@ -104,10 +79,6 @@ def resolve(text: str) -> str | int | float | bool | None:
     if infinite := _INFINITE.fullmatch(text):
         return -math.inf if infinite[1] == "-" else math.inf
     return math.nan if _NAN.fullmatch(text) else text
-
-
-class _Stop(Exception):
-    """The text cannot be read any further."""
 
 
 @dataclass(slots=True)
@@ -139,60 +110,41 @@ class _Reader:
         self._root: YamlNode | None = None
 
     def read(self) -> YamlReadResult:
-        start = Mark(self._file, 1, 1)
+        check_characters(self._text, self._file)
         try:
-            self._check_text()
-            self._events()
-        except _Stop:
-            raise FileError(self._faults) from None
-        except yaml.MarkedYAMLError as error:
-            found = describe_yaml_error(error, self._text)
-            mark = start if found.mark is None else _mark(self._file, found.mark)
-            self._fault(mark, "", f"not valid YAML: {found.message}", found.hint, code="P101")
-            raise FileError(self._faults) from None
+            for event in yaml.parse(self._text, yaml.CSafeLoader):
+                self._take(event)
         except yaml.YAMLError as error:
-            self._fault(start, "", f"not valid YAML: {error}", code="P101")
+            self._add_fault(yaml_fault(error, self._text, self._file))
             raise FileError(self._faults) from None
         if self._root is None:
-            self._fault(start, "", "the file is empty", "it begins with 'picktree: 1'", code="P119")
-            raise FileError(self._faults)
+            self._stop(
+                Mark(self._file, 1, 1), "the file is empty", "it begins with 'picktree: 1'", code="P119"
+            )
         return YamlReadResult(self._root, tuple(self._faults))
 
-    def _check_text(self) -> None:
-        if len(self._text) > MAX_BYTES:
-            message = f"the file is larger than {MAX_BYTES // 1_000_000} MB"
-            self._stop(Mark(self._file, 1, 1), message, code="P123")
-        bad = _FORBIDDEN.search(self._text)
-        if bad:
-            mark = mark_at(self._file, self._text, bad.start())
-            name = f"U+{ord(bad[0]):04X}"
-            if bad[0] in _LINE_SEPARATORS:
-                message = f"the line separator {name} ends a line for some readers and not for others"
-                self._stop(mark, message, "end the line as your editor does", code="P121")
-            self._stop(mark, f"the character {name} may not stand in a text file", code="P121")
+    def _take(self, event: yaml.Event) -> None:
+        match event:
+            case yaml.DocumentStartEvent():
+                self._document(event)
+            case yaml.AliasEvent():
+                self._alias(event)
+            case yaml.ScalarEvent():
+                self._scalar(event)
+            case yaml.SequenceStartEvent() | yaml.MappingStartEvent():
+                self._start(event)
+            case yaml.SequenceEndEvent() | yaml.MappingEndEvent():
+                self._end()
+            case _:
+                pass
 
-    def _events(self) -> None:
-        documents = 0
-        for event in yaml.parse(self._text, yaml.CSafeLoader):
-            match event:
-                case yaml.DocumentStartEvent():
-                    documents += 1
-                    mark = _mark(self._file, event.start_mark)
-                    if documents > 1:
-                        self._stop(mark, "a second document in one file", "a file for each", code="P118")
-                    if event.tags or event.version not in (None, (1, 2)):
-                        message = "a directive is not read: every file is YAML 1.2"
-                        self._fault(mark, "", message, "leave out the line that begins with %", code="P116")
-                case yaml.AliasEvent():
-                    self._alias(event)
-                case yaml.ScalarEvent():
-                    self._scalar(event)
-                case yaml.SequenceStartEvent() | yaml.MappingStartEvent():
-                    self._start(event)
-                case yaml.SequenceEndEvent() | yaml.MappingEndEvent():
-                    self._end()
-                case _:
-                    pass
+    def _document(self, event: yaml.DocumentStartEvent) -> None:
+        mark = _mark(self._file, event.start_mark)
+        if self._root is not None:
+            self._stop(mark, "a second document in one file", "a file for each", code="P118")
+        if event.tags or event.version not in (None, (1, 2)):
+            message = "a directive is not read: every file is YAML 1.2"
+            self._fault(mark, "", message, "leave out the line that begins with %", code="P116")
 
     def _alias(self, event: yaml.AliasEvent) -> None:
         mark = _mark(self._file, event.start_mark)
@@ -311,15 +263,18 @@ class _Reader:
             self._fault(mark, where(self._loc()), message, "leave it out", code="P116")
 
     def _fault(self, mark: Mark, trail: str, message: str, hint: str = "", *, code: str) -> None:
+        self._add_fault(Diagnostic(mark, trail, message, hint, code))
+
+    def _add_fault(self, fault: Diagnostic) -> None:
         if len(self._faults) == MAX_FAULTS:
-            self._faults.append(too_many(mark))
+            self._faults.append(too_many(fault.mark))
         if len(self._faults) <= MAX_FAULTS:
-            self._faults.append(Diagnostic(mark, trail, message, hint, code))
+            self._faults.append(fault)
 
     def _stop(self, mark: Mark, message: str, hint: str = "", *, code: str) -> NoReturn:
         loc = self._loc()
         self._fault(mark, where(loc[:12]) + ("…" if len(loc) > 12 else ""), message, hint, code=code)
-        raise _Stop
+        raise FileError(self._faults)
 
 
 def _mark(file: str, mark: object) -> Mark:

@@ -1,73 +1,13 @@
-"""File access and libyaml's errors, in words for authors."""
+"""Errors of libyaml, in words for authors."""
 
 from __future__ import annotations
 
-import os
-import stat
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
-from typing import cast
 
 import yaml
 
-from ...errors import PicktreeError
-
-
-class Unreadable(PicktreeError):
-    """Why a file cannot be read, as a sentence without the file's name, and what would be right."""
-
-    def __init__(self, message: str, hint: str = "", *, large: bool = False) -> None:
-        super().__init__(message)
-        self.message, self.hint, self.large = message, hint, large
-
-
-def read_bytes(path: Path, most: int) -> bytes:
-    """The whole file. Raises Unreadable when it is absent, no regular file, or larger than `most` bytes."""
-    try:
-        # Without O_NONBLOCK, opening a pipe waits for its writer.
-        descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
-    except (OSError, ValueError) as error:
-        raise _refusal(error) from None
-    try:
-        mode = os.fstat(descriptor).st_mode
-        if not stat.S_ISREG(mode):
-            raise Unreadable(f"this is {_what(mode)}, not a file")
-        with open(descriptor, "rb", closefd=False) as file:
-            content = cast("bytes | None", file.read(most + 1))
-    except OSError as error:
-        raise _refusal(error) from None
-    finally:
-        os.close(descriptor)
-    if content is None or len(content) > most:  # None: an unwilling file of /proc
-        raise Unreadable(f"the file is larger than {most / 1e6:g} MB", large=True)
-    return content
-
-
-def _refusal(error: OSError | ValueError) -> Unreadable:
-    if isinstance(error, FileNotFoundError | NotADirectoryError):
-        return Unreadable("there is no such file")
-    if isinstance(error, ValueError):
-        return Unreadable("this is no path: it holds a null character")
-    reason = error.strerror or type(error).__name__
-    return Unreadable(f"the file cannot be read: {reason[:1].lower()}{reason[1:]}")
-
-
-def _what(mode: int) -> str:
-    if stat.S_ISDIR(mode):
-        return "a folder"
-    if stat.S_ISFIFO(mode):
-        return "a pipe"
-    return "a socket" if stat.S_ISSOCK(mode) else "a device"
-
-
-@dataclass(frozen=True, slots=True)
-class YamlProblem:
-    """A sentence, what would be right, and the place, None where the library names none."""
-
-    message: str
-    hint: str
-    mark: yaml.Mark | None
+from ..marks import Diagnostic, Mark
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,26 +61,33 @@ _PROBLEMS: Mapping[str, _Words] = {
 }
 
 
-def describe_yaml_error(error: yaml.MarkedYAMLError, text: str) -> YamlProblem:
-    """The complaint in our words; in the library's own where it is none of the known ones."""
-    said, context = str(error.problem or error.context or "unknown problem"), str(error.context or "")
+def yaml_fault(error: yaml.YAMLError, text: str, file: str) -> Diagnostic:
+    """Return a fault for an error of libyaml: in our words, in its own where none of ours fit."""
+    if not isinstance(error, yaml.MarkedYAMLError):
+        return Diagnostic(Mark(file, 1, 1), "", f"not valid YAML: {error}", code="P101")
+    problem, context = str(error.problem or error.context or "unknown problem"), str(error.context or "")
     at, start = error.problem_mark or error.context_mark, error.context_mark or error.problem_mark
-    words = _PROBLEMS.get(said)
-    character = text[at.index : at.index + 1] if at is not None else ""
-    if said == "found character that cannot start any token":
-        words = _NO_TAB if character == "\t" else _Words(f"a text cannot begin with {character}", "quote it")
-    elif said == "did not find expected node content":
-        words = _Words(f"a value is missing before {character!r}" if character else "a value is missing here")
-    elif said == "found unexpected end of stream" and "quoted scalar" in context:
-        words = _NEVER_CLOSED
-    elif said == "did not find expected key" and at is not None and _line(text, at.index).strip():
-        words = _Words("this does not belong to the value before it", "quote the whole text")
+    words = _words(problem, context, text, at)
     if words is None:
-        return YamlProblem(said, context if error.problem else "", at)
+        words = _Words(problem, context if error.problem else "")
     hint = words.hint.replace("{line}", str(start.line + 1)) if start is not None else words.hint
-    return YamlProblem(words.message, hint, start if words.at_start else at)
+    place = start if words.at_start else at
+    mark = Mark(file, 1, 1) if place is None else Mark(file, place.line + 1, place.column + 1)
+    return Diagnostic(mark, "", f"not valid YAML: {words.message}", hint, "P101")
 
 
-def _line(text: str, index: int) -> str:
-    """Return the part of the line before the character."""
-    return text[:index].rpartition("\n")[2]
+def _words(problem: str, context: str, text: str, at: yaml.Mark | None) -> _Words | None:
+    character = text[at.index : at.index + 1] if at is not None else ""
+    match problem:
+        case "found character that cannot start any token":
+            return (
+                _NO_TAB if character == "\t" else _Words(f"a text cannot begin with {character}", "quote it")
+            )
+        case "did not find expected node content":
+            return _Words(f"a value is missing {f'before {character!r}' if character else 'here'}")
+        case "found unexpected end of stream" if "quoted scalar" in context:
+            return _NEVER_CLOSED
+        case "did not find expected key" if at is not None and text[: at.index].rpartition("\n")[2].strip():
+            return _Words("this does not belong to the value before it", "quote the whole text")
+        case _:
+            return _PROBLEMS.get(problem)

@@ -14,12 +14,20 @@ from numpy.typing import NDArray
 from ...world.scene.description import Hole
 from ...world.shapes import Box, ConvexMesh, Cylinder, Shape, Sphere
 from ...world.values import Array, Pose, Vector3
-from .mesh_decimation import decimate
 
 Indices = NDArray[np.int64]
 
 WHITE = (0.93, 0.93, 0.94)
 
+_WELD_DISTANCE = 1e-6
+"""Distance below which two vertices are merged, m."""
+_MIN_AREA = 1e-14
+"""Length of a face's normal below which the face is dropped, m²."""
+_AGGRESSION = 2.5
+"""Exponent with which the bound of the error grows from pass to pass of a decimation.
+
+A higher one always reaches the number of faces, but finely curved links lose their shape.
+"""
 _LIBRARY = re.compile(rb"^mtllib (.*)", re.MULTILINE)
 
 
@@ -87,6 +95,42 @@ def _areas(corners: Array) -> Array:
     y = a[:, 2] * b[:, 0] - a[:, 0] * b[:, 2]
     z = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
     return np.stack([x, y, z], axis=1)
+
+
+def decimate(vertices: Array, faces: Indices, colours: Array, most: int) -> tuple[Array, Indices, Array]:
+    """Reduce a mesh to about `most` faces: vertices (n, 3), faces (m, 3) and the faces' colours (m, 3).
+
+    Open borders and borders between two colours stay. A mesh that would lose its shape keeps more faces.
+    Quadric error metrics (Garland & Heckbert 1997).
+    """
+    if len(faces) <= most:
+        return vertices, faces, colours
+    from fast_simplification import simplify  # slow to import
+
+    cells = np.round(vertices / _WELD_DISTANCE)
+    _, first, place = np.unique(cells, axis=0, return_index=True, return_inverse=True)
+    welded = first[place.ravel()][faces]
+    solid = np.linalg.norm(_areas(vertices[welded]), axis=1) > _MIN_AREA
+    welded, colours = welded[solid], colours[solid]
+    # Each colour has vertices of its own, so that its edge is a border.
+    _, colour = np.unique(colours, axis=0, return_inverse=True)
+    corners, index = np.unique(colour.reshape(-1, 1) * len(vertices) + welded, return_inverse=True)
+    index = index.reshape(-1, 3)
+    points = vertices[corners % len(vertices)]
+    size = np.linalg.norm(np.ptp(points, axis=0))
+    points, thinned, collapses = simplify(
+        points / size,
+        index.astype(np.int32),
+        target_count=min(most, len(index)),
+        agg=_AGGRESSION,
+        return_collapses=True,
+        preserve_border=True,
+    )
+    kept = np.arange(len(corners))
+    for stays, goes in collapses[::-1].tolist():
+        kept[goes] = kept[stays]
+    a, b, c = kept[index].T  # the faces that are left are those with three vertices, in their old order
+    return points * size, thinned.astype(np.int64), colours[(a != b) & (b != c) & (c != a)]
 
 
 def load_mesh(path: str, most: int) -> Mesh:

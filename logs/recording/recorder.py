@@ -18,10 +18,10 @@ from ...world.protocols import RgbdImage
 from ...world.scene.description import Bin, Fixture
 from ...world.values import GripperState, JointState, Pose, Wrench
 from ..schema import topics
+from ..schema.event_records import ImageEvent, event_record
 from ..schema.json_records import encode
 from ..schema.records import (
     Control,
-    Event,
     LinkMesh,
     LogLine,
     PartRecord,
@@ -49,8 +49,8 @@ SCENE_PERIOD = 1.0
 _WARNING_KINDS = frozenset({"recovery", "safety_stop", "fault"})
 """Kinds of event that are repeated as warnings on the topic of log lines, for people."""
 
-Listener: TypeAlias = Callable[[Topic, int, bytes], None]
-"""Receiver of messages: topic, simulated ns, payload."""
+Listener: TypeAlias = Callable[[Topic, int, bytes, bool], None]
+"""Receiver of messages: topic, simulated ns, payload, whether the message is part of the digest."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,14 +86,12 @@ class Recorder:
         wall: Callable[[], float] = time.monotonic,
         rotation: Rotation = NO_ROTATION,
         resumed: RecordingState | None = None,
-        tap: Callable[[str, int, bytes], None] | None = None,
         listener: Listener | None = None,
     ) -> None:
         """Open the log and write its metadata.
 
-        `resumed`: the run resumes from a checkpoint, and its digest continues. `tap` receives each message
-        that is part of the digest: topic, time in ns, payload. `listener` receives every message that is
-        written.
+        `resumed`: the run resumes from a checkpoint, and its digest continues. `listener` receives every
+        message after it is written.
         """
         self.path = path.absolute()
         self._file = LogFile(
@@ -101,7 +99,6 @@ class Recorder:
         )
         self._interrupts = Interrupts()
         self._resumed = resumed
-        self._tap = tap
         self._listener = listener
         self._preamble = False
         self._digest = Digest(bytes.fromhex(resumed.digest)) if resumed else Digest()
@@ -352,11 +349,11 @@ class Recorder:
                 self._write(topics.CANDIDATES, now, encode(journal_records.candidates_record(entry)))
             case ImageEntry(image, findings):
                 self.image(now, image)
-                self._event(now, Event("image", f"image from {image.camera}", "", {"findings": findings}))
-            case JournalEvent(kind, message, node, data):
-                self._event(now, Event(kind, message, node, data))
-                if kind in _WARNING_KINDS:
-                    self.log(now, "WARNING", message, node)
+                self._event(now, ImageEvent(f"image from {image.camera}", findings=findings))
+            case JournalEvent():
+                self._event(now, entry)
+                if entry.kind in _WARNING_KINDS:
+                    self.log(now, "WARNING", entry.message, entry.node)
 
     def image(self, now: float, image: RgbdImage) -> None:
         """Write colour, depth and calibration of a camera image."""
@@ -373,19 +370,17 @@ class Recorder:
         """Write a log line for people; `level` is DEBUG, INFO, WARNING, ERROR or FATAL."""
         self._write(topics.LOG, now, foxglove_messages.encode_log(_ns(now), LogLine(level, message, name)))
 
-    def _event(self, now: float, event: Event) -> None:
-        self._write(topics.EVENTS, now, encode(event))
+    def _event(self, now: float, event: JournalEvent) -> None:
+        self._write(topics.EVENTS, now, encode(event_record(event)))
 
     def _write(self, topic: Topic, now: float, data: bytes) -> None:
-        at = _ns(now)
+        at, in_digest = _ns(now), topic.simulated and not self._preamble
         with self._interrupts.held():
-            if topic.simulated and not self._preamble:
+            if in_digest:
                 self._digest.add(topic.name, at, data)
-                if self._tap is not None:
-                    self._tap(topic.name, at, data)
             self._file.message(topic, at, data)
         if self._listener is not None:
-            self._listener(topic, at, data)
+            self._listener(topic, at, data, in_digest)
 
 
 def _ns(seconds: float) -> int:

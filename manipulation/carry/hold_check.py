@@ -1,19 +1,23 @@
-"""Grip check: the opening tells a held object from an empty hand, the load on the wrist confirms it."""
+"""Grip check: the opening tells a held object from an empty hand, the load on the wrist confirms it.
+
+The release is its counterpart: the fingers open, and the load shows that the object is gone.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Generator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from ...world.belief.planning_scene import BeliefObject
 from ...world.causes import Failure, grasp
-from ...world.values import GRAVITY, ObjectId
+from ...world.values import GRAVITY, ObjectId, Pose
+from ..grasp.straight_lines import lift_off
 from ..place.dropped_objects import release_object
 
 if TYPE_CHECKING:
     from ...cell.world import World
-
+    from ...control.execution.trajectory_motion import Doing
+    from ...world.causes import Cause
 
 MAX_EMPTY_WIDTH = 0.002
 """Opening up to which the fingers hold nothing, m."""
@@ -49,14 +53,43 @@ class GripCheck:
         return f"opening {self.width * 1000:.1f} mm, load {round(self.load or 0.0, 2) + 0.0:.2f} N"
 
 
-def is_released(before: float, after: float) -> bool:
-    """Return whether the change of the load on the wrist, N, shows a release."""
-    return before - after >= MIN_RELEASED_SHARE * before
+def measure_grip(world: World) -> Doing[GripCheck]:
+    """Measure opening and load at rest."""
+    yield from world.control.settle()
+    return GripCheck(world.gripper.width, world.control.load())
 
 
-def check_held_object(
-    world: World, object_id: ObjectId
-) -> Generator[None, None, tuple[BeliefObject, GripCheck]]:
+def is_in_hand(world: World, object_id: ObjectId, node: str) -> Doing[bool]:
+    """Return whether the hand holds the object already. An object without load is lifted off first.
+
+    Raises grasp.no_candidate when the hand holds another object, and grasp.slipped when the believed object
+    is not felt.
+    """
+    held = world.scene.held
+    if held is None:
+        return False
+    if held.id != object_id:
+        raise Failure(
+            grasp.NO_CANDIDATE, f"the hand is not free: it holds {held.id}", object=object_id, held=held.id
+        )
+    hold = yield from measure_grip(world)
+    if not hold.empty and not hold.loaded:
+        # The object between the fingers may touch or be inside another body.
+        yield from lift_off(world, node)
+        hold = yield from measure_grip(world)
+    if hold.held:
+        return True
+    release_object(world.scene, "no longer felt in the hand")
+    raise Failure(
+        grasp.SLIPPED,
+        f"{object_id} was in the hand and is gone: opening {hold.width * 1000:.1f} mm",
+        object=object_id,
+        width=hold.width,
+        load=hold.load,
+    )
+
+
+def check_held_object(world: World, object_id: ObjectId) -> Doing[tuple[BeliefObject, GripCheck]]:
     """Measure the grip at rest, and return the held object with it.
 
     Raises Failure(grasp.slipped) when the hand holds another object, or none.
@@ -69,16 +102,13 @@ def check_held_object(
             object=object_id,
             held=held.id if held else None,
         )
-    yield from world.control.settle()
-    hold = GripCheck(world.gripper.width, world.control.load())
+    hold = yield from measure_grip(world)
     if not hold.held:
         yield from fail_as_slipped(world, object_id, hold, "was lost on the way")
     return held, hold
 
 
-def fail_as_slipped(
-    world: World, object_id: ObjectId, hold: GripCheck, what: str
-) -> Generator[None, None, None]:
+def fail_as_slipped(world: World, object_id: ObjectId, hold: GripCheck, what: str) -> Doing[None]:
     """Remove the object from the hand in the belief, open the fingers and raise Failure(grasp.slipped)."""
     release_object(world.scene, "no longer felt in the hand")
     world.control.wrist.carry(None)
@@ -86,3 +116,45 @@ def fail_as_slipped(
     raise Failure(
         grasp.SLIPPED, f"{object_id} {what} ({hold})", object=object_id, width=hold.width, load=hold.load
     )
+
+
+def release_held_object(
+    world: World, held: BeliefObject, resting: Pose, place: str, reason: str
+) -> Doing[None]:
+    """Open the fingers around the held object, and believe it at `resting` in the world, in `place`.
+
+    A halt does the same: the fingers go on opening.
+    """
+    try:
+        yield from world.gripper.release(world.handling.release)
+    except GeneratorExit:
+        world.scene.detach(held.id, resting, place, "let go")
+        raise
+    world.control.wrist.carry(None)
+    world.scene.detach(held.id, resting, place, reason)
+
+
+def is_released(before: float, after: float) -> bool:
+    """Return whether the change of the load on the wrist, N, shows a release."""
+    return before - after >= MIN_RELEASED_SHARE * before
+
+
+def confirm_release(
+    world: World, held: BeliefObject, before: float, missed: Cause, **where: str
+) -> Doing[None]:
+    """Check at rest that the load of the hanging object, `before` N, is gone from the hand.
+
+    Raises `missed` when it is not, with the evidence `where`; the belief is then as before the release.
+    """
+    yield from world.control.settle()
+    after = world.control.load()
+    if not is_released(before, after):
+        world.scene.put(held, "still felt in the open hand")
+        raise Failure(
+            missed,
+            f"{held.id} still hangs on the open fingers (load {before:.2f} N, then {after:.2f} N)",
+            object=held.id,
+            **where,
+            load_before=before,
+            load_after=after,
+        )

@@ -22,7 +22,7 @@ from ...control.wrist.slip_detection import (
     wrist_sample,
 )
 from ...world.causes import Failure, grasp
-from ...world.journal import JournalEvent
+from ...world.events.skill_events import SlipEvent
 from ...world.scene.description import CatalogueEntry
 from ...world.values import GRAVITY, Array, Pose
 from ..grasp.grip_force import MAX_TRANSFER_ACCELERATION, SLIP_GRIP_FACTOR, GripForce, required_force
@@ -89,11 +89,13 @@ def tighten_grip(world: World, felt: float, payload: Payload) -> bool:
     if world.gripper.force <= before + 1e-9:
         return False
     world.journal.note(
-        JournalEvent(
-            "slip",
+        SlipEvent(
             f"it slips: the fingers press with {world.gripper.force:.0f} N instead of {before:.0f} N "
             f"({felt * 1000:.0f} g of {payload} are felt)",
-            data={"force": world.gripper.force, "before": before, "felt": felt, "mass": payload.mass},
+            force=world.gripper.force,
+            before=before,
+            felt=felt,
+            mass=payload.mass,
         )
     )
     return True
@@ -187,8 +189,8 @@ class GripMonitor:
     """Grip monitor of a motion that carries an object: each tick checks the opening and the load on the
     wrist.
 
-    A slipping object is gripped more firmly. When it is gone, `doubt` is the failure that brakes the arm.
-    Only a measurement at rest shows whether something is still held.
+    A slipping object is gripped more firmly. When it is gone, the failure grasp.slipped brakes the arm. Only
+    a measurement at rest shows whether something is still held.
     """
 
     def __init__(self, world: World, above: float = -1e9) -> None:
@@ -196,7 +198,6 @@ class GripMonitor:
         self._grip = world.gripper
         self._width = world.gripper.width
         self._slip = SlipWatch(world, above)
-        self.doubt: Failure | None = None
 
     @property
     def felt(self) -> MassEstimate | None:
@@ -207,18 +208,15 @@ class GripMonitor:
         """Return the failure that stops the arm. None: there is none. For `ArmMotion.along` and `finish`."""
         width = self._grip.width
         if width <= MAX_EMPTY_WIDTH or abs(width - self._width) > MAX_OPENING_CHANGE:
-            return self.stop("the fingers move")
-        return self.stop("less is felt than was taken up") if self._slip.watch() else None
-
-    def stop(self, why: str) -> Failure:
-        self.doubt = Failure(grasp.SLIPPED, why)
-        return self.doubt
+            return Failure(grasp.SLIPPED, "the fingers move")
+        return Failure(grasp.SLIPPED, "less is felt than was taken up") if self._slip.watch() else None
 
 
 class LiftWeighing:
     """Monitor of a lift, for each tick: grip monitor and weighing.
 
-    `watch` brakes the arm when the fingers move, or when the load leaves doubt at the end of the lift.
+    `watch` brakes the arm with grasp.slipped when the fingers move, or when the load leaves doubt at the end
+    of the lift.
     """
 
     def __init__(self, world: World, lifted: float) -> None:
@@ -232,11 +230,6 @@ class LiftWeighing:
         self.hold: GripCheck | None = None
         """Grip check of the lift. None: not finished, or in doubt."""
 
-    @property
-    def doubt(self) -> Failure | None:
-        """Failure that stopped the arm, see `GripMonitor`."""
-        return self._kept.doubt
-
     def watch(self) -> Failure | None:
         """Add this tick, and return the failure that stops the arm. None: the arm goes on."""
         moved = self._kept.watch()
@@ -248,7 +241,7 @@ class LiftWeighing:
             return None
         load, lately = self.load(MAX_WEIGHING_TICKS), self.load(MIN_WEIGHING_TICKS)
         if load is None or lately is None or min(load, lately) < CERTAIN_LOAD:
-            return self._kept.stop("what hangs on the hand has to be felt at rest")
+            return Failure(grasp.SLIPPED, "what hangs on the hand has to be felt at rest")
         self.hold = GripCheck(self._world.gripper.width, load)
         return None
 

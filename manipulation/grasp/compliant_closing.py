@@ -1,4 +1,4 @@
-"""Compliant closing of the fingers until both touch, and search for the object after a failed grasp.
+"""Compliant closing of the fingers until both touch.
 
 The fingers of a parallel gripper move together. Where the hand is off the middle of an object, one of them
 touches first. It pushes a light object along, which does no harm. A heavy one pushes back: the wrist measures
@@ -7,7 +7,6 @@ it, and the arm becomes soft across the fingers until they are centred.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Generator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -16,54 +15,13 @@ import numpy as np
 
 from ...control.cartesian.compliant_motion import CartesianStiffness, CompliantMotion, ContactState
 from ...control.wrist.contact_detection import ContactDetector
-from ...world.causes import Failure, grasp
-from ...world.journal import JournalEvent
-from ...world.values import Array, ObjectId, Vector3
+from ...world.events.skill_events import CentredEvent
+from ...world.values import Array
 from .grip_force import GripForce
 
 if TYPE_CHECKING:
     from ...cell.world import World
     from ...control.execution.gripper_motion import GripperControl
-
-
-MAX_LOST_DISTANCE = 0.03
-"""Distance from the place of the grasp within which a lost object is grasped again, m."""
-
-
-def relocate_object(
-    world: World, object_id: ObjectId, node: str, failure: Failure, gripped: Vector3 | None
-) -> Generator[None, None, bool]:
-    """Look for the object from the present pose, and return whether it can be grasped again at once.
-
-    This costs no motion; cameras on the hand come first. They may see an object that the hand hides from the
-    others. An object that slipped near `gripped`, the place of the grasp in the world, counts as found there.
-    None: no such place is known.
-    """
-    yield from world.control.settle()
-    cameras = sorted(world.description.cameras, key=lambda camera: camera.on != "hand")
-    for camera in cameras:
-        summary = yield from world.vision.look(camera.name)
-        if object_id in summary.seen:
-            _note(world, object_id, node, failure, f"seen by {camera.name}")
-            return True
-    believed = next((o for o in world.scene.objects if o.id == object_id), None)
-    if failure.cause is not grasp.SLIPPED or gripped is None or believed is None:
-        return False
-    if math.dist(believed.pose.position[:2], gripped[:2]) > MAX_LOST_DISTANCE:
-        return False
-    _note(world, object_id, node, failure, "it was lost where it was gripped")
-    return True
-
-
-def _note(world: World, object_id: ObjectId, node: str, failure: Failure, where: str) -> None:
-    world.journal.note(
-        JournalEvent(
-            "regrasp",
-            f"{object_id} is grasped once more ({where}): {failure.message}",
-            node,
-            {"object": object_id, "where": where},
-        )
-    )
 
 
 ONE_FINGER_FORCE = 2.5
@@ -163,11 +121,12 @@ def close(world: World, pressure: GripForce, node: str) -> Generator[None, None,
     closed = ClosingResult(grip.width, way, float(axis @ left))
     if gave:
         world.journal.note(
-            JournalEvent(
-                "centred",
+            CentredEvent(
                 f"the hand gave way by {abs(way) * 1000:.1f} mm until both fingers touched",
                 node,
-                {"way": way, "aside": closed.aside, "width": closed.width},
+                way=way,
+                aside=closed.aside,
+                width=closed.width,
             )
         )
     return closed

@@ -27,30 +27,28 @@ MAX_HEAP_GROWTH = 0.01
 """Growth of the heap that is allowed at the place of the release, m."""
 
 
-class TargetWatch:
-    """Monitor of an approach, for each tick: whether the object is where it was.
+class TargetMoved(Failure):
+    """Failure of an approach whose object has moved (world.disturbed) or is gone (world.unknown_object)."""
 
-    It reports world.disturbed for a move, and the caller looks for other candidates. world.unknown_object:
-    the object is gone.
-    """
+
+class TargetWatch:
+    """Monitor of an approach, for each tick: whether the object is where it was."""
 
     def __init__(self, world: World, target: BeliefObject) -> None:
         self._scene, self._target = world.scene, target
         self._version = world.scene.version
-        self.noticed: Failure | None = None
-        """Failure that stopped the arm. None: there was none."""
 
     def __call__(self) -> Failure | None:
         """Return the failure that stops the arm. None: the arm goes on."""
-        if self._scene.version != self._version:
-            self._version = self._scene.version
-            self.noticed = self._judged()
-        return self.noticed
+        if self._scene.version == self._version:
+            return None
+        self._version = self._scene.version
+        return self._judged()
 
     def _judged(self) -> Failure | None:
         target, now = self._target, self._scene.find(self._target.id)
         if now is None:
-            return Failure(
+            return TargetMoved(
                 world_causes.UNKNOWN_OBJECT,
                 f"{target.id} is gone: its place was seen empty while the arm was on the way",
                 object=target.id,
@@ -58,7 +56,7 @@ class TargetWatch:
         off, turn = displacement(target, now)
         if now.confidence < MIN_CONFIDENCE_SHARE * target.confidence or (off, turn) == (0.0, 0.0):
             return None
-        return Failure(
+        return TargetMoved(
             world_causes.DISTURBED,
             f"{target.id} is seen {off * 1000:.0f} mm and {math.degrees(turn):.0f}° from where it was when "
             "the arm set out",
@@ -92,15 +90,13 @@ class PlaceWatch:
         self._world, self._landing = world, landing
         self._held, self._in_tcp = held.id, held.object_in_tcp
         self._looks = world.vision.looks
-        self.noticed: Failure | None = None
-        """Failure that stopped the arm. None: there was none."""
 
     def __call__(self) -> Failure | None:
         """Return the failure that stops the arm. None: the arm goes on."""
-        if self._world.vision.looks != self._looks:
-            self._looks = self._world.vision.looks
-            self.noticed = self.judged()
-        return self.noticed
+        if self._world.vision.looks == self._looks:
+            return None
+        self._looks = self._world.vision.looks
+        return self.judged()
 
     def judged(self) -> Failure | None:
         """Return why the object cannot be released there, by the believed contents of the bin. None: it
@@ -130,15 +126,13 @@ class PutDownWatch:
     def __init__(self, world: World, held: BeliefObject, pose: Pose) -> None:
         self._world, self._held, self._pose = world, held, pose
         self._version = world.scene.version
-        self.noticed: Failure | None = None
-        """Failure that stopped the arm. None: there was none."""
 
     def __call__(self) -> Failure | None:
         """Return the failure that stops the arm. None: the arm goes on."""
-        if self._world.scene.version != self._version:
-            self._version = self._world.scene.version
-            self.noticed = self._judged()
-        return self.noticed
+        if self._world.scene.version == self._version:
+            return None
+        self._version = self._world.scene.version
+        return self._judged()
 
     def _judged(self) -> Failure | None:
         by = blocked(self._world.queries, self._held, self._pose)

@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator
+from collections.abc import Callable
 from typing import TYPE_CHECKING, TypeVar
 
 from ...planning.requests import MotionPlan
 from ...world.causes import Cause, Failure, planning
-from ...world.journal import JournalEvent
+from ...world.events.skill_events import ReplannedEvent
 from ..retreat.clearing import escape_contact
 
 if TYPE_CHECKING:
     from ...cell.world import World
-    from ...control.execution.trajectory_motion import Watch
+    from ...control.execution.trajectory_motion import Doing, Watch
 
 T = TypeVar("T")
-Doing = Generator[None, None, T]
 
 MAX_REPLANS = 4
 """Maximum number of replans of one skill before it fails."""
@@ -40,18 +39,15 @@ class ReplanBudget:
             return False
         self.made += 1
         self._world.journal.note(
-            JournalEvent(
-                "replanned",
+            ReplannedEvent(
                 f"stopped and planned anew: {failure.message}",
                 self._node,
-                {
-                    "object": self._subject,
-                    "cause": failure.cause.name,
-                    "why": failure.message,
-                    "by": [*_obstacle_names(failure)],
-                    "time": self.made,
-                    "most": self._most,
-                },
+                object=self._subject,
+                cause=failure.cause.name,
+                why=failure.message,
+                by=tuple(_obstacle_names(failure)),
+                time=self.made,
+                most=self._most,
             )
         )
         return True
@@ -86,7 +82,7 @@ def follow_with_replanning(
         return plan
 
 
-def plan_after_stop(world: World, ask: Callable[[], Doing[T]], node: str, *, after: int) -> Doing[T]:
+def plan_after_stop(world: World, ask: Callable[[], Doing[T]], node: str, *, after: int = 1) -> Doing[T]:
     """Return the plan from where the arm stands. `after`: number of stops before.
 
     After a stop, an arm that is believed to touch something moves out of contact first.
@@ -96,7 +92,7 @@ def plan_after_stop(world: World, ask: Callable[[], Doing[T]], node: str, *, aft
     except Failure as failure:
         if not after or failure.cause is not planning.START_IN_COLLISION:
             raise
-    yield from escape_contact(world, world.handling.slowly, node)
+    yield from escape_contact(world, node)
     return (yield from ask())
 
 

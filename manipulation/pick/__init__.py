@@ -1,1 +1,1 @@
-"""Pick-and-place candidates in a ranked stream, their requests, and visual servoing of the grasp."""
+"""Picks and places: ranked candidates, approach, lift, transfer, release, visual servoing of the grasp."""

@@ -1,19 +1,27 @@
-"""Motion requests of a pick and place: approach, descent, transfer, lowering."""
+"""Motion requests of a pick and place: approach, descent, transfer, lowering; and transfers planned ahead."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from ...planning.requests import HeldObject, JointGoal, LineGoal, OffsetGoal, PoseGoal, Request
+import numpy as np
+
+from ...planning.requests import HeldObject, JointGoal, LineGoal, MotionPlan, OffsetGoal, PoseGoal, Request
+from ...world.causes import Failure
 from ...world.values import Array, ObjectId, Pose
 from ..grasp.grasp_candidates import GraspCandidate
 from ..grasp.straight_lines import NEIGHBOUR_DISTANCE
+from .pick_candidates import PickPlaceCandidate
 
 if TYPE_CHECKING:
     from ...cell.world import World
+    from ...control.execution.trajectory_motion import Doing
+    from ...planning.service.lookahead_planning import LookaheadResult
 
 MIN_LIFT_SHARE = 0.3
 """Share of the straight way up or down that must be free. The rest is skipped."""
+MAX_START_ERROR = 0.005
+"""Start error above which a plan belongs to another configuration, rad in any joint."""
 
 
 def approach(
@@ -74,3 +82,46 @@ def lower_request(
     """Return the request straight down with a held object, where no contact is expected."""
     down = OffsetGoal((0.0, 0.0, -drop), least_fraction=MIN_LIFT_SHARE)
     return Request(down, width=width, holding=holding, scaling=world.handling.slowly)
+
+
+def plan_transfer_ahead(
+    world: World, candidate: PickPlaceCandidate, speed: float, node: str
+) -> LookaheadResult[MotionPlan] | None:
+    """Plan the transfer of a candidate ahead, from the configuration of its grasp.
+
+    None: it has no place, or it is flat, so that its grasp height is known only after contact.
+    """
+    if candidate.above is None or candidate.landing is None or candidate.grasp.flat:
+        return None
+    holding = HeldObject(candidate.object, candidate.object_in_tcp)
+    width, drop = candidate.grasp.expected_width, candidate.landing.drop
+    legs = transfer_requests(world, holding, candidate.at, width, candidate.above, drop, speed)
+    return world.plan.ahead(world.plan.through(legs, node=node))
+
+
+def plan_transfer_from_here(
+    world: World, candidate: PickPlaceCandidate, object_in_tcp: Pose, speed: float, node: str
+) -> LookaheadResult[MotionPlan]:
+    """Plan the transfer of a candidate with a place ahead, from the present configuration."""
+    assert candidate.landing is not None
+    holding = HeldObject(candidate.object, object_in_tcp)
+    tcp = world.control.tcp
+    # The object is held higher or lower than planned; it must land at the planned place.
+    moved = candidate.grasp.tcp_in_world.position[2] - tcp.position[2]
+    above = candidate.landing.above.shifted((0.0, 0.0, -moved))
+    start = world.control.held_position
+    width, drop = candidate.grasp.expected_width, candidate.landing.drop
+    legs = transfer_requests(world, holding, start, width, (above,), drop, speed)
+    return world.plan.ahead(world.plan.through(legs, node=node))
+
+
+def take_transfer(world: World, transfer: LookaheadResult[MotionPlan]) -> Doing[MotionPlan | None]:
+    """Return a transfer that was planned ahead. None: it is refused, or starts at another configuration."""
+    try:
+        plan = yield from world.plan.take(transfer)
+    except Failure:
+        return None
+    if plan is None:
+        return None
+    off = float(np.abs(plan.trajectory.start - world.control.held_position).max())
+    return plan if off < MAX_START_ERROR else None

@@ -4,9 +4,9 @@ it."""
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Generator, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -25,10 +25,8 @@ from .stroke_planning import PushStroke
 
 if TYPE_CHECKING:
     from ...cell.world import World
+    from ...control.execution.trajectory_motion import Doing
     from ...planning.service.solver import RequestSolver
-
-T = TypeVar("T")
-Doing = Generator[None, None, T]
 
 PUSH_STIFFNESS = CartesianStiffness(linear=1500.0, angular=60.0)
 SUPPORT_EDGE_MARGIN = 0.015

@@ -8,9 +8,8 @@ something else has happened.
 from __future__ import annotations
 
 import math
-from collections.abc import Generator
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -21,10 +20,9 @@ from .stroke_planning import PushStroke
 
 if TYPE_CHECKING:
     from ...cell.world import World
+    from ...control.execution.trajectory_motion import Doing
+    from .push_stroke import PushResult
 
-
-T = TypeVar("T")
-Doing = Generator[None, None, T]
 
 SHARED_PICTURE_ERROR = 3e-4
 """Systematic error that pictures of the same object share, m."""
@@ -139,3 +137,13 @@ def fuse_estimates(touch: PlanarEstimate, sight: PlanarEstimate, turn: float) ->
         (covariance + covariance.T) / 2,
         math.sqrt(1.0 / (1.0 / touch.turned**2 + 1.0 / sight.turned**2)),
     )
+
+
+def estimate_after_stroke(
+    before: PlanarEstimate, after: BeliefObject, stroke: PushStroke, pushed: PushResult
+) -> PlanarEstimate:
+    """Return the estimate from what was felt during a stroke and what is seen after it."""
+    shape, sight = outline(after.shape, after.pose), estimate_from_camera(planar(after.shape, after.pose))
+    if pushed.blocked or pushed.lost or not pushed.in_contact or stroke.side.rolls:
+        return sight
+    return fuse_estimates(estimate_from_contact(before, stroke, pushed.ends, shape), sight, shape.turn)

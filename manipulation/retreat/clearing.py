@@ -2,25 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator
-from typing import TYPE_CHECKING, TypeAlias, TypeVar
+from collections.abc import Callable
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
 from ...control.joints.soft_contact import ContactThresholds, JointImpedanceResult
 from ...planning.requests import DIRECTIONS, ContactPair, Direction, Scaling
 from ...world.causes import Failure
-from ...world.journal import JournalEvent
+from ...world.events.skill_events import GaveWayEvent, SafetyAcknowledgedEvent
 from ...world.values import GRAVITY, Array, Vector3
 
 if TYPE_CHECKING:
     from ...cell.world import World
+    from ...control.execution.trajectory_motion import Doing
     from ...planning.search.penetration_escape import EscapePath
     from ...world.trajectory import Trajectory
 
 
 T = TypeVar("T")
-Doing: TypeAlias = Generator[None, None, T]
 
 ESCAPE_SPEED = 0.05
 """Speed limit of the fastest point of arm and tool on an escape path, m/s."""
@@ -260,7 +260,7 @@ class RetreatMotion:
         if not world.control.monitor.acknowledge(self._node):
             raise Failure(stop.cause, stop.message, **stop.evidence)
         message = f"{stop.cause}: {stop.message}, on the way out"
-        world.journal.note(JournalEvent("safety_acknowledged", message, self._node))
+        world.journal.note(SafetyAcknowledgedEvent(message, self._node))
         return otherwise
 
     def _felt(self, result: JointImpedanceResult) -> None:
@@ -269,7 +269,7 @@ class RetreatMotion:
             self.felt = result.push
 
     def _note(self, message: str, left: float) -> None:
-        self._world.journal.note(JournalEvent("gave_way", message, self._node, {"left": round(left, 2)}))
+        self._world.journal.note(GaveWayEvent(message, self._node, left=round(left, 2)))
 
 
 def held_mass(world: World) -> float:
@@ -287,13 +287,11 @@ def _sizes(result: JointImpedanceResult) -> str:
     return f"{result.torque:.1f} Nm at the joints, {result.force:.0f} N at the wrist"
 
 
-def escape_contact(world: World, scaling: Scaling, node: str) -> Generator[None, None, None]:
+def escape_contact(world: World, node: str) -> Doing[None]:
     """Move the arm out of believed contacts, slowly and with decreasing depths, and up from nearby obstacles.
 
-    Without an escape path nothing happens; the next plan then fails with the reason. `scaling` has no effect:
-    escape paths are slow.
+    Without an escape path nothing happens; the next plan then fails with the reason.
     """
-    del scaling
     leaving = RetreatMotion(world, node)
     yield from leaving.relax()
     if (yield from leaving.out()):

@@ -8,10 +8,11 @@ import numpy as np
 
 from ...planning.requests import NamedGoal, Scaling
 from ...world.causes import Failure, planning
-from .clearing import FREE_PATH_THRESHOLDS, REDUCED_SPEED, WARY_SPEED, Doing, RetreatMotion
+from .clearing import FREE_PATH_THRESHOLDS, REDUCED_SPEED, WARY_SPEED, RetreatMotion
 
 if TYPE_CHECKING:
     from ...cell.world import World
+    from ...control.execution.trajectory_motion import Doing
 
 MAX_HOMING_ATTEMPTS = 4
 """Maximum number of attempts to plan and follow a path home."""

@@ -17,7 +17,7 @@ from ..collision.start_tolerance import StartTolerance
 from ..collision.trajectory_check import is_trajectory_free
 from ..failures import planning_failures
 from ..path_constraints import PathConstraints
-from ..requests import LineGoal, MotionPlan, OffsetGoal, Request
+from ..requests import LegFailure, LineGoal, MotionPlan, OffsetGoal, Request
 from ..search.joint_planner import CORNER_RADII
 from ..timing.path_curves import (
     JointCurve,
@@ -74,7 +74,9 @@ class MotionChain:
             try:
                 plans.append(self._solver.solve(request, seed))
             except Failure as failure:
-                raise _leg_failure(failure, k, leg, len(legs)) from None
+                where = f"motion {k + 1} of {len(legs)} ({planning_failures.describe_goal(leg.target)})"
+                message = f"{where}: {failure.message}"
+                raise LegFailure(failure.cause, message, k, failure.evidence) from None
             requests.append(replace(request, start=plans[-1].path[0]))
         return self._as_one(requests, plans)
 
@@ -224,11 +226,6 @@ def slice_trajectory(trajectory: Trajectory, begin: float, end: float) -> Trajec
         trajectory.velocity[part],
         trajectory.acceleration[part],
     )
-
-
-def _leg_failure(failure: Failure, index: int, leg: Request, count: int) -> Failure:
-    where = f"motion {index + 1} of {count} ({planning_failures.describe_goal(leg.target)})"
-    return Failure(failure.cause, f"{where}: {failure.message}", **{**failure.evidence, "leg": index})
 
 
 def _leg_end_times(indices: Sequence[int], passed: Sequence[float], count: int) -> list[float]:

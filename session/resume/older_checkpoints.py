@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import replace
-from typing import cast
 
 from ...logs.mcap.reader import RawMessage
 from ...logs.recording.digest import Digest
@@ -13,7 +12,7 @@ from ...logs.run_log import RunLog
 from ...logs.run_record import RunRecord
 from ...logs.schema import topics
 from ...logs.visits import with_transitions
-from ...world.journal import JournalEvent, Plain
+from ...world.journal import JournalEvent
 from ..checkpoints import RunState
 from ..run_tally import RunCounters
 
@@ -54,9 +53,7 @@ def tally_of(run: RunRecord, time: float) -> RunCounters:
     coming = list(run.trees)
     events: dict[float, list[JournalEvent]] = {}
     for at in run.events:
-        event = at.record
-        data = cast("Mapping[str, Plain]", event.data)
-        events.setdefault(at.time, []).append(JournalEvent(event.kind, event.message, event.node, data))
+        events.setdefault(at.time, []).append(at.record)
     ticks = run.log.ticks(end=time)
     for at in ticks if run.log.format >= 2 else with_transitions(ticks):
         while coming and coming[0].time <= at.time:

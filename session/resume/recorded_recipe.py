@@ -14,9 +14,9 @@ from ...logs.run_record import RunRecord
 from ...logs.schema.records import ResumedFrom
 from ...simulation.backends import Backend
 from ...trees.mission import Mission
+from ...world.events.run_events import MissionEditedEvent, OperatorAnswerEvent
 from ..checkpoints import RunState
-from ..mission_edits import ReloadMessage
-from ..observer import Operator, RecordedAnswers
+from ..observer import Interrupter, RecordedAnswers, ReloadMessage
 from ..recipe import DEFAULT_TIME_LIMIT, Recipe, StartCheckpoint
 from ..session_recording import START_ATTACHMENT
 from .older_checkpoints import complete_state
@@ -39,7 +39,7 @@ class RecordedRun:
         self._folder = tempfile.TemporaryDirectory(prefix="picktree-")
         self._unpacking = Unpacking(run.log, Path(self._folder.name))
         self._edits = [
-            (at.time, str(at.record.data["files"])) for at in run.events if at.record.kind == "mission_edited"
+            (at.time, at.record.files) for at in run.events if isinstance(at.record, MissionEditedEvent)
         ]
 
     def close(self) -> None:
@@ -82,15 +82,14 @@ class RecordedRun:
         later = [(time, files) for time, files in self._edits if time > since + _TIME_TOLERANCE]
         return RecordedEdits(self._unpacking, later)
 
-    def answers(self, since: float = -1.0, after: Operator | None = None) -> Operator:
-        """Return an operator with the answers that were given later than `since`, simulated s; then `after`
-        answers."""
+    def answers(self, since: float = -1.0) -> RecordedAnswers:
+        """Return an operator with the answers that were given later than `since`, simulated s."""
         given = [
-            (at.record.node, str(at.record.data["answer"]))
+            (at.record.node, at.record.answer)
             for at in self.run.events
-            if at.record.kind == "operator_answer" and at.time > since + _TIME_TOLERANCE
+            if isinstance(at.record, OperatorAnswerEvent) and at.time > since + _TIME_TOLERANCE
         ]
-        return RecordedAnswers(given, after)
+        return RecordedAnswers(given)
 
     def checkpoints(self) -> tuple[str, ...]:
         """Return the names of the log's checkpoints in order of time."""
@@ -131,11 +130,10 @@ class RecordedRun:
         return result.sim_seconds if result is not None and result.status == "timeout" else DEFAULT_TIME_LIMIT
 
 
-class RecordedEdits:
+class RecordedEdits(Interrupter):
     """Versions of a mission that were taken over during a run, each at its time."""
 
     def __init__(self, unpacking: Unpacking, edits: list[tuple[float, str]]) -> None:
-        self.pending: Mission | None = None
         self._unpacking = unpacking
         self._edits = edits
 

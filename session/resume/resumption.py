@@ -3,35 +3,32 @@ simulation."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Final, cast
+from typing import Any, Final
 
 from pydantic import TypeAdapter, ValidationError
 
 from ...errors import PicktreeError
 from ...logs.recording.digest import Digest
-from ...logs.recording.recorder import Listener, RecordingState
+from ...logs.recording.recorder import RecordingState
 from ...logs.recording.rotation import NO_ROTATION, Rotation
 from ...logs.recording.true_state import WHOLE_STATE_PERIOD, fold_states, read_state
 from ...logs.run_record import RunRecord
 from ...logs.schema import topics
 from ...logs.schema.arithmetic_record import arithmetic_difference
 from ...logs.schema.records import ResumedFrom
-from ...simulation.backends import build_hardware
-from ...simulation.faults.injector import FaultInjector, FaultState
+from ...simulation.faults.injector import FaultState
 from ...simulation.standing_state import snapshot_at_rest
-from ...trees.running.builder import build
-from ...trees.running.debugger import Debugger
-from ...world.journal import JournalEvent, Plain
+from ...world.journal import JournalEvent
 from ..arithmetic_probe import arithmetic
-from ..assembly import assemble_world
-from ..checkpoints import RunState, take_checkpoint
-from ..observer import Operator, PresetAnswers, SessionWatcher
-from ..recipe import Recipe, StartCheckpoint
+from ..checkpoints import RunState
+from ..execution import Execution
+from ..observer import Observer, PresetAnswers
+from ..recipe import Recipe, Recording, StartCheckpoint
 from ..run_tally import RunCounters, RunCountersState
 from ..session import Session
 from ..session_recording import START_ATTACHMENT
@@ -136,13 +133,7 @@ def _control(
 
 def _beginning(recipe: Recipe) -> RunState:
     """Return the state of a robot that has not seen or done anything yet."""
-    hardware = build_hardware(recipe.backend, recipe.scene, recipe.robot, recipe.seed)
-    world = assemble_world(hardware, recipe.scene, recipe.robot, recipe.seed, verify=recipe.verify)
-    tree = build(recipe.mission, world, recipe.parameters)
-    empty = RecordingState(_NEVER_WRITTEN, _NEVER_WRITTEN, (), (), Digest().hex)
-    return take_checkpoint(
-        world, tree, hardware, FaultInjector(recipe.faults, hardware), RunCounters(), empty
-    )
+    return Execution(recipe).checkpoint(RecordingState(_NEVER_WRITTEN, _NEVER_WRITTEN, (), (), Digest().hex))
 
 
 def _tally(run: RunRecord, known: RunState, since: float, until: float) -> RunCountersState:
@@ -158,9 +149,7 @@ def _tally(run: RunRecord, known: RunState, since: float, until: float) -> RunCo
     events: dict[float, list[JournalEvent]] = {}
     for at in run.events:
         if since < at.time <= until + 1e-9:
-            event = at.record
-            data = cast("Mapping[str, Plain]", event.data)
-            events.setdefault(at.time, []).append(JournalEvent(event.kind, event.message, event.node, data))
+            events.setdefault(at.time, []).append(at.record)
     for at in run.log.ticks(since + 1e-6 if since >= 0.0 else None, until):
         leaves = frozenset(node.path for node in run.tree_at(at.time).nodes if not node.children)
         tick = at.record
@@ -229,25 +218,16 @@ class Resumption:
     ) -> None:
         self._open.close()
 
-    def session(
-        self,
-        watcher: SessionWatcher | None = None,
-        debugger: Debugger | None = None,
-        *,
-        listener: Listener | None = None,
-        operator: Operator | None = None,
-    ) -> Session:
-        """Return the session that resumes the run. `operator` answers the questions that have no recorded
-        answer."""
+    def session(self, observers: Sequence[Observer] = ()) -> Session:
+        """Return the session that resumes the run.
+
+        The interrupters among the observers answer the questions that have no recorded answer.
+        """
+        recorded = (self.recorded.edits(self._knows), self.recorded.answers(self.since))
         return Session(
             self.recipe,
-            watcher,
-            debugger,
-            out=self.request.out,
-            revisions=self.recorded.edits(self._knows),
-            listener=listener,
-            operator=self.recorded.answers(self.since, PresetAnswers(self.request.answers, operator)),
-            rotation=self.request.rotation,
+            record=Recording(self.request.out, self.request.rotation),
+            observers=(*recorded, PresetAnswers(self.request.answers), *observers),
         )
 
     @property

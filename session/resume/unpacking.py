@@ -194,7 +194,7 @@ def _inside(name: str) -> str:
 
 
 def _data(text: str, path: Path, kind: str) -> dict[str, Any]:
-    return cast("dict[str, Any]", read_document(text, path, kind).data)
+    return cast("dict[str, Any]", read_document(path, kind, text).data)
 
 
 def _entries(catalogue: object) -> list[tuple[str, dict[str, Any]]]:

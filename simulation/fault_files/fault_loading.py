@@ -7,9 +7,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ...errors import PicktreeError
-from ...files.models.validation import DocumentChecker, describe
-from ...files.value_wording import suggest_name
-from ...files.yaml.document import Diagnostic, Document, FileError, Location, open_document, read_document
+from ...files.marks import CheckedFile, FileError, Location
+from ...files.value_wording import describe, suggest_name
+from ...files.yaml.document import Document, read_document
+from ...files.yaml.document_checker import DocumentChecker
 from ...robots.description import RobotDescription
 from ...robots.loading import load_robot
 from ...world.causes import all_causes
@@ -133,33 +134,25 @@ def check_expected(check: DocumentChecker, expect: ExpectFile) -> None:
                 check.fault(("expect", "causes", n), message, suggest_name(pattern, named), code="P610")
 
 
-@dataclass(frozen=True, slots=True)
-class FaultsCheck:
-    """Result of checking a fault file: its content, None when there are errors, and all diagnostics."""
-
-    file: FaultFile | None
-    faults: tuple[Diagnostic, ...]
-    """Diagnostics of the file and of the scene that it names, with their own places."""
-
-
 def load_faults(
     path: Path, scene: SceneDescription | None = None, robot: RobotDescription | None = None
 ) -> FaultFile:
     """Load a fault file. `scene` and `robot`, where given, must have the cameras, joints and kinds that the
     file names. Raises FileError with all diagnostics of the file."""
-    return _faultless(open_document(path, "faults"), _place(scene, robot))
+    return check_faults(read_document(path, "faults"), _place(scene, robot)).required()
 
 
 def parse_faults(text: str, path: Path) -> FaultFile:
     """Load faults from a text, as a log keeps it. Raises FileError like `load_faults`."""
-    return _faultless(read_document(text, path, "faults"), None)
+    return check_faults(read_document(path, "faults", text)).required()
 
 
-def check_faults(document: Document, place: FaultContext | None = None) -> FaultsCheck:
+def check_faults(document: Document, place: FaultContext | None = None) -> CheckedFile[FaultFile]:
     """Check a document of kind `faults`; never raises for its content.
 
     Kinds, forms, colours and numbers of items are compared with the scene that the file names. Cameras,
-    joints and items that appear are compared with `place`, or else with that scene.
+    joints and items that appear are compared with `place`, or else with that scene. Diagnostics of the scene
+    have their own places.
     """
     check = DocumentChecker(document)
     check.keys(("scene", "expect", "faults"))
@@ -182,18 +175,14 @@ def check_faults(document: Document, place: FaultContext | None = None) -> Fault
             check_items(check, n, entry, scene)
         if place is not None:
             check_place(check, n, entry, place)
-    if any(fault.severity == "error" for fault in check.faults):
-        return FaultsCheck(None, tuple(check.faults))
-    expect = None if rest.expect is None else FaultExpectation(tuple(rest.expect.causes), rest.expect.lost)
-    specs = tuple(map(fault_of_entry, entries))
-    return FaultsCheck(FaultFile(specs, str(document.path), document.text, expect), tuple(check.faults))
 
+    def file() -> FaultFile:
+        expect = (
+            None if rest.expect is None else FaultExpectation(tuple(rest.expect.causes), rest.expect.lost)
+        )
+        return FaultFile(tuple(map(fault_of_entry, entries)), str(document.path), document.text, expect)
 
-def _faultless(document: Document, place: FaultContext | None) -> FaultFile:
-    found = check_faults(document, place)
-    if found.file is None:
-        raise FileError(found.faults)
-    return found.file
+    return check.result(file)
 
 
 def _scene(check: DocumentChecker, name: str | None) -> SceneDescription | None:

@@ -7,7 +7,8 @@ from typing import Annotated, ClassVar, Literal, TypeAlias
 
 from pydantic import AfterValidator, Field, Strict, WithJsonSchema
 
-from ...files.models.validation import (
+from ...files.value_wording import describe, suggest_name
+from ...files.yaml.field_types import (
     Angle,
     Angles,
     Duration,
@@ -19,10 +20,8 @@ from ...files.models.validation import (
     Name,
     Share,
     Vector,
-    describe,
     quantity,
-)  # fmt: skip
-from ...files.value_wording import suggest_name
+)
 from ...world.colours import ITEM_COLOURS
 from ...world.scene.body_schema import UnknownFile
 from ...world.scene.description import Form

@@ -53,7 +53,7 @@ def end_sentence(fault: Ailing) -> str:
 
 
 def record_details(fault: Ailing) -> dict[str, Plain]:
-    """Return the data of the record that goes with the sentence."""
+    """Return the recorded parameters of the fault."""
     told: dict[str, Plain] = {}
     match fault:
         case GripperWeak(share=share):
@@ -72,7 +72,7 @@ def record_details(fault: Ailing) -> dict[str, Plain]:
             pass
     if isinstance(fault, CameraDrop | CameraShift | CameraNoise | CameraMislabel):
         told["camera"] = fault.camera
-    return {"fault": fault.name, **told, "lasts": fault.lasts}
+    return {**told, "lasts": fault.lasts}
 
 
 def _begins(fault: Ailing, width: float) -> str:

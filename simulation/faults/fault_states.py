@@ -4,8 +4,9 @@ faults."""
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from typing import Final
 
 from ...files.node_patterns import node_matches
 from ...world.journal import Plain
@@ -43,10 +44,13 @@ def choose_target(
     return min(fitting, key=lambda body: math.dist(body.pose.position, near), default=None)
 
 
-def record_data(fault: ItemFault, body: TrueBody) -> dict[str, Plain]:
-    """Return the data of the record that goes with the sentence."""
-    data: dict[str, Plain] = {"fault": fault.name, "item": body.id, "kind": body.kind}
-    data["colour"] = body.colour
+NO_ITEM: Final[Mapping[str, Plain]] = {"item": None}
+"""Recorded value of a fault that found no item to act on."""
+
+
+def item_fault_details(fault: ItemFault, body: TrueBody) -> dict[str, Plain]:
+    """Return the recorded parameters of the fault, with the look of its item."""
+    data: dict[str, Plain] = {"kind": body.kind, "colour": body.colour}
     match fault:
         case Remove():
             pass

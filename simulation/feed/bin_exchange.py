@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from ...errors import PicktreeError
+from ...world.events.run_events import BinExchangedEvent
 from ...world.journal import JournalEvent
 from ...world.scene.description import Bin, SceneDescription
 from ...world.values import ObjectId
@@ -96,11 +97,7 @@ class BinExchange:
         self._done[each.id] += 1
         number = self._done[each.id]
         message = f"{each.id} is exchanged for an empty one, with {_counted(len(inside))} in it"
-        self._events.append(
-            JournalEvent(
-                "bin_exchanged", message, "", {"bin": each.id, "items": len(inside), "number": number}
-            )
-        )
+        self._events.append(BinExchangedEvent(message, bin=each.id, items=len(inside), number=number))
 
 
 def goes_with(each: Bin, body: TrueBody) -> bool:

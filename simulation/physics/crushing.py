@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 
+from ...world.events.run_events import CrushedEvent
 from ...world.journal import JournalEvent
 from ...world.values import ObjectId
 from ..checkpoints.physics_state import PressedItem, RobotReading
@@ -101,9 +102,12 @@ class CrushDetector:
         self._most[name] = after
         if after.crushed and not before.crushed:
             self._events.append(
-                JournalEvent(
-                    "crushed",
+                CrushedEvent(
                     f"{name} was crushed: {finger} pressed with {force:.1f} N, and it bears {limit:g} N",
-                    data={"object": name, "finger": finger, "force": force, "limit": limit, "time": now},
+                    object=name,
+                    finger=finger,
+                    force=force,
+                    limit=limit,
+                    time=now,
                 )
             )

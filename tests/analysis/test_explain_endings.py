@@ -8,6 +8,7 @@ import pytest
 
 from picktree.analysis import Run
 from picktree.analysis.explain.text.rendering import notes_on, to_text
+from picktree.session.mission_edits import MissionReload
 from picktree.session.session import RunRequest, Session
 
 from ..session.test_watch import LOGGED, MISSION, Editor
@@ -100,12 +101,12 @@ def test_a_program_that_died_while_it_ran(tmp_path: Path, monkeypatch: pytest.Mo
     session = Session(RunRequest(mission=tmp_path / "mission.yaml", backend="kinematic", out=tmp_path))
 
     def die(period: float) -> None:
-        if session.world.clock.now > 0.5:
+        if session.execution.world.clock.now > 0.5:
             raise RuntimeError("the power is gone")
         step(period)
 
-    step = session.world.control.step_tick
-    monkeypatch.setattr(session.world.control, "step_tick", die)
+    step = session.execution.world.control.step_tick
+    monkeypatch.setattr(session.execution.world.control, "step_tick", die)
     with pytest.raises(RuntimeError):
         session.run()
     with Run(session.folder) as log:
@@ -120,8 +121,10 @@ def test_a_mission_that_was_edited_while_it_ran(tmp_path: Path) -> None:
     mission = tmp_path / "mission.yaml"
     mission.write_text(MISSION, encoding="utf-8")
     editor = Editor(tmp_path, {0.3: {"mission.yaml": LOGGED}})
-    session = Session(RunRequest(mission=mission, backend="kinematic", out=tmp_path), edits=editor)
-    editor.clock = lambda: session.world.clock.now
+    session = Session(
+        RunRequest(mission=mission, backend="kinematic", out=tmp_path), observers=[MissionReload(editor)]
+    )
+    editor.clock = lambda: session.execution.world.clock.now
     folder = session.run().folder
     with Run(folder) as log:
         (note,) = notes_on(log)

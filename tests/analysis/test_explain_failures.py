@@ -12,6 +12,7 @@ from picktree.analysis.explain.failure_stories import failures_of
 from picktree.analysis.explain.investigation.explanation import FailureStory
 from picktree.analysis.explain.investigation.failure_course import VisitTree
 from picktree.logs.schema.records import TransitionRecord, WriteRecord
+from picktree.world.events.run_events import RecoveryEvent
 from picktree.world.journal import CandidateEntry, CandidateSearchEntry, JournalEvent, PlanEntry
 from picktree.world.values import ObjectId, Pose
 
@@ -35,8 +36,9 @@ def fails(origin: str, *above: str, cause: str = "grasp.missed") -> list[Transit
 
 
 def recovery(cause: str = "grasp.missed", handler: str = "grasp.*", attempt: int = 1) -> JournalEvent:
-    data = {"cause": cause, "failed": GRASP, "handler": handler, "attempt": attempt}
-    return JournalEvent("recovery", "a cure is tried", RECOVER, data)
+    return RecoveryEvent(
+        "a cure is tried", RECOVER, cause=cause, failed=GRASP, handler=handler, attempt=attempt
+    )
 
 
 MISSED: Mapping[int, Sequence[Said]] = {

@@ -23,7 +23,7 @@ from picktree.analysis.report.panels.lanes import OUTCOMES, item_spans, pack_lan
 from picktree.analysis.report.panels.tree import pack_tree
 from picktree.errors import PicktreeError
 from picktree.logs.schema.records import Tree, TreeNode, WriteRecord
-from picktree.session.mission_edits import EditSource
+from picktree.session.mission_edits import MissionReload
 from picktree.session.session import RunRequest, Session
 from picktree.trees.loading.loader import parse_mission
 
@@ -229,11 +229,11 @@ def test_an_edited_mission_has_a_chart_for_each_of_its_trees(tmp_path: Path) -> 
     mission = tmp_path / "mission.yaml"
     mission.write_text(MISSION)
     editor = Editor(tmp_path, {0.3: {"mission.yaml": LOGGED}})
-    edits: EditSource = editor
     session = Session(
-        RunRequest(mission=mission, out=tmp_path / "runs", backend="kinematic", watch=True), edits=edits
+        RunRequest(mission=mission, out=tmp_path / "runs", backend="kinematic"),
+        observers=[MissionReload(editor)],
     )
-    editor.clock = lambda: session.world.clock.now
+    editor.clock = lambda: session.execution.world.clock.now
     with Run(session.run().log) as run:
         charts = data(pack_tree(run))["charts"]
         assert [chart["since"] for chart in charts] == [at.time for at in run.trees]

@@ -19,8 +19,10 @@ from picktree.logs.run_log import RunLog
 from picktree.logs.run_result import RunResult
 from picktree.logs.schema.arithmetic_record import Arithmetic
 from picktree.session import environment
+from picktree.session.mission_edits import MissionReload
+from picktree.session.observer import Observer
 from picktree.session.session import RunRequest, Session
-from picktree.trees.running.runner import NodeInfo, TickReport
+from picktree.trees.running.runner import TickReport
 
 from ..rooms import ROOT, modules
 
@@ -336,8 +338,8 @@ def test_edits_are_taken_over_at_the_same_ticks(tmp_path: Path) -> None:
     second = first.replace("      - GoTo", "      - Log: {message: more}\n      - GoTo")
     editor = Editor(mission, {0.05: first, 0.2: second})
     request = RunRequest(mission, out=tmp_path, backend="kinematic")
-    session = Session(request, edits=editor)
-    editor.clock = lambda: session.world.clock.now
+    session = Session(request, observers=[MissionReload(editor)])
+    editor.clock = lambda: session.execution.world.clock.now
     result = session.run()
     mission.unlink()
     with Run(result.log) as run:
@@ -359,13 +361,8 @@ def test_a_killed_run_is_the_same_up_to_its_last_tick(greeting: RunResult, tmp_p
     assert RunResult.from_json_text(answer.result, cut).sim_seconds == pytest.approx(last)
 
 
-class Impatient:
+class Impatient(Observer):
     """Interrupts a run in the middle of a tick."""
-
-    def started(self, structure: tuple[NodeInfo, ...], folder: Path) -> None: ...
-    def edited(self, structure: tuple[NodeInfo, ...]) -> None: ...
-    def told(self, now: float, text: str) -> None: ...
-    def finished(self, result: RunResult) -> None: ...
 
     def ticked(self, now: float, report: TickReport, items_done: int, items_total: int) -> None:
         if now > 0.5:
@@ -374,7 +371,9 @@ class Impatient:
 
 def test_an_interrupted_run_is_the_same_up_to_its_last_tick(tmp_path: Path) -> None:
     mission = write_files(tmp_path / "files")
-    result = Session(RunRequest(mission, seed=3, out=tmp_path, backend="kinematic"), Impatient()).run()
+    result = Session(
+        RunRequest(mission, seed=3, out=tmp_path, backend="kinematic"), observers=[Impatient()]
+    ).run()
     assert result.status == "interrupted"
     found = again(result.log)
     assert found.difference is None

@@ -24,7 +24,7 @@ def lint(text: str, *codes: str, head: str = MISSION, folder: Path = Path()) -> 
     """The findings of these codes, or all; lines count from the text's own first. Errors of the language
     raise."""
     path = folder / "mission.yaml"
-    checked = check_mission(read_document(head + dedent(text).strip("\n"), path, "mission"), _registry())
+    checked = check_mission(read_document(path, "mission", head + dedent(text).strip("\n")), _registry())
     assert checked.mission is not None, "\n".join(map(str, checked.faults))
     lines = head.count("\n")
     return [

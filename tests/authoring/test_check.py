@@ -6,13 +6,13 @@ from pathlib import Path
 from textwrap import dedent
 
 from picktree.authoring.check import MissionCheck, check_mission
-from picktree.files.yaml.document import parse_document
+from picktree.files.yaml.document import read_document
 from picktree.trees.mission import LIBRARY
 
 
 def check(text: str, folder: Path = Path()) -> MissionCheck:
     whole = "picktree: 1\nkind: mission\n" + dedent(text).lstrip("\n")
-    return check_mission(parse_document(whole, folder / "mission.yaml", "mission"))
+    return check_mission(read_document(folder / "mission.yaml", "mission", whole))
 
 
 def faults(text: str, folder: Path = Path()) -> list[str]:

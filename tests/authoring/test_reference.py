@@ -34,7 +34,7 @@ def mission(node: NodeDeclaration, given: dict[str, str]) -> Document:
     head = f"    ports: {ports}\n" if ports else ""
     scene = "calibrating" if "target:" in body else "three_bins"
     text = f"picktree: 1\nkind: mission\nscene: {scene}\ntrees:\n  Main:\n{head}{body}\n"
-    return read_document(text, Path("example.yaml"), "mission")
+    return read_document(Path("example.yaml"), "mission", text)
 
 
 def given_to(node: NodeDeclaration) -> dict[str, str]:

@@ -9,7 +9,7 @@ import pytest
 
 from picktree.authoring.rehearsal.checking.case_checks import check_cases, load_cases
 from picktree.errors import PicktreeError
-from picktree.files.yaml.document import parse_document
+from picktree.files.yaml.document import read_document
 
 from ..trees.rehearsing import faults_of, mission_of, nodes
 
@@ -342,7 +342,7 @@ def test_the_mission_beside_the_file_is_the_one_that_counts(tmp_path: Path) -> N
 
     def found(mission: str) -> list[str]:
         text = f"picktree: 1\nkind: cases\nmission: {mission}\ncases: {{it: {{expect: {{never: [Gone]}}}}}}\n"
-        document = parse_document(text, tmp_path / "cases.yaml", "cases")
+        document = read_document(tmp_path / "cases.yaml", "cases", text)
         faults = check_cases(document, nodes())
         return [f"{one.code} {one}".replace(f"{tmp_path}/", "") for one in faults]
 

@@ -13,7 +13,7 @@ from picktree.authoring.rehearsal.rehearse import rehearse
 from picktree.authoring.rehearsal.verdict.rehearsal_json import to_json_text
 from picktree.authoring.rehearsal.verdict.rehearsal_result import Rehearsal
 from picktree.authoring.rehearsal.verdict.rehearsal_text import to_text
-from picktree.files.yaml.document import parse_document
+from picktree.files.yaml.document import read_document
 from picktree.trees.loading.loader import examine
 
 from ..trees.random_missions import LEAVES, Author
@@ -27,11 +27,11 @@ MISSIONS = 20
 def played(author: Author) -> Rehearsal | str:
     """One mission with its case; a code when the loader refuses the mission."""
     text = author.mission()
-    reading = examine(parse_document(text, Path("mission.yaml"), "mission"), REGISTRY)
+    reading = examine(read_document(Path("mission.yaml"), "mission", text), REGISTRY)
     if reading.faults:
         return reading.faults[0].code
     cases = author.cases(text)
-    found = examine_cases(parse_document(cases, Path("cases.yaml"), "cases"), reading.mission)
+    found = examine_cases(read_document(Path("cases.yaml"), "cases", cases), reading.mission)
     # A tree that is never called has leaves for which nobody answers; nothing else may be wrong.
     assert {fault.code for fault in found.errors} <= {"P703"}, f"{text}\n{cases}\n{found.errors}"
     if found.errors:

@@ -23,7 +23,7 @@ from picktree.cli.author.file_schemas import FileKind, file_schema
 from picktree.cli.author.schema import Kind
 from picktree.cli.terminal.node_registries import registry
 from picktree.files.diagnostics.fault_codes import pages
-from picktree.files.yaml.document import Document, FileError, open_document, read_document
+from picktree.files.yaml.document import Document, FileError, read_document
 from picktree.trees.loading.registry import NodeRegistry
 from picktree.world.scene.scene_schema import SECTIONS, RestFile, SceneFile
 
@@ -134,13 +134,13 @@ def _told(part: Value) -> bool:
 
 
 def test_a_mission_s_own_schema_closes_its_names() -> None:
-    document = read_document(MISSION, BESIDE, "mission")
+    document = read_document(BESIDE, "mission", MISSION)
     own = registry(shipped=True)
     validator: Any = jsonschema.Draft7Validator(mission_schema(own, one_mission(document, own)))
     assert list(validator.iter_errors(document.data)) == []
     for right, wrong in (("- Sub: {}", "- Sab: {}"), ("{x: 3}", "{y: 3}"), ("pose: home", "pose: hme")):
         assert right in MISSION
-        data = read_document(MISSION.replace(right, wrong), BESIDE, "mission").data
+        data = read_document(BESIDE, "mission", MISSION.replace(right, wrong)).data
         assert not validator.is_valid(data), wrong
 
 
@@ -153,12 +153,12 @@ def test_sections_of_a_scene_are_those_that_are_read() -> None:
 
 @pytest.mark.parametrize("file", SHIPPED, ids=lambda file: str(file.relative_to(ROOT)))
 def test_what_we_ship_fits(file: Path) -> None:
-    assert refusals(open_document(file)) == []
+    assert refusals(read_document(file)) == []
 
 
 @pytest.mark.parametrize("text", [FAULTS, MISSION], ids=["faults", "mission"])
 def test_made_files_fit(text: str) -> None:
-    document = read_document(text, BESIDE)
+    document = read_document(BESIDE, text=text)
     assert (refusals(document), errors(document)) == ([], [])
 
 
@@ -166,7 +166,7 @@ def _as_file(code: str, text: str) -> Document | None:
     """An example of a page as a file; None when it cannot be read as one."""
     head = "picktree: 1\nkind: mission\n" if text.startswith("trees:") else ""
     try:
-        document = read_document(head + text + "\n", BESIDE)
+        document = read_document(BESIDE, text=head + text + "\n")
     except FileError:
         return None
     return document if document.kind in CHECKS else None
@@ -209,8 +209,8 @@ def test_wrong_examples_are_refused_where_a_schema_can_see_it() -> None:
 
 @cache
 def sources() -> tuple[Document, ...]:
-    made = (read_document(text, BESIDE) for text in (FAULTS, MISSION, MISSION))
-    return (*made, *(open_document(file) for file in SHIPPED))
+    made = (read_document(BESIDE, text=text) for text in (FAULTS, MISSION, MISSION))
+    return (*made, *(read_document(file) for file in SHIPPED))
 
 
 @cache
@@ -227,7 +227,7 @@ def test_what_the_schema_refuses_the_checker_refuses(which: int, changes: list[C
     for change in changes:
         changed(data, change, vocabulary())
     try:
-        document = read_document(json.dumps(data), source.path)
+        document = read_document(source.path, text=json.dumps(data))
     except FileError:
         return  # refused before anybody looks at what it says
     if "base" in data and "null" in json.dumps(data):

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 
 from picktree.authoring.xml.export.mission_export import mission_to_xml
 from picktree.authoring.xml.importing.mission_import import xml_to_mission
-from picktree.files.yaml.document import open_document, read_document
+from picktree.files.yaml.document import read_document
 from picktree.trees.loading.loader import examine
 from picktree.trees.loading.registry import NodeRegistry
 from picktree.trees.mission import LIBRARY
@@ -29,11 +29,11 @@ FILES = [
 @pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
 def test_examples_and_library_survive(path: Path) -> None:
     known = NodeRegistry()
-    first = examine(open_document(path, "mission"), known)
+    first = examine(read_document(path, "mission"), known)
     assert first.faults == ()
     xml = mission_to_xml(first.mission)
     text = xml_to_mission(xml, path.with_suffix(".xml"), known)
-    second = examine(read_document(text, path, "mission"), known)
+    second = examine(read_document(path, "mission", text), known)
     assert second.faults == ()
     assert essence(second.mission) == essence(first.mission)
     assert mission_to_xml(second.mission) == xml

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from picktree.batch.plan.plan import BatchPlan
-from picktree.batch.plan.plan_loading import check_plan_file, load_plan
+from picktree.batch.plan.plan_loading import check_plan, load_plan
 from picktree.batch.workers.batch import Batch
 from picktree.batch.workers.executor import Executor
 from picktree.batch.workers.local_executor import LocalExecutor
@@ -96,9 +96,9 @@ def test_a_plan_file_says_all_of_it(tmp_path: Path) -> None:
 def test_a_faulty_plan_is_refused_before_anything_runs(tmp_path: Path, line: str, fault: str) -> None:
     seeds = "" if line.startswith("seeds") else "seeds: 3\n"
     text = f"picktree: 1\nkind: plan\nmissions: [{ONE_PICK}]\n{seeds}{line}\n"
-    found = check_plan_file(read_document(text, tmp_path / "plan.yaml", "plan"))
+    found = check_plan(read_document(tmp_path / "plan.yaml", "plan", text))
     assert [str(each).removeprefix(f"{tmp_path}/plan.yaml:") for each in found.faults] == [fault]
-    assert found.plan is None
+    assert found.value is None
 
 
 def test_a_batch_runs_what_it_began_with_whatever_becomes_of_the_files(

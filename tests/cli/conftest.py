@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import ModuleType
@@ -45,7 +45,7 @@ class Stage:
     """What the command asked of the session, and what the session does."""
 
     requests: list[dict[str, Any]] = field(default_factory=list[dict[str, Any]])
-    debuggers: list[object] = field(default_factory=list[object])
+    observers: list[list[str]] = field(default_factory=list[list[str]])
     act: Callable[[], RunResult] = lambda: RESULT
 
 
@@ -58,13 +58,10 @@ def stage(monkeypatch: pytest.MonkeyPatch) -> Stage:
         def __init__(
             self,
             request: dict[str, Any],
-            watcher: object = None,
-            debugger: object = None,
-            listener: object = None,
-            operator: object = None,
+            observers: Sequence[object] = (),
         ) -> None:
             stage.requests.append(request)
-            stage.debuggers.append(debugger)
+            stage.observers.append([type(each).__name__ for each in observers])
 
         def run(self) -> RunResult:
             return stage.act()

@@ -10,7 +10,7 @@ import pytest
 
 from picktree.authoring.check import check_mission
 from picktree.cli.run.run import parse_parameters
-from picktree.files.yaml.document import parse_document
+from picktree.files.yaml.document import read_document
 from picktree.trees.loading.loader import load_mission
 from picktree.trees.running.run_settings import parameter_value
 from picktree.world.causes import feed
@@ -30,7 +30,7 @@ def test_its_scenes_and_missions_are_right(tmp_path: Path) -> None:
             (tmp_path / f"{n}.yaml").write_text(text)
             assert load_scene(f"{n}.yaml", tmp_path).deliveries
             continue
-        faults = check_mission(parse_document(text, Path("mission.yaml"), "mission")).faults
+        faults = check_mission(read_document(Path("mission.yaml"), "mission", text)).faults
         assert [str(fault) for fault in faults if fault.severity == "error"] == []
     assert {"scene", "mission"} <= set(kinds)
 

@@ -11,8 +11,8 @@ import pytest
 
 from picktree.cli.app import answer
 from picktree.cli.run.debugger_prompt import DebugPrompt
+from picktree.session.debugger import Debugger
 from picktree.session.session import RunRequest, Session
-from picktree.trees.running.debugger import Debugger
 from picktree.trees.status import NodeStatus
 
 from ..commands import Terminal, call
@@ -69,7 +69,7 @@ def session(*lines: str) -> str:
     try:
         while True:
             status = run.tick()
-            debugger.ticked()
+            debugger.pause_after_tick()
             if status is not NodeStatus.RUNNING:
                 break
     except KeyboardInterrupt:
@@ -284,7 +284,7 @@ def test_debug_is_handed_to_the_session(
 ) -> None:
     assert answer(["run", "m.yaml"]) == 0
     assert answer(["run", "m.yaml", "--debug"]) == 0
-    assert [type(debugger).__name__ for debugger in stage.debuggers] == ["NoneType", "Debugger"]
+    assert ["Debugger" in observers for observers in stage.observers] == [False, True]
 
 
 def test_a_script_debugs_and_stdout_is_the_answers(tmp_path: Path) -> None:

@@ -5,12 +5,15 @@ from __future__ import annotations
 import io
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import cast
 
 import pytest
 from rich.console import Console
 
 from picktree.cli.terminal.progress import LinesDisplay, LiveDisplay, deepest_running, tree_rows
 from picktree.logs.run_result import RunResult
+from picktree.session.execution import Execution
 from picktree.trees.running.runner import NodeInfo, NodeReport, TickReport
 from picktree.trees.status import NodeStatus
 
@@ -23,6 +26,14 @@ STRUCTURE = (
     NodeInfo("Main/3", "Fallback", "Fallback", "control", "Main", ("Main/3/1",), {}),
     NodeInfo("Main/3/1", "GoTo", "GoTo", "skill", "Main/3", (), {}),
 )
+
+
+def executing(structure: tuple[NodeInfo, ...]) -> Execution:
+    """A run of a tree of these nodes, as far as a display looks at it."""
+    leaves = frozenset(node.path for node in structure if not node.children)
+    return cast(
+        "Execution", SimpleNamespace(tree=SimpleNamespace(structure=lambda: structure, leaves=leaves))
+    )
 
 
 def report_of(
@@ -83,7 +94,7 @@ def test_lines_tell_of_items_failed_leaves_and_long_silence(result: RunResult) -
     file = io.StringIO()
     quiet = report("RUNNING", "SUCCESS", "RUNNING", "RUNNING", "IDLE", "IDLE", "IDLE")
     with LinesDisplay(Console(file=file, width=40)) as view:
-        view.started(STRUCTURE, Path("runs/1"))
+        view.started(executing(STRUCTURE), Path("runs/1"))
         view.ticked(0.05, quiet, 0, 4)
         view.ticked(3.0, RETREATING, 0, 4)
         view.ticked(9.5, quiet, 1, 4)
@@ -104,7 +115,7 @@ recording to runs/1
 def test_lines_tell_a_failure_once() -> None:
     file = io.StringIO()
     with LinesDisplay(Console(file=file)) as view:
-        view.started(STRUCTURE, Path("runs/1"))
+        view.started(executing(STRUCTURE), Path("runs/1"))
         view.ticked(3.0, RETREATING, 0, 4)
         kept = report(*[n.status for n in RETREATING.nodes], cause="grasp.missed", ticked=False)
         view.ticked(3.05, kept, 0, 4)
@@ -114,10 +125,10 @@ def test_lines_tell_a_failure_once() -> None:
 def test_lines_tell_of_edits_and_follow_the_edited_tree() -> None:
     file = io.StringIO()
     with LinesDisplay(Console(file=file, width=40)) as view:
-        view.started(STRUCTURE, Path("runs/1"))
+        view.started(executing(STRUCTURE), Path("runs/1"))
         view.told(1.0, "the edit is not taken over:\nm.yaml:3:1: error P207: [no markup]")
         other = (*STRUCTURE[:2], replace(STRUCTURE[2], children=()))  # Main/2 is a leaf now
-        view.edited(other)
+        view.edited(executing(other))
         view.ticked(3.0, report_of(other, "RUNNING", "SUCCESS", "FAILURE", cause="grasp.missed"), 0, 4)
     assert (
         file.getvalue()
@@ -135,9 +146,9 @@ def test_live_view_tells_above_the_tree(monkeypatch: pytest.MonkeyPatch) -> None
     file = io.StringIO()
     console = Console(file=file, force_terminal=True, width=60, height=20, color_system=None)
     with LiveDisplay(console) as view:
-        view.started(STRUCTURE, Path("runs/1"))
+        view.started(executing(STRUCTURE), Path("runs/1"))
         view.told(1.0, "the edit is good")
-        view.edited(STRUCTURE[:2])
+        view.edited(executing(STRUCTURE[:2]))
         view.ticked(2.0, report_of(STRUCTURE[:2], "RUNNING", "RUNNING"), 0, 4)
     assert "    1.00 s  the edit is good\n" in file.getvalue()
     assert "  ▶ Observe" in file.getvalue()
@@ -150,7 +161,7 @@ def test_live_view_draws_the_tree_and_leaves_nothing_behind(
     file = io.StringIO()
     console = Console(file=file, force_terminal=True, width=60, height=20, color_system=None)
     with LiveDisplay(console) as view:
-        view.started(STRUCTURE, Path("runs/1"))
+        view.started(executing(STRUCTURE), Path("runs/1"))
         view.ticked(12.0, RETREATING, 1, 4)
         drawn = file.getvalue()
         view.finished(result)

@@ -240,7 +240,7 @@ def test_hover_over_a_cause(mission: Editor) -> None:
 def test_a_schema_of_one_mission_knows_its_sub_trees_and_bins(server: LanguageServer, tmp_path: Path) -> None:
     text = MISSION + "      - SortOne: {item: x}\n  SortOne: {ports: {item: object}, GoTo: {}}\n"
     registry = NodeRegistry()
-    own = one_mission(read_document(text, tmp_path / "m.yaml", "mission"), registry)
+    own = one_mission(read_document(tmp_path / "m.yaml", "mission", text), registry)
     schema = tmp_path / "own.json"
     schema.write_text(to_text(mission_schema(registry, own)), encoding="utf-8")
     editor = Editor(server, tmp_path, schema)

@@ -13,9 +13,8 @@ from picktree.files.yaml.document import (
     FileError,
     Mark,
     Value,
-    load_document,
     merge_patch,
-    parse_document,
+    read_document,
     suggest_name,
     where,
 )
@@ -25,9 +24,13 @@ HERE = Path("m.yaml")
 
 
 def refused(text: str, kind: str | None = None) -> str:
-    with pytest.raises(FileError) as caught:
-        parse_document(text, HERE, kind)
-    return str(caught.value)
+    """Return the faults of a text's form, whether it can be read in spite of them or not."""
+    try:
+        faults = read_document(HERE, kind, text).faults
+    except FileError as error:
+        faults = error.faults
+    assert faults
+    return str(FileError(faults))
 
 
 @pytest.mark.parametrize(
@@ -61,22 +64,22 @@ def refused(text: str, kind: str | None = None) -> str:
     ],
 )
 def test_scalars_are_read_by_yaml_1_2(text: str, value: Value) -> None:
-    assert parse_document(f"{HEAD}a: {text}\n", HERE).data["a"] == value
-    assert type(parse_document(f"{HEAD}a: {text}\n", HERE).data["a"]) is type(value)
+    assert read_document(HERE, text=f"{HEAD}a: {text}\n").data["a"] == value
+    assert type(read_document(HERE, text=f"{HEAD}a: {text}\n").data["a"]) is type(value)
 
 
 def test_nan_is_a_number() -> None:
-    value = parse_document(f"{HEAD}a: .NaN\n", HERE).data["a"]
+    value = read_document(HERE, text=f"{HEAD}a: .NaN\n").data["a"]
     assert isinstance(value, float)
     assert math.isnan(value)
 
 
 def test_keys_are_texts_as_written() -> None:
-    assert list(parse_document(f"{HEAD}1: a\nno: b\n0x10: c\n", HERE).data)[2:] == ["1", "no", "0x10"]
+    assert list(read_document(HERE, text=f"{HEAD}1: a\nno: b\n0x10: c\n").data)[2:] == ["1", "no", "0x10"]
 
 
 def test_places() -> None:
-    document = parse_document(f"{HEAD}a:\n  b: [10, é, {{c: 3}}]\n", HERE)
+    document = read_document(HERE, text=f"{HEAD}a:\n  b: [10, é, {{c: 3}}]\n")
     assert document.mark(("a", "b", 2, "c")) == Mark("m.yaml", 4, 18)
     assert document.key_mark(("a", "b", 2, "c")) == Mark("m.yaml", 4, 15)
     assert document.mark(("a", "b", 2, "absent", "deeper")) == Mark("m.yaml", 4, 14)
@@ -89,7 +92,7 @@ def test_places() -> None:
 
 
 def test_aliases_repeat_a_value() -> None:
-    document = parse_document(f"{HEAD}a: &x {{b: 1}}\nc: *x\n", HERE)
+    document = read_document(HERE, text=f"{HEAD}a: &x {{b: 1}}\nc: *x\n")
     assert document.data["c"] == {"b": 1}
     assert document.mark(("c", "b")) == Mark("m.yaml", 3, 11)
 
@@ -187,7 +190,7 @@ def test_aliases_do_not_explode() -> None:
 def test_files_that_cannot_be_read(tmp_path: Path) -> None:
     def message(path: Path) -> str:
         with pytest.raises(FileError) as caught:
-            load_document(path)
+            read_document(path)
         return str(caught.value).removeprefix(str(path))
 
     (tmp_path / "latin.yaml").write_bytes(b"picktree: 1\nkind: mission\nname: caf\xe9\n")
@@ -204,14 +207,14 @@ def test_files_that_cannot_be_read(tmp_path: Path) -> None:
 def test_a_byte_order_mark_and_windows_lines_are_read(tmp_path: Path) -> None:
     path = tmp_path / "w.yaml"
     path.write_bytes(b"\xef\xbb\xbfpicktree: 1\r\nkind: scene\r\na: 1\r\n")
-    document = load_document(path, "scene")
+    document = read_document(path, "scene")
     assert document.data == {"picktree": 1, "kind": "scene", "a": 1}
     assert document.mark(("a",)).line == 3
 
 
 def test_one_document_laid_on_another() -> None:
-    base = parse_document(f"{HEAD}a: {{b: 1, c: 2}}\nd: [1, 2]\ne: 5\n", Path("base.yaml"))
-    over = parse_document(f"{HEAD}a: {{b: 7}}\nd: [3]\ne: null\n", HERE)
+    base = read_document(Path("base.yaml"), text=f"{HEAD}a: {{b: 1, c: 2}}\nd: [1, 2]\ne: 5\n")
+    over = read_document(HERE, text=f"{HEAD}a: {{b: 7}}\nd: [3]\ne: null\n")
     merged = merge_patch(base, over)
     assert merged.data == {"picktree": 1, "kind": "mission", "a": {"b": 7, "c": 2}, "d": [3]}
     assert merged.mark(("a", "b")).file == "m.yaml"
@@ -233,7 +236,7 @@ YAMLISH = st.text(st.sampled_from(list("ab01:-?[]{},#&*!|>'\"%@` \n\t.~<é\x85\u
 @given(st.one_of(YAMLISH, YAMLISH.map(lambda t: f"{HEAD}a: {t}\n"), st.text(max_size=40)))
 def test_any_text_is_read_or_refused(text: str) -> None:
     try:
-        document = parse_document(text, HERE)
+        document = read_document(HERE, text=text)
     except FileError as error:
         assert error.faults
         lines = text.count("\n") + text.count("\r") + text.count("\x85") + text.count("\u2028") + 2
@@ -248,6 +251,6 @@ def test_any_bytes_are_read_or_refused(tmp_path_factory: pytest.TempPathFactory,
     path = tmp_path_factory.mktemp("f") / "f.yaml"
     path.write_bytes(HEAD.encode() + raw)
     try:
-        load_document(path)
+        read_document(path)
     except FileError as error:
         assert error.faults

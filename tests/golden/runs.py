@@ -27,6 +27,7 @@ from picktree.arithmetic import restart
 from picktree.logs.schema import topics
 from picktree.logs.schema.topics import Topic
 from picktree.session.arithmetic_probe import arithmetic
+from picktree.session.observer import Observer
 from picktree.session.resume.resumption import ResumeRequest, Resumption
 from picktree.session.session import DEFAULT_TIME_LIMIT, RunRequest, Session
 from picktree.simulation.backends import Backend
@@ -116,18 +117,18 @@ class Record:
         beside.replace(RECORD)
 
 
-class Entries:
+class Entries(Observer):
     """Events and plans of a log, as texts."""
 
     def __init__(self) -> None:
         self._texts: list[str] = []
 
-    def add(self, topic: Topic, _: int, payload: bytes) -> None:
+    def recorded(self, topic: Topic, at: int, data: bytes, in_digest: bool) -> None:
         if topic == topics.EVENTS:
-            event = json.loads(payload)
+            event = json.loads(data)
             self._texts.append(f"{event['kind']}: {event['message']}")
         elif topic == topics.PLAN:
-            self._texts.append(f"plan: {json.loads(payload)['planner']}")
+            self._texts.append(f"plan: {json.loads(data)['planner']}")
 
     def missing(self, beginnings: Iterable[str]) -> list[str]:
         """Return the beginnings with which no text begins."""
@@ -144,12 +145,12 @@ def compute(name: str) -> Computed:
     began = time.process_time()
     entries = Entries()
     with TemporaryDirectory(prefix="golden-") as folder:
-        result = Session(golden.request(Path(folder)), listener=entries.add).run()
+        result = Session(golden.request(Path(folder)), observers=[entries]).run()
         if golden.interrupted is not None:
             entries = Entries()
             request = ResumeRequest(result.folder, out=Path(folder), limit=DEFAULT_TIME_LIMIT)
             with Resumption(request) as resumption:
-                result = resumption.session(listener=entries.add).run()
+                result = resumption.session([entries]).run()
     missing = entries.missing(golden.shows)
     if missing:
         raise GoldenError(f"{name} ended with {result.status}, and its log has no {' and no '.join(missing)}")

@@ -13,6 +13,7 @@ from picktree.cell.world import World
 from picktree.manipulation.carry.weighing import GripMonitor, LiftWeighing
 from picktree.robots.loading import load_robot
 from picktree.robots.model import RobotModel
+from picktree.world.causes import Failure, grasp
 from picktree.world.values import Array
 
 MODEL = RobotModel(load_robot("panda"))
@@ -69,45 +70,45 @@ class Lift:
         made = SimpleNamespace(control=control, robot=MODEL, tick=TICK, clock=clock, gripper=self.grip)
         return cast("World", made)
 
-    def weigh(self) -> LiftWeighing:
-        """Lift it, asking each tick."""
+    def weigh(self) -> tuple[LiftWeighing, Failure | None]:
+        """Lift it, asking each tick, until a failure stops the arm."""
         world = self.world()
-        weighing = LiftWeighing(world, 0.5)
-        while self.now < 0.5 - 1e-9 and weighing.doubt is None:
+        weighing, doubt = LiftWeighing(world, 0.5), None
+        while self.now < 0.5 - 1e-9 and doubt is None:
             self.now += TICK
             later = self.world()
             world.__dict__.update(control=later.control, clock=later.clock, gripper=self.grip)
-            weighing.watch()
-        return weighing
+            doubt = weighing.watch()
+        return weighing, doubt
 
 
 @pytest.mark.parametrize("mass", [0.03, 0.1, 1.0])
 def test_it_weighs_what_it_weighs_although_the_hand_is_accelerated(mass: float) -> None:
-    weighing = Lift(mass).weigh()
-    assert weighing.doubt is None
+    weighing, doubt = Lift(mass).weigh()
+    assert doubt is None
     assert weighing.hold is not None
     assert weighing.hold.load == pytest.approx(mass * G, abs=0.02)
 
 
 def test_an_empty_hand_leaves_doubt() -> None:
-    weighing = Lift(0.0).weigh()
+    weighing, doubt = Lift(0.0).weigh()
     assert weighing.hold is None
-    assert weighing.doubt is not None
+    assert doubt is not None and doubt.cause is grasp.SLIPPED
     assert abs(weighing.load() or 1.0) < 0.02
 
 
 def test_what_was_lost_on_the_last_centimetres_leaves_doubt() -> None:
     """Over the whole lift it still weighs enough."""
-    weighing = Lift(0.5, slides=0.3).weigh()
+    weighing, doubt = Lift(0.5, slides=0.3).weigh()
     assert (weighing.load() or 0.0) > 0.3
     assert weighing.hold is None
-    assert weighing.doubt is not None
+    assert doubt is not None and doubt.cause is grasp.SLIPPED
 
 
 def test_a_hand_that_turns_is_not_weighed() -> None:
-    weighing = Lift(0.1, turns=0.5).weigh()
+    weighing, doubt = Lift(0.1, turns=0.5).weigh()
     assert (weighing.load(), weighing.hold) == (None, None)
-    assert weighing.doubt is not None
+    assert doubt is not None and doubt.cause is grasp.SLIPPED
 
 
 @pytest.mark.parametrize("width", [0.036, 0.044, 0.001])
@@ -116,4 +117,5 @@ def test_fingers_that_move_leave_doubt(width: float) -> None:
     kept = GripMonitor(world)
     assert kept.watch() is None
     world.gripper.__dict__["width"] = width
-    assert kept.watch() is kept.doubt is not None
+    doubt = kept.watch()
+    assert doubt is not None and doubt.cause is grasp.SLIPPED

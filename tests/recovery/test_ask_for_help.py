@@ -9,7 +9,7 @@ import pytest
 from picktree.authoring.check import check_mission
 from picktree.authoring.rehearsal.rehearse import rehearse_files
 from picktree.cell.operator_desk import OperatorQuestion, OperatorRequests
-from picktree.files.yaml.document import parse_document
+from picktree.files.yaml.document import read_document
 
 MISSION = """\
 picktree: 1
@@ -64,7 +64,7 @@ def test_a_rehearsal_answers_as_its_cases_say(tmp_path: Path) -> None:
 )
 def test_choices_that_are_none(choices: str, said: str) -> None:
     text = MISSION.replace("answer: ", f"choices: {choices}, answer: ", 1)
-    check = check_mission(parse_document(text, Path("asking.yaml"), "mission"))
+    check = check_mission(read_document(Path("asking.yaml"), "mission", text))
     errors = [fault.message for fault in check.faults if fault.severity == "error"]
     assert any(said in error for error in errors), errors
 

@@ -8,7 +8,7 @@ from typing import cast
 import pytest
 
 from picktree.cell.world import World
-from picktree.files.yaml.document import parse_document
+from picktree.files.yaml.document import read_document
 from picktree.recovery import NODES as RECOVERY
 from picktree.trees.loading.loader import examine, parse_mission
 from picktree.trees.loading.registry import NodeRegistry
@@ -271,7 +271,7 @@ ForEach:
 
 def faults(body: str) -> list[str]:
     text = "picktree: 1\nkind: mission\ntrees:\n  Main:\n" + indent(body, "    ")
-    return [f.message for f in examine(parse_document(text, FILE, "mission"), REGISTRY).faults]
+    return [f.message for f in examine(read_document(FILE, "mission", text), REGISTRY).faults]
 
 
 def test_a_budget_that_bounds_nothing_is_refused() -> None:

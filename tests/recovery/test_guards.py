@@ -8,7 +8,7 @@ from typing import cast
 import pytest
 
 from picktree.cell.world import World
-from picktree.files.yaml.document import parse_document
+from picktree.files.yaml.document import read_document
 from picktree.recovery import NODES as RECOVERY
 from picktree.trees.loading.loader import examine, parse_mission
 from picktree.trees.loading.registry import NodeRegistry
@@ -77,7 +77,7 @@ def test_cause_is_takes_families_and_knows_their_names() -> None:
         run.to_end()
         assert branch in run.trace
     body = GUARDED % ("S", 'CauseIs: {cause: "{cause}", of: ["grasp.*", grasp.mised]}')
-    faults = examine(parse_document(text(body), FILE, "mission"), REGISTRY).faults
+    faults = examine(read_document(FILE, "mission", text(body)), REGISTRY).faults
     assert [f.message for f in faults] == ["port 'of': 'grasp.mised' is no cause and no family of causes"]
     assert [f.hint for f in faults] == ["did you mean 'grasp.missed'?"]
 
@@ -117,9 +117,9 @@ Sequence:
   - ForAttempt: {attempt: 1, values: [30 N, 20 N], value: "{force}"}
   - Take: {object: a, force: "{force}"}
 """
-    faults = examine(parse_document(text(body), FILE, "mission"), REGISTRY).faults
+    faults = examine(read_document(FILE, "mission", text(body)), REGISTRY).faults
     assert len(faults) == 1
     assert "port 'force'" in faults[0].message
     empty = "ForAttempt: {attempt: 1, values: [], value: '{force}'}\n"
-    faults = examine(parse_document(text(empty), FILE, "mission"), REGISTRY).faults
+    faults = examine(read_document(FILE, "mission", text(empty)), REGISTRY).faults
     assert [f.message for f in faults if f.severity == "error"] == ["port 'values': there is no value"]

@@ -8,7 +8,7 @@ from textwrap import indent
 
 import pytest
 
-from picktree.files.yaml.document import parse_document
+from picktree.files.yaml.document import read_document
 from picktree.trees.loading.loader import examine
 from picktree.trees.loading.registry import NodeRegistry
 from picktree.world.causes import all_causes, matches
@@ -24,14 +24,14 @@ def test_what_it_shows_is_without_a_fault(snippet: str) -> None:
     ports = "    ports: {item: {type: object}}\n" if "{item}" in snippet else ""
     text = f"picktree: 1\nkind: mission\n{INCLUDE}\ntrees:\n"
     text += (SORT_ALL if "SortAll" in snippet else "") + "  Main:\n" + ports + indent(snippet, "    ")
-    found = examine(parse_document(text, Path("m.yaml"), "mission"), NodeRegistry())
+    found = examine(read_document(Path("m.yaml"), "mission", text), NodeRegistry())
     assert [str(f) for f in found.faults if f.severity == "error"] == []
 
 
 def test_the_nodes_and_trees_that_it_names_exist() -> None:
     text = f"picktree: 1\nkind: mission\n{INCLUDE}\ntrees: {{Main: AlwaysSuccess}}\n"
     registry = NodeRegistry()
-    mission = examine(parse_document(text, Path("m.yaml"), "mission"), registry).mission
+    mission = examine(read_document(Path("m.yaml"), "mission", text), registry).mission
     assert mission is not None
     known = {*mission.trees, *registry.ids()}
     named = set(re.findall(r"`([A-Z][a-z]+(?:[A-Z][a-z]*)*)`", PAGE))

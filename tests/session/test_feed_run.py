@@ -13,10 +13,11 @@ from picktree.analysis.resim.resim import ResimOrder, run_order
 from picktree.analysis.run import Run
 from picktree.logs.run_result import RunResult
 from picktree.session.checkpoints import RunState
+from picktree.session.observer import Observer
 from picktree.session.resume.older_checkpoints import simulated_messages
 from picktree.session.resume.recorded_recipe import RecordedRun
-from picktree.session.session import RunRequest, Session
-from picktree.trees.running.runner import NodeInfo, TickReport
+from picktree.session.session import Recording, RunRequest, Session
+from picktree.trees.running.runner import TickReport
 from picktree.world.belief.facts import FeedProgressState
 
 SCENE = """\
@@ -52,20 +53,15 @@ trees:
 """
 
 
-class Progress:
+class Progress(Observer):
     """What a terminal is told."""
 
     def __init__(self) -> None:
         self.seen: list[tuple[int, int]] = []
 
-    def started(self, structure: tuple[NodeInfo, ...], folder: Path) -> None: ...
     def ticked(self, now: float, report: TickReport, items_done: int, items_total: int) -> None:
         if (items_done, items_total) not in self.seen:
             self.seen.append((items_done, items_total))
-
-    def edited(self, structure: tuple[NodeInfo, ...]) -> None: ...
-    def told(self, now: float, text: str) -> None: ...
-    def finished(self, result: RunResult) -> None: ...
 
 
 def write(folder: Path, scene: str = SCENE) -> Path:
@@ -75,7 +71,10 @@ def write(folder: Path, scene: str = SCENE) -> Path:
 
 
 def session(mission: Path, watcher: Progress | None = None) -> Session:
-    return Session(RunRequest(mission, seed=2, backend="kinematic", out=mission.parent / "runs"), watcher)
+    return Session(
+        RunRequest(mission, seed=2, backend="kinematic", out=mission.parent / "runs"),
+        observers=[watcher] if watcher else [],
+    )
 
 
 @pytest.fixture(scope="module")
@@ -165,7 +164,7 @@ def test_from_each_checkpoint_it_goes_on_byte_for_byte(recorded: RecordedRun, tm
     assert len(names) >= 3
     for name in (names[1],):
         recipe = recorded.from_checkpoint(name, recorded.state(name))
-        again = Session(recipe, out=tmp_path).run()
+        again = Session(recipe, record=Recording(tmp_path)).run()
         with Run(again.log) as other:
             assert other.info.continues is not None
             time = other.info.continues.time

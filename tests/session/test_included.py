@@ -47,7 +47,7 @@ def test_a_log_serves_the_files_that_its_mission_includes(tmp_path: Path) -> Non
         text = log.attachment("mission.yaml").decode()
     elsewhere = Path("/nowhere/sort.yaml")
     again = parse_mission(text, elsewhere, None, RecordedFiles(texts, elsewhere.parent))
-    assert list(again.trees) == list(session.mission.trees)
+    assert list(again.trees) == list(session.execution.mission.trees)
     assert texts["parts/look.yaml"] == LOOK
 
 

@@ -13,10 +13,10 @@ from picktree.analysis.run import Run
 from picktree.errors import PicktreeError
 from picktree.logs.mcap.reader import RawMessage
 from picktree.logs.run_result import RunResult
-from picktree.session.checkpoints import RunState, take_checkpoint
+from picktree.session.checkpoints import RunState
 from picktree.session.resume.older_checkpoints import complete_state, simulated_messages
 from picktree.session.resume.recorded_recipe import RecordedRun
-from picktree.session.session import RunRequest, Session
+from picktree.session.session import Recording, RunRequest, Session
 from picktree.simulation.backends import Backend
 from picktree.world.belief.planning_scene import BeliefObject
 
@@ -57,7 +57,7 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RecordedRun]:
 
 def go_on(recorded: RecordedRun, checkpoint: str, out: Path) -> RunResult:
     recipe = recorded.from_checkpoint(checkpoint, recorded.state(checkpoint))
-    return Session(recipe, out=out).run()
+    return Session(recipe, record=Recording(out)).run()
 
 
 def without_wall(result: RunResult) -> dict[str, object]:
@@ -91,11 +91,8 @@ def test_what_goes_on_is_in_the_state_of_the_checkpoint(recorded: RecordedRun, t
     for name in recorded.checkpoints():
         state = recorded.state(name)
         assert state.recording is not None and state.bins_seen and state.streams
-        session = Session(recorded.from_checkpoint(name, state), out=tmp_path)
-        injector = session._injector  # pyright: ignore[reportPrivateUsage]
-        taken = take_checkpoint(
-            session.world, session.tree, session.hardware, injector, session.tally, state.recording
-        )
+        session = Session(recorded.from_checkpoint(name, state), record=Recording(tmp_path))
+        taken = session.execution.checkpoint(state.recording)
         assert taken == state
 
 
@@ -116,7 +113,7 @@ def test_a_continued_log_stands_alone(recorded: RecordedRun, tmp_path: Path) -> 
         assert other.log.digest() == again.digest
         running = {visit.path for visit in other.visits if visit.start == pytest.approx(state.time)}
         assert "Main/Repeat/Sequence/ForEach" in running
-        assert Session(once_more.recipe(), out=tmp_path).run().digest == again.digest
+        assert Session(once_more.recipe(), record=Recording(tmp_path)).run().digest == again.digest
 
 
 def test_what_an_older_checkpoint_lacks_is_in_the_log(recorded: RecordedRun) -> None:
@@ -136,7 +133,7 @@ def test_a_checkpoint_of_another_seed_is_refused(recorded: RecordedRun, tmp_path
     name = recorded.checkpoints()[0]
     recipe = recorded.from_checkpoint(name, recorded.state(name))
     with pytest.raises(PicktreeError) as caught:
-        Session(replace(recipe, seed=4), out=tmp_path)
+        Session(replace(recipe, seed=4), record=Recording(tmp_path))
     assert str(caught.value) == "the checkpoint is of seed 3, but this run has seed 4"
 
 
@@ -149,9 +146,9 @@ def test_the_way_back_is_in_a_checkpoint(recorded: RecordedRun, tmp_path: Path) 
     name = recorded.checkpoints()[-1]
     state = recorded.state(name)
     assert state.way is not None
-    session = Session(recorded.from_checkpoint(name, state), out=tmp_path)
-    assert session.world.move.state() == state.way
-    back = session.world.move.way_back()
+    session = Session(recorded.from_checkpoint(name, state), record=Recording(tmp_path))
+    assert session.execution.world.move.state() == state.way
+    back = session.execution.world.move.way_back()
     assert back is not None
     assert np.allclose(back.start, state.control["hold"], atol=0.02)
 

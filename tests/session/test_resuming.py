@@ -17,12 +17,13 @@ from picktree.errors import PicktreeError
 from picktree.logs.run_log import RunLog
 from picktree.logs.run_result import RunResult
 from picktree.session.assembly import TICK_LENGTH
-from picktree.session.observer import PresetAnswers
+from picktree.session.execution import Execution
+from picktree.session.observer import Observer, PresetAnswers
 from picktree.session.resume.recorded_recipe import RecordedRun
 from picktree.session.resume.resumption import ResumeRequest, Resumption
-from picktree.session.session import RunRequest, Session
+from picktree.session.session import Recording, RunRequest, Session
 from picktree.simulation.kinematic.backend import KinematicHardware
-from picktree.trees.running.runner import NodeInfo, TickReport
+from picktree.trees.running.runner import TickReport
 
 SCENE = "picktree: 1\nkind: scene\nbase: sort_small\ncheckpoint_every: 1\n"
 MISSION = """\
@@ -63,26 +64,20 @@ trees:
 """
 
 
-class Killer:
+class Killer(Observer):
     """Kills its process while the second item is in the hand, when the log has all that was before."""
 
     def __init__(self) -> None:
-        self.session: Session | None = None
         self._log = Path()
         self._held = 0
 
-    def started(self, structure: tuple[NodeInfo, ...], folder: Path) -> None:
-        self._log = folder / "log.mcap"
-
-    def edited(self, structure: tuple[NodeInfo, ...]) -> None: ...
-    def told(self, now: float, text: str) -> None: ...
-    def finished(self, result: RunResult) -> None: ...
+    def started(self, run: Execution, folder: Path) -> None:
+        self._run, self._log = run, folder / "log.mcap"
 
     def ticked(self, now: float, report: TickReport, items_done: int, items_total: int) -> None:
-        assert self.session is not None
-        hardware = self.session.hardware
+        hardware = self._run.hardware
         assert isinstance(hardware, KinematicHardware)
-        if items_done == 1 and self.session.world.scene.held is not None and hardware.bodies.held:
+        if items_done == 1 and self._run.world.scene.held is not None and hardware.bodies.held:
             self._held += 1
         while self._held == 9:
             with RunLog(self._log) as log:
@@ -92,9 +87,7 @@ class Killer:
 
 
 def run_and_be_killed(mission: Path, out: Path) -> None:
-    killer = Killer()
-    killer.session = Session(RunRequest(mission, seed=3, out=out, backend="kinematic"), killer)
-    killer.session.run()
+    Session(RunRequest(mission, seed=3, out=out, backend="kinematic"), observers=[Killer()]).run()
 
 
 def told(run: Run, kind: str) -> list[str]:
@@ -156,7 +149,9 @@ def test_it_goes_on_as_things_stood_and_looks_first(killed: Path, alone: RunResu
             picked = [at.record.data["object"] for at in before.events if at.record.kind == "pick"]
         assert set(names) == {picked[1]}  # the same item has the same id
         recipe = recorded.recipe()
-        again = Session(replace(recipe, limit=run.info.continues.time + 0.5), out=tmp_path).run()
+        again = Session(
+            replace(recipe, limit=run.info.continues.time + 0.5), record=Recording(tmp_path)
+        ).run()
         with Run(again.folder) as repeated:
             assert told(repeated, "took_stock") == [first, felt]
 
@@ -187,7 +182,7 @@ def test_a_run_at_its_limit_goes_on_with_a_later_one(folder: Path, alone: RunRes
 def test_a_run_that_asks_for_help_is_paused_and_goes_on_with_the_answer(tmp_path: Path) -> None:
     (tmp_path / "asking.yaml").write_text(ASKING)
     request = RunRequest(tmp_path / "asking.yaml", seed=3, out=tmp_path, backend="kinematic")
-    paused = Session(request, operator=PresetAnswers(["2"])).run()
+    paused = Session(request, observers=[PresetAnswers(["2"])]).run()
     assert (paused.status, paused.reached) == ("paused", False)
     assert paused.asked is not None
     assert paused.asked.choices == ("go on", "set aside", "give up")
@@ -206,7 +201,7 @@ def test_a_run_that_asks_for_help_is_paused_and_goes_on_with_the_answer(tmp_path
     with Run(paused.folder) as run, RecordedRun(run) as recorded:
         assert told(run, "log") == ["answered: 'set aside'"]
         assert told(run, "help_wanted")[-1] == f"help is wanted: {paused.asked.reason}"
-        again = Session(recorded.recipe(), out=tmp_path, operator=recorded.answers()).run()
+        again = Session(recorded.recipe(), record=Recording(tmp_path), observers=[recorded.answers()]).run()
         assert run.explanation.outcome.sentence.startswith(f"the run waits for help: {paused.asked.reason}")
     assert (again.status, again.digest) == ("paused", paused.digest)
 
@@ -215,7 +210,7 @@ def test_an_answer_that_is_no_choice_is_refused(tmp_path: Path) -> None:
     (tmp_path / "asking.yaml").write_text(ASKING)
     request = RunRequest(tmp_path / "asking.yaml", seed=3, out=tmp_path, backend="kinematic")
     with pytest.raises(PicktreeError) as refused:
-        Session(request, operator=PresetAnswers(["perhaps"])).run()
+        Session(request, observers=[PresetAnswers(["perhaps"])]).run()
     assert str(refused.value) == (
         "--answer perhaps: Main/Sequence/ForEach/Sequence/AskForHelp asks, and takes one of these: "
         "go on, set aside, give up"

@@ -14,8 +14,9 @@ from picktree.logs.run_log import RunLog
 from picktree.logs.run_result import RunResult
 from picktree.session.assembly import TICK_LENGTH
 from picktree.session.checkpoints import RunState
+from picktree.session.observer import Observer
 from picktree.session.session import RunRequest, Session
-from picktree.trees.running.runner import NodeInfo, TickReport
+from picktree.trees.running.runner import TickReport
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 TOPICS = {
@@ -38,13 +39,8 @@ spawn: [{of: {block: 1}, colours: [red], area: {min: [0.44, -0.1], max: [0.46, -
 """
 
 
-class Interrupting:
+class Interrupting(Observer):
     """Sends Ctrl-C while a tick is reported."""
-
-    def started(self, structure: tuple[NodeInfo, ...], folder: Path) -> None: ...
-    def edited(self, structure: tuple[NodeInfo, ...]) -> None: ...
-    def told(self, now: float, text: str) -> None: ...
-    def finished(self, result: RunResult) -> None: ...
 
     def ticked(self, now: float, report: TickReport, items_done: int, items_total: int) -> None:
         if round(now / TICK_LENGTH) == 6:
@@ -80,9 +76,9 @@ def test_checkpoints_are_in_the_log_and_can_be_read_back(tmp_path: Path) -> None
     assert state.items_done == 1
     assert moments == [pytest.approx(state.time + 0.05)]
     assert RunState.from_json(state.to_json()) == state
-    session.tree.halt()
-    session.tree.restore(state.tree)
-    assert session.tree.save() == state.tree
+    session.execution.tree.halt()
+    session.execution.tree.restore(state.tree)
+    assert session.execution.tree.save() == state.tree
 
 
 def test_a_run_ends_at_its_limit(tmp_path: Path) -> None:
@@ -92,7 +88,7 @@ def test_a_run_ends_at_its_limit(tmp_path: Path) -> None:
 
 
 def test_an_interrupted_run_has_a_result_and_a_whole_log(tmp_path: Path) -> None:
-    result = Session(request(tmp_path), Interrupting()).run()
+    result = Session(request(tmp_path), observers=[Interrupting()]).run()
     assert result.status == "interrupted"
     with RunLog(result.log) as log:
         assert not log.recovered

@@ -9,9 +9,11 @@ import pytest
 
 from picktree.logs.run_log import RunLog
 from picktree.logs.run_result import RunResult
-from picktree.session.mission_edits import FileWatch
+from picktree.session.execution import Execution
+from picktree.session.mission_edits import FileWatch, MissionReload
+from picktree.session.observer import Observer
 from picktree.session.session import RunRequest, Session
-from picktree.trees.running.runner import NodeInfo, TickReport
+from picktree.trees.running.runner import TickReport
 
 SORTING = """\
 picktree: 1
@@ -79,7 +81,7 @@ class Editor:
         return bool(due)
 
 
-class Witness:
+class Witness(Observer):
     """What a session tells whoever looks on."""
 
     def __init__(self) -> None:
@@ -87,19 +89,17 @@ class Witness:
         self.structures: list[frozenset[str]] = []
         self.ran: list[tuple[float, frozenset[str]]] = []
 
-    def started(self, structure: tuple[NodeInfo, ...], folder: Path) -> None:
-        self.edited(structure)
+    def started(self, run: Execution, folder: Path) -> None:
+        self.edited(run)
 
-    def edited(self, structure: tuple[NodeInfo, ...]) -> None:
-        self.structures.append(frozenset(node.path for node in structure))
+    def edited(self, run: Execution) -> None:
+        self.structures.append(frozenset(node.path for node in run.tree.structure()))
 
     def told(self, now: float, text: str) -> None:
         self.said.append((round(now, 2), text))
 
     def ticked(self, now: float, report: TickReport, items_done: int, items_total: int) -> None:
         assert {node.path for node in report.nodes} == self.structures[-1]
-
-    def finished(self, result: RunResult) -> None: ...
 
     def heard(self, folder: Path) -> list[tuple[float, str]]:
         return [(time, text.replace(str(folder), "")) for time, text in self.said]
@@ -111,8 +111,8 @@ def run(
     (folder / "m.yaml").write_text(text)
     request = RunRequest(mission=folder / "m.yaml", out=folder / "runs", backend="kinematic", **options)  # type: ignore[arg-type]
     editor, witness = Editor(folder, edits), Witness()
-    session = Session(request, witness, edits=editor)
-    editor.clock = lambda: session.world.clock.now
+    session = Session(request, observers=[witness, MissionReload(editor)])
+    editor.clock = lambda: session.execution.world.clock.now
     return session.run(), witness
 
 
@@ -334,7 +334,7 @@ def test_the_session_notices_an_edit_on_the_disk(tmp_path: Path) -> None:
     (tmp_path / "m.yaml").write_text(MISSION)
     witness = EditingWitness(tmp_path / "m.yaml")
     request = RunRequest(mission=tmp_path / "m.yaml", out=tmp_path, backend="kinematic")
-    Session(request, witness, edits=FileWatch(period=0.0)).run()
+    Session(request, observers=[witness, MissionReload(FileWatch(period=0.0))]).run()
     assert [said for _, said in witness.said] == [GOOD, TAKEN]
 
 

@@ -133,7 +133,7 @@ def test_what_is_in_the_hand_already_is_felt_and_lifted_off_where_it_weighs_noth
         did.append("lift")
         yield
 
-    monkeypatch.setattr("picktree.skills.grasp.lift_off", lifting)
+    monkeypatch.setattr("picktree.manipulation.carry.hold_check.lift_off", lifting)
     monkeypatch.setattr(cell.world.control, "settle", settling)
     monkeypatch.setattr(cell.world.control, "load", load)
     cell.start(mission(f"Grasp: {{object: {block}}}"))
@@ -173,7 +173,7 @@ def test_a_planner_s_refusal_to_begin_gets_the_arm_clear_once(monkeypatch: pytes
 
         with monkeypatch.context() as patch:
             patch.setattr(CandidateSearch, "find", finding)
-            patch.setattr("picktree.skills.grasp.escape_contact", escaping)
+            patch.setattr("picktree.manipulation.motion.replanning.escape_contact", escaping)
             cell.start(mission(f"Grasp: {{object: {block}, onward: false}}"))
             cell.finish()
         assert len(escapes) == cleared

@@ -12,9 +12,8 @@ import pytest
 from picktree.cell.handover import PlaceCandidate
 from picktree.manipulation.place.release_poses import place_candidates
 from picktree.perception.fitting.view import BinView
-from picktree.planning.requests import MotionPlan, Request
+from picktree.planning.requests import LegFailure, MotionPlan, Request
 from picktree.simulation.kinematic.backend import KinematicHardware
-from picktree.skills.place import Place
 from picktree.trees.skill import Doing, Steps
 from picktree.world.causes import Cause, Failure, planning
 from picktree.world.shapes import bottom
@@ -115,7 +114,7 @@ def test_where_the_way_down_is_not_free_it_is_let_go_from_above(
 
     def not_free(legs: Sequence[Request], **how: Any) -> Doing[MotionPlan]:
         asked.append(len(legs))
-        told = Failure(planning.NO_PATH, "no way", leg=leg)
+        told = LegFailure(planning.NO_PATH, "no way", leg, {})
         raise told
         yield from through(legs, **how)
 
@@ -141,7 +140,7 @@ def test_what_is_carried_adds_to_the_force_that_stops_the_arm(monkeypatch: pytes
         yield from along(trajectory, **how)
 
     monkeypatch.setattr(cell.world.move, "along", noting)
-    monkeypatch.setattr("picktree.skills.place.payload_force", lambda _: 7.0)
+    monkeypatch.setattr("picktree.manipulation.pick.object_placement.payload_force", lambda _: 7.0)
     cell.start(mission(f"Place: {{object: {block}, into: red_bin}}"))
     cell.finish()
     assert cell.tree.failure is None
@@ -177,7 +176,7 @@ def test_one_way_of_letting_go_over_a_bin_is_enough(monkeypatch: pytest.MonkeyPa
         downs.append(len(legs))
         return through(legs, **how)
 
-    monkeypatch.setattr("picktree.skills.place.place_candidates", first)
+    monkeypatch.setattr("picktree.manipulation.pick.object_placement.place_candidates", first)
     monkeypatch.setattr(cell.world.plan, "through", going)
     cell.start(mission(f"Place: {{object: {block}, into: red_bin}}"))
     cell.finish()
@@ -199,7 +198,7 @@ def test_where_nothing_is_to_be_gone_down_it_is_let_go_from_above(monkeypatch: p
             downs.append(len(asked))
             return through(asked, **how)
 
-        monkeypatch.setattr("picktree.skills.place.place_candidates", level)
+        monkeypatch.setattr("picktree.manipulation.pick.object_placement.place_candidates", level)
         monkeypatch.setattr(cell.world.plan, "through", going)
         cell.start(mission(f"Place: {{object: {block}, into: red_bin}}"))
         cell.finish()
@@ -212,15 +211,15 @@ def test_another_level_is_tried_where_one_is_not_reached(
     cause: Cause, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     cell, _, block = holding()
-    refused, down = list[Failure](), Place._down  # pyright: ignore[reportPrivateUsage]
+    refused, through = list[Failure](), cell.world.plan.through
 
-    def once(self: Place, *given: Any) -> Any:
+    def once(*given: Any, **how: Any) -> Any:
         if not refused:
             refused.append(Failure(cause, "not there"))
             raise refused[0]
-        return down(self, *given)
+        return through(*given, **how)
 
-    monkeypatch.setattr(Place, "_down", once)
+    monkeypatch.setattr(cell.world.plan, "through", once)
     cell.start(mission(f"Place: {{object: {block}, into: red_bin}}"))
     cell.finish()
     failure = cell.tree.failure

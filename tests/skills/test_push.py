@@ -188,7 +188,7 @@ def test_a_dozen_pushes_are_considered_to_make_room(monkeypatch: pytest.MonkeyPa
         asked.append(stroke.name)
         return "the arm does not reach it"
 
-    monkeypatch.setattr("picktree.skills.push.plan_stroke", refused)
+    monkeypatch.setattr("picktree.manipulation.push.closed_loop_pushing.plan_stroke", refused)
     assert push(cell, f"object: {hemmed}, singulate: true") == "push.no_stroke"
     failure = cell.tree.failure
     assert failure is not None
@@ -310,7 +310,7 @@ def test_what_the_arm_hides_is_looked_at_from_aside(seen: bool, monkeypatch: pyt
             return None
         return (yield from observe_closely(world, camera, name, pictures))
 
-    monkeypatch.setattr("picktree.skills.push.observe_closely", looking)
+    monkeypatch.setattr("picktree.manipulation.push.closed_loop_pushing.observe_closely", looking)
     cause = push(cell, f"object: {block}, to: [0.5, 0.0]")
     assert poses[0] == "rest"
     assert poses[1] not in ("rest",)
@@ -370,9 +370,9 @@ def offered(cell: Cell, ports: str, monkeypatch: pytest.MonkeyPatch, *ends: Plan
         asked.append(stroke.ends)
         return "not free"
 
-    monkeypatch.setattr("picktree.skills.push.push_strokes", ending)
-    monkeypatch.setattr("picktree.skills.push.turning_room_strokes", ending_nowhere)
-    monkeypatch.setattr("picktree.skills.push.stroke_refusal", refused)
+    monkeypatch.setattr("picktree.manipulation.push.closed_loop_pushing.push_strokes", ending)
+    monkeypatch.setattr("picktree.manipulation.push.closed_loop_pushing.turning_room_strokes", ending_nowhere)
+    monkeypatch.setattr("picktree.manipulation.push.closed_loop_pushing.stroke_refusal", refused)
     assert push(cell, ports) == "push.no_stroke"
     return asked
 

@@ -10,7 +10,7 @@ import pytest
 
 from picktree.authoring.check import check_mission
 from picktree.control.execution.jog_motion import StoppedBy
-from picktree.files.yaml.document import parse_document
+from picktree.files.yaml.document import read_document
 from picktree.trees.loading.loader import load_mission, parse_mission
 from picktree.trees.loading.registry import NodeRegistry
 from picktree.world.causes import all_causes
@@ -27,7 +27,7 @@ def block(language: str) -> str:
 
 def test_its_mission_goes_down_to_the_table_and_up() -> None:
     text = block("yaml")
-    faults = check_mission(parse_document(text, Path("mission.yaml"), "mission")).faults
+    faults = check_mission(read_document(Path("mission.yaml"), "mission", text)).faults
     assert [str(fault) for fault in faults] == []
     cell = Cell(parse_mission(text, Path("mission.yaml"), NodeRegistry()), items(block=1))
     assert cell.finish().value == "SUCCESS"

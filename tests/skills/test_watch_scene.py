@@ -179,7 +179,7 @@ def test_a_picture_that_was_thought_about_when_it_was_saved_or_halted_is_not_kep
         watched.until(0.1)
         assert watched.taken == [0.0]
         if how == "save":
-            watched.cell.tree.find("Main/WatchScene").save()
+            watched.cell.tree.find("Main/WatchScene").save_state()
         if how == "halt":
             watched.cell.tree.find("Main/WatchScene").halt()
         since = watched.now

@@ -12,7 +12,7 @@ from picktree.authoring.rehearsal.checking.case_checks import examine_cases
 from picktree.authoring.rehearsal.rehearse import rehearse
 from picktree.authoring.rehearsal.verdict.rehearsal_result import CaseResult, Rehearsal
 from picktree.cell.world import World
-from picktree.files.yaml.document import Document, parse_document
+from picktree.files.yaml.document import Document, read_document
 from picktree.trees.controls.decorator import Decorator
 from picktree.trees.controls.leaves import ConditionNode
 from picktree.trees.flow import LeafFlow
@@ -170,4 +170,4 @@ def runs(case: CaseResult) -> list[str]:
 
 
 def _document(cases: str) -> Document:
-    return parse_document("picktree: 1\nkind: cases\n" + dedent(cases), HERE, "cases")
+    return read_document(HERE, "cases", "picktree: 1\nkind: cases\n" + dedent(cases))

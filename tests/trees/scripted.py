@@ -106,9 +106,7 @@ class Answer(Node):
     kind = "action"
     script: In[str] = port("one letter for each tick")
 
-    def __init__(self, *given: object) -> None:
-        super().__init__(*given)  # pyright: ignore[reportArgumentType]
-        self.asked = 0
+    asked: int = 0
 
     def on_tick(self) -> NodeStatus:
         fake = cast("FakeWorld", self.world)

@@ -13,7 +13,7 @@ from typing import Any, TypeAlias, cast
 import pytest
 
 from picktree.cell.world import World
-from picktree.files.yaml.document import parse_document
+from picktree.files.yaml.document import read_document
 from picktree.recovery import NODES as RECOVERY
 from picktree.trees.loading.loader import examine
 from picktree.trees.loading.registry import NodeRegistry
@@ -181,7 +181,7 @@ def edited(text: str, dice: random.Random) -> str:
 
 
 def read(text: str) -> Mission | None:
-    reading = examine(parse_document(text, Path("mission.yaml"), "mission"), REGISTRY)
+    reading = examine(read_document(Path("mission.yaml"), "mission", text), REGISTRY)
     return None if reading.faults else reading.mission
 
 

@@ -18,7 +18,7 @@ REGISTRY = NodeRegistry()
 
 def read(body: str) -> MissionReadResult:
     text = f"picktree: 1\nkind: mission\n{body}\n"
-    return examine(read_document(text, Path("m.yaml"), "mission"), REGISTRY)
+    return examine(read_document(Path("m.yaml"), "mission", text), REGISTRY)
 
 
 def faults(body: str) -> list[str]:

@@ -7,7 +7,7 @@ from textwrap import dedent
 
 import pytest
 
-from picktree.files.yaml.document import FileError, load_document
+from picktree.files.yaml.document import FileError, read_document
 from picktree.trees.loading.include import MAX_INCLUDED_FILES
 from picktree.trees.loading.loader import examine, load_mission, parse_mission, read_mission
 from picktree.trees.mission import Mission, RecordedFiles
@@ -156,7 +156,7 @@ def test_the_number_of_files_is_bounded(tmp_path: Path) -> None:
 
 def test_a_library_cannot_be_run_but_looked_at(tmp_path: Path) -> None:
     path = write(tmp_path, look=LOOK)
-    document = load_document(path, "mission")
+    document = read_document(path, "mission")
     assert examine(document, registry()).faults == ()
     with pytest.raises(FileError) as caught:
         read_mission(document, registry())

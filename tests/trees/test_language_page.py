@@ -9,7 +9,7 @@ import pytest
 
 from picktree.authoring.check import check_mission
 from picktree.files.expressions.parser import FUNCTIONS
-from picktree.files.yaml.document import parse_document
+from picktree.files.yaml.document import read_document
 from picktree.trees.declaration import COMMON_KEYS
 from picktree.trees.loading.include import MAX_INCLUDED_FILES
 from picktree.trees.loading.loader import load_mission
@@ -25,7 +25,7 @@ FILES = re.findall(r"```yaml\n(.*?)```", PAGE, re.DOTALL)
 @pytest.mark.parametrize("text", FILES, ids=range(len(FILES)))
 def test_its_files_have_no_errors(text: str) -> None:
     whole = text if text.startswith("picktree:") else f"picktree: 1\nkind: mission\nscene: three_bins\n{text}"
-    faults = check_mission(parse_document(whole, Path("mission.yaml"), "mission")).faults
+    faults = check_mission(read_document(Path("mission.yaml"), "mission", whole)).faults
     assert [str(fault) for fault in faults if fault.severity == "error"] == []
 
 

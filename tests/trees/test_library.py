@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from picktree.authoring.check import check_mission
-from picktree.files.yaml.document import load_document, parse_document
+from picktree.files.yaml.document import read_document
 from picktree.trees.loading.loader import examine
 from picktree.trees.loading.registry import NodeRegistry
 from picktree.trees.mission import LIBRARY, library_names, path_of
@@ -15,7 +15,7 @@ from picktree.trees.mission import LIBRARY, library_names, path_of
 
 @pytest.mark.parametrize("name", library_names())
 def test_a_library_is_without_a_fault_or_a_warning(name: str) -> None:
-    document = load_document(path_of(f"library/{name}", Path()), "mission")
+    document = read_document(path_of(f"library/{name}", Path()), "mission")
     checked = check_mission(document)
     assert [str(fault) for fault in checked.faults] == []
     assert checked.mission is not None
@@ -24,7 +24,7 @@ def test_a_library_is_without_a_fault_or_a_warning(name: str) -> None:
 
 @pytest.mark.parametrize("name", library_names())
 def test_its_ports_have_types_and_docs(name: str) -> None:
-    mission = examine(load_document(LIBRARY / f"{name}.yaml", "mission"), NodeRegistry()).mission
+    mission = examine(read_document(LIBRARY / f"{name}.yaml", "mission"), NodeRegistry()).mission
     ports = [(tree.name, port) for tree in mission.trees.values() for port in tree.ports]
     assert [(tree, port.key) for tree, port in ports if not port.doc or str(port.type) == "any"] == []
 
@@ -55,10 +55,10 @@ trees:
 
 
 def test_its_trees_can_be_used_as_they_are_meant() -> None:
-    checked = check_mission(parse_document(USES, Path("mission.yaml"), "mission"))
+    checked = check_mission(read_document(Path("mission.yaml"), "mission", USES))
     assert [str(fault) for fault in checked.faults if fault.severity == "error"] == []
     text = USES.replace("pause: 1 s", "pause: 1 m").replace("pose: observe", "pose: observed")
-    wrong = check_mission(parse_document(text, Path("mission.yaml"), "mission")).faults
+    wrong = check_mission(read_document(Path("mission.yaml"), "mission", text)).faults
     assert [(fault.where, fault.message) for fault in wrong if fault.severity == "error"] == [
         (
             "Main/Sequence/ForEach/Recover/RetreatAndLook",

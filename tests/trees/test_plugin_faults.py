@@ -217,8 +217,8 @@ FAULTS: dict[str, tuple[str, str, str]] = {  # source, code, text after the plug
     "an __init__ of its own": (
         WAVE.replace("def run", "def __init__(self): ...\n    def run"),
         "P254",
-        "node Wave: its '__init__' does not take (wiring, runtime) (leave it out; what "
-        "a node begins with is set in 'on_start')",
+        "node Wave: it has an '__init__' of its own (leave it out; what a node begins "
+        "with is set in 'on_start')",
     ),
     "a cause in words": (
         WAVE.replace("(TIRED,)", "('wave.tired',)"),

@@ -13,7 +13,7 @@ import pytest
 
 from picktree.authoring.check import check_mission
 from picktree.errors import PicktreeError
-from picktree.files.yaml.document import FileError, load_document, parse_document
+from picktree.files.yaml.document import FileError, read_document
 from picktree.session.recipe import mission_files, plugin_versions
 from picktree.trees.loading.loader import load_mission, parse_mission
 from picktree.trees.loading.registry import NodeRegistry
@@ -112,7 +112,7 @@ def test_a_mission_carries_the_sources_of_its_plug_ins(tmp_path: Path) -> None:
 
 
 def test_the_example_checks_without_a_word() -> None:
-    assert check_mission(load_document(EXAMPLES / "probe.yaml", "mission")).faults == ()
+    assert check_mission(read_document(EXAMPLES / "probe.yaml", "mission")).faults == ()
     node = load_mission(EXAMPLES / "probe.yaml").trees["Main"].root.children[2].children[0].node
     assert node is not None
     assert [str(cause) for cause in node.declaration.causes] == ["probe.nothing", "control.*", "safety.*"]
@@ -176,7 +176,7 @@ def site(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
 
 
 def check(text: str) -> list[str]:
-    document = parse_document(f"picktree: 1\nkind: mission\n{text}\n", Path("m.yaml"), "mission")
+    document = read_document(Path("m.yaml"), "mission", f"picktree: 1\nkind: mission\n{text}\n")
     return [str(found) for found in check_mission(document, NodeRegistry()).faults]
 
 

@@ -32,8 +32,8 @@ def test_a_run_with_an_override_has_it_in_its_tree_and_its_log(tmp_path: Path) -
         EXAMPLES / "one_pick.yaml", backend="kinematic", out=tmp_path, parameters={"Grasp.force": "12"}
     )
     session = Session(request)
-    grasp = next(node for node in session.tree.nodes if node.wiring.id == "Grasp")
-    assert grasp.save()["ports"]["force"] == "12"  # type: ignore[index, call-overload]
+    grasp = next(node for node in session.execution.tree.nodes if node.wiring.id == "Grasp")
+    assert grasp.save_state()["ports"]["force"] == "12"  # type: ignore[index, call-overload]
     assert session.run().reached
 
 

@@ -12,8 +12,8 @@ PROGRAM = f"""
 import sys
 from pathlib import Path
 from picktree.authoring.check import check_mission
-from picktree.files.yaml.document import open_document
-checked = check_mission(open_document(Path({str(EXAMPLE)!r}), "mission"))
+from picktree.files.yaml.document import read_document
+checked = check_mission(read_document(Path({str(EXAMPLE)!r}), "mission"))
 assert checked.mission is not None and "Grasp" in str(checked.mission.trees)
 print([name for name in {HEAVY!r} if name in sys.modules])
 """

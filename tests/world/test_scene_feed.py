@@ -214,8 +214,8 @@ def test_a_fault_is_named(old: str, new: str, message: str) -> None:
 
 
 def warnings(text: str) -> list[str]:
-    found = check_scene(read_document(text, HERE, "scene"))
-    assert found.scene is not None
+    found = check_scene(read_document(HERE, "scene", text))
+    assert found.value is not None
     return [str(fault) for fault in found.faults]
 
 

@@ -13,7 +13,6 @@ from ...files.yaml.document import (
     Document,
     FileError,
     Location,
-    open_document,
     read_document,
     suggest_name,
     where,
@@ -145,7 +144,7 @@ class MissionReadResult:
 
 def load_mission(path: Path, registry: NodeRegistry | None = None) -> Mission:
     """Read a mission file. Raises FileError with all its faults."""
-    return read_mission(open_document(path, "mission"), registry)
+    return read_mission(read_document(path, "mission"), registry)
 
 
 def parse_mission(
@@ -160,7 +159,7 @@ def parse_mission(
     `files` supplies the included files, by default from the disk. `facts`: world facts that expressions may
     use. Raises FileError as `load_mission` does.
     """
-    return read_mission(read_document(text, path, "mission"), registry, files, facts)
+    return read_mission(read_document(path, "mission", text), registry, files, facts)
 
 
 def read_mission(

@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import importlib
 import importlib.util
-import inspect
 import re
 import sys
 from collections.abc import Generator, Iterable
@@ -20,6 +19,7 @@ from ...world.causes import OUR_PREFIXES, Cause, Family, known_causes, restore_c
 from ..declaration import Hand, Kind, NodeDeclaration, Resource
 from ..mission import Plugin
 from ..node import Node
+from ..tree_definition import FILE_MODULE
 from .plugin_import import PluginError, importing
 
 
@@ -80,11 +80,9 @@ def _check(node: type[Node], plugin: str) -> None:
         raise wrong("'uses' is a tuple of resources", "as 'uses = (ARM, GRIPPER)'")
     if not _are(declaration.causes, Cause, Family):
         raise wrong("'causes' is a tuple of causes", "as 'causes = (grasp.MISSED, planning.ANY)'")
-    try:
-        inspect.signature(node).bind("wiring", "runtime")
-    except TypeError:
+    if node.__init__ is not Node.__init__:
         hint = "leave it out; what a node begins with is set in 'on_start'"
-        raise wrong("its '__init__' does not take (wiring, runtime)", hint) from None
+        raise wrong("it has an '__init__' of its own", hint)
     for cause in declaration.causes:
         _check_cause(cause, plugin, declaration.id)
 
@@ -170,7 +168,7 @@ def _file(plugin: str, folder: Path) -> Plugin:
         raise PluginError(f"there is no plug-in {plugin!r} beside the mission", code="P257")
     with importing(plugin):
         source = path.read_bytes()
-        name = f"picktree_plugin_{path.stem}_{hashlib.sha256(bytes(path)).hexdigest()[:8]}"
+        name = f"{FILE_MODULE}{path.stem}_{hashlib.sha256(bytes(path)).hexdigest()[:8]}"
         with _replaced(name) as before:
             module = _run(name, path, source, before)
             nodes = offered_nodes(module, plugin, "NODES")

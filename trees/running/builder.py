@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from typing import Any
+
+from py_trees.behaviour import Behaviour
 
 from ...world.journal import Plain
 from ..blackboard import Namespace
@@ -12,6 +15,7 @@ from ..node import Node
 from ..runtime import Runtime, TreeWorld, Wiring
 from ..slots import child
 from ..status import NodeStatus
+from ..tree_definition import TreeDefinition
 from ..values.references import Binding, Constant, Reference
 from .run_settings import Overrides, read_settings
 from .runner import BehaviourTree
@@ -28,9 +32,12 @@ class SubTree(Node):
     kind = "subtree"
     body = child("the root of the sub-tree")
 
-    def __init__(self, wiring: Wiring, runtime: Runtime, inside: Namespace) -> None:
-        super().__init__(wiring, runtime)
-        self.inside = inside
+    inside: Namespace
+
+    def __init__(self, tree: TreeDefinition, **ports: Any) -> None:
+        """Describe a call of a tree that was defined in Python."""
+        Behaviour.__init__(self, name=tree.name)
+        self.description = tree.describe_call(SubTree, ports)
 
     def on_start(self) -> None:
         self.on_rewired(frozenset(self.wiring.ports))
@@ -80,7 +87,8 @@ class _Builder:
                 bindings[port.key] = bound
             elif port.direction == "in":
                 bindings[port.key] = Constant(port.default, _plain(port.default))
-        node = SubTree(_wiring(call, path, outer, bindings), self._runtime, inside)
+        node = SubTree.bound(_wiring(call, path, outer, bindings), self._runtime)
+        node.inside = inside
         node.fill({"do": (("", self.node(tree.root, path, inside)),)})
         return node
 
@@ -90,7 +98,7 @@ class _Builder:
             spec = replace(spec, ports={**spec.ports, **self._overrides[path]})
         if spec.node is None:
             return self.tree(self._mission.trees[spec.id], spec, path, namespace)
-        node = spec.node(_wiring(spec, path, namespace, spec.ports), self._runtime)
+        node = spec.node.bound(_wiring(spec, path, namespace, spec.ports), self._runtime)
         node.fill(
             {
                 key: tuple((label, self.node(child, path, namespace)) for label, child in filled)

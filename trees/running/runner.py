@@ -160,7 +160,7 @@ class BehaviourTree:
         runs."""
         if not self.quiescent:
             raise PicktreeError("a tree cannot be saved while a skill is running")
-        nodes: dict[str, Plain] = {node.path: cast("Plain", node.save()) for node in self._nodes}
+        nodes: dict[str, Plain] = {node.path: cast("Plain", node.save_state()) for node in self._nodes}
         return {"nodes": nodes, "blackboard": cast("Plain", self.blackboard.save())}
 
     def restore(self, saved: Mapping[str, Plain]) -> None:
@@ -171,7 +171,7 @@ class BehaviourTree:
             raise PicktreeError(f"the saved state belongs to another mission: {strange[0]!r} is not in both")
         self._root.halt()
         for path, state in nodes.items():
-            self._by_path[path].restore(state)
+            self._by_path[path].restore_state(state)
             self._by_path[path].ticked = False
         self.blackboard.restore(cast("dict[str, Plain]", saved["blackboard"]))
         self._runtime.transitions.take()

@@ -58,7 +58,7 @@ def _take_over(
         return False
     running = NodeStatus(str(state["state"])) is NodeStatus.RUNNING
     lost = any(name not in memory for name in node.positions) or _lost_count(node, state, saved)
-    node.restore({**state, "inputs": _inputs(node, state), "memory": memory})
+    node.restore_state({**state, "inputs": _inputs(node, state), "memory": memory})
     if not active or (running and (lost or not _rewired(node, state))):
         node.halt()
         return not running
@@ -68,7 +68,7 @@ def _take_over(
 def _rewired(node: Node, state: Mapping[str, Plain]) -> bool:
     """Pass changed port values to a running node; False when a new value does not exist yet."""
     before = cast("dict[str, Plain]", state["ports"])
-    now = cast("dict[str, Plain]", node.save()["ports"])
+    now = cast("dict[str, Plain]", node.save_state()["ports"])
     changed = frozenset(key for key, text in now.items() if key not in before or before[key] != text)
     if any(isinstance(node.wiring.ports[key], Reference) for key in changed):
         try:

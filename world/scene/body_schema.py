@@ -7,7 +7,8 @@ from typing import Annotated, ClassVar, get_args
 
 from pydantic import AfterValidator, WithJsonSchema
 
-from ...files.models.validation import (
+from ...files.value_wording import describe, suggest_name
+from ...files.yaml.field_types import (
     Angle,
     Angles,
     FileModel,
@@ -22,7 +23,6 @@ from ...files.models.validation import (
     as_mapping,
     quantity,
 )
-from ...files.value_wording import describe, suggest_name
 from ..colours import COLOURS, ITEM_COLOURS, PLAIN_COLOURS
 from .description import Form
 

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, Strict
 
-from ...files.models.validation import (
+from ...files.yaml.field_types import (
     Angles,
     FileModel,
     Force,

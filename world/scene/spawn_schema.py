@@ -6,8 +6,8 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Field, Strict, WithJsonSchema
 
-from ...files.models.validation import Duration, FileModel, Flag, InvalidValue, Share, quantity
 from ...files.value_wording import describe, suggest_name
+from ...files.yaml.field_types import Duration, FileModel, Flag, InvalidValue, Share, quantity
 from ..colours import ITEM_COLOURS
 from .body_schema import Corner
 

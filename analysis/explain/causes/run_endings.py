@@ -5,6 +5,7 @@ from __future__ import annotations
 from statistics import median
 
 from ....logs.visits import HALTED, Visit
+from ....world.events.skill_events import SafetyStopEvent
 from ..investigation.case import Finding, Investigation
 from ..investigation.explanation import ExplainedOutcome, FailureStory, number, word
 from ..investigation.failure_course import time_lost
@@ -135,7 +136,7 @@ def _timeout(case: Investigation, failure: FailureStory) -> Finding:
 
 def _unacknowledged(case: Investigation, failure: FailureStory) -> Finding | None:
     """A motion that was refused because of a stop that nobody acknowledged."""
-    stops = case.events("safety_stop", end=failure.time)
+    stops = case.events(SafetyStopEvent, end=failure.time)
     if not stops:
         return None
     stop = stops[-1]
@@ -143,8 +144,7 @@ def _unacknowledged(case: Investigation, failure: FailureStory) -> Finding | Non
     title = f"the safety monitor stopped the arm{at}: {stop.record.message}"
     reasons = (f"at {seconds(stop.time)}; every motion is refused until a SafeRetreat acknowledges the stop",)
     about = failure.item or failure.node
-    cause = str(stop.record.data.get("cause", "safety.stop"))
-    return Finding(cause, about, title, reasons, failure.item, stop.time)
+    return Finding(stop.record.cause, about, title, reasons, failure.item, stop.time)
 
 
 def _leaves(case: Investigation, visits: list[Visit]) -> list[Visit]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 from ....simulation.scoring.scorer import MAX_REST_SPEED
+from ....world.events.skill_events import ItemDoneEvent
 from ....world.scene.destinations import is_at
 from ..investigation.case import Finding, Investigation
 from ..investigation.explanation import FailureStory
@@ -50,11 +51,11 @@ def placed_at(case: Investigation, true: str) -> float | None:
 def _placed(case: Investigation, true: str, until: float = math.inf) -> tuple[float, str, str, str] | None:
     """Of the last time that it was placed: time, believed item, into what, by which node."""
     names = set(case.believed.get(true, ()))
-    found = [at for at in case.events("item_done", end=until) if str(at.record.data.get("object")) in names]
+    found = [at for at in case.events(ItemDoneEvent, end=until) if at.record.object in names]
     if not found:
         return None
-    data = found[-1].record.data
-    return found[-1].time, str(data.get("object")), str(data.get("into", "")), found[-1].record.node
+    done = found[-1].record
+    return found[-1].time, done.object, done.into or "", done.node
 
 
 def _gone_before_seen(case: Investigation, true: str) -> Finding | None:
@@ -144,10 +145,10 @@ def _left_bin(case: Investigation, true: str, item: str, into: str, time: float)
     reasons.append(
         f"it lay there, and {distance(math.dist(lies.pose.position, lay.pose.position))} away later"
     )
-    placing = case.events("item_done", start=inside[-1] - FALLING, end=out + SAMPLED)
+    placing = case.events(ItemDoneEvent, start=inside[-1] - FALLING, end=out + SAMPLED)
     if math.dist(outside.pose.position, lay.pose.position) > PUSHED:
         placing = []
-    came = [str(at.record.data.get("object")) for at in placing if at.record.data.get("into") == into]
+    came = [at.record.object for at in placing if at.record.into == into]
     came = [name for name in came if name != item]
     when = between(inside[-1], out)
     if came:

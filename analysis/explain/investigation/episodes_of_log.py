@@ -10,8 +10,10 @@ from ....logs.episodes.episode import Episode, Planted
 from ....logs.episodes.episode_counts import CauseCount, CureCount, by_cause, counted
 from ....logs.episodes.episode_tracker import EpisodeTracker
 from ....logs.run_log import Stamped
-from ....logs.schema.records import Event
 from ....logs.visits import under_way, with_transitions
+from ....world.events.run_events import FaultEvent, RecoveryEvent
+from ....world.events.skill_events import SetAsideEvent
+from ....world.journal import JournalEvent
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -43,7 +45,7 @@ def episodes_of(run: RunRecord) -> Episodes:
     planted: list[Planted] = []
     following = EpisodeTracker(episodes.append, planted.append)
     trees = list(run.trees)
-    events = [at for at in run.events if at.record.kind in _KINDS]
+    events = [at for at in run.events if isinstance(at.record, RecoveryEvent | SetAsideEvent | FaultEvent)]
     first = True
     for at in _ticks(run):
         while trees and (first or trees[0].time <= at.time):
@@ -53,7 +55,7 @@ def episodes_of(run: RunRecord) -> Episodes:
         if first and at.record is not None:
             following.begun(at.time, under_way(at.record))
         first = False
-        told: list[Event] = []
+        told: list[JournalEvent] = []
         while events and events[0].time <= at.time + 1e-9:
             told.append(events.pop(0).record)
         following.take(at.time, at.record.transitions if at.record is not None else (), told)
@@ -61,9 +63,6 @@ def episodes_of(run: RunRecord) -> Episodes:
     return Episodes(
         tuple(sorted(episodes, key=lambda e: (e.time, e.node))), tuple(sorted(planted, key=lambda p: p.time))
     )
-
-
-_KINDS = frozenset({"recovery", "set_aside", "fault"})
 
 
 def _ticks(run: RunRecord) -> Iterator[Stamped[Tick | None]]:

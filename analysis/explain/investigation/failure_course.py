@@ -8,8 +8,9 @@ from dataclasses import dataclass
 
 from ....logs.episodes.episode import CureNames
 from ....logs.run_log import Stamped
-from ....logs.schema.records import Event
 from ....logs.visits import HALTED, Visit
+from ....world.events.run_events import RecoveryEvent
+from ....world.journal import JournalEvent
 from .explanation import CureAttempt, FailureLink, FailureStory, Fate
 
 
@@ -98,11 +99,13 @@ class FailureCourses:
     """Follows failures upwards through the visits of a run."""
 
     def __init__(
-        self, family: VisitTree, events: Sequence[Stamped[Event]], end: float, names: CureNames
+        self, family: VisitTree, events: Sequence[Stamped[JournalEvent]], end: float, names: CureNames
     ) -> None:
         """`end`: time of the log's last tick, s; `names` says what a cure is called."""
         self._family = family
-        self._recoveries = [at for at in events if at.record.kind == "recovery"]
+        self._recoveries = [
+            Stamped(at.time, at.record) for at in events if isinstance(at.record, RecoveryEvent)
+        ]
         self._end = end
         self._names = names
 
@@ -179,7 +182,7 @@ class FailureCourses:
                 return None
             return CureAttempt(parent.path, AGAIN, failed.end, attempt, "SUCCESS", 0.0)
         cure = next((v for v in following if v.path != failed.path), None)
-        label = str(noted.record.data.get("handler", ""))
+        label = noted.record.handler
         if cure is None:
             return CureAttempt(parent.path, label, noted.time, attempt, "RUNNING", self._end - noted.time)
         ran = self._names.of(cure.path)
@@ -196,7 +199,7 @@ class FailureCourses:
         last = next((v for v in self._family.after(failed) if v.path != failed.path), None)
         if last is None:
             return []
-        label = GIVE_UP if noted is None else str(noted.record.data.get("handler", ""))
+        label = GIVE_UP if noted is None else noted.record.handler
         ran = self._names.of(last.path)
         return [CureAttempt(parent.path, label, last.start, attempt, last.outcome, last.duration, ran)]
 
@@ -223,5 +226,5 @@ def _ended_by(parent: Visit, failing: Visit, came_from: Visit | None, visit: Vis
     )
 
 
-def _answers(at: Stamped[Event], parent: Visit, failed: Visit) -> bool:
+def _answers(at: Stamped[RecoveryEvent], parent: Visit, failed: Visit) -> bool:
     return at.record.node == parent.path and abs(at.time - failed.end) < 1e-6

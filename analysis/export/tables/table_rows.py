@@ -9,6 +9,7 @@ from dataclasses import asdict
 import orjson
 
 from ....logs.schema.records import BodyRecord
+from ....world.events.skill_events import ItemDoneEvent, PickEvent
 from ...explain.investigation.explanation import ItemStory
 from ...run import Run
 from . import row_types
@@ -86,20 +87,20 @@ def candidates(run: Run) -> Iterator[row_types.CandidateRow]:
 
 
 def picks(run: Run) -> Iterator[row_types.PickRow]:
-    events = (at.record.data for at in run.events if at.record.kind == "pick")
-    for pick, data in zip(run.picks, events, strict=True):
-        first = data.get("first_try")
-        yield row_types.PickRow(
-            time=pick.time,
-            object=pick.object,
-            held=pick.held,
-            node=pick.node,
-            form=str(data.get("form", "")),
-            candidate=str(data.get("candidate", "")),
-            first_try=first if isinstance(first, bool) else None,
-            width=_number(data.get("width")),
-            load=_number(data.get("load")),
-        )
+    for at in run.events:
+        if isinstance(at.record, PickEvent):
+            pick = at.record
+            yield row_types.PickRow(
+                time=at.time,
+                object=pick.object,
+                held=pick.held,
+                node=pick.node,
+                form=pick.form,
+                candidate=pick.candidate,
+                first_try=pick.first_try,
+                width=pick.width,
+                load=pick.load,
+            )
 
 
 def failures(run: Run) -> Iterator[row_types.FailureRow]:
@@ -126,9 +127,7 @@ def failures(run: Run) -> Iterator[row_types.FailureRow]:
 
 
 def items(run: Run) -> Iterator[row_types.ItemRow]:
-    done = {
-        str(at.record.data.get("object", "")): at.time for at in run.events if at.record.kind == "item_done"
-    }
+    done = {at.record.object: at.time for at in run.events if isinstance(at.record, ItemDoneEvent)}
     for story in run.explanation.items:
         picked = [pick for pick in run.picks if pick.object == story.id]
         yield row_types.ItemRow(
@@ -220,10 +219,6 @@ def _object(time: float, source: str, body: BodyRecord) -> row_types.ObjectRow:
 
 def _first_event_time(story: ItemStory) -> float | None:
     return min((event.time for event in story.events), default=None)
-
-
-def _number(value: object) -> float | None:
-    return float(value) if isinstance(value, (int, float)) and not isinstance(value, bool) else None
 
 
 def _json(value: Mapping[str, object] | object) -> str:

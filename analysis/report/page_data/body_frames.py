@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....logs.schema.records import BodyRecord
+from ....world.events.run_events import FaultEvent
 from ....world.values import Array
 from ...run import Run
 from .poses import row
@@ -125,9 +126,9 @@ def _removal_ticks(run: Run) -> dict[str, int]:
     """Return the tick of the removal by a fault, by the true body's id."""
     taken: dict[str, int] = {}
     for at in run.events:
-        data = at.record.data
-        if at.record.kind == "fault" and (data.get("fault") == "remove" or data.get("gone")):
-            taken[str(data.get("item") or data.get("obstacle") or "")] = run.ticks.number_at(at.time)
+        fault = at.record
+        if isinstance(fault, FaultEvent) and (fault.fault == "remove" or fault.gone):
+            taken[fault.item or fault.obstacle or ""] = run.ticks.number_at(at.time)
     return taken
 
 

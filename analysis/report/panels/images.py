@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....logs.run_log import CameraImage, Stamped
+from ....logs.schema.event_records import ImageEvent
 from ...run import Run
 from ..page_data.packing import Packable, Section
 
@@ -41,14 +42,13 @@ def pack_images(run: Run, budget: int = IMAGE_BYTE_LIMIT) -> Section:
         return Section("images", {"empty": "No camera took an image in this run."})
     shots.sort(key=lambda at: at.time)
     pictures = images_within_budget(shots, budget)
-    findings = {
-        round(at.time, 3): at.record.data.get("findings") for at in run.events if at.record.kind == "image"
-    }
+    images = ((at.time, at.record) for at in run.events if isinstance(at.record, ImageEvent))
+    findings = {round(time, 3): image.findings for time, image in images}
     left_out = len(shots) - len(pictures)
     return Section(
         "images",
         {
-            "images": [_packed(picture, findings.get(round(picture.time, 3))) for picture in pictures],
+            "images": [_packed(picture, findings.get(round(picture.time, 3), ())) for picture in pictures],
             "note": f"{left_out} of {len(shots)} images are left out to keep this page small."
             if left_out
             else "",
@@ -122,8 +122,7 @@ def _webp(image: NDArray[np.uint8], width: int, quality: int) -> bytes:
     return data.tobytes()
 
 
-def _packed(picture: ReportImage, findings: object) -> Packable:
-    found = [str(line) for line in findings] if isinstance(findings, list) else []  # pyright: ignore
+def _packed(picture: ReportImage, findings: Sequence[str]) -> Packable:
     return {
         "camera": picture.camera,
         "time": picture.time,
@@ -131,5 +130,5 @@ def _packed(picture: ReportImage, findings: object) -> Packable:
         "depth": np.frombuffer(picture.depth, dtype=np.uint8),
         "nearest": picture.nearest,
         "farthest": picture.farthest,
-        "findings": found,
+        "findings": list(findings),
     }

@@ -9,6 +9,7 @@ from typing import Final
 import numpy as np
 import orjson
 
+from ....logs.schema.event_records import BeliefEvent
 from ....logs.visits import HALTED, Visit
 from ...run import Run
 from ..page_data.packing import Packable, Section, StringTable
@@ -143,10 +144,8 @@ def _colours(run: Run) -> dict[str, str]:
     """Return the colour of each item that ever was in the belief."""
     found: dict[str, str] = {}
     for at in run.events:
-        after = at.record.data.get("after") if at.record.kind == "belief" else None
-        if isinstance(after, dict):
-            body: dict[str, object] = after  # pyright: ignore[reportUnknownVariableType]
-            found.setdefault(str(body.get("id")), str(body.get("colour", "")))
+        if isinstance(at.record, BeliefEvent) and at.record.after is not None:
+            found.setdefault(at.record.after.id, at.record.after.colour)
     return found
 
 

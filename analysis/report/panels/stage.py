@@ -10,8 +10,7 @@ import numpy as np
 from ....errors import PicktreeError
 from ....logs.meshes.binary_gltf import read_glb
 from ....logs.meshes.link_meshes import parts_of
-from ....logs.meshes.mesh_decimation import decimate
-from ....logs.meshes.triangle_meshes import Mesh, join_meshes, part_mesh, shape_mesh, smooth_mesh
+from ....logs.meshes.triangle_meshes import Mesh, decimate, join_meshes, part_mesh, shape_mesh, smooth_mesh
 from ....logs.recording.foxglove_messages import UNKNOWN_COLOUR
 from ....logs.schema.records import BodyRecord, LinkMesh, PartRecord
 from ....robots.loading import parse_robot

@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from ....files.models.validation import DocumentChecker, UnreadPart, describe
+from ....files.value_wording import describe
 from ....files.yaml.document import Location, Value, suggest_name
+from ....files.yaml.document_checker import DocumentChecker
+from ....files.yaml.field_types import UnreadPart
 from .case import (
     ANY_LEAVES,
     STATUSES,

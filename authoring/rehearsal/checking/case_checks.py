@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ....errors import PicktreeError
-from ....files.models.validation import DocumentChecker
-from ....files.yaml.document import Diagnostic, Document, FileError, Location, load_document
+from ....files.yaml.document import Diagnostic, Document, FileError, Location, read_document
+from ....files.yaml.document_checker import DocumentChecker
 from ....trees.controls.leaves import ConditionNode
 from ....trees.declaration import NodeDeclaration
 from ....trees.loading.loader import load_mission
@@ -164,7 +164,7 @@ def load_cases(path: Path, mission: Mission | None = None) -> CaseFile:
 
     Raises FileError with all errors, also those of the scene when the mission is given.
     """
-    found = examine_cases(load_document(path, "cases"), mission)
+    found = examine_cases(read_document(path, "cases"), mission)
     if found.errors:
         raise FileError(found.errors)
     return found.cases

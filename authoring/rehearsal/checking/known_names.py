@@ -6,8 +6,8 @@ from collections.abc import Iterable
 from typing import get_args
 
 from ....files.marks import Severity
-from ....files.models.validation import DocumentChecker
 from ....files.yaml.document import Location, suggest_name
+from ....files.yaml.document_checker import DocumentChecker
 from ....trees.mission import Mission
 from ....world.belief.facts import ASIDE
 from ....world.causes import Cause, all_causes, matches

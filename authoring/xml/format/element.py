@@ -1,4 +1,4 @@
-"""XML elements and YAML values with their places in the file, and comments."""
+"""XML elements with their places in the file, and comments."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ from dataclasses import dataclass, field
 from typing import Final
 
 from ....files.marks import Mark
-from ....files.yaml.reader import Value, YamlNode
 from .btcpp_vocabulary import ELEMENTS
 
 _COMMENT = re.compile(r"\s*#+\s?(.*?)\s*")
@@ -48,71 +47,6 @@ class Comments:
 def one_line(comment: str) -> str:
     """Return the comment as one line that any file can hold."""
     return _UNFIT.sub("", " ".join(comment.split()))
-
-
-Scalar = str | int | float | bool | None
-
-
-@dataclass(slots=True)
-class MarkedEntry:
-    """A key and its value."""
-
-    key: str
-    mark: Mark
-    value: MarkedValue
-
-
-@dataclass(slots=True)
-class MarkedValue:
-    """Scalar, mapping (`entries`) or list (`items`), with the `comments` above it."""
-
-    mark: Mark
-    scalar: Scalar = None
-    items: list[MarkedValue] | None = None
-    entries: list[MarkedEntry] | None = None
-    comments: tuple[str, ...] = field(default=())
-
-    @classmethod
-    def mapping(cls, mark: Mark) -> MarkedValue:
-        return cls(mark, entries=[])
-
-    def put(self, key: str, value: MarkedValue | Scalar, mark: Mark | None = None) -> None:
-        """Add an entry to a mapping; a bare scalar gets the place of its key."""
-        assert self.entries is not None
-        at = mark or (value.mark if isinstance(value, MarkedValue) else self.mark)
-        given = value if isinstance(value, MarkedValue) else MarkedValue(at, value)
-        self.entries.append(MarkedEntry(key, at, given))
-
-    def get(self, key: str) -> MarkedValue | None:
-        return next((entry.value for entry in self.entries or () if entry.key == key), None)
-
-    def node(self) -> YamlNode:
-        """Return the value as the YAML reader represents it."""
-        if self.items is not None:
-            items = [item.node() for item in self.items]
-            return YamlNode([item.value for item in items], self.mark, items=items)
-        if self.entries is not None:
-            entries = {entry.key: entry.value.node() for entry in self.entries}
-            value: Value = {key: node.value for key, node in entries.items()}
-            return YamlNode(value, self.mark, entries=entries, keys={e.key: e.mark for e in self.entries})
-        return YamlNode(_plain(self.scalar), self.mark)
-
-
-def from_value(value: Value, mark: Mark) -> MarkedValue:
-    """Return a plain value with one place for all its parts."""
-    match value:
-        case list():
-            return MarkedValue(mark, items=[from_value(item, mark) for item in value])
-        case dict():
-            return MarkedValue(
-                mark, entries=[MarkedEntry(str(k), mark, from_value(v, mark)) for k, v in value.items()]
-            )
-        case _:
-            return MarkedValue(mark, value)
-
-
-def _plain(value: Scalar) -> Value:
-    return value
 
 
 NOWHERE: Final = Mark("", 1, 1)

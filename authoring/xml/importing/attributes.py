@@ -8,11 +8,12 @@ from dataclasses import dataclass, field
 from ....files.expressions.syntax_tree import LiteralValue
 from ....files.marks import Diagnostic, Mark
 from ....files.value_wording import suggest_name
+from ....files.yaml.writer import MarkedValue, Scalar, from_value
 from ....trees.declaration import POSTCONDITIONS, PRECONDITIONS
 from ....trees.values.port_types import PortType
 from ..export.script_export import expression_text
 from ..format import btcpp_vocabulary
-from ..format.element import Element, MarkedValue, Scalar, from_value
+from ..format.element import Element
 from ..format.literal_text import is_pointer, read_value
 from .script_import import ScriptError, read_expression, read_statements
 

@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 
 from ....files.value_wording import suggest_name
+from ....files.yaml.writer import MarkedValue
 from ....trees.declaration import NodeDeclaration
 from ....trees.loading.registry import NodeRegistry
 from ....trees.slots import SlotDeclaration
 from ..format import btcpp_vocabulary
 from ..format.btcpp_vocabulary import SlotRow, read_indexes, read_table
-from ..format.element import Element, MarkedValue
+from ..format.element import Element
 from .attributes import COMMON, Attributes, NodeDraft
 from .port_import import TreePort
 from .translations import Translations

@@ -8,11 +8,12 @@ from typing import Literal
 
 from ....files.expressions.syntax_tree import Name, walk
 from ....files.marks import Diagnostic, Mark
+from ....files.yaml.writer import MarkedValue, from_value
 from ....trees.loading.registry import NodeRegistry
 from ....trees.values.port_types import PortType
 from ....trees.values.references import Reference
 from ..format import btcpp_vocabulary, tree_nodes_model
-from ..format.element import Element, MarkedValue, from_value
+from ..format.element import Element
 from ..format.literal_text import is_pointer, read_value, type_name
 from .script_import import ScriptError, read_expression, read_statements
 from .source import XmlSource

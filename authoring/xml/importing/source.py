@@ -10,7 +10,7 @@ from pathlib import Path
 from ....files.marks import Diagnostic, FileError, Mark
 from ....files.shipped_files import is_file
 from ....files.value_wording import suggest_name
-from ....files.yaml.document import read_text
+from ....files.yaml.file_text import read_text
 from ....trees.mission import MAIN
 from ..format import btcpp_vocabulary
 from ..format.element import Element

@@ -7,10 +7,11 @@ from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, TypeAlias
 
 from ....files.expressions.syntax_tree import Not
+from ....files.yaml.writer import MarkedValue
 from ....trees.values.port_types import PortType
 from ..export.script_export import expression_text
 from ..format import btcpp_vocabulary
-from ..format.element import Element, MarkedValue
+from ..format.element import Element
 from .attributes import COMMON, NodeDraft
 from .script_import import ScriptError, read_expression, read_statements
 

@@ -6,9 +6,9 @@ import math
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
 
-from ....files.models.validation import DocumentChecker
 from ....files.value_wording import describe, suggest_name
 from ....files.yaml.document import Location
+from ....files.yaml.document_checker import DocumentChecker
 from ...shapes import Box, Cylinder, Shape, Sphere, extents
 from ...values import Bounds, ObjectId, Pose
 from ..body_schema import FixtureFile

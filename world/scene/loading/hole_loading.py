@@ -7,9 +7,9 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 
 from ....files.expressions.expression import Expression
-from ....files.models.validation import DocumentChecker
 from ....files.value_wording import listed
 from ....files.yaml.document import Location
+from ....files.yaml.document_checker import DocumentChecker
 from ...belief.hole_matching import tightest_hole
 from ...shapes import Box, Cylinder, Shape, Sphere
 from ...values import Array, ObjectId, Pose

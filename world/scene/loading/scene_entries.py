@@ -9,9 +9,9 @@ from typing import Any, cast
 
 import numpy as np
 
-from ....files.models.validation import DocumentChecker
 from ....files.yaml.document import Location
-from ....files.yaml.yaml_errors import Unreadable, read_bytes
+from ....files.yaml.document_checker import DocumentChecker
+from ....files.yaml.file_text import Unreadable, read_bytes
 from ...shapes import Box, ConvexMesh, Cylinder, Shape, Sphere
 from ...values import Array, ObjectId, Pose, Vector3
 from ..body_schema import FORMS, CatalogueFile, FixtureFile, UnknownFile

@@ -11,18 +11,11 @@ import yaml
 from ....errors import PicktreeError
 from ....files.expressions.expression import Expression, ExpressionError
 from ....files.expressions.type_inference import INT, ValueType, check_types
-from ....files.models.validation import DocumentChecker
+from ....files.marks import CheckedFile, Diagnostic, FileError, Location
 from ....files.shipped_files import find_file, shipped_names
-from ....files.yaml.document import (
-    Diagnostic,
-    Document,
-    FileError,
-    Location,
-    merge_patch,
-    open_document,
-    read_document,
-    suggest_name,
-)
+from ....files.value_wording import suggest_name
+from ....files.yaml.document import Document, merge_patch, read_document
+from ....files.yaml.document_checker import DocumentChecker
 from ...values import Bounds, ObjectId, Pose
 from ..body_schema import CatalogueFile, FixtureFile, UnknownFile
 from ..calibration_results import SceneCalibration, apply_calibration
@@ -75,11 +68,9 @@ GOAL_NAMES = ("total", "sorted", "misplaced", "left", "outstanding")
 
 
 @dataclass(frozen=True, slots=True)
-class SceneCheck:
+class CheckedScene(CheckedFile[SceneDescription]):
     """Result of checking a scene file: the scene, None when there are errors, and all faults."""
 
-    scene: SceneDescription | None
-    faults: tuple[Diagnostic, ...]
     robot: Path | None = None
     """The file of its robot, where there is one."""
 
@@ -89,12 +80,12 @@ def load_scene(name_or_path: str, beside: Path | None = None) -> SceneDescriptio
 
     Raises FileError with all faults of the file, PicktreeError when there is no such file.
     """
-    return _faultless(open_document(find_file(name_or_path, SHIPPED, beside, "scene"), "scene"))
+    return check_scene(read_document(find_file(name_or_path, SHIPPED, beside, "scene"), "scene")).required()
 
 
 def parse_scene(text: str, path: Path) -> SceneDescription:
     """The scene of a file's text, as a log keeps it; `path` is where the file stood."""
-    return _faultless(read_document(text, path, "scene"))
+    return check_scene(read_document(path, "scene", text)).required()
 
 
 def scene_names() -> tuple[str, ...]:
@@ -102,7 +93,7 @@ def scene_names() -> tuple[str, ...]:
     return shipped_names(SHIPPED)
 
 
-def check_scene(own: Document) -> SceneCheck:
+def check_scene(own: Document) -> CheckedScene:
     """Everything that can be said of a document of kind `scene`; never raises for what stands in it.
 
     That its robot exists is checked; what the robot's file says is not.
@@ -110,17 +101,11 @@ def check_scene(own: Document) -> SceneCheck:
     try:
         document = _on_base(own, MAX_BASES)
     except FileError as error:
-        return SceneCheck(None, (*error.faults, *_own_faults(own)))
+        return CheckedScene(None, (*error.faults, *_own_faults(own)))
     parts = _Parts(document)
-    scene = parts.scene(own) if parts.check() else None
-    return SceneCheck(scene, tuple(parts.checker.faults), parts.robot)
-
-
-def _faultless(document: Document) -> SceneDescription:
-    found = check_scene(document)
-    if found.scene is None:
-        raise FileError(found.faults)
-    return found.scene
+    parts.check()
+    found = parts.checker.result(lambda: parts.scene(own))
+    return CheckedScene(found.value, found.faults, parts.robot)
 
 
 def _on_base(document: Document, depth: int) -> Document:
@@ -135,7 +120,7 @@ def _on_base(document: Document, depth: int) -> Document:
         path = find_file(name, SHIPPED, document.path, "scene")
     except PicktreeError as error:
         raise FileError([document.fault(("base",), str(error), code="P402")]) from None
-    return merge_patch(_on_base(open_document(path, "scene"), depth - 1), document)
+    return merge_patch(_on_base(read_document(path, "scene"), depth - 1), document)
 
 
 def _own_faults(document: Document) -> list[Diagnostic]:
@@ -164,8 +149,8 @@ class _Parts:
         self.rules: list[tuple[Expression, str]] = []
         """Of the destinations: those without a fault of their own, and what each names."""
 
-    def check(self) -> bool:
-        """Look for faults of meaning in all that could be read. Whether the whole file is without error."""
+    def check(self) -> None:
+        """Look for faults of meaning in all that could be read."""
         check = self.checker
         with check.readable():
             self.robot = self._robot(self.rest.robot)
@@ -190,7 +175,6 @@ class _Parts:
         with check.readable():
             if self.rest.goal is not None:
                 condition(check, ("goal",), self.rest.goal, dict.fromkeys(GOAL_NAMES, INT), code="P419")
-        return not any(fault.severity == "error" for fault in check.faults)
 
     def scene(self, own: Document) -> SceneDescription:
         """The values of a file without errors."""

@@ -8,9 +8,9 @@ from typing import Protocol
 
 import numpy as np
 
-from ....files.models.validation import DocumentChecker
 from ....files.value_wording import describe, suggest_name
 from ....files.yaml.document import Location
+from ....files.yaml.document_checker import DocumentChecker
 from ...shapes import Box, Cylinder, Shape, Sphere, corners
 from ...values import Bounds
 from ..description import CatalogueEntry, Fixture

@@ -9,13 +9,13 @@ from typing import cast
 import pytest
 
 from picktree.cell.world import World
+from picktree.session.debugger import Breakpoint, Debugger, DebuggerStop
 from picktree.trees.loading.loader import parse_mission
 from picktree.trees.running.builder import build
-from picktree.trees.running.debugger import Breakpoint, Debugger, DebuggerStop
 from picktree.trees.running.runner import BehaviourTree
 from picktree.trees.status import NodeStatus
 
-from .scripted import FakeWorld, Run, registry, start
+from ..trees.scripted import FakeWorld, Run, registry, start
 
 MISSION = """
 Main:
@@ -50,8 +50,8 @@ def run(script: Script, mission: str = MISSION, *, at_start: bool = False) -> Ru
     debugger = Debugger(script, at_start=at_start)
     debugger.attach(run.tree)
     while run.tick() is NodeStatus.RUNNING:
-        debugger.ticked()
-    debugger.ticked()
+        debugger.pause_after_tick()
+    debugger.pause_after_tick()
     return run
 
 

@@ -9,7 +9,6 @@ import types
 from collections.abc import Collection, Iterator, Sequence
 from functools import cache
 from typing import (
-    TYPE_CHECKING,
     Annotated,
     Any,
     Final,
@@ -21,32 +20,11 @@ from typing import (
     get_origin,
 )
 
-from pydantic import BaseModel, ConfigDict, TypeAdapter
+from pydantic import BaseModel, TypeAdapter
 from pydantic.fields import FieldInfo
 
 from ..marks import Location
-
-
-class UnreadPart(Exception):
-    """A part of a file that could not be read was touched; the fault is reported already."""
-
-
-class FileModel(BaseModel):
-    """Base of all models of files: frozen, and refuses keys that it does not know."""
-
-    model_config = ConfigDict(
-        extra="forbid",
-        frozen=True,
-        populate_by_name=True,
-        defer_build=True,  # few commands read every kind of file
-    )
-
-    if not TYPE_CHECKING:
-
-        def __getattr__(self, name: str) -> object:
-            if name in type(self).model_fields:
-                raise UnreadPart(name)
-            return super().__getattr__(name)
+from .field_types import UnreadPart
 
 
 class _Hole:

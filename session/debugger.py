@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Literal, Protocol, TypeAlias
 
-from .runner import BehaviourTree
+from ..trees.running.runner import BehaviourTree, TickReport
+from .execution import Execution
+from .observer import Observer
 
 When: TypeAlias = Literal["before", "after"]
 
@@ -33,7 +36,7 @@ class DebuggerPrompt(Protocol):
     def __call__(self, debugger: Debugger, stop: DebuggerStop) -> None: ...
 
 
-class Debugger:
+class Debugger(Observer):
     """Stops at breakpoints and steps, called by tree and session. Simulated time is frozen during a stop.
 
     It only reads, so that a run is the same with and without it. An exception from the prompt ends the run
@@ -53,6 +56,15 @@ class Debugger:
 
     # Called by the session.
 
+    def started(self, run: Execution, folder: Path) -> None:
+        self.attach(run.tree)
+
+    def edited(self, run: Execution) -> None:
+        self.follow(run.tree)
+
+    def ticked(self, now: float, report: TickReport, items_done: int, items_total: int) -> None:
+        self.pause_after_tick()
+
     def attach(self, tree: BehaviourTree) -> None:
         """Observe the tree from its first tick on."""
         tree.on_start.insert(0, self._starts)
@@ -69,8 +81,8 @@ class Debugger:
             if node.wiring.breakpoint is not None:
                 self._of_the_file.add(self.add(node.path, node.wiring.breakpoint))
 
-    def ticked(self) -> None:
-        """Handle the end of a tick, after it was recorded."""
+    def pause_after_tick(self) -> None:
+        """Stop at the end of a tick, when the steps are over."""
         if self._ticks is None:
             return
         self._ticks -= 1

@@ -1,1 +1,0 @@
-"""Documents held against pydantic models."""

@@ -1,0 +1,252 @@
+"""Execution of a mission: hardware, world, tree, faults and counters, advanced tick by tick. It records and
+shows nothing; `Session` does."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from functools import cache
+from typing import Any
+
+from pydantic import TypeAdapter
+
+from ..errors import PicktreeError
+from ..logs.recording.recorder import RecordingState
+from ..logs.run_result import RunStatus
+from ..recovery.belief_restart import ResyncReport, resync_belief
+from ..simulation.backends import Simulation, build_hardware
+from ..simulation.faults.injector import FaultInjector, FaultState
+from ..simulation.scoring.truth import TrueBody
+from ..trees.mission import MAIN, Mission
+from ..trees.running.builder import build
+from ..trees.running.runner import TickReport
+from ..trees.running.tree_adoption import StateTransfer
+from ..trees.status import NodeStatus
+from ..world.causes import Failure
+from ..world.journal import Entry
+from ..world.scene.description import SceneDescription
+from ..world.stopwatch import Stopwatch
+from ..world.values import Vector3
+from .assembly import TICK_LENGTH, assemble_world
+from .checkpoints import RunState, restore_checkpoint, take_checkpoint
+from .recipe import Recipe, StartCheckpoint
+from .run_tally import RunCounters
+
+_MAX_BRAKING_TICKS = 40
+"""Upper bound of the number of ticks in which any motion comes to rest."""
+
+
+class Execution:
+    """Mission of a recipe on its hardware: `tick`, then `pass_time`, until `status` is not None.
+
+    The constructor builds everything before anything moves. Raises PicktreeError for a checkpoint that does
+    not fit, and for values that the mission does not take.
+    """
+
+    def __init__(
+        self,
+        recipe: Recipe,
+        *,
+        after: Execution | None = None,
+        stopwatch: Stopwatch | None = None,
+        kill: Callable[[], None] | None = None,
+    ) -> None:
+        """Build hardware and world, or continue with those of another execution of the same scene.
+
+        `after`: that other execution, which has ended. `kill` is called by a fault that kills the process;
+        None: such a fault has no effect.
+        """
+        self.recipe = recipe
+        self.mission: Mission = recipe.mission
+        """Present version of the mission."""
+        start = recipe.start
+        if after is None:
+            self.stopwatch = stopwatch or Stopwatch()
+            self.hardware: Simulation = build_hardware(
+                recipe.backend,
+                recipe.scene,
+                recipe.robot,
+                recipe.seed,
+                start.state.simulation if start else None,
+            )
+            self.world = assemble_world(
+                self.hardware,
+                recipe.scene,
+                recipe.robot,
+                recipe.seed,
+                verify=recipe.verify,
+                stopwatch=self.stopwatch,
+            )
+        else:
+            self.stopwatch, self.hardware, self.world = after.stopwatch, after.hardware, after.world
+        self.limit = recipe.limit + (after.world.clock.now if after else 0.0)
+        """Time at which the run is ended, simulated s."""
+        self.tree = build(self.mission, self.world, recipe.parameters)
+        self.injector = FaultInjector(
+            recipe.faults,
+            self.hardware,
+            self._object_place,
+            seed=recipe.seed,
+            program=lambda: self.tree,
+            kill=kill,
+        )
+        self.world.plan.finds_nothing = self.injector.no_plan
+        self.tally = RunCounters()
+        self._disagreed = -len(self.world.plan.disagreements)
+        self.adoption: StateTransfer | None = None
+        """Transfer of node states from a checkpoint of another mission; None: the mission is the same."""
+        if start is not None:
+            self._take_up(start)
+        self._first = resync_belief(self.world) if start and start.continues.as_it_stands else None
+        """Resynchronisation of the belief before the tree resumes; None: not needed, or over."""
+        self._checkpointed = self.tally.done
+        self.tree.on_start.append(self.injector.node_started)
+        self.tally.follow(self.tree.structure())
+        self.items_total = items_expected(recipe.scene, self.hardware.truth())
+        """Number of items of the run; with a feed without a known total, of those so far."""
+
+    def tick(self) -> tuple[TickReport, tuple[Entry, ...]]:
+        """Tick the tree and the faults; return the report of the tree and the tick's journal entries."""
+        with self.stopwatch.measure("tree"):
+            report = self._look_first() or self.tree.tick()
+        faults, feed = self.injector.tick(), self.hardware.take_events()
+        if feed:
+            self.items_total = items_expected(self.recipe.scene, self.hardware.truth())
+        for happened in (*faults, *feed):
+            self.world.journal.note(happened)
+        entries = self.world.journal.take()
+        self.tally.take(self.world.clock.now, entries, report.nodes, self.tree.leaves, report.transitions)
+        return report, entries
+
+    def pass_time(self) -> None:
+        """Advance control and simulation by one tick."""
+        self.world.control.step_tick(TICK_LENGTH)
+        self.world.scene.carry(self.world.control.tcp)
+
+    @property
+    def status(self) -> RunStatus | None:
+        """End of the run by its tree or its limit; None while it goes on."""
+        if self._first is None and self.tree.status is not NodeStatus.RUNNING:
+            return "success" if self.tree.status is NodeStatus.SUCCESS else "failure"
+        return "timeout" if self.world.clock.now >= self.limit else None
+
+    def come_to_rest(self) -> None:
+        """Halt the tree and pass time until the arm rests."""
+        self.tree.halt()
+        for _ in range(_MAX_BRAKING_TICKS):
+            if self.world.control.at_rest:
+                break
+            self.pass_time()
+
+    @property
+    def quiet(self) -> bool:
+        """Whether no skill runs, the arm is at rest, the hand is empty and no answer waits to be read."""
+        world = self.world
+        free = world.scene.held is None and not world.operator.answered
+        return self._first is None and self.tree.quiescent and world.control.at_rest and free
+
+    @property
+    def checkpoint_due(self) -> bool:
+        """Whether enough items are done for a checkpoint and the run is quiescent."""
+        every = self.recipe.scene.checkpoint_every
+        return self.tally.done - self._checkpointed >= every and self.quiet
+
+    def checkpoint(self, recording: RecordingState) -> RunState:
+        """Take a checkpoint; `recording` is the state of the log. The simulation continues from it."""
+        self._checkpointed = self.tally.done
+        with self.stopwatch.measure("physics"):
+            return take_checkpoint(
+                self.world,
+                self.tree,
+                self.hardware,
+                self.injector,
+                self.tally,
+                recording,
+                self.disagreements,
+            )
+
+    def true_state(self) -> dict[str, Any]:
+        """Return the present state of the simulation with its faults and the wrist sensor's learnt bias, as
+        plain values.
+
+        The call does not change the simulation.
+        """
+        faults: list[Any] = _fault_adapter().dump_python(self.injector.state(), mode="json")
+        bias = list(self.world.control.wrist.learnt)
+        return {**self.hardware.snapshot().to_plain(), "faults": faults, "wrist_bias": bias}
+
+    @property
+    def disagreements(self) -> int:
+        """Number of trajectories that the verifier has rejected, earlier sessions of the run included."""
+        return self._disagreed + len(self.world.plan.disagreements)
+
+    def adopt(self, mission: Mission) -> StateTransfer:
+        """Continue with another version of the mission; belief, blackboard and attempts stay as they are."""
+        tree = build(mission, self.world, self.recipe.parameters)
+        adoption = tree.adopt(self.tree.save())
+        tree.on_start.extend(self.tree.on_start)
+        tree.on_end.extend(self.tree.on_end)
+        self.mission, self.tree = mission, tree
+        self.tally.follow(tree.structure())
+        return adoption
+
+    def _take_up(self, start: StartCheckpoint) -> None:
+        """Restore world, tree, faults and counters from a checkpoint."""
+        state = start.state
+        restore_checkpoint(self.world, state)
+        if start.adopt:
+            self.adoption = self.tree.adopt(state.tree)
+            self._read_parameters(start.changed)
+        else:
+            self.tree.restore(state.tree)
+        self.injector.restore(state.faults)
+        if state.tally is not None:
+            self.tally = RunCounters.resumed(state.tally)
+        self._disagreed = state.disagreements
+
+    def _read_parameters(self, names: tuple[str, ...]) -> None:
+        try:
+            self.tree.read_again({f"{MAIN}/{name}" for name in names})
+        except Failure as failure:
+            raise PicktreeError(
+                f"the running mission does not take what was set: {failure.message}"
+            ) from None
+
+    def _look_first(self) -> TickReport | None:
+        """Run one step of the resynchronisation and return the report of an idle tick; None when it is
+        over."""
+        if self._first is None:
+            return None
+        try:
+            next(self._first)
+        except StopIteration as end:
+            stock: ResyncReport = end.value
+            self._first = None
+            self.tree.pass_over({*stock.done, *stock.gone})
+            self._checkpointed = self.tally.done = self.world.journal.items_done
+            return None
+        return self.tree.look()
+
+    def _object_place(self, path: str) -> Vector3 | None:
+        """Return the believed position of the object that a node's port `object` names, in the world, m.
+
+        None when the node has no such port, or the belief has no such object.
+        """
+        node = self.tree.find(path)
+        if node.declaration.port("object") is None:
+            return None
+        belief = self.world.scene.find(str(node.input("object")))
+        return belief.pose.position if belief else None
+
+
+def items_expected(scene: SceneDescription, truth: Iterable[TrueBody]) -> int:
+    """Return the total number of items of a run, or the number so far when a delivery has no known total."""
+    totals = [delivery.total for delivery in scene.deliveries]
+    known = [total for total in totals if total is not None]
+    if not totals or len(known) < len(totals):
+        return len(tuple(truth))
+    return sum(known) + sum(count for spawn in scene.spawn for _, count in spawn.counts)
+
+
+@cache
+def _fault_adapter() -> TypeAdapter[tuple[FaultState, ...]]:
+    return TypeAdapter(tuple[FaultState, ...])

@@ -1,0 +1,282 @@
+"""Description of a node in Python: children and ports as the constructor received them, in the terms of a
+mission file."""
+
+from __future__ import annotations
+
+import inspect
+import keyword
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final, Protocol, TypeAlias, cast
+
+from ..files.value_wording import suggest_name
+from ..files.yaml.reader import Value
+from .declaration import NodeDeclaration
+from .ports import PortDeclaration
+from .slots import SlotDeclaration
+from .values.port_types import show
+
+if TYPE_CHECKING:
+    from .tree_definition import TreeDefinition
+
+
+class Described(Protocol):
+    """Node that was made in Python."""
+
+    @property
+    def description(self) -> NodeDescription: ...
+
+
+Child: TypeAlias = Described | Iterable[Described]
+"""A node, or a list of nodes that runs as a Sequence."""
+_Part: TypeAlias = "NodeDescription | tuple[NodeDescription, ...]"
+Filled: TypeAlias = "_Part | dict[str, _Part]"
+"""Children of a slot: one node, a list, or a table of either."""
+
+
+@dataclass(frozen=True, slots=True)
+class NodeDescription:
+    """Ports and children of a node that was made in Python, before it is checked."""
+
+    id: str
+    node: type
+    """Class of the node."""
+    ports: Mapping[str, Value]
+    """Values by the key that a mission file has for them; those of `name` and of conditions, too."""
+    slots: Mapping[str, Filled]
+    tree: TreeDefinition | None = None
+    """Tree that the node calls; None: the node is of a class."""
+
+    def value(self) -> Value:
+        """Return the node as a mission file has it: a bare ID, or a mapping with one key."""
+        body: dict[str, Value] = {**self.ports}
+        body.update((key, _filled_value(filled)) for key, filled in self.slots.items())
+        if not body:
+            return self.id
+        if list(body) == ["do"] and isinstance(body["do"], list):
+            return {self.id: body["do"]}
+        return {self.id: body}
+
+    def iterate(self) -> Iterator[NodeDescription]:
+        """Yield the node and its descendants in the same tree, parents first."""
+        yield self
+        for filled in self.slots.values():
+            for part in filled.values() if isinstance(filled, dict) else (filled,):
+                for child in part if isinstance(part, tuple) else (part,):
+                    yield from child.iterate()
+
+
+def describe(
+    node: type, declaration: NodeDeclaration, children: Iterable[Child], keys: Mapping[str, object]
+) -> NodeDescription:
+    """Return the description of a node with these arguments of its constructor.
+
+    A key that is a word of Python has an underscore behind it: `in_`. Values stay unchecked until the tree is
+    loaded. Raises TypeError for a port that the node does not have, one that is missing, or children that it
+    cannot have.
+    """
+    ports: dict[str, Value] = {}
+    slots: dict[str, Filled] = {}
+    given = tuple(children)
+    if given:
+        slots["do"] = _positional(declaration, given)
+    for name, value in keys.items():
+        key = file_key(declaration, name)
+        slot = declaration.slot(key)
+        if slot is None:
+            ports[key] = plain_value(value, f"port {key!r} of {declaration.id}")
+        elif key in slots:
+            raise TypeError(f"{declaration.id} has its children twice: in brackets and as {key!r}")
+        else:
+            slots[key] = _slot(declaration, slot, value)
+    missing = [port for port in declaration.ports if port.required and port.key not in ports]
+    if missing:
+        raise TypeError(f"{declaration.id}: port {missing[0].key!r} is missing: {missing[0].doc}")
+    for slot in declaration.slots:
+        if slot.required and slot.key not in slots:
+            raise TypeError(f"{declaration.id}: {_wanted(slot)} missing: {slot.doc}")
+    ordered = {slot.key: slots[slot.key] for slot in declaration.slots if slot.key in slots}
+    return NodeDescription(declaration.id, node, ports, ordered)
+
+
+def file_key(declaration: NodeDeclaration, name: str) -> str:
+    """Return the key of a mission file for an argument. Raises TypeError with the nearest name."""
+    bare = name.removesuffix("_")
+    key = bare if keyword.iskeyword(bare) else name
+    if key in declaration.keys:
+        return key
+    known = [python_name(key) for key in declaration.keys if name.startswith("_") or not key.startswith("_")]
+    hint = suggest_name(name, known)
+    raise TypeError(f"{declaration.id} has no port {name!r}" + (f" ({hint})" if hint else ""))
+
+
+def python_name(key: str) -> str:
+    """Return the name of an argument for a key of a mission file.
+
+    >>> python_name("in"), python_name("force")
+    ('in_', 'force')
+    """
+    return f"{key}_" if keyword.iskeyword(key) else key
+
+
+def plain_value(value: object, what: str) -> Value:
+    """Return a value as a YAML file can hold it; numpy's numbers and arrays become plain ones.
+
+    Raises TypeError for anything else; `what` names its place.
+    """
+    match value:
+        case None | bool():
+            return value
+        case int():  # as the next two also of a sub-class: an enumeration, numpy's float
+            return int(value)
+        case float():
+            return float(value)
+        case str():
+            return str.__str__(value)
+        case list() | tuple():
+            return [plain_value(item, what) for item in cast("list[object]", value)]
+        case dict():
+            entries = cast("dict[object, object]", value)
+            return {str(key): plain_value(item, what) for key, item in entries.items()}
+        case _:
+            pass
+    to_plain = getattr(value, "tolist", None)  # numpy's arrays and scalars
+    if callable(to_plain):
+        return plain_value(to_plain(), what)
+    hint = "; its id is a text: give '.id'" if isinstance(getattr(value, "id", None), str) else ""
+    raise TypeError(f"{what}: a {type(value).__name__} cannot stand in a mission{hint}")
+
+
+def _positional(declaration: NodeDeclaration, given: tuple[Child, ...]) -> Filled:
+    main = declaration.slot("do")
+    if main is None:
+        raise TypeError(
+            f"{declaration.id} has no children; its ports are given by name, as {_usage(declaration)}"
+        )
+    nodes = _nodes(declaration, given)
+    return nodes[0] if main.arity == "one" and len(nodes) == 1 else nodes
+
+
+def _usage(declaration: NodeDeclaration) -> str:
+    port = next((port for port in declaration.ports if port.required), None)
+    port = port or next(iter(declaration.ports), None)
+    return f"{declaration.id}({python_name(port.key)}=…)" if port else f"{declaration.id}()"
+
+
+def _slot(declaration: NodeDeclaration, slot: SlotDeclaration, value: object) -> Filled:
+    if slot.arity != "table":
+        nodes = _nodes(declaration, (value,))
+        return nodes[0] if slot.arity == "one" and not isinstance(value, list | tuple) else nodes
+    if not isinstance(value, Mapping):
+        raise TypeError(f"{declaration.id}: {slot.key!r} is a mapping: {slot.doc}")
+    table: dict[str, _Part] = {}
+    for label, part in cast("Mapping[object, object]", value).items():
+        nodes = _nodes(declaration, (part,))
+        table[str(label)] = nodes if isinstance(part, list | tuple) else nodes[0]
+    return table
+
+
+def _nodes(declaration: NodeDeclaration, given: Iterable[object]) -> tuple[NodeDescription, ...]:
+    found: list[NodeDescription] = []
+    for one in given:
+        for part in cast("Iterable[object]", one) if isinstance(one, list | tuple) else (one,):
+            described = None if isinstance(part, type) else getattr(part, "description", None)
+            if not isinstance(described, NodeDescription):
+                hint = f"; write {part.__name__}(…)" if isinstance(part, type) else ""
+                raise TypeError(f"{declaration.id}: {show(part)} is not a node{hint}")
+            found.append(described)
+    return tuple(found)
+
+
+def _wanted(slot: SlotDeclaration) -> str:
+    if slot.key != "do":
+        return f"{slot.key!r} is"
+    return "its children are" if slot.arity == "many" else "its child is"
+
+
+def _filled_value(filled: Filled) -> Value:
+    if isinstance(filled, dict):
+        return {label: _filled_value(part) for label, part in filled.items()}
+    if isinstance(filled, tuple):
+        return [node.value() for node in filled]
+    return filled.value()
+
+
+class NodeSignature:
+    """Descriptor `__signature__` of node classes: children, ports with their defaults, and conditions."""
+
+    def __get__(self, instance: object, owner: type) -> inspect.Signature:
+        declaration: NodeDeclaration | None = getattr(owner, "declaration", None)
+        if declaration is None:
+            return inspect.signature(owner.__init__)
+        return signature_of(declaration)
+
+
+def signature_of(declaration: NodeDeclaration) -> inspect.Signature:
+    """Return the signature of a node's constructor: children, required ports, other ports, conditions."""
+    named = inspect.Parameter.KEYWORD_ONLY
+    empty = inspect.Parameter.empty
+    found: list[inspect.Parameter] = []
+    if declaration.slot("do") is not None:
+        found.append(inspect.Parameter("children", inspect.Parameter.VAR_POSITIONAL, annotation="Child"))
+    for port in sorted(declaration.ports, key=lambda port: not port.required):
+        default = empty if port.required else port.default if port.direction == "in" else None
+        found.append(
+            inspect.Parameter(python_name(port.key), named, default=default, annotation=annotation(port))
+        )
+    for slot in declaration.slots:
+        if slot.key != "do":
+            default = empty if slot.required else None
+            found.append(
+                inspect.Parameter(slot.key, named, default=default, annotation=slot_annotation(slot))
+            )
+    found.append(inspect.Parameter("name", named, default="", annotation="str"))
+    found.append(
+        inspect.Parameter("conditions", inspect.Parameter.VAR_KEYWORD, annotation="Unpack[Conditions]")
+    )
+    first = [each for each in found if each.kind is not named or each.default is empty]
+    last = first.pop()
+    return inspect.Signature([*first, *(each for each in found if each not in (*first, last)), last])
+
+
+def documented(declaration: NodeDeclaration) -> str:
+    """Return the node's docstring with its ports and children: name, meaning, unit, bounds, default."""
+    lines = [f"    {python_name(port.key)}: {_port_text(port)}" for port in declaration.ports]
+    lines += [f"    {slot.key}: {slot.doc}" for slot in declaration.slots if slot.key != "do"]
+    if not lines:
+        return declaration.doc
+    return "\n".join([declaration.doc, "", "Ports:", *lines, ""])
+
+
+def _port_text(port: PortDeclaration) -> str:
+    parts = [port.doc + (f", {port.unit}" if port.unit else "")]
+    if port.direction == "out":
+        return f"{parts[0]}. Output: the key to write, as '{{{port.key}}}'."
+    if port.within.words():
+        parts.append(port.within.words())
+    if not port.required and port.default not in ("", None, []):
+        parts.append(f"default {port.default}")
+    return "; ".join(parts) + "."
+
+
+_ANNOTATIONS: Final[Mapping[str, str]] = {
+    "string": "str", "int": "int | str", "float": "float | str", "bool": "bool | str", "object": "str",
+    "expression": "str | bool", "any": "object",
+}  # fmt: skip
+
+
+def annotation(port: PortDeclaration) -> str:
+    """Return the type of a port's argument. A text may always be a reference such as `{item}`."""
+    if port.direction == "out":
+        return "str"
+    one = _ANNOTATIONS[port.type.name]
+    if port.choices and port.type.name == "string":
+        one = f"Literal[{', '.join(map(repr, port.choices))}] | str"
+    if port.type.many:
+        one = f"Iterable[{one}] | str"
+    return f"{one} | None" if port.type.optional else one
+
+
+def slot_annotation(slot: SlotDeclaration) -> str:
+    """Return the type of a slot's argument."""
+    return "Mapping[str, Child]" if slot.arity == "table" else "Child"
