@@ -1,9 +1,11 @@
-"""Budget: limit on the cost of recovery, for one item or for a whole branch."""
+"""Budget and PlanWith: limits on the cost of recovery, and planner overrides while a branch runs."""
 
 from __future__ import annotations
 
-from typing import cast
+from contextlib import nullcontext
+from typing import TYPE_CHECKING, cast
 
+from ..planning.service.planner_overrides import PlannerOverrides
 from ..trees.controls.decorator import Decorator
 from ..trees.flow import FAILURE, RUNNING, ChildFlow
 from ..trees.node import Node
@@ -13,6 +15,9 @@ from ..trees.values.port_types import PortValues
 from ..world.causes import FailureReport, tree
 from ..world.events.run_events import BudgetEvent
 from ..world.values import ObjectId
+
+if TYPE_CHECKING:
+    from ..planning.service.plan_service import PlanService
 
 
 class Budget(Decorator):
@@ -155,3 +160,47 @@ def budgets_above(node: Node) -> tuple[Budget, ...]:
             found.append(above)
         above = cast("Node | None", above.parent)
     return tuple(found)
+
+
+class PlanWith(Decorator):
+    """While its child runs, motions are planned with another seed, more collision checks, or more room.
+
+    It holds for what the child itself plans, and only in its own ticks: however the child ends, everything is
+    planned as before afterwards. Where one stands in the other, budgets multiply and clearances add up.
+    """
+
+    flow = ChildFlow()
+    example = """
+    Recover:
+      attempts: 3
+      attempt: "{attempt}"
+      do:
+        PlanWith: {seed: "{attempt}", budget: 3, do: {GoTo: {pose: home}}}
+      when:
+        planning.*: {SafeRetreat: {pose: rest}}
+    """
+
+    seed: In[int] = port("another number, other random trees; 0 for the usual ones", default=0, least=0)
+    budget: In[float] = port(
+        "how many times the collision checks that a plan may take otherwise", default=1.0, above=0, most=100
+    )
+    clearance: In[float] = port(
+        "how much more room free motions keep than the usual margins",
+        unit="m",
+        default=0.0,
+        least=0,
+        most=0.1,
+    )
+
+    @classmethod
+    def check_ports(cls, given: PortValues) -> tuple[str, ...]:
+        if not given.any_of("seed", "budget", "clearance"):
+            return ("without `seed`, `budget` or `clearance` it changes nothing",)
+        return ()
+
+    def on_tick(self) -> NodeStatus:
+        # A rehearsal has no planner.
+        plan = cast("PlanService | None", getattr(self.world, "plan", None))
+        manner = PlannerOverrides(self.seed, self.budget, self.clearance)
+        with plan.in_manner(manner) if plan is not None else nullcontext():
+            return self.relay()

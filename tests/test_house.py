@@ -64,13 +64,11 @@ def test_every_list_of_packages_has_all_of_them() -> None:
 
 
 CIRCLES_OF_TYPES = {
-    "authoring/xml/importing/node_import.py authoring/xml/importing/translations.py",
     "batch/workers/job_process.py batch/workers/local_executor.py",
     "cell/operator_desk.py cell/world.py",
     "world/scene/calibration_results.py world/scene/description.py world/scene/feed.py",
 }
-"""Files that know each other's types, or import each other in a function. Those of `trees` are the nodes with
-their flow analysis."""
+"""Files that know each other's types, or import each other in a function."""
 
 
 @pytest.fixture(scope="module")
@@ -83,7 +81,7 @@ def test_no_file_imports_itself_in_a_circle(house: House) -> None:
     found = {
         " ".join(sorted(house.files[name].file for name in one)) for one in circles(house.graph(list(When)))
     }
-    assert {one for one in found if not one.startswith("trees/")} <= CIRCLES_OF_TYPES
+    assert found <= CIRCLES_OF_TYPES
 
 
 def test_files_and_folders_are_read_at_a_sitting(house: House) -> None:

@@ -16,14 +16,20 @@ from ..world.causes import Cause, Failure, FailureReport, Family, internal, matc
 from ..world.events.event_kinds import event_of
 from ..world.events.run_events import InternalErrorEvent, PostconditionFailedEvent, UndeclaredCauseEvent
 from ..world.journal import Plain
-from .declaration import Hand, Kind, NodeDeclaration, Resource, declare
+from .declaration import Hand, Kind, NodeDeclaration, Resource, declare, reserved_names
 from .description import Child, NodeDescription, NodeSignature, describe, documented
 from .flow import Flow
-from .port_values import accept_output, constant_inputs, read_input, wired_references
-from .pre_postconditions import after_postconditions, assign_after, settled_before
-from .runtime import Runtime, TreeWorld, Wiring, evaluate
+from .node_values import (
+    accept_output,
+    after_postconditions,
+    assign_after,
+    constant_inputs,
+    read_input,
+    settled_before,
+    wired_references,
+)
+from .runtime import Runtime, TreeWorld, Wiring, end_transition, evaluate, start_transition
 from .status import PY_TREES_STATUS, NodeStatus
-from .transitions import end_transition, start_transition
 from .tree_definition import MAIN, MissionSource, TreeDefinition, node_text
 from .values.failure_reports import (
     internal_error_report,
@@ -88,7 +94,7 @@ class Node(Behaviour):
         """Declare the node; `abstract=True` marks a base class that no file may name."""
         super().__init_subclass__()
         if not abstract:
-            cls.declaration = declare(cls)
+            cls.declaration = declare(cls, cls, reserved_names(Node))
             cls.__doc__ = documented(cls.declaration)
 
     def __init__(self, *children: Child, name: str = "", **ports: Any) -> None:
@@ -150,9 +156,6 @@ class Node(Behaviour):
 
     def on_rewired(self, ports: frozenset[str]) -> None:
         """Adapt to an edited mission that changes these ports; called while the node continues."""
-
-    def pass_over(self, elements: Collection[str]) -> None:
-        """Skip these list elements (as a rule ids), which need no more work; called while the node runs."""
 
     @classmethod
     def check_ports(cls, given: PortValues) -> tuple[str | PortProblem, ...]:
@@ -284,16 +287,15 @@ class Node(Behaviour):
         """Return the input's value as read at the node's start."""
         return self._inputs[key]
 
-    def read_inputs(self) -> None:
-        """Read all inputs; control nodes that follow a value call it while they run. Raises Failure."""
-        self._inputs = self._constants()
-        for port, reference in wired_references(self.declaration.inputs, self._wiring):
-            self._inputs[port.key] = read_input(port, reference, self._wiring, self.world)
+    def read_inputs(self, full_keys: Collection[str] | None = None) -> None:
+        """Read the inputs that come from these blackboard keys; None: all inputs. Raises Failure.
 
-    def read_again(self, full_keys: Collection[str]) -> None:
-        """Reread the inputs that come from these blackboard keys while the node runs. Raises Failure."""
+        Control nodes that follow a value call it while they run.
+        """
+        if full_keys is None:
+            self._inputs = self._constants()
         for port, reference in wired_references(self.declaration.inputs, self._wiring):
-            if self._wiring.namespace.full_key(reference.key) in full_keys:
+            if full_keys is None or self._wiring.namespace.full_key(reference.key) in full_keys:
                 self._inputs[port.key] = read_input(port, reference, self._wiring, self.world)
 
     def output(self, key: str, value: object) -> None:

@@ -8,7 +8,7 @@ from math import inf
 from typing import cast
 
 from ...files.expressions.expression import Expression
-from ...trees.controls.switch import is_case
+from ...trees.controls.branches import is_case
 from ...trees.flow import (
     AGAIN,
     FAILURE,
