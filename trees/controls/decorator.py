@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import cast
+
 from ...world.causes import Failure, FailureReport, tree
 from ..flow import FAILURE, IDLE, RUNNING, SUCCESS, ChildFlow, Once
 from ..node import Node
@@ -23,7 +25,18 @@ class Decorator(Node, abstract=True):
         return self.fail_with(self.body.failure) if state is NodeStatus.FAILURE else state
 
 
-class Inverter(Decorator):
+class StatusDecorator(Decorator, abstract=True):
+    """Decorator that reports another status than the child's, as its `flow` says."""
+
+    def on_tick(self) -> NodeStatus:
+        state = self.relay()
+        lead = cast("ChildFlow", self.flow).of(state)
+        if state is NodeStatus.FAILURE and cannot_be_hidden(self.failure):
+            return state
+        return lead if isinstance(lead, NodeStatus) else state
+
+
+class Inverter(StatusDecorator):
     """SUCCESS becomes FAILURE without a report, and FAILURE becomes SUCCESS, unless it is a safety stop."""
 
     flow = ChildFlow(success=FAILURE, failure=SUCCESS)
@@ -32,19 +45,8 @@ class Inverter(Decorator):
       Condition: {if: holding}
     """
 
-    def on_tick(self) -> NodeStatus:
-        match self.body.step():
-            case NodeStatus.SUCCESS:
-                return NodeStatus.FAILURE
-            case NodeStatus.FAILURE if cannot_be_hidden(self.body.failure):
-                return self.fail_with(self.body.failure)
-            case NodeStatus.FAILURE:
-                return NodeStatus.SUCCESS
-            case other:
-                return other
 
-
-class ForceSuccess(Decorator):
+class ForceSuccess(StatusDecorator):
     """SUCCESS however the child ends. It cannot hide a safety stop (safety.*) or a fault of the program."""
 
     flow = ChildFlow(failure=SUCCESS)
@@ -53,14 +55,8 @@ class ForceSuccess(Decorator):
       GoTo: {pose: observe}
     """
 
-    def on_tick(self) -> NodeStatus:
-        state = self.relay()
-        if state is NodeStatus.FAILURE and not cannot_be_hidden(self.body.failure):
-            return NodeStatus.SUCCESS
-        return state
 
-
-class ForceFailure(Decorator):
+class ForceFailure(StatusDecorator):
     """FAILURE however the child ends, with the child's failure when it has one."""
 
     flow = ChildFlow(success=FAILURE)
@@ -70,10 +66,6 @@ class ForceFailure(Decorator):
       - ForceFailure:
           Log: {message: could not be grasped, value: "{item}"}
     """
-
-    def on_tick(self) -> NodeStatus:
-        state = self.relay()
-        return NodeStatus.FAILURE if state is NodeStatus.SUCCESS else state
 
 
 _TIME_TOLERANCE = 1e-9

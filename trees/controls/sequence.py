@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import cast
+
 from ...world.causes import tree
 from ..flow import NEXT, ChildFlow, Turns
 from ..node import ControlNode
@@ -11,7 +13,50 @@ from ..status import NodeStatus
 from ..values.failure_reports import decisive_report
 
 
-class Sequence(ControlNode):
+class OrderedNode(ControlNode, abstract=True):
+    """Node that ticks its children in order, as its `flow` says; goes on with the child that was RUNNING."""
+
+    parts = children("the children, in this order")
+    remembers = ("_index", "_skipped")
+    positions = ("_index",)
+    counted = (NodeStatus.SKIPPED,)
+    _index: int = 0
+    _skipped: int = 0
+
+    def on_start(self) -> None:
+        self._index = self._skipped = 0
+
+    def on_tick(self) -> NodeStatus:
+        flow = cast("ChildFlow", self.flow)
+        while self._index < len(self.parts):
+            part = self.parts[self._index]
+            state = part.step()
+            if flow.of(state) is not NEXT:
+                return self.fail_with(part.failure) if state is NodeStatus.FAILURE else state
+            self._skipped += state is NodeStatus.SKIPPED
+            self._index += 1
+        if self._skipped == len(self.parts):
+            return NodeStatus.SKIPPED
+        if flow.success is NEXT:
+            return NodeStatus.SUCCESS
+        return self.fail_with(decisive_report(part.failure for part in self.parts))
+
+
+class ReactiveNode(OrderedNode, abstract=True):
+    """Node that ticks its children anew at each tick, from the first."""
+
+    remembers = positions = ()
+    counted = ()
+
+    def on_tick(self) -> NodeStatus:
+        self.on_start()
+        state = super().on_tick()
+        for later in self.parts[self._index + 1 :]:
+            later.halt()
+        return state
+
+
+class Sequence(OrderedNode):
     """Ticks its children in order until one fails; goes on with the child that was RUNNING.
 
     SUCCESS when all succeeded (skipped ones do not count), SKIPPED when all were skipped. It fails with the
@@ -26,32 +71,9 @@ class Sequence(ControlNode):
     """
 
     parts = children("what is done, in this order")
-    remembers = ("_index", "_skipped")
-    positions = ("_index",)
-    counted = (NodeStatus.SKIPPED,)
-    _index: int = 0
-    _skipped: int = 0
-
-    def on_start(self) -> None:
-        self._index = self._skipped = 0
-
-    def on_tick(self) -> NodeStatus:
-        while self._index < len(self.parts):
-            part = self.parts[self._index]
-            match part.step():
-                case NodeStatus.RUNNING:
-                    return NodeStatus.RUNNING
-                case NodeStatus.FAILURE:
-                    return self.fail_with(part.failure)
-                case NodeStatus.SKIPPED:
-                    self._skipped += 1
-                case _:
-                    pass
-            self._index += 1
-        return NodeStatus.SKIPPED if self._skipped == len(self.parts) else NodeStatus.SUCCESS
 
 
-class ReactiveSequence(ControlNode):
+class ReactiveSequence(ReactiveNode):
     """Asks every child anew at each tick, from the first: conditions first, then what they guard.
 
     When an earlier child runs or fails, a later one that was RUNNING is halted, after the earlier was ticked.
@@ -66,19 +88,8 @@ class ReactiveSequence(ControlNode):
 
     parts = children("the conditions, then what they guard")
 
-    def on_tick(self) -> NodeStatus:
-        skipped = 0
-        for index, part in enumerate(self.parts):
-            state = part.step()
-            skipped += state is NodeStatus.SKIPPED
-            if state in (NodeStatus.RUNNING, NodeStatus.FAILURE):
-                for later in self.parts[index + 1 :]:
-                    later.halt()
-                return state if state is NodeStatus.RUNNING else self.fail_with(part.failure)
-        return NodeStatus.SKIPPED if skipped == len(self.parts) else NodeStatus.SUCCESS
 
-
-class Fallback(ControlNode):
+class Fallback(OrderedNode):
     """Ticks its children in order until one succeeds; goes on with the child that was RUNNING.
 
     When none succeeds it fails with the last child's failure, the others' attached. A child without a report
@@ -93,33 +104,9 @@ class Fallback(ControlNode):
     """
 
     parts = children("what is tried, in this order")
-    remembers = ("_index", "_skipped")
-    positions = ("_index",)
-    counted = (NodeStatus.SKIPPED,)
-    _index: int = 0
-    _skipped: int = 0
-
-    def on_start(self) -> None:
-        self._index = self._skipped = 0
-
-    def on_tick(self) -> NodeStatus:
-        while self._index < len(self.parts):
-            match self.parts[self._index].step():
-                case NodeStatus.RUNNING:
-                    return NodeStatus.RUNNING
-                case NodeStatus.SUCCESS:
-                    return NodeStatus.SUCCESS
-                case NodeStatus.SKIPPED:
-                    self._skipped += 1
-                case _:
-                    pass
-            self._index += 1
-        if self._skipped == len(self.parts):
-            return NodeStatus.SKIPPED
-        return self.fail_with(decisive_report(part.failure for part in self.parts))
 
 
-class ReactiveFallback(ControlNode):
+class ReactiveFallback(ReactiveNode):
     """Tries every child anew at each tick, from the first.
 
     When an earlier child runs or succeeds, a later one that was RUNNING is halted, after the earlier was
@@ -134,19 +121,6 @@ class ReactiveFallback(ControlNode):
     """
 
     parts = children("what is tried, the most wanted first")
-
-    def on_tick(self) -> NodeStatus:
-        skipped = 0
-        for index, part in enumerate(self.parts):
-            state = part.step()
-            skipped += state is NodeStatus.SKIPPED
-            if state in (NodeStatus.RUNNING, NodeStatus.SUCCESS):
-                for later in self.parts[index + 1 :]:
-                    later.halt()
-                return state
-        if skipped == len(self.parts):
-            return NodeStatus.SKIPPED
-        return self.fail_with(decisive_report(part.failure for part in self.parts))
 
 
 class RoundRobin(ControlNode):
