@@ -44,8 +44,8 @@ _FILES_WITHOUT_EFFECT: Final = (
     "commissioning",
     "logs/episodes",
     "moved.py",
+    "session/debugger.py",
     "session/live_view.py",
-    "session/observer.py",
     "session/resume",
 )
 """Modules and folders that do not affect a run: commands, batches, and readers of logs."""

@@ -26,8 +26,8 @@ from ...world.scene.description import CatalogueEntry
 from ...world.values import GRAVITY, Array
 
 if TYPE_CHECKING:
-    from ...cell.world import World
     from ...control.execution.gripper_motion import GripperControl
+    from ...skill_world.world import World
 
 
 MAX_TRANSFER_ACCELERATION = 9.0

@@ -13,7 +13,7 @@ from ...world.values import ObjectId
 from .grasp_candidates import GraspCandidate
 
 if TYPE_CHECKING:
-    from ...cell.world import World
+    from ...skill_world.world import World
 
 Steps = Generator[None, None, None]
 

@@ -21,7 +21,7 @@ from ...world.values import Array, ObjectId, Pose
 from ..motion.replanning import follow_with_replanning
 
 if TYPE_CHECKING:
-    from ...cell.world import World
+    from ...skill_world.world import World
     from ...world.scene.description import CameraDescription, Hole
 
 MAX_MOUTH_OFFSET = 0.008

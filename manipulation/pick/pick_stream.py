@@ -15,8 +15,8 @@ from collections.abc import Callable, Generator, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
-from ...cell.handover import PlaceCandidate
 from ...planning.requests import HeldObject, PoseGoal, Request
+from ...skill_world.handover import PlaceCandidate
 from ...world.belief.hole_matching import fitting_hole
 from ...world.belief.planning_scene import BeliefObject
 from ...world.causes import Failure, planning
@@ -46,8 +46,8 @@ from .pick_candidates import (
 from .transfer_requests import approach
 
 if TYPE_CHECKING:
-    from ...cell.world import World
     from ...planning.service.solver import ReachResult
+    from ...skill_world.world import World
     from ...world.scene.description import Hole
 
 GRASP_SCORE_WEIGHT = 3.0

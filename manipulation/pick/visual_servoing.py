@@ -28,9 +28,9 @@ from .pick_candidates import PickPlaceCandidate
 from .transfer_requests import descend_requests
 
 if TYPE_CHECKING:
-    from ...cell.world import World
     from ...control.execution.trajectory_motion import Watch
     from ...perception.fitting.known_object_fitting import TrackedSighting
+    from ...skill_world.world import World
 
 
 UNEXPLAINED_COST = 0.010

@@ -17,7 +17,7 @@ from ...world.values import ObjectId, Pose
 from .release_poses import heap_heights
 
 if TYPE_CHECKING:
-    from ...cell.world import World
+    from ...skill_world.world import World
 
 
 def apply_bin_exchanges(world: World, node: str) -> tuple[ObjectId, ...]:

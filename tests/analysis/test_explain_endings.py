@@ -17,7 +17,7 @@ HEAD = "picktree: 1\nkind: mission\nscene: sort_small\n"
 PLUGIN = """
 from picktree.trees.ports import In, port
 from picktree.trees.skill import Skill, Steps
-from picktree.cell.world import World
+from picktree.skill_world.world import World
 
 
 class Broken(Skill):

@@ -40,7 +40,7 @@ PLAN = BatchPlan("test", (ONE_PICK,), (0, 1, 2), backend="kinematic", keep="all"
 TABLE = "SELECT seed, status, digest, items_sorted, attempts FROM jobs ORDER BY number"
 TROUBLE = """\
 from picktree.trees.skill import Skill, Steps
-from picktree.cell.world import World
+from picktree.skill_world.world import World
 from pathlib import Path
 import os, signal, time
 
