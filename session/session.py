@@ -16,7 +16,7 @@ from typing import Unpack
 
 from .. import arithmetic
 from ..errors import PicktreeError
-from ..logs.recording.rotation import FEED_ROTATION, NO_ROTATION
+from ..logs.recording.rotated_log import FEED_ROTATION, NO_ROTATION
 from ..logs.run_result import RunResult, RunStatus
 from ..trees.mission import Mission
 from ..trees.running.runner import TickReport
