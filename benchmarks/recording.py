@@ -16,7 +16,7 @@ from pathlib import Path
 
 from picktree.logs.meshes.link_meshes import link_meshes
 from picktree.logs.recording.recorder import Recorder
-from picktree.logs.recording.rotation import Rotation
+from picktree.logs.recording.rotated_log import Rotation
 from picktree.logs.run_log import RunLog
 from picktree.logs.schema.records import (
     Control,
