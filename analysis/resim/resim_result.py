@@ -6,7 +6,7 @@ import hashlib
 import importlib.util
 import json
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +15,7 @@ from ...logs.schema.arithmetic_record import Arithmetic, arithmetic_difference
 from ...session import environment
 from ...session.recipe import ROBOT_MESHES
 from ...world.scene.loading.scene_loading import load_scene
+from ..compare.divergence_text import aligned
 from ..compare.run_outcome import RunOutcome
 from ..run import Run
 from .resim_comparison import RecordDifference
@@ -235,7 +236,7 @@ class Resimulation:
             "changes": list(self.changes),
             "difference": difference_json(self.difference),
             "trees": difference_json(self.trees),
-            "reasons": [{"what": r.what, "recorded": r.recorded, "now": r.now} for r in self.reasons],
+            "reasons": [asdict(reason) for reason in self.reasons],
             "notes": list(self.notes),
             "parting": list(self.parting),
             "new_log": None if self.kept is None else str(self.kept),
@@ -286,10 +287,7 @@ def outcome_table(a: RunOutcome, b: RunOutcome, name_a: str, name_b: str) -> Ite
     rows += [(what, say_a, say_b) for (what, say_a), (_, say_b) in zip(_rows(a), _rows(b), strict=True)]
     causes = sorted({*a.failures, *b.failures})
     rows += [(f"  {cause}", str(a.failures.get(cause, 0)), str(b.failures.get(cause, 0))) for cause in causes]
-    wide = max(len(row[0]) for row in rows)
-    middle = max(len(row[1]) for row in rows)
-    for what, one, other in rows:
-        yield f"{what:<{wide}}  {one:<{middle}}  {other}".rstrip()
+    yield from aligned(rows)
 
 
 def _rows(outcome: RunOutcome) -> list[tuple[str, str]]:
@@ -306,18 +304,7 @@ def _rows(outcome: RunOutcome) -> list[tuple[str, str]]:
 
 
 def difference_json(apart: RecordDifference | None) -> dict[str, Any] | None:
-    if apart is None:
-        return None
-    return {
-        "tick": apart.tick,
-        "time": round(apart.time, 6),
-        "topic": apart.topic,
-        "missing": apart.missing,
-        "field": apart.field,
-        "of": apart.of,
-        "recorded": apart.recorded,
-        "now": apart.now,
-    }
+    return None if apart is None else {**asdict(apart), "time": round(apart.time, 6)}
 
 
 def _value_texts(one: object, other: object) -> tuple[str, str]:

@@ -8,7 +8,7 @@ import shlex
 import tempfile
 from collections.abc import Callable, Generator, Iterator
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -247,22 +247,14 @@ def _json(found: RecipeComparison) -> dict[str, Any]:
         "alone": found.alone,
         "goal": None
         if table is None
-        else {
-            "both": table.both,
-            "only_a": table.only_a,
-            "only_b": table.only_b,
-            "neither": table.neither,
-        },
+        else {name: count for name, count in asdict(table).items() if name != "p_value"},
         "differ": found.differ,
         "criteria": {
             c.name: {**_difference_json(c.difference), "holm": c.adjusted, "better": c.better}
             for c in found.criteria
         },
         "causes": {c.cause: {**_difference_json(c.difference), "holm": c.adjusted} for c in found.causes},
-        "changed": [
-            {"seed": c.seed, "winner": c.winner, "logs": c.logs, "missing": c.missing, "parting": c.parting}
-            for c in found.changed
-        ],
+        "changed": [asdict(c) for c in found.changed],
     }
 
 
