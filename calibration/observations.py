@@ -13,19 +13,19 @@ from ..world.events.skill_events import CalibrationShotEvent, CalibrationTouchEv
 from ..world.protocols import Intrinsics
 from ..world.values import Array, Pose, Vector3
 
-TILTS = (0.12, 0.5, 0.68)
+VIEW_TILTS = (0.12, 0.5, 0.68)
 """Angles between line of sight and target normal of successive views, rad."""
-NEARER = (1.0, 1.15, 1.3)
+VIEW_DISTANCES = (1.0, 1.15, 1.3)
 """Distances of successive views, as multiples of the nearest at which the target fills its share of the
 image."""
-FILLS = 0.8
+MAX_IMAGE_SHARE = 0.8
 """Maximum share of the image's shorter side that the target fills."""
-GOLDEN = 2.4
+AZIMUTH_STEP = 2.4
 """Rotation about the target's normal from view to view, rad. This angle spreads any number of views
 evenly."""
-ROLL = 1.3
+ROLL_STEP = 1.3
 """Rotation about the line of sight from view to view, rad."""
-ROLLS = (0.0, 0.5, -0.5, 1.0, -1.0, math.pi)
+ALTERNATIVE_ROLLS = (0.0, 0.5, -0.5, 1.0, -1.0, math.pi)
 """Further rotations about the line of sight to try where a view is out of reach, rad."""
 
 
@@ -59,13 +59,16 @@ def viewpoints(target: Pose, size: Vector3, intrinsics: Intrinsics, count: int) 
     the target at varied distances and tilts."""
     across = math.hypot(size[0], size[1])
     shorter = min(intrinsics.width / intrinsics.fx, intrinsics.height / intrinsics.fy)
-    nearest = across / (FILLS * shorter) + size[2] / 2
+    nearest = across / (MAX_IMAGE_SHARE * shorter) + size[2] / 2
     return tuple(_viewpoint(target, size, nearest, number) for number in range(count))
 
 
 def _viewpoint(target: Pose, size: Vector3, nearest: float, number: int) -> Viewpoint:
-    tilt, distance = TILTS[number % len(TILTS)], nearest * NEARER[number // len(TILTS) % len(NEARER)]
-    azimuth = GOLDEN * number
+    tilt, distance = (
+        VIEW_TILTS[number % len(VIEW_TILTS)],
+        nearest * VIEW_DISTANCES[number // len(VIEW_TILTS) % len(VIEW_DISTANCES)],
+    )
+    azimuth = AZIMUTH_STEP * number
     up = target.rotation()
     top = np.array(target.position) + up[:, 2] * size[2] / 2
     aside = up @ np.array([math.cos(azimuth), math.sin(azimuth), 0.0])
@@ -73,8 +76,8 @@ def _viewpoint(target: Pose, size: Vector3, nearest: float, number: int) -> View
     first = np.cross(up @ np.array([-math.sin(azimuth), math.cos(azimuth), 0.0]), forward)
     second = np.cross(forward, first)
     poses: list[Pose] = []
-    for roll in ROLLS:
-        turn = ROLL * number + roll
+    for roll in ALTERNATIVE_ROLLS:
+        turn = ROLL_STEP * number + roll
         right = math.cos(turn) * first + math.sin(turn) * second
         axes = np.column_stack([right, np.cross(forward, right), forward])
         poses.append(Pose.from_rotation(top - distance * forward, axes))

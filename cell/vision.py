@@ -13,11 +13,10 @@ from ..perception.fitting.view import PerceivedView
 from ..perception.pipeline import BinView, Perception
 from ..world.belief.planning_scene import BeliefObject, PlanningScene
 from ..world.causes import Failure, perception
+from ..world.computing_time import ComputeTimeAccount, Stopwatch
 from ..world.events.skill_events import FramesMissedEvent
 from ..world.journal import ImageEntry, Journal
 from ..world.protocols import Camera, Clock, NoImage, RgbdImage
-from ..world.stopwatch import Stopwatch
-from ..world.thinking_time import ComputeTimeAccount
 from ..world.values import Array, Pose
 
 T = TypeVar("T")

@@ -55,9 +55,9 @@ def calibrate(
     """
     answer = keep_stdout() if json else None
 
-    from ..commissioning.calibrate.corrected_scene import parse_place
-    from ..commissioning.calibrate.job import CalibrationRequest
-    from ..commissioning.calibrate.job import calibrate as calibrated
+    from ..commissioning.calibration_job import CalibrationRequest
+    from ..commissioning.calibration_job import calibrate as calibrated
+    from ..commissioning.corrected_scene import parse_place
     from .terminal.progress import run_display
 
     place = parse_place(at) if at else None
@@ -116,8 +116,8 @@ def plan(
     answer = keep_stdout() if json else None
 
     from ..analysis.render.viewpoint import parse_size, parse_view
-    from ..commissioning.plan_trial.target_syntax import quantity
-    from ..commissioning.plan_trial.trial import PlanQuery, plan_in_scene
+    from ..commissioning.plan_trial import PlanQuery, plan_in_scene
+    from ..commissioning.target_syntax import quantity
     from ..planning.requests import DEFAULT_CHECK_BUDGET
 
     found = plan_in_scene(

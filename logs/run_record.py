@@ -12,6 +12,7 @@ from typing import Self
 
 from ..errors import PicktreeError
 from ..world.journal import JournalEvent
+from .run_account import RunAccount, account_of
 from .run_log import RunLog, Stamped
 from .run_result import RunResult
 from .schema import topics
@@ -29,7 +30,7 @@ from .series import (
     joint_series,
     wrench_series,
 )
-from .visits import Pick, Visit, picks_of, visits_of
+from .visits import Pick, Visit, picks_of
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -125,8 +126,13 @@ class RunRecord:
 
     @cached_property
     def visits(self) -> tuple[Visit, ...]:
-        """Activations of nodes from start to end, in order of their starts."""
-        return visits_of(self.log)
+        """Activations of nodes from start to end, in order of their starts; none of a log of format 1."""
+        return self.account.visits if self.log.format >= 2 else ()
+
+    @cached_property
+    def account(self) -> RunAccount:
+        """Account of the run: visits, failures and what became of them, episodes with cures and time lost."""
+        return account_of(self)
 
     @cached_property
     def plans(self) -> tuple[Stamped[Plan], ...]:

@@ -10,23 +10,21 @@ from ..control.execution.control_loop import ControlLoop
 from ..control.execution.gripper_motion import GripperControl
 from ..control.execution.motions import ArmMotion
 from ..control.safety.safety_monitor import SafetyMonitor
-from ..manipulation.grasp.grip_force import opening_force
+from ..manipulation.grasp.compliant_closing import opening_force
 from ..perception.pipeline import Perception
 from ..planning.collision.scene_queries import SceneQueries
-from ..planning.service.contact_lookahead import JogCollisionCheck
 from ..planning.service.plan_service import PlanService
-from ..planning.service.trajectory_gate import TrajectoryGate
+from ..planning.service.trajectory_gate import JogCollisionCheck, TrajectoryGate
 from ..robots.description import RobotDescription
 from ..robots.model import RobotModel
 from ..world.belief.attempts import AttemptMemory
 from ..world.belief.planning_scene import PlanningScene
+from ..world.computing_time import ComputeTimeAccount, Stopwatch
 from ..world.journal import Journal
 from ..world.protocols import Hardware
 from ..world.random_streams import RandomStreams
 from ..world.scene.description import SceneDescription
 from ..world.scene.destinations import destination_rule
-from ..world.stopwatch import Stopwatch
-from ..world.thinking_time import ComputeTimeAccount
 
 TICK_LENGTH = 0.05
 """Length of a tick, simulated s."""

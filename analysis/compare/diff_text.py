@@ -7,13 +7,14 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
 
+from ...files.node_patterns import short_names
 from ...logs.schema.records import TreeNode
 from ...logs.visits import Visit
 from ...session.environment import SOURCES_ATTACHMENT
 from .diff import FileChange, RunDiff, value_changes
 from .divergence import Divergence
 from .divergence_text import aligned, first_value_lines, parting_lines
-from .message_fields import short_names, value_text
+from .message_fields import value_text
 from .run_outcome import KILLED_STATUS, ItemChange, ItemEnd, RunOutcome, TimeChange, TimeUse
 
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, TypeAlias
 
-from ...logs.visits import Visit, derived_visits
+from ...logs.visits import Visit
 from ...world.events.skill_events import ItemDoneEvent
 from ..run import Run
 from .alignment import Alignment
@@ -271,7 +271,7 @@ class RunOutcome:
 
 def outcome_of(run: Run) -> RunOutcome:
     result = run.result
-    failures = Counter(visit.cause for visit in run.visits or derived_visits(run.log) if visit.failed_itself)
+    failures = Counter(visit.cause for visit in run.account.visits if visit.failed_itself)
     kinds = Counter(at.record.kind for at in run.events)
     return RunOutcome(
         log=run.path,

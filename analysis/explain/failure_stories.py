@@ -8,7 +8,9 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from ...logs.episodes.episode import CureNames
+from ...files.value_wording import listed
+from ...logs.failure_courses import VisitTree
+from ...logs.run_account import Failure, RunAccount
 from ...logs.run_log import Stamped
 from ...logs.schema.records import BodyRecord, Candidates, Plan
 from ...logs.visits import HALTED, Visit
@@ -20,8 +22,7 @@ from .causes.item_whereabouts import MISPLACED, SAMPLED
 from .investigation.body_tracks import horizontal_distance
 from .investigation.case import Investigation
 from .investigation.explanation import CandidateChoice, FailureStory, RejectedCandidate, number
-from .investigation.failure_course import FailureCourses, VisitTree
-from .investigation.number_wording import distance, listed, place, seconds
+from .investigation.number_wording import distance, place, seconds
 
 if TYPE_CHECKING:
     from ...logs.run_record import RunRecord
@@ -172,25 +173,20 @@ def _faults(case: Investigation, failure: FailureStory, planted: Sequence[Stampe
     ]
 
 
-def failures_of(run: RunRecord, family: VisitTree) -> tuple[FailureStory, ...]:
+def failures_of(run: RunRecord, account: RunAccount) -> tuple[FailureStory, ...]:
     """Every failure with a cause, in the order of their times. A false condition is none."""
-    end = run.ticks.times[-1] if run.ticks.times else 0.0
-    names = CureNames(node for at in run.trees for node in at.record.nodes)
-    courses = FailureCourses(family, run.events, end, names)
     causes = {cause.name: cause for cause in all_causes()}
     found: list[FailureStory] = []
     before: list[Visit] = []
-    for source in family.sources():
-        story = _story(run, len(found), source, courses, causes.get(source.cause))
-        found.append(replace(story, because_of=_follows(source, before, family)))
-        before.append(source)
+    for failure in account.failures:
+        story = _story(run, len(found), failure, causes.get(failure.source.cause))
+        found.append(replace(story, because_of=_follows(failure.source, before, account.tree)))
+        before.append(failure.source)
     return tuple(found)
 
 
-def _story(
-    run: RunRecord, number: int, source: Visit, courses: FailureCourses, cause: Cause | None
-) -> FailureStory:
-    course = courses.of(source)
+def _story(run: RunRecord, number: int, failure: Failure, cause: Cause | None) -> FailureStory:
+    source, course = failure.source, failure.course
     node = source.origin or source.path
     known = run.tree_at(source.end).nodes
     return FailureStory(

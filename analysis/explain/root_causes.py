@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
+from ...logs.failure_courses import time_lost
 from ...logs.run_log import Stamped
 from ...world.events.run_events import FaultEvent
 from .causes.contact_causes import pressed_from_below, touched
@@ -16,7 +17,6 @@ from .causes.slip_causes import grip_loss_cause, too_heavy
 from .causes.unsorted_items import after_wrong_bin, placed_at, why_not_sorted
 from .investigation.case import Finding, Investigation
 from .investigation.explanation import ExplainedOutcome, FailureStory, RootCause
-from .investigation.failure_course import time_lost
 from .investigation.number_wording import seconds
 
 DISPLACING = frozenset({"item.moved", "item.left_bin", "item.pushed_by_arm"})

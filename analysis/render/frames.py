@@ -9,7 +9,7 @@ from typing import Generic, TypeVar
 
 from ...errors import PicktreeError
 from ...logs.run_log import RunLog, Stamped
-from ...logs.schema.records import Plan, Scene, Tick, Tree
+from ...logs.schema.records import Plan, Scene, Tick
 from ...logs.visits import Visit, VisitBuilder
 from ...world.events.skill_events import ItemDoneEvent
 from .captions import Caption, CaptionFailure
@@ -105,7 +105,9 @@ class NodeActivity:
 
     def __init__(self, log: RunLog, start: float, end: float) -> None:
         trees = list(log.trees())
-        following = VisitBuilder(trees[0].record if trees else Tree(()))
+        following = VisitBuilder()
+        if trees:
+            following.follow(trees[0].record)
         coming = trees[1:]
         self._times: list[float] = []
         self._tips: list[tuple[str, str, str]] = []

@@ -15,8 +15,7 @@ from ...logs.schema.arithmetic_record import arithmetic_difference
 from ...session.arithmetic_probe import arithmetic
 from ...session.observer import Observer
 from ...session.recipe import Recipe, Recording
-from ...session.resume.older_checkpoints import tally_of
-from ...session.resume.recorded_recipe import RecordedRun
+from ...session.resume.recorded_recipe import RecordedRun, tally_of
 from ...session.run_tally import RunCounters
 from ...session.session import Session
 from ...simulation.faults.injector import new_states

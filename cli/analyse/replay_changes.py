@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 
-from ...analysis.compare.message_fields import short_names
 from ...analysis.replay.cursor import Cursor, CursorChanges
+from ...files.node_patterns import short_names
 from ...logs.run_log import Stamped
 from ...logs.schema.records import Plan, TransitionRecord
 from ...logs.visits import HALTED, Visit

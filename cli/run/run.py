@@ -100,8 +100,7 @@ def run(
     seconds = None if limit is None else parse_limit(limit)
 
     from ...logs.recording.rotation import Rotation
-    from ...session.observer import PresetAnswers
-    from ...session.real_time_pace import WallClockPacer
+    from ...session.observer import PresetAnswers, WallClockPacer
     from ...session.recipe import DEFAULT_TIME_LIMIT
     from ...session.session import RunRequest, Session
     from ..terminal.progress import run_display

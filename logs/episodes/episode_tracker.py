@@ -35,19 +35,6 @@ class TransitionLike(Protocol):
     def origin(self) -> str: ...
 
 
-class EventLike(Protocol):
-    """An event of the journal."""
-
-    @property
-    def kind(self) -> str: ...
-    @property
-    def message(self) -> str: ...
-    @property
-    def node(self) -> str: ...
-    @property
-    def data(self) -> Mapping[str, object]: ...
-
-
 @dataclass
 class OpenEpisode:
     """An episode that is not decided yet."""

@@ -25,7 +25,7 @@ from ...world.causes import Failure, grasp
 from ...world.events.skill_events import SlipEvent
 from ...world.scene.description import CatalogueEntry
 from ...world.values import GRAVITY, Array, Pose
-from ..grasp.grip_force import MAX_TRANSFER_ACCELERATION, SLIP_GRIP_FACTOR, GripForce, required_force
+from ..grasp.compliant_closing import MAX_TRANSFER_ACCELERATION, SLIP_GRIP_FACTOR, GripForce, required_force
 from .hold_check import MAX_EMPTY_WIDTH, MIN_HELD_LOAD, GripCheck
 
 if TYPE_CHECKING:

@@ -11,8 +11,7 @@ from ...world.causes import Failure, grasp, planning
 from ...world.events.skill_events import PickEvent, RegraspEvent
 from ..carry.hold_check import GripCheck
 from ..carry.weighing import LiftWeighing, payload_force, register_payload, update_payload_mass
-from ..grasp.compliant_closing import close
-from ..grasp.grip_force import GripForce, grip_force
+from ..grasp.compliant_closing import GripForce, close, grip_force
 from ..grasp.straight_lines import LIFT_GUARD_FORCE, lift
 from ..motion.replanning import ReplanBudget
 from ..place.dropped_objects import release_object

@@ -14,7 +14,7 @@ from ...world.events.skill_events import BinEmptiedEvent
 from ...world.scene.description import Bin, Fixture
 from ...world.shapes import Box, bottom, top
 from ...world.values import ObjectId, Pose
-from .bin_spots import heap_heights
+from .release_poses import heap_heights
 
 if TYPE_CHECKING:
     from ...cell.world import World

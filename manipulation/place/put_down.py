@@ -13,8 +13,8 @@ from ...world.events.skill_events import PutDownEvent
 from ..grasp.straight_lines import DOWNWARDS
 from ..retreat.clearing import FREE_PATH_THRESHOLDS, REDUCED_SPEED, WARY_SPEED, RetreatMotion
 from ..retreat.homing import observe_with_fixed_cameras
-from .bin_spots import blocked, put_down_poses
 from .dropped_objects import support_height_at
+from .release_poses import blocked, put_down_poses
 
 if TYPE_CHECKING:
     from ...cell.world import World

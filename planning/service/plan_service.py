@@ -16,10 +16,9 @@ from ...errors import PicktreeError
 from ...robots.model import RobotModel
 from ...world.belief.planning_scene import PlanningScene
 from ...world.causes import Failure
+from ...world.computing_time import ComputeTimeAccount, Stopwatch
 from ...world.journal import Journal, PlanEntry
 from ...world.random_streams import RandomStreams
-from ...world.stopwatch import Stopwatch
-from ...world.thinking_time import ComputeTimeAccount
 from ...world.trajectory import Trajectory
 from ...world.values import Array, Bounds, Pose
 from ..collision.scene_queries import SceneQueries
@@ -32,6 +31,7 @@ from ..requests import (
     LineGoal,
     MotionPlan,
     OffsetGoal,
+    PlannerOverrides,
     Request,
     Scaling,
 )
@@ -40,10 +40,7 @@ from ..search.penetration_escape import EscapeSearch
 from .lookahead_planning import LookaheadPlanner, LookaheadResult, PlanProvenanceStore, is_plan_free
 from .motion_chain import DEFAULT_LINE_ROUNDING, MotionChain, split_into_legs
 from .plan_quality import PlanQuality, PlanQualityMeter, combine_qualities, length, smallest_singular_values
-from .planner_overrides import PlannerOverrides
-from .planning_costs import CostMeter, MeasuredCost
-from .reachability import ReachResult, check_reach
-from .solver import RequestSolver
+from .solver import CostMeter, MeasuredCost, ReachResult, RequestSolver, check_reach
 
 _log = logging.getLogger(__name__)
 T = TypeVar("T")

@@ -21,8 +21,8 @@ from ...logs.run_record import RunRecord
 from ...logs.schema import topics
 from ...logs.schema.arithmetic_record import arithmetic_difference
 from ...logs.schema.records import ResumedFrom
+from ...simulation.checkpoints import snapshot_at_rest
 from ...simulation.faults.injector import FaultState
-from ...simulation.standing_state import snapshot_at_rest
 from ...world.journal import JournalEvent
 from ..arithmetic_probe import arithmetic
 from ..checkpoints import RunState
@@ -32,8 +32,7 @@ from ..recipe import Recipe, Recording, StartCheckpoint
 from ..run_tally import RunCounters, RunCountersState
 from ..session import Session
 from ..session_recording import START_ATTACHMENT
-from .older_checkpoints import simulated_messages
-from .recorded_recipe import RecordedRun
+from .recorded_recipe import RecordedRun, simulated_messages
 
 _FAULTS = TypeAdapter(tuple[FaultState, ...])
 _NEVER_WRITTEN = -1.0

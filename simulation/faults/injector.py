@@ -28,10 +28,11 @@ from ..fault_files.device_entries import (
     WrenchBias,
     WrenchDead,
 )  # fmt: skip
-from ..fault_files.fault_entries import FaultFile, FaultSpec
-from ..fault_files.item_entries import (
+from ..fault_files.fault_entries import (
     Appear,
     Bump,
+    FaultFile,
+    FaultSpec,
     Friction,
     Heavier,
     ItemFault,
@@ -41,14 +42,16 @@ from ..fault_files.item_entries import (
     Slip,
 )
 from .device_faults import InjectableRobot
-from .fault_sentences import end_sentence, record_details, start_sentence
 from .fault_states import (
     NO_ITEM,
     FaultSchedule,
     FaultState,
     apply_item_fault,
     choose_target,
+    end_sentence,
     item_fault_details,
+    record_details,
+    start_sentence,
 )
 
 __all__ = ["FaultInjector", "FaultState", "InjectableProgram", "InjectableRobot", "new_states"]

@@ -9,9 +9,8 @@ from typing import Literal, TypeAlias
 from ...world.events.run_events import BeltRunsEvent, BeltStopsEvent
 from ...world.journal import JournalEvent
 from ...world.random_streams import RandomStreams
-from ...world.scene.description import SceneDescription
-from ...world.scene.feed import Delivery
-from ...world.scene.loading.feed_loading import APART, SPREAD, reach
+from ...world.scene.description import Delivery, SceneDescription
+from ...world.scene.loading.feed_loading import MIN_BELT_GAP, SPACING_SPREAD, reach
 from ...world.shapes import bottom
 from ...world.values import Pose
 from ..common.footprints import distance, footprint
@@ -204,7 +203,7 @@ class BeltFeed:
         outline = footprint(entry.shape, turn).at(point[:2])
         for body in self._cell.here():
             other = footprint(body.shape, body.pose.orientation).at(body.pose.position[:2])
-            if distance(outline, other) < APART:
+            if distance(outline, other) < MIN_BELT_GAP:
                 return
         name = self._cell.next_id()
         self._cell.put(
@@ -220,7 +219,7 @@ class BeltFeed:
         items = draw_load(self._scene, self._round, rng)
         order = rng.permutation(len(items))
         place = self._streams.at(f"{name}/place", number)
-        spacing = self._delivery.spacing * float(place.uniform(1 - SPREAD, 1 + SPREAD))
+        spacing = self._delivery.spacing * float(place.uniform(1 - SPACING_SPREAD, 1 + SPACING_SPREAD))
         aside = float(place.uniform(-self._aside, self._aside))
         return NextBeltItem(items[int(order[number % self._size])], spacing, aside)
 

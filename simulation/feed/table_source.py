@@ -9,8 +9,7 @@ from ...errors import PicktreeError
 from ...world.events.run_events import DeliveryEvent
 from ...world.journal import JournalEvent
 from ...world.random_streams import RandomStreams
-from ...world.scene.description import SceneDescription
-from ...world.scene.feed import AtIntervals, AtTimes, Delivery, WhenClear
+from ...world.scene.description import AtIntervals, AtTimes, Delivery, SceneDescription, WhenClear
 from ...world.scene.loading.feed_loading import reach
 from ...world.values import Array, ObjectId, Quaternion
 from ..common.footprints import footprint, support_height

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
+from ....files.value_wording import listed
 from ....logs.schema.event_records import ImageEvent
 from ....logs.schema.records import BodyRecord
 from ....world.scene.description import CameraDescription
 from ..investigation.case import Finding, Investigation
 from ..investigation.explanation import FailureStory
-from ..investigation.number_wording import counted, distance, listed, place
+from ..investigation.number_wording import counted, distance, place
 
 OFF = 0.005
 """A mean offset of belief from truth beyond this is the camera's, m."""

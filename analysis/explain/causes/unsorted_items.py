@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 
+from ....files.value_wording import listed
 from ....simulation.scoring.scorer import MAX_REST_SPEED
 from ....world.events.skill_events import ItemDoneEvent
 from ....world.scene.destinations import is_at
 from ..investigation.case import Finding, Investigation
 from ..investigation.explanation import FailureStory
-from ..investigation.number_wording import between, distance, listed, place, seconds
+from ..investigation.number_wording import between, distance, place, seconds
 from .item_whereabouts import NOWHERE, SAMPLED, way_since
 from .perception_causes import never_seen
 
@@ -137,7 +138,7 @@ def _left_bin(case: Investigation, true: str, item: str, into: str, time: float)
         return Finding("place.beside", true, title, tuple(reasons), item, time)
     others = [case.name_of(id_) for id_ in case.truth.tracks if id_ != true and _lies_in(case, id_, into)]
     if ends == into:
-        reasons.append(f"beside it lie {listed(others)}" if others else "nothing else lies there")
+        reasons.append(f"beside it lie {listed(others, 5)}" if others else "nothing else lies there")
         title = f"{item} lies above the rim of {into}, or does not come to rest there"
         return Finding(*_crowded(into, true, others), title, tuple(reasons), item, time)
     out, outside = next((t, b) for t, b in later if t > inside[-1] and case.bin_at(b) != into)
@@ -153,7 +154,7 @@ def _left_bin(case: Investigation, true: str, item: str, into: str, time: float)
     when = between(inside[-1], out)
     if came:
         title = f"{into} is too small for all that belongs into it: {item} left it again {when}"
-        reasons.append(f"{listed(came)} came down into {into} about then and pushed it out")
+        reasons.append(f"{listed(came, 5)} came down into {into} about then and pushed it out")
         return Finding("bin.crowded", into, title, tuple(reasons), item, inside[-1])
     title = f"{item} left {into} again after it had been placed, {when}"
     reasons.append("nothing was placed there about then: something else than the arm flung it out")

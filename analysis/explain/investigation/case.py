@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, TypeVar
 import numpy as np
 
 from ....errors import PicktreeError
+from ....logs.failure_courses import VisitTree
 from ....logs.run_log import Stamped
 from ....logs.schema.event_records import BeliefEvent
 from ....logs.schema.records import BodyRecord
@@ -28,7 +29,6 @@ from ....world.scene.loading.scene_loading import parse_scene
 from ....world.values import ObjectId, Pose, Vector3
 from .body_tracks import BodyTracks, paired
 from .explanation import FailureStory
-from .failure_course import VisitTree
 
 if TYPE_CHECKING:
     from ....logs.run_record import RunRecord
