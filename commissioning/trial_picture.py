@@ -14,8 +14,7 @@ from ..analysis.render.rasterizer import Picture
 from ..analysis.render.scene_view import SceneContent, SceneRenderer
 from ..analysis.render.viewpoint import PictureView
 from ..files.atomic_write import whole
-from ..logs.meshes.binary_gltf import read_glb, write_glb
-from ..logs.meshes.link_meshes import link_meshes
+from ..logs.meshes.binary_gltf import link_meshes, read_glb, write_glb
 from ..logs.recording.images import write_picture
 from ..logs.recording.journal_records import belief_record
 from ..logs.schema.records import BodyRecord, LinkMesh, PartRecord, Scene
