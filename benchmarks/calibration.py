@@ -57,7 +57,7 @@ def one(job: Job) -> Row:
 
 
 def _run(job: Job, setting: str) -> Row:
-    from picktree.commissioning.calibrate.job import CalibrationRequest, calibrate
+    from picktree.commissioning.calibration_job import CalibrationRequest, calibrate
     from picktree.world.scene.loading.scene_loading import load_scene
 
     base, cameras = SETTINGS[setting]
@@ -106,7 +106,6 @@ def _scores(believed: Pose, truly: Pose, position: object, angle: object) -> lis
 
 
 def _scene(seed: int, base: str, cameras: tuple[str, ...]) -> str:
-    from picktree.robots.tool_frame import rpy_of
     from picktree.world.values import Pose as Frame
 
     rng = np.random.default_rng([seed, 7])
@@ -114,7 +113,7 @@ def _scene(seed: int, base: str, cameras: tuple[str, ...]) -> str:
     for camera in ("overhead", "wrist"):
         way, axis = (v / np.linalg.norm(v) for v in rng.standard_normal((2, 3)))
         x, y, z = (float(c) * math.sin(TURN / 2) for c in axis)
-        rpy = rpy_of(Frame(orientation=(x, y, z, math.cos(TURN / 2))))
+        rpy = Frame(orientation=(x, y, z, math.cos(TURN / 2))).rpy()
         if camera in cameras:
             offset = f"offset: {_list(way * SHIFT)}, rpy: {_list(np.array(rpy))}"
             lines.append(f"  {camera}: {{error: {{{offset}}}}}")

@@ -83,11 +83,10 @@ def errors(seed: int, shift: float, turn: float) -> dict[str, str]:
 
 def _rpy(axis: Array, turn: float) -> Vector3:
     """Roll, pitch and yaw of a turn about a unit axis (3,), rad."""
-    from picktree.robots.tool_frame import rpy_of
     from picktree.world.values import Pose
 
     x, y, z = (float(c) * math.sin(turn / 2) for c in axis)
-    return rpy_of(Pose(orientation=(x, y, z, math.cos(turn / 2))))
+    return Pose(orientation=(x, y, z, math.cos(turn / 2))).rpy()
 
 
 def one(job: Job) -> Row:

@@ -17,14 +17,14 @@ from .hand_eye import camera_in_tcp, spread, target_in_camera
 from .observations import CalibrationData, TargetImage
 from .residuals import CalibrationParameters, CalibrationResiduals
 
-FEWEST = 4
+MIN_HAND_VIEWS = 4
 """Minimum number of views by a camera on the hand."""
-SPREAD = math.radians(30.0)
+MIN_AXIS_SPREAD = math.radians(30.0)
 """Minimum angle between the hand's rotation axes, rad."""
-SURE = 5e-4
+MAX_TOOL_DEVIATION = 5e-4
 """Maximum standard deviation of the tool's position in any direction, m. Above it the tool is not
 corrected."""
-STEPS = 1e-6
+DIFFERENCE_STEP = 1e-6
 """Step of the central differences that approximate derivatives, m and rad."""
 
 
@@ -79,7 +79,7 @@ class ToolEstimate:
     @property
     def sure(self) -> bool:
         """Whether the touches determine the tool's position in all three directions."""
-        return max(self.deviation) < SURE
+        return max(self.deviation) < MAX_TOOL_DEVIATION
 
 
 @dataclass(frozen=True, slots=True)
@@ -165,12 +165,14 @@ def _first_camera(shots: Sequence[TargetImage], tiles: Sequence[TargetTile], tar
 
 def _suffices(shots: Sequence[TargetImage]) -> None:
     name = shots[0].camera
-    if len(shots) < FEWEST:
-        raise PicktreeError(f"{name}: the target was seen from {len(shots)} places; {FEWEST} are needed")
-    if (angle := spread(shots)) < SPREAD:
+    if len(shots) < MIN_HAND_VIEWS:
+        raise PicktreeError(
+            f"{name}: the target was seen from {len(shots)} places; {MIN_HAND_VIEWS} are needed"
+        )
+    if (angle := spread(shots)) < MIN_AXIS_SPREAD:
         raise PicktreeError(
             f"{name}: the hand was turned about axes that are {math.degrees(angle):.0f}° apart at most; "
-            f"{math.degrees(SPREAD):.0f}° are needed to tell where the camera is"
+            f"{math.degrees(MIN_AXIS_SPREAD):.0f}° are needed to tell where the camera is"
         )
 
 
@@ -211,8 +213,8 @@ def _scale(size: int) -> Array:
 
 def _differences(residuals: CalibrationResiduals, at: CalibrationParameters) -> Array:
     """Return the Jacobian (n, size) of the residuals, by central differences."""
-    steps = np.full(at.size, STEPS)
-    steps[-1] = STEPS / 100
+    steps = np.full(at.size, DIFFERENCE_STEP)
+    steps[-1] = DIFFERENCE_STEP / 100
     columns = [
         (residuals.of(at.moved(unit * step)) - residuals.of(at.moved(-unit * step))) / (2 * step)
         for unit, step in zip(np.eye(at.size), steps, strict=True)

@@ -14,7 +14,7 @@ from ..world.values import Array, Pose
 from .observations import TargetImage
 from .target_detection import align_points
 
-TURNED = math.radians(10.0)
+MIN_VIEW_ROTATION = math.radians(10.0)
 """Minimum rotation between two views, rad; smaller ones determine the rotation axis poorly."""
 
 
@@ -58,7 +58,7 @@ def spread(shots: Sequence[TargetImage]) -> float:
 def _axis(one: Pose, other: Pose) -> Array | None:
     turn = _turn(one.inverse() @ other)
     angle = float(np.linalg.norm(turn))
-    return None if angle < TURNED else turn / angle
+    return None if angle < MIN_VIEW_ROTATION else turn / angle
 
 
 def _turn(pose: Pose) -> Array:

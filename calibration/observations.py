@@ -4,28 +4,28 @@ log."""
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
-from ..world.journal import Plain
+from ..world.events.skill_events import CalibrationShotEvent, CalibrationTouchEvent
 from ..world.protocols import Intrinsics
 from ..world.values import Array, Pose, Vector3
 
-TILTS = (0.12, 0.5, 0.68)
+VIEW_TILTS = (0.12, 0.5, 0.68)
 """Angles between line of sight and target normal of successive views, rad."""
-NEARER = (1.0, 1.15, 1.3)
+VIEW_DISTANCES = (1.0, 1.15, 1.3)
 """Distances of successive views, as multiples of the nearest at which the target fills its share of the
 image."""
-FILLS = 0.8
+MAX_IMAGE_SHARE = 0.8
 """Maximum share of the image's shorter side that the target fills."""
-GOLDEN = 2.4
+AZIMUTH_STEP = 2.4
 """Rotation about the target's normal from view to view, rad. This angle spreads any number of views
 evenly."""
-ROLL = 1.3
+ROLL_STEP = 1.3
 """Rotation about the line of sight from view to view, rad."""
-ROLLS = (0.0, 0.5, -0.5, 1.0, -1.0, math.pi)
+ALTERNATIVE_ROLLS = (0.0, 0.5, -0.5, 1.0, -1.0, math.pi)
 """Further rotations about the line of sight to try where a view is out of reach, rad."""
 
 
@@ -59,13 +59,16 @@ def viewpoints(target: Pose, size: Vector3, intrinsics: Intrinsics, count: int) 
     the target at varied distances and tilts."""
     across = math.hypot(size[0], size[1])
     shorter = min(intrinsics.width / intrinsics.fx, intrinsics.height / intrinsics.fy)
-    nearest = across / (FILLS * shorter) + size[2] / 2
+    nearest = across / (MAX_IMAGE_SHARE * shorter) + size[2] / 2
     return tuple(_viewpoint(target, size, nearest, number) for number in range(count))
 
 
 def _viewpoint(target: Pose, size: Vector3, nearest: float, number: int) -> Viewpoint:
-    tilt, distance = TILTS[number % len(TILTS)], nearest * NEARER[number // len(TILTS) % len(NEARER)]
-    azimuth = GOLDEN * number
+    tilt, distance = (
+        VIEW_TILTS[number % len(VIEW_TILTS)],
+        nearest * VIEW_DISTANCES[number // len(VIEW_TILTS) % len(VIEW_DISTANCES)],
+    )
+    azimuth = AZIMUTH_STEP * number
     up = target.rotation()
     top = np.array(target.position) + up[:, 2] * size[2] / 2
     aside = up @ np.array([math.cos(azimuth), math.sin(azimuth), 0.0])
@@ -73,16 +76,12 @@ def _viewpoint(target: Pose, size: Vector3, nearest: float, number: int) -> View
     first = np.cross(up @ np.array([-math.sin(azimuth), math.cos(azimuth), 0.0]), forward)
     second = np.cross(forward, first)
     poses: list[Pose] = []
-    for roll in ROLLS:
-        turn = ROLL * number + roll
+    for roll in ALTERNATIVE_ROLLS:
+        turn = ROLL_STEP * number + roll
         right = math.cos(turn) * first + math.sin(turn) * second
         axes = np.column_stack([right, np.cross(forward, right), forward])
         poses.append(Pose.from_rotation(top - distance * forward, axes))
     return Viewpoint(f"view {number + 1}", tuple(poses))
-
-
-SHOT, TOUCH = "calibration_shot", "calibration_touch"
-"""Kinds of the events that a run's record keeps."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,31 +97,33 @@ class TargetImage:
     """Believed pose of the optical frame: in the TCP frame, or in the world for a fixed camera."""
     tiles: tuple[DetectedTile, ...]
 
-    def to_plain(self) -> dict[str, Plain]:
+    def to_event(self, message: str, node: str) -> CalibrationShotEvent:
         i = self.intrinsics
-        return {
-            "camera": self.camera,
-            "on_hand": self.on_hand,
-            "intrinsics": [i.width, i.height, i.fx, i.fy, i.cx, i.cy],
-            "tcp": _plain(self.tcp),
-            "believed": _plain(self.believed),
-            "tiles": [
-                [t.index, *t.pixel, t.depth, *t.depth_pixel, t.depth_sigma, t.area] for t in self.tiles
-            ],
-        }
+        return CalibrationShotEvent(
+            message,
+            node,
+            camera=self.camera,
+            on_hand=self.on_hand,
+            intrinsics=(i.width, i.height, i.fx, i.fy, i.cx, i.cy),
+            tcp=_numbers(self.tcp),
+            believed=_numbers(self.believed),
+            tiles=tuple(
+                (t.index, *t.pixel, t.depth, *t.depth_pixel, t.depth_sigma, t.area) for t in self.tiles
+            ),
+        )
 
     @classmethod
-    def from_plain(cls, data: dict[str, Any]) -> TargetImage:
-        width, height, fx, fy, cx, cy = data["intrinsics"]
+    def from_event(cls, event: CalibrationShotEvent) -> TargetImage:
+        width, height, fx, fy, cx, cy = event.intrinsics
         return cls(
-            data["camera"],
-            data["on_hand"],
+            event.camera,
+            event.on_hand,
             Intrinsics(int(width), int(height), fx, fy, cx, cy),
-            _pose(data["tcp"]),
-            _pose(data["believed"]),
+            _pose(event.tcp),
+            _pose(event.believed),
             tuple(
                 DetectedTile(int(n), (u, v), z, (du, dv), sigma, int(area))
-                for n, u, v, z, du, dv, sigma, area in data["tiles"]
+                for n, u, v, z, du, dv, sigma, area in event.tiles
             ),
         )
 
@@ -139,13 +140,14 @@ class TargetTouch:
     """Force with which the fingers press against the face, N."""
     name: str = ""
 
-    def to_plain(self) -> dict[str, Plain]:
-        return {"face": list(self.face), "tcp": _plain(self.tcp), "force": self.force, "name": self.name}
+    def to_event(self, message: str, node: str) -> CalibrationTouchEvent:
+        tcp = _numbers(self.tcp)
+        return CalibrationTouchEvent(message, node, face=self.face, tcp=tcp, force=self.force, name=self.name)
 
     @classmethod
-    def from_plain(cls, data: dict[str, Any]) -> TargetTouch:
-        x, y, z = data["face"]
-        return cls((x, y, z), _pose(data["tcp"]), data["force"], data["name"])
+    def from_event(cls, event: CalibrationTouchEvent) -> TargetTouch:
+        x, y, z = event.face
+        return cls((x, y, z), _pose(event.tcp), event.force, event.name)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -158,11 +160,11 @@ class CalibrationData:
     """Corners (n, 3) of the closed fingers' pads in the TCP's frame, m."""
 
 
-def _plain(pose: Pose) -> list[Plain]:
-    return [*pose.position, *pose.orientation]
+def _numbers(pose: Pose) -> tuple[float, ...]:
+    return (*pose.position, *pose.orientation)
 
 
-def _pose(numbers: list[float]) -> Pose:
+def _pose(numbers: Sequence[float]) -> Pose:
     x, y, z, *turn = numbers
     a, b, c, d = turn
     return Pose((x, y, z), (a, b, c, d))

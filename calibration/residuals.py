@@ -12,19 +12,19 @@ from ..world.values import Array, Pose
 from .observations import CalibrationData, TargetImage
 from .target_detection import area_and_centroid, pixels_of
 
-PIXEL, OUTLINE = 0.05, 0.3
-"""Standard deviation of a square's centroid, pixels: `PIXEL` plus `OUTLINE` over the length of its edge.
-Measured on images."""
-DEPTH = 3e-5
+PIXEL_SIGMA, EDGE_SIGMA = 0.05, 0.3
+"""Standard deviation of a square's centroid, pixels, measured on images: `PIXEL_SIGMA` plus `EDGE_SIGMA` over
+the length of its edge."""
+DEPTH_SIGMA = 3e-5
 """Standard deviation of a square's mean depth beyond that from its scatter, m."""
-TOUCHED = 1e-4
+TOUCH_SIGMA = 1e-4
 """Standard deviation of the fingers' position at a touch, m."""
-YIELDS = 1e-4
+COMPLIANCE_SIGMA = 1e-4
 """Standard deviation of the compliance of fingers and target, m/N, around 0. Touches of different force
 determine the compliance."""
-ZOOM = 1e-3
+FOCAL_LENGTH_SIGMA = 1e-3
 """Standard deviation of a camera's focal length, as a share of the stated one."""
-FAR, TURNED = 0.03, 0.2
+PRIOR_POSITION_SIGMA, PRIOR_ANGLE_SIGMA = 0.03, 0.2
 """Prior standard deviations of the poses of target and tool, m and rad; wide enough that measurements
 dominate."""
 
@@ -128,13 +128,13 @@ class CalibrationResiduals:
         return np.array(found)
 
     def _felt(self, guess: CalibrationParameters) -> Array:
-        return self.felt(guess) / TOUCHED
+        return self.felt(guess) / TOUCH_SIGMA
 
     def _seen(self, shot: TargetImage, guess: CalibrationParameters, camera: int) -> tuple[Array, Array]:
         pixels, depths = self._misses(shot, guess, camera)
         edges = np.sqrt(np.array([tile.area for tile in shot.tiles]))
-        sigma = np.hypot(DEPTH, np.array([tile.depth_sigma for tile in shot.tiles]))
-        return pixels / (PIXEL + OUTLINE / edges)[:, None], depths / sigma
+        sigma = np.hypot(DEPTH_SIGMA, np.array([tile.depth_sigma for tile in shot.tiles]))
+        return pixels / (PIXEL_SIGMA + EDGE_SIGMA / edges)[:, None], depths / sigma
 
     def _misses(self, shot: TargetImage, guess: CalibrationParameters, camera: int) -> tuple[Array, Array]:
         if not shot.tiles:
@@ -158,8 +158,8 @@ class CalibrationResiduals:
         first = self._first
         off = guess.target @ first.target.inverse()
         x, y, z, w = off.orientation
-        shift = np.subtract(guess.target.position, first.target.position) / FAR
-        turn = 2.0 * np.sign(w or 1.0) * np.array([x, y, z]) / TURNED
-        tool = (guess.tool - first.tool) / FAR
-        zooms = np.array(guess.zooms) / ZOOM
-        return np.concatenate([shift, turn, tool, zooms, [guess.yields / YIELDS]])
+        shift = np.subtract(guess.target.position, first.target.position) / PRIOR_POSITION_SIGMA
+        turn = 2.0 * np.sign(w or 1.0) * np.array([x, y, z]) / PRIOR_ANGLE_SIGMA
+        tool = (guess.tool - first.tool) / PRIOR_POSITION_SIGMA
+        zooms = np.array(guess.zooms) / FOCAL_LENGTH_SIGMA
+        return np.concatenate([shift, turn, tool, zooms, [guess.yields / COMPLIANCE_SIGMA]])

@@ -18,19 +18,19 @@ from ..world.scene.calibration_results import TargetTile
 from ..world.values import Array, Pose
 from .observations import DetectedTile
 
-LEAST = 16
+MIN_TILE_AREA = 16
 """Minimum area of a square, pixels."""
-MARGIN = 3
+OCCLUSION_MARGIN = 3
 """Width of the border around a square in which a nearer surface may hide a part of it, pixels."""
-HIDES = 0.03
+MIN_OCCLUSION_DEPTH = 0.03
 """Minimum depth by which a surface in front of a square may hide a part of it, m."""
-NEAR = 0.02
+DISTANCE_TOLERANCE = 0.02
 """Tolerance of measured distances between squares, m."""
-FITS = 0.012
+MAX_OFFSET = 0.012
 """Maximum distance of a square from its place on the target, m."""
-WHOLE = 0.15
+AREA_TOLERANCE = 0.15
 """Maximum relative difference between the seen area of a whole square and the area expected from its pose."""
-FEWEST = 4
+MIN_TILES = 4
 """Minimum number of squares that identify a target."""
 
 
@@ -53,12 +53,12 @@ def detect_tiles(image: RgbdImage, tiles: Sequence[TargetTile]) -> tuple[Detecte
     for index, tile in enumerate(tiles):
         patches += _patches(image, label, index, tile.colour)
     chosen = _consistent(patches, tiles)
-    if len(chosen) < FEWEST:
+    if len(chosen) < MIN_TILES:
         return ()
     places = np.array([tiles[patch.index].centre for patch in chosen])
     target = align_points(places, np.array([patch.point for patch in chosen]))
     whole = [p for p in chosen if _is_whole(p, tiles[p.index], target, image.intrinsics)]
-    return tuple(patch.seen for patch in whole) if len(whole) >= FEWEST else ()
+    return tuple(patch.seen for patch in whole) if len(whole) >= MIN_TILES else ()
 
 
 def average_tiles(pictures: Sequence[Sequence[DetectedTile]]) -> tuple[DetectedTile, ...]:
@@ -74,30 +74,32 @@ def average_tiles(pictures: Sequence[Sequence[DetectedTile]]) -> tuple[DetectedT
         sigma = float(np.sqrt(np.mean([tile.depth_sigma**2 for tile in same]) / len(same)))
         area = round(float(np.mean([tile.area for tile in same])))
         found.append(DetectedTile(index, (u, v), 1.0 / inverse, (at_u, at_v), sigma, area))
-    return tuple(found) if len(found) >= FEWEST else ()
+    return tuple(found) if len(found) >= MIN_TILES else ()
 
 
 def _patches(image: RgbdImage, label: NDArray[np.uint8], index: int, colour: str) -> list[_Patch]:
     """Return the regions of that colour that neither the image border nor a nearer surface cuts off."""
-    height, width = label.shape
+    image_height, image_width = label.shape
     found: list[_Patch] = []
-    for rows, columns in connected_patches(np.equal(label, blobs.label_of(colour)), LEAST):
+    for rows, columns in connected_patches(np.equal(label, blobs.label_of(colour)), MIN_TILE_AREA):
         upper, left = int(rows.min()), int(columns.min())
         lower, right = int(rows.max()) + 1, int(columns.max()) + 1
-        if min(upper, left) == 0 or lower == height or right == width:
+        if min(upper, left) == 0 or lower == image_height or right == image_width:
             continue
         window = (
-            slice(max(upper - MARGIN, 0), lower + MARGIN),
-            slice(max(left - MARGIN, 0), right + MARGIN),
+            slice(max(upper - OCCLUSION_MARGIN, 0), lower + OCCLUSION_MARGIN),
+            slice(max(left - OCCLUSION_MARGIN, 0), right + OCCLUSION_MARGIN),
         )
         own = np.zeros(label[window].shape, dtype=np.uint8)
         own[rows - window[0].start, columns - window[1].start] = 1
         patch = _measured(image, own, (window[1].start, window[0].start), index)
         if patch is None:
             continue
-        around = cv2.dilate(own, np.ones((2 * MARGIN + 1, 2 * MARGIN + 1), dtype=np.uint8)).astype(np.bool_)
+        around = cv2.dilate(
+            own, np.ones((2 * OCCLUSION_MARGIN + 1, 2 * OCCLUSION_MARGIN + 1), dtype=np.uint8)
+        ).astype(np.bool_)
         depth = image.depth[window]
-        if not (around & (depth > 0) & (depth < patch.seen.depth - HIDES)).any():
+        if not (around & (depth > 0) & (depth < patch.seen.depth - MIN_OCCLUSION_DEPTH)).any():
             found.append(patch)
     return found
 
@@ -111,7 +113,7 @@ def _measured(image: RgbdImage, own: NDArray[np.uint8], corner: tuple[int, int],
     rows, columns = np.nonzero(inner)
     depth = image.depth[rows + corner[1], columns + corner[0]].astype(np.float64)
     known = depth > 0
-    if int(known.sum()) < LEAST // 2:
+    if int(known.sum()) < MIN_TILE_AREA // 2:
         return None
     depth, rows, columns = depth[known], rows[known] + corner[1], columns[known] + corner[0]
     # A plane's inverse depth is linear in the pixels, so its mean belongs to their mean.
@@ -143,17 +145,17 @@ def _consistent(patches: list[_Patch], tiles: Sequence[TargetTile]) -> list[_Pat
                 group.append(patch)
         if len(group) > len(best):
             best = group
-    if len(best) < FEWEST:
+    if len(best) < MIN_TILES:
         return []
     target = align_points(places[[p.index for p in best]], np.array([p.point for p in best]))
-    return [p for p in best if float(np.linalg.norm(target.apply(places[p.index]) - p.point)) < FITS]
+    return [p for p in best if float(np.linalg.norm(target.apply(places[p.index]) - p.point)) < MAX_OFFSET]
 
 
 def _apart(one: _Patch, other: _Patch, places: Array) -> bool:
     if one.index == other.index:
         return False
     stated = float(np.linalg.norm(places[one.index] - places[other.index]))
-    return abs(float(np.linalg.norm(one.point - other.point)) - stated) < NEAR
+    return abs(float(np.linalg.norm(one.point - other.point)) - stated) < DISTANCE_TOLERANCE
 
 
 def _is_whole(patch: _Patch, tile: TargetTile, target_in_camera: Pose, intrinsics: Intrinsics) -> bool:
@@ -161,7 +163,7 @@ def _is_whole(patch: _Patch, tile: TargetTile, target_in_camera: Pose, intrinsic
     corners = target_in_camera.apply(tile.corners())
     pixels = corners[:, :2] / corners[:, 2:] * (intrinsics.fx, intrinsics.fy)
     expected = abs(area_and_centroid(pixels[None])[0][0])
-    return abs(patch.seen.area - expected) < WHOLE * expected + 1.5 * np.sqrt(expected)
+    return abs(patch.seen.area - expected) < AREA_TOLERANCE * expected + 1.5 * np.sqrt(expected)
 
 
 def area_and_centroid(polygons: Array) -> tuple[Array, Array]:

@@ -30,13 +30,13 @@ if TYPE_CHECKING:
     from ..world.scene.description import Fixture
 
 
-LEAN = math.radians(30.0)
+LEAN_ANGLE = math.radians(30.0)
 """Tilt of the hand for touches with the tip ahead, rad."""
-LOW = 0.4
+SIDE_TOUCH_HEIGHT = 0.4
 """Height of the fingers' lowest corner at a side face, as a share of the target's height."""
-OUT = 0.35
+TOP_TOUCH_DISTANCE = 0.35
 """Distance of touches on the top from its middle, as a share of the edges."""
-TOUCHING = 1e-4
+CONTACT_TOLERANCE = 1e-4
 """Tolerance within which further corners of the tips count as touching, m."""
 
 
@@ -74,7 +74,7 @@ def touch_points(target: Pose, size: Vector3, at_tips: Array, turned: float) -> 
     It makes no difference but to what the arm can reach.
     """
     return tuple(
-        _contact(target, name, face, point, hands, at_tips, (LOW - 0.5) * size[2])
+        _contact(target, name, face, point, hands, at_tips, (SIDE_TOUCH_HEIGHT - 0.5) * size[2])
         for name, face, point, hands in _wanted(size, turned)
     )
 
@@ -96,14 +96,14 @@ def _wanted(size: Vector3, turned: float) -> Iterator[tuple[str, Array, Array, t
             point = normal * reach + beside * side * 0.25 * along
             # The hand turned by half a turn: so each face is touched by two sides of it.
             yield f"{name} side {number + 1}", normal, point, (_hand(-up, side * upright),)
-        ahead = -math.cos(LEAN) * up - math.sin(LEAN) * normal
+        ahead = -math.cos(LEAN_ANGLE) * up - math.sin(LEAN_ANGLE) * normal
         hands = (_hand(ahead, normal), _hand(ahead, -normal))
         yield f"{name} leaning", normal, normal * reach, hands
     for number, (right, front) in enumerate(((1, 1), (-1, 1), (-1, -1), (1, -1))):
-        point = np.array([right * OUT * 2 * x, front * OUT * 2 * y, z])
+        point = np.array([right * TOP_TOUCH_DISTANCE * 2 * x, front * TOP_TOUCH_DISTANCE * 2 * y, z])
         yield f"top {number + 1}", up, point, (_hand(-up, upright if number % 2 else -upright),)
     for number, aside in enumerate(((1.0, 0.0, 0.0), (-1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, -1.0, 0.0))):
-        ahead = -math.cos(LEAN) * up + math.sin(LEAN) * np.array(aside)
+        ahead = -math.cos(LEAN_ANGLE) * up + math.sin(LEAN_ANGLE) * np.array(aside)
         hands = (_hand(ahead, np.array(aside)), _hand(ahead, -np.array(aside)))
         yield f"top leaning {number + 1}", up, up * z, hands
 
@@ -126,7 +126,7 @@ def _contact(
     for hand in hands:
         axes = turn @ hand
         reach = at_tips @ (axes.T @ normal)
-        touching = at_tips[reach < reach.min() + TOUCHING].mean(axis=0)
+        touching = at_tips[reach < reach.min() + CONTACT_TOLERANCE].mean(axis=0)
         place = point - hand @ touching
         if face[2] == 0.0:
             place[2] = low - float((at_tips @ hand[2]).min())

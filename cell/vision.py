@@ -13,10 +13,10 @@ from ..perception.fitting.view import BinView, PerceivedView
 from ..perception.pipeline import Perception
 from ..world.belief.planning_scene import BeliefObject, PlanningScene
 from ..world.causes import Failure, perception
-from ..world.journal import ImageEntry, Journal, JournalEvent
+from ..world.computing_time import ComputeTimeAccount, Stopwatch
+from ..world.events.skill_events import FramesMissedEvent
+from ..world.journal import ImageEntry, Journal
 from ..world.protocols import Camera, Clock, NoImage, RgbdImage
-from ..world.stopwatch import Stopwatch
-from ..world.thinking_time import ComputeTimeAccount
 from ..world.values import Array, Pose
 
 T = TypeVar("T")
@@ -191,7 +191,7 @@ class Vision:
                 continue
             if missed:
                 words = f"{missed} of {missed + 1} frames did not come"
-                self._journal.note(JournalEvent("frames_missed", words, data={"missed": missed}))
+                self._journal.note(FramesMissedEvent(words, missed=missed))
             return taken
 
     def _charge(self) -> Generator[None, None, None]:

@@ -22,11 +22,11 @@ if TYPE_CHECKING:
     from ..robots.model import RobotModel
     from ..world.belief.attempts import AttemptMemory
     from ..world.belief.planning_scene import BeliefObject, PlanningScene
+    from ..world.computing_time import ComputeTimeAccount
     from ..world.journal import Journal
     from ..world.protocols import Clock, Feed
     from ..world.random_streams import RandomStreams
     from ..world.scene.description import SceneDescription
-    from ..world.thinking_time import ComputeTimeAccount
     from .vision import Vision
 
 

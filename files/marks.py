@@ -57,7 +57,7 @@ MAX_FAULTS = 100
 """Maximum number of faults reported for one file."""
 
 
-SPOILT = ("P113", "P116", "P120")
+SPOILING_CODES = ("P113", "P116", "P120")
 """Faults of form that spoil the value at their place: what else is said of it only follows."""
 
 

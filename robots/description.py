@@ -5,6 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+import numpy as np
+
+from ..world.planar_geometry import PlanarOutline
 from ..world.shapes import Box
 from ..world.values import Pose
 
@@ -112,3 +115,13 @@ class RobotDescription:
     tool: Pose = field(default_factory=Pose)
     """True TCP in the frame of the TCP that URDF and `tcp_in_link` give: mounting error of the whole hand.
     The belief has the calibrated value, the simulation alone the true one."""
+
+
+def tool_outline(gripper: GripperDescription, opening: float) -> tuple[PlanarOutline, PlanarOutline]:
+    """Return the outlines of the two finger pads from above, the +y pad first. `opening` in m; frame: the
+    TCP's planar frame, with y across the fingers."""
+    depth, thick = gripper.pads[0][0].size[0] / 2, gripper.pads[0][0].size[1]
+    near, far = opening / 2, opening / 2 + thick
+    one = np.array([[-depth, near], [depth, near], [depth, far], [-depth, far]])
+    other = np.array([[-depth, -far], [depth, -far], [depth, -near], [-depth, -near]])
+    return PlanarOutline(one), PlanarOutline(other)

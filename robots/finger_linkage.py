@@ -125,7 +125,7 @@ def _between(rising: Sequence[float], values: Sequence[float], at: float) -> flo
     return values[k - 1] + share * (values[k] - values[k - 1])
 
 
-SAMPLES = 129
+SAMPLE_COUNT = 129
 """Number of angles of the driven joint for which the opening is computed; between them it is interpolated."""
 
 
@@ -155,7 +155,7 @@ def solve_linkage(skeleton: UrdfTree, parts: LinkageParts) -> Linkage:
     UnfitLinkage when it does not grow all the way from closed to opened.
     """
     knuckles = _knuckle(skeleton, parts, 0), _knuckle(skeleton, parts, 1)
-    angles = np.linspace(parts.closed, parts.opened, SAMPLES).tolist()
+    angles = np.linspace(parts.closed, parts.opened, SAMPLE_COUNT).tolist()
     widths: list[float] = []
     tips: list[float] = []
     for angle in angles:
@@ -166,7 +166,7 @@ def solve_linkage(skeleton: UrdfTree, parts: LinkageParts) -> Linkage:
         raise UnfitLinkage(
             f"the pads do not open all the way as {parts.drive!r} turns from {parts.closed:g} rad (closed) "
             f"to {parts.opened:g} rad (opened): {widths[0] * 1000:.1f} mm, halfway "
-            f"{widths[SAMPLES // 2] * 1000:.1f} mm, at the end {widths[-1] * 1000:.1f} mm apart"
+            f"{widths[SAMPLE_COUNT // 2] * 1000:.1f} mm, at the end {widths[-1] * 1000:.1f} mm apart"
         )
     if widths[-1] <= 0.0:
         raise UnfitLinkage("the pads overlap even when the gripper is opened")

@@ -1,4 +1,4 @@
-"""URDF composition: a gripper mounted on the arm, and corrected inertias."""
+"""URDF composition: a gripper mounted on the arm, its mounting error, and corrected inertias."""
 
 from __future__ import annotations
 
@@ -13,9 +13,8 @@ from pathlib import Path
 
 from ..files.value_wording import suggest_name
 from ..world.values import Pose, Vector3
-from .mesh_files import PACKAGE, mesh_file
-from .tool_frame import rpy_of
-from .urdf_tree import UrdfError, parsed_urdf, skeleton_of
+from .description import RobotDescription
+from .urdf_tree import PACKAGE, UrdfError, mesh_file, parsed_urdf, skeleton_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,7 +88,7 @@ def _put_inertia(link: ElementTree.Element, inertia: LinkInertia) -> None:
     for old in link.findall("inertial"):
         link.remove(old)
     inertial = ElementTree.SubElement(link, "inertial")
-    ElementTree.SubElement(inertial, "origin", xyz=_text(inertia.com), rpy="0 0 0")
+    ElementTree.SubElement(inertial, "origin", xyz=numbers_text(inertia.com), rpy="0 0 0")
     ElementTree.SubElement(inertial, "mass", value=repr(inertia.mass))
     keys = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
     values = map(repr, (*inertia.moments, *inertia.products))
@@ -125,7 +124,7 @@ def _hang(whole: ElementTree.Element, mounting: GripperMount) -> None:
     if doubled:
         raise UrdfError(f"arm and gripper both have {doubled[0]!r}: give the gripper's names a prefix")
     holder = ElementTree.SubElement(whole, "joint", name=mounting.joint, type="fixed")
-    origin = {"xyz": _text(mounting.pose.position), "rpy": _text(rpy_of(mounting.pose))}
+    origin = {"xyz": numbers_text(mounting.pose.position), "rpy": numbers_text(mounting.pose.rpy())}
     ElementTree.SubElement(holder, "origin", origin)
     ElementTree.SubElement(holder, "parent", link=mounting.to)
     ElementTree.SubElement(holder, "child", link=mounting.prefix + first)
@@ -154,7 +153,24 @@ def _name_meshes(root: ElementTree.Element, urdf: NamedUrdf) -> None:
             mesh.set("filename", str(file.resolve()))
 
 
-def _text(numbers: tuple[float, float, float]) -> str:
+def mount_tool(root: ElementTree.Element, robot: RobotDescription) -> None:
+    """Move the flange joint of a URDF in place, with all that hangs on it. The TCP then sits at
+    `robot.tool` in the frame of the TCP that the file states."""
+    if robot.tool == Pose():
+        return
+    tree = skeleton_of(root)
+    flange = tree.joints[robot.flange_joint]
+    # Between flange and TCP everything is fixed: a robot file whose TCP moved would have no such tool.
+    tcp_in_hand = tree.pose(robot.tcp_link, {}, base=flange.child) @ robot.tcp_in_link
+    moved = flange.child_in_parent @ tcp_in_hand @ robot.tool @ tcp_in_hand.inverse()
+    element = next(joint for joint in root.findall("joint") if joint.get("name") == robot.flange_joint)
+    for old in element.findall("origin"):
+        element.remove(old)
+    ElementTree.SubElement(element, "origin", xyz=numbers_text(moved.position), rpy=numbers_text(moved.rpy()))
+
+
+def numbers_text(numbers: Vector3) -> str:
+    """Return numbers as an attribute of a URDF gives them."""
     return " ".join(repr(n) for n in numbers)
 
 

@@ -15,9 +15,8 @@ from ..files.yaml.document_checker import DocumentChecker
 from .description import Follower, GripperDescription, JointLimits, Linkage, PadContact, RobotDescription
 from .finger_linkage import LinkageParts, UnfitLinkage, solve_linkage
 from .gripper_mounting import GripperMount, LinkInertia, NamedUrdf, write_composed_urdf
-from .mesh_files import package_folder
 from .robot_schema import GripperFile, MountFile, RobotFile
-from .urdf_tree import LIMITED, MOVING, UrdfError, UrdfTree, link_geometry, read_skeleton
+from .urdf_tree import LIMITED, MOVING, UrdfError, UrdfTree, link_geometry, package_folder, read_skeleton
 
 SHIPPED = Path(__file__).parents[1] / "world" / "robots"
 
@@ -70,9 +69,7 @@ def _described(
         urdf=str(urdf),
         base_in_world=robot.base.pose(),
         joints=tuple(robot.joints),
-        limits=tuple(
-            JointLimits(j.lower, j.upper, j.velocity, j.acceleration, j.torque) for j in robot.joints.values()
-        ),
+        limits=tuple(JointLimits(**joint.model_dump()) for joint in robot.joints.values()),
         named=robot.poses,
         tcp_link=robot.tcp.link,
         tcp_in_link=robot.tcp.pose(),

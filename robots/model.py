@@ -12,7 +12,7 @@ from ..world.shapes import Box
 from ..world.values import Array, Pose, Vector3
 from .description import RobotDescription
 from .finger_linkage import fingers_of
-from .tool_frame import mount_tool
+from .gripper_mounting import mount_tool
 from .urdf_tree import UrdfMesh, UrdfPrimitive, link_geometry
 
 TCP_FRAME = "picktree_tcp"

@@ -1,4 +1,4 @@
-"""URDF as a tree of links and joints, and its geometry, read without a robotics library to check a file."""
+"""URDF as a tree of links and joints, its geometry and its files, read without a robotics library."""
 
 from __future__ import annotations
 
@@ -6,14 +6,15 @@ import math
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Mapping
 from dataclasses import dataclass
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Literal
 
 from ..errors import PicktreeError
+from ..files.shipped_files import is_file
 from ..files.yaml.file_text import Unreadable, read_bytes
 from ..world.shapes import Box, Cylinder, Sphere
 from ..world.values import Pose, Vector3
-from .mesh_files import mesh_file
 
 
 @dataclass(frozen=True, slots=True)
@@ -181,6 +182,11 @@ class UrdfTree:
                 return (*self.above(name), name)
         return ()
 
+    def joints_between(self, above: str, link: str) -> tuple[str, ...] | None:
+        """Return the joints from one link down to another; None when the other is not below it."""
+        start, names = self.joints_to(above), self.joints_to(link)
+        return names[len(start) :] if names[: len(start)] == start else None
+
     def pose(self, link: str, positions: Mapping[str, float], base: str | None = None) -> Pose:
         """Return a link's pose in the root link, or in `base` above it. Joints that `positions` does not name
         are at 0.
@@ -296,3 +302,42 @@ def _number(element: ElementTree.Element | None, key: str, default: str = "") ->
     except ValueError:
         return None
     return number if math.isfinite(number) else None
+
+
+PACKAGE = "package://"
+
+
+def package_folder(package: str) -> Path | None:
+    """Return the folder of an installed Python package; None when there is no such package.
+
+    Located, not imported: an import may run anything.
+    """
+    try:
+        spec = find_spec(package) if package.isidentifier() else None
+    except ValueError:
+        spec = None
+    roots = list(spec.submodule_search_locations or ()) if spec else []
+    return Path(roots[0]) if roots else None
+
+
+def mesh_file(urdf: Path, reference: str) -> Path | None:
+    """Return the file of a mesh that a URDF names; None when there is none.
+
+    A plain path counts from the URDF's folder. `package://name/path` is searched in the installed Python
+    package of that name, then from the URDF's folder upwards. There it may be `path` or `name/path`, as in
+    ROS packages on a disk.
+    """
+    plain = Path(reference.removeprefix(PACKAGE).removeprefix("file://"))
+    if not reference.startswith(PACKAGE):
+        file = urdf.parent / plain
+        return file if is_file(file) else None
+    if not plain.parts:
+        return None
+    package = package_folder(plain.parts[0])
+    if package is not None and is_file(inside := package.joinpath(*plain.parts[1:])):
+        return inside
+    for folder in (urdf.parent, *urdf.resolve().parents):
+        for tail in (plain, Path(*plain.parts[1:])):
+            if is_file(folder / tail):
+                return folder / tail
+    return None

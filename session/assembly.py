@@ -19,13 +19,12 @@ from ..robots.description import RobotDescription
 from ..robots.model import RobotModel
 from ..world.belief.attempts import AttemptMemory
 from ..world.belief.planning_scene import PlanningScene
+from ..world.computing_time import ComputeTimeAccount, Stopwatch
 from ..world.journal import Journal
 from ..world.protocols import Hardware
 from ..world.random_streams import RandomStreams
 from ..world.scene.description import SceneDescription
 from ..world.scene.destinations import destination_rule
-from ..world.stopwatch import Stopwatch
-from ..world.thinking_time import ComputeTimeAccount
 
 TICK_LENGTH = 0.05
 """Length of a tick, simulated s."""

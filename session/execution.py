@@ -22,9 +22,9 @@ from ..trees.running.runner import TickReport
 from ..trees.running.tree_adoption import StateTransfer
 from ..trees.status import NodeStatus
 from ..world.causes import Failure
+from ..world.computing_time import Stopwatch
 from ..world.journal import Entry
 from ..world.scene.description import SceneDescription
-from ..world.stopwatch import Stopwatch
 from ..world.values import Vector3
 from .assembly import TICK_LENGTH, assemble_world
 from .checkpoints import RunState, restore_checkpoint, take_checkpoint

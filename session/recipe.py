@@ -23,8 +23,7 @@ from ..logs.recording.rotation import NO_ROTATION, Rotation
 from ..logs.schema.records import ResumedFrom
 from ..robots.description import RobotDescription
 from ..robots.loading import load_robot
-from ..robots.mesh_files import mesh_file
-from ..robots.urdf_tree import UrdfMesh, link_geometry
+from ..robots.urdf_tree import UrdfMesh, link_geometry, mesh_file
 from ..simulation.backends import Backend
 from ..simulation.fault_files.fault_entries import FaultFile
 from ..simulation.fault_files.fault_loading import load_faults

@@ -20,7 +20,7 @@ from ..logs.run_result import (
 from ..logs.schema.records import NodeTime, Timing
 from ..simulation.scoring.scorer import ItemScore, score
 from ..simulation.scoring.truth import TrueBody
-from ..world.stopwatch import Stopwatch
+from ..world.computing_time import Stopwatch
 from .execution import Execution
 
 

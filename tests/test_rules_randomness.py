@@ -226,8 +226,8 @@ def test_every_generator_is_keyed() -> None:
         "planning/failures/obstructions.py": ["np.random.default_rng(0)"],
         "planning/search/joint_planner.py": ["np.random.default_rng([seed, attempt])"],
         # Samples of a robot file that is made; no run depends on them.
-        "commissioning/robot_setup/joint_limits.py": ["np.random.default_rng([seed, 3])"],
-        "commissioning/robot_setup/named_poses.py": [
+        "commissioning/robot_setup/arm_proposals.py": [
+            "np.random.default_rng([seed, 3])",
             "np.random.default_rng([seed, 1])",
             "np.random.default_rng([seed, 2])",
         ],

@@ -10,13 +10,14 @@ import numpy as np
 from .shapes import Cylinder, Shape, Sphere, corners
 from .values import Array, Pose, quaternion_product
 
-UPRIGHT = 0.7
+MIN_UPRIGHT_COSINE = 0.7
 """Cosine of the tilt up to which a cylinder stands."""
-LEVEL = 0.5
+MAX_LEVEL_SINE = 0.5
 """Sine of the angle up to which an axis of a body counts as level."""
-SAME = 5e-4
+SAME_CORNER_DISTANCE = 5e-4
 """Corners of an outline that come to lie so near to each other when it is turned are the same, m."""
-FOLDS = (12, 8, 6, 5, 4, 3, 2)
+SYMMETRY_FOLDS = (12, 8, 6, 5, 4, 3, 2)
+"""Rotational symmetries of outlines that are recognised, the highest first."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,10 +76,10 @@ class PlanarOutline:
         """Turned by this it is the same, rad; 0 when it has no heading."""
         if self.round:
             return 0.0
-        for fold in FOLDS:
+        for fold in SYMMETRY_FOLDS:
             turned = PlanarPose(0.0, 0.0, 2 * math.pi / fold).apply(self.corners)
             apart = np.hypot(*(turned[:, None, :] - self.corners[None, :, :]).transpose(2, 0, 1))
-            if float(apart.min(axis=1).max()) < SAME:
+            if float(apart.min(axis=1).max()) < SAME_CORNER_DISTANCE:
                 return 2 * math.pi / fold
         return 2 * math.pi
 
@@ -101,11 +102,11 @@ def heading(shape: Shape, pose: Pose) -> float:
         case Sphere():
             return 0.0
         case Cylinder():
-            if abs(float(rotation[2, 2])) > UPRIGHT:
+            if abs(float(rotation[2, 2])) > MIN_UPRIGHT_COSINE:
                 return 0.0
             axis = rotation[:, 2]
         case _:
-            level = next((k for k in range(3) if abs(float(rotation[2, k])) < LEVEL), 0)
+            level = next((k for k in range(3) if abs(float(rotation[2, k])) < MAX_LEVEL_SINE), 0)
             axis = rotation[:, level]
     return math.atan2(float(axis[1]), float(axis[0]))
 
@@ -129,7 +130,7 @@ def outline(shape: Shape, pose: Pose) -> PlanarOutline:
         case Sphere(radius):
             return PlanarOutline(np.zeros((1, 2)), radius)
         case Cylinder(radius, height):
-            if abs(float(rotation[2, 2])) > UPRIGHT:
+            if abs(float(rotation[2, 2])) > MIN_UPRIGHT_COSINE:
                 return PlanarOutline(np.zeros((1, 2)), radius)
             a, b = height / 2, radius
             return PlanarOutline(np.array([[a, -b], [a, b], [-a, b], [-a, -b]]))

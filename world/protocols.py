@@ -178,7 +178,7 @@ class Hardware(Protocol):
         ...
 
 
-NOTHING = FeedSignals()
+NO_SIGNALS = FeedSignals()
 
 
 class NoFeed:
@@ -189,4 +189,4 @@ class NoFeed:
     def exchange(self, bin_id: ObjectId) -> None: ...
 
     def read(self) -> FeedSignals:
-        return NOTHING
+        return NO_SIGNALS

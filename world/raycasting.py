@@ -11,7 +11,7 @@ from scipy.spatial import ConvexHull
 from .shapes import Box, ConvexMesh, Cylinder, Shape, Sphere
 from .values import Array, Pose
 
-PARALLEL = 1e-12
+MIN_DIRECTION = 1e-12
 """Stands in for a zero component of a direction, so that slabs divide safely."""
 
 
@@ -46,7 +46,7 @@ def span(
         case ConvexMesh():
             normals, offsets = half_spaces(shape)
             speed = d @ normals.T
-            speed = np.where(np.abs(speed) < PARALLEL, PARALLEL, speed)
+            speed = np.where(np.abs(speed) < MIN_DIRECTION, MIN_DIRECTION, speed)
             at = (offsets - normals @ local) / speed
             entering = speed < 0
             near = np.where(entering, at, -np.inf).max(axis=1)
@@ -55,14 +55,14 @@ def span(
 
 
 def _slabs(local: Array, d: Array, half: Array) -> tuple[Array, Array]:
-    d = np.where(np.abs(d) < PARALLEL, PARALLEL, d)
+    d = np.where(np.abs(d) < MIN_DIRECTION, MIN_DIRECTION, d)
     middle, reach = -local / d, np.abs(half / d)
     return (middle - reach).max(axis=1), (middle + reach).min(axis=1)
 
 
 def _quadratic(a: Array, b: Array, c: float) -> tuple[Array, Array]:
     """Roots of a·s² + 2·b·s + c; near > far where there are none."""
-    a = np.maximum(a, PARALLEL)
+    a = np.maximum(a, MIN_DIRECTION)
     root = b * b - a * c
     hit = root >= 0.0
     reach = np.sqrt(np.where(hit, root, 0.0))

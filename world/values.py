@@ -64,6 +64,15 @@ class Pose:
             ]
         )
 
+    def rpy(self) -> Vector3:
+        """Roll, pitch and yaw about the fixed x, y, z axes, rad: the inverse of `from_rpy`."""
+        r = self.rotation()
+        pitch = math.atan2(-float(r[2, 0]), math.hypot(float(r[0, 0]), float(r[1, 0])))
+        if math.cos(pitch) < 1e-9:
+            return math.atan2(-float(r[1, 2]), float(r[1, 1])), pitch, 0.0
+        roll, yaw = math.atan2(float(r[2, 1]), float(r[2, 2])), math.atan2(float(r[1, 0]), float(r[0, 0]))
+        return roll, pitch, yaw
+
     def matrix(self) -> Array:
         """Homogeneous matrix (4, 4)."""
         matrix = np.eye(4)

@@ -11,9 +11,8 @@ from ...robots.urdf_tree import UrdfTree
 from ...world.shapes import Box
 from ...world.values import Array, Pose, Vector3
 from .finger_motion import FingerMotion
-from .gripper_boxes import finger_box, hand_boxes
 from .joint_groups import HandGroup
-from .link_points import LinkGeometry
+from .link_geometry import LinkGeometry, finger_box, hand_boxes
 
 MEASURED_OPENINGS = 9
 """Number of openings at which the fingers are measured."""

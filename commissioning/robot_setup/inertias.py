@@ -13,7 +13,7 @@ import numpy as np
 from ...robots.gripper_mounting import LinkInertia
 from ...robots.urdf_tree import MOVING, UrdfTree
 from ...world.values import Array, Pose, Vector3
-from .link_points import LinkGeometry
+from .link_geometry import LinkGeometry
 
 DEFAULT_DENSITY = 1000.0
 """Density assumed for a link without a given mass, kg/m³."""

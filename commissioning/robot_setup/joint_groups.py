@@ -59,14 +59,9 @@ def find_groups(
     arm, when there are several, or when the arm is unsuitable.
     """
     for name in (base, tip):
-        if name is not None and name not in skeleton.links:
-            hint = suggest_name(name, skeleton.links)
-            raise UnsuitableUrdf(
-                source,
-                f"{len(skeleton.links)} links",
-                f"a link {name!r}" + (f" ({hint})" if hint else ""),
-                "take --base and --tip from the names of its links",
-            )
+        require_link(
+            source, skeleton, name, f"a link {name!r}", "take --base and --tip from the names of its links"
+        )
     _refuse_floating(source, skeleton)
     hands = tuple(_hands(skeleton))
     if tip is None and len(hands) == 0:
@@ -81,14 +76,8 @@ def find_groups(
 def find_hand(source: str, skeleton: UrdfTree, link: str | None) -> tuple[HandGroup, str]:
     """Return the hand of a gripper's URDF, and the link from which it is taken. Raises UnsuitableUrdf when it
     has no such hand."""
-    if link is not None and link not in skeleton.links:
-        hint = suggest_name(link, skeleton.links)
-        raise UnsuitableUrdf(
-            source,
-            f"{len(skeleton.links)} links",
-            f"a link {link!r}" + (f" ({hint})" if hint else ""),
-            "name the gripper's first link behind the colon of --gripper",
-        )
+    helps = "name the gripper's first link behind the colon of --gripper"
+    require_link(source, skeleton, link, f"a link {link!r}", helps)
     hands = [h for h in _hands(skeleton) if link is None or _carries(skeleton, link, h.palm)]
     if len(hands) != 1:
         many = ", ".join(h.palm for h in hands)
@@ -99,6 +88,14 @@ def find_hand(source: str, skeleton: UrdfTree, link: str | None) -> tuple[HandGr
             "name its first link: --gripper URDF:LINK" if hands else "another URDF for --gripper",
         )
     return hands[0], link or hands[0].palm
+
+
+def require_link(source: str, skeleton: UrdfTree, name: str | None, missing: str, helps: str) -> None:
+    """Raise UnsuitableUrdf when the URDF lacks the link `name`; None asks for none."""
+    if name is not None and name not in skeleton.links:
+        hint = suggest_name(name, skeleton.links)
+        missing += f" ({hint})" if hint else ""
+        raise UnsuitableUrdf(source, f"{len(skeleton.links)} links", missing, helps)
 
 
 def _hands(skeleton: UrdfTree) -> Iterator[HandGroup]:
@@ -175,18 +172,12 @@ def _common(skeleton: UrdfTree, joints: list[str]) -> str:
 
 def _carries(skeleton: UrdfTree, link: str, other: str) -> bool:
     """Return whether `other` is `link` or is mounted on it by fixed joints alone."""
-    names = skeleton.joints_to(other)
-    start = skeleton.joints_to(link)
-    if names[: len(start)] != start:
-        return False
-    return all(skeleton.joints[name].type not in MOVING for name in names[len(start) :])
+    between = skeleton.joints_between(link, other)
+    return between is not None and all(skeleton.joints[name].type not in MOVING for name in between)
 
 
 def _moving_to(skeleton: UrdfTree, link: str, base: str | None) -> tuple[str, ...]:
-    names = skeleton.joints_to(link)
-    if base is not None:
-        start = skeleton.joints_to(base)
-        names = names[len(start) :] if names[: len(start)] == start else ()
+    names = skeleton.joints_to(link) if base is None else skeleton.joints_between(base, link) or ()
     return tuple(
         name for name in names if skeleton.joints[name].type in MOVING and skeleton.joints[name].mimic is None
     )

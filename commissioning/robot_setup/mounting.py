@@ -6,13 +6,12 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from ...files.value_wording import suggest_name
 from ...robots.gripper_mounting import GripperMount
 from ...robots.urdf_tree import MOVING, UrdfTree
 from ...world.values import Array, Pose
-from .joint_groups import ArmGroup, find_hand
-from .link_points import LinkGeometry
-from .urdf_source import UnsuitableUrdf, UrdfSource
+from .joint_groups import ArmGroup, find_hand, require_link
+from .link_geometry import LinkGeometry
+from .urdf_source import UrdfSource
 
 MOUNT_JOINT = "mount"
 """Name of the joint that holds the gripper."""
@@ -35,14 +34,8 @@ def find_mounting(
     _, first = find_hand(gripper.text, gripper.skeleton, link)
     carrier = to or _flange(arm_source.skeleton, arm)
     skeleton = arm_source.skeleton
-    if carrier not in skeleton.links:
-        hint = suggest_name(carrier, skeleton.links)
-        raise UnsuitableUrdf(
-            arm_source.text,
-            f"{len(skeleton.links)} links",
-            f"a link {carrier!r} for --mount" + (f" ({hint})" if hint else ""),
-            "name the link at the end of the arm",
-        )
+    missing = f"a link {carrier!r} for --mount"
+    require_link(arm_source.text, skeleton, carrier, missing, "name the link at the end of the arm")
     taken = {*skeleton.links, *skeleton.joints}
     below = gripper.skeleton.below(first)
     names = {*below, *(n for n, j in gripper.skeleton.joints.items() if j.parent in below)}
@@ -62,8 +55,7 @@ def _flange(skeleton: UrdfTree, arm: ArmGroup) -> str:
 
 
 def _moves(skeleton: UrdfTree, above: str, link: str) -> bool:
-    names = skeleton.joints_to(link)[len(skeleton.joints_to(above)) :]
-    return any(skeleton.joints[name].type in MOVING for name in names)
+    return any(skeleton.joints[name].type in MOVING for name in skeleton.joints_between(above, link) or ())
 
 
 def _face(skeleton: UrdfTree, arm: ArmGroup, solids: Mapping[str, LinkGeometry], carrier: str) -> Pose:

@@ -20,15 +20,13 @@ from ...robots.loading import parse_robot
 from ...robots.model import RobotModel
 from ...robots.urdf_tree import MOVING, UrdfError, UrdfTree, parsed_urdf, read_skeleton
 from ...world.values import Array
-from .draft import RobotDraft
+from .arm_proposals import NamedPose, estimate, propose_limits, propose_poses
 from .gripper_measurement import GripperMeter
 from .inertias import check_inertias, read_inertia
 from .joint_groups import ArmGroup, HandGroup, find_groups, find_hand
-from .joint_limits import estimate, propose_limits
-from .link_points import LinkGeometry, read_solids, refuse_missing_meshes
+from .link_geometry import LinkGeometry, read_solids, refuse_missing_meshes
 from .mounting import find_mounting
-from .named_poses import NamedPose, propose_poses
-from .robot_file_writer import robot_file_text
+from .robot_file_writer import RobotDraft, robot_file_text
 from .self_collision import SAMPLE_COUNT, SamplingTask, SelfCollisionReport, sample
 from .urdf_source import UnsuitableUrdf, UrdfSource, find_source
 
@@ -257,7 +255,7 @@ def _sampled(model: RobotModel, draft: RobotDraft, wish: ProposalRequest) -> Sel
         return model.full_q(q, float(generator.uniform(0.0, widest)))
 
     middle = (model.lower + model.upper) / 2
-    near = {pair for pair in pairs if _joints_between(skeleton, pair) <= 2}
+    near = {pair for pair in pairs if _is_near(skeleton, pair)}
     return sample(
         SamplingTask(
             model.full,
@@ -273,22 +271,21 @@ def _sampled(model: RobotModel, draft: RobotDraft, wish: ProposalRequest) -> Sel
     )
 
 
-def _joints_between(skeleton: UrdfTree, pair: frozenset[str]) -> int:
-    """Return the number of moving joints between two links of one chain; all joints for links on different
-    branches."""
+def _joints_between(skeleton: UrdfTree, pair: frozenset[str]) -> tuple[str, ...] | None:
+    """Return the joints between two links of one chain; None for links on different branches."""
     one, other = sorted(pair, key=lambda link: len(skeleton.joints_to(link)))
-    between = skeleton.joints_to(other)[len(skeleton.joints_to(one)) :]
-    if skeleton.joints_to(other)[: len(skeleton.joints_to(one))] != skeleton.joints_to(one):
-        return len(skeleton.joints)
-    return sum(skeleton.joints[name].type in MOVING for name in between)
+    return skeleton.joints_between(one, other)
+
+
+def _is_near(skeleton: UrdfTree, pair: frozenset[str]) -> bool:
+    """Return whether at most two moving joints are between two links of one chain."""
+    between = _joints_between(skeleton, pair)
+    return between is not None and sum(skeleton.joints[name].type in MOVING for name in between) <= 2
 
 
 def _adjacent(skeleton: UrdfTree, pair: frozenset[str], solid: frozenset[str]) -> bool:
     """Return whether one moving joint is between two links, and no other link with geometry."""
-    one, other = sorted(pair, key=lambda link: len(skeleton.joints_to(link)))
-    between = skeleton.joints_to(other)[len(skeleton.joints_to(one)) :]
-    if skeleton.joints_to(other)[: len(skeleton.joints_to(one))] != skeleton.joints_to(one):
+    between = _joints_between(skeleton, pair)
+    if between is None or sum(skeleton.joints[name].type in MOVING for name in between) != 1:
         return False
-    moving = sum(skeleton.joints[name].type in MOVING for name in between)
-    passed = [skeleton.joints[name].child for name in between[:-1]]
-    return moving == 1 and not any(link in solid for link in passed)
+    return not any(skeleton.joints[name].child in solid for name in between[:-1])

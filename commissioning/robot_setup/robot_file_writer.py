@@ -4,15 +4,39 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 
-from ...robots.gripper_mounting import LinkInertia
-from ...robots.tool_frame import rpy_of
+from ...robots.gripper_mounting import GripperMount, LinkInertia
 from ...world.shapes import Box
 from ...world.values import Pose
-from .draft import RobotDraft
-from .joint_limits import ACCELERATION_TORQUE_SHARE
+from .arm_proposals import ACCELERATION_TORQUE_SHARE, NamedPose, ProposedLimits
+from .gripper_measurement import MeasuredGripper
+from .inertias import InertiaFinding
+from .joint_groups import ArmGroup, HandGroup
 from .self_collision import ALWAYS_COLLIDING_SHARE, COLLISION_DISTANCE, REASONS, SelfCollisionReport
+
+
+@dataclass(frozen=True, slots=True)
+class RobotDraft:
+    """Complete content of a robot file, before it is written."""
+
+    name: str
+    urdf: str
+    """URDF as the robot file names it."""
+    arm: ArmGroup
+    hand: HandGroup
+    mounting: GripperMount | None
+    gripper_urdf: str
+    limits: tuple[ProposedLimits, ...]
+    gripper: MeasuredGripper
+    flange_joint: str
+    findings: tuple[InertiaFinding, ...]
+    inertias: Mapping[str, LinkInertia]
+    poses: tuple[NamedPose, ...] = ()
+    collision: SelfCollisionReport | None = None
+    notes: tuple[str, ...] = ()
+
 
 _REASON_TEXTS = {
     "adjacent": "Adjacent: one joint between them, they may touch.",
@@ -182,7 +206,7 @@ def _box(box: Box, pose: Pose) -> str:
 def _frame(pose: Pose, spread: str = "") -> str:
     """Return `at: …, rpy: …` without zero parts; on two lines when `spread` is an indent."""
     at = f"at: [{', '.join(_mm(c) for c in pose.position)}]"
-    rpy = [0.0 if abs(a) < 1e-7 else a for a in rpy_of(pose)]
+    rpy = [0.0 if abs(a) < 1e-7 else a for a in pose.rpy()]
     if not any(rpy):
         return at
     turned = f"rpy: [{', '.join(_angle(a) for a in rpy)}]"

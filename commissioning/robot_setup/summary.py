@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import json
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 
 from ...robots.description import RobotDescription
 from ...robots.model import RobotModel
 from .proposal import Proposal
-from .self_collision import REASONS
+from .self_collision import summary
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,28 +108,17 @@ def summary_of(robot: RobotDescription) -> RobotSummary:
 
 def summary_of_new(proposal: Proposal, picture: str) -> RobotSummary:
     """Return the summary of a proposal, with findings that its reader should examine."""
-    plain = summary_of(proposal.robot)
     draft = proposal.draft
     findings = [f"{f.link}: {f.sentence}" for f in draft.findings]
     findings += draft.notes
     if draft.gripper.max_force and "not believed" in draft.gripper.force_comment:
         findings.append(f"max_force: {draft.gripper.force_comment}")
     collision = draft.collision
-    return RobotSummary(
-        plain.name,
-        plain.file,
-        plain.urdf,
-        plain.joints,
-        plain.hand,
-        plain.opening,
-        plain.grip_force,
-        plain.hand_mass,
-        plain.tcp_at_home,
-        plain.poses,
-        plain.unchecked_pairs,
-        collision.samples if collision else 0,
-        tuple((r, sum(p.reason == r for p in collision.disabled)) for r in REASONS) if collision else (),
-        len(collision.checked) if collision else 0,
-        tuple(findings),
-        picture,
+    return replace(
+        summary_of(proposal.robot),
+        samples=collision.samples if collision else 0,
+        unchecked=tuple(summary(collision).items()) if collision else (),
+        checked_pairs=len(collision.checked) if collision else 0,
+        findings=tuple(findings),
+        picture=picture,
     )

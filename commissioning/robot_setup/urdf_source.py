@@ -10,8 +10,7 @@ from ...errors import PicktreeError
 from ...files.shipped_files import is_file
 from ...files.yaml.file_text import Unreadable, read_bytes
 from ...robots.gripper_mounting import NamedUrdf
-from ...robots.mesh_files import package_folder
-from ...robots.urdf_tree import MAX_BYTES, UrdfError, UrdfTree, read_skeleton
+from ...robots.urdf_tree import MAX_BYTES, UrdfError, UrdfTree, package_folder, read_skeleton
 
 
 class UnsuitableUrdf(PicktreeError):

@@ -15,9 +15,9 @@ Role: TypeAlias = Literal["place", "error", "warning", "hint", "margin", "caret"
 Paint: TypeAlias = Callable[[str, Role], str]
 """Gives a piece of text the colour of its role."""
 
-WIDTH = 120
+MAX_COLUMNS = 120
 """Columns of the line at fault that are shown."""
-LONGEST = 600
+MAX_SENTENCE_LENGTH = 600
 """Characters of a sentence: a name of a million letters is cut."""
 
 
@@ -107,8 +107,8 @@ def one_line(text: str) -> str:
     >>> one_line("a\\x1b[31m b\\n")
     'a\\\\x1b[31m b\\\\n'
     """
-    if len(text) > LONGEST:
-        text = text[: LONGEST - 1] + "…"
+    if len(text) > MAX_SENTENCE_LENGTH:
+        text = text[: MAX_SENTENCE_LENGTH - 1] + "…"
     if text.isprintable():
         return text
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
@@ -126,10 +126,10 @@ def _excerpt(mark: Mark, sources: SourceLines) -> _Excerpt | None:
     if line is None or not line.strip():
         return None
     at = min(mark.column - 1, len(line))
-    first = 0 if len(line) <= WIDTH else max(0, min(at - WIDTH // 2, len(line) - WIDTH))
-    shown = "".join(c if c.isprintable() else " " for c in line[first : first + WIDTH])
+    first = 0 if len(line) <= MAX_COLUMNS else max(0, min(at - MAX_COLUMNS // 2, len(line) - MAX_COLUMNS))
+    shown = "".join(c if c.isprintable() else " " for c in line[first : first + MAX_COLUMNS])
     before = "…" if first else ""
-    after = "…" if first + WIDTH < len(line) else ""
+    after = "…" if first + MAX_COLUMNS < len(line) else ""
     columns = sum(_columns(c) for c in before + shown[: at - first])
     return _Excerpt((before + shown + after).rstrip(), columns)
 

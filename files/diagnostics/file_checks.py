@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TypeAlias
 
-from ..marks import SPOILT, Diagnostic, FileError, Mark
+from ..marks import SPOILING_CODES, Diagnostic, FileError, Mark
 from ..shipped_files import is_file, is_folder
 from ..yaml.document import KINDS, Document, read_document
 from ..yaml.file_text import decoded, read_text
@@ -164,7 +164,7 @@ class _Round:
             return error.faults
         if not any(fault.severity == "error" for fault in (*document.faults, *found)):
             self._complete.add(name)
-        spoilt = {fault.mark for fault in document.faults if fault.code in SPOILT}
+        spoilt = {fault.mark for fault in document.faults if fault.code in SPOILING_CODES}
         return (*document.faults, *(fault for fault in found if fault.mark not in spoilt))
 
     def _judged(self, file: str) -> list[Diagnostic]:

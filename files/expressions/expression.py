@@ -32,7 +32,7 @@ from .syntax_tree import (
     Symbol,
     walk,
 )
-from .tokens import LARGEST, ExpressionError
+from .tokens import MAX_INTEGER, ExpressionError
 
 __all__ = ["FUNCTIONS", "Attributes", "Expression", "ExpressionError"]
 
@@ -176,7 +176,7 @@ def _number(value: object) -> int | float:
 
 
 def _bounded(number: int | float) -> int | float:
-    if (abs(number) > LARGEST) if isinstance(number, int) else not math.isfinite(number):
+    if (abs(number) > MAX_INTEGER) if isinstance(number, int) else not math.isfinite(number):
         raise OverflowError
     return number
 

@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Final, Literal, NoReturn, TypeAlias, cast
 
-LARGEST: Final = 2**63 - 1
+MAX_INTEGER: Final = 2**63 - 1
 """Largest whole number, as in a log's records."""
 _SHOWN = 80
 _WORDS = ("and", "or", "not", "in", "if", "else")
@@ -114,7 +114,7 @@ def number_of(token: Token) -> int | float:
     """The value of a token of kind number. Raises ExpressionError when it is too large."""
     whole = token.text.isdigit()
     number = int(token.text) if whole and len(token.text) <= 20 else float(token.text)
-    if abs(number) > LARGEST if whole else math.isinf(number):
+    if abs(number) > MAX_INTEGER if whole else math.isinf(number):
         raise ExpressionError("the number is too large", token.at)
     return number
 

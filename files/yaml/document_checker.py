@@ -9,7 +9,7 @@ from typing import Any, Literal, TypeVar, cast, get_args, get_origin
 import pydantic
 from pydantic import BaseModel
 
-from ..marks import MAX_FAULTS, SPOILT, CheckedFile, Diagnostic, Location, Severity, too_many
+from ..marks import MAX_FAULTS, SPOILING_CODES, CheckedFile, Diagnostic, Location, Severity, too_many
 from ..value_wording import describe, listed, suggest_boolean, suggest_name, suggest_number
 from .document import Document
 from .field_types import InvalidValue, UnreadPart, check_name
@@ -32,7 +32,7 @@ class DocumentChecker:
     def __init__(self, document: Document) -> None:
         self.document = document
         self.faults: list[Diagnostic] = list(document.faults)
-        self._spoilt = {fault.mark for fault in document.faults if fault.code in SPOILT}
+        self._spoilt = {fault.mark for fault in document.faults if fault.code in SPOILING_CODES}
 
     @property
     def full(self) -> bool:
@@ -133,10 +133,10 @@ class DocumentChecker:
         if len(given) == 1:
             return given[0]
         if given:
-            message = f"{listed(given, 'and')} exclude each other"
+            message = f"{listed(map(repr, given))} exclude each other"
             self.fault(loc, message, "give one of them", code="P112", key=True)
         else:
-            self.fault(loc, f"{listed(keys, 'or')} is missing", code="P105", key=True)
+            self.fault(loc, f"{listed(map(repr, keys), last='or')} is missing", code="P105", key=True)
         return None
 
     def written(self, loc: Location, number: float, unit: str) -> str:

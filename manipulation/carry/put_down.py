@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from ...planning.requests import PoseGoal, Scaling
 from ...world.belief.planning_scene import BeliefObject
 from ...world.causes import Failure, place
-from ...world.journal import JournalEvent
+from ...world.events.skill_events import PutDownEvent
 from ..grasp.straight_lines import DOWNWARDS
 from ..place.dropped_objects import support_height_at
 from ..place.release_poses import blocked, put_down_poses
@@ -93,7 +93,7 @@ def _lower(world: World, held: BeliefObject, node: str) -> Doing[None]:
     )
     resting = world.scene.get(held.id).pose
     yield from release_held_object(world, held, resting, "table", "put down by a retreat")
-    world.journal.note(JournalEvent("put_down", f"{held.id} is put down", node, {"object": held.id}))
+    world.journal.note(PutDownEvent(f"{held.id} is put down", node, object=held.id))
 
 
 def _free_spots(world: World, held: BeliefObject) -> Iterator[Vector3]:

@@ -21,7 +21,7 @@ from ...control.cartesian.compliant_motion import CartesianStiffness, CompliantM
 from ...control.execution.gripper_motion import OPENING_FORCE
 from ...control.wrist.contact_detection import ContactDetector
 from ...robots.description import GripperDescription
-from ...world.journal import JournalEvent
+from ...world.events.skill_events import CentredEvent
 from ...world.scene.description import CatalogueEntry
 from ...world.values import GRAVITY, Array
 
@@ -220,11 +220,12 @@ def close(world: World, pressure: GripForce, node: str) -> Generator[None, None,
     closed = ClosingResult(grip.width, way, float(axis @ left))
     if gave:
         world.journal.note(
-            JournalEvent(
-                "centred",
+            CentredEvent(
                 f"the hand gave way by {abs(way) * 1000:.1f} mm until both fingers touched",
                 node,
-                {"way": way, "aside": closed.aside, "width": closed.width},
+                way=way,
+                aside=closed.aside,
+                width=closed.width,
             )
         )
     return closed

@@ -11,7 +11,7 @@ from ...planning.requests import MotionPlan
 from ...world.belief.planning_scene import BeliefObject
 from ...world.causes import Cause, Failure, place, planning
 from ...world.causes import world as world_causes
-from ...world.journal import JournalEvent
+from ...world.events.skill_events import ReplannedEvent
 from ...world.values import Pose
 from ..place.release_poses import bin_target, blocked, free_drop_height
 from ..retreat.clearing import escape_contact
@@ -176,18 +176,15 @@ class ReplanBudget:
             return False
         self.made += 1
         self._world.journal.note(
-            JournalEvent(
-                "replanned",
+            ReplannedEvent(
                 f"stopped and planned anew: {failure.message}",
                 self._node,
-                {
-                    "object": self._subject,
-                    "cause": failure.cause.name,
-                    "why": failure.message,
-                    "by": [*_obstacle_names(failure)],
-                    "time": self.made,
-                    "most": self._most,
-                },
+                object=self._subject,
+                cause=failure.cause.name,
+                why=failure.message,
+                by=tuple(_obstacle_names(failure)),
+                time=self.made,
+                most=self._most,
             )
         )
         return True

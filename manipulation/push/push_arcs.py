@@ -10,7 +10,7 @@ import numpy as np
 
 from ...robots.description import GripperDescription
 from ...world.belief.planning_scene import BeliefObject
-from ...world.planar_geometry import UPRIGHT, PlanarOutline, PlanarPose, outline, wrap_angle
+from ...world.planar_geometry import MIN_UPRIGHT_COSINE, PlanarOutline, PlanarPose, outline, wrap_angle
 from ...world.shapes import Cylinder, Sphere, bottom, top
 
 MIN_SIDE_LENGTH = 0.012
@@ -91,7 +91,7 @@ def curved(belief: BeliefObject) -> bool:
         case Sphere():
             return True
         case Cylinder():
-            return abs(float(belief.pose.rotation()[2, 2])) <= UPRIGHT
+            return abs(float(belief.pose.rotation()[2, 2])) <= MIN_UPRIGHT_COSINE
         case _:
             return False
 

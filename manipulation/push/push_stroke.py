@@ -12,7 +12,7 @@ import numpy as np
 
 from ...control.cartesian.compliant_motion import CartesianStiffness
 from ...planning.requests import JointGoal, LineGoal, NamedGoal, OffsetGoal, PoseGoal, Request
-from ...robots.finger_outline import tool_outline
+from ...robots.description import tool_outline
 from ...world.belief.planning_scene import BeliefObject
 from ...world.planar_geometry import PlanarOutline, PlanarPose, moved, outline, outline_distance, planar
 from ...world.scene.description import Fixture

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...planning.requests import PoseGoal, Request
-from ...robots.finger_outline import tool_outline
+from ...robots.description import tool_outline
 from ...world.belief.planning_scene import BeliefObject
 from ...world.planar_geometry import PlanarOutline, PlanarPose, moved, outline, outline_distance, planar
 from ...world.quasi_static_pushing import PlanarPushModel

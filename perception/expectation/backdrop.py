@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...world.raycasting import cast
-from ...world.scene.description import CERTAIN, Bin, Fixture, SceneDescription
+from ...world.scene.description import NO_UNCERTAINTY, Bin, Fixture, SceneDescription
 from ...world.shapes import Box, Shape, corners, top
 from ...world.values import Array, Pose
 from ..geometry.camera_geometry import PosedCamera
@@ -65,7 +65,7 @@ class BackgroundModel:
 
 def _possible_extent(fixture: Fixture) -> tuple[Shape, Pose]:
     """Grow the fixture's shape by the uncertainty of its pose."""
-    if not isinstance(fixture.shape, Box) or fixture.uncertainty == CERTAIN:
+    if not isinstance(fixture.shape, Box) or fixture.uncertainty == NO_UNCERTAINTY:
         return fixture.shape, fixture.pose
     x, y, z = fixture.shape.size
     aside, up = spread(fixture), fixture.uncertainty.angle * float(np.hypot(x, y)) / 2

@@ -14,7 +14,7 @@ from weakref import WeakKeyDictionary
 from ...errors import PicktreeError
 from ...world.belief.planning_scene import PlanningScene
 from ...world.causes import Failure
-from ...world.thinking_time import ComputeTimeAccount
+from ...world.computing_time import ComputeTimeAccount
 from ...world.trajectory import Trajectory
 from ..collision.trajectory_check import StartTolerance, is_trajectory_free
 from ..requests import JointGoal, MotionPlan, Request

@@ -16,10 +16,9 @@ from ...errors import PicktreeError
 from ...robots.model import RobotModel
 from ...world.belief.planning_scene import PlanningScene
 from ...world.causes import Failure
+from ...world.computing_time import ComputeTimeAccount, Stopwatch
 from ...world.journal import Journal, PlanEntry
 from ...world.random_streams import RandomStreams
-from ...world.stopwatch import Stopwatch
-from ...world.thinking_time import ComputeTimeAccount
 from ...world.trajectory import Trajectory
 from ...world.values import Array, Bounds, Pose
 from ..collision.scene_queries import SceneQueries

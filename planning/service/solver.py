@@ -14,7 +14,7 @@ import numpy as np
 from ...robots.model import RobotModel
 from ...world.belief.planning_scene import PlanningScene
 from ...world.causes import Failure
-from ...world.thinking_time import ComputeTimeAccount
+from ...world.computing_time import ComputeTimeAccount
 from ...world.trajectory import Trajectory
 from ...world.values import Array, Bounds, Pose
 from ..collision.collision_bodies import CollisionMargins

@@ -7,8 +7,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 from ...errors import PicktreeError
-from ...world.scene.description import Fixture
-from ...world.scene.feed import Belt
+from ...world.scene.description import Belt, Fixture
 from ...world.shapes import Box
 from ...world.values import ObjectId, Pose, Vector3
 

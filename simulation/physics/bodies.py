@@ -17,7 +17,7 @@ import numpy as np
 
 from ...errors import PicktreeError
 from ...world.colours import COLOURS
-from ...world.scene.calibration_results import PROUD, tile_body
+from ...world.scene.calibration_results import TILE_HEIGHT, tile_body
 from ...world.scene.description import Bin, Fixture, SceneDescription
 from ...world.scene.hole_geometry import convex_pieces, surface
 from ...world.shapes import Box, ConvexMesh, Cylinder, Shape, Sphere
@@ -125,7 +125,7 @@ def add_scenery(scene: SceneDescription, client: int) -> None:
             visual = _visual(fixture.shape, fixture.colour, client)
         _fixed(-1, visual, fixture.pose, client)
         for tile in fixture.tiles:
-            box, inner = tile_body(tile, 2 * PROUD)
+            box, inner = tile_body(tile, 2 * TILE_HEIGHT)
             _fixed(-1, _visual(box, tile.colour, client), fixture.pose @ inner, client)
     for each in scene.bins:
         for box, pose in each.parts():

@@ -9,9 +9,8 @@ from dataclasses import dataclass, replace
 from typing import Literal, TypeAlias
 
 from ...files.expressions.expression import Expression
-from ...world.scene.description import Bin, Form, SceneDescription
+from ...world.scene.description import Bin, Delivery, Form, SceneDescription
 from ...world.scene.destinations import destination_rule, is_at
-from ...world.scene.feed import Delivery
 from ...world.shapes import bottom
 from ...world.values import ObjectId
 from .truth import HoleSeating, TrueBody

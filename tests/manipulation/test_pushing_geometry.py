@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from picktree.manipulation.push.push_arcs import arc_to, biarc, push_sides, straight, truncated
-from picktree.robots.finger_outline import tool_outline
+from picktree.robots.description import tool_outline
 from picktree.robots.loading import load_robot
 from picktree.world.belief.planning_scene import BeliefObject
 from picktree.world.planar_geometry import (

@@ -12,11 +12,11 @@ from picktree.planning.service.plan_service import PlanService
 from picktree.robots.loading import load_robot
 from picktree.robots.model import RobotModel
 from picktree.world.belief.planning_scene import BeliefObject, PlanningScene
+from picktree.world.computing_time import ComputeTimeAccount
 from picktree.world.journal import Journal
 from picktree.world.random_streams import RandomStreams
 from picktree.world.scene.description import Bin, Fixture
 from picktree.world.shapes import Box, Cylinder, Shape, Sphere
-from picktree.world.thinking_time import ComputeTimeAccount
 from picktree.world.values import Array, ObjectId, Pose
 
 MODEL = RobotModel(load_robot("panda"))

@@ -10,8 +10,7 @@ from picktree.simulation.feed import belt_drive
 from picktree.simulation.feed.belt_drive import BeltDrive
 from picktree.simulation.kinematic.backend import KinematicHardware
 from picktree.simulation.physics.backend import PhysicsHardware
-from picktree.world.scene.description import CatalogueEntry, Fixture, SceneDescription, Spawn
-from picktree.world.scene.feed import Belt
+from picktree.world.scene.description import Belt, CatalogueEntry, Fixture, SceneDescription, Spawn
 from picktree.world.shapes import Box, Cylinder, Sphere, bottom
 from picktree.world.values import ObjectId, Pose, Quaternion, Vector3
 

@@ -9,12 +9,10 @@ from collections.abc import Mapping
 import numpy as np
 
 from picktree.simulation.backends import Backend
-from picktree.simulation.checkpoints.kinematic_state import KinematicState
-from picktree.simulation.checkpoints.physics_state import Checkpoint
+from picktree.simulation.checkpoints import Checkpoint, KinematicState
 from picktree.simulation.kinematic.backend import KinematicHardware
 from picktree.simulation.physics.backend import PhysicsHardware
-from picktree.world.scene.description import SceneDescription, Spawn
-from picktree.world.scene.feed import Delivery, Exchange, When, WhenClear
+from picktree.world.scene.description import Delivery, Exchange, SceneDescription, Spawn, When, WhenClear
 from picktree.world.values import Vector3
 
 from .simulated_cell import cell, panda

@@ -11,13 +11,11 @@ import numpy as np
 import pytest
 
 from picktree.robots.model import RobotModel
-from picktree.simulation.checkpoints.kinematic_state import KinematicState
-from picktree.simulation.checkpoints.physics_state import Checkpoint
+from picktree.simulation.checkpoints import Checkpoint, KinematicState
 from picktree.simulation.kinematic.backend import KinematicHardware
 from picktree.simulation.physics.backend import PhysicsHardware
 from picktree.simulation.scoring.truth import TrueBody
-from picktree.world.scene.description import SceneDescription, Spawn
-from picktree.world.scene.feed import Delivery
+from picktree.world.scene.description import Delivery, SceneDescription, Spawn
 
 from ..other_process import OtherProcess
 from .belt_cell import AT, BELT, KINDS, TOP, Hardware, belt_of, belt_scene

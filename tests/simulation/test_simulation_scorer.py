@@ -8,8 +8,7 @@ import pytest
 
 from picktree.simulation.scoring.scorer import score
 from picktree.simulation.scoring.truth import TrueBody
-from picktree.world.scene.description import CatalogueEntry, Spawn
-from picktree.world.scene.feed import Delivery
+from picktree.world.scene.description import CatalogueEntry, Delivery, Spawn
 from picktree.world.values import ObjectId, Pose, Vector3
 
 from .simulated_cell import cell

@@ -12,7 +12,7 @@ from picktree.simulation.backends import Backend
 from picktree.simulation.physics.backend import PhysicsHardware
 from picktree.simulation.spawning.spawn import spawn_items
 from picktree.world.protocols import FeedSignals
-from picktree.world.scene.feed import AtIntervals, AtTimes
+from picktree.world.scene.description import AtIntervals, AtTimes
 
 from .feed_cell import BELOW, build, fed, load, moved, places, told, turn_to, wait
 

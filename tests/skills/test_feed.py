@@ -10,7 +10,7 @@ import pytest
 
 from picktree.manipulation.place.dropped_objects import bin_fill_level
 from picktree.perception.fitting.view import BinView
-from picktree.world.scene.feed import Belt
+from picktree.world.scene.description import Belt
 from picktree.world.values import ObjectId, Pose
 
 from .cell import Cell, items, mission

@@ -18,10 +18,10 @@ from picktree.world.causes import (
     matches,
     register_cause,
 )
+from picktree.world.computing_time import ComputeTimeAccount
 from picktree.world.random_streams import RandomStreams
 from picktree.world.scene.description import Bin, Fixture
 from picktree.world.shapes import Box
-from picktree.world.thinking_time import ComputeTimeAccount
 from picktree.world.values import ObjectId, Pose
 
 TABLE = Fixture(ObjectId("table"), Box((1.0, 1.0, 0.04)), Pose((0.5, 0.0, -0.02)))

@@ -7,8 +7,7 @@ from pathlib import Path
 import pytest
 
 from picktree.files.yaml.document import FileError, read_document
-from picktree.world.scene.description import Spawn
-from picktree.world.scene.feed import AtIntervals, AtTimes, Belt, Delivery, Exchange, WhenClear
+from picktree.world.scene.description import AtIntervals, AtTimes, Belt, Delivery, Exchange, Spawn, WhenClear
 from picktree.world.scene.loading.scene_loading import check_scene, parse_scene
 from picktree.world.shapes import Box
 

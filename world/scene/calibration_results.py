@@ -2,29 +2,24 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from ..shapes import Box
 from ..values import Array, Pose, Vector3
 
-if TYPE_CHECKING:
-    from .description import CameraDescription
-
-
-COLOURS = ("red", "yellow", "blue", "purple", "green", "cyan")
+TILE_COLOURS = ("red", "yellow", "blue", "purple", "green", "cyan")
 """Colours of the squares, row by row. All differ, so that each square is identified by itself and the
 target's orientation is unambiguous."""
-COLUMNS, ROWS = 3, 2
-FILLED = 0.75
+TILE_COLUMNS, TILE_ROWS = 3, 2
+TILE_EDGE_SHARE = 0.75
 """Edge of a square over that of its cell. The grey between squares, and to the block's edges, lets a
 camera separate them."""
-PROUD = 0.00005
+TILE_HEIGHT = 0.00005
 """Height of the squares, which are printed on, over the block's top, m: a camera that looks from the side
 sees no edge of theirs."""
-SMALLEST = (0.06, 0.04, 0.02)
+MIN_TARGET_SIZE = (0.06, 0.04, 0.02)
 """Minimum size of a target along x, y, z, m: fingers must reach five sides, and a camera must separate the
 squares."""
 
@@ -50,20 +45,20 @@ class TargetTile:
 def tiles_on(size: Vector3) -> tuple[TargetTile, ...]:
     """The squares of a target of `size` (x, y, z) m: in three columns along x and two rows along y."""
     x, y, z = size
-    cell = (x / COLUMNS, y / ROWS)
-    edge = FILLED * min(cell)
+    cell = (x / TILE_COLUMNS, y / TILE_ROWS)
+    edge = TILE_EDGE_SHARE * min(cell)
     found: list[TargetTile] = []
-    for n, colour in enumerate(COLOURS):
-        row, column = divmod(n, COLUMNS)
-        across, along = column - (COLUMNS - 1) / 2, (ROWS - 1) / 2 - row
-        found.append(TargetTile(colour, (across * cell[0], along * cell[1], z / 2 + PROUD), edge))
+    for n, colour in enumerate(TILE_COLOURS):
+        row, column = divmod(n, TILE_COLUMNS)
+        across, along = column - (TILE_COLUMNS - 1) / 2, (TILE_ROWS - 1) / 2 - row
+        found.append(TargetTile(colour, (across * cell[0], along * cell[1], z / 2 + TILE_HEIGHT), edge))
     return tuple(found)
 
 
 def tile_body(tile: TargetTile, thickness: float) -> tuple[Box, Pose]:
     """The square as a body for whoever draws it, in the target's frame: half of it stands out, m."""
     x, y, z = tile.centre
-    return Box((tile.edge, tile.edge, thickness)), Pose((x, y, z - PROUD))
+    return Box((tile.edge, tile.edge, thickness)), Pose((x, y, z - TILE_HEIGHT))
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,11 +72,3 @@ class SceneCalibration:
     date: str = ""
     by: str = ""
     """Short description of the calibration's source."""
-
-
-def apply_calibration(camera: CameraDescription, calibration: SceneCalibration | None) -> CameraDescription:
-    """The camera with its calibrated pose, where there is one. The true pose, `pose @ error`, stays."""
-    found = dict(calibration.cameras).get(camera.name) if calibration is not None else None
-    if found is None:
-        return camera
-    return replace(camera, pose=found, error=found.inverse() @ camera.pose @ camera.error)

@@ -20,11 +20,11 @@ from ..shapes import Box, ConvexMesh
 from ..values import Array, Pose
 from .description import Fixture, Hole
 
-SEGMENTS = 32
+ROUND_HOLE_SIDES = 32
 """Sides of a round hole's outline; the circle that counts touches each of them from inside."""
-THINNEST = 0.001
+MIN_WALL = 0.001
 """Least wall between two holes' mouths, and from one to the sides of the box, m."""
-SLIVER = 1e-10
+MIN_AREA = 1e-10
 """Areas below this are none, m²."""
 
 Polygon: TypeAlias = Array
@@ -41,8 +41,8 @@ class InterlockedHoles:
 def outline(hole: Hole, grown: float = 0.0) -> Polygon:
     """The walls from above, in the fixture's frame, moved outwards by `grown` m."""
     if hole.form == "round":
-        reach = (hole.size[0] / 2 + grown) / math.cos(math.pi / SEGMENTS)
-        angles = (np.arange(SEGMENTS) + 0.5) * (2 * math.pi / SEGMENTS)
+        reach = (hole.size[0] / 2 + grown) / math.cos(math.pi / ROUND_HOLE_SIDES)
+        angles = (np.arange(ROUND_HOLE_SIDES) + 0.5) * (2 * math.pi / ROUND_HOLE_SIDES)
         corners = reach * np.column_stack([np.cos(angles), np.sin(angles)])
     else:
         x, y = hole.size[0] / 2 + grown, hole.size[1] / 2 + grown
@@ -164,7 +164,7 @@ def _wedges(plot: Polygon, hole: Hole, low: float, high: float) -> list[tuple[Co
         wedge = plot
         for normal, point in cuts:
             wedge = _clipped(wedge, normal, float(normal @ point))
-        if _area(wedge) < SLIVER:
+        if _area(wedge) < MIN_AREA:
             continue
         if hole.chamfer <= 0.0:
             pieces.append(_prism(wedge, low, high))
@@ -214,9 +214,9 @@ def _hull(levels: Iterable[tuple[Polygon, float]]) -> tuple[ConvexMesh, Pose]:
     return ConvexMesh(tuple((float(a), float(b), float(c)) for a, b, c in around), ""), Pose((x, y, z))
 
 
-ABOVE = 1e-6
+VISIBILITY_OFFSET = 1e-6
 """A face is seen unless this much above its middle is inside another piece, m."""
-TOUCHING = 1e-8
+TOLERANCE = 1e-8
 """Distance outside a piece up to which a point counts as inside, m: faces of pieces meet."""
 
 
@@ -246,11 +246,11 @@ def surface(box: Box, holes: tuple[Hole, ...]) -> Surface:
         across = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
         clockwise = np.einsum("ij,ij->i", across, outward) < 0.0
         triangles[clockwise] = triangles[clockwise][:, ::-1]
-        above = triangles.mean(axis=1) + ABOVE * outward
+        above = triangles.mean(axis=1) + VISIBILITY_OFFSET * outward
         hidden = np.zeros(len(triangles), dtype=np.bool_)
         for other, (_, solid) in enumerate(hulls):
             if other != n:
-                hidden |= (solid.equations[:, :3] @ above.T + solid.equations[:, 3:] < TOUCHING).all(axis=0)
+                hidden |= (solid.equations[:, :3] @ above.T + solid.equations[:, 3:] < TOLERANCE).all(axis=0)
         corners.append(triangles[~hidden].reshape(-1, 3))
         normals.append(np.repeat(outward[~hidden], 3, axis=0))
     return Surface(np.vstack(corners), np.vstack(normals))

@@ -8,11 +8,11 @@ from pathlib import Path
 
 from ....errors import PicktreeError
 from ....robots.description import GripperDescription, RobotDescription
-from ....robots.mesh_files import mesh_file
-from ....robots.tool_frame import mount_tool, rpy_of
+from ....robots.gripper_mounting import mount_tool, numbers_text
+from ....robots.urdf_tree import mesh_file
 from ....world.colours import COLOURS
 from ....world.shapes import Box
-from ....world.values import Pose, Vector3
+from ....world.values import Pose
 
 
 def patched_urdf(robot: RobotDescription) -> str:
@@ -66,9 +66,9 @@ def _put_pad(link: ElementTree.Element, box: Box, pad_in_link: Pose, gripper: Gr
     for old in [*link.findall("collision"), *link.findall("contact")]:
         link.remove(old)
     collision = ElementTree.SubElement(link, "collision")
-    origin = {"xyz": _text(pad_in_link.position), "rpy": _text(rpy_of(pad_in_link))}
+    origin = {"xyz": numbers_text(pad_in_link.position), "rpy": numbers_text(pad_in_link.rpy())}
     ElementTree.SubElement(collision, "origin", origin)
-    ElementTree.SubElement(ElementTree.SubElement(collision, "geometry"), "box", size=_text(box.size))
+    ElementTree.SubElement(ElementTree.SubElement(collision, "geometry"), "box", size=numbers_text(box.size))
     contact = ElementTree.SubElement(link, "contact")
     ElementTree.SubElement(contact, "friction_anchor")
     for tag, value in (
@@ -78,7 +78,3 @@ def _put_pad(link: ElementTree.Element, box: Box, pad_in_link: Pose, gripper: Gr
         ("spinning_friction", gripper.pad_contact.spinning_friction),
     ):
         ElementTree.SubElement(contact, tag, value=repr(value))
-
-
-def _text(numbers: Vector3) -> str:
-    return " ".join(repr(n) for n in numbers)

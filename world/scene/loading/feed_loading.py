@@ -12,17 +12,26 @@ from ....files.yaml.document_checker import DocumentChecker
 from ...shapes import Box, Cylinder, Shape, Sphere, extents
 from ...values import Bounds, ObjectId, Pose
 from ..body_schema import FixtureFile
-from ..description import CatalogueEntry, Fixture, Spawn
-from ..feed import AtIntervals, AtTimes, Belt, Delivery, When, WhenClear
-from ..spawn_schema import FeedFile, WhenFile
+from ..description import (
+    AtIntervals,
+    AtTimes,
+    Belt,
+    CatalogueEntry,
+    Delivery,
+    Fixture,
+    Spawn,
+    When,
+    WhenClear,
+)
+from ..scene_schema import FeedFile, WhenFile
 from .scene_entries import body
 from .spawn_areas import check_area, check_crowding, check_kinds
 
-GAP = 0.025
-SPACING = 0.15
-APART = 0.01
+DEFAULT_GAP = 0.025
+DEFAULT_SPACING = 0.15
+MIN_BELT_GAP = 0.01
 """Least distance between two items on a belt, m."""
-SPREAD = 0.25
+SPACING_SPREAD = 0.25
 """Share of the spacing by which an item may come earlier or later than evenly."""
 
 
@@ -86,7 +95,7 @@ def _check_barrier(
     check: DocumentChecker, name: str, eye: float | None, length: float, widest: float
 ) -> None:
     """Whether items come to the light barrier from where they are set down."""
-    least = -length / 2 + 2 * widest + 2 * APART
+    least = -length / 2 + 2 * widest + 2 * MIN_BELT_GAP
     if eye is not None and -length / 2 < eye < least:
         message = "items are set down in the light barrier, or beyond it"
         hint = f"at {math.ceil(100 * least) / 100:g} m or more they come to it"
@@ -101,8 +110,8 @@ def _check_room(
     if across > width:
         message = f"a {kind} is {1000 * across:.0f} mm across, and the belt is {1000 * width:g} mm wide"
         check.fault((*loc, "of", kind), message, code="P414", key=True)
-    least = (across + APART) / (1 - SPREAD)
-    spacing = SPACING if entry.spacing is None else entry.spacing
+    least = (across + MIN_BELT_GAP) / (1 - SPACING_SPREAD)
+    spacing = DEFAULT_SPACING if entry.spacing is None else entry.spacing
     if spacing < least:
         at: Location = (*loc, "spacing") if entry.spacing is not None else (*loc, "of", kind)
         message = f"items that are {1000 * across:.0f} mm across would touch on the belt"
@@ -220,7 +229,7 @@ def delivery(entry: FeedFile, bodies: Mapping[str, FixtureFile]) -> Delivery:
         when=when,
         total=total,
         belt=ObjectId(entry.belt) if entry.belt is not None else None,
-        spacing=SPACING if entry.spacing is None else entry.spacing,
+        spacing=DEFAULT_SPACING if entry.spacing is None else entry.spacing,
     )
 
 
@@ -243,4 +252,4 @@ def _when(when: WhenFile | None) -> When:
 
 
 def _gap(entry: FeedFile) -> float:
-    return GAP if entry.gap is None else entry.gap
+    return DEFAULT_GAP if entry.gap is None else entry.gap

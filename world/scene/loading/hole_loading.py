@@ -14,8 +14,8 @@ from ...belief.hole_matching import tightest_hole
 from ...shapes import Box, Cylinder, Shape, Sphere
 from ...values import Array, ObjectId, Pose
 from ..body_schema import FixtureFile, HoleFile
-from ..description import CERTAIN, CatalogueEntry, Hole, HoleForm, PlacementUncertainty
-from ..hole_geometry import THINNEST, InterlockedHoles, outline, partition_top, wall_thickness
+from ..description import NO_UNCERTAINTY, CatalogueEntry, Hole, HoleForm, PlacementUncertainty
+from ..hole_geometry import MIN_WALL, InterlockedHoles, outline, partition_top, wall_thickness
 
 
 def check_holes(check: DocumentChecker, loc: Location, entry: FixtureFile, which: str | None) -> None:
@@ -92,20 +92,20 @@ def _check_places(
     clashes = [
         (one, other)
         for one, other in itertools.combinations(good, 2)
-        if wall_thickness(good[one], good[other]) < THINNEST - 1e-9
+        if wall_thickness(good[one], good[other]) < MIN_WALL - 1e-9
     ]
     for one, other in clashes:
         message = f"{one!r} and {other!r} leave no wall between them"
-        hint = f"{1000 * THINNEST:g} mm at least, beside their chamfers"
+        hint = f"{1000 * MIN_WALL:g} mm at least, beside their chamfers"
         check.fault((*loc, other), message, hint, code="P434", key=True)
     if not clashes and isinstance(cut := partition_top(Box(box), tuple(good.values())), InterlockedHoles):
-        names = listed((str(hole.id) for hole in cut.holes), "and")
+        names = listed(repr(str(hole.id)) for hole in cut.holes)
         hint = "move or turn one of them"
         check.fault(loc, f"no straight line parts the holes {names}", hint, code="P434", key=True)
 
 
 def _inside(corners: Array, x: float, y: float) -> bool:
-    room = THINNEST - 1e-9
+    room = MIN_WALL - 1e-9
     return bool((abs(corners[:, 0]) <= x / 2 - room).all() and (abs(corners[:, 1]) <= y / 2 - room).all())
 
 
@@ -159,7 +159,7 @@ def holes(name: str, entry: FixtureFile) -> tuple[Hole, ...]:
 def uncertainty(entry: FixtureFile) -> PlacementUncertainty:
     """How far a box may really stand from where it should."""
     if entry.uncertainty is None:
-        return CERTAIN
+        return NO_UNCERTAINTY
     return PlacementUncertainty(entry.uncertainty.position, entry.uncertainty.angle)
 
 

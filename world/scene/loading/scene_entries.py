@@ -15,17 +15,17 @@ from ....files.yaml.file_text import Unreadable, read_bytes
 from ...shapes import Box, ConvexMesh, Cylinder, Shape, Sphere
 from ...values import Array, ObjectId, Pose, Vector3
 from ..body_schema import FORMS, CatalogueFile, FixtureFile, UnknownFile
-from ..calibration_results import SMALLEST, tiles_on
+from ..calibration_results import MIN_TARGET_SIZE, tiles_on
 from ..description import Bin, CameraDescription, CatalogueEntry, Fixture, Form
 from ..scene_schema import CameraFile
 from .hole_loading import check_holes, holes, uncertainty
 
-FORMATS = ("obj", "stl", "ply", "off")
+MESH_FORMATS = ("obj", "stl", "ply", "off")
 """Formats of one file that holds nothing but a mesh: none that names or packs other files."""
-MAX_BYTES = 1_000_000
+MAX_MESH_BYTES = 1_000_000
 MAX_VERTICES = 256
 """Maximum number of vertices of the hull: contact costs grow with it."""
-HOLLOW = 1.05
+MAX_HULL_VOLUME_RATIO = 1.05
 """A hull that is larger than its mesh by this factor hides a hollow."""
 
 _DAMAGED = "the mesh file is damaged, or of another format than its name says"
@@ -45,10 +45,10 @@ def load_convex(path: Path, scale: float) -> ConvexMesh:
     import trimesh
 
     suffix = path.suffix.lower().removeprefix(".")
-    if suffix not in FORMATS:
-        raise MeshError(f"{path.name} is no mesh file", f"known: {', '.join(FORMATS)}")
+    if suffix not in MESH_FORMATS:
+        raise MeshError(f"{path.name} is no mesh file", f"known: {', '.join(MESH_FORMATS)}")
     try:
-        raw = read_bytes(path, MAX_BYTES)
+        raw = read_bytes(path, MAX_MESH_BYTES)
     except Unreadable as error:
         raise MeshError(f"{path}: {error.message}") from None
     # Handed over as bytes: nothing beside the file is looked for, such as materials and textures.
@@ -84,7 +84,7 @@ def load_convex(path: Path, scale: float) -> ConvexMesh:
     if float(size.max()) > 1.0:
         hint = "is it in millimetres? then 'scale: 0.001'"
         raise MeshError(f"the mesh is {float(size.max()):.3g} m large", hint)
-    if watertight and solid > 0 and volume > HOLLOW * solid:
+    if watertight and solid > 0 and volume > MAX_HULL_VOLUME_RATIO * solid:
         share = 100 * (volume / solid - 1)
         raise MeshError(f"the mesh is not convex: its hull is {share:.0f} % larger", "convex parts only")
     if len(points) > MAX_VERTICES:
@@ -92,9 +92,9 @@ def load_convex(path: Path, scale: float) -> ConvexMesh:
     return ConvexMesh(tuple((float(x), float(y), float(z)) for x, y, z in points), str(path))
 
 
-RESERVED = ("arm", "gripper", "hand", "aside")
+RESERVED_NAMES = ("arm", "gripper", "hand", "aside")
 """Names that the belief uses for other things."""
-FLAT = 1 / 3
+MAX_PLATE_HEIGHT_RATIO = 1 / 3
 """A plate's height is at most this share of its shorter side."""
 
 
@@ -102,8 +102,12 @@ def check_body(check: DocumentChecker, name: str, entry: FixtureFile) -> None:
     """Faults of a fixture or a bin."""
     loc: Location = ("fixtures", name)
     which = check.one_of(loc, FixtureFile.one_of)
-    if name in RESERVED or (which == "bin" and name == "table"):
-        hint = f"no body may be called {', '.join(RESERVED)}" if name in RESERVED else "the table is no bin"
+    if name in RESERVED_NAMES or (which == "bin" and name == "table"):
+        hint = (
+            f"no body may be called {', '.join(RESERVED_NAMES)}"
+            if name in RESERVED_NAMES
+            else "the table is no bin"
+        )
         check.fault(loc, f"the name {name!r} is taken", hint, code="P403", key=True)
     with check.readable():
         if entry.rpy is not None and entry.yaw is not None:
@@ -124,8 +128,8 @@ def check_body(check: DocumentChecker, name: str, entry: FixtureFile) -> None:
 
 
 def _check_marker(check: DocumentChecker, loc: Location, entry: FixtureFile) -> None:
-    if entry.marker is not None and any(a < b for a, b in zip(entry.marker, SMALLEST, strict=True)):
-        least = ", ".join(f"{1000 * size:.0f} mm" for size in SMALLEST)
+    if entry.marker is not None and any(a < b for a, b in zip(entry.marker, MIN_TARGET_SIZE, strict=True)):
+        least = ", ".join(f"{1000 * size:.0f} mm" for size in MIN_TARGET_SIZE)
         message, hint = "a target this small cannot be seen and touched well enough", f"at least [{least}]"
         check.fault((*loc, "marker"), message, hint, code="P440")
 
@@ -279,7 +283,7 @@ def _shape(check: DocumentChecker, loc: Location, entry: CatalogueFile) -> Shape
         return Sphere(entry.sphere.radius)
     if entry.plate is not None:
         x, y, z = entry.plate
-        if z > FLAT * min(x, y):
+        if z > MAX_PLATE_HEIGHT_RATIO * min(x, y):
             hint = "its height, the third number, is at most a third of the shorter side; else it is a box"
             check.fault((*loc, "plate"), "a plate is flat", hint, code="P408")
             return None

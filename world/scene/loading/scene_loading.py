@@ -18,11 +18,12 @@ from ....files.yaml.document import Document, merge_patch, read_document
 from ....files.yaml.document_checker import DocumentChecker
 from ...values import Bounds, ObjectId, Pose
 from ..body_schema import CatalogueFile, FixtureFile, UnknownFile
-from ..calibration_results import SceneCalibration, apply_calibration
+from ..calibration_results import SceneCalibration
 from ..description import (
     Bin,
     CatalogueEntry,
     Destination,
+    Exchange,
     Fixture,
     Hole,
     SafetyLimits,
@@ -32,9 +33,15 @@ from ..description import (
     Thinking,
 )
 from ..destinations import can_hold, rule_names
-from ..feed import Exchange
-from ..scene_schema import SECTIONS, CalibrationFile, CameraFile, DestinationFile, RestFile
-from ..spawn_schema import FeedFile, SpawnFile
+from ..scene_schema import (
+    SECTIONS,
+    CalibrationFile,
+    CameraFile,
+    DestinationFile,
+    FeedFile,
+    RestFile,
+    SpawnFile,
+)
 from .feed_loading import belt, check_belts, check_feed, delivery
 from .hole_loading import check_fits, holes
 from .scene_entries import body, camera, check_body, check_camera, check_unknown, hidden_body, kind
@@ -62,7 +69,7 @@ ROBOTS = Path(__file__).parents[2] / "robots"
 MAX_BASES = 5
 MAX_ENTRIES = 200
 """Maximum number of entries of a section, for the simulator's sake."""
-RULE_TRIALS = 2_000_000
+MAX_RULE_TRIALS = 2_000_000
 """Characters of rules that are evaluated for the question whether any item fulfils them."""
 GOAL_NAMES = ("total", "sorted", "misplaced", "left", "outstanding")
 
@@ -188,25 +195,15 @@ class _Parts:
             robot=rest.robot if self.robot.parent == ROBOTS else str(self.robot.resolve()),
             fixtures=tuple(b for b in bodies if not isinstance(b, Bin)),
             bins=tuple(bins.values()),
-            cameras=tuple(
-                apply_calibration(camera(name, entry), known) for name, entry in self.cameras.items()
-            ),
+            cameras=tuple(camera(name, entry).calibrated(known) for name, entry in self.cameras.items()),
             catalogue=tuple(k for k in self.catalogue.values() if k is not None),
             spawn=tuple(_spawn(entry) for entry in self.spawn),
             destinations=tuple(Destination(d.where, ObjectId(d.to)) for d in self.destinations),
             limits=SafetyLimits(
                 limits.force, Bounds(limits.workspace.min, limits.workspace.max), limits.payload
             ),
-            thinking=Thinking(rest.thinking.collision_check, rest.thinking.image),
-            noise=SensorNoise(
-                rest.sensors.encoder,
-                rest.sensors.width,
-                rest.sensors.force,
-                rest.sensors.torque,
-                rest.sensors.force_bias,
-                rest.sensors.torque_bias,
-                rest.sensors.drift,
-            ),
+            thinking=Thinking(**rest.thinking.model_dump()),
+            noise=SensorNoise(**rest.sensors.model_dump()),
             checkpoint_every=rest.checkpoint_every,
             goal=rest.goal,
             source=str(own.path),
@@ -281,7 +278,7 @@ class _Parts:
             loc, names = ("destinations", n, "where"), rule_names(self.kinds)
             expression = condition(check, loc, rule.where, names, code="P417")
             # Long rules are tried on fewer items: that takes a bounded time for any file.
-            most = max(1, RULE_TRIALS // (len(self.destinations) * max(1, len(rule.where))))
+            most = max(1, MAX_RULE_TRIALS // (len(self.destinations) * max(1, len(rule.where))))
             if expression is not None and not can_hold(expression, names, most=most):
                 hint = "check the colour, form and kind that it asks for"
                 check.fault(loc, "no item can fulfil this", hint, code="P418")
@@ -318,7 +315,7 @@ class _Parts:
                 (kind, colour) for e in (*self.spawn, *self.feed) for kind in e.of for colour in e.colours
             ]
             trials = len(dict.fromkeys(coming)) * sum(len(rule.where) for rule in self.destinations)
-            if trials <= RULE_TRIALS:
+            if trials <= MAX_RULE_TRIALS:
                 check_fits(check, self.rules, dict.fromkeys(coming), self.catalogue, self._holes())
 
     def _may_be_bin(self, name: str) -> bool:

@@ -14,9 +14,9 @@ from ....files.yaml.document_checker import DocumentChecker
 from ...shapes import Box, Cylinder, Shape, Sphere, corners
 from ...values import Bounds
 from ..description import CatalogueEntry, Fixture
-from ..spawn_schema import AreaFile, SpawnFile
+from ..scene_schema import AreaFile, SpawnFile
 
-CROWDED = 0.8
+MAX_COVERED_SHARE = 0.8
 """Share of an area that items and their gaps may cover."""
 Outline = tuple[float, float]
 """Area of an item's footprint with half the gap around it, m², and its greatest reach from the centre, m."""
@@ -119,7 +119,7 @@ def check_crowding(
     needed = sum(number * area for number, (area, _) in outlines)
     reach = max(reach for _, (_, reach) in outlines)
     offered = (x1 - x0 + 2 * reach + gap) * (y1 - y0 + 2 * reach + gap)
-    if needed > CROWDED * offered:
+    if needed > MAX_COVERED_SHARE * offered:
         count = sum(entry.of.values())
         message = (
             f"{count} items with gaps of {1000 * gap:g} mm do not fit: "

@@ -1,0 +1,184 @@
+"""Link geometry: points and triangles in the frame of each link, and boxes around the parts of a gripper."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+from typing import cast
+
+import numpy as np
+import trimesh
+from numpy.typing import NDArray
+from scipy.spatial import ConvexHull
+
+from ...errors import PicktreeError
+from ...robots.urdf_tree import UrdfMesh, UrdfPrimitive, link_geometry, mesh_file, parsed_urdf
+from ...world.shapes import Box, corners
+from ...world.values import Array, Pose
+from .urdf_source import UnsuitableUrdf
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LinkGeometry:
+    """Collision geometry of a link: vertices (n, 3) and triangles (k, 3) in its frame."""
+
+    points: Array
+    triangles: NDArray[np.int64]
+
+    def hull(self) -> Array:
+        """Return the corners (m, 3) of the convex hull; all points when the geometry is flat."""
+        try:
+            return self.points[ConvexHull(self.points).vertices]
+        except (RuntimeError, ValueError):
+            return self.points
+
+    def volume(self) -> float:
+        """Return the volume of the convex hull, m³; 0 when the geometry is flat."""
+        try:
+            return float(ConvexHull(self.points).volume)
+        except (RuntimeError, ValueError):
+            return 0.0
+
+
+def missing_meshes(urdf: Path) -> tuple[str, ...]:
+    """Return the meshes that the URDF names and that do not exist, as it names them, each once."""
+    root = parsed_urdf(urdf)
+    named = dict.fromkeys(mesh.get("filename", "") for mesh in root.iter("mesh"))
+    return tuple(name for name in named if mesh_file(urdf, name) is None)
+
+
+def refuse_missing_meshes(source: str, urdf: Path) -> None:
+    """Raise UnsuitableUrdf with all missing meshes, if there are any."""
+    missing = missing_meshes(urdf)
+    if not missing:
+        return
+    shown = ", ".join(missing[:6]) + (f" and {len(missing) - 6} more" if len(missing) > 6 else "")
+    packages = sorted(
+        {m.removeprefix("package://").split("/")[0] for m in missing if m.startswith("package://")}
+    )
+    helps = f"put the meshes where the URDF names them; plain paths count from {urdf.parent}"
+    if packages:
+        listed = " and ".join(packages)
+        helps = f"put the ROS package {listed} beside {urdf.parent}, or into one of the folders above it"
+    raise UnsuitableUrdf(source, f"{len(missing)} meshes that are not there: {shown}", "their files", helps)
+
+
+def read_solids(urdf: Path) -> Mapping[str, LinkGeometry]:
+    """Read the collision geometry by link; links without any are left out. Raises PicktreeError for unusable
+    geometry."""
+    parts: dict[str, list[LinkGeometry]] = {}
+    for element in link_geometry(str(urdf), "collision"):
+        parts.setdefault(element.link, []).append(_solid(element))
+    return {link: _joined(solids) for link, solids in parts.items()}
+
+
+def _solid(element: UrdfMesh | UrdfPrimitive) -> LinkGeometry:
+    if isinstance(element, UrdfMesh):
+        mesh = _loaded(element.path)
+        points = np.asarray(mesh.vertices, dtype=np.float64) * np.array(element.scale)
+        triangles = np.asarray(mesh.faces, dtype=np.int64)
+    else:
+        points = corners(element.shape)
+        triangles = ConvexHull(points).simplices.astype(np.int64)
+        faces = points[triangles]
+        outward = np.cross(faces[:, 1] - faces[:, 0], faces[:, 2] - faces[:, 0])
+        turned = np.einsum("ij,ij->i", outward, faces.mean(axis=1) - points.mean(axis=0)) < 0
+        triangles = np.where(turned[:, None], triangles[:, ::-1], triangles)
+    return LinkGeometry(element.pose_in_link.apply(points), triangles)
+
+
+def _loaded(path: str) -> trimesh.Trimesh:
+    try:
+        loaded = trimesh.load(path, force="mesh", skip_materials=True)  # pyright: ignore[reportUnknownMemberType]
+    except ImportError as error:
+        raise PicktreeError(
+            f"{path}: this kind of mesh cannot be read here ({error}); "
+            "or convert it to STL or OBJ, and name that in a copy of the URDF"
+        ) from None
+    except (OSError, ValueError, IndexError, KeyError) as error:
+        raise PicktreeError(f"{path}: the mesh cannot be read: {error}") from None
+    return cast("trimesh.Trimesh", loaded)
+
+
+def _joined(solids: list[LinkGeometry]) -> LinkGeometry:
+    starts = np.cumsum([0, *(len(solid.points) for solid in solids[:-1])]).tolist()
+    return LinkGeometry(
+        np.concatenate([solid.points for solid in solids]),
+        np.concatenate([solid.triangles + start for solid, start in zip(solids, starts, strict=True)]),
+    )
+
+
+HAND_BOX_COUNT = 3
+"""Number of boxes along the hand, which mostly tapers."""
+
+
+def hand_boxes(
+    static: list[Array], swept: list[Array], top: float, widest: float
+) -> tuple[tuple[Box, Pose], ...]:
+    """Return boxes around the hand behind its palm, and around parts that protrude beside the open
+    fingers."""
+    boxes: list[tuple[Box, Pose]] = []
+    below = [points[points[:, 2] <= top] for points in swept]
+    points = (
+        np.concatenate([*static, *(b for b in below if len(b))]) if static or any(map(len, below)) else None
+    )
+    if points is not None and len(points) >= 4:
+        bottom = float(points[:, 2].min())
+        edges = _hull_edges(points)
+        count = HAND_BOX_COUNT if top - bottom > 0.03 else 1
+        bounds = np.linspace(top, bottom, count + 1)
+        for high, low in pairwise(bounds.tolist()):
+            inside = _between(edges, low, high)
+            if len(inside):
+                boxes.append(_box(inside.min(axis=0), inside.max(axis=0), low, high))
+    for side in (1.0, -1.0):
+        beside = [p[(p[:, 2] > top) & (side * p[:, 1] >= widest / 2)] for p in swept]
+        beside = [p for p in beside if len(p)]
+        if beside:
+            whole = np.concatenate(beside)
+            low, high = whole.min(axis=0), whole.max(axis=0)
+            boxes.append(_box(low, high, float(low[2]), float(high[2])))
+    if not boxes:
+        boxes.append((Box((0.04, 0.04, 0.02)), Pose((0.0, 0.0, top - 0.01))))
+    return tuple(boxes)
+
+
+def finger_box(fingers: list[Array], widths: list[float]) -> tuple[Box, Pose]:
+    """Return a box around the +y finger at all openings, each moved back by half of the opening."""
+    moved = np.concatenate(
+        [points - [0.0, width / 2, 0.0] for points, width in zip(fingers, widths, strict=True)]
+    )
+    low, high = moved.min(axis=0), moved.max(axis=0)
+    low[1] = max(low[1], 0.0)
+    return _box(low, high, float(low[2]), float(high[2]))
+
+
+def _box(low: Array, high: Array, bottom: float, top: float) -> tuple[Box, Pose]:
+    size = (float(high[0] - low[0]), float(high[1] - low[1]), top - bottom)
+    centre = (float(low[0] + high[0]) / 2, float(low[1] + high[1]) / 2, (bottom + top) / 2)
+    return Box((max(size[0], 1e-3), max(size[1], 1e-3), max(size[2], 1e-3))), Pose(centre)
+
+
+def _hull_edges(points: Array) -> Array:
+    """Return the edges (m, 2, 3) of the convex hull."""
+    try:
+        hull = ConvexHull(points)
+    except (RuntimeError, ValueError):
+        return np.stack([points, points], axis=1)
+    pairs = np.concatenate([hull.simplices[:, [0, 1]], hull.simplices[:, [1, 2]], hull.simplices[:, [2, 0]]])
+    return points[pairs]
+
+
+def _between(edges: Array, low: float, high: float) -> Array:
+    """Return points (k, 3) of the edges' parts between two heights."""
+    found: list[Array] = []
+    for z in (low, high):
+        a, b = edges[:, 0], edges[:, 1]
+        across = (a[:, 2] - z) * (b[:, 2] - z) < 0
+        share = (z - a[across, 2]) / (b[across, 2] - a[across, 2])
+        found.append(a[across] + share[:, None] * (b[across] - a[across]))
+    ends = edges.reshape(-1, 3)
+    found.append(ends[(ends[:, 2] >= low - 1e-9) & (ends[:, 2] <= high + 1e-9)])
+    return np.concatenate(found)
