@@ -86,7 +86,7 @@ class PlanAnswer:
         return self.found is not None and not self.judged
 
     def to_json_text(self) -> str:
-        return json.dumps(asdict(self), indent=2, default=_plain) + "\n"
+        return json.dumps(asdict(self), indent=2, default=str) + "\n"
 
     def to_text(self) -> str:
         """Return the answer as text for a terminal."""
@@ -172,8 +172,3 @@ def _table(rows: Iterator[tuple[str, str]] | list[tuple[str, str]]) -> list[str]
     listed = list(rows)
     wide = max(len(name) for name, _ in listed)
     return [f"{name:<{wide}}  {text}" for name, text in listed]
-
-
-def _plain(value: object) -> object:
-    """Return the text of a value that JSON has no type for."""
-    return str(value)

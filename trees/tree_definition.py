@@ -14,7 +14,7 @@ from ..files.value_wording import suggest_name
 from ..files.yaml.document import Document, read_document
 from ..files.yaml.reader import Value
 from ..files.yaml.writer import from_value, mission_text, value_text
-from .description import Described, NodeDescription, plain_value, python_name
+from .description import CalledTree, Described, NodeDescription, plain_value, python_name
 
 MAIN: Final = "Main"
 FILE_MODULE: Final = "picktree_plugin_"
@@ -64,12 +64,12 @@ class TreeDefinition:
         return {"ports": dict(self.ports), **(root if isinstance(root, dict) else {str(root): None})}
 
 
-def trees_of(main: NodeDescription) -> dict[str, TreeDefinition]:
+def trees_of(main: NodeDescription) -> dict[str, CalledTree]:
     """Return the trees that a tree calls, directly or not, by name.
 
     Raises PicktreeError when two trees have the same name.
     """
-    found: dict[str, TreeDefinition] = {}
+    found: dict[str, CalledTree] = {}
     todo = [main]
     while todo:
         for tree in (node.tree for node in todo.pop().iterate() if node.tree is not None):

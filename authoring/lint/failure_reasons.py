@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from ...world.causes import Cause, Family, all_causes, matches
 
 if TYPE_CHECKING:
-    from ..mission import NodeSpec
+    from ...trees.mission import NodeSpec
 
 UNREPORTED = 1
 """The bit of a failure without a report: a condition that does not hold."""

@@ -4,15 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
+from ...trees.controls.parallel import counted
+from ...trees.flow import FAILURE, RUNNING, SKIPPED, SUCCESS, AtOnce
+from ...trees.mission import NodeSpec
 from .failure_reasons import joined
-from .flow_state import NOTHING, SHARED, ConcurrentEffect, FlowState
-from .outcomes import NEVER, NodeOutcomes, OutcomeCollector
-
-if TYPE_CHECKING:
-    from ..mission import NodeSpec
-    from .flow_walk import FlowAnalysis
+from .flow_walk import FlowWalk
+from .outcomes import NOTHING, SHARED, ConcurrentEffect, FlowState, Outcomes
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,7 +19,7 @@ class _Part:
     the hand may hold because of it."""
 
     start: FlowState
-    flow: NodeOutcomes
+    flow: Outcomes
     begins: bool
     brings: int = 0
 
@@ -39,27 +37,22 @@ class _Part:
         return self.flow.everywhere | {self.start._replace(sure=entry.sure)}
 
 
-class ParallelFlow:
-    """The flow of a node that ticks all its children until `wanted` succeeded or `tolerated` failed.
+class ParallelWalk:
+    """Walk over children that are all ticked until `wanted` succeeded or `tolerated` failed.
 
     None: the number is not known. `spares_skipped`: those that are skipped need not succeed.
     """
 
-    def __init__(
-        self,
-        spec: NodeSpec,
-        entry: FlowState,
-        walk: FlowAnalysis,
-        wanted: int | None,
-        tolerated: int | None,
-        *,
-        spares_skipped: bool,
-    ) -> None:
+    def __init__(self, spec: NodeSpec, flow: AtOnce, walk: FlowWalk, entry: FlowState) -> None:
         self._spec, self._entry, self._walk = spec, entry, walk
-        self._wanted, self._tolerated, self._spares_skipped = wanted, tolerated, spares_skipped
         self._total = len(spec.children)
+        success, failure = walk.number(spec, flow.wanted), walk.number(spec, flow.tolerated)
+        self._wanted = None if success is None else counted(int(success), self._total)
+        self._tolerated = None if failure is None else counted(int(failure), self._total)
+        self._spares_skipped = success is None or success < 0
 
-    def flow(self) -> NodeOutcomes:
+    def outcomes(self) -> Outcomes:
+        """Return the outcomes of the node."""
         effects = [NOTHING] * self._total
         while True:
             parts = self._started(effects)
@@ -77,14 +70,14 @@ class ParallelFlow:
         for index, child in enumerate(self._spec.children):
             if over:
                 self._walk.unreached(child, f"{self._spec.name} ends before it in the first tick")
-                parts.append(_Part(sure, NEVER, begins=False))
+                parts.append(_Part(sure, Outcomes(), begins=False))
                 continue
             start = sure
             for other, effect in enumerate(effects):
                 start = effect.on(start) if other != index else start
             flow = self._walk.child(child, (start,))
             if not self._entry.hand & SHARED:
-                start, flow = start.alone(), flow.alone()
+                start, flow = start.alone(), flow.mapped(FlowState.alone)
             part = _Part(start, flow, begins=True)
             parts.append(part)
             if not flow.running:
@@ -110,8 +103,8 @@ class ParallelFlow:
 
     # What comes of them together.
 
-    def _ends(self, parts: list[_Part]) -> NodeOutcomes:
-        ends = OutcomeCollector()
+    def _ends(self, parts: list[_Part]) -> Outcomes:
+        ends = Outcomes()
         flows = [part.flow for part in parts if part.begins]
         failing = [index for index, part in enumerate(parts) if part.flow.failure]
         passing = sum(bool(f.success or (f.skipped and self._spares_skipped)) for f in flows)
@@ -121,11 +114,11 @@ class ParallelFlow:
         if self._wanted is None or passing >= self._wanted:
             self._succeed(parts, ends)
         if len(flows) == self._total and all(flow.skipped for flow in flows):
-            ends.skip(self._together(parts, [part.flow.skipped for part in parts]))
+            ends.add(SKIPPED, self._together(parts, [part.flow.skipped for part in parts]))
         waits = any(flow.running or flow.skipped for flow in flows)
         if waits or not (self._tolerated == 1 and self._wanted == self._total):
-            ends.run(self._together(parts, [part.anywhere(self._entry) for part in parts]))
-        return ends.flow()
+            ends.add(RUNNING, self._together(parts, [part.anywhere(self._entry) for part in parts]))
+        return ends.tidied()
 
     def _needed_failures(self) -> int:
         """With how few failures it may fail."""
@@ -133,21 +126,20 @@ class ParallelFlow:
             return 1
         return max(1, min(self._tolerated, self._total - self._wanted + 1))
 
-    def _fail(self, parts: list[_Part], failing: list[int], needed: int, ends: OutcomeCollector) -> None:
+    def _fail(self, parts: list[_Part], failing: list[int], needed: int, ends: Outcomes) -> None:
         everything = joined(r for index in failing for r in parts[index].flow.failure.values())
         for index in failing:
             for state, reasons in parts[index].flow.failure.items():
                 ways = [part.anywhere(self._entry) for part in parts]
                 ways[index] = frozenset((state,))
-                for end in self._together(parts, ways):
-                    ends.fail_at(end, reasons if needed == 1 else everything)
+                ends.add(FAILURE, self._together(parts, ways), reasons if needed == 1 else everything)
 
-    def _succeed(self, parts: list[_Part], ends: OutcomeCollector) -> None:
+    def _succeed(self, parts: list[_Part], ends: Outcomes) -> None:
         if self._wanted == self._total and all(part.may_pass for part in parts):
             ways = [part.flow.success | part.flow.skipped for part in parts]
         else:
             ways = [part.anywhere(self._entry) for part in parts]
-        ends.succeed(self._together(parts, ways))
+        ends.add(SUCCESS, self._together(parts, ways))
 
     def _together(self, parts: list[_Part], ways: list[frozenset[FlowState]]) -> Iterable[FlowState]:
         """States in which each child is in one of its own."""

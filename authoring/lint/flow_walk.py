@@ -1,120 +1,34 @@
-"""Keys and expressions on a walk: which bits stand for a key, and what reading one may come to."""
+"""Walk through a mission from state to state: the part that the flow of one node needs, and the findings."""
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
-from ...files.expressions.expression import Expression, ExpressionError
-from ...files.expressions.syntax_tree import (
-    Attribute,
-    ComparisonChain,
-    Conditional,
-    ListOf,
-    LiteralValue,
-    Logic,
-    Name,
-    Not,
-    Part,
-    walk,
-)
-from ...files.expressions.syntax_tree import children as parts_of
+from ...files.expressions.expression import Expression
+from ...trees.flow import FAILURE
+from ...trees.mission import NodeSpec
+from ...trees.ports import Required
+from ...trees.values.references import Constant, Reference
 from ...world.belief.facts import FACTS
 from ...world.causes import perception
 from ...world.causes import tree as tree_causes
 from ...world.causes import world as world_causes
-from ..mission import NodeSpec
-from ..ports import Required
-from ..values.references import Constant, Reference
-from .failure_reasons import CauseBits, FailureReasons
-from .flow_state import EMPTY, SHARED, FlowState, States, tidy
-from .key_bits import KeyBits
-from .outcomes import Failures, NodeOutcomes, OutcomeCollector
-
-
-@dataclass(frozen=True, slots=True)
-class ExpressionShape:
-    """`certain`: names that are read whatever the values are. `total`: it has a value as soon as its names
-    have one, of whatever type. `constant`: whether it holds, where no name decides; None: cannot be said."""
-
-    names: tuple[str, ...]
-    certain: frozenset[str]
-    attributes: bool
-    total: bool
-    constant: bool | None
-    fails: bool
-    """It has no value at all: `1 / 0`."""
-    if_yes: bool | None
-    """What it says of the fact `holding` where it holds; None: nothing."""
-    if_no: bool | None
-    """The same where it does not hold."""
-
-
-def shape(expression: Expression) -> ExpressionShape:
-    constant, fails = _constant(expression)
-    names = dict.fromkeys(part.name for part in walk(expression.root) if isinstance(part, Name))
-    return ExpressionShape(
-        tuple(names),
-        certain_names(expression.root),
-        bool(expression.paths),
-        is_total(expression.root),
-        constant,
-        fails,
-        says_of_hand(expression.root, answer=True),
-        says_of_hand(expression.root, answer=False),
-    )
-
-
-def certain_names(part: Part) -> frozenset[str]:
-    """Names that are read whatever the values are: those behind a first `and` or `or` are not."""
-    match part:
-        case Name(name=name):
-            return frozenset((name,))
-        case Logic(parts=(first, *_)):
-            return certain_names(first)
-        case Conditional(test=test, yes=yes, no=no):
-            return certain_names(test) | (certain_names(yes) & certain_names(no))
-        case ComparisonChain(first=first, rest=(second, *_)):
-            return certain_names(first) | certain_names(second.operand)
-        case _:
-            return frozenset[str]().union(*map(certain_names, parts_of(part)))
-
-
-def is_total(part: Part) -> bool:
-    """Whether nothing in it works on some types only."""
-    match part:
-        case LiteralValue() | Name():
-            return True
-        case ComparisonChain(rest=rest):
-            return all(r.relation in ("==", "!=") for r in rest) and all(map(is_total, parts_of(part)))
-        case Logic() | Not() | Conditional() | ListOf():
-            return all(map(is_total, parts_of(part)))
-        case _:
-            return False
-
-
-def says_of_hand(part: Part, *, answer: bool) -> bool | None:
-    """Whether something is held when that is the answer; None: it does not tell."""
-    match part:
-        case Name(name="holding"):
-            return answer
-        case Not(operand=operand):
-            return says_of_hand(operand, answer=not answer)
-        case Logic(symbol=symbol, parts=parts) if (symbol == "and") is answer:
-            # All parts of an `and` that holds do, and no part of an `or` that does not.
-            known = (says_of_hand(one, answer=answer) for one in parts)
-            return next((said for said in known if said is not None), None)
-        case _:
-            return None
-
-
-def _constant(expression: Expression) -> tuple[bool | None, bool]:
-    if expression.names or any(isinstance(part, Attribute) for part in walk(expression.root)):
-        return None, False
-    try:
-        return bool(expression.evaluate({})), False
-    except ExpressionError:
-        return None, True
+from .failure_reasons import CauseBits, FailureReasons, joined
+from .keys import ExpressionShape, KeyBits, shape
+from .outcomes import (
+    EMPTY,
+    FIRST_FILLER,
+    NOTHING,
+    SHARED,
+    ConcurrentEffect,
+    Failures,
+    FlowState,
+    Outcomes,
+    States,
+    tidy,
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -146,13 +60,11 @@ class WiredTree:
     layout: KeyBits
     same: Mapping[int, int]
     owned: int
-    memo: dict[tuple[int, FlowState], NodeOutcomes] = field(
-        default_factory=dict[tuple[int, FlowState], NodeOutcomes]
-    )
+    memo: dict[tuple[int, FlowState], Outcomes] = field(default_factory=dict[tuple[int, FlowState], Outcomes])
 
 
-class KeyReader:
-    """What a walk knows of keys, in the tree through which it goes at the moment."""
+class FlowWalk(ABC):
+    """Walk through a mission, as far as the flow of one node needs it."""
 
     def __init__(self) -> None:
         self.causes = CauseBits()
@@ -171,6 +83,19 @@ class KeyReader:
         self._missing = 0
         self._shapes: dict[int, ExpressionShape] = {}
         self._made: dict[tuple[int, int, int], FailureReasons] = {}
+        self.reached: dict[int, NodeSpec] = {}
+        self.started: set[int] = set()
+        self.entered: set[str] = set()
+        self.blocked: dict[int, str] = {}
+        """Why a node was not reached, by `id` of its spec; it may have been from elsewhere."""
+        self.handled: set[tuple[int, str]] = set()
+        """Handlers that were used, by `id` of the spec and label."""
+        self.fillers: list[NodeSpec] = []
+        self.unhidable = self.causes.matching("safety.*")
+        """What no node may turn into a success; faults of the program are not walked through."""
+        self._remembered: dict[int, FailureReasons] = {}
+        self._recalled: set[int] = set()
+        self._outdated = False
 
     @property
     def _frame(self) -> WiredTree:
@@ -198,16 +123,12 @@ class KeyReader:
         value = self.literal(spec, key)
         return value if isinstance(value, int | float) else None
 
-    def key_of(self, spec: NodeSpec, port: str) -> int:
-        """The bits of the key that a port is wired to; 0 when it is wired to none."""
-        bound = spec.ports.get(port)
-        return self.bits(bound.key) if isinstance(bound, Reference) else 0
-
     def keys_of(self, spec: NodeSpec, ports: Iterable[str]) -> int:
-        """As `key_of`, of several."""
+        """Return the bits of the keys to which the ports are wired."""
         bits = 0
         for port in ports:
-            bits |= self.key_of(spec, port)
+            bound = spec.ports.get(port)
+            bits |= self.bits(bound.key) if isinstance(bound, Reference) else 0
         return bits
 
     def flags(self, spec: NodeSpec) -> tuple[int, ...]:
@@ -227,18 +148,18 @@ class KeyReader:
         found = self.shape(expression)
         yes: list[FlowState] = []
         no: list[FlowState] = []
-        failed = OutcomeCollector()
+        failed = Outcomes()
         for state in states:
             after, reasons = self._names(spec, place, found, state)
             if reasons is not None:
-                failed.fail_at(state, reasons)
+                failed.add(FAILURE, (state,), reasons)
             if found.fails:
                 continue
             if found.constant is not False:
                 yes.append(self._told(after, holding=found.if_yes))
             if found.constant is not True:
                 no.append(self._told(after, holding=found.if_no))
-        return ExpressionAnswers(tidy(yes), tidy(no), failed.flow().failure)
+        return ExpressionAnswers(tidy(yes), tidy(no), failed.tidied().failure)
 
     # For the walk.
 
@@ -323,3 +244,62 @@ class KeyReader:
             read = self.reads[where] = KeyRead(spec, place, key, layout.tree.name)
         read.missing = read.missing or (missing and not state.doubtful)
         read.ever = read.ever or (bool(state.maybe & bits) and not state.doubtful)
+
+    # What a node's flow may ask.
+
+    def child(
+        self, spec: NodeSpec, states: Iterable[FlowState], meanwhile: ConcurrentEffect = NOTHING
+    ) -> Outcomes:
+        """The ends of a child that starts in any of these states; `meanwhile`: what others may do between
+        its ticks."""
+        if meanwhile != NOTHING and any(self.node_outcomes(spec, state).running for state in states):
+            flow = self.child(spec, tidy(meanwhile.on(state) for state in states))
+            shared = any(state.hand & SHARED for state in states)
+            return flow if shared or not meanwhile.hand else flow.mapped(FlowState.alone)
+        flows = [self.node_outcomes(spec, state) for state in states]
+        if len(flows) < 2:
+            return flows[0] if flows else Outcomes()
+        ends = Outcomes()
+        for flow in flows:
+            ends.take(flow)
+        return ends.tidied()
+
+    def effect(self, spec: NodeSpec, states: Iterable[FlowState]) -> ConcurrentEffect:
+        """What a child that starts in any of these states may do to them."""
+        found = NOTHING
+        for state in states:
+            found = found.with_(self.node_outcomes(spec, state).effect(state))
+        return found
+
+    def remember(self, spec: NodeSpec, reasons: FailureReasons) -> None:
+        """That the node may have failed so in an earlier activation."""
+        known = self._remembered.get(id(spec))
+        together = reasons if known is None else joined((known, reasons))
+        if known is None or together.any & ~known.any or together.loud & ~known.loud:
+            self._remembered[id(spec)] = together
+            self._outdated = self._outdated or id(spec) in self._recalled
+
+    def recall(self, spec: NodeSpec) -> FailureReasons:
+        """What it may have failed with in an earlier activation."""
+        self._recalled.add(id(spec))
+        return self._remembered.get(id(spec), FailureReasons(0, 0))
+
+    def filler(self, spec: NodeSpec) -> int:
+        """The bit of `FlowState.hand` that says that this node took what is held."""
+        if not any(spec is known for known in self.fillers):
+            self.fillers.append(spec)
+        index = next(i for i, known in enumerate(self.fillers) if known is spec)
+        return FIRST_FILLER << index
+
+    def unreached(self, spec: NodeSpec, why: str) -> None:
+        """The child is not ticked this time; `why` completes `it is never reached: …`."""
+        self.blocked[id(spec)] = why
+
+    def handles(self, spec: NodeSpec, label: str) -> None:
+        """The node has used the handler of that label."""
+        self.handled.add((id(spec), label))
+
+    @abstractmethod
+    def node_outcomes(self, spec: NodeSpec, state: FlowState) -> Outcomes:
+        """Return the outcomes of a node that starts in that state."""
+        ...

@@ -11,10 +11,11 @@ from ...world.belief.planning_scene import BeliefObject
 from ...world.causes import Failure, place
 from ...world.events.skill_events import PutDownEvent
 from ..grasp.straight_lines import DOWNWARDS
+from ..place.dropped_objects import support_height_at
+from ..place.release_poses import blocked, put_down_poses
 from ..retreat.clearing import FREE_PATH_THRESHOLDS, REDUCED_SPEED, WARY_SPEED, RetreatMotion
 from ..retreat.homing import observe_with_fixed_cameras
-from .dropped_objects import support_height_at
-from .release_poses import blocked, put_down_poses
+from .hold_check import release_held_object
 
 if TYPE_CHECKING:
     from ...cell.world import World
@@ -90,14 +91,8 @@ def _lower(world: World, held: BeliefObject, node: str) -> Doing[None]:
         speed=handling.touch_speed,
         node=node,
     )
-    before = world.scene.get(held.id)
-    try:
-        yield from world.gripper.release(handling.release)
-    except GeneratorExit:  # halted, but the fingers go on opening
-        world.scene.detach(held.id, before.pose, "table", "let go")
-        raise
-    world.control.wrist.carry(None)
-    world.scene.detach(held.id, before.pose, "table", "put down by a retreat")
+    resting = world.scene.get(held.id).pose
+    yield from release_held_object(world, held, resting, "table", "put down by a retreat")
     world.journal.note(PutDownEvent(f"{held.id} is put down", node, object=held.id))
 
 
