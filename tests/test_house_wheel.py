@@ -101,5 +101,9 @@ def test_notebook_runs_from_the_wheel(elsewhere: dict[str, str], tmp_path: Path)
         cwd=tmp_path, env=elsewhere, capture_output=True, text=True,
     )  # fmt: skip
     assert run.returncode == 0, run.stdout + run.stderr
-    assert run.stdout.count("_repr_png_") == 3
+    shown = [word for word in run.stdout.split() if word.startswith("_repr_")]
+    assert shown == [
+        "_repr_html_", "_repr_html_", "_repr_png_", "_repr_png_", "_repr_svg_",
+        "_repr_html_", "_repr_html_", "_repr_html_", "_repr_png_", "_repr_html_",
+    ]  # fmt: skip
     assert "Warning" not in run.stderr

@@ -1,4 +1,4 @@
-"""Compare two grip forces over some seeds."""
+"""Compare two grip forces over some seeds (here one: it is an example)."""
 
 from pathlib import Path
 
@@ -6,7 +6,7 @@ import picktree as pt
 
 mission = pt.load(Path(__file__).parents[1] / "one_pick.yaml")
 batch = pt.batch(
-    mission, seeds=range(2), settings={"Grasp.force": [10, 30]}, backend="kinematic", workers=1, out="forces"
+    mission, seeds=range(1), settings={"Grasp.force": [10, 30]}, backend="kinematic", workers=1, out="forces"
 )
 print(batch)
 print(batch.compare())

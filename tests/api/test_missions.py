@@ -102,26 +102,13 @@ def test_drawing_is_that_of_the_command(tmp_path: Path) -> None:
         mission.render(tmp_path / "tree.jpg")
 
 
-def test_batch_compares_settings(tmp_path: Path) -> None:
-    mission = pt.Mission(one_pick(), scene="sort_small", goal="sorted == 1", name="one pick")
-    batch = pt.batch(
-        mission,
-        seeds=[1],
-        settings={"Grasp.force": [10, 30]},
-        backend="kinematic",
-        workers=1,
-        out=tmp_path / "b",
-    )
-    assert batch.variants == ("Grasp.force=10", "Grasp.force=30")
-    assert batch.query("SELECT variant, seed, status FROM jobs").rows == (
-        ("Grasp.force=10", 1, "success"), ("Grasp.force=30", 1, "success"),
-    )  # fmt: skip
-    (compared,) = pt.Batch(tmp_path / "b").compare()
-    assert (compared.success_a.total, compared.success_b.total) == (1, 1)
-    assert compared.label_b.endswith("@Grasp.force=30")
-    assert pt.load(tmp_path / "b" / "mission.yaml").text == mission.text
-    with pytest.raises(pt.PicktreeError, match="has no input 'forse'"):
-        pt.batch(mission, seeds=[1], settings={"Grasp.forse": [10]}, out=tmp_path / "c")
+def test_batch_refuses_a_port_that_no_node_has(tmp_path: Path) -> None:
+    mission = pt.Mission(one_pick(), scene="sort_small", name="one pick")
+    with pytest.raises(
+        pt.PicktreeError, match=r"^Grasp\.forse: Grasp has no input 'forse' \(did you mean 'force'"
+    ):
+        pt.batch(mission, seeds=[1], settings={"Grasp.forse": [10]}, out=tmp_path / "forces")
+    assert pt.load(tmp_path / "forces" / "mission.yaml").text == mission.text
 
 
 PLUGIN = (ROOT / "docs" / "plugins.md").read_text(encoding="utf-8").split("```python\n")[1].split("```")[0]
