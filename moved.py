@@ -20,10 +20,10 @@ if TYPE_CHECKING:
 MODULES: Final[Mapping[str, str]] = {
     "batch.batch": "batch.workers.batch",
     "batch.cluster.executor": "batch.cluster.ray_executor",
-    "cell.handover": "skill_world.handover",
-    "cell.operator_desk": "skill_world.operator_desk",
-    "cell.vision": "skill_world.vision",
-    "cell.world": "skill_world.world",
+    "cell.handover": "cell.handover",
+    "cell.operator_desk": "cell.operator_desk",
+    "cell.vision": "cell.vision",
+    "cell.world": "cell.world",
     "control.cartesian.twist": "control.cartesian.velocity_controller",
     "logs.comparing.alignment": "analysis.compare.alignment",
     "logs.comparing.first_difference": "analysis.compare.divergence",
@@ -49,7 +49,7 @@ MODULES: Final[Mapping[str, str]] = {
     "world.robot.model": "robots.model",
     "world.scene.load": "world.scene.loading.scene_loading",
     "world.scene.planning_scene": "world.belief.planning_scene",
-    "world.world": "skill_world.world",
+    "world.world": "cell.world",
 }
 """New name of a module by its old one."""
 NAMES: Final[Mapping[str, str]] = {

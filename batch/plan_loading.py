@@ -15,7 +15,7 @@ from ..files.marks import CheckedFile, Diagnostic, FileError
 from ..files.value_wording import describe
 from ..files.yaml.document import Document, read_document
 from ..files.yaml.document_checker import DocumentChecker
-from ..files.yaml.field_types import FileModel, Flag, InvalidValue, quantity
+from ..files.yaml.file_models import FileModel, Flag, InvalidValue, quantity
 from ..simulation.fault_files.fault_loading import load_faults
 from ..trees.loading.scene_names import SceneNames, load_surroundings
 from ..trees.running.run_settings import read_settings

@@ -21,7 +21,7 @@ from ..world.causes import Failure
 from ..world.causes import world as world_causes
 from ..world.scene.calibration_results import TargetTile
 from ..world.shapes import Box
-from ..world.values import Array, Pose, Vector3
+from ..world.values import Array, Pose, Vector3, vector3
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -131,12 +131,7 @@ def _contact(
         if face[2] == 0.0:
             place[2] = low - float((at_tips @ hand[2]).min())
         poses.append(Pose.from_rotation(target.apply(place), axes))
-    return TouchPoint(name, _three(face), _three(normal), tuple(poses))
-
-
-def _three(vector: Array) -> Vector3:
-    x, y, z = (float(c) for c in vector)
-    return x, y, z
+    return TouchPoint(name, vector3(face), vector3(normal), tuple(poses))
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from math import degrees
 
-from ..world.causes import Evidence
+from ..world.causes import Evidence, Failure
 
 MILLIMETRE_KEYS = frozenset({"depth", "by", "short", "at", "point", "first"})
 """Keys of evidence in m that the text gives in mm."""
@@ -55,6 +55,11 @@ class PlanRefusal:
     remedy: str
     evidence: Evidence
 
+    @classmethod
+    def of(cls, failure: Failure) -> PlanRefusal:
+        """Return the reason that a failure of the planner gives."""
+        return cls(failure.cause.name, failure.message, failure.cause.remedy, failure.evidence)
+
 
 @dataclass(frozen=True, slots=True)
 class PlanAnswer:
@@ -81,7 +86,7 @@ class PlanAnswer:
         return self.found is not None and not self.judged
 
     def to_json_text(self) -> str:
-        return json.dumps(asdict(self), indent=2, default=_plain) + "\n"
+        return json.dumps(asdict(self), indent=2, default=str) + "\n"
 
     def to_text(self) -> str:
         """Return the answer as text for a terminal."""
@@ -89,14 +94,17 @@ class PlanAnswer:
             f"{self.asked}, from {self.begins}",
             f"scene {self.scene}, robot {self.robot}, seed {self.seed}; everything is believed where it is",
             "",
+            *self.lines(),
         ]
-        if self.found is not None:
-            lines += _table(self._figures(self.found))
-        if self.refused is not None:
-            lines += self._why_not(self.refused)
         if self.picture:
             lines += ["", f"picture: {self.picture}"]
         return "\n".join(lines)
+
+    def lines(self) -> list[str]:
+        """Return the figures of the plan, or the reason why there is none."""
+        if self.found is not None:
+            return _table(self._figures(self.found))
+        return self._why_not(self.refused) if self.refused is not None else []
 
     def _figures(self, found: PlanFigures) -> Iterator[tuple[str, str]]:
         if self.grasp:
@@ -164,8 +172,3 @@ def _table(rows: Iterator[tuple[str, str]] | list[tuple[str, str]]) -> list[str]
     listed = list(rows)
     wide = max(len(name) for name, _ in listed)
     return [f"{name:<{wide}}  {text}" for name, text in listed]
-
-
-def _plain(value: object) -> object:
-    """Return the text of a value that JSON has no type for."""
-    return str(value)

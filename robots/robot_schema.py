@@ -6,7 +6,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from ..files.yaml.field_types import Angle, Angles, FileModel, Force, Mass, Sizes, Vector, quantity
+from ..files.yaml.file_models import Angle, Angles, FileModel, Force, Mass, Sizes, Vector, quantity
 from ..world.shapes import Box
 from ..world.values import Pose
 from .description import PadContact

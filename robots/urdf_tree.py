@@ -14,7 +14,7 @@ from ..errors import PicktreeError
 from ..files.shipped_files import is_file
 from ..files.yaml.file_text import Unreadable, read_bytes
 from ..world.shapes import Box, Cylinder, Sphere
-from ..world.values import Pose, Vector3
+from ..world.values import Pose, Vector3, vector3
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,10 +47,7 @@ def link_geometry(urdf: str, which: Literal["visual", "collision"]) -> tuple[Urd
 
 
 def _element(urdf: str, link: str, element: ElementTree.Element) -> UrdfMesh | UrdfPrimitive:
-    origin = element.find("origin")
-    pose = Pose()
-    if origin is not None:
-        pose = Pose.from_rpy(_numbers(origin.get("xyz", "0 0 0")), _numbers(origin.get("rpy", "0 0 0")))
+    pose = origin_pose(element.find("origin"))
     geometry = element.find("geometry")
     if geometry is not None and len(geometry) == 1:
         kind = geometry[0]
@@ -70,9 +67,15 @@ def _element(urdf: str, link: str, element: ElementTree.Element) -> UrdfMesh | U
     raise PicktreeError(f"{urdf}: link {link!r}: geometry must be one mesh, box, cylinder or sphere")
 
 
+def origin_pose(origin: ElementTree.Element | None) -> Pose:
+    """Return the pose of an <origin>, by default the identity. Raises ValueError for malformed numbers."""
+    if origin is None:
+        return Pose()
+    return Pose.from_rpy(_numbers(origin.get("xyz", "0 0 0")), _numbers(origin.get("rpy", "0 0 0")))
+
+
 def _numbers(text: str) -> Vector3:
-    x, y, z = (float(word) for word in text.split())
-    return (x, y, z)
+    return vector3(map(float, text.split()))
 
 
 def _resolved(urdf: str, filename: str) -> str:

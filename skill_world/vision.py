@@ -9,8 +9,8 @@ from typing import TypeVar
 
 from ..perception.data_association import ObservationSummary, update_belief
 from ..perception.fitting.known_object_fitting import TrackedSighting
-from ..perception.fitting.view import PerceivedView
-from ..perception.pipeline import BinView, Perception
+from ..perception.fitting.view import BinView, PerceivedView
+from ..perception.pipeline import Perception
 from ..world.belief.planning_scene import BeliefObject, PlanningScene
 from ..world.causes import Failure, perception
 from ..world.computing_time import ComputeTimeAccount, Stopwatch

@@ -9,7 +9,8 @@ from typing import TypeAlias
 
 from ..errors import PicktreeError
 
-Evidence: TypeAlias = "Mapping[str, str | float | int | bool | None | list[float] | list[str]]"
+EvidenceValue: TypeAlias = "str | float | int | bool | None | list[float] | list[str]"
+Evidence: TypeAlias = Mapping[str, EvidenceValue]
 
 
 @dataclass(frozen=True, slots=True)
@@ -237,9 +238,7 @@ class FailureReport:
 
     cause: Cause
     message: str
-    evidence: Evidence = field(
-        default_factory=dict[str, "str | float | int | bool | None | list[float] | list[str]"]
-    )
+    evidence: Evidence = field(default_factory=dict[str, EvidenceValue])
     node: str = ""
     attached: tuple[FailureReport, ...] = ()
 
@@ -247,12 +246,7 @@ class FailureReport:
 class Failure(Exception):
     """Raised by a skill's body: the node ends in FAILURE with this report. No other code catches it."""
 
-    def __init__(
-        self,
-        cause: Cause,
-        message: str,
-        **evidence: str | float | int | bool | list[float] | list[str] | None,
-    ) -> None:
+    def __init__(self, cause: Cause, message: str, **evidence: EvidenceValue) -> None:
         super().__init__(f"{cause}: {message}")
         self.cause = cause
         self.message = message

@@ -14,7 +14,7 @@ the other (Müller et al., "Position based dynamics", 2007).
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TypeAlias
 
@@ -216,17 +216,22 @@ def _outermost_edge(polygon: list[Point], at: Point) -> tuple[float, tuple[Point
     """Return the edge line that a point is furthest outside of: distance, m (negative: inside), the edge and
     its outward normal."""
     best, found = -math.inf, (polygon[0], polygon[0], (1.0, 0.0))
+    for edge in _edges(polygon):
+        (ax, ay), _, (nx, ny) = edge
+        off = (at[0] - ax) * nx + (at[1] - ay) * ny
+        if off > best:
+            best, found = off, edge
+    return best, found
+
+
+def _edges(polygon: list[Point]) -> Iterator[tuple[Point, Point, Point]]:
+    """Yield both ends and the outward normal of each edge that has a length."""
     for k, (ax, ay) in enumerate(polygon):
         bx, by = polygon[(k + 1) % len(polygon)]
         dx, dy = bx - ax, by - ay
         length = math.hypot(dx, dy)
-        if length < 1e-9:
-            continue
-        nx, ny = dy / length, -dx / length
-        off = (at[0] - ax) * nx + (at[1] - ay) * ny
-        if off > best:
-            best, found = off, ((ax, ay), (bx, by), (nx, ny))
-    return best, found
+        if length >= 1e-9:
+            yield (ax, ay), (bx, by), (dy / length, -dx / length)
 
 
 def _polygon_contacts(a: list[Point], b: list[Point]) -> list[_Contact]:
@@ -234,13 +239,7 @@ def _polygon_contacts(a: list[Point], b: list[Point]) -> list[_Contact]:
     the other."""
     depth, out = math.inf, (1.0, 0.0)
     for polygon, points, sign in ((a, b, 1.0), (b, a, -1.0)):
-        for k, (ax, ay) in enumerate(polygon):
-            bx, by = polygon[(k + 1) % len(polygon)]
-            dx, dy = bx - ax, by - ay
-            length = math.hypot(dx, dy)
-            if length < 1e-9:
-                continue
-            nx, ny = dy / length, -dx / length
+        for (ax, ay), _, (nx, ny) in _edges(polygon):
             off = -min((x - ax) * nx + (y - ay) * ny for x, y in points)
             if off <= 0.0:
                 return []

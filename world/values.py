@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import NewType, TypeAlias
 
@@ -19,6 +20,12 @@ GRAVITY = 9.81
 """Acceleration of free fall in simulation and models, m/s²."""
 
 
+def vector3(numbers: Iterable[float]) -> Vector3:
+    """Return three numbers as a tuple of Python's floats."""
+    x, y, z = map(float, numbers)
+    return x, y, z
+
+
 @dataclass(frozen=True, slots=True)
 class Pose:
     """A rigid transform, or a frame given in another: `a_in_b`. Position in m, unit quaternion xyzw."""
@@ -29,14 +36,12 @@ class Pose:
     @classmethod
     def from_matrix(cls, matrix: Array) -> Pose:
         """Return the pose of a homogeneous (4, 4) matrix whose upper left block is a rotation."""
-        x, y, z = matrix[:3, 3]
-        return cls((float(x), float(y), float(z)), quaternion_from_rotation(matrix[:3, :3]))
+        return cls(vector3(matrix[:3, 3]), quaternion_from_rotation(matrix[:3, :3]))
 
     @classmethod
     def from_rotation(cls, position: Array | Vector3, rotation: Array) -> Pose:
         """Return the pose of a position (3,) and a rotation matrix (3, 3)."""
-        x, y, z = position
-        return cls((float(x), float(y), float(z)), quaternion_from_rotation(rotation))
+        return cls(vector3(position), quaternion_from_rotation(rotation))
 
     @classmethod
     def from_rpy(cls, position: Vector3, rpy: Vector3) -> Pose:
@@ -82,13 +87,12 @@ class Pose:
 
     def __matmul__(self, other: Pose) -> Pose:
         """Composition: `a_in_c = b_in_c @ a_in_b`."""
-        x, y, z = self.apply(np.array(other.position))
-        return Pose((float(x), float(y), float(z)), quaternion_product(self.orientation, other.orientation))
+        position = vector3(self.apply(np.array(other.position)))
+        return Pose(position, quaternion_product(self.orientation, other.orientation))
 
     def inverse(self) -> Pose:
         x, y, z, w = self.orientation
-        px, py, pz = -(self.rotation().T @ np.array(self.position))
-        return Pose((float(px), float(py), float(pz)), (-x, -y, -z, w))
+        return Pose(vector3(-(self.rotation().T @ np.array(self.position))), (-x, -y, -z, w))
 
     def apply(self, points: Array) -> Array:
         """Points of this frame, (3,) or (n, 3), given in the parent frame."""
@@ -96,8 +100,8 @@ class Pose:
 
     def shifted(self, offset: Vector3 | Array) -> Pose:
         """Moved by `offset` (3,), which is given in the parent frame."""
-        x, y, z = (float(p + o) for p, o in zip(self.position, offset, strict=True))
-        return Pose((x, y, z), self.orientation)
+        moved = (p + o for p, o in zip(self.position, offset, strict=True))
+        return Pose(vector3(moved), self.orientation)
 
     def distance(self, other: Pose) -> float:
         """Distance of the two origins, m."""

@@ -8,8 +8,7 @@ from pathlib import Path
 from typing import cast
 
 from ...errors import PicktreeError
-from ...files.diagnostics.fault_codes import pages
-from ...files.diagnostics.suppressions import apply_suppressions
+from ...files.diagnostics.fault_codes import apply_suppressions, pages
 from ...files.node_patterns import short_names
 from ...files.yaml.document import Document, FileError, read_document, suggest_name
 from ...trees.loading.loader import load_mission
@@ -19,8 +18,8 @@ from ...trees.status import NodeStatus
 from ...world.journal import Plain
 from .cases.case import CaseFile, RehearsalCase
 from .checking.case_checks import examine_cases
-from .stage.answer_choice import ScriptedAnswers
 from .stage.mission_staging import StubbedMission, scene_of, stub_mission
+from .stage.node_roles import ScriptedAnswers
 from .stage.rehearsal_world import TICK_PERIOD, RehearsalWorld
 from .stage.trace import Trace
 from .verdict.coverage import CoverageRecord, coverage

@@ -117,17 +117,9 @@ class GripperMeter:
         closing = _snapped(_unit(one.mean(axis=0) - other.mean(axis=0)))
         # The tips are furthest from the palm, which the middle of leaning fingers is not.
         out = (one.mean(axis=0) + other.mean(axis=0)) / 2
-        static = [self._solids[link].points for link in self._behind if link in self._solids]
+        static = [self._motion.static(link) for link in self._behind if link in self._solids]
         if static:
-            palm = self._skeleton.pose(self._hand.palm, {})
-            points = np.concatenate(
-                [
-                    (palm.inverse() @ self._skeleton.pose(link, {})).apply(self._solids[link].points)
-                    for link in self._behind
-                    if link in self._solids
-                ]
-            )
-            out = out - points.mean(axis=0)
+            out = out - np.concatenate(static).mean(axis=0)
         out = out - closing * float(out @ closing)
         if float(np.linalg.norm(out)) < 1e-4:
             out = np.array([0.0, 0.0, 1.0]) - closing * float(closing[2])

@@ -11,8 +11,8 @@ from typing import Literal
 import numpy as np
 
 from ...robots.gripper_mounting import LinkInertia
-from ...robots.urdf_tree import MOVING, UrdfTree
-from ...world.values import Array, Pose, Vector3
+from ...robots.urdf_tree import MOVING, UrdfTree, origin_pose
+from ...world.values import Array, Vector3, vector3
 from .link_geometry import LinkGeometry
 
 DEFAULT_DENSITY = 1000.0
@@ -124,11 +124,7 @@ def _read(link: ElementTree.Element) -> tuple[float, Vector3, Array] | None:
         weight = float(mass.get("value", "")) if mass is not None else 0.0
         keys = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
         numbers = [float(inertia.get(key, "0")) if inertia is not None else 0.0 for key in keys]
-        pose = Pose()
-        if origin is not None:
-            x, y, z = (float(w) for w in origin.get("xyz", "0 0 0").split())
-            roll, pitch, yaw = (float(w) for w in origin.get("rpy", "0 0 0").split())
-            pose = Pose.from_rpy((x, y, z), (roll, pitch, yaw))
+        pose = origin_pose(origin)
     except ValueError:
         return None
     if not all(map(math.isfinite, (weight, *numbers))):
@@ -154,16 +150,11 @@ def _from_solid(solid: LinkGeometry | None) -> LinkInertia:
 def _scaled(solid: LinkGeometry, mass: float) -> LinkInertia:
     """Return the inertia of a box around the link with a given mass, kg."""
     low, high = solid.points.min(axis=0), solid.points.max(axis=0)
-    x, y, z = (float(s) for s in high - low)
-    cx, cy, cz = (float(c) for c in (low + high) / 2)
-    moments = tuple(max(mass * s / 12, MIN_MOMENT) for s in (y * y + z * z, x * x + z * z, x * x + y * y))
-    return LinkInertia(mass, (cx, cy, cz), (moments[0], moments[1], moments[2]), (0.0, 0.0, 0.0))
+    x, y, z = vector3(high - low)
+    squares = (y * y + z * z, x * x + z * z, x * x + y * y)
+    moments = vector3(max(mass * square / 12, MIN_MOMENT) for square in squares)
+    return LinkInertia(mass, vector3((low + high) / 2), moments, (0.0, 0.0, 0.0))
 
 
 def _inertia(mass: float, com: Vector3, m: Array) -> LinkInertia:
-    return LinkInertia(
-        mass,
-        com,
-        (float(m[0, 0]), float(m[1, 1]), float(m[2, 2])),
-        (float(m[0, 1]), float(m[0, 2]), float(m[1, 2])),
-    )
+    return LinkInertia(mass, com, vector3(np.diag(m)), vector3((m[0, 1], m[0, 2], m[1, 2])))

@@ -17,9 +17,8 @@ from ..marks import SPOILING_CODES, Diagnostic, FileError, Mark
 from ..shipped_files import is_file, is_folder
 from ..yaml.document import KINDS, Document, read_document
 from ..yaml.file_text import decoded, read_text
-from .fault_codes import pages, title
+from .fault_codes import apply_suppressions, pages, title
 from .fault_rendering import Paint, SourceLines, as_github, as_text, plain
-from .suppressions import apply_suppressions
 
 Check: TypeAlias = Callable[[Document], Iterable[Diagnostic]]
 """All that is wrong with a document of one kind, with the files that it names; never raises for its text."""

@@ -1,4 +1,8 @@
-"""Expression parser: text to syntax tree, within bounds. Every error names its character."""
+"""Expression parser: text to syntax tree, within bounds. Every error names its character.
+
+Python's `ast` is no substitute. It keeps no place of an operator, where errors of types stand. What it
+refuses is "invalid syntax" without advice, often at another place. It refuses keys such as `from`.
+"""
 
 from __future__ import annotations
 

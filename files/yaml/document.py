@@ -13,20 +13,6 @@ from ..value_wording import describe, suggest_name
 from .file_text import read_text
 from .reader import Value, YamlNode, read
 
-__all__ = [
-    "KINDS",
-    "Diagnostic",
-    "Document",
-    "FileError",
-    "Location",
-    "Mark",
-    "Value",
-    "merge_patch",
-    "read_document",
-    "suggest_name",
-    "where",
-]  # fmt: skip
-
 FORMAT = 1
 KINDS = ("mission", "scene", "robot", "faults", "cases", "plan")
 

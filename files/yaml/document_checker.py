@@ -12,8 +12,7 @@ from pydantic import BaseModel
 from ..marks import MAX_FAULTS, SPOILING_CODES, CheckedFile, Diagnostic, Location, Severity, too_many
 from ..value_wording import describe, listed, suggest_boolean, suggest_name, suggest_number
 from .document import Document
-from .field_types import InvalidValue, UnreadPart, check_name
-from .partial_models import bare, partial_model
+from .file_models import InvalidValue, UnreadPart, bare, check_name, partial_model
 
 HEADER = ("picktree", "kind")
 MAX_ENTRIES = 1000

@@ -8,9 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ...world.raycasting import cast
 from ...world.scene.description import NO_UNCERTAINTY, Bin, Fixture, SceneDescription
-from ...world.shapes import Box, Shape, corners, top
+from ...world.shapes import Box, Shape, corners, ray_hits, top
 from ...world.values import Array, Pose
 from ..geometry.camera_geometry import PosedCamera
 from ..geometry.resting_poses import spread
@@ -127,7 +126,9 @@ class _Scene:
             columns = (int(np.clip(u, 0, width)) for u in (u0, u1))
             window = (slice(*rows), slice(*columns))
         rays = self._rays[window]
-        depth = cast(shape, pose.rotation(), np.array(pose.position), self._sight.origin, rays.reshape(-1, 3))
+        depth = ray_hits(
+            shape, pose.rotation(), np.array(pose.position), self._sight.origin, rays.reshape(-1, 3)
+        )
         return window, depth.reshape(rays.shape[:2])
 
     def ground(self, height: float) -> None:

@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
 from ...robots.urdf_tree import UrdfMesh, UrdfPrimitive
-from ...world.raycasting import inside
-from ...world.shapes import Shape, corners
+from ...world.shapes import Shape, corners, inside
 from ...world.values import Array, Pose, Vector3
 from ..geometry.camera_geometry import ConvexFacets, PosedCamera
 

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ...world.raycasting import cast
+from ...world.shapes import ray_hits
 from ...world.values import Array
 from ..geometry.silhouette_fitting import silhouette
 from ..segmentation.blobs import Blob, Pixels, SegmentationInput, outline_patch
@@ -149,7 +149,7 @@ def _reassigned(
         stand = part.hypotheses[0].stand
         corners = silhouette(fitter.sight, stand).astype(np.float32)
         outside = np.array([-cv2.pointPolygonTest(corners, (float(u), float(v)), True) for u, v in pixels])
-        surface = cast(stand.rest.entry.shape, stand.turned, stand.centre, fitter.sight.origin, rays)
+        surface = ray_hits(stand.rest.entry.shape, stand.turned, stand.centre, fitter.sight.origin, rays)
         off = np.where(depths > 0, np.minimum(np.abs(surface - depths) / 0.006, 1.5), 0.0)
         costs.append(np.where(outside <= 0, off, 1.5 + outside))
     return np.stack(costs).argmin(axis=0)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...world.raycasting import cast
+from ...world.shapes import ray_hits
 from ...world.values import Array, Pose
 from ..expectation.backdrop import SupportSurface
 from ..geometry.camera_geometry import PosedCamera
@@ -194,7 +194,7 @@ class ItemFitter:
         rays, depths = blob.rays[::every], blob.depths[::every]
         if not len(depths):
             return 1.0, depths
-        model = cast(stand.rest.entry.shape, stand.turned, stand.centre, self.sight.origin, rays)
+        model = ray_hits(stand.rest.entry.shape, stand.turned, stand.centre, self.sight.origin, rays)
         off = model - depths
         sigma = self.noise * (float(depths[0]) / 0.7) ** 2 + self.model
         square = np.minimum((off / sigma) ** 2, OUTLIER_SIGMAS**2).sum() / len(depths)

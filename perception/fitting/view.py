@@ -11,9 +11,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ...world.raycasting import cast
 from ...world.scene.description import Bin, Form
-from ...world.shapes import Box, Shape, Sphere
+from ...world.shapes import Box, Shape, Sphere, ray_hits
 from ...world.values import Array, ObjectId, Pose
 from ..expectation.robot_mask import fill
 from ..geometry.camera_geometry import PosedCamera
@@ -135,7 +134,7 @@ class PerceivedView:
         if not len(rows):
             return BodyVisibility(total, 0, 0)
         pixels = np.stack([columns, rows], axis=1).astype(np.float64)
-        surface = cast(
+        surface = ray_hits(
             shape,
             pose.rotation(),
             np.array(pose.position),

@@ -10,9 +10,8 @@ import numpy as np
 from scipy.spatial import ConvexHull
 
 from ...world.belief.hole_matching import fits_hole
-from ...world.raycasting import half_spaces
 from ...world.scene.description import CatalogueEntry, Fixture, Hole
-from ...world.shapes import Box, ConvexMesh, Cylinder, Shape, Sphere, top
+from ...world.shapes import Box, ConvexMesh, Cylinder, Shape, Sphere, half_spaces, top
 from ...world.values import Array, ObjectId
 
 CORNER_TOLERANCE = 2e-4

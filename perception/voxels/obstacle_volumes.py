@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...world.belief.planning_scene import BeliefObject, PlanningScene
-from ...world.raycasting import inside
+from ...world.shapes import inside
 from ...world.values import ObjectId
 from ..fitting.view import PerceivedView, UnexplainedPatch
 from .space_carving import occupied_cells, retained_cells, surface_of

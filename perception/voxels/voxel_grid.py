@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
 from ...world.belief.planning_scene import BeliefObject, ObstacleBlock
-from ...world.raycasting import inside
-from ...world.shapes import Box, ConvexMesh, Shape, extents
+from ...world.shapes import Box, ConvexMesh, Shape, extents, inside
 from ...world.values import Array, Pose
 
 CELL_SIZE: Array = np.array([0.01, 0.01, 0.02])

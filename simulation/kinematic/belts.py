@@ -11,8 +11,8 @@ import numpy as np
 
 from ...robots.model import RobotModel
 from ...world.protocols import Clock
-from ...world.raycasting import span
 from ...world.scene.description import Belt, Fixture, SceneDescription
+from ...world.shapes import ray_span
 from ...world.values import ObjectId, Vector3
 from ..feed.belt_drive import BeltDrive, BeltState, check_belts
 from ..feed.cell_interface import LightCurtain, Zone
@@ -57,7 +57,7 @@ class KinematicBelt(BeltDrive):
         for body, prism in self._bodies.standing():
             if prism.low[2] < height < prism.high[2] and _crosses(prism, one.tolist(), other.tolist()):
                 rotation, position = body.pose.rotation(), np.array(body.pose.position)
-                near, far = span(body.entry.shape, rotation, position, one, beam)
+                near, far = ray_span(body.entry.shape, rotation, position, one, beam)
                 if near[0] <= far[0] and far[0] >= 0.0 and near[0] <= 1.0:
                     return True
         return False

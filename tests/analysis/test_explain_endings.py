@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from picktree.analysis import Run
-from picktree.analysis.explain.text.rendering import notes_on, to_text
+from picktree.analysis.explain.explanation_text import notes_on, to_text
 from picktree.session.mission_edits import MissionReload
 from picktree.session.session import RunRequest, Session
 

@@ -17,7 +17,7 @@ import pytest
 
 from picktree.analysis.run import Run
 from picktree.batch.cluster import ray_executor
-from picktree.batch.cluster.installation import Installation, difference, installed
+from picktree.batch.cluster.messages import Installation, difference, installed
 from picktree.batch.cluster.ray_executor import RayExecutor
 from picktree.batch.plan import BatchPlan, JobLimits
 from picktree.batch.workers.batch import Batch

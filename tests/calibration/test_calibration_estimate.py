@@ -8,8 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from picktree.calibration.estimate import CalibrationEstimate, estimate
-from picktree.calibration.hand_eye import camera_in_tcp, spread
+from picktree.calibration.estimate import CalibrationEstimate, camera_in_tcp, estimate, spread
 from picktree.calibration.observations import (
     CalibrationData,
     DetectedTile,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from picktree.files.diagnostics.suppressions import apply_suppressions
+from picktree.files.diagnostics.fault_codes import apply_suppressions
 from picktree.files.marks import Diagnostic, Mark, Severity
 
 KNOWN = ("P207", "P304", "P305")

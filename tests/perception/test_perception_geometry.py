@@ -22,9 +22,8 @@ from picktree.perception.geometry.silhouette_fitting import (
 from picktree.perception.segmentation import blobs
 from picktree.world.colours import ITEM_COLOURS
 from picktree.world.protocols import Intrinsics
-from picktree.world.raycasting import cast
 from picktree.world.scene.description import CatalogueEntry
-from picktree.world.shapes import Box, ConvexMesh, Cylinder, Shape, Sphere
+from picktree.world.shapes import Box, ConvexMesh, Cylinder, Shape, Sphere, ray_hits
 from picktree.world.values import Pose
 
 from .perception_pictures import CAMERA, CATALOGUE, DOWN, SCENE, TABLE, photograph
@@ -63,7 +62,7 @@ def test_a_ray_meets_a_shape_first_on_its_surface(
     pose = Pose.from_rpy((0.3, -0.2, 1.0), turn)
     origin = np.zeros(3)
     ray = pose.apply(np.array(target)) - origin
-    depth = float(cast(shape, pose.rotation(), np.array(pose.position), origin, ray[None])[0])
+    depth = float(ray_hits(shape, pose.rotation(), np.array(pose.position), origin, ray[None])[0])
     to_body = pose.inverse()
     if math.isinf(depth):
         assert not any(inside(shape, to_body.apply(ray * s), -1e-6) for s in np.linspace(0.2, 2.0, 400))

@@ -20,8 +20,7 @@ from picktree.perception.voxels.voxel_grid import (
 )
 from picktree.planning.collision.collision_bodies import movable_bodies
 from picktree.world.belief.planning_scene import BeliefObject, PlanningScene
-from picktree.world.raycasting import inside
-from picktree.world.shapes import Box, Cylinder, Sphere
+from picktree.world.shapes import Box, Cylinder, Sphere, inside
 from picktree.world.values import Array, ObjectId, Pose
 
 from .perception_pictures import (

@@ -48,3 +48,9 @@ def test_points_and_shift() -> None:
     assert np.allclose(pose.apply(np.array([[1.0, 0.0, 0.0]])), [[1.0, 3.0, 3.0]])
     assert pose.shifted((0.0, 0.0, 1.0)).position == (1.0, 2.0, 4.0)
     assert pose.distance(Pose()) == pytest.approx(math.sqrt(14))
+
+
+@given(st.tuples(angle, st.floats(-math.pi / 2, math.pi / 2), angle))
+def test_rpy_is_the_inverse_of_from_rpy(rpy: tuple[float, float, float]) -> None:
+    pose = Pose.from_rpy((1.0, 2.0, 3.0), rpy)
+    assert np.allclose(Pose.from_rpy(pose.position, pose.rpy()).matrix(), pose.matrix(), atol=1e-6)

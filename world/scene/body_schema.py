@@ -8,7 +8,7 @@ from typing import Annotated, ClassVar, get_args
 from pydantic import AfterValidator, WithJsonSchema
 
 from ...files.value_wording import describe, suggest_name
-from ...files.yaml.field_types import (
+from ...files.yaml.file_models import (
     Angle,
     Angles,
     FileModel,

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from ....files.value_wording import describe
 from ....files.yaml.document import Location, Value, suggest_name
 from ....files.yaml.document_checker import DocumentChecker
-from ....files.yaml.field_types import UnreadPart
+from ....files.yaml.file_models import UnreadPart
 from .case import (
     ANY_LEAVES,
     STATUSES,

@@ -8,7 +8,7 @@ from typing import Annotated, Literal, TypeVar
 
 from pydantic import Field, PlainValidator, Strict
 
-from ....files.yaml.field_types import Duration, FileModel, Name, Share, UnreadPart, quantity
+from ....files.yaml.file_models import Duration, FileModel, Name, Share, UnreadPart, quantity
 
 T = TypeVar("T")
 

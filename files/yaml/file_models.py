@@ -1,0 +1,278 @@
+"""Models of files: their base and field types, and models of which parts could not be read.
+
+Faults of form and faults of meaning come in one round: a scene with a bad mass still says which bins it has.
+What could be read is there, the rest raises UnreadPart when touched.
+"""
+
+from __future__ import annotations
+
+import re
+import types
+from collections.abc import Collection, Iterator, Sequence
+from dataclasses import dataclass
+from functools import cache
+from typing import (
+    TYPE_CHECKING,
+    Annotated,
+    Any,
+    Final,
+    SupportsIndex,
+    TypeVar,
+    Union,
+    cast,
+    get_args,
+    get_origin,
+)
+
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Strict,
+    TypeAdapter,
+    WithJsonSchema,
+)
+from pydantic.fields import FieldInfo
+
+from ..marks import Location
+from ..quantities import NotFinite, dimension, in_unit, parse_quantity
+from ..value_wording import describe, suggest_number
+
+
+class InvalidValue(ValueError):
+    """Raised by validators: what is wrong, and what would be right."""
+
+    def __init__(self, message: str, hint: str = "", *, code: str) -> None:
+        super().__init__(message)
+        self.message, self.hint, self.code = message, hint, code
+
+
+class UnreadPart(Exception):
+    """A part of a file that could not be read was touched; the fault is reported already."""
+
+
+class FileModel(BaseModel):
+    """Base of all models of files: frozen, and refuses keys that it does not know."""
+
+    model_config = ConfigDict(
+        extra="forbid",
+        frozen=True,
+        populate_by_name=True,
+        defer_build=True,  # few commands read every kind of file
+    )
+
+    if not TYPE_CHECKING:
+
+        def __getattr__(self, name: str) -> object:
+            if name in type(self).model_fields:
+                raise UnreadPart(name)
+            return super().__getattr__(name)
+
+
+@dataclass(frozen=True)
+class Quantity(BeforeValidator):
+    """Reads a number with a unit, and says so in a JSON Schema under `unit`."""
+
+    unit: str = ""
+    bounds: tuple[tuple[str, float], ...] = ()
+
+    def __get_pydantic_json_schema__(self, _: object, __: object) -> dict[str, Any]:
+        return {"type": ["string", "number"], "unit": self.unit, **dict(self.bounds)}
+
+
+def quantity(
+    unit: str, *, above: float | None = None, least: float | None = None, most: float | None = None
+) -> Quantity:
+    """A number with a unit: greater than `above`, not under `least`, not over `most` (SI)."""
+
+    def read(value: object) -> float:
+        if not isinstance(value, str | int | float):
+            raise InvalidValue(
+                f"{describe(value)} is not a number" + (f" in {unit}" if unit else ""), code="P109"
+            )
+        try:
+            number = parse_quantity(value, unit)
+        except NotFinite as error:
+            raise InvalidValue(str(error), code="P120") from None
+        except ValueError as error:
+            meant = suggest_number(value)
+            raise InvalidValue(
+                f"{describe(value)} is not a number" if meant else str(error), meant, code="P109"
+            ) from None
+        written = value if isinstance(value, str) else f"{value} {unit}".strip()
+        what = dimension(unit) or "it"
+        if number < 0 and (above == 0 or least == 0):
+            hint = f"{what} is {'positive' if above == 0 else '0 or more'} here"
+            raise InvalidValue(f"{written} is negative", hint, code="P107")
+        if number == 0 and above == 0:
+            raise InvalidValue(f"{written} is not positive", code="P107")
+        if above is not None and number <= above:
+            raise InvalidValue(f"{written} is not more than {in_unit(above, unit, written)}", code="P107")
+        if least is not None and number < least:
+            raise InvalidValue(f"{written} is less than {in_unit(least, unit, written)}", code="P107")
+        if most is not None and number > most:
+            raise InvalidValue(f"{written} is more than {in_unit(most, unit, written)}", code="P107")
+        return number
+
+    given = {"exclusiveMinimum": above, "minimum": least, "maximum": most}
+    bounds = tuple((key, bound) for key, bound in given.items() if bound is not None)
+    return Quantity(read, float | str, unit, bounds)
+
+
+def as_mapping(key: str, given: object) -> BeforeValidator:
+    """A bare value stands for a mapping with one key; `given` is what may be written."""
+
+    def wrap(value: object) -> object:
+        if value is None or isinstance(value, dict | FileModel):
+            return cast("object", value)
+        return {key: value}
+
+    return BeforeValidator(wrap, json_schema_input_type=given)
+
+
+def check_name(value: str) -> str:
+    """Return a valid name. Raises InvalidValue."""
+    if re.fullmatch(r"[A-Za-z_]\w*", value, re.ASCII) is None:
+        hint = "letters, digits and _, not beginning with a digit"
+        raise InvalidValue(f"{describe(value)} is not a name", hint, code="P111")
+    return value
+
+
+_NAME_FORM = {"type": "string", "pattern": r"^[A-Za-z_][A-Za-z0-9_]*(?![\s\S])"}
+Name = Annotated[str, AfterValidator(check_name), WithJsonSchema(_NAME_FORM)]
+Flag = Annotated[bool, Strict()]
+Length = Annotated[float, quantity("m")]
+Size = Annotated[float, quantity("m", above=0, most=100)]
+Angle = Annotated[float, quantity("rad")]
+Duration = Annotated[float, quantity("s", least=0)]
+Mass = Annotated[float, quantity("kg", above=0)]
+Force = Annotated[float, quantity("N", above=0)]
+Share = Annotated[float, quantity("", least=0, most=1)]
+Vector = tuple[Length, Length, Length]
+Angles = tuple[Angle, Angle, Angle]
+Sizes = tuple[Size, Size, Size]
+
+
+class _Hole:
+    """Stands where an entry of a list or mapping could not be read."""
+
+
+_HOLE: Final = _Hole()
+
+
+class PartialMap(dict[str, Any]):
+    """A mapping with holes: all its keys are known, not all its values."""
+
+    def __getitem__(self, key: str) -> object:
+        return _whole(super().__getitem__(key))
+
+    def get(self, key: str, default: object = None) -> object:
+        return _whole(super().get(key, default))
+
+    def items(self) -> Any:
+        _all_whole(super().values())
+        return super().items()
+
+    def values(self) -> Any:
+        _all_whole(super().values())
+        return super().values()
+
+
+class PartialList(tuple[Any, ...]):
+    """A list with holes: its length is known, not all its entries."""
+
+    __slots__ = ()
+
+    def __getitem__(self, index: SupportsIndex | slice) -> Any:
+        return _whole(super().__getitem__(index))
+
+    def __iter__(self) -> Iterator[Any]:
+        return (_whole(value) for value in super().__iter__())
+
+
+def _whole(value: Any) -> Any:
+    if value is _HOLE:
+        raise UnreadPart
+    return value
+
+
+def _all_whole(values: Collection[object]) -> None:
+    for value in values:
+        _whole(value)
+
+
+Model = TypeVar("Model", bound=BaseModel)
+
+
+def partial_model(model: type[Model], value: object, faulty: Collection[Location]) -> Model:
+    """The model of `value`, of which the parts in `faulty` (pydantic's places) could not be read."""
+    found: dict[str, object] = {}
+    for name, field in model.model_fields.items():
+        key = field.alias or name
+        below = _below(faulty, key)
+        if not isinstance(value, dict):
+            continue
+        if key not in value:
+            if not field.is_required():
+                found[name] = field.get_default(call_default_factory=True)
+        else:
+            part = _part(_declared(field), cast("dict[str, object]", value)[key], below)
+            if part is not _HOLE:
+                found[name] = part
+    made = model.model_construct(None, **found)
+    for name in model.model_fields.keys() - found.keys():
+        if name in vars(made):  # model_construct fills in the default of what is faulty
+            object.__delattr__(made, name)
+    return made
+
+
+def _below(faulty: Collection[Location], key: str | int) -> list[Location]:
+    return [loc[1:] for loc in faulty if loc[:1] == (key,)]
+
+
+def _part(annotation: object, value: object, faulty: Sequence[Location]) -> object:
+    """Validate a value against an annotation; return _HOLE when no part of it could be read."""
+    if not faulty:
+        return _adapter(annotation).validate_python(value)
+    if () in faulty:
+        return _HOLE
+    kind = bare(annotation)
+    origin, parts = get_origin(kind), get_args(kind)
+    if isinstance(kind, type) and issubclass(kind, BaseModel):
+        return partial_model(kind, cast("object", value), faulty) if isinstance(value, dict) else _HOLE
+    if origin is dict and isinstance(value, dict):
+        given = cast("dict[str, object]", value)
+        return PartialMap({key: _part(parts[1], item, _below(faulty, key)) for key, item in given.items()})
+    if origin in (list, tuple) and isinstance(value, list):
+        entries = cast("list[object]", value)
+        kinds = [parts[0]] * len(entries) if origin is list or Ellipsis in parts else list(parts)
+        if len(kinds) == len(entries):
+            each = (
+                _part(k, item, _below(faulty, n))
+                for n, (k, item) in enumerate(zip(kinds, entries, strict=True))
+            )
+            return PartialList(each)
+    return _HOLE
+
+
+def _declared(field: FieldInfo) -> object:
+    """The field's annotation with its metadata, as it was written."""
+    return Annotated[field.annotation, *field.metadata] if field.metadata else field.annotation
+
+
+@cache
+def _adapter(annotation: Any) -> TypeAdapter[Any]:
+    return TypeAdapter[Any](annotation)
+
+
+def bare(annotation: object) -> object:
+    """An annotation without `Annotated` and `| None`."""
+    while True:
+        origin, parts = get_origin(annotation), get_args(annotation)
+        if origin is Annotated:
+            annotation = parts[0]
+        elif origin in (Union, types.UnionType):
+            annotation = next(p for p in parts if p is not type(None))
+        else:
+            return annotation
