@@ -6,7 +6,6 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 from ..analysis.render.viewpoint import parse_view
-from ..cell.world import World
 from ..commissioning.plan_trial import plan_figures
 from ..commissioning.trial_picture import plan_picture
 from ..commissioning.trial_result import PlanAnswer, PlanRefusal
@@ -15,6 +14,7 @@ from ..files.value_wording import suggest_name
 from ..manipulation.grasp.grasp_candidates import grasp_candidates
 from ..planning.requests import MotionPlan, Request, Scaling, Target
 from ..session.cell import CellSession
+from ..skill_world.world import World
 from ..world.belief.planning_scene import BeliefObject
 from ..world.causes import Failure
 from ..world.values import Array, Pose

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Literal
 
 from ..analysis.run import Run
-from ..logs.recording.rotation import NO_ROTATION, Rotation
+from ..logs.recording.rotated_log import NO_ROTATION, Rotation
 from ..logs.run_result import RunResult
 from ..session.execution import Execution
 from ..session.recipe import DEFAULT_TIME_LIMIT, Recording, RunRequest, read_recipe

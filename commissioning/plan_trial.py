@@ -11,7 +11,6 @@ from typing import TypeVar
 import numpy as np
 
 from ..analysis.render.viewpoint import PictureView
-from ..cell.world import World
 from ..planning.failures.planning_failures import contact_lines
 from ..planning.kinematics.levenberg_marquardt import is_hinge
 from ..planning.requests import (
@@ -26,6 +25,7 @@ from ..robots.loading import load_robot
 from ..session.assembly import assemble_world
 from ..simulation.backends import build_hardware
 from ..simulation.scoring.truth import TrueBody
+from ..skill_world.world import World
 from ..world.belief.planning_scene import BeliefObject
 from ..world.causes import Failure
 from ..world.scene.loading.scene_loading import load_scene

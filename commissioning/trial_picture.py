@@ -13,14 +13,13 @@ from ..analysis.render.captions import Caption, CaptionFailure, write
 from ..analysis.render.rasterizer import Picture
 from ..analysis.render.scene_view import SceneContent, SceneRenderer
 from ..analysis.render.viewpoint import PictureView
-from ..cell.world import World
 from ..files.atomic_write import whole
-from ..logs.meshes.binary_gltf import read_glb, write_glb
-from ..logs.meshes.link_meshes import link_meshes
+from ..logs.meshes.binary_gltf import link_meshes, read_glb, write_glb
 from ..logs.recording.images import write_picture
 from ..logs.recording.journal_records import belief_record
 from ..logs.schema.records import BodyRecord, LinkMesh, PartRecord, Scene
 from ..planning.requests import MotionPlan
+from ..skill_world.world import World
 from ..world.causes import Failure
 from ..world.shapes import Sphere
 from ..world.values import Array, Pose

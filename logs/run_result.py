@@ -10,8 +10,8 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, Literal, TypeAlias
 
-from ..cell.operator_desk import OperatorQuestion
 from ..errors import PicktreeError
+from ..skill_world.operator_desk import OperatorQuestion
 from ..world.journal import Plain
 from .episodes.episode_counts import CureCount, PlantedCount, cause_lines, planted_lines
 

@@ -7,7 +7,7 @@ from collections.abc import Generator
 from dataclasses import replace
 from typing import TYPE_CHECKING, Final, cast
 
-from ..cell.operator_desk import GIVE_UP, GO_ON, SET_ASIDE, OperatorQuestion
+from ..skill_world.operator_desk import GIVE_UP, GO_ON, SET_ASIDE, OperatorQuestion
 from ..trees.flow import LeafFlow
 from ..trees.node import Node
 from ..trees.ports import In, Out, port
@@ -23,7 +23,7 @@ from ..world.events.skill_events import SetAsideEvent
 from ..world.values import ObjectId
 
 if TYPE_CHECKING:
-    from ..cell.world import World
+    from ..skill_world.world import World
 
 _INSERTED: Final = re.compile(r"\{[A-Za-z_]\w{0,59}(?:\.[A-Za-z_]\w{0,59}){0,9}\}", re.ASCII)
 

@@ -13,8 +13,8 @@ from ..world.events.skill_events import GripperResetEvent
 from ..world.values import ObjectId
 
 if TYPE_CHECKING:
-    from ..cell.world import World
     from ..perception.data_association import ObservationSummary
+    from ..skill_world.world import World
     from ..world.scene.description import CameraDescription
 
 VIEW_POSES = ("observe", "rest", "home")

@@ -16,7 +16,7 @@ from ..world.causes import Failure, control, grasp, place, safety
 from ..world.events.skill_events import SafetyAcknowledgedEvent
 
 if TYPE_CHECKING:
-    from ..cell.world import World
+    from ..skill_world.world import World
 
 RETREAT_TIME_LIMIT = 90.0
 """Simulated time after which no other escape path is started, s."""

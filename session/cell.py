@@ -14,13 +14,13 @@ from typing import Any, Self, TypeVar
 
 from .. import arithmetic
 from ..authoring.check import check_mission
-from ..cell.world import World
 from ..errors import PicktreeError
 from ..files.marks import FileError
 from ..planning.requests import MotionPlan, Request
 from ..robots.loading import load_robot
 from ..simulation.backends import Backend
 from ..simulation.fault_files.fault_loading import load_faults
+from ..skill_world.world import World
 from ..trees.controls.leaves import AlwaysSuccess
 from ..trees.loading.registry import NodeRegistry
 from ..trees.loading.scene_names import scene_names

@@ -19,7 +19,7 @@ from typing import Final
 
 from ..errors import PicktreeError
 from ..files.yaml.document import read_document
-from ..logs.recording.rotation import NO_ROTATION, Rotation
+from ..logs.recording.rotated_log import NO_ROTATION, Rotation
 from ..logs.schema.records import ResumedFrom
 from ..robots.description import RobotDescription
 from ..robots.loading import load_robot

@@ -14,7 +14,7 @@ from collections.abc import Sequence
 
 from .. import arithmetic
 from ..errors import PicktreeError
-from ..logs.recording.rotation import FEED_ROTATION, NO_ROTATION
+from ..logs.recording.rotated_log import FEED_ROTATION, NO_ROTATION
 from ..logs.run_result import RunResult, RunStatus
 from ..trees.mission import Mission
 from ..trees.running.runner import TickReport

@@ -12,7 +12,7 @@ from ..world.causes import Failure, perception
 from ..world.values import ObjectId
 
 if TYPE_CHECKING:
-    from ..cell.world import World
+    from ..skill_world.world import World
 
 
 class Observe(Skill):

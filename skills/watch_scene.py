@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from ..cell.world import World
+from ..skill_world.world import World
 from ..trees.controls.decorator import Decorator
 from ..trees.declaration import Resource
 from ..trees.flow import FAILURE, IDLE, RUNNING, ChildFlow
@@ -14,7 +14,7 @@ from ..world.causes import Failure, perception
 from ..world.journal import Plain
 
 if TYPE_CHECKING:
-    from ..cell.vision import PendingView
+    from ..skill_world.vision import PendingView
     from ..trees.runtime import TreeWorld
 
 SETTLE_TIME = 0.5

@@ -15,7 +15,7 @@ from .runtime import Runtime, Wiring
 from .status import NodeStatus
 
 if TYPE_CHECKING:
-    from ..cell.world import World
+    from ..skill_world.world import World
 
 T = TypeVar("T")
 

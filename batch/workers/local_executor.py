@@ -81,7 +81,7 @@ def load() -> None:
     """Load everything that jobs need and share."""
     for module in _MODULES:
         import_module(module)
-    from ...logs.meshes.link_meshes import link_meshes
+    from ...logs.meshes.binary_gltf import link_meshes
     from ...perception.expectation.robot_mask import RobotMask
     from ...planning.collision.collision_checker import robot_geometry
     from ...robots.loading import load_robot

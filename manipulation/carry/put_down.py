@@ -18,8 +18,8 @@ from ..retreat.homing import observe_with_fixed_cameras
 from .hold_check import release_held_object
 
 if TYPE_CHECKING:
-    from ...cell.world import World
     from ...control.execution.trajectory_motion import Doing
+    from ...skill_world.world import World
     from ...world.values import Pose, Vector3
 
 SPOT_RING_RADII = (0.0, 0.05, 0.10, 0.16, 0.24)

@@ -27,7 +27,7 @@ from ..trees.scripted import FILE, TICK
 from .wild_leaves import WildWorld, registry
 
 if TYPE_CHECKING:
-    from picktree.cell.world import World
+    from picktree.skill_world.world import World
 
 
 TRIES = (Fallback, ReactiveFallback, RoundRobin, RetryUntilSuccessful, RecoveryControl)

@@ -11,8 +11,8 @@ from picktree.authoring.rehearsal.cases.case import CaseFile
 from picktree.authoring.rehearsal.checking.case_checks import examine_cases
 from picktree.authoring.rehearsal.rehearse import rehearse
 from picktree.authoring.rehearsal.verdict.rehearsal_result import CaseResult, Rehearsal
-from picktree.cell.world import World
 from picktree.files.yaml.document import Document, read_document
+from picktree.skill_world.world import World
 from picktree.trees.controls.decorator import Decorator
 from picktree.trees.controls.leaves import ConditionNode
 from picktree.trees.flow import LeafFlow

@@ -14,7 +14,7 @@ from ..status import NodeStatus
 from ..values.port_types import plain_copy, show
 
 if TYPE_CHECKING:
-    from ...cell.world import World
+    from ...skill_world.world import World
 
 
 class ConditionNode(Node, abstract=True):

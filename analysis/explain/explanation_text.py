@@ -9,18 +9,18 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict
 from typing import TYPE_CHECKING, cast
 
-from ....files.diagnostics.fault_rendering import Paint, plain
-from ....files.node_patterns import short_names
-from ....files.value_wording import listed
-from ....logs.episodes.episode_counts import CauseCount
-from ....logs.schema.json_records import encode
-from ....world.journal import Plain
-from ..investigation.explanation import Explanation, ItemStory, RootCause
-from ..investigation.number_wording import counted, seconds, wrapped
+from ...files.diagnostics.fault_rendering import Paint, plain
+from ...files.node_patterns import short_names
+from ...files.value_wording import listed
+from ...logs.episodes.episode_counts import CauseCount
+from ...logs.schema.json_records import encode
+from ...world.journal import Plain
 from .failure_text import FailureText, recovery_lines
+from .investigation.explanation import Explanation, ItemStory, RootCause
+from .investigation.number_wording import counted, seconds, wrapped
 
 if TYPE_CHECKING:
-    from ...run import Run
+    from ..run import Run
 
 
 CAUSES = 8

@@ -8,10 +8,10 @@ from typing import TypeVar
 
 import pytest
 
-from picktree.cell.world import World
 from picktree.robots.loading import load_robot
 from picktree.session.assembly import TICK_LENGTH, assemble_world
 from picktree.simulation.kinematic.backend import KinematicHardware
+from picktree.skill_world.world import World
 from picktree.world.causes import Failure
 from picktree.world.journal import JournalEvent
 from picktree.world.protocols import Camera, NoImage, RgbdImage
