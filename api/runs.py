@@ -44,7 +44,7 @@ class MissionRun(RunResult):
 
         `everything` tells each failure and each item by itself.
         """
-        from ..analysis.explain.text.rendering import to_text
+        from ..analysis.explain.explanation_text import to_text
 
         text = to_text(self.record, self.record.explanation, str(self.folder), everything=everything)
         return ReadableText(text)

@@ -90,8 +90,8 @@ if (HERE / "none").exists():
     raise RuntimeError("no licence\\nto be had")
 """
 BUILT = """\
-    def __init__(self, *given: object) -> None:
-        super().__init__(*given)
+    def bind(self, *given: object) -> None:
+        super().bind(*given)
         if (HERE / "none").exists():
             raise RuntimeError("no licence\\nto be had")
 
@@ -107,7 +107,7 @@ BUILT = """\
             "mission/mission.yaml:6:11: plugins[0]: the plug-in 'trouble.py' cannot be imported: "
             "RuntimeError: no licence",
         ),
-        ("    def run", BUILT, "RuntimeError: no licence, at trouble.py:18 in __init__"),
+        ("    def run", BUILT, "RuntimeError: no licence, at trouble.py:18 in bind"),
     ],
 )
 def test_a_job_that_cannot_be_made_says_why_in_a_line(
