@@ -89,6 +89,8 @@ docs: $(RUN)
 	"$(BIN)/picktree" nodes --shipped --markdown --output docs/nodes.md; \
 	"$(BIN)/picktree" nodes --shipped --stub --output nodes.pyi; \
 	"$(BIN)/picktree" explain-code --index > docs/codes.md; \
+	"$(BIN)/python" -c 'from picktree.logs.schema import event_records as e; print(e.events_page(), end="")' \
+		> docs/events.md; \
 	"$(BIN)/picktree" render examples/sort_by_colour.yaml -o docs/tree.svg
 
 # The scripts and the style of a report, from analysis/report/page/src; a test says when they are out of date.

@@ -9,6 +9,9 @@ from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias, cast
 
+from picktree.world.events.run_events import FaultEvent
+from picktree.world.events.skill_events import SafetyStopEvent
+
 import numpy as np
 
 if TYPE_CHECKING:
@@ -159,7 +162,7 @@ class Cell:
 def measured(measure: Measure, run: Run, cell: Cell) -> Measure:
     """With what the log tells: when the fault struck, failures, forces, limits."""
     wrenches = np.linalg.norm(run.wrenches.forces, axis=1)
-    stops = [at.record.data for at in run.events if at.record.kind == "safety_stop"]
+    stops = [at.record.extra for at in run.events if isinstance(at.record, SafetyStopEvent)]
     stopped = [math.hypot(*force) for stop in stops if (force := _force(stop))]
     joints = run.joints
     columns = [joints.column(name) for name in cell.model.description.joints]
@@ -184,8 +187,8 @@ def measured(measure: Measure, run: Run, cell: Cell) -> Measure:
 def struck_at(run: Run) -> float | None:
     """When a fault first did something; one that waits, or finds no item, has not."""
     for at in run.events:
-        data = at.record.data
-        if at.record.kind == "fault" and not data.get("waits") and data.get("item", "") is not None:
+        fault = at.record
+        if isinstance(fault, FaultEvent) and not fault.waits and not fault.missed:
             return at.time
     return None
 

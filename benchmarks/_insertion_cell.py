@@ -187,18 +187,19 @@ class _Cell:
         self.told["failures"].append("hung")
 
     def _note(self) -> None:
-        from picktree.world.journal import JournalEvent
+        from picktree.world.events.run_events import RecoveryEvent
+        from picktree.world.events.skill_events import ItemDoneEvent, PickEvent
 
         for event in self.world.journal.take():
-            if not isinstance(event, JournalEvent):
-                continue
-            data = dict(event.data or {})
-            if event.kind == "pick":
-                self.told["grasps"] += bool(data["held"])
-            elif event.kind == "recovery":
-                self.told["failures"].append(event.message)
-            elif event.kind == "item_done":
-                self.told |= {key: data[key] for key in ("force", "seconds", "found_by") if key in data}
+            match event:
+                case PickEvent(held=held):
+                    self.told["grasps"] += held
+                case RecoveryEvent(message=message):
+                    self.told["failures"].append(message)
+                case ItemDoneEvent(force=force, seconds=seconds, found_by=found_by):
+                    self.told |= {"force": force, "seconds": seconds, "found_by": found_by}
+                case _:
+                    pass
 
     def judged(self) -> Row:
         """What is so in the simulation; nothing here is believed."""

@@ -9,8 +9,8 @@ from collections import Counter
 from _motion_robots import shipped
 from _motion_tables import Column, Part, Table, cpu, median, p95, share
 from picktree.planning.collision.collision_checker import CollisionChecker
-from picktree.planning.collision.start_tolerance import StartTolerance
-from picktree.planning.kinematics.cartesian_lines import plan_line, plan_line_from_any
+from picktree.planning.collision.trajectory_check import StartTolerance
+from picktree.planning.kinematics.cartesian_lines import plan_line
 from picktree.planning.kinematics.inverse_kinematics import InverseKinematics
 from picktree.robots.model import RobotModel
 from picktree.world.belief.planning_scene import PlanningScene
@@ -74,8 +74,7 @@ def _row(name: str, model: RobotModel, runs: int, seed: int) -> tuple[str | floa
         line = plan_line(model, ik, way, starts[0], end)
         spent = time.process_time() - begun
         ended[line.ended_by] += 1
-        best = plan_line_from_any(model, ik, lambda _: way, starts, end)
-        any_posture += best is not None and not best.found.ended_by
+        any_posture += not all(plan_line(model, ik, way, start, end).ended_by for start in starts)
         if line.ended_by:
             continue
         times.append(spent * 1e3)

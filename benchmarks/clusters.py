@@ -24,11 +24,12 @@ from pathlib import Path
 
 from _campaign import ROOT
 from picktree.batch.cluster.ray_executor import RayExecutor
-from picktree.batch.plan.plan import BatchPlan, Job
-from picktree.batch.results.rows import JobRow
+from picktree.batch.plan import BatchPlan, Job
+from picktree.batch.results.tables import JobRow
 from picktree.batch.workers.batch import Batch, RecordedJob
 from picktree.batch.workers.executor import Executor
-from picktree.batch.workers.local_executor import LocalExecutor, children
+from picktree.batch.workers.local_executor import LocalExecutor
+from picktree.batch.workers.process_tree import children
 
 COST = {"physics": 7.0, "kinematic": 2.0}
 """CPU seconds that a run of `sort_small` takes, for the forecast."""

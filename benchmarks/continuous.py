@@ -169,7 +169,7 @@ def report(rows: list[Row]) -> str:
 
 
 def main() -> int:
-    from picktree.batch.plan.plan_schema import parse_seeds
+    from picktree.batch.plan_loading import parse_seeds
 
     parser = argparse.ArgumentParser(description="How well a mission sorts beside a feed.")
     parser.add_argument("--mission", default=str(ROOT / "examples" / "continuous_sort.yaml"))

@@ -30,8 +30,8 @@ from _fault_measures import Cell, Measure, Measured, measured
 from _fault_page import targets, to_page
 from _fault_table import Line, line, to_text, total
 from picktree.analysis.run import Run
-from picktree.batch.plan.plan import BatchPlan
-from picktree.batch.plan.plan_loading import load_plan
+from picktree.batch.plan import BatchPlan
+from picktree.batch.plan_loading import load_plan
 from picktree.batch.results.store import RESULTS_FILE, Store
 from picktree.batch.workers.batch import Batch
 from picktree.batch.workers.local_executor import LocalExecutor

@@ -18,6 +18,7 @@ from pathlib import Path
 from statistics import median
 
 from _campaign import ROOT, Row, campaign, rate
+from picktree.world.events.skill_events import PickEvent
 
 COST_A_RUN = 7.0
 """CPU seconds."""
@@ -53,13 +54,13 @@ def one(job: Job) -> Row:
     ]
     with Run(result.log) as run:
         events = Counter(at.record.kind for at in run.events)
-        grips = [at.record.data for at in run.events if at.record.kind == "pick"]
+        grips = [at.record for at in run.events if isinstance(at.record, PickEvent)]
     return {
         "seed": job.seed,
         "result": result.to_json(),
         "pressed": pressed,
         "events": dict(events),
-        "forces": [[kinds_of(str(grip["object"])), grip["force"], grip["load"]] for grip in grips],
+        "forces": [[kinds_of(grip.object), grip.force, grip.load] for grip in grips],
     }
 
 

@@ -18,10 +18,10 @@ from dataclasses import dataclass, replace
 from _campaign import rate
 from picktree.perception.fitting.hole_mouths import detect_hole
 from picktree.simulation.common.sensor_noise import noisy_colour, noisy_depth
-from picktree.simulation.common.uncertain_fixtures import displace_fixtures
 from picktree.simulation.engine import Client
 from picktree.simulation.physics.bodies import add_scenery
 from picktree.simulation.physics.rgbd_camera import CameraRenderer, intrinsics
+from picktree.simulation.spawning.spawn import displace_fixtures
 from picktree.world.protocols import RgbdImage
 from picktree.world.scene.description import CameraDescription, Hole, SceneDescription
 from picktree.world.scene.loading.scene_entries import look_at_frame

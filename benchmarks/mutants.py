@@ -37,11 +37,9 @@ from _mutant_operators import Mutant, mutants, sample
 from _mutant_runs import Job, Outcome, Runner
 from _mutant_table import NOTICED, TARGET, Arguments, Kept, Result, entry, table, to_page, to_text
 
-LOOP = (
-    "step_tick", "step", "run", "holds", "_look_around", "_brake_motion", "_stands_beside", "_off_its_way",
-    "_stop_at_once",
-)  # fmt: skip
-"""Methods of the control loop that decide about a stop."""
+LOOP = ("step_tick", "step", "run", "holds", "_brake_motion")
+DRIVE = ("brake", "_stands_beside", "stop_at_once")
+"""Methods of the control loop and the drive that decide about a stop."""
 ROOMS: dict[str, dict[str, tuple[str, ...]]] = {
     "skills": {
         "skills/*.py": (),
@@ -52,12 +50,15 @@ ROOMS: dict[str, dict[str, tuple[str, ...]]] = {
     },
     "recovery": {"recovery/*.py": ()},
     "scorer": {
-        f"simulation/{name}.py": () for name in ("scoring/scorer", "scoring/truth", "physics/penetration")
+        f"simulation/{name}.py": () for name in ("scoring/scorer", "scoring/truth", "physics/contacts")
     },
     "safety": {
         "control/safety/*.py": (),
         "control/joints/external_torque.py": (),
         "control/execution/control_loop.py": tuple(f"ControlLoop.{name}" for name in LOOP),
+        "control/execution/arm_drive.py": tuple(f"ArmDrive.{name}" for name in DRIVE),
+        "control/execution/arm_sampling.py": (),
+        "control/execution/supervision.py": (),
         "planning/service/trajectory_gate.py": (),
     },
     "belief": {

@@ -26,6 +26,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from _campaign import ROOT, Row, campaign, rate
+from picktree.world.events.skill_events import ItemDoneEvent
 
 import numpy as np
 
@@ -107,9 +108,7 @@ def _run(
     touched = touches(session)
     result = session.run()
     with Run(result.folder) as run:
-        done = [
-            (at.time, str(at.record.data["object"])) for at in run.events if at.record.kind == "item_done"
-        ]
+        done = [(at.time, at.record.object) for at in run.events if isinstance(at.record, ItemDoneEvent)]
     items = result.items
     return {
         "sorted": items.sorted,

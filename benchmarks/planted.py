@@ -23,7 +23,7 @@ from _planted_runs import PLANTED, Planted
 if TYPE_CHECKING:
     from picktree.analysis.explain.investigation.explanation import RootCause
     from picktree.logs.run_log import Stamped
-    from picktree.logs.schema.records import Event
+    from picktree.world.journal import JournalEvent
 
 COST_A_RUN = 6.0
 """CPU seconds, for the forecast."""
@@ -70,7 +70,7 @@ def explained(folder: Path, planted: Planted) -> Answer:
         """A run whose log holds no word of a fault."""
 
         @cached_property
-        def events(self) -> tuple[Stamped[Event], ...]:
+        def events(self) -> tuple[Stamped[JournalEvent], ...]:
             return tuple(at for at in super().events if at.record.kind != "fault")
 
     with Blind(folder) as run:

@@ -19,7 +19,7 @@ import os
 from pathlib import Path
 
 from _campaign import ROOT, rate
-from picktree.batch.plan.plan import BatchPlan
+from picktree.batch.plan import BatchPlan
 from picktree.batch.results.store import RESULTS_FILE
 from picktree.batch.statistics.comparison import RecipeComparison, compare_recipes
 from picktree.batch.statistics.comparison_text import text_of

@@ -13,10 +13,10 @@ from collections.abc import Callable
 from pathlib import Path
 
 from picktree.analysis.render.captions import write
+from picktree.analysis.render.film import FilmRequest, film
 from picktree.analysis.render.frames import moments
 from picktree.analysis.render.scene_view import SceneRenderer
 from picktree.analysis.render.snapshot import draw
-from picktree.analysis.render.video.film import FilmRequest, film
 from picktree.analysis.render.viewpoint import PictureView
 from picktree.logs.run_log import RunLog
 from picktree.session.session import RunRequest, Session

@@ -10,7 +10,7 @@ import tempfile
 import time
 from pathlib import Path
 
-from picktree.analysis.report.page_data.packing import pack
+from picktree.analysis.report.packing import pack
 from picktree.analysis.report.report import PACKERS, write_report
 from picktree.analysis.run import Run
 from picktree.session.session import RunRequest, Session

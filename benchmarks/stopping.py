@@ -17,7 +17,7 @@ from typing import TypeVar
 
 from picktree.cell.world import World
 from picktree.control.cartesian.impedance import ContactReflex
-from picktree.control.cartesian.twist import Twist
+from picktree.control.cartesian.velocity_controller import Twist
 from picktree.control.execution.jog_motion import MAX_TWIST_SPEED
 from picktree.control.joints.joint_controllers import BrakeController
 from picktree.planning.requests import JointGoal

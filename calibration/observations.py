@@ -4,12 +4,12 @@ log."""
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
-from ..world.journal import Plain
+from ..world.events.skill_events import CalibrationShotEvent, CalibrationTouchEvent
 from ..world.protocols import Intrinsics
 from ..world.values import Array, Pose, Vector3
 
@@ -84,10 +84,6 @@ def _viewpoint(target: Pose, size: Vector3, nearest: float, number: int) -> View
     return Viewpoint(f"view {number + 1}", tuple(poses))
 
 
-SHOT, TOUCH = "calibration_shot", "calibration_touch"
-"""Kinds of the events that a run's record keeps."""
-
-
 @dataclass(frozen=True, slots=True)
 class TargetImage:
     """Image of the target, reduced to its detected squares."""
@@ -101,31 +97,33 @@ class TargetImage:
     """Believed pose of the optical frame: in the TCP frame, or in the world for a fixed camera."""
     tiles: tuple[DetectedTile, ...]
 
-    def to_plain(self) -> dict[str, Plain]:
+    def to_event(self, message: str, node: str) -> CalibrationShotEvent:
         i = self.intrinsics
-        return {
-            "camera": self.camera,
-            "on_hand": self.on_hand,
-            "intrinsics": [i.width, i.height, i.fx, i.fy, i.cx, i.cy],
-            "tcp": _plain(self.tcp),
-            "believed": _plain(self.believed),
-            "tiles": [
-                [t.index, *t.pixel, t.depth, *t.depth_pixel, t.depth_sigma, t.area] for t in self.tiles
-            ],
-        }
+        return CalibrationShotEvent(
+            message,
+            node,
+            camera=self.camera,
+            on_hand=self.on_hand,
+            intrinsics=(i.width, i.height, i.fx, i.fy, i.cx, i.cy),
+            tcp=_numbers(self.tcp),
+            believed=_numbers(self.believed),
+            tiles=tuple(
+                (t.index, *t.pixel, t.depth, *t.depth_pixel, t.depth_sigma, t.area) for t in self.tiles
+            ),
+        )
 
     @classmethod
-    def from_plain(cls, data: dict[str, Any]) -> TargetImage:
-        width, height, fx, fy, cx, cy = data["intrinsics"]
+    def from_event(cls, event: CalibrationShotEvent) -> TargetImage:
+        width, height, fx, fy, cx, cy = event.intrinsics
         return cls(
-            data["camera"],
-            data["on_hand"],
+            event.camera,
+            event.on_hand,
             Intrinsics(int(width), int(height), fx, fy, cx, cy),
-            _pose(data["tcp"]),
-            _pose(data["believed"]),
+            _pose(event.tcp),
+            _pose(event.believed),
             tuple(
                 DetectedTile(int(n), (u, v), z, (du, dv), sigma, int(area))
-                for n, u, v, z, du, dv, sigma, area in data["tiles"]
+                for n, u, v, z, du, dv, sigma, area in event.tiles
             ),
         )
 
@@ -142,13 +140,14 @@ class TargetTouch:
     """Force with which the fingers press against the face, N."""
     name: str = ""
 
-    def to_plain(self) -> dict[str, Plain]:
-        return {"face": list(self.face), "tcp": _plain(self.tcp), "force": self.force, "name": self.name}
+    def to_event(self, message: str, node: str) -> CalibrationTouchEvent:
+        tcp = _numbers(self.tcp)
+        return CalibrationTouchEvent(message, node, face=self.face, tcp=tcp, force=self.force, name=self.name)
 
     @classmethod
-    def from_plain(cls, data: dict[str, Any]) -> TargetTouch:
-        x, y, z = data["face"]
-        return cls((x, y, z), _pose(data["tcp"]), data["force"], data["name"])
+    def from_event(cls, event: CalibrationTouchEvent) -> TargetTouch:
+        x, y, z = event.face
+        return cls((x, y, z), _pose(event.tcp), event.force, event.name)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -161,11 +160,11 @@ class CalibrationData:
     """Corners (n, 3) of the closed fingers' pads in the TCP's frame, m."""
 
 
-def _plain(pose: Pose) -> list[Plain]:
-    return [*pose.position, *pose.orientation]
+def _numbers(pose: Pose) -> tuple[float, ...]:
+    return (*pose.position, *pose.orientation)
 
 
-def _pose(numbers: list[float]) -> Pose:
+def _pose(numbers: Sequence[float]) -> Pose:
     x, y, z, *turn = numbers
     a, b, c, d = turn
     return Pose((x, y, z), (a, b, c, d))

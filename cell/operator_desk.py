@@ -4,12 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 from ..world.journal import Plain
-
-if TYPE_CHECKING:
-    from .world import World
 
 GO_ON: Final = "go on"
 SET_ASIDE: Final = "set aside"
@@ -113,27 +110,3 @@ class OperatorRequests:
         """Remove the question of this node, if it is here."""
         if self.waits(node):
             self._question = self._answer = None
-
-
-def situation(world: World) -> str:
-    """Return the situation in the robot's belief, as one sentence for the operator."""
-    held, to_do = world.scene.held, world.to_do()
-    parts = ["the arm stands still"]
-    stop = world.control.monitor.stopped
-    if stop is not None:
-        parts[0] += f", stopped by {stop.cause}"
-    parts.append("the hand is empty" if held is None else f"{held.id} is in the hand")
-    left = [o for o in to_do if held is None or o.id != held.id]
-    if left:
-        named = ", ".join(
-            f"{o.id} at ({o.pose.position[0]:.2f}, {o.pose.position[1]:.2f}) m" for o in left[:_NAMED]
-        )
-        more = f" and {len(left) - _NAMED} more" if len(left) > _NAMED else ""
-        parts.append(f"{len(left)} to be done: {named}{more}")
-    else:
-        parts.append("nothing else is to be done" if world.vision.looks else "nobody has looked yet")
-    return f"{'; '.join(parts)}; {world.journal.items_done} done so far"
-
-
-_NAMED = 3
-"""Maximum number of items that `situation` names."""

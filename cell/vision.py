@@ -14,7 +14,8 @@ from ..perception.pipeline import BinView, Perception
 from ..world.belief.planning_scene import BeliefObject, PlanningScene
 from ..world.causes import Failure, perception
 from ..world.computing_time import ComputeTimeAccount, Stopwatch
-from ..world.journal import ImageEntry, Journal, JournalEvent
+from ..world.events.skill_events import FramesMissedEvent
+from ..world.journal import ImageEntry, Journal
 from ..world.protocols import Camera, Clock, NoImage, RgbdImage
 from ..world.values import Array, Pose
 
@@ -190,7 +191,7 @@ class Vision:
                 continue
             if missed:
                 words = f"{missed} of {missed + 1} frames did not come"
-                self._journal.note(JournalEvent("frames_missed", words, data={"missed": missed}))
+                self._journal.note(FramesMissedEvent(words, missed=missed))
             return taken
 
     def _charge(self) -> Generator[None, None, None]:

@@ -15,24 +15,12 @@ import typer
 
 from ..errors import PicktreeError
 from ..files.marks import FileError
-from .analyse.diff import diff
-from .analyse.explain import explain
-from .analyse.export import export, layout
-from .analyse.replay import replay
-from .analyse.report import report
+from .analyse.commands import diff, explain, export, layout, replay, report, snapshot, video
 from .analyse.resim import resim, whatif
-from .analyse.video import snapshot, video
-from .author.check import check, explain_code
-from .author.convert import convert
+from .author.commands import check, convert, explain_code, nodes, rehearse, render, schema
 from .author.new import new
-from .author.nodes import nodes
-from .author.rehearse import rehearse
-from .author.render import render
-from .author.schema import schema
 from .batch.commands import batch
-from .commission.calibrate import calibrate
-from .commission.plan import plan
-from .commission.robot import robot
+from .commission import calibrate, plan, robot
 from .run.run import run
 from .terminal.output import painter
 

@@ -10,12 +10,11 @@ from datetime import datetime
 from pathlib import Path
 
 from ..calibration.estimate import CalibrationEstimate, CameraEstimate, ToolEstimate, estimate
-from ..calibration.observations import SHOT, TOUCH, CalibrationData, TargetImage, TargetTouch
+from ..calibration.observations import CalibrationData, TargetImage, TargetTouch
 from ..calibration.targets import CalibrationTarget, fingertip_corners, targets
 from ..errors import PicktreeError
 from ..logs.run_log import RunLog
 from ..logs.run_result import RunResult, RunStatus
-from ..logs.schema.topics import EVENTS
 from ..robots.loading import load_robot
 from ..robots.model import RobotModel
 from ..session.observer import Observer
@@ -23,6 +22,7 @@ from ..session.recipe import Recipe, Recording
 from ..session.session import Session
 from ..trees.loading.loader import parse_mission
 from ..trees.loading.registry import NodeRegistry
+from ..world.events.skill_events import CalibrationShotEvent, CalibrationSkippedEvent, CalibrationTouchEvent
 from ..world.journal import Plain
 from ..world.scene.description import SceneDescription
 from .corrected_scene import TargetPlacement, calibration_scene, output_file, write
@@ -141,9 +141,6 @@ def _tool_json(tool: ToolEstimate) -> Plain:
     }
 
 
-SKIPPED_EVENT = "calibration_skipped"
-
-
 @dataclass(frozen=True, slots=True)
 class CalibrationRequest:
     """Request of `picktree calibrate`."""
@@ -251,12 +248,14 @@ def _record(result: RunResult) -> _Recorded:
     touches: list[TargetTouch] = []
     skipped: list[str] = []
     with RunLog(result.log) as log:
-        for message in log.messages((EVENTS.name,)):
-            event = json.loads(message.data)
-            if event["kind"] == SHOT:
-                shots.append(TargetImage.from_plain(event["data"]))
-            elif event["kind"] == TOUCH:
-                touches.append(TargetTouch.from_plain(event["data"]))
-            elif event["kind"] == SKIPPED_EVENT:
-                skipped.append(event["message"])
+        for at in log.events():
+            match at.record:
+                case CalibrationShotEvent() as event:
+                    shots.append(TargetImage.from_event(event))
+                case CalibrationTouchEvent() as event:
+                    touches.append(TargetTouch.from_event(event))
+                case CalibrationSkippedEvent(message=message):
+                    skipped.append(message)
+                case _:
+                    pass
     return _Recorded(tuple(shots), tuple(touches), tuple(skipped))

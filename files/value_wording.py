@@ -44,13 +44,18 @@ def describe(value: object) -> str:
             return "a mapping"
 
 
-def listed(words: Iterable[str], last: str) -> str:
+def listed(words: Iterable[str], most: int | None = None, last: str = "and") -> str:
+    """Return the words as one list; words beyond `most` are counted.
+
+    >>> listed(["at", "node", "time"], last="or")
+    'at, node or time'
+    >>> listed(["a", "b", "c", "d"], 3)
+    'a, b and 2 more'
     """
-    >>> listed(["at", "node", "time"], "or")
-    "'at', 'node' or 'time'"
-    """
-    quoted = [repr(word) for word in words]
-    return f" {last} ".join(filter(None, (", ".join(quoted[:-1]), *quoted[-1:])))
+    shown = list(words)
+    if most is not None and len(shown) > most:
+        shown = [*shown[: most - 1], f"{len(shown) - most + 1} more"]
+    return f" {last} ".join(filter(None, (", ".join(shown[:-1]), *shown[-1:])))
 
 
 _TRUE, _FALSE = ("yes", "y", "on"), ("no", "n", "off")

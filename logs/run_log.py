@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import PicktreeError
+from ..world.journal import JournalEvent
 from ..world.protocols import Intrinsics
 from .mcap.reader import RawMessage
 from .recording import foxglove_messages
@@ -21,12 +22,12 @@ from .recording.rotated_log import JoinedLog
 from .recording.rotation import part_paths
 from .schema import topics
 from .schema.arithmetic_record import Arithmetic
+from .schema.event_records import decode_event
 from .schema.json_records import decode
 from .schema.records import (
     FORMAT,
     Candidates,
     Control,
-    Event,
     Joints,
     LinkMesh,
     LogLine,
@@ -274,8 +275,8 @@ class RunLog:
     ) -> Iterator[Stamped[Candidates]]:
         return self._records(topics.CANDIDATES.name, lambda data: decode(Candidates, data), start, end)
 
-    def events(self, start: float | None = None, end: float | None = None) -> Iterator[Stamped[Event]]:
-        return self._records(topics.EVENTS.name, lambda data: decode(Event, data), start, end)
+    def events(self, start: float | None = None, end: float | None = None) -> Iterator[Stamped[JournalEvent]]:
+        return self._records(topics.EVENTS.name, decode_event, start, end)
 
     def lines(self, start: float | None = None, end: float | None = None) -> Iterator[Stamped[LogLine]]:
         return self._records(topics.LOG.name, foxglove_messages.read_log, start, end)

@@ -11,10 +11,12 @@ from types import TracebackType
 from typing import Self
 
 from ..errors import PicktreeError
+from ..world.journal import JournalEvent
+from .run_account import RunAccount, account_of
 from .run_log import RunLog, Stamped
 from .run_result import RunResult
 from .schema import topics
-from .schema.records import Candidates, Event, LogLine, Plan, RunInfo, Scene, Tree
+from .schema.records import Candidates, LogLine, Plan, RunInfo, Scene, Tree
 from .series import (
     ControlSeries,
     GripperSeries,
@@ -28,7 +30,7 @@ from .series import (
     joint_series,
     wrench_series,
 )
-from .visits import Pick, Visit, picks_of, visits_of
+from .visits import Pick, Visit, picks_of
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -113,7 +115,7 @@ class RunRecord:
         return next((at.record for at in reversed(trees) if at.time <= time + 1e-9), trees[0].record)
 
     @cached_property
-    def events(self) -> tuple[Stamped[Event], ...]:
+    def events(self) -> tuple[Stamped[JournalEvent], ...]:
         """Journal entries: `item_done`, `pick`, `fault`, `recovery`, `belief`, `checkpoint`, …"""
         return tuple(self.log.events())
 
@@ -124,8 +126,13 @@ class RunRecord:
 
     @cached_property
     def visits(self) -> tuple[Visit, ...]:
-        """Activations of nodes from start to end, in order of their starts."""
-        return visits_of(self.log)
+        """Activations of nodes from start to end, in order of their starts; none of a log of format 1."""
+        return self.account.visits if self.log.format >= 2 else ()
+
+    @cached_property
+    def account(self) -> RunAccount:
+        """Account of the run: visits, failures and what became of them, episodes with cures and time lost."""
+        return account_of(self)
 
     @cached_property
     def plans(self) -> tuple[Stamped[Plan], ...]:

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from collections import Counter
+import math
+from collections import Counter, deque
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Final, TypeAlias
 
+from ..world.events.skill_events import PickEvent
+from ..world.journal import JournalEvent
 from .run_log import RunLog, Stamped
-from .schema.records import Event, NodeStatusRecord, Tick, TransitionRecord, Tree, Values, WriteRecord
+from .schema.records import NodeStatusRecord, Tick, TransitionRecord, Tree, Values, WriteRecord
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,25 +33,20 @@ class Pick:
     """Weight at the wrist after lifting, N; NaN: not recorded."""
 
 
-def picks_of(events: Iterable[Stamped[Event]]) -> tuple[Pick, ...]:
+def picks_of(events: Iterable[Stamped[JournalEvent]]) -> tuple[Pick, ...]:
     """Return the picks among the events of a run."""
-    return tuple(_pick(at) for at in events if at.record.kind == "pick")
-
-
-def _pick(at: Stamped[Event]) -> Pick:
-    data = at.record.data
-    width, load = (
-        float(value) if isinstance(value := data.get(name), (int, float)) else float("nan")
-        for name in ("width", "load")
-    )
-    return Pick(
-        at.time,
-        str(data["object"]),
-        bool(data["held"]),
-        at.record.node,
-        str(data.get("candidate", "")),
-        width,
-        load,
+    picks = ((at.time, at.record) for at in events if isinstance(at.record, PickEvent))
+    return tuple(
+        Pick(
+            time,
+            pick.object,
+            pick.held,
+            pick.node,
+            pick.candidate,
+            math.nan if pick.width is None else pick.width,
+            math.nan if pick.load is None else pick.load,
+        )
+        for time, pick in picks
     )
 
 
@@ -117,7 +115,7 @@ class Visit:
 class VisitBuilder:
     """Builder of visits from ticks, one tick at a time; a visit is open until its node ends."""
 
-    def __init__(self, tree: Tree) -> None:
+    def __init__(self) -> None:
         self._visits: list[Visit] = []
         self._open: dict[str, int] = {}
         self._counts: Counter[tuple[str, str]] = Counter()
@@ -127,7 +125,6 @@ class VisitBuilder:
         self._parents: dict[str, str] = {}
         self._iterations: frozenset[str] = frozenset()
         self._number, self._time = -1, 0.0
-        self.follow(tree)
 
     def follow(self, tree: Tree) -> None:
         """Use another tree from the next tick on."""
@@ -231,39 +228,42 @@ def under_way(first: Tick) -> tuple[str, ...]:
     )
 
 
-def visits_of(log: RunLog) -> tuple[Visit, ...]:
-    """Return all visits of a run, in order of their starts. Empty for a log of format 1."""
-    if log.format < 2:
-        return ()
-    trees = list(log.trees())
-    following = VisitBuilder(trees[0].record if trees else Tree(()))
-    coming = trees[1:]
-    for at in log.busy_ticks():
-        while coming and coming[0].time <= at.time:
-            following.follow(coming.pop(0).record)
-        if at.record is None:
-            following.skip(at.time)
-        else:
-            following.take(at.time, at.record)
-    return following.finish()
+def ticks_with_trees(
+    log: RunLog, *, derived: bool | None = None
+) -> Iterator[tuple[Stamped[Tick | None], Sequence[Tree]]]:
+    """Yield all ticks, each with the trees that are followed from it on; None: a tick without transitions.
+
+    `derived`: transitions are derived from the statuses of the nodes, as for a log of format 1. None: as the
+    format of the log needs it.
+    """
+    coming = deque(log.trees())
+    ticks = with_transitions(log.ticks()) if _lacks_transitions(log, derived) else log.busy_ticks()
+    for number, at in enumerate(ticks):
+        due: list[Tree] = []
+        while coming and (coming[0].time <= at.time or (number == 0 and not due)):
+            due.append(coming.popleft().record)
+        yield Stamped(at.time, at.record), due
+
+
+def _lacks_transitions(log: RunLog, derived: bool | None) -> bool:
+    return log.format < 2 if derived is None else derived
 
 
 END_STATUSES = frozenset({"SUCCESS", "FAILURE", "SKIPPED"})
 
 
 def derived_visits(log: RunLog) -> tuple[Visit, ...]:
-    """Return the visits as `visits_of` does, also for a log of format 1.
+    """Return the visits as the statuses after each tick show them, as those of a log of format 1.
 
     A node that ended and started within one tick counts as one visit. Values read at a start are unknown.
     """
-    trees = list(log.trees())
-    following = VisitBuilder(trees[0].record if trees else Tree(()))
-    coming = trees[1:]
-    for at in with_transitions(log.ticks()):
-        while coming and coming[0].time <= at.time:
-            following.follow(coming.pop(0).record)
-        following.take(at.time, at.record)
-    return following.finish()
+    builder = VisitBuilder()
+    for at, trees in ticks_with_trees(log, derived=True):
+        for tree in trees:
+            builder.follow(tree)
+        if at.record is not None:
+            builder.take(at.time, at.record)
+    return builder.finish()
 
 
 def with_transitions(ticks: Iterator[Stamped[Tick]]) -> Iterator[Stamped[Tick]]:

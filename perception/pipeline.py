@@ -16,7 +16,6 @@ from ..world.protocols import RgbdImage
 from ..world.scene.description import SceneDescription
 from ..world.shapes import top
 from ..world.values import Array, Pose
-from .bin_fill import bin_height_map
 from .expectation.backdrop import (
     MIN_FRONT_DEPTH,
     BackgroundModel,
@@ -25,7 +24,6 @@ from .expectation.backdrop import (
     level_camera,
     table_of,
 )
-from .expectation.hand_camera_pose import register_hand_camera
 from .expectation.robot_mask import ATTACHED_HEIGHT, RobotMask, RobotShape, add_attached_parts
 from .fitting.blob_splitting import split_blob
 from .fitting.item_fitting import (
@@ -39,8 +37,8 @@ from .fitting.item_fitting import (
     is_clear,
 )
 from .fitting.known_object_fitting import NEAR_DEPTH_SIGMA, TrackedSighting, track_objects
-from .fitting.view import BinView, BodyVisibility, Detection, PerceivedView, UnexplainedPatch
-from .geometry.camera_geometry import PosedCamera
+from .fitting.view import BinView, BodyVisibility, Detection, PerceivedView, UnexplainedPatch, bin_height_map
+from .geometry.camera_geometry import PosedCamera, register_hand_camera
 from .geometry.resting_poses import HoleMouths, stable_poses
 from .segmentation import blobs
 from .segmentation.blobs import (

@@ -1,13 +1,19 @@
-"""Requests to the planner and its answers, as values."""
+"""Requests to the planner, their checks and overrides, and the planner's answers, as values."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from typing import Literal, TypeAlias, get_args
+from dataclasses import astuple, dataclass, field, replace
+from typing import TYPE_CHECKING, Literal, TypeAlias, get_args
 
+import numpy as np
+
+from ..errors import PicktreeError
 from ..world.causes import Cause, Evidence, Failure
 from ..world.trajectory import Trajectory
 from ..world.values import Array, Bounds, ObjectId, Pose, Vector3
+
+if TYPE_CHECKING:
+    from ..robots.model import RobotModel
 
 Direction: TypeAlias = Literal["out", "back", "up", "inwards", "left", "right", "outwards", "down"]
 """Direction of an escape path.
@@ -184,3 +190,83 @@ class LegFailure(Failure):
         """`leg`: index of the leg, from 0. It is part of the evidence, too."""
         super().__init__(cause, message, **{**evidence, "leg": leg})
         self.leg = leg
+
+
+@dataclass(frozen=True, slots=True)
+class PlannerOverrides:
+    """Overrides of requests to the planner; the defaults change nothing."""
+
+    seed: int = 0
+    """Seed of other random numbers; 0: the usual ones."""
+    budget: float = 1.0
+    """Factor on the collision checks that a request may spend."""
+    clearance: float = 0.0
+    """Addition to the clearance of free motions, m. A straight line goes close to bodies on purpose."""
+
+    def __and__(self, inner: PlannerOverrides) -> PlannerOverrides:
+        """Combine two overrides, the other within this one."""
+        seed = inner.seed or self.seed
+        return PlannerOverrides(seed, self.budget * inner.budget, self.clearance + inner.clearance)
+
+    def of(self, request: Request) -> Request:
+        """Return the request with the overrides applied."""
+        if self.budget == 1.0 and not self.clearance:
+            return request
+        budget = max(1, round(request.budget * self.budget))
+        straight = isinstance(request.target, LineGoal | OffsetGoal)
+        clearance = request.clearance + (0.0 if straight else self.clearance)
+        return replace(request, budget=budget, clearance=clearance)
+
+    def stream(self, name: str) -> str:
+        """Return the stream of random numbers that replaces the one of that name."""
+        return f"{name} seed {self.seed}" if self.seed else name
+
+
+def check_request(model: RobotModel, request: Request) -> None:
+    """Raise PicktreeError for a senseless request, with what is wrong and what would be right."""
+    _configuration(model, "the start", request.start)
+    if isinstance(request.target, JointGoal):
+        _configuration(model, "the goal", request.target.position)
+    if not all(np.isfinite(_numbers(request.target))):
+        raise PicktreeError("the goal has numbers that are not finite")
+    for constraint in request.constraints:
+        if isinstance(constraint, UprightConstraint):
+            if not any(constraint.axis) or not 0 <= constraint.tilt <= np.pi:
+                raise PicktreeError("upright: needs an axis that is not zero, and a tilt of 0 to 180 deg")
+        elif any(low > high for low, high in zip(constraint.box.min, constraint.box.max, strict=True)):
+            raise PicktreeError("within: the box must not have its least corner beyond its greatest one")
+    if request.clearance < 0:
+        raise PicktreeError(f"a clearance of {request.clearance * 1000:g} mm: it must not be negative")
+    if request.budget < 1:
+        raise PicktreeError(f"a budget of {request.budget} checks: at least one is needed")
+    shares = astuple(request.scaling)
+    if not all(0 < share <= 1 for share in shares):
+        raise PicktreeError(f"a scaling of {shares[0]:g} and {shares[1]:g}: both must be above 0, at most 1")
+
+
+def _configuration(model: RobotModel, what: str, q: object) -> None:
+    if q is None:
+        return
+    numbers = np.asarray(q, dtype=np.float64)
+    if numbers.shape != (model.n,):
+        raise PicktreeError(
+            f"{what} has {numbers.size} numbers, {model.description.name} has {model.n} joints"
+        )
+    if not np.isfinite(numbers).all():
+        raise PicktreeError(f"{what} has numbers that are not finite")
+
+
+def _numbers(target: Target) -> list[float]:
+    match target:
+        case PoseGoal(poses):
+            return [number for pose in poses for number in (*pose.position, *pose.orientation)]
+        case RegionGoal(pose, yaw, tilt, reach):
+            if min(yaw, tilt, *reach) < 0:
+                raise PicktreeError("a region's turn, tilt and reach must not be negative")
+            return [*pose.position, *pose.orientation, yaw, tilt, *reach]
+        case LineGoal(pose):
+            return [*pose.position, *pose.orientation]
+        case OffsetGoal(by):
+            return list(by)
+        case _:
+            return []

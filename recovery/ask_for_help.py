@@ -6,7 +6,7 @@ import re
 from collections.abc import Generator
 from typing import TYPE_CHECKING, Final, cast
 
-from ..cell.operator_desk import GIVE_UP, GO_ON, SET_ASIDE, OperatorQuestion, situation
+from ..cell.operator_desk import GIVE_UP, GO_ON, SET_ASIDE, OperatorQuestion
 from ..trees.flow.default_flow import leaf
 from ..trees.node import Node
 from ..trees.ports import In, Out, port
@@ -16,6 +16,7 @@ from ..trees.status import NodeStatus
 from ..trees.values.port_types import PortProblem, PortValues
 from ..trees.values.references import Reference
 from ..world.causes import Failure, control, tree
+from ..world.events.run_events import HelpWantedEvent
 from ..world.values import ObjectId
 
 if TYPE_CHECKING:
@@ -118,17 +119,19 @@ class AskForHelp(Node):
 
     def _ask(self, world: World) -> None:
         question = OperatorQuestion(
-            self.path, self._text(), tuple(self.choices), str(self.object), situation(world)
+            self.path, self._text(), tuple(self.choices), str(self.object), _situation(world)
         )
         world.operator.ask(question)
         self.feedback_message = f"waits for an answer: {question.reason}"
-        self.note(
-            "help_wanted",
-            f"help is wanted: {question.reason}",
-            reason=question.reason,
-            choices=list(question.choices),
-            object=question.object,
-            situation=question.situation,
+        world.journal.note(
+            HelpWantedEvent(
+                f"help is wanted: {question.reason}",
+                self.path,
+                reason=question.reason,
+                choices=question.choices,
+                object=question.object,
+                situation=question.situation,
+            )
         )
 
     def _text(self) -> str:
@@ -152,3 +155,27 @@ class AskForHelp(Node):
     @classmethod
     def flow(cls, spec: NodeSpec, entry: FlowState, walk: FlowAnalysis) -> NodeOutcomes:
         return leaf(cls, spec, entry, walk, takes_time=True)
+
+
+_MAX_NAMED = 3
+"""Maximum number of items that the situation names."""
+
+
+def _situation(world: World) -> str:
+    """Return the situation in the robot's belief, as one sentence for the operator."""
+    held, to_do = world.scene.held, world.to_do()
+    parts = ["the arm stands still"]
+    stop = world.control.monitor.stopped
+    if stop is not None:
+        parts[0] += f", stopped by {stop.cause}"
+    parts.append("the hand is empty" if held is None else f"{held.id} is in the hand")
+    left = [o for o in to_do if held is None or o.id != held.id]
+    if left:
+        named = ", ".join(
+            f"{o.id} at ({o.pose.position[0]:.2f}, {o.pose.position[1]:.2f}) m" for o in left[:_MAX_NAMED]
+        )
+        more = f" and {len(left) - _MAX_NAMED} more" if len(left) > _MAX_NAMED else ""
+        parts.append(f"{len(left)} to be done: {named}{more}")
+    else:
+        parts.append("nothing else is to be done" if world.vision.looks else "nobody has looked yet")
+    return f"{'; '.join(parts)}; {world.journal.items_done} done so far"

@@ -19,7 +19,7 @@ from ..trees.running.builder import build
 from ..trees.status import NodeStatus
 from ..world.belief.planning_scene import BeliefObject
 from ..world.causes import Failure
-from ..world.journal import JournalEvent, Plain
+from ..world.events.skill_events import TookStockEvent
 from ..world.scene.destinations import is_at
 from ..world.shapes import Box
 from ..world.values import ObjectId, Pose
@@ -69,11 +69,15 @@ def resync_belief(world: World) -> Generator[None, None, ResyncReport]:
 
     It never fails: steps that are impossible are recorded and left to the mission.
     """
-    _note(world, "the run goes on as things stand: it looks first, with the belief of before", {})
+    world.journal.note(
+        TookStockEvent("the run goes on as things stand: it looks first, with the belief of before")
+    )
     try:
         yield from world.move.rest()
     except Failure as failure:
-        _note(world, f"the arm does not come to rest: {failure.message}", {"failed": str(failure.cause)})
+        world.journal.note(
+            TookStockEvent(f"the arm does not come to rest: {failure.message}", failed=str(failure.cause))
+        )
     known = {o.id: o for o in world.scene.objects if o.role == "item"}
     to_do = [o.id for o in world.to_do()]
     attempts = world.attempts.state()
@@ -111,7 +115,9 @@ def _measure_hand(world: World) -> Generator[None, None, GripCheck | None]:
     if reached < grip.width - MIN_PROBE_SHARE * (grip.width - least):
         return None
     said = "is in the hand" if hold.loaded else "is between the fingers, and weighs next to nothing"
-    _note(world, f"something {said}: {hold}", {"width": hold.width, "load": hold.load, "held": True})
+    world.journal.note(
+        TookStockEvent(f"something {said}: {hold}", width=hold.width, load=hold.load, held=True)
+    )
     shape = Box((UNKNOWN_OBJECT_SIZE, max(grip.width, 0.005), UNKNOWN_OBJECT_SIZE))
     tcp = world.control.tcp
     believed = BeliefObject(
@@ -127,7 +133,9 @@ def _lower(world: World) -> Generator[None, None, None]:
     try:
         yield from world.move.guarded(DOWNWARDS, MAX_DESCENT, CONTACT_FORCE, DESCENT_SPEED)
     except Failure as failure:
-        _note(world, f"it is not let down any further: {failure.message}", {"failed": str(failure.cause)})
+        world.journal.note(
+            TookStockEvent(f"it is not let down any further: {failure.message}", failed=str(failure.cause))
+        )
 
 
 def _carry_out(text: str, world: World) -> Generator[None, None, None]:
@@ -139,7 +147,7 @@ def _carry_out(text: str, world: World) -> Generator[None, None, None]:
         tree.step()
     if tree.failure is not None:
         message = f"the arm does not get home: {tree.failure.message}"
-        _note(world, message, {"failed": str(tree.failure.cause)})
+        world.journal.note(TookStockEvent(message, failed=str(tree.failure.cause)))
 
 
 def _look(world: World) -> Generator[None, None, None]:
@@ -147,7 +155,9 @@ def _look(world: World) -> Generator[None, None, None]:
         try:
             yield from world.vision.look(camera.name)
         except Failure as failure:
-            _note(world, f"{camera.name} shows nothing: {failure.message}", {"camera": camera.name})
+            world.journal.note(
+                TookStockEvent(f"{camera.name} shows nothing: {failure.message}", camera=camera.name)
+            )
 
 
 def _recognise(world: World, known: Mapping[ObjectId, BeliefObject]) -> None:
@@ -183,14 +193,7 @@ def _resync_report(world: World, to_do: Sequence[ObjectId], held: bool) -> Resyn
     parts = [f"{', '.join(done)} is done"] if done else ["nothing more is done"]
     if gone:
         parts.append(f"{', '.join(gone)} is seen nowhere, and not counted as done")
-    data: dict[str, Plain] = {
-        "done": [str(name) for name in done],
-        "gone": [str(name) for name in gone],
-        "items_done": world.journal.items_done,
-    }
-    _note(world, f"looked: {'; '.join(parts)}; {len(world.to_do())} to be done", data)
+    message = f"looked: {'; '.join(parts)}; {len(world.to_do())} to be done"
+    done_now = world.journal.items_done
+    world.journal.note(TookStockEvent(message, done=tuple(done), gone=tuple(gone), items_done=done_now))
     return ResyncReport(tuple(done), tuple(gone), held)
-
-
-def _note(world: World, message: str, data: dict[str, Plain]) -> None:
-    world.journal.note(JournalEvent("took_stock", message, "", data))

@@ -11,6 +11,7 @@ from ..trees.ports import In, port
 from ..trees.status import NodeStatus
 from ..trees.values.port_types import PortValues
 from ..world.causes import FailureReport, tree
+from ..world.events.run_events import BudgetEvent
 from ..world.values import ObjectId
 
 if TYPE_CHECKING:
@@ -83,14 +84,17 @@ class Budget(Decorator):
         spent = [f"{count:g} of {self.tries} handlers"] if self.tries >= 0 else [f"{count:g} handlers"]
         spent += [f"{seconds:.1f} of {self.time:g} s"] if self.time else [f"{seconds:.1f} s"]
         message = f"the budget {whose}is used up ({', '.join(spent)}): {last.message}"
-        self.note(
-            "budget",
-            message,
-            cause=last.cause.name,
-            failed=last.node,
-            object=self.of,
-            tries=int(count),
-            seconds=seconds,
+        cause, failed = last.cause.name, last.node
+        self.world.journal.note(
+            BudgetEvent(
+                message,
+                self.path,
+                cause=cause,
+                failed=failed,
+                object=self.of,
+                tries=int(count),
+                seconds=seconds,
+            )
         )
         evidence = {"object": str(self.of), "tries": int(count), "seconds": seconds, "cause": last.cause.name}
         return FailureReport(tree.BUDGET, message, evidence, self.path, (last,))

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..manipulation.place.bin_spots import PLACE_TEST_HEIGHT, put_down_poses
+from ..manipulation.place.release_poses import PLACE_TEST_HEIGHT, put_down_poses
 from ..trees.ports import In, Out, port
 from ..trees.skill import Skill, Steps
 from ..world.causes import Failure, grasp, place

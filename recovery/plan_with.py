@@ -5,7 +5,7 @@ from __future__ import annotations
 from contextlib import nullcontext
 from typing import TYPE_CHECKING, cast
 
-from ..planning.service.planner_overrides import PlannerOverrides
+from ..planning.requests import PlannerOverrides
 from ..trees.controls.decorator import Decorator
 from ..trees.flow import FlowState, NodeOutcomes, OutcomeCollector
 from ..trees.ports import In, port

@@ -10,6 +10,7 @@ from ..trees.node import ControlNode, Node
 from ..trees.status import NodeStatus
 from ..trees.values.failure_reports import with_attached
 from ..world.causes import FailureReport, internal, matches, tree
+from ..world.events.run_events import CuredEvent, RecoveryEvent
 from .budget import budgets_above
 from .recovery_flow import RecoverySpec
 
@@ -93,13 +94,9 @@ class RecoveryControl(ControlNode, abstract=True):
             return self._failed(self.tried())
         if state is NodeStatus.SUCCESS and self._reports:
             last = self._reports[-1]
-            self.note(
-                "cured",
-                f"cured after {len(self._reports)} failures: {last.cause}",
-                cause=last.cause.name,
-                failed=last.node,
-                tries=len(self._reports),
-            )
+            message, tries = f"cured after {len(self._reports)} failures: {last.cause}", len(self._reports)
+            event = CuredEvent(message, self.path, cause=last.cause.name, failed=last.node, tries=tries)
+            self.world.journal.note(event)
         return state
 
     def _failed(self, body: Node) -> NodeStatus:
@@ -120,14 +117,17 @@ class RecoveryControl(ControlNode, abstract=True):
             self._reports = (*self._reports[:-1], refusal)
             return self._give_up()
         self._handler = label
-        self.note(
-            "recovery",
-            f"{report.cause} in {report.node}: {label} is tried (attempt {self._runs} of {self.most_runs()})",
-            cause=report.cause.name,
-            failed=report.node,
-            reason=report.message,
-            handler=label,
-            attempt=self._runs,
+        attempts = f"attempt {self._runs} of {self.most_runs()}"
+        self.world.journal.note(
+            RecoveryEvent(
+                f"{report.cause} in {report.node}: {label} is tried ({attempts})",
+                self.path,
+                cause=report.cause.name,
+                failed=report.node,
+                reason=report.message,
+                handler=label,
+                attempt=self._runs,
+            )
         )
         return NodeStatus.RUNNING
 

@@ -8,7 +8,7 @@ from ..manipulation.place.dropped_objects import open_gripper
 from ..trees.ports import In, port
 from ..trees.skill import GRIPPER, Doing, Skill, Steps
 from ..world.causes import Failure, control, grasp, safety
-from ..world.journal import JournalEvent
+from ..world.events.skill_events import GripperResetEvent
 
 if TYPE_CHECKING:
     from ..cell.world import World
@@ -44,9 +44,7 @@ class ResetGripper(Skill):
         for number in range(1, self.tries + 1):
             said = yield from self._to_and_fro(world)
             if not said:
-                world.journal.note(
-                    JournalEvent("gripper_reset", f"the fingers follow again, at try {number}", self.path)
-                )
+                world.journal.note(GripperResetEvent(f"the fingers follow again, at try {number}", self.path))
                 return
             yield from self._pause(world)
         raise Failure(

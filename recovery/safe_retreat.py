@@ -15,7 +15,7 @@ from ..trees.ports import In, port
 from ..trees.skill import ARM, GRIPPER, Doing, Skill, Steps
 from ..trees.values.references import Binding, Constant
 from ..world.causes import Failure, control, grasp, place, safety
-from ..world.journal import JournalEvent
+from ..world.events.skill_events import SafetyAcknowledgedEvent
 
 if TYPE_CHECKING:
     from ..cell.world import World
@@ -104,9 +104,7 @@ class SafeRetreat(Skill):
     def _acknowledge(self, world: World) -> None:
         stop = world.control.monitor.stopped
         if stop is not None and world.control.monitor.acknowledge(self.path):
-            world.journal.note(
-                JournalEvent("safety_acknowledged", f"{stop.cause}: {stop.message}", self.path)
-            )
+            world.journal.note(SafetyAcknowledgedEvent(f"{stop.cause}: {stop.message}", self.path))
 
     @staticmethod
     def _not_held(world: World) -> None:

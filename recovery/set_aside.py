@@ -11,7 +11,7 @@ from ..trees.ports import In, port
 from ..trees.status import NodeStatus
 from ..world.belief.facts import ASIDE
 from ..world.causes import Failure, place
-from ..world.journal import JournalEvent
+from ..world.events.skill_events import SetAsideEvent
 from ..world.values import ObjectId
 
 if TYPE_CHECKING:
@@ -62,11 +62,14 @@ class SetAside(Node):
         world.scene.put(replace(belief, place=ASIDE), "set aside: it is left where it lies")
         x, y, _ = belief.pose.position
         world.journal.note(
-            JournalEvent(
-                "set_aside",
+            SetAsideEvent(
                 f"{self.object} is left where it lies",
                 self.path,
-                {"object": self.object, "form": belief.form, "x": x, "y": y, "times": times},
+                object=self.object,
+                form=belief.form,
+                x=x,
+                y=y,
+                times=times,
             )
         )
         return NodeStatus.SUCCESS

@@ -10,12 +10,11 @@ from ..control.execution.control_loop import ControlLoop
 from ..control.execution.gripper_motion import GripperControl
 from ..control.execution.motions import ArmMotion
 from ..control.safety.safety_monitor import SafetyMonitor
-from ..manipulation.grasp.grip_force import opening_force
+from ..manipulation.grasp.compliant_closing import opening_force
 from ..perception.pipeline import Perception
 from ..planning.collision.scene_queries import SceneQueries
-from ..planning.service.contact_lookahead import JogCollisionCheck
 from ..planning.service.plan_service import PlanService
-from ..planning.service.trajectory_gate import TrajectoryGate
+from ..planning.service.trajectory_gate import JogCollisionCheck, TrajectoryGate
 from ..robots.description import RobotDescription
 from ..robots.model import RobotModel
 from ..world.belief.attempts import AttemptMemory

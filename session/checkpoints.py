@@ -11,7 +11,7 @@ import numpy as np
 from pydantic import TypeAdapter, ValidationError
 
 from ..cell.world import World
-from ..control.execution.control_loop_state import ControlLoopState
+from ..control.execution.control_loop import ControlLoopState
 from ..control.execution.trajectory_motion import FollowedPath
 from ..errors import PicktreeError
 from ..logs.recording.recorder import RecordingState

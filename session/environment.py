@@ -45,7 +45,7 @@ _FILES_WITHOUT_EFFECT: Final = (
     "logs/episodes",
     "moved.py",
     "session/live_view.py",
-    "session/real_time_pace.py",
+    "session/observer.py",
     "session/resume",
 )
 """Modules and folders that do not affect a run: commands, batches, and readers of logs."""

@@ -19,7 +19,7 @@ from ..trees.loading.scene_names import SceneNames, scene_names
 from ..trees.mission import IN_LIBRARY, Mission
 from ..trees.ports import PortDeclaration
 from ..trees.running.tree_adoption import StateTransfer
-from ..world.journal import JournalEvent, Plain
+from ..world.events.run_events import MissionChangedEvent
 from .execution import Execution
 from .observer import Interrupter, ReloadMessage
 
@@ -225,10 +225,10 @@ def _is_on_disk(mission: Mission) -> bool:
         return False
 
 
-def mission_changed(adoption: StateTransfer) -> JournalEvent:
+def mission_changed(adoption: StateTransfer) -> MissionChangedEvent:
     """Return the journal event of a run that resumes with another mission."""
-    data: dict[str, Plain] = {"fresh": list(adoption.fresh), "gone": list(adoption.gone)}
-    return JournalEvent("mission_changed", f"another mission goes on: {adoption_summary(adoption)}", "", data)
+    message = f"another mission goes on: {adoption_summary(adoption)}"
+    return MissionChangedEvent(message, fresh=tuple(adoption.fresh), gone=tuple(adoption.gone))
 
 
 def adoption_summary(adoption: StateTransfer) -> str:

@@ -1,14 +1,19 @@
-"""Observers of a running session, and interrupters: operators, editors of the mission, requests to stop."""
+"""Observers of a running session, and interrupters: operators, editors of the mission, requests to stop.
+
+The pace against the wall clock is an observer, too.
+"""
 
 from __future__ import annotations
 
+import time
 from collections import deque
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from ..errors import PicktreeError
-from ..world.journal import Journal, JournalEvent, Plain
+from ..world.events.run_events import OperatorAnswerEvent
+from ..world.journal import Journal
 
 if TYPE_CHECKING:  # The displays of the command line are observers and must be loaded at once.
     from pathlib import Path
@@ -132,6 +137,39 @@ def answer_pending(desk: OperatorRequests, journal: Journal, operators: Sequence
     if answer is None:
         return False
     desk.answer(answer)
-    data: dict[str, Plain] = {"question": question.reason, "answer": answer}
-    journal.note(JournalEvent("operator_answer", f"the answer is: {answer}", question.node, data))
+    message = f"the answer is: {answer}"
+    journal.note(OperatorAnswerEvent(message, question.node, question=question.reason, answer=answer))
     return True
+
+
+_MAX_CATCH_UP = 0.5
+"""Maximum delay that is caught up after a slow tick, wall s; the rest of a longer one is not caught up."""
+
+
+class WallClockPacer(Observer):
+    """Observer that limits simulated time to `factor` times the wall clock by waiting after each tick.
+
+    The run itself is not affected.
+    """
+
+    def __init__(
+        self,
+        factor: float,
+        *,
+        clock: Callable[[], float] = time.monotonic,
+        sleep: Callable[[float], None] = time.sleep,
+    ) -> None:
+        """`factor` is above 0: simulated seconds per wall second."""
+        self._factor = factor
+        self._clock, self._sleep = clock, sleep
+        self._due: float | None = None
+        self._before = 0.0
+
+    def ticked(self, now: float, report: TickReport, items_done: int, items_total: int) -> None:
+        wall = self._clock()
+        if self._due is None:
+            self._due, self._before = wall, now
+        self._due = max(self._due + (now - self._before) / self._factor, wall - _MAX_CATCH_UP)
+        self._before = now
+        if self._due > wall:
+            self._sleep(self._due - wall)

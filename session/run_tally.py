@@ -5,16 +5,23 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
-from typing import Protocol, cast
+from typing import Protocol
 
 from ..logs.episodes.episode_counts import CureCount, EpisodeCounts, PlantedCount
 from ..logs.episodes.episode_tracker import (
     EpisodeTracker,
     EpisodeTrackerState,
-    EventLike,
     NodeLike,
     TransitionLike,
 )
+from ..world.events.run_events import (
+    BeltStopsEvent,
+    BinExchangedEvent,
+    CuredEvent,
+    DeliveryEvent,
+    RecoveryEvent,
+)
+from ..world.events.skill_events import BinEmptiedEvent, ItemDoneEvent, PickEvent, SetAsideEvent
 from ..world.journal import Entry, JournalEvent
 
 
@@ -39,7 +46,7 @@ class EpisodeCounters:
         """Use another tree from the next tick on."""
         self._following.follow(nodes)
 
-    def take(self, time: float, changes: Iterable[TransitionLike], events: Sequence[EventLike]) -> None:
+    def take(self, time: float, changes: Iterable[TransitionLike], events: Sequence[JournalEvent]) -> None:
         """Count the transitions and events of one tick."""
         self._following.take(time, changes, events)
 
@@ -199,27 +206,26 @@ class RunCounters:
                 self.failures[node.cause] += 1
 
     def _happened(self, event: JournalEvent) -> None:
-        match event.kind:
-            case "pick":
-                subject = str(event.data["object"])
+        match event:
+            case PickEvent(object=subject, held=held):
                 self.tried += 1
-                self.held += bool(event.data["held"])
-                if subject not in self.objects and event.data["held"]:
+                self.held += held
+                if subject not in self.objects and held:
                     self.first_try.add(subject)
                 self.objects.add(subject)
-            case "item_done":
+            case ItemDoneEvent():
                 self.done += 1
-            case "delivery" | "belt_stops":
+            case DeliveryEvent() | BeltStopsEvent():
                 self.deliveries += 1
-            case "bin_exchanged":
+            case BinExchangedEvent():
                 self.exchanges += 1
-            case "set_aside":
+            case SetAsideEvent():
                 self.set_aside += 1
-            case "bin_emptied":
-                self._forget(cast("list[str]", event.data["objects"]))
-            case "recovery":
-                self.recovered[str(event.data["cause"])] += 1
-            case "cured":
-                self.cured[str(event.data["cause"])] += 1
+            case BinEmptiedEvent(objects=objects):
+                self._forget(objects)
+            case RecoveryEvent(cause=cause):
+                self.recovered[cause] += 1
+            case CuredEvent(cause=cause):
+                self.cured[cause] += 1
             case _:
                 pass

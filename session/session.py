@@ -20,7 +20,7 @@ from ..logs.recording.rotation import FEED_ROTATION, NO_ROTATION
 from ..logs.run_result import RunResult, RunStatus
 from ..trees.mission import Mission
 from ..trees.running.runner import TickReport
-from ..world.journal import JournalEvent, Plain
+from ..world.events.run_events import CheckpointEvent, MissionEditedEvent
 from .execution import Execution
 from .mission_edits import FileWatch, MissionReload, adoption_summary, mission_changed
 from .observer import Interrupter, Observer, answer_pending
@@ -172,8 +172,7 @@ class Session:
 
     def _note_checkpoint(self) -> None:
         done = self.execution.tally.done
-        journal = self.execution.world.journal
-        journal.note(JournalEvent("checkpoint", f"after {done} items", "", {"items_done": done}))
+        self.execution.world.journal.note(CheckpointEvent(f"after {done} items", items_done=done))
 
     def _follow_edits(self, recorder: SessionRecorder) -> None:
         execution = self.execution
@@ -190,12 +189,8 @@ class Session:
         """Resume with another version of the mission."""
         adoption = self.execution.adopt(mission)
         message = f"the edited mission takes over: {adoption_summary(adoption)}"
-        data: dict[str, Plain] = {
-            "files": recorder.edited(mission),
-            "fresh": list(adoption.fresh),
-            "gone": list(adoption.gone),
-        }
-        self.execution.world.journal.note(JournalEvent("mission_edited", message, "", data))
+        files, fresh, gone = recorder.edited(mission), tuple(adoption.fresh), tuple(adoption.gone)
+        self.execution.world.journal.note(MissionEditedEvent(message, files=files, fresh=fresh, gone=gone))
         for observer in self._observers:
             observer.edited(self.execution)
         self._tell(message)

@@ -18,6 +18,7 @@ from ..logs.schema.topics import Topic
 from ..trees.blackboard import BlackboardWrite
 from ..trees.mission import Mission
 from ..trees.running.runner import NodeInfo, TickReport
+from ..world.events.run_events import BeltStopsEvent, BinExchangedEvent, DeliveryEvent, FaultEvent
 from ..world.journal import Entry, JournalEvent
 from ..world.values import Array, Pose
 from . import environment
@@ -30,7 +31,6 @@ from .recipe import fingerprints, mission_files, plugin_versions, recipe_files
 START_ATTACHMENT: Final = "start.json"
 """Name of the attachment with the checkpoint from which a run resumes, with the tree of this run."""
 
-_FEED_EVENTS = ("delivery", "belt_stops", "bin_exchanged")
 """Feed events after which items have moved at once."""
 
 LOG_FILE_NAME: Final = "log.mcap"
@@ -235,7 +235,9 @@ def _listener(observers: Sequence[Observer]) -> Listener | None:
 
 def _moves_bodies(event: JournalEvent) -> bool:
     """Whether bodies have moved at once with this event."""
-    return event.kind in _FEED_EVENTS or event.data.get("fault") == "obstacle"
+    if isinstance(event, FaultEvent):
+        return event.fault == "obstacle"
+    return isinstance(event, DeliveryEvent | BeltStopsEvent | BinExchangedEvent)
 
 
 def _tree(structure: tuple[NodeInfo, ...]) -> records.Tree:

@@ -4,15 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any, Literal, Protocol, TypeAlias
+from typing import Any, Protocol
 
 from ..robots.description import RobotDescription
 from ..world.journal import JournalEvent
 from ..world.protocols import Hardware
 from ..world.scene.description import Fixture, SceneDescription
+from .checkpoints import Backend, Checkpoint, KinematicState
 from .faults.injector import InjectableRobot
-
-Backend: TypeAlias = Literal["physics", "kinematic"]
 
 
 class BackendCheckpoint(Protocol):
@@ -58,13 +57,11 @@ def build_hardware(
     """
     robot = replace(robot, tool=scene.tool_error)
     if backend == "kinematic":
-        from .checkpoints.kinematic_state import KinematicState
         from .kinematic.backend import KinematicHardware
 
         if start is None:
             return KinematicHardware(scene, robot, seed)
         return KinematicHardware.resume(scene, robot, seed, KinematicState.from_plain(start))
-    from .checkpoints.physics_state import Checkpoint
     from .physics.backend import PhysicsHardware
 
     return PhysicsHardware(scene, robot, seed, None if start is None else Checkpoint.from_plain(start))

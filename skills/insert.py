@@ -17,7 +17,7 @@ from ..trees.ports import In, port
 from ..trees.skill import ARM, GRIPPER, Skill, Steps
 from ..world.causes import control, grasp, insert, place, planning, safety
 from ..world.causes import world as world_causes
-from ..world.journal import JournalEvent
+from ..world.events.skill_events import ItemDoneEvent
 from ..world.values import ObjectId
 
 if TYPE_CHECKING:
@@ -104,19 +104,16 @@ class Insert(Skill):
         yield from withdraw(world, self.path)
         yield from confirm_release(world, held, hanging, insert.MISSED, hole=task.hole.id)
         world.journal.note(
-            JournalEvent(
-                "item_done",
+            ItemDoneEvent(
                 f"{held.id} inserted into {task.hole.id}",
                 self.path,
-                {
-                    "object": held.id,
-                    "form": held.form,
-                    "into": task.hole.id,
-                    "spot": task.hole.id,
-                    "depth": result.motion.depth,
-                    "force": result.force,
-                    "seconds": result.seconds,
-                    "found_by": result.motion.tried[-1] if result.motion.tried else "",
-                },
+                object=held.id,
+                form=held.form,
+                into=task.hole.id,
+                spot=task.hole.id,
+                depth=result.motion.depth,
+                force=result.force,
+                seconds=result.seconds,
+                found_by=result.motion.tried[-1] if result.motion.tried else "",
             )
         )

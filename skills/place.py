@@ -11,7 +11,7 @@ from ..trees.skill import ARM, GRIPPER, Skill, Steps
 from ..trees.values.port_types import PortProblem, PortValues
 from ..world.causes import control, grasp, place, planning, safety
 from ..world.causes import world as world_causes
-from ..world.journal import JournalEvent
+from ..world.events.skill_events import ItemDoneEvent
 from ..world.values import ObjectId
 
 if TYPE_CHECKING:
@@ -70,10 +70,12 @@ class Place(Skill):
         spot = yield from carry_to_place(world, task)
         held = yield from lower_and_release(world, task, spot)
         world.journal.note(
-            JournalEvent(
-                "item_done",
+            ItemDoneEvent(
                 f"{held.id} placed {('into ' + self.into) if self.into else f'at {self.at}'}",
                 self.path,
-                {"object": held.id, "form": held.form, "into": self.into, "spot": spot.name},
+                object=held.id,
+                form=held.form,
+                into=self.into,
+                spot=spot.name,
             )
         )

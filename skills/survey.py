@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from ..calibration.observations import SHOT, DetectedTile, TargetImage, Viewpoint, viewpoints
+from ..calibration.observations import DetectedTile, TargetImage, Viewpoint, viewpoints
 from ..calibration.targets import CalibrationTarget, target_named
 from ..planning.requests import NamedGoal, PoseGoal, Request
 from ..trees.ports import In, port
 from ..trees.skill import ARM, CAMERA, Doing, Skill, Steps
 from ..world.causes import Failure, control, perception, planning, safety
 from ..world.causes import world as world_causes
-from ..world.journal import JournalEvent
+from ..world.events.skill_events import CalibrationSkippedEvent
 
 if TYPE_CHECKING:
     from ..cell.world import World
@@ -150,10 +150,10 @@ class Survey(Skill):
 
     def _note(self, world: World, shot: TargetImage, where: str) -> None:
         message = f"{self.camera}: {len(shot.tiles)} squares of {self.target} {where}"
-        world.journal.note(JournalEvent(SHOT, message, self.path, shot.to_plain()))
+        world.journal.note(shot.to_event(message, self.path))
 
     def _skip(self, world: World, message: str) -> None:
-        world.journal.note(JournalEvent("calibration_skipped", f"{self.camera}: {message}", self.path, {}))
+        world.journal.note(CalibrationSkippedEvent(f"{self.camera}: {message}", self.path))
 
     def _unseen(self, target: CalibrationTarget) -> Failure:
         return Failure(

@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..calibration.observations import TOUCH, TargetTouch
+from ..calibration.observations import TargetTouch
 from ..calibration.targets import TouchPoint, fingertip_corners, target_named, touch_points
 from ..planning.requests import PoseGoal, Request
 from ..trees.ports import In, port
 from ..trees.skill import ARM, GRIPPER, Doing, Skill, Steps
 from ..world.causes import Failure, control, grasp, planning, safety
 from ..world.causes import world as world_causes
-from ..world.journal import JournalEvent
+from ..world.events.skill_events import CalibrationSkippedEvent
 
 if TYPE_CHECKING:
     from ..cell.world import World
@@ -76,7 +76,7 @@ class TouchTarget(Skill):
                 continue
             found += 1
             message = f"{self.target}, {contact.name}: touched with {touch.force:.1f} N"
-            world.journal.note(JournalEvent(TOUCH, message, self.path, touch.to_plain()))
+            world.journal.note(touch.to_event(message, self.path))
         yield from world.gripper.open()
         if found < MIN_TOUCHES:
             raise Failure(
@@ -146,7 +146,7 @@ class TouchTarget(Skill):
 
     def _skip(self, world: World, contact: TouchPoint, why: str) -> None:
         message = f"{self.target}, {contact.name}: {why}"
-        world.journal.note(JournalEvent("calibration_skipped", message, self.path, {}))
+        world.journal.note(CalibrationSkippedEvent(message, self.path))
 
 
 def _before(contact: TouchPoint) -> tuple[Pose, ...]:

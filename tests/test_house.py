@@ -65,8 +65,6 @@ def test_every_list_of_packages_has_all_of_them() -> None:
 
 CIRCLES_OF_TYPES = {
     "authoring/xml/importing/node_import.py authoring/xml/importing/translations.py",
-    "batch/workers/job_process.py batch/workers/local_executor.py",
-    "cell/operator_desk.py cell/world.py",
 }
 """Files that know each other's types, or import each other in a function. Those of `trees` are the nodes with
 their flow analysis."""

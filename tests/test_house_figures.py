@@ -316,7 +316,7 @@ PRODUCT = {
         """,
     "cli/__init__.py": "",
     "cli/author/__init__.py": "",
-    "cli/author/check.py": "from ...skills import data\n\n",
+    "cli/author/check.py": "from ...skills import data\ndef check(): ...\n",
     "check.py": "",
     "skills/__init__.py": "from . import grasp\n",
     "skills/grasp.py": "from .data import x\nclass Grasp: ...\ndef f():\n    from . import other\n",

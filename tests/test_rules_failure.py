@@ -9,11 +9,12 @@ import pytest
 
 from picktree.logs.run_log import RunLog
 from picktree.logs.run_result import RunResult
-from picktree.logs.schema.records import Event, NodeStatusRecord
+from picktree.logs.schema.records import NodeStatusRecord
 from picktree.session.session import RunRequest, Session
 from picktree.simulation.backends import Backend
 from picktree.trees.loading.registry import NodeRegistry
 from picktree.world.causes import all_causes, cause_named, matches
+from picktree.world.journal import JournalEvent
 
 from .skills.cell import EXAMPLES
 
@@ -39,7 +40,7 @@ class Told:
     def __init__(self, result: RunResult) -> None:
         self.result = result
         with RunLog(result.log) as log:
-            self.events: list[Event] = [at.record for at in log.events()]
+            self.events: list[JournalEvent] = [at.record for at in log.events()]
             self.failures: list[NodeStatusRecord] = [
                 node
                 for at in log.ticks()

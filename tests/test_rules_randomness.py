@@ -217,7 +217,7 @@ def test_every_generator_is_keyed() -> None:
             "np.random.default_rng(0)"
         ],  # of an analysis; no run depends on it
         # Where inverse kinematics begins, and what a failure is looked into with, are always the same.
-        "planning/kinematics/ik_seeds.py": [
+        "planning/kinematics/levenberg_marquardt.py": [
             "np.random.default_rng(0).uniform(size=(SEED_COUNT, model.n))",
             "np.random.default_rng(0)",
         ],

@@ -31,10 +31,10 @@ MEASURING = {
     "session/mission_edits.py",
     "commissioning/calibration_job.py",
     "session/live_view.py",
-    "session/real_time_pace.py",
+    "session/observer.py",
     "analysis/report/report.py",
     "analysis/resim/resim.py",
-    "analysis/render/video/film.py",
+    "analysis/render/film.py",
 }
 """Who may look at a clock of this machine, to put what it says into the record or a folder's name; of a run
 that is watched, not to look at the mission's files at every tick, to pace it and to wait for viewers; once a

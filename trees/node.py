@@ -13,7 +13,9 @@ from py_trees.common import Status
 
 from ..files.expressions.expression import Expression
 from ..world.causes import Cause, Failure, FailureReport, Family, internal, matches, tree, world
-from ..world.journal import JournalEvent, Plain
+from ..world.events.event_kinds import event_of
+from ..world.events.run_events import InternalErrorEvent, PostconditionFailedEvent, UndeclaredCauseEvent
+from ..world.journal import Plain
 from .declaration import Hand, Kind, NodeDeclaration, Resource, declare
 from .description import Child, NodeDescription, NodeSignature, describe, documented
 from .flow.default_flow import any_order_outcomes
@@ -253,7 +255,8 @@ class Node(Behaviour):
             node.halt()
         if self._state is NodeStatus.RUNNING:
             for problem in assign_after(self._wiring, self.world, NodeStatus.IDLE):
-                self.note("postcondition_failed", problem.message, cause=problem.cause.name)
+                event = PostconditionFailedEvent(problem.message, self.path, cause=problem.cause.name)
+                self.world.journal.note(event)
         self.failure = None
         self.feedback_message = ""
         self._set(NodeStatus.IDLE)
@@ -346,8 +349,8 @@ class Node(Behaviour):
         return plain_copy(self._outputs[key])
 
     def note(self, kind: str, message: str, **data: Plain) -> None:
-        """Add an event of this node to the journal."""
-        self.world.journal.note(JournalEvent(kind, message, self.path, data))
+        """Add an event of this node to the journal; a kind of one's own, or one that is declared."""
+        self.world.journal.note(event_of(kind, message, self.path, data))
 
     # Entry points of py_trees, so that its tools work on these trees.
 
@@ -415,12 +418,14 @@ class Node(Behaviour):
         declared = (*self.causes, *_ALWAYS_POSSIBLE)
         if not any(matches(str(cause), failure.cause) for cause in declared):
             message = f"{self._wiring.id} failed with {failure.cause}, which it does not declare"
-            self.note("undeclared_cause", message, cause=failure.cause.name)
+            event = UndeclaredCauseEvent(message, self.path, cause=failure.cause.name)
+            self.world.journal.note(event)
         return FailureReport(failure.cause, failure.message, plain_evidence(failure.evidence), self.path)
 
     def _fault(self, error: Exception, doing: str) -> FailureReport:
         report = internal_error_report(error, f"{self._wiring.id} was {doing}", self.path)
-        self.note("internal_error", report.message, traceback=str(report.evidence["traceback"]))
+        traceback = str(report.evidence["traceback"])
+        self.world.journal.note(InternalErrorEvent(report.message, self.path, traceback=traceback))
         return report
 
     def _guarded_halt(self) -> None:

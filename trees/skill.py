@@ -7,6 +7,7 @@ from collections.abc import Generator
 from typing import TYPE_CHECKING, ClassVar, Final, TypeAlias, TypeVar, cast
 
 from ..world.causes import Failure, FailureReport, internal, tree
+from ..world.events.run_events import InternalErrorEvent
 from .declaration import Resource
 from .flow.default_flow import leaf
 from .node import Node
@@ -145,7 +146,8 @@ class Skill(Node, abstract=True):
                     raise
                 refused += 1
         if refused:
-            self.note("internal_error", f"{self.wiring.id} yields while it is halted: a finally cannot wait")
+            message = f"{self.wiring.id} yields while it is halted: a finally cannot wait"
+            self.world.journal.note(InternalErrorEvent(message, self.path))
 
     def _give_way(self) -> None:
         """Replace the skill's body with the stand-in of the runtime, if there is one."""
@@ -168,5 +170,5 @@ class Skill(Node, abstract=True):
         if not forgotten:
             return NodeStatus.SUCCESS
         message = f"{self.wiring.id} ended without writing its output {', '.join(map(repr, forgotten))}"
-        self.note("internal_error", message)
+        self.world.journal.note(InternalErrorEvent(message, self.path))
         return self.fail(internal.ERROR, message)

@@ -2,14 +2,143 @@
 
 from __future__ import annotations
 
+import types
 from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import TypeAlias
+from dataclasses import MISSING, dataclass, field, fields
+from functools import cache
+from typing import (
+    Annotated,
+    Any,
+    ClassVar,
+    Final,
+    Self,
+    TypeAlias,
+    Union,
+    cast,
+    get_args,
+    get_origin,
+    get_type_hints,
+)
 
 from .protocols import RgbdImage
 from .values import ObjectId, Pose
 
 Plain: TypeAlias = "str | int | float | bool | None | list[Plain] | dict[str, Plain]"
+
+
+EVENT_KINDS: Final[dict[str, type[JournalEvent]]] = {}
+"""Declared kinds of event by name, in the order of their declarations."""
+
+
+def _no_values() -> Mapping[str, object]:
+    return {}
+
+
+@dataclass(frozen=True)
+class JournalEvent:
+    """Event: a sentence for people, the node that noted it, and the fields of its kind.
+
+    A kind is a frozen dataclass below this class: `class PutDownEvent(JournalEvent, kind="put_down")`. Its
+    fields are recorded by their names in the order of their declaration, which digests cover. A field whose
+    default is None is not recorded while it is None. The classes have no slots: orjson writes those slowly.
+    """
+
+    NAME: ClassVar[str] = ""
+    """Name of the kind; empty for events whose kind is not declared."""
+
+    message: str
+    node: str = ""
+    """Path of the node that noted the event; empty when none did."""
+    extra: Mapping[str, object] = field(default_factory=_no_values, kw_only=True)
+    """Recorded values that the kind does not declare, by name: evidence, or fields of another version."""
+
+    def __init_subclass__(cls, *, kind: str = "") -> None:
+        """Register the class as the declaration of `kind`."""
+        cls.NAME = kind
+        if kind:
+            EVENT_KINDS[kind] = cls
+
+    @property
+    def kind(self) -> str:
+        """Name of the kind, such as `item_done`."""
+        return self.NAME
+
+    @property
+    def data(self) -> dict[str, object]:
+        """Recorded values by name, in the recorded order."""
+        declared = ((each.name, getattr(self, each.name), each.default) for each in own_fields(type(self)))
+        return {
+            **{name: _plain(v) for name, v, default in declared if v is not None or default is not None},
+            **self.extra,
+        }
+
+    @classmethod
+    def from_data(cls, message: str, node: str, data: Mapping[str, object]) -> Self:
+        """Return the event with these values. Raises ValueError when one is missing or has another type."""
+        hints, values, extra = _hints(cls), dict[str, Any](), dict(data)
+        for each in own_fields(cls):
+            if each.name in data:
+                values[each.name] = _converted(data[each.name], hints[each.name])
+                if values[each.name] is not None or each.default is not None:
+                    del extra[each.name]
+            elif each.default is MISSING and each.default_factory is MISSING:
+                raise ValueError(f"{cls.NAME} has no {each.name}")
+        return cls(message, node, extra=extra, **values)
+
+
+@dataclass(frozen=True)
+class OtherEvent(JournalEvent):
+    """Event of a kind that is not declared, such as a plug-in's, or without a value that its kind needs."""
+
+    name: str = field(kw_only=True)
+    """Name of the kind."""
+
+    @property
+    def kind(self) -> str:
+        return self.name
+
+    @property
+    def data(self) -> dict[str, object]:
+        return dict(self.extra)
+
+
+@cache
+def own_fields(declared: type[JournalEvent]) -> tuple[Any, ...]:
+    """Return the dataclass fields that a kind adds to those of every event, in the recorded order."""
+    common = {each.name for each in fields(JournalEvent)}
+    return tuple(each for each in fields(declared) if each.name not in common)
+
+
+def field_meanings(declared: type[JournalEvent]) -> Mapping[str, str]:
+    """Return the meaning of each field that a kind adds, with its unit."""
+    hints = get_type_hints(declared, include_extras=True)
+    annotated = {each.name: hints[each.name] for each in own_fields(declared)}
+    return {name: hint.__metadata__[0] for name, hint in annotated.items() if get_origin(hint) is Annotated}
+
+
+@cache
+def _hints(declared: type[JournalEvent]) -> Mapping[str, object]:
+    return get_type_hints(declared)
+
+
+def _plain(value: object) -> object:
+    return [_plain(each) for each in cast("tuple[object, ...]", value)] if isinstance(value, tuple) else value
+
+
+def _converted(value: object, hint: object) -> object:
+    """Return a recorded value as a field's type has it. Raises ValueError when it does not fit."""
+    origin = get_origin(hint)
+    if origin in (Union, types.UnionType):
+        if value is None or len(get_args(hint)) > 2:
+            return value
+        return _converted(value, next(arm for arm in get_args(hint) if arm is not types.NoneType))
+    if origin is tuple and isinstance(value, list | tuple):
+        inner = get_args(hint)[0]
+        return tuple(_converted(each, inner) for each in cast("list[object]", value))
+    wanted = {float: (int, float), tuple: (list, tuple)}.get(cast("type", origin or hint), origin or hint)
+    if not isinstance(value, cast("type", wanted)) or (isinstance(value, bool) and hint is not bool):
+        raise ValueError(f"{value!r} is no {hint}")
+    return value
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,16 +212,6 @@ class ImageEntry:
 
     image: RgbdImage
     findings: tuple[str, ...] = ()
-
-
-@dataclass(frozen=True, slots=True)
-class JournalEvent:
-    """An event: `item_done`, `pick`, `fault`, `recovery`, `checkpoint`, `safety_stop`, `grasp`, …"""
-
-    kind: str
-    message: str
-    node: str = ""
-    data: Mapping[str, Plain] = field(default_factory=dict[str, "Plain"])
 
 
 Entry: TypeAlias = PlanEntry | CandidateSearchEntry | ImageEntry | JournalEvent

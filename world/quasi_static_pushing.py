@@ -1,8 +1,8 @@
 """Quasi-static planar pushing: motion of bodies on a table that a tool, or another body, pushes.
 
 The planner of push strokes (`manipulation.push.singulation`) and the kinematic backend
-(`simulation.kinematic.pushing`) share this model. A run on the kinematic backend therefore does not test the
-model itself; the physics backend does, with pybullet's contacts.
+(`simulation.kinematic.contact_forces`) share this model. A run on the kinematic backend therefore does not
+test the model itself; the physics backend does, with pybullet's contacts.
 
 Bodies are seen from above and have no inertia. They are moved out of the tool, and out of each other, by the
 least effort. A rotation by one radian costs as much as a translation by the root mean square distance of the

@@ -14,8 +14,7 @@ from dataclasses import dataclass, replace
 from ...logs.visits import Key, Visit, derived_visits
 from ..run import Run
 from .divergence import ComparedRuns, Divergence, find_parting
-from .matching import ItemMatch, NodeMatch, match_items, match_nodes
-from .visit_pair import TIME_TOLERANCE, VisitPair, differences
+from .matching import TIME_TOLERANCE, ItemMatch, NodeMatch, VisitPair, differences, match_items, match_nodes
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,9 +15,8 @@ from ...logs.mcap.reader import RawMessage
 from ...logs.schema import topics
 from ...logs.visits import Visit
 from ..run import Run
-from .matching import NodeMatch
+from .matching import TIME_TOLERANCE, Aspect, NodeMatch, VisitPair
 from .message_fields import FieldDifference, decode_message, first_differing_field
-from .visit_pair import TIME_TOLERANCE, Aspect, VisitPair
 
 
 @dataclass(frozen=True, slots=True)

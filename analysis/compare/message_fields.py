@@ -5,32 +5,12 @@ from __future__ import annotations
 
 import json
 import zlib
-from collections import Counter
-from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, cast
 
 import orjson
 
 from ...logs.schema.topics import message_class
-
-
-def short_names(paths: Iterable[str]) -> Mapping[str, str]:
-    """Return for each path its shortest unique end.
-
-    >>> short_names(["Main", "Main/A", "Main/A/Grasp", "Main/Recover/Grasp"])["Main/Recover/Grasp"]
-    'Recover/Grasp'
-    """
-    known = list(dict.fromkeys(paths))
-    uses = Counter(end for path in known for end in _ends(path))
-    return {path: next((end for end in _ends(path) if uses[end] == 1), path) for path in known}
-
-
-def _ends(path: str) -> list[str]:
-    """Return the last part of the path, the last two, and so on up to the whole."""
-    parts = path.split("/")
-    return ["/".join(parts[-k:]) for k in range(1, len(parts) + 1)]
-
 
 MAX_TEXT_LENGTH = 90
 """Maximum number of characters; longer texts are cut."""

@@ -10,7 +10,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, TypeAlias
 
-from ...logs.visits import Visit, derived_visits
+from ...logs.visits import Visit
+from ...world.events.skill_events import ItemDoneEvent
 from ..run import Run
 from .alignment import Alignment
 from .matching import Basis
@@ -191,9 +192,9 @@ def _ends(run: Run, visits: Sequence[Visit], since: float) -> dict[str, ItemEnd]
     """Return the ends of all bodies of the role `item` in the belief from `since` on, in the order of
     discovery."""
     done = {
-        str(event.record.data["object"]): event
-        for event in run.events
-        if event.record.kind == "item_done" and event.time >= since
+        at.record.object: (at.time, at.record)
+        for at in run.events
+        if isinstance(at.record, ItemDoneEvent) and at.time >= since
     }
     last = run.log.belief_at(run.end)
     believed = {body.id: body for body in last.record.bodies} if last else {}
@@ -203,7 +204,7 @@ def _ends(run: Run, visits: Sequence[Visit], since: float) -> dict[str, ItemEnd]
         state: State = "gone" if body is None else "held" if body.attached else "left"
         place = "" if body is None else "in the hand" if body.attached else body.place
         if event is not None and state == "left" and body is not None:
-            into = str(event.record.data.get("into", body.place))
+            into = body.place if event[1].into is None else event[1].into
             state = "done" if body.place in ("", into) else "left"
             place = body.place or into
         about = [visit for visit in visits if visit.item == name]
@@ -212,7 +213,7 @@ def _ends(run: Run, visits: Sequence[Visit], since: float) -> dict[str, ItemEnd]
             state,
             place,
             min((visit.start for visit in about), default=None),
-            event.time if event and state == "done" else None,
+            event[0] if event and state == "done" else None,
             _covered([(visit.start, visit.end) for visit in about]),
             sum(pick.object == name and pick.time >= since for pick in run.picks),
             sum(visit.failed_itself for visit in about),
@@ -270,7 +271,7 @@ class RunOutcome:
 
 def outcome_of(run: Run) -> RunOutcome:
     result = run.result
-    failures = Counter(visit.cause for visit in run.visits or derived_visits(run.log) if visit.failed_itself)
+    failures = Counter(visit.cause for visit in run.account.visits if visit.failed_itself)
     kinds = Counter(at.record.kind for at in run.events)
     return RunOutcome(
         log=run.path,

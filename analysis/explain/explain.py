@@ -7,14 +7,14 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from ...logs.episodes.episode import Episode
+from ...logs.run_account import Episodes
 from ...logs.run_log import Stamped
-from ...logs.schema.records import Event
-from ...logs.visits import Visit, derived_visits
+from ...logs.visits import Visit
+from ...world.events.run_events import FaultEvent
+from ...world.events.skill_events import ItemDoneEvent
 from .failure_stories import failure_context, failures_of
 from .investigation.case import Investigation
-from .investigation.episodes_of_log import Episodes, episodes_of
 from .investigation.explanation import ExplainedOutcome, Explanation, FailureStory, KeyMoment, RootCause
-from .investigation.failure_course import VisitTree
 from .item_stories import items_of
 from .root_causes import root_causes_of
 
@@ -135,13 +135,13 @@ def explain(run: RunRecord, *, faults: bool = True, items: bool = True) -> Expla
 
     Raises PicktreeError where the log is damaged.
     """
-    family = VisitTree(run.visits or derived_visits(run.log))
-    failures = failures_of(run, family)
-    outcome = outcome_of(run, family.visits)
-    case = Investigation(run, family, failures)
-    planted = case.events("fault") if faults else []
+    account = run.account
+    failures = failures_of(run, account)
+    outcome = outcome_of(run, account.visits)
+    case = Investigation(run, account.tree, failures)
+    planted = case.events(FaultEvent) if faults else []
     causes = root_causes_of(case, outcome, planted)
-    recovery = episodes_of(run)
+    recovery = account.recovery
     return Explanation(
         outcome=outcome,
         failures=tuple(_told(case, failure, causes, planted, recovery) for failure in failures),
@@ -156,16 +156,12 @@ def _told(
     case: Investigation,
     failure: FailureStory,
     causes: Sequence[RootCause],
-    planted: Sequence[Stamped[Event]],
+    planted: Sequence[Stamped[FaultEvent]],
     recovery: Episodes,
 ) -> FailureStory:
     """The failure with what only the whole run tells."""
     names = case.believed.get(case.pairs.get(failure.item, ""), ())
-    done = [
-        at.time
-        for at in case.events("item_done", start=failure.time)
-        if at.record.data.get("object") in names
-    ]
+    done = [at.time for at in case.events(ItemDoneEvent, start=failure.time) if at.record.object in names]
     return replace(
         failure,
         observed=failure_context(case, failure, planted),

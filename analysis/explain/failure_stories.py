@@ -8,18 +8,21 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from ...logs.episodes.episode import CureNames
+from ...files.value_wording import listed
+from ...logs.failure_courses import VisitTree
+from ...logs.run_account import Failure, RunAccount
 from ...logs.run_log import Stamped
-from ...logs.schema.records import BodyRecord, Candidates, Event, Plan
+from ...logs.schema.records import BodyRecord, Candidates, Plan
 from ...logs.visits import HALTED, Visit
 from ...manipulation.pick.pick_candidates import count_rejections
 from ...world.causes import Cause, all_causes
+from ...world.events.run_events import FaultEvent
+from ...world.events.skill_events import SafetyStopEvent
 from .causes.item_whereabouts import MISPLACED, SAMPLED
 from .investigation.body_tracks import horizontal_distance
 from .investigation.case import Investigation
 from .investigation.explanation import CandidateChoice, FailureStory, RejectedCandidate, number
-from .investigation.failure_course import FailureCourses, VisitTree
-from .investigation.number_wording import distance, listed, place, seconds
+from .investigation.number_wording import distance, place, seconds
 
 if TYPE_CHECKING:
     from ...logs.run_record import RunRecord
@@ -89,7 +92,7 @@ LATELY = 5.0
 
 
 def failure_context(
-    case: Investigation, failure: FailureStory, planted: Sequence[Stamped[Event]]
+    case: Investigation, failure: FailureStory, planted: Sequence[Stamped[FaultEvent]]
 ) -> tuple[str, ...]:
     return (
         *_belief(case, failure),
@@ -147,7 +150,7 @@ def _stops(case: Investigation, failure: FailureStory) -> list[str]:
     visit = case.visit(failure)
     return [
         f"safety: the arm was stopped at {seconds(at.time)}: {at.record.message}"
-        for at in case.events("safety_stop", start=visit.start, end=failure.time)
+        for at in case.events(SafetyStopEvent, start=visit.start, end=failure.time)
     ]
 
 
@@ -161,36 +164,29 @@ def _halted(case: Investigation, failure: FailureStory) -> list[str]:
     return [f"stopped with it: {listed(stopped[::-1], 4)}"] if stopped else []
 
 
-def _faults(case: Investigation, failure: FailureStory, planted: Sequence[Stamped[Event]]) -> list[str]:
+def _faults(case: Investigation, failure: FailureStory, planted: Sequence[Stamped[FaultEvent]]) -> list[str]:
     true = case.pairs.get(failure.item)
     return [
         f"planted: {at.record.message} ({failure.time - at.time:.1f} s before)"
         for at in planted
-        if true is not None
-        and at.record.data.get("item") == true
-        and failure.time - LATELY <= at.time <= failure.time
+        if true is not None and at.record.item == true and failure.time - LATELY <= at.time <= failure.time
     ]
 
 
-def failures_of(run: RunRecord, family: VisitTree) -> tuple[FailureStory, ...]:
+def failures_of(run: RunRecord, account: RunAccount) -> tuple[FailureStory, ...]:
     """Every failure with a cause, in the order of their times. A false condition is none."""
-    end = run.ticks.times[-1] if run.ticks.times else 0.0
-    names = CureNames(node for at in run.trees for node in at.record.nodes)
-    courses = FailureCourses(family, run.events, end, names)
     causes = {cause.name: cause for cause in all_causes()}
     found: list[FailureStory] = []
     before: list[Visit] = []
-    for source in family.sources():
-        story = _story(run, len(found), source, courses, causes.get(source.cause))
-        found.append(replace(story, because_of=_follows(source, before, family)))
-        before.append(source)
+    for failure in account.failures:
+        story = _story(run, len(found), failure, causes.get(failure.source.cause))
+        found.append(replace(story, because_of=_follows(failure.source, before, account.tree)))
+        before.append(failure.source)
     return tuple(found)
 
 
-def _story(
-    run: RunRecord, number: int, source: Visit, courses: FailureCourses, cause: Cause | None
-) -> FailureStory:
-    course = courses.of(source)
+def _story(run: RunRecord, number: int, failure: Failure, cause: Cause | None) -> FailureStory:
+    source, course = failure.source, failure.course
     node = source.origin or source.path
     known = run.tree_at(source.end).nodes
     return FailureStory(

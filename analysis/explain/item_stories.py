@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Literal, cast
+import math
+from typing import Literal
 
 from ...logs.run_log import Stamped
-from ...logs.schema.records import Event, Values
+from ...logs.schema.event_records import BeliefEvent
 from ...simulation.scoring.scorer import ItemScore
 from ...world.belief.facts import RODE_ON, TAKEN_AWAY
+from ...world.events.run_events import HandledEvent
+from ...world.events.skill_events import ItemDoneEvent, PickEvent, SetAsideEvent
+from ...world.journal import JournalEvent
 from ...world.scene.destinations import is_at
 from .investigation.case import Investigation
 from .investigation.explanation import ItemEvent, ItemStory
@@ -95,60 +99,41 @@ def _truth(case: Investigation, true: str) -> str:
     return f"truly {where}, and was taken away with it" if true in case.departed else f"truly {where}"
 
 
-def _events(at: Stamped[Event], item: str) -> list[ItemEvent]:
-    record = at.record
-    data = record.data
-    if record.kind == "handled" and data.get("element") == item:
-        return [ItemEvent(at.time, "passed over", record.node)]
-    if data.get("object") != item:
-        return []
-    match record.kind:
-        case "pick" if data.get("held"):
-            return [ItemEvent(at.time, f"held{_felt(data)}", record.node)]
-        case "item_done":
-            into = data.get("into")
-            return [ItemEvent(at.time, f"placed into {into}" if into else "put down", record.node)]
-        case "set_aside":
-            return [ItemEvent(at.time, "set aside: left where it lies", record.node)]
-        case "belief":
-            told = _change(data)
+def _events(at: Stamped[JournalEvent], item: str) -> list[ItemEvent]:
+    event = at.record
+    match event:
+        case HandledEvent() if event.element == item:
+            return [ItemEvent(at.time, "passed over", event.node)]
+        case PickEvent() if event.object == item and event.held:
+            return [ItemEvent(at.time, f"held{_felt(event)}", event.node)]
+        case ItemDoneEvent() if event.object == item:
+            told = f"placed into {event.into}" if event.into else "put down"
+            return [ItemEvent(at.time, told, event.node)]
+        case SetAsideEvent() if event.object == item:
+            return [ItemEvent(at.time, "set aside: left where it lies", event.node)]
+        case BeliefEvent() if event.object == item:
+            told = _change(event)
             return [ItemEvent(at.time, told)] if told else []
         case _:
             return []
 
 
-def _felt(data: Values) -> str:
-    width, load = data.get("width"), data.get("load")
-    if not isinstance(width, int | float) or not isinstance(load, int | float):
+def _felt(pick: PickEvent) -> str:
+    if pick.width is None or pick.load is None:
         return ""
-    return f" ({width * 1000:.0f} mm between the fingers, {load:.2f} N on the wrist)"
+    return f" ({pick.width * 1000:.0f} mm between the fingers, {pick.load:.2f} N on the wrist)"
 
 
-def _change(data: Values) -> str:
+def _change(event: BeliefEvent) -> str:
     """A change of the belief in words; empty for one that is not worth a line, or told by another event."""
-    before, after = _body(data.get("before")), _body(data.get("after"))
-    reason = str(data.get("reason", ""))
+    before, after, reason = event.before, event.after, event.reason
     if after is None:
         return reason if reason in (RODE_ON, TAKEN_AWAY) else f"given up: {reason}"
     if before is None:
-        return f"seen for the first time, at {place(_position(after))}"
+        return f"seen for the first time, at {place(after.pose.position)}"
     if reason == "seen":
-        moved = _apart(before, after)
+        moved = math.dist(before.pose.position[:2], after.pose.position[:2])
         return f"seen again, {distance(moved)} from where it was believed" if moved > AGAIN else ""
-    if before.get("attached") and not after.get("attached") and reason != "placed":
+    if before.attached and not after.attached and reason != "placed":
         return f"{_LOST}: {reason}"
     return ""
-
-
-def _body(value: object) -> Values | None:
-    return cast("Values", value) if isinstance(value, dict) else None
-
-
-def _position(body: Values) -> list[float]:
-    pose = cast("dict[str, list[float]]", body.get("pose") or {})
-    return pose.get("position", [0.0, 0.0, 0.0])
-
-
-def _apart(a: Values, b: Values) -> float:
-    (ax, ay, _), (bx, by, _) = _position(a), _position(b)
-    return ((ax - bx) ** 2 + (ay - by) ** 2) ** 0.5

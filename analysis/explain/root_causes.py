@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
+from ...logs.failure_courses import time_lost
 from ...logs.run_log import Stamped
-from ...logs.schema.records import Event
+from ...world.events.run_events import FaultEvent
 from .causes.contact_causes import pressed_from_below, touched
 from .causes.item_whereabouts import misjudged, wrong_location_cause
 from .causes.obstruction_causes import obstruction_cause
@@ -16,7 +17,6 @@ from .causes.slip_causes import grip_loss_cause, too_heavy
 from .causes.unsorted_items import after_wrong_bin, placed_at, why_not_sorted
 from .investigation.case import Finding, Investigation
 from .investigation.explanation import ExplainedOutcome, FailureStory, RootCause
-from .investigation.failure_course import time_lost
 from .investigation.number_wording import seconds
 
 DISPLACING = frozenset({"item.moved", "item.left_bin", "item.pushed_by_arm"})
@@ -36,7 +36,7 @@ class _Group:
 
 
 def root_causes_of(
-    case: Investigation, outcome: ExplainedOutcome, planted: Sequence[Stamped[Event]]
+    case: Investigation, outcome: ExplainedOutcome, planted: Sequence[Stamped[FaultEvent]]
 ) -> tuple[RootCause, ...]:
     """Those that ended the run, or cost it its goal, first; then by the time that they cost."""
     groups: dict[tuple[str, str], _Group] = {}
@@ -129,7 +129,7 @@ def _unsorted(case: Investigation) -> list[str]:
 
 
 def _root(
-    case: Investigation, group: _Group, outcome: ExplainedOutcome, planted: Sequence[Stamped[Event]]
+    case: Investigation, group: _Group, outcome: ExplainedOutcome, planted: Sequence[Stamped[FaultEvent]]
 ) -> RootCause:
     first = group.findings[0]
     ended = first.cause in RUN or any(f.fate == "ended" for f in group.failures)
@@ -151,7 +151,7 @@ def _root(
     )
 
 
-def _planted(case: Investigation, group: _Group, planted: Sequence[Stamped[Event]]) -> list[str]:
+def _planted(case: Investigation, group: _Group, planted: Sequence[Stamped[FaultEvent]]) -> list[str]:
     """Faults of the fault file that concern the same items, not later than the failures."""
     items = {case.pairs.get(f.item, f.item) for f in group.findings} | group.items
     items |= {case.pairs[f.item] for f in group.failures if f.item in case.pairs}
@@ -159,7 +159,7 @@ def _planted(case: Investigation, group: _Group, planted: Sequence[Stamped[Event
     return [
         f"at {seconds(at.time)}: {at.record.message}"
         for at in planted
-        if str(at.record.data.get("item")) in items and at.time <= last + 1e-6
+        if at.record.item in items and at.time <= last + 1e-6
     ]
 
 

@@ -2,17 +2,35 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal, TypeAlias
+from typing import Any, Generic, Literal, TypeAlias, TypeVar
 
 from ...files.atomic_write import whole
 from ...logs.optional_libraries import optional_import
 from ...world.journal import Plain
 from ..run import Run
-from .tables import row_types, table_rows
-from .tables.row_types import TableSpec
+from . import row_types, table_rows
+from .table_files import Column, cells, columns, counts_text, write_tables
+
+R = TypeVar("R")
+
+
+@dataclass(frozen=True, slots=True)
+class TableSpec(Generic[R]):
+    """Table; `row` is a dataclass whose fields are its columns."""
+
+    name: str
+    meaning: str
+    """Meaning of a row."""
+    row: type[R]
+    rows: Callable[[Run], Iterable[R]]
+
+    @property
+    def columns(self) -> tuple[Column, ...]:
+        return columns(self.row)
+
 
 TABLES: tuple[TableSpec[Any], ...] = (
     TableSpec(
@@ -55,7 +73,6 @@ TABLES: tuple[TableSpec[Any], ...] = (
 
 
 Form: TypeAlias = Literal["csv", "parquet", "rerun"]
-_Write: TypeAlias = Callable[[Path, TableSpec[Any], Any], int]
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,10 +89,7 @@ class Exported:
         lines = [f"note: {note}" for note in self.notes]
         if self.form == "rerun":
             return "\n".join([*lines, str(self.output)])
-        width = max(len(str(path)) for path in self.rows)
-        return "\n".join(
-            [*lines, *(f"{path!s:<{width}}  {count:>7} rows" for path, count in self.rows.items())]
-        )
+        return "\n".join([*lines, counts_text(self.rows, 7)])
 
     def to_json(self) -> dict[str, Plain]:
         return {
@@ -94,26 +108,12 @@ def export(run: Run, form: Form, output: Path) -> Exported:
     notes = tuple(_notes(run))
     if form == "rerun":
         with optional_import("rerun", "rerun", "An export to Rerun"):
-            from .rerun.recording import write_rerun
+            from .rerun_recording import write_rerun
         with whole([output], output) as (beside,):
             write_rerun(run, beside)
         return Exported(form, output, {}, notes)
-    write = _writer(form)
-    paths = [output / f"{table.name}.{form}" for table in TABLES]
-    with whole(paths, output) as beside:
-        output.mkdir(parents=True, exist_ok=True)
-        counts = [write(path, table, table.rows(run)) for path, table in zip(beside, TABLES, strict=True)]
-    return Exported(form, output, dict(zip(paths, counts, strict=True)), notes)
-
-
-def _writer(form: Literal["csv", "parquet"]) -> _Write:
-    if form == "csv":
-        from .tables.csv_file import write_csv
-
-        return write_csv
-    with optional_import("parquet", "pyarrow", "An export to Parquet"):
-        from .tables.parquet_file import write_parquet
-    return write_parquet
+    counts = write_tables(form, output, TABLES, lambda table: map(cells, table.rows(run)))
+    return Exported(form, output, counts, notes)
 
 
 def _notes(run: Run) -> Iterator[str]:

@@ -9,8 +9,9 @@ from typing import Generic, TypeVar
 
 from ...errors import PicktreeError
 from ...logs.run_log import RunLog, Stamped
-from ...logs.schema.records import Plan, Scene, Tick, Tree
+from ...logs.schema.records import Plan, Scene, Tick
 from ...logs.visits import Visit, VisitBuilder
+from ...world.events.skill_events import ItemDoneEvent
 from .captions import Caption, CaptionFailure
 from .scene_view import SceneContent, Show
 
@@ -104,7 +105,9 @@ class NodeActivity:
 
     def __init__(self, log: RunLog, start: float, end: float) -> None:
         trees = list(log.trees())
-        following = VisitBuilder(trees[0].record if trees else Tree(()))
+        following = VisitBuilder()
+        if trees:
+            following.follow(trees[0].record)
         coming = trees[1:]
         self._times: list[float] = []
         self._tips: list[tuple[str, str, str]] = []
@@ -220,8 +223,8 @@ class ItemCounter:
     def __init__(self, log: RunLog, end: float) -> None:
         done: dict[str, float] = {}
         for at in log.events(end=end):
-            if at.record.kind == "item_done":
-                done.setdefault(str(at.record.data.get("object", at.record.message)), at.time)
+            if isinstance(at.record, ItemDoneEvent):
+                done.setdefault(at.record.object, at.time)
         self._times = sorted(done.values())
         truth = log.truth_at(0.0) or next(log.truths(end=end), None)
         self._all = sum(1 for body in truth.record.bodies if body.role == "item") if truth else 0

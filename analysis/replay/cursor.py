@@ -10,9 +10,9 @@ from typing import Any, Literal, TypeAlias, TypeVar
 
 from ...errors import PicktreeError
 from ...logs.run_log import Stamped
+from ...logs.schema.event_records import BeliefEvent
 from ...logs.schema.records import (
     Control,
-    Event,
     Joints,
     Plan,
     Scene,
@@ -23,7 +23,8 @@ from ...logs.schema.records import (
     WriteRecord,
 )
 from ...logs.series import TickAt
-from ...logs.visits import Visit, VisitBuilder, with_transitions
+from ...logs.visits import Visit, ticks_with_trees
+from ...world.journal import JournalEvent
 from ..run import Run
 from .node_names import find_nodes
 
@@ -60,22 +61,14 @@ class TickHistory:
 
 
 def tick_history(run: Run) -> TickHistory:
-    derived = run.log.format < 2
-    trees = list(run.trees)
-    following = VisitBuilder(trees[0].record if trees else Tree(()))
-    coming = trees[1:]
     moves: list[NodeChange] = []
     writes: list[KeyChange] = []
-    for number, at in enumerate(with_transitions(run.log.ticks()) if derived else run.log.busy_ticks()):
-        while coming and coming[0].time <= at.time:
-            following.follow(coming.pop(0).record)
+    for number, (at, _) in enumerate(ticks_with_trees(run.log)):
         if at.record is None:
-            following.skip(at.time)
             continue
-        following.take(at.time, at.record)
         moves += [NodeChange(number, at.time, transition) for transition in at.record.transitions]
         writes += [KeyChange(number, at.time, write) for write in at.record.writes]
-    return TickHistory(tuple(moves), tuple(writes), following.finish(), derived)
+    return TickHistory(tuple(moves), tuple(writes), run.account.visits, run.log.format < 2)
 
 
 Edge: TypeAlias = Literal["begin", "end"]
@@ -93,9 +86,9 @@ class CursorChanges:
     to: int
     moves: tuple[NodeChange, ...]
     writes: tuple[KeyChange, ...]
-    belief: tuple[Stamped[Event], ...]
+    belief: tuple[Stamped[BeliefEvent], ...]
     """Events about changes of the belief."""
-    events: tuple[Stamped[Event], ...]
+    events: tuple[Stamped[JournalEvent], ...]
     """All other events."""
     plans: tuple[Stamped[Plan], ...]
 
@@ -272,8 +265,8 @@ class Cursor:
             self.number,
             _between_ticks(self.course.moves, since, self.number),
             _between_ticks(self.course.writes, since, self.number),
-            tuple(at for at in events if at.record.kind == "belief"),
-            tuple(at for at in events if at.record.kind != "belief"),
+            tuple(Stamped(at.time, at.record) for at in events if isinstance(at.record, BeliefEvent)),
+            tuple(at for at in events if not isinstance(at.record, BeliefEvent)),
             _between(self.run.plans, begin, self.time),
         )
 

@@ -31,8 +31,8 @@ from ...session.resume.recorded_recipe import RecordedRun
 from ...session.session import Session
 from ...trees.running.runner import TickReport
 from ..compare.alignment import align
+from ..compare.divergence_text import parting_lines
 from ..compare.run_outcome import outcome_of
-from ..compare.text.divergence_text import parting_lines
 from ..run import Run
 from .changes import RunChanges, apply_changes, parse_tick
 from .difference_reasons import moved_sources, notes, reasons

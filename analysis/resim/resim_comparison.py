@@ -16,7 +16,7 @@ from ...logs.recording.digest import Digest
 from ...logs.schema import topics
 from ...logs.schema.topics import Topic
 from ...session.observer import Interrupter
-from ...session.resume.older_checkpoints import simulated_messages
+from ...session.resume.recorded_recipe import simulated_messages
 from ...trees.mission import MAIN
 from ..compare.message_fields import FieldDifference, first_differing_field
 from ..run import Run

@@ -6,6 +6,7 @@ import re
 from collections.abc import Mapping
 
 from ...files.quantities import example
+from ...files.value_wording import listed
 from ...trees.declaration import NodeDeclaration
 from ...trees.ports import PortDeclaration, Required
 from ...trees.values.port_types import Name
@@ -107,11 +108,3 @@ def unwrapped(doc: str) -> str:
     """Return a docstring without line breaks inside its paragraphs."""
     paragraphs = re.split(r"\n\s*\n", doc)
     return "\n\n".join(" ".join(paragraph.split()) for paragraph in paragraphs)
-
-
-def listed(words: list[str]) -> str:
-    """
-    >>> listed(["arm", "gripper", "camera"])
-    'arm, gripper and camera'
-    """
-    return " and ".join(filter(None, (", ".join(words[:-1]), *words[-1:])))

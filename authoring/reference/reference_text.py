@@ -5,11 +5,12 @@ from __future__ import annotations
 import textwrap
 from collections.abc import Iterable, Iterator
 
+from ...files.value_wording import listed
 from ...trees.controls import NODES
 from ...trees.declaration import COMMON_KEYS
 from ...world.causes import Cause
 from .node_reference import TITLES, CauseEntry, NodeEntry, PortEntry, SlotEntry, cause_entry
-from .port_wording import COMMON_DOCS, listed
+from .port_wording import COMMON_DOCS
 
 TEXT_WIDTH = 100
 

@@ -9,6 +9,7 @@ from typing import cast
 
 from ...errors import PicktreeError
 from ...files.diagnostics.fault_codes import apply_suppressions, pages
+from ...files.node_patterns import short_names
 from ...files.yaml.document import Document, FileError, read_document, suggest_name
 from ...trees.loading.loader import load_mission
 from ...trees.mission import Mission
@@ -23,7 +24,6 @@ from .stage.rehearsal_world import TICK_PERIOD, RehearsalWorld
 from .stage.trace import Trace
 from .verdict.coverage import CoverageRecord, coverage
 from .verdict.rehearsal_result import CaseResult, Rehearsal
-from .verdict.rehearsal_text import short_names
 from .verdict.verdict import CaseOutcome, differences
 
 DEFAULT_MAX_TICKS = 10_000

@@ -15,8 +15,8 @@ from ...trees.loading.registry import GROUP
 
 _WORKER_FOLDERS: Final = ("batch", "analysis/explain", "analysis/resim")
 """Folders with code that workers run but runs do not, and that `sources` therefore lacks."""
-_NON_WORKER_FOLDER: Final = "batch/report"
-"""Folder within those that no worker needs."""
+_NON_WORKER_FILE: Final = "batch/report.py"
+"""File within those that no worker needs."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,7 +37,7 @@ def installed() -> Installation:
         file
         for folder in _WORKER_FOLDERS
         for file in sorted((ROOT / folder).rglob("*.py"))
-        if not file.is_relative_to(ROOT / _NON_WORKER_FOLDER)
+        if file != ROOT / _NON_WORKER_FILE
     )
     python = "{}.{}".format(*sys.version_info)
     glibc = os.confstr("CS_GNU_LIBC_VERSION") or ""

@@ -13,11 +13,10 @@ import ray
 
 from ...errors import PicktreeError
 from ..workers.executor import Event, JobFailed, JobOrder, JobStopped
-from .connection import ClusterNode, nodes
+from .connection import ClusterNode, RayError, WorkerHandle, nodes, reason, shared
 from .installation import Installation, difference
 from .messages import News, Task, WorkerCount
 from .node_worker import ResultFile
-from .worker_handle import RayError, WorkerHandle, reason, shared
 
 _COPY_PIECE_BYTES = 4 << 20
 """Size of the pieces in which files are copied, bytes."""

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from ...errors import PicktreeError
 from ...files.value_wording import suggest_name
-from ..plan.plan import Job
+from ..plan import Job
 from .store import RESULTS_FILE, Store
 
 _BY_SEED = re.compile(r"(?:(?P<label>.*),)?\s*seed=(?P<seed>\d+)")

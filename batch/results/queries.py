@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeAlias
 
-from ...analysis.export.tables.row_types import Cell
+from ...analysis.export.table_files import Cell
 from ...errors import PicktreeError
 from ...files.value_wording import suggest_name
 from .tables import TABLES, TableOf

@@ -4,38 +4,18 @@ from __future__ import annotations
 
 import json
 import sqlite3
-from collections.abc import Generator, Iterable, Sequence
+from collections.abc import Generator, Iterable, Mapping, Sequence
 from contextlib import AbstractContextManager, closing, contextmanager
-from dataclasses import astuple, fields
+from dataclasses import astuple, dataclass, fields
 from pathlib import Path
 
+from ...analysis.export.table_files import TableForm, counts_text, write_tables
 from ...errors import PicktreeError
-from ..plan.plan import Job, Variant
+from ..plan import Job, Variant
 from .queries import QueryResult, Read, read_tables, run_query
-from .rows import (
-    CrashRow,
-    EpisodeRow,
-    JobFailureRow,
-    JobItemRow,
-    JobPickRow,
-    JobPlanRow,
-    JobRow,
-    JobRows,
-    JobTimingRow,
-    PlantedRow,
-)
-from .tables import VERSION, schema
+from .tables import CHILDREN, TABLES, VERSION, CrashRow, JobRow, JobRows, schema
 
 RESULTS_FILE = "results.sqlite"
-_CHILDREN = {
-    "items": JobItemRow,
-    "picks": JobPickRow,
-    "failures": JobFailureRow,
-    "episodes": EpisodeRow,
-    "planted": PlantedRow,
-    "plans": JobPlanRow,
-    "timings": JobTimingRow,
-}
 
 
 class Store:
@@ -72,20 +52,7 @@ class Store:
             connection.executemany(
                 "INSERT INTO jobs (job, number, variant, mission, scene, faults, settings, seed, recipe) "
                 "VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)",
-                (
-                    (
-                        job.id,
-                        job.number,
-                        job.variant.label,
-                        str(job.variant.mission),
-                        job.variant.scene or "",
-                        str(job.variant.faults or ""),
-                        json.dumps(dict(job.variant.settings)),
-                        job.seed,
-                        job.recipe,
-                    )
-                    for job in jobs
-                ),
+                map(_planned, jobs),
             )
             connection.execute(f"PRAGMA user_version = {VERSION}")
         beside.rename(path)
@@ -107,9 +74,9 @@ class Store:
             "ORDER BY number"
         )
         return tuple(
-            Job(
-                job,
-                number,
+            Job(job, number, variant, seed, recipe)
+            for job, number, mission, scene, faults, settings, label, seed, recipe in found
+            for variant in (
                 Variant(
                     Path(mission),
                     scene or None,
@@ -117,10 +84,7 @@ class Store:
                     json.loads(settings),
                     label,
                 ),
-                seed,
-                recipe,
             )
-            for job, number, mission, scene, faults, settings, label, seed, recipe in found
         )
 
     def to_do(self) -> frozenset[str]:
@@ -130,19 +94,16 @@ class Store:
 
     def recorded(self) -> tuple[JobRow, ...]:
         """Return the rows of the finished jobs, in the order of the plan."""
-        names = [field.name for field in fields(JobRow)]
-        found = self._connection.execute(
-            f"SELECT {', '.join(names)} FROM jobs WHERE status NOT IN ('waiting', 'crashed') ORDER BY number"
-        )
-        return tuple(JobRow(*row) for row in found)
+        return self._rows("status NOT IN ('waiting', 'crashed') ORDER BY number")
 
     def row(self, job: str) -> JobRow | None:
         """Return the row of a job; None when it was not run yet."""
-        names = [field.name for field in fields(JobRow)]
-        found = self._connection.execute(
-            f"SELECT {', '.join(names)} FROM jobs WHERE job = ? AND status <> 'waiting'", (job,)
-        ).fetchone()
-        return JobRow(*found) if found else None
+        return next(iter(self._rows("job = ? AND status <> 'waiting'", job)), None)
+
+    def _rows(self, condition: str, *values: str) -> tuple[JobRow, ...]:
+        names = ", ".join(field.name for field in fields(JobRow))
+        found = self._connection.execute(f"SELECT {names} FROM jobs WHERE {condition}", values)
+        return tuple(JobRow(*row) for row in found)
 
     def versions(self, job: str) -> dict[str, str]:
         """Return the versions of the libraries that a job was run with."""
@@ -192,9 +153,9 @@ class Store:
             )
             if changed.rowcount != 1:
                 return False
-            for table in (*_CHILDREN, "versions"):
+            for table in (*CHILDREN, "versions"):
                 self._connection.execute(f"DELETE FROM {table} WHERE job = ?", (job,))
-            for table, kind in _CHILDREN.items():
+            for table, kind in CHILDREN.items():
                 self._insert(table, kind, job, getattr(rows, table))
             self._connection.executemany(
                 "INSERT INTO versions VALUES (?, ?, ?)",
@@ -233,6 +194,15 @@ class Store:
         )
 
 
+def _planned(job: Job) -> tuple[str | int, ...]:
+    """Return the cells of a job that was not run, in the order of the columns."""
+    variant = job.variant
+    return (
+        job.id, job.number, variant.label, str(variant.mission), variant.scene or "",
+        str(variant.faults or ""), json.dumps(dict(variant.settings)), job.seed, job.recipe,
+    )  # fmt: skip
+
+
 def _connect(path: Path) -> sqlite3.Connection:
     try:
         connection = sqlite3.connect(path)
@@ -241,3 +211,30 @@ def _connect(path: Path) -> sqlite3.Connection:
     except sqlite3.Error as error:
         raise PicktreeError(f"{path}: the results cannot be opened: {error}") from None
     return connection
+
+
+@dataclass(frozen=True, slots=True)
+class ExportedTables:
+    """Written files with their number of rows."""
+
+    form: TableForm
+    output: Path
+    rows: Mapping[Path, int]
+
+    def to_text(self) -> str:
+        """Return a text for a terminal, without a trailing newline."""
+        return counts_text(self.rows, 8)
+
+    def to_json_text(self) -> str:
+        tables = {path.stem: count for path, count in self.rows.items()}
+        said = {"to": self.form, "output": str(self.output.absolute()), "tables": tables}
+        return json.dumps(said, ensure_ascii=False, indent=2) + "\n"
+
+
+def export(store: Store, form: TableForm, output: Path) -> ExportedTables:
+    """Write every table to the folder `output`, either all or none.
+
+    Raises PicktreeError when it cannot be written or a library is missing.
+    """
+    with store.reading() as rows:
+        return ExportedTables(form, output, write_tables(form, output, TABLES, rows))

@@ -1,14 +1,175 @@
-"""Tables of a batch's results: one declaration for the database, the exports and the documents."""
+"""Tables of a batch's results: their rows, and one declaration for the database, exports and documents."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, Final, Literal, TypeAlias
 
-from ...analysis.export.tables.row_types import Column, Kind
+from pydantic import TypeAdapter, ValidationError
+
+from ...analysis.export.table_files import Column, ColumnDoc, Kind, columns
+from ...errors import PicktreeError
+from ...logs.episodes.episode import End
+from ...logs.run_result import RunStatus
 from .views import VIEWS
 
 VERSION = 3
 """Version of tables and views, in `PRAGMA user_version`."""
+
+Phase: TypeAlias = Literal["observe", "think", "move", "grasp", "place", "recover", "other"]
+JobStatus: TypeAlias = RunStatus | Literal["crashed"]
+"""End of a job: that of its run, or `crashed` when every attempt was without a result."""
+Time: TypeAlias = Annotated[float, ColumnDoc("simulated", "s")]
+Node: TypeAlias = Annotated[str, ColumnDoc("path in the tree")]
+Cause: TypeAlias = Annotated[str, ColumnDoc("as grasp.slipped")]
+Message: TypeAlias = Annotated[str, ColumnDoc("in a sentence")]
+Item: TypeAlias = Annotated[str, ColumnDoc("that it was about, as the robot calls it")]
+Position: TypeAlias = Annotated[float, ColumnDoc("where it lay when it arrived, in the world", "m")]
+Folder: TypeAlias = Annotated[str, ColumnDoc("of the run with its log, below the batch; empty: not kept")]
+LastTick: TypeAlias = Annotated[int | None, ColumnDoc("number of the last tick in the log")]
+
+
+@dataclass(frozen=True, slots=True)
+class JobItemRow:
+    item: Annotated[str, ColumnDoc("name in the simulation")]
+    kind: Annotated[str, ColumnDoc("in the scene's catalogue")]
+    form: Annotated[str, ColumnDoc("box, cylinder, …")]
+    colour: Annotated[str, ColumnDoc("name of the colour")]
+    x: Position
+    y: Position
+    arrived: Annotated[float, ColumnDoc("simulated time at which it was there first; 0: at the start", "s")]
+    destination: Annotated[str | None, ColumnDoc("bin where it belongs")]
+    bin: Annotated[str | None, ColumnDoc("where it ended")]
+    verdict: Annotated[Literal["sorted", "misplaced", "left"], ColumnDoc("sorted, misplaced, left")]
+
+
+@dataclass(frozen=True, slots=True)
+class JobPickRow:
+    time: Time
+    object: Annotated[str, ColumnDoc("as the robot calls it")]
+    held: Annotated[bool, ColumnDoc("whether it was between the fingers")]
+    node: Node
+
+
+@dataclass(frozen=True, slots=True)
+class JobFailureRow:
+    time: Time
+    node: Node
+    cause: Cause
+    message: Message
+    item: Item
+    fate: Annotated[str, ColumnDoc("cured, passed_over, branched, ended, open")]
+    handled_by: Annotated[str, ColumnDoc("handlers that were tried, in order")]
+    seconds_lost: Annotated[float | None, ColumnDoc("simulated time until its fate was decided", "s")]
+
+
+@dataclass(frozen=True, slots=True)
+class EpisodeRow:
+    time: Annotated[float, ColumnDoc("simulated, of its first failure", "s")]
+    cause: Cause
+    node: Annotated[str, ColumnDoc("path of the node that failed first")]
+    item: Item
+    ended: Annotated[End, ColumnDoc("cured, given_up, unhandled, open")]
+    handler: Annotated[str, ColumnDoc("what was tried last; empty: nothing")]
+    tried: Annotated[str, ColumnDoc("all that was tried, one after the other")]
+    by: Annotated[str, ColumnDoc("path of the node that took it up last; empty: nobody")]
+    tries: Annotated[int, ColumnDoc("runs after the failure that were to succeed")]
+    seconds: Annotated[float, ColumnDoc("simulated time lost", "s")]
+
+
+@dataclass(frozen=True, slots=True)
+class PlantedRow:
+    time: Time
+    fault: Annotated[str, ColumnDoc("its kind, as slip")]
+    message: Message
+    item: Annotated[str, ColumnDoc("name in the simulation; empty: it is about none")]
+    cause: Annotated[str, ColumnDoc("of the first failure after it; empty: nothing failed")]
+    after: Annotated[float | None, ColumnDoc("from the fault to that failure", "s")]
+    ended: Annotated[
+        End | Literal[""], ColumnDoc("what became of that failure, as in episodes; empty: nothing failed")
+    ]
+
+
+@dataclass(frozen=True, slots=True)
+class JobPlanRow:
+    time: Time
+    request: Annotated[str, ColumnDoc("what was asked for")]
+    planner: Annotated[str, ColumnDoc("that answered")]
+    outcome: Annotated[str, ColumnDoc("found, or why not")]
+    checks: Annotated[int, ColumnDoc("of collisions")]
+    thinking: Annotated[float, ColumnDoc("simulated time that it took", "s")]
+    duration: Annotated[float, ColumnDoc("of the motion", "s")]
+
+
+@dataclass(frozen=True, slots=True)
+class JobTimingRow:
+    phase: Annotated[Phase, ColumnDoc("observe, think, move, grasp, place, recover, other")]
+    seconds: Annotated[float, ColumnDoc("simulated time spent in it", "s")]
+
+
+@dataclass(frozen=True, slots=True)
+class CrashRow:
+    attempt: Annotated[int, ColumnDoc("1 for the first")]
+    reason: Annotated[str, ColumnDoc("why it ended, and where it was then")]
+    last_tick: Annotated[int | None, ColumnDoc("number of the last tick in its log")]
+    folder: Folder
+
+
+@dataclass(frozen=True, slots=True)
+class JobRow:
+    """Result of a job."""
+
+    status: Annotated[
+        JobStatus, ColumnDoc("success, incomplete, failure, timeout, paused, crashed; waiting: not yet run")
+    ]
+    message: Annotated[str, ColumnDoc("why it failed or crashed, in a sentence")]
+    digest: Annotated[str, ColumnDoc("of all that happened; two equal runs have the same")]
+    attempts: Annotated[int, ColumnDoc("times that a worker tried it")]
+    items_total: Annotated[int | None, ColumnDoc("true items")]
+    items_sorted: Annotated[int | None, ColumnDoc("in the bin where they belong")]
+    items_misplaced: Annotated[int | None, ColumnDoc("in another bin")]
+    items_left: Annotated[int | None, ColumnDoc("in no bin")]
+    picks_tried: Annotated[int | None, ColumnDoc("closings of the fingers on an object")]
+    picks_held: Annotated[int | None, ColumnDoc("of these, with the object between them")]
+    sim_seconds: Annotated[float | None, ColumnDoc("simulated time", "s")]
+    cpu_seconds: Annotated[float | None, ColumnDoc("CPU time", "s")]
+    wall_seconds: Annotated[float | None, ColumnDoc("wall time", "s")]
+    last_tick: LastTick
+    root_cause: Annotated[str, ColumnDoc("of the first failure that was not cured")] = ""
+    look_at: Annotated[str, ColumnDoc("one line on what to look at")] = ""
+    folder: Folder = ""
+
+
+@dataclass(frozen=True, slots=True)
+class JobRows:
+    """All rows of one job."""
+
+    job: JobRow
+    items: tuple[JobItemRow, ...] = ()
+    picks: tuple[JobPickRow, ...] = ()
+    failures: tuple[JobFailureRow, ...] = ()
+    episodes: tuple[EpisodeRow, ...] = ()
+    planted: tuple[PlantedRow, ...] = ()
+    plans: tuple[JobPlanRow, ...] = ()
+    timings: tuple[JobTimingRow, ...] = ()
+    versions: dict[str, str] = field(default_factory=dict[str, str])
+
+    def to_json(self) -> bytes:
+        return _ADAPTER.dump_json(self)
+
+    @classmethod
+    def from_json(cls, data: bytes, source: Path) -> JobRows:
+        """Read rows from JSON. Raises PicktreeError when the data are no result of a job."""
+        try:
+            return _ADAPTER.validate_json(data)
+        except ValidationError as error:
+            raise PicktreeError(f"{source}: no result of a job: {error.errors()[0]['msg']}") from None
+
+
+_ADAPTER = TypeAdapter(JobRows)
+
 _SQL: dict[Kind, str] = {"int": "INTEGER", "float": "REAL", "bool": "INTEGER", "text": "TEXT"}
 
 
@@ -43,16 +204,26 @@ class TableOf:
         return "\n".join(made)
 
 
-def _text(name: str, meaning: str, *, optional: bool = False) -> Column:
-    return Column(name, "text", optional, "", meaning)
+def _text(name: str, meaning: str) -> Column:
+    return Column(name, "text", False, "", meaning)
 
 
-def _count(name: str, meaning: str, *, optional: bool = False) -> Column:
-    return Column(name, "int", optional, "", meaning)
+CHILDREN: Final[Mapping[str, type]] = {
+    "items": JobItemRow,
+    "picks": JobPickRow,
+    "failures": JobFailureRow,
+    "episodes": EpisodeRow,
+    "planted": PlantedRow,
+    "plans": JobPlanRow,
+    "timings": JobTimingRow,
+}
+"""Rows of the tables with many of a job."""
 
 
-def _number(name: str, unit: str, meaning: str, *, optional: bool = False) -> Column:
-    return Column(name, "float", optional, unit, meaning)
+def _table(
+    name: str, meaning: str, row: type, *, key: tuple[str, ...] = (), index: tuple[str, ...] = ()
+) -> TableOf:
+    return TableOf(name, meaning, (_JOB, *columns(row)), key, index)
 
 
 _JOB = _text("job", "id of the job")
@@ -62,148 +233,39 @@ TABLES = (
         "a job",
         (
             _text("job", "id: hash over everything that the job runs"),
-            _count("number", "its place in the plan, from 0"),
+            Column("number", "int", False, "", "its place in the plan, from 0"),
             _text("variant", "recipe: what sets it apart from the others of the plan"),
             _text("mission", "path"),
             _text("scene", "name or path; empty: the mission's own"),
             _text("faults", "path; empty: none"),
             _text("settings", "JSON object"),
-            _count("seed", "of all its randomness"),
+            Column("seed", "int", False, "", "of all its randomness"),
             _text("recipe", "hash of all that it runs but the seed; recipes/HASH.zip holds it"),
-            _text("status", "success, incomplete, failure, timeout, paused, crashed; waiting: not yet run"),
-            _text("message", "why it failed or crashed, in a sentence"),
-            _text("digest", "of all that happened; two equal runs have the same"),
-            _count("attempts", "times that a worker tried it"),
-            _count("items_total", "true items", optional=True),
-            _count("items_sorted", "in the bin where they belong", optional=True),
-            _count("items_misplaced", "in another bin", optional=True),
-            _count("items_left", "in no bin", optional=True),
-            _count("picks_tried", "closings of the fingers on an object", optional=True),
-            _count("picks_held", "of these, with the object between them", optional=True),
-            _number("sim_seconds", "s", "simulated time", optional=True),
-            _number("cpu_seconds", "s", "CPU time", optional=True),
-            _number("wall_seconds", "s", "wall time", optional=True),
-            _count("last_tick", "number of the last tick in the log", optional=True),
-            _text("root_cause", "of the first failure that was not cured"),
-            _text("look_at", "one line on what to look at"),
-            _text("folder", "of the run with its log, below the batch; empty: not kept"),
+            *columns(JobRow),
         ),
         key=("job",),
     ),
-    TableOf(
-        "items",
-        "a true item, as the scorer found it",
-        (
-            _JOB,
-            _text("item", "name in the simulation"),
-            _text("kind", "in the scene's catalogue"),
-            _text("form", "box, cylinder, …"),
-            _text("colour", "name of the colour"),
-            _number("x", "m", "where it lay when it arrived, in the world"),
-            _number("y", "m", "where it lay when it arrived, in the world"),
-            _number("arrived", "s", "simulated time at which it was there first; 0: at the start"),
-            _text("destination", "bin where it belongs", optional=True),
-            _text("bin", "where it ended", optional=True),
-            _text("verdict", "sorted, misplaced, left"),
-        ),
-        key=("job", "item"),
-    ),
-    TableOf(
-        "picks",
-        "a closing of the fingers, as the robot felt it",
-        (
-            _JOB,
-            _number("time", "s", "simulated"),
-            _text("object", "as the robot calls it"),
-            Column("held", "bool", False, "", "whether it was between the fingers"),
-            _text("node", "path in the tree"),
-        ),
-        index=("job",),
-    ),
-    TableOf(
-        "failures",
-        "a failure, and what became of it",
-        (
-            _JOB,
-            _number("time", "s", "simulated"),
-            _text("node", "path in the tree"),
-            _text("cause", "as grasp.slipped"),
-            _text("message", "in a sentence"),
-            _text("item", "that it was about, as the robot calls it"),
-            _text("fate", "cured, passed_over, branched, ended, open"),
-            _text("handled_by", "handlers that were tried, in order"),
-            _number("seconds_lost", "s", "simulated time until its fate was decided", optional=True),
-        ),
-        index=("job", "cause"),
-    ),
-    TableOf(
+    _table("items", "a true item, as the scorer found it", JobItemRow, key=("job", "item")),
+    _table("picks", "a closing of the fingers, as the robot felt it", JobPickRow, index=("job",)),
+    _table("failures", "a failure, and what became of it", JobFailureRow, index=("job", "cause")),
+    _table(
         "episodes",
         "a cause that was seen, what was tried against it, and what came of it",
-        (
-            _JOB,
-            _number("time", "s", "simulated, of its first failure"),
-            _text("cause", "as grasp.slipped"),
-            _text("node", "path of the node that failed first"),
-            _text("item", "that it was about, as the robot calls it"),
-            _text("ended", "cured, given_up, unhandled, open"),
-            _text("handler", "what was tried last; empty: nothing"),
-            _text("tried", "all that was tried, one after the other"),
-            _text("by", "path of the node that took it up last; empty: nobody"),
-            _count("tries", "runs after the failure that were to succeed"),
-            _number("seconds", "s", "simulated time lost"),
-        ),
+        EpisodeRow,
         index=("job", "cause"),
     ),
-    TableOf(
+    _table(
         "planted",
         "a fault that was planted in the simulation, and what failed first after it",
-        (
-            _JOB,
-            _number("time", "s", "simulated"),
-            _text("fault", "its kind, as slip"),
-            _text("message", "in a sentence"),
-            _text("item", "name in the simulation; empty: it is about none"),
-            _text("cause", "of the first failure after it; empty: nothing failed"),
-            _number("after", "s", "from the fault to that failure", optional=True),
-            _text("ended", "what became of that failure, as in episodes; empty: nothing failed"),
-        ),
+        PlantedRow,
         index=("job",),
     ),
-    TableOf(
-        "plans",
-        "a request to the planner",
-        (
-            _JOB,
-            _number("time", "s", "simulated"),
-            _text("request", "what was asked for"),
-            _text("planner", "that answered"),
-            _text("outcome", "found, or why not"),
-            _count("checks", "of collisions"),
-            _number("thinking", "s", "simulated time that it took"),
-            _number("duration", "s", "of the motion"),
-        ),
-        index=("job",),
-    ),
-    TableOf(
-        "timings",
-        "a phase of a job",
-        (
-            _JOB,
-            _text("phase", "observe, think, move, grasp, place, recover, other"),
-            _number("seconds", "s", "simulated time spent in it"),
-        ),
-        key=("job", "phase"),
-    ),
-    TableOf(
+    _table("plans", "a request to the planner", JobPlanRow, index=("job",)),
+    _table("timings", "a phase of a job", JobTimingRow, key=("job", "phase")),
+    _table(
         "crashes",
         "a try at a job that came to no result; of a job that succeeded when it was tried again, too",
-        (
-            _JOB,
-            _count("attempt", "1 for the first"),
-            _text("reason", "why it ended, and where it was then"),
-            _count("last_tick", "number of the last tick in its log", optional=True),
-            _text("folder", "of the run with its log, below the batch; empty: not kept"),
-        ),
+        CrashRow,
         key=("job", "attempt"),
     ),
     TableOf(

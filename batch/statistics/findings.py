@@ -13,7 +13,7 @@ import numpy as np
 
 from ...logs.episodes import episode_counts
 from ...logs.episodes.episode_counts import ENDS, CureCount, PlantedCount
-from ..results.rows import Phase
+from ..results.tables import Phase
 from .rates import Rate, rate
 
 PHASES: tuple[Phase, ...] = ("observe", "think", "move", "grasp", "place", "recover", "other")

@@ -9,10 +9,10 @@ from dataclasses import replace
 from pathlib import Path
 
 from ...analysis.compare.alignment import Alignment, align
+from ...analysis.compare.diff import value_changes
 from ...analysis.compare.divergence import Divergence
+from ...analysis.compare.divergence_text import DIVERGENCE_TEXTS
 from ...analysis.compare.message_fields import value_text
-from ...analysis.compare.run_settings import value_changes
-from ...analysis.compare.text.divergence_text import DIVERGENCE_TEXTS
 from ...analysis.run import Run
 from ...errors import PicktreeError
 from ...logs.visits import HALTED, Visit

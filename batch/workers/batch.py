@@ -15,9 +15,9 @@ from typing import Literal, Protocol, TypeAlias
 from ...analysis.run import Run
 from ...errors import PicktreeError
 from ...session.session import LOG_FILE_NAME
-from ..plan.plan import BatchPlan, Job, jobs_of, read_plan, write_plan
-from ..results.rows import CrashRow, JobRow, JobRows
+from ..plan import BatchPlan, Job, jobs_of, read_plan, write_plan
 from ..results.store import RESULTS_FILE, Store
+from ..results.tables import CrashRow, JobRow, JobRows
 from . import job_output
 from .executor import Event, Executor, JobFailed, JobFinished, JobOrder, JobStopped
 

@@ -33,7 +33,7 @@ from ...session.resume.recipe_archive import RecipeFile
 from ...session.session import Recording, Session
 from . import job_output
 from .executor import Event, JobFailed, JobFinished, JobOrder, JobStopped
-from .local_executor import die_with_parent, end_children, exit_code_words, resident
+from .process_tree import die_with_parent, end_children, exit_code_words, resident
 from .result_rows import collect_run_rows
 
 

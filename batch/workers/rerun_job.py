@@ -13,10 +13,10 @@ from typing import Any
 from ...errors import PicktreeError
 from ...logs.schema.arithmetic_record import PREFIXES, Arithmetic, arithmetic_difference
 from ...session.session import LOG_FILE_NAME
-from ..plan.plan import Job, read_plan
+from ..plan import Job, read_plan
 from ..results.job_names import find_job, split
-from ..results.rows import JobRows
 from ..results.store import RESULTS_FILE, Store
+from ..results.tables import JobRows
 from .executor import Event, Executor, JobFailed, JobFinished, JobOrder
 from .local_executor import LocalExecutor
 

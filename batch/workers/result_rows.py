@@ -13,7 +13,7 @@ from ...logs.visits import Visit
 from ...session.execution import Execution
 from ...simulation.scoring.scorer import score
 from ...world.values import ObjectId, Vector3
-from ..results.rows import (
+from ..results.tables import (
     EpisodeRow,
     JobFailureRow,
     JobItemRow,

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 
-from ...analysis.compare.message_fields import short_names
 from ...analysis.replay.cursor import Cursor, CursorChanges
+from ...files.node_patterns import short_names
 from ...logs.run_log import Stamped
 from ...logs.schema.records import Plan, TransitionRecord
 from ...logs.visits import HALTED, Visit
@@ -45,8 +45,7 @@ def _timed_changes(cursor: Cursor, changes: CursorChanges) -> list[tuple[float, 
     ]
     believed: dict[tuple[float, str], list[str]] = {}
     for at in changes.belief:
-        data = at.record.data
-        believed.setdefault((at.time, str(data["reason"])), []).append(str(data["object"]))
+        believed.setdefault((at.time, at.record.reason), []).append(at.record.object)
     told += [(time, f"belief: {_objects(ones)}: {reason}") for (time, reason), ones in believed.items()]
     told += [(at.time, f"{at.record.kind}: {at.record.message}") for at in changes.events]
     told += [(at.time, _plan(at)) for at in changes.plans]

@@ -7,12 +7,13 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Literal, TextIO, TypeAlias
 
-from ...analysis.compare.message_fields import short_names
 from ...analysis.replay.cursor import Cursor, Edge
-from ...analysis.replay.node_names import find_nodes
+from ...analysis.replay.node_names import find_node, find_nodes
 from ...errors import PicktreeError
+from ...files.node_patterns import short_names
 from ..terminal.command_prompt import Command, CommandPrompt
 from ..terminal.progress import tree_rows
+from ..terminal.state_text import blackboard_lines, tree_lines, where_lines
 from . import replay_changes, replay_views
 
 MAX_TREE_LINES = 18
@@ -188,13 +189,20 @@ class ReplayPrompt(CommandPrompt):
 
     def _show_all(self, _: str) -> bool:
         self.show_here()
-        return self._show(replay_views.belief_lines(self.cursor, ""))
+        return self._show(replay_views.believed_lines(self.cursor, ""))
 
     def _show_tree(self, path: str) -> bool:
-        return self._show(replay_views.tree_lines(self.cursor, path))
+        return self._show(
+            tree_lines(
+                replay_views.node_states(self.cursor),
+                find_node(path, self.cursor.tree.nodes).path if path else "",
+            )
+        )
 
     def _show_where(self, _: str) -> bool:
-        return self._show(replay_views.where_lines(self.cursor))
+        return self._show(
+            where_lines(replay_views.node_states(self.cursor), replay_views.deepest(self.cursor))
+        )
 
     def _show_node(self, path: str) -> bool:
         return self._show(replay_views.node_lines(self.cursor, path))
@@ -209,10 +217,10 @@ class ReplayPrompt(CommandPrompt):
         return self._show(replay_changes.evidence_lines(self.cursor))
 
     def _show_blackboard(self, key: str) -> bool:
-        return self._show(replay_views.blackboard_lines(self.cursor, key))
+        return self._show(blackboard_lines(self.cursor.blackboard, key))
 
     def _show_belief(self, identity: str) -> bool:
-        return self._show(replay_views.belief_lines(self.cursor, identity))
+        return self._show(replay_views.believed_lines(self.cursor, identity))
 
     def _show_joints(self, _: str) -> bool:
         return self._show(replay_views.joint_lines(self.cursor))

@@ -133,7 +133,7 @@ class Screen:
         cursor = self._prompt.cursor
         news = max(room * 2 // _CHANGES_DIVISOR, 3)
         lines = [*replay_changes.change_lines(cursor, cursor.changes(self._prompt.since), news), ""]
-        return [*lines, *[*replay_views.belief_lines(cursor, "")][: max(room - len(lines), 0)]]
+        return [*lines, *[*replay_views.believed_lines(cursor, "")][: max(room - len(lines), 0)]]
 
     def _hint(self) -> str:
         if not self._from:

@@ -9,8 +9,7 @@ from ...analysis.replay.node_names import find_node
 from ...logs.schema.records import NodeStatusRecord, TreeNode, Values
 from ...logs.visits import Visit
 from ...trees.values.port_types import show
-from ..terminal.belief_text import belief_line
-from ..terminal.progress import STYLED_STATUS_MARKS
+from ..terminal.state_text import NodeState, belief_lines, failure_lines, status_text
 
 
 def place(cursor: Cursor) -> str:
@@ -22,31 +21,9 @@ def place(cursor: Cursor) -> str:
     return f"{cursor.time:.2f} s, tick {cursor.number} of {len(cursor) - 1}{doing}"
 
 
-def tree_lines(cursor: Cursor, text: str) -> Iterator[str]:
-    """Yield a line for each node, or for the node that `text` names and its descendants."""
-    nodes = cursor.tree.nodes
-    top = find_node(text, nodes).path if text else ""
-    indent = top.count("/")
-    status = _by_path(cursor)
-    for node in nodes:
-        if not top or node.path == top or node.path.startswith(f"{top}/"):
-            depth = node.path.count("/") - indent
-            name = node.name if node.name.split("#")[0] == node.id else f"{node.id} {node.name}"
-            yield f"  {'  ' * depth}{_mark(status[node.path])} {name}{_status_text(status[node.path], '  ')}"
-
-
-def where_lines(cursor: Cursor) -> Iterator[str]:
-    """Yield the nodes from the root to the deepest that runs, or has ended."""
-    status, tip = _by_path(cursor), cursor.tick.record.tip
-    for node in cursor.tree.nodes:
-        if node.path == tip or tip.startswith(f"{node.path}/") or not (tip or node.parent):
-            one = status[node.path]
-            yield f"{_mark(one)} {node.path} is {one.status}{_status_text(one, ': ')}"
-
-
 def node_lines(cursor: Cursor, text: str) -> Iterator[str]:
     """Yield the state of one node, its inputs at the start, and its end."""
-    node = find_node(text or cursor.tick.record.tip or cursor.tree.nodes[0].path, cursor.tree.nodes)
+    node = find_node(text or deepest(cursor), cursor.tree.nodes)
     one = _by_path(cursor)[node.path]
     yield f"{node.path}: {node.id}, {one.status}"
     visit = cursor.last_visit(node.path)
@@ -59,9 +36,7 @@ def node_lines(cursor: Cursor, text: str) -> Iterator[str]:
         return
     yield f"  {_span(cursor, visit)}"
     if visit.last <= cursor.number and visit.cause:
-        yield f"  failed in {visit.origin}: {visit.cause}: {visit.message}"
-        for name, value in visit.evidence.items():
-            yield f"    {name}: {show(value)}"
+        yield from failure_lines(visit.origin, visit.cause, visit.message, visit.evidence)
     elif one.message:
         yield f"  says: {one.message}"
 
@@ -74,24 +49,15 @@ def _span(cursor: Cursor, visit: Visit) -> str:
     return f"began at {visit.start:.2f} s{times}, ended at {visit.end:.2f} s: {visit.outcome}"
 
 
-def blackboard_lines(cursor: Cursor, part: str) -> Iterator[str]:
-    """Yield the keys that contain `part`, with their values; a single one in full."""
-    board = cursor.blackboard
-    keys = sorted(key for key in board if part in key)
-    if not keys:
-        yield f"no key contains {part!r}" if part else "nothing is written yet"
-    for key in keys:
-        yield f"{key} = {board[key]!r}" if len(keys) == 1 else f"{key} = {show(board[key])}"
+def deepest(cursor: Cursor) -> str:
+    """Return the path of the deepest node that runs or has ended; else of the root."""
+    return cursor.tick.record.tip or cursor.tree.nodes[0].path
 
 
-def belief_lines(cursor: Cursor, part: str) -> Iterator[str]:
-    """Yield the believed objects whose id contains `part`."""
+def believed_lines(cursor: Cursor, part: str) -> Iterator[str]:
+    """Yield the believed objects at the cursor whose id contains `part`."""
     scene = cursor.belief
-    bodies = [body for body in scene.bodies if part in body.id] if scene else []
-    if not bodies:
-        yield f"no object is called {part!r}" if part else "no object is known yet"
-    for body in bodies:
-        yield belief_line(body, cursor.time)
+    return belief_lines(scene.bodies if scene else (), part, cursor.time)
 
 
 def joint_lines(cursor: Cursor) -> Iterator[str]:
@@ -136,18 +102,19 @@ def statuses(cursor: Cursor) -> Sequence[NodeStatusRecord]:
     return [known.get(node.path) or _idle(node) for node in cursor.tree.nodes]
 
 
+def node_states(cursor: Cursor) -> list[NodeState]:
+    """Return the nodes of the tree with their statuses at the cursor."""
+    status = _by_path(cursor)
+    return [
+        NodeState(node.path, node.name, node.id, one.status, status_text(one.cause, one.message))
+        for node in cursor.tree.nodes
+        for one in (status[node.path],)
+    ]
+
+
 def _by_path(cursor: Cursor) -> Mapping[str, NodeStatusRecord]:
     return {node.path: node for node in statuses(cursor)}
 
 
 def _idle(node: TreeNode) -> NodeStatusRecord:
     return NodeStatusRecord(node.path, node.id, "IDLE", ticked=False)
-
-
-def _mark(node: NodeStatusRecord) -> str:
-    return STYLED_STATUS_MARKS[node.status][0]
-
-
-def _status_text(node: NodeStatusRecord, lead: str) -> str:
-    said = f"{node.cause}: {node.message}" if node.cause else node.message
-    return f"{lead}{said}" if said else ""

@@ -8,15 +8,16 @@ from typing import TYPE_CHECKING, Annotated, TextIO
 
 import typer
 
+from ..options import Log, OtherSettings
 from ..run.run import parse_parameters
-from ..terminal.output import keep_stdout, painter
+from ..terminal.output import StatusLine, end_with, keep_stdout, painter, print_answer
 
 if TYPE_CHECKING:
-    from ..terminal.progress import RunDisplay
+    pass
 
 
 def whatif(
-    log: Annotated[str, typer.Argument(metavar="LOG", help="Log file, run folder, or 'last'.")],
+    log: Log,
     at: Annotated[
         str,
         typer.Option(metavar="TICK", help="It goes on from the last checkpoint by then: 412 or 20.6s."),
@@ -24,10 +25,7 @@ def whatif(
     mission: Annotated[
         Path | None, typer.Option(metavar="FILE", help="The mission from there on.", show_default="the same")
     ] = None,
-    set_: Annotated[
-        list[str] | None,
-        typer.Option("--set", metavar="NAME=VALUE", help="Other parameter of the mission."),
-    ] = None,
+    set_: OtherSettings = None,
     faults: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Faults from there on.", show_default="the same")
     ] = None,
@@ -50,30 +48,16 @@ def whatif(
     from ...analysis.resim.whatif import what_if
 
     changes = RunChanges(mission, None, settings, faults, no_faults)
-    with _view() as view:
+    from ..terminal.progress import run_display
+
+    with run_display() as view:
         found = what_if(log, at, changes=changes, out=out, observers=(view,))
     if found.warnings:
         from ...files.diagnostics.fault_rendering import fault_lines
 
         print(fault_lines(found.warnings, painter(sys.stderr)), file=sys.stderr)
-    if answer is None:
-        print(found.to_text())
-    else:
-        with answer:
-            answer.write(found.to_json_text())
-    if found.status == "interrupted":
-        raise typer.Exit(130)
-    if found.status != "success":
-        raise typer.Exit(1)
-
-
-def _view() -> RunDisplay:
-    from rich.console import Console
-
-    from ..terminal.progress import LinesDisplay, LiveDisplay
-
-    console = Console(stderr=True, highlight=False)
-    return LiveDisplay(console) if console.is_terminal else LinesDisplay(console)
+    print_answer(answer, found.to_text, found.to_json_text)
+    end_with(found.status == "success", found.status)
 
 
 def resim(
@@ -86,10 +70,7 @@ def resim(
     mission: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Another mission, for the recorded one.")
     ] = None,
-    set_: Annotated[
-        list[str] | None,
-        typer.Option("--set", metavar="NAME=VALUE", help="Other parameter of the mission."),
-    ] = None,
+    set_: OtherSettings = None,
     scene: Annotated[str | None, typer.Option(metavar="SCENE", help="Another scene.")] = None,
     faults: Annotated[Path | None, typer.Option(metavar="FILE", help="Other faults.")] = None,
     no_faults: Annotated[bool, typer.Option("--no-faults", help="No faults.")] = False,
@@ -122,20 +103,16 @@ def resim(
     from ...analysis.resim.resim import resimulate
 
     changes = RunChanges(mission, scene, settings, faults, no_faults, seed)
-    progress = ResimProgress()
-    try:
-        found = resimulate(log, changes=changes, until=until, out=out, progress=progress.at)
-    finally:
-        progress.clear()
+    with StatusLine() as line:
+
+        def progress(now: float, end: float) -> None:
+            line.say(f"running it again: {now:.1f} of {end:.1f} s")
+
+        found = resimulate(log, changes=changes, until=until, out=out, progress=progress)
     if found.warnings:
         print(found.warnings, file=sys.stderr)
-    if answer is None:
-        print(found.to_text())
-    else:
-        with answer:
-            answer.write(found.to_json_text())
-    if not found.identical:
-        raise typer.Exit(1)
+    print_answer(answer, found.to_text, found.to_json_text)
+    end_with(found.identical)
 
 
 def _job_again(where: str, out: Path | None, answer: TextIO | None, *, alone: bool) -> None:
@@ -147,34 +124,8 @@ def _job_again(where: str, out: Path | None, answer: TextIO | None, *, alone: bo
             f"a job of a batch is run again as it was: for changes, first have its log by resim {where}, "
             "then give that log"
         )
-    progress = ResimProgress()
-    try:
-        progress.say("running it again")
+    with StatusLine() as line:
+        line.say("running it again")
         found = rerun_job(where, out)
-    finally:
-        progress.clear()
-    if answer is None:
-        print(found.to_text())
-    else:
-        with answer:
-            answer.write(found.to_json_text())
-    if not found.identical:
-        raise typer.Exit(1)
-
-
-class ResimProgress:
-    """Progress line on a terminal; nothing elsewhere."""
-
-    def __init__(self) -> None:
-        self._on = sys.stderr.isatty()
-
-    def at(self, now: float, end: float) -> None:
-        self.say(f"running it again: {now:.1f} of {end:.1f} s")
-
-    def say(self, text: str) -> None:
-        if self._on:
-            print(f"\r\x1b[2K{text}", end="", file=sys.stderr, flush=True)
-
-    def clear(self) -> None:
-        if self._on:
-            print("\r\x1b[2K", end="", file=sys.stderr, flush=True)
+    print_answer(answer, found.to_text, found.to_json_text)
+    end_with(found.identical)

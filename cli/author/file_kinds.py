@@ -47,7 +47,7 @@ def _cases(document: Document) -> Iterable[Diagnostic]:
 
 
 def _plan(document: Document) -> Iterable[Diagnostic]:
-    from ...batch.plan.plan_loading import check_plan
+    from ...batch.plan_loading import check_plan
 
     return check_plan(document).faults
 

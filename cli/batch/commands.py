@@ -8,11 +8,13 @@ from typing import Annotated, Literal
 import typer
 
 from ...errors import PicktreeError
-from ..terminal.output import keep_stdout, program
+from ..options import JsonWritten
+from ..terminal.output import StatusLine, end_with, keep_stdout, print_answer, program
 from .run import run
 
 batch = typer.Typer(help="Run many jobs, and ask what came of them.", no_args_is_help=True)
 batch.command()(run)
+Json = Annotated[bool, typer.Option("--json", help="Print one JSON object.")]
 Folder = Annotated[Path, typer.Argument(metavar="DIR", help="The batch's folder.")]
 
 
@@ -20,7 +22,7 @@ Folder = Annotated[Path, typer.Argument(metavar="DIR", help="The batch's folder.
 def query(
     folder: Folder,
     sql: Annotated[str, typer.Argument(metavar="SQL", help="A SELECT on the tables and views.")],
-    json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
+    json: Json = False,
     csv: Annotated[bool, typer.Option("--csv", help="Print CSV.")] = False,
 ) -> None:
     """Answer a question in SQL. docs/batches.md lists tables and views."""
@@ -41,7 +43,7 @@ def query(
 @batch.command()
 def summary(
     folder: Folder,
-    json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
+    json: Json = False,
 ) -> None:
     """Success with intervals, picks an hour, causes, and the worst jobs."""
     from ...batch.results.store import RESULTS_FILE, Store
@@ -62,7 +64,7 @@ def report(
     ] = 5,
 ) -> None:
     """Write the batch as one page: rates with intervals, where the time goes, causes, the worst runs."""
-    from ...batch.report.report import write_report
+    from ...batch.report import write_report
 
     write_report(folder, output, runs)
     print(output)
@@ -75,11 +77,11 @@ def export(
     output: Annotated[
         Path, typer.Option("-o", "--output", metavar="FOLDER", help="Folder for the files, one a table.")
     ],
-    json: Annotated[bool, typer.Option("--json", help="Print what was written as one JSON object.")] = False,
+    json: JsonWritten = False,
 ) -> None:
     """Write every table as a CSV or Parquet file, for pandas, DuckDB or a spreadsheet."""
-    from ...batch.results.batch_export import export as write
     from ...batch.results.store import RESULTS_FILE, Store
+    from ...batch.results.store import export as write
 
     with Store(folder / RESULTS_FILE) as store:
         written = write(store, to, output)
@@ -99,7 +101,7 @@ def compare(
     unpaired: Annotated[
         bool, typer.Option("--unpaired", help="As independent runs, though they share seeds.")
     ] = False,
-    json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
+    json: Json = False,
 ) -> None:
     """Compare two recipes, paired by seed where they share them. Exit code 1: they differ by more than chance
     explains."""
@@ -107,25 +109,16 @@ def compare(
     from ...batch.statistics.comparison_text import json_text_of, text_of
     from ...batch.statistics.differences import read_recipe
     from ...batch.statistics.seed_partings import with_divergences
-    from ..analyse.resim import ResimProgress
 
     answer = keep_stdout() if json else None
     recipes = read_recipe(a), read_recipe(b)
-    progress = ResimProgress()
-    try:
+    with StatusLine() as line:
         found = with_divergences(
             compare_recipes(*recipes, unpaired=unpaired),
             *recipes,
             partings,
             remake=remake,
-            say=lambda what: progress.say(f"running it again: {what}"),
+            say=lambda what: line.say(f"running it again: {what}"),
         )
-    finally:
-        progress.clear()
-    if answer is None:
-        print(text_of(found, program()))
-    else:
-        with answer:
-            answer.write(json_text_of(found))
-    if found.differ:
-        raise typer.Exit(1)
+    print_answer(answer, lambda: text_of(found, program()), lambda: json_text_of(found))
+    end_with(not found.differ)

@@ -16,8 +16,8 @@ from .progress_text import BatchCount
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from ...batch.plan.plan import Job
-    from ...batch.results.rows import JobRow
+    from ...batch.plan import Job
+    from ...batch.results.tables import JobRow
     from ...batch.statistics.summary import BatchSummary
     from ...batch.workers.batch import RecordedJob
 

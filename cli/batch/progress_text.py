@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from ...batch.statistics.rates import Rate, rate
 
 if TYPE_CHECKING:
-    from ...batch.results.rows import JobRow
+    from ...batch.results.tables import JobRow
 
 _DAY = 86400.0
 

@@ -15,11 +15,12 @@ from typing import TYPE_CHECKING, Annotated, Literal, TextIO
 import typer
 
 from ...errors import PicktreeError
+from ..options import Backend, Verify
 from ..terminal.output import keep_stdout, program
 
 if TYPE_CHECKING:
     from ...batch.cluster.ray_executor import RayExecutor
-    from ...batch.plan.plan import BatchPlan
+    from ...batch.plan import BatchPlan
     from ...batch.statistics.summary import BatchSummary
     from ...batch.workers.batch import Batch
     from ...batch.workers.executor import Executor
@@ -51,12 +52,8 @@ def run(
         list[str] | None,
         typer.Option("--set", metavar="NAME=A,B", help="Values to be tried, as SortOne/Grasp.force=15,30."),
     ] = None,
-    backend: Annotated[
-        Literal["physics", "kinematic"], typer.Option(help="kinematic: objects follow the gripper.")
-    ] = "physics",
-    verify: Annotated[
-        bool, typer.Option("--verify", help="Judge every trajectory by a second collision checker.")
-    ] = False,
+    backend: Backend = "physics",
+    verify: Verify = False,
     limit: Annotated[str, typer.Option(metavar="TIME", help="Simulated time of a job.")] = "3600 s",
     wall_limit: Annotated[str, typer.Option(metavar="TIME", help="Wall time of a job.")] = "3600 s",
     memory: Annotated[str, typer.Option(metavar="SIZE", help="Memory of a job.")] = "4 GB",
@@ -100,7 +97,7 @@ def run(
         raise PicktreeError("--address is of a Ray cluster: add --executor ray")
     answer = keep_stdout() if json else None
 
-    from ...batch.plan.plan_loading import load_plan, plan_of
+    from ...batch.plan_loading import load_plan, plan_of
     from ...batch.workers.batch import Batch
 
     options = {

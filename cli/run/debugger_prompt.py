@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from typing import TextIO
 
 from ...analysis.replay.node_names import find_node, find_nodes
@@ -17,16 +16,17 @@ from ...trees.status import NodeStatus
 from ...trees.values.port_types import show
 from ...trees.values.references import Constant
 from ...world.causes import Failure
-from ..terminal.belief_text import belief_line
 from ..terminal.command_prompt import Command, CommandPrompt
-
-STATUS_MARKS: Mapping[NodeStatus, str] = {
-    NodeStatus.IDLE: "·",
-    NodeStatus.RUNNING: "▶",
-    NodeStatus.SUCCESS: "✓",
-    NodeStatus.FAILURE: "✗",
-    NodeStatus.SKIPPED: "–",
-}
+from ..terminal.state_text import (
+    NodeState,
+    belief_lines,
+    blackboard_lines,
+    failure_lines,
+    status_text,
+    tree_lines,
+    value_text,
+    where_lines,
+)
 
 
 def place(tree: BehaviourTree, stop: DebuggerStop) -> str:
@@ -45,27 +45,6 @@ def deepest(tree: BehaviourTree) -> Node:
     """Return the deepest running node; the root when none runs."""
     running = [node for node in tree.nodes if node.state is NodeStatus.RUNNING]
     return running[-1] if running else tree.root
-
-
-def tree_lines(tree: BehaviourTree, top: Node, stop: DebuggerStop) -> Iterator[str]:
-    """Yield a line for each node from `top` down; the stop's node is marked."""
-    indent = top.path.count("/")
-    for node in tree.nodes:
-        if node.path != top.path and not node.path.startswith(f"{top.path}/"):
-            continue
-        margin = "→ " if node.path == stop.path else "  "
-        name = node.name if node.name.split("#")[0] == node.wiring.id else f"{node.wiring.id} {node.name}"
-        said = f"  {_status_text(node)}" if _status_text(node) else ""
-        yield f"{margin}{'  ' * (node.path.count('/') - indent)}{STATUS_MARKS[node.state]} {name}{said}"
-
-
-def where_lines(tree: BehaviourTree, stop: DebuggerStop) -> Iterator[str]:
-    """Yield the nodes from the root to the place of the stop."""
-    end = stop.path or deepest(tree).path
-    for node in tree.nodes:
-        if node.path == end or end.startswith(f"{node.path}/"):
-            said = f": {_status_text(node)}" if _status_text(node) else ""
-            yield f"{STATUS_MARKS[node.state]} {node.path} is {node.state}{said}"
 
 
 def node_lines(node: Node, stop: DebuggerStop, breakpoints: Mapping[int, Breakpoint]) -> Iterator[str]:
@@ -87,34 +66,12 @@ def node_lines(node: Node, stop: DebuggerStop, breakpoints: Mapping[int, Breakpo
         if breakpoint_.path == node.path:
             yield f"  breakpoint {number}: {breakpoint_.when}"
     if node.failure is not None:
-        yield f"  failed in {node.failure.node}: {node.failure.cause}: {node.failure.message}"
-        for key, value in node.failure.evidence.items():
-            yield f"    {key}: {_value(value)}"
+        failure = node.failure
+        yield from failure_lines(failure.node, failure.cause, failure.message, failure.evidence)
         for other in node.failure.attached:
             yield f"    attached: {other.node}: {other.cause}: {other.message}"
     elif node.feedback_message:
         yield f"  says: {node.feedback_message}"
-
-
-def blackboard_lines(tree: BehaviourTree, part: str) -> Iterator[str]:
-    """Yield the keys that contain `part`, with their values; a single one in full."""
-    board = tree.blackboard
-    keys = sorted(key for key in board if part in key)
-    if not keys:
-        yield f"no key contains {part!r}" if part else "nothing is written yet"
-    for key in keys:
-        value = board.read(key)
-        yield f"{key} = {value!r}" if len(keys) == 1 else f"{key} = {_value(value)}"
-
-
-def belief_lines(tree: BehaviourTree, part: str) -> Iterator[str]:
-    """Yield the believed objects whose id contains `part`."""
-    world = tree.root.world
-    objects = [o for o in world.scene.objects if part in o.id]
-    if not objects:
-        yield f"no object is called {part!r}" if part else "no object is known yet"
-    for o in objects:
-        yield belief_line(o, world.clock.now)
 
 
 def breakpoint_lines(breakpoints: Mapping[int, Breakpoint]) -> Iterator[str]:
@@ -126,7 +83,7 @@ def breakpoint_lines(breakpoints: Mapping[int, Breakpoint]) -> Iterator[str]:
 
 def _status_text(node: Node) -> str:
     failure = node.failure
-    return f"{failure.cause}: {failure.message}" if failure is not None else node.feedback_message
+    return status_text(failure.cause, failure.message) if failure is not None else node.feedback_message
 
 
 def _now(node: Node, key: str) -> str:
@@ -134,11 +91,11 @@ def _now(node: Node, key: str) -> str:
     wired = node.wiring.ports.get(key)
     if wired is None:
         port = node.declaration.port(key)
-        return f"{_value(port.default)} by default" if port is not None else ""
+        return f"{value_text(port.default)} by default" if port is not None else ""
     if isinstance(wired, Constant):
-        return _value(wired.value)
+        return value_text(wired.value)
     try:
-        return _value(node.wiring.namespace.read(wired, node.world.scene))
+        return value_text(node.wiring.namespace.read(wired, node.world.scene))
     except KeyError:
         return "(nothing is written there yet)"
     except Failure as failure:
@@ -148,29 +105,16 @@ def _now(node: Node, key: str) -> str:
 def _read(node: Node, key: str) -> str:
     """Return the value that a port had at the node's start."""
     try:
-        return _value(node.input(key))
+        return value_text(node.input(key))
     except KeyError:
         return _now(node, key)
 
 
 def _written(node: Node, key: str) -> str:
     try:
-        return _value(node.written(key))
+        return value_text(node.written(key))
     except AttributeError:
         return "(not written)"
-
-
-def _value(value: object) -> str:
-    return str(value) if isinstance(value, Expression) else show(value)
-
-
-@dataclass(frozen=True, slots=True)
-class _Named:
-    """Node with its possible names."""
-
-    path: str
-    name: str
-    id: str
 
 
 class DebugPrompt(CommandPrompt):
@@ -244,20 +188,22 @@ class DebugPrompt(CommandPrompt):
 
     def _show_tree(self, path: str) -> bool:
         top = self._one(path) if path else self._tree.root
-        return self._show(tree_lines(self._tree, top, self._stop))
+        return self._show(tree_lines(self._nodes, top.path, self._stop.path))
 
     def _show_where(self, _: str) -> bool:
-        return self._show(where_lines(self._tree, self._stop))
+        return self._show(where_lines(self._nodes, self._here.path))
 
     def _show_node(self, path: str) -> bool:
         node = self._one(path) if path else self._here
         return self._show(node_lines(node, self._stop, self._debug.breakpoints))
 
     def _show_blackboard(self, key: str) -> bool:
-        return self._show(blackboard_lines(self._tree, key))
+        board = {each: self._tree.blackboard.read(each) for each in self._tree.blackboard}
+        return self._show(blackboard_lines(board, key))
 
     def _show_belief(self, identity: str) -> bool:
-        return self._show(belief_lines(self._tree, identity))
+        world = self._tree.root.world
+        return self._show(belief_lines(world.scene.objects, identity, world.clock.now))
 
     def _print(self, text: str) -> bool:
         if not text:
@@ -314,11 +260,14 @@ class DebugPrompt(CommandPrompt):
     # Nodes by name.
 
     def _one(self, text: str) -> Node:
-        return self._tree.find(find_node(text, self._names).path)
+        return self._tree.find(find_node(text, self._nodes).path)
 
     def _fitting(self, text: str) -> Sequence[Node]:
-        return [self._tree.find(named.path) for named in find_nodes(text, self._names)]
+        return [self._tree.find(named.path) for named in find_nodes(text, self._nodes)]
 
     @property
-    def _names(self) -> Sequence[_Named]:
-        return [_Named(node.path, node.name, node.wiring.id) for node in self._tree.nodes]
+    def _nodes(self) -> Sequence[NodeState]:
+        return [
+            NodeState(node.path, node.name, node.wiring.id, str(node.state), _status_text(node))
+            for node in self._tree.nodes
+        ]

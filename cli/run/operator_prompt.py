@@ -1,4 +1,4 @@
-"""Prompt for the operator at the terminal when a mission asks for help."""
+"""Prompts at the terminal during a run: of the operator when a mission asks for help, and of the debugger."""
 
 from __future__ import annotations
 
@@ -9,6 +9,8 @@ from typing import TextIO
 
 from ...cell.operator_desk import OperatorQuestion
 from ...session.observer import Interrupter
+from ..terminal.command_prompt import complete_with, line_reader
+from .debugger_prompt import DebugPrompt
 
 
 class PersonAtTerminal(Interrupter):
@@ -53,3 +55,10 @@ class PersonAtTerminal(Interrupter):
 def operators(out: TextIO, aside: Callable[[], AbstractContextManager[None]]) -> tuple[PersonAtTerminal, ...]:
     """Return the operator's prompt; empty when stdin is no terminal."""
     return (PersonAtTerminal(out, aside),) if sys.stdin.isatty() else ()
+
+
+def debug_prompt(out: TextIO) -> DebugPrompt:
+    prompt = DebugPrompt(line_reader(out), out)
+    if sys.stdin.isatty():
+        complete_with(prompt)
+    return prompt

@@ -6,17 +6,17 @@ import sys
 from collections.abc import Generator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from ...errors import PicktreeError
-from ..terminal.output import keep_stdout, program
+from ..options import Backend, JsonResult, OtherRobot, RunsFolder, Seed, Verify
+from ..terminal.output import end_with, keep_stdout, print_answer, program
 
 if TYPE_CHECKING:
     from ...session.debugger import Debugger
     from ...session.observer import Observer
-    from ..terminal.progress import RunDisplay
 
 
 def run(
@@ -27,24 +27,16 @@ def run(
     scene: Annotated[
         str | None, typer.Option(metavar="SCENE", help="Shipped scene or scene file, for the mission's own.")
     ] = None,
-    robot: Annotated[
-        str | None, typer.Option(metavar="ROBOT", help="Shipped robot or robot file, for the scene's own.")
-    ] = None,
-    seed: Annotated[int, typer.Option(min=0, help="Of everything random.")] = 0,
+    robot: OtherRobot = None,
+    seed: Seed = 0,
     set_: Annotated[
         list[str] | None,
         typer.Option("--set", metavar="NAME=VALUE", help="Parameter, or port as SortOne/Grasp.force."),
     ] = None,
     faults: Annotated[Path | None, typer.Option(metavar="FILE", help="Faults to inject.")] = None,
-    out: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Where the run's folder is made.", show_default="runs")
-    ] = None,
-    backend: Annotated[
-        Literal["physics", "kinematic"], typer.Option(help="kinematic: objects follow the gripper.")
-    ] = "physics",
-    verify: Annotated[
-        bool, typer.Option("--verify", help="Judge every trajectory by a second collision checker.")
-    ] = False,
+    out: RunsFolder = None,
+    backend: Backend = "physics",
+    verify: Verify = False,
     debug: Annotated[
         bool, typer.Option("--debug", help="Stop at the mission's breakpoints, and before the first node.")
     ] = False,
@@ -91,7 +83,7 @@ def run(
         list[str] | None,
         typer.Option("--answer", metavar="TEXT", help="What is answered when the mission asks for help."),
     ] = None,
-    json: Annotated[bool, typer.Option("--json", help="Print the result as one JSON object.")] = False,
+    json: JsonResult = False,
 ) -> None:
     """Run a mission in simulation, or go on with a run that did not come to its end. Exit code 0: the goal is
     reached; 1: it is missed, or the run is paused because the mission asks for help."""
@@ -108,10 +100,10 @@ def run(
     seconds = None if limit is None else parse_limit(limit)
 
     from ...logs.recording.rotation import Rotation
-    from ...session.observer import PresetAnswers
-    from ...session.real_time_pace import WallClockPacer
+    from ...session.observer import PresetAnswers, WallClockPacer
     from ...session.recipe import DEFAULT_TIME_LIMIT
     from ...session.session import RunRequest, Session
+    from ..terminal.progress import run_display
     from .operator_prompt import operators
 
     rotation = Rotation(round(rotate_mb * 1e6), rotate_minutes * 60.0)
@@ -123,7 +115,7 @@ def run(
             asked = ResumeRequest(resume, out, seconds, rotation, as_it_stands, tuple(answers or ()))
             resumption = stack.enter_context(Resumption(asked))
             print(resumption.told, file=sys.stderr, flush=True)
-        view = stack.enter_context(_view(to_stderr=json, lines=debug))
+        view = stack.enter_context(run_display(to_stderr=json, lines=debug))
         observers: list[Observer] = [view, *stack.enter_context(_live_view(live, live_port))]
         if pace is not None:
             observers.append(WallClockPacer(pace))
@@ -150,15 +142,8 @@ def run(
             )
             session = Session(request, observers=(*observers, PresetAnswers(answers or ()), *people))
         result = session.run()
-    if answer is None:
-        print(result.to_text(program()))
-    else:
-        with answer:
-            answer.write(result.to_json_text())
-    if result.status == "interrupted":
-        raise typer.Exit(130)
-    if not result.reached:
-        raise typer.Exit(1)
+    print_answer(answer, lambda: result.to_text(program()), result.to_json_text)
+    end_with(result.reached, result.status)
 
 
 _RECORDED_OPTIONS = ("mission", "scene", "robot", "seed", "set_", "faults", "backend", "verify", "watch")
@@ -229,17 +214,6 @@ def _live_view(wanted: bool, port: int) -> Generator[tuple[Observer, ...]]:
 
 def _debugger(*, to_stderr: bool) -> Debugger:
     from ...session.debugger import Debugger
-    from .debug_input import debug_prompt
+    from .operator_prompt import debug_prompt
 
     return Debugger(debug_prompt(sys.stderr if to_stderr else sys.stdout))
-
-
-def _view(*, to_stderr: bool, lines: bool) -> RunDisplay:
-    """Return the display of the run. `lines`: no live tree on any terminal, because the user types into
-    it."""
-    from rich.console import Console
-
-    from ..terminal.progress import LinesDisplay, LiveDisplay
-
-    console = Console(stderr=to_stderr, highlight=False)
-    return LiveDisplay(console) if console.is_terminal and not lines else LinesDisplay(console)

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import json
 import os
 import shlex
 import shutil
 import sys
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TextIO
+from typing import TYPE_CHECKING, Any, Self, TextIO
 
 import typer
 
@@ -25,6 +26,44 @@ def keep_stdout() -> TextIO:
     kept = os.fdopen(os.dup(1), "w", encoding="utf-8")
     os.dup2(2, 1)
     return kept
+
+
+def print_answer(answer: TextIO | None, text: Callable[[], str], json_text: Callable[[], str]) -> None:
+    """Print the text; with an `answer`, the stdout that `keep_stdout` kept, the JSON."""
+    if answer is None:
+        print(text())
+        return
+    with answer:
+        answer.write(json_text())
+
+
+def json_text(value: object) -> str:
+    return json.dumps(value, ensure_ascii=False, indent=2) + "\n"
+
+
+def end_with(good: bool, status: str = "") -> None:
+    """End the command with exit code 130 for an interrupted run, with 1 when the answer is no."""
+    if status == "interrupted":
+        raise typer.Exit(130)
+    if not good:
+        raise typer.Exit(1)
+
+
+class StatusLine:
+    """Line on the terminal behind stderr that is written over; nothing elsewhere."""
+
+    def __init__(self) -> None:
+        self.on = sys.stderr.isatty()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.say("")
+
+    def say(self, text: str) -> None:
+        if self.on:
+            print(f"\r\x1b[2K{text}", end="", file=sys.stderr, flush=True)
 
 
 def show(text: str, output: Path | None) -> None:

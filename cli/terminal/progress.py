@@ -135,6 +135,12 @@ class LiveDisplay(RunDisplay):
             self._live.start()
 
 
+def run_display(*, to_stderr: bool = True, lines: bool = False) -> RunDisplay:
+    """Return the display of a run. `lines`: no live tree on any terminal, because the user types into it."""
+    console = Console(stderr=to_stderr, highlight=False)
+    return LiveDisplay(console) if console.is_terminal and not lines else LinesDisplay(console)
+
+
 def deepest_running(nodes: Sequence[NodeReport]) -> str:
     """Return the path of the last running node, parents first; "nothing" when none runs."""
     return next((node.path for node in reversed(nodes) if node.status == "RUNNING"), "nothing")

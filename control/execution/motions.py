@@ -16,13 +16,12 @@ from ...world.trajectory import Trajectory
 from ...world.values import Array, Vector3
 from ..cartesian.compliant_motion import FIRM_STIFFNESS, CartesianStiffness, CompliantMotion
 from ..contact.guarded_move import GuardedMoveResult
-from ..joints.soft_contact import ContactThresholds, JointImpedanceResult
 from ..joints.soft_controller import JointImpedanceController
-from ..safety.motion_lease import ForceGuard
+from ..safety.contact_guard import ForceGuard
 from .contact_motion import CompliantMotionResult, CompliantMotionRunner
 from .control_loop import ControlLoop
 from .jog_motion import JogMotion, JogResult, Lookout, Twists
-from .soft_motion import JointImpedanceMotion, slowed_trajectory
+from .soft_motion import ContactThresholds, JointImpedanceMotion, JointImpedanceResult, slowed_trajectory
 from .trajectory_motion import Doing, TrajectoryCheck, TrajectoryMotion
 
 JOG_GUARD = 25.0

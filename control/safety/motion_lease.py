@@ -1,36 +1,13 @@
-"""Lease: the exclusive right to move the arm, held by its last acquirer; and the force guard of a motion."""
+"""Lease: the exclusive right to move the arm, held by its last acquirer."""
 
 from __future__ import annotations
 
-import math
 from types import TracebackType
 from typing import Protocol
 
 from ...errors import PicktreeError
 from ..commands import Controller
-
-
-class ForceGuard:
-    """Guard of a free motion: it stops at a contact force of `limit` N above the baseline."""
-
-    def __init__(self, limit: float, baseline: tuple[float, float, float]) -> None:
-        self.limit = limit
-        self._baseline = baseline
-        self.contact: tuple[float, float, float] | None = None
-        """Force that stopped the motion beyond the baseline, N in the world. None: no contact."""
-
-    def size(self, force: tuple[float, float, float]) -> float:
-        """Return the size of `force` beyond the baseline, N."""
-        return math.dist(force, self._baseline)
-
-    def touched(self, force: tuple[float, float, float]) -> bool:
-        x, y, z = force
-        bx, by, bz = self._baseline
-        x, y, z = x - bx, y - by, z - bz
-        if x * x + y * y + z * z <= self.limit * self.limit:
-            return False
-        self.contact = (x, y, z)
-        return True
+from .contact_guard import ForceGuard
 
 
 class LeaseIssuer(Protocol):

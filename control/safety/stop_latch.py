@@ -8,7 +8,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from ...world.causes import Cause, FailureReport
-from ...world.journal import Journal, JournalEvent, Plain
+from ...world.events.skill_events import SafetyStopEvent
+from ...world.journal import Journal
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,10 +114,8 @@ class Latch:
         self._tolerated.clear()
         self.stops += 1
         self._fresh = True
-        data: dict[str, Plain] = {"cause": report.cause.name}
-        for key, value in report.evidence.items():
-            data[key] = list[Plain](value) if isinstance(value, list) else value
-        self._journal.note(JournalEvent("safety_stop", report.message, data=data))
+        cause, evidence = report.cause.name, dict(report.evidence)
+        self._journal.note(SafetyStopEvent(report.message, cause=cause, extra=evidence))
 
     def state(self) -> LatchState:
         return LatchState(

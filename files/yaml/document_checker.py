@@ -132,10 +132,10 @@ class DocumentChecker:
         if len(given) == 1:
             return given[0]
         if given:
-            message = f"{listed(given, 'and')} exclude each other"
+            message = f"{listed(map(repr, given))} exclude each other"
             self.fault(loc, message, "give one of them", code="P112", key=True)
         else:
-            self.fault(loc, f"{listed(keys, 'or')} is missing", code="P105", key=True)
+            self.fault(loc, f"{listed(map(repr, keys), last='or')} is missing", code="P105", key=True)
         return None
 
     def written(self, loc: Location, number: float, unit: str) -> str:

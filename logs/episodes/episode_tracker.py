@@ -7,6 +7,9 @@ from copy import deepcopy
 from dataclasses import dataclass, field
 from typing import Protocol
 
+from ...world.events.run_events import FaultEvent, RecoveryEvent
+from ...world.events.skill_events import SetAsideEvent
+from ...world.journal import JournalEvent
 from .episode import AGAIN, CureNames, End, Episode, Planted, TreeNodeLike
 
 
@@ -30,19 +33,6 @@ class TransitionLike(Protocol):
     def cause(self) -> str: ...
     @property
     def origin(self) -> str: ...
-
-
-class EventLike(Protocol):
-    """An event of the journal."""
-
-    @property
-    def kind(self) -> str: ...
-    @property
-    def message(self) -> str: ...
-    @property
-    def node(self) -> str: ...
-    @property
-    def data(self) -> Mapping[str, object]: ...
 
 
 @dataclass
@@ -156,21 +146,23 @@ class EpisodeTracker:
         for path in paths:
             self._open.setdefault(path, RunningNode(path, time, "", run=time))
 
-    def take(self, time: float, changes: Iterable[TransitionLike], events: Sequence[EventLike] = ()) -> None:
+    def take(
+        self, time: float, changes: Iterable[TransitionLike], events: Sequence[JournalEvent] = ()
+    ) -> None:
         """One tick: which nodes began and ended, in their order, and what was told in it."""
         self._time = time
-        aside = {event.node for event in events if event.kind == "set_aside"}
+        aside = {event.node for event in events if isinstance(event, SetAsideEvent)}
         for change in changes:
             if change.status == "RUNNING":
                 self._begin(change)
             else:
                 self._end(change, change.path in aside or self._ids.get(change.path) == _SET_ASIDE)
         for event in events:
-            if event.kind == "recovery":
+            if isinstance(event, RecoveryEvent):
                 self._told(event)
-            elif event.kind == "fault" and not (event.data.get("waits") or event.data.get("gone")):
-                kind, item = str(event.data.get("fault", "")), str(event.data.get("item") or "")
-                self._waiting.append(Planted(time, kind, event.message, item, "", None, None))
+            elif isinstance(event, FaultEvent) and event.struck:
+                item = event.item or ""
+                self._waiting.append(Planted(time, event.fault, event.message, item, "", None, None))
 
     def finish(self, time: float) -> None:
         """The run, or its log, has ended: what is open is told as such."""
@@ -299,24 +291,23 @@ class EpisodeTracker:
 
     # What is done about it.
 
-    def _told(self, event: EventLike) -> None:
+    def _told(self, event: RecoveryEvent) -> None:
         """A node says what it tries; the branch has just failed."""
         node = self._open.get(event.node)
         if node is None:
             return
         node.answers = True
-        cause = str(event.data.get("cause", ""))
+        cause = event.cause
         failing = self._with(cause, node.arrived)
         if failing is None:  # a condition that does not hold
             self._number += 1
             subject = next((n.subject for n in (node, *self._around(node.path)) if n.subject), "")
-            failed = str(event.data.get("failed", ""))
             joined = self._with(cause, node.taken)
-            self._troubles[self._number] = OpenEpisode(cause, failed, subject, [self._time], 0.0)
+            self._troubles[self._number] = OpenEpisode(cause, event.failed, subject, [self._time], 0.0)
             failing = self._number if joined is None else self._join(self._number, joined)
             node.arrived.append(failing)
         node.failing, node.dealing = failing, True
-        label = str(event.data.get("handler", ""))
+        label = event.handler
         self._take_up(node, label, label)
         node.called = label
 

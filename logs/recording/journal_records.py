@@ -14,13 +14,13 @@ from ...world.scene.calibration_results import tile_body
 from ...world.scene.description import Bin, Fixture
 from ...world.shapes import ConvexMesh, Shape
 from ...world.values import GripperState, JointState, ObjectId, Pose
+from ..schema.event_records import BeliefEvent
 from ..schema.records import (
     FORMAT,
     BlockRecord,
     BodyRecord,
     Candidate,
     Candidates,
-    Event,
     Joints,
     NodeStatusRecord,
     PartRecord,
@@ -79,21 +79,17 @@ def truth_record(body: SpawnedBody) -> BodyRecord:
     return BodyRecord(body.id, body.kind, body.form, body.colour, shape, body.pose, body.role, seat=seat)
 
 
-def belief_event(change: BeliefChange) -> Event:
+def belief_event(change: BeliefChange) -> BeliefEvent:
     """Return the event of a change of the belief, with the object before and after it."""
     known = change.after or change.before
     subject = "" if known is None else str(known.id)
-    return Event(
-        "belief",
+    return BeliefEvent(
         f"{subject}: {change.reason}",
-        "",
-        {
-            "version": change.version,
-            "object": subject,
-            "reason": change.reason,
-            "before": None if change.before is None else belief_record(change.before),
-            "after": None if change.after is None else belief_record(change.after),
-        },
+        version=change.version,
+        object=subject,
+        reason=change.reason,
+        before=None if change.before is None else belief_record(change.before),
+        after=None if change.after is None else belief_record(change.after),
     )
 
 

@@ -18,10 +18,10 @@ from ...world.protocols import RgbdImage
 from ...world.scene.description import Bin, Fixture
 from ...world.values import GripperState, JointState, Pose, Wrench
 from ..schema import topics
+from ..schema.event_records import ImageEvent, event_record
 from ..schema.json_records import encode
 from ..schema.records import (
     Control,
-    Event,
     LinkMesh,
     LogLine,
     PartRecord,
@@ -349,11 +349,11 @@ class Recorder:
                 self._write(topics.CANDIDATES, now, encode(journal_records.candidates_record(entry)))
             case ImageEntry(image, findings):
                 self.image(now, image)
-                self._event(now, Event("image", f"image from {image.camera}", "", {"findings": findings}))
-            case JournalEvent(kind, message, node, data):
-                self._event(now, Event(kind, message, node, data))
-                if kind in _WARNING_KINDS:
-                    self.log(now, "WARNING", message, node)
+                self._event(now, ImageEvent(f"image from {image.camera}", findings=findings))
+            case JournalEvent():
+                self._event(now, entry)
+                if entry.kind in _WARNING_KINDS:
+                    self.log(now, "WARNING", entry.message, entry.node)
 
     def image(self, now: float, image: RgbdImage) -> None:
         """Write colour, depth and calibration of a camera image."""
@@ -370,8 +370,8 @@ class Recorder:
         """Write a log line for people; `level` is DEBUG, INFO, WARNING, ERROR or FATAL."""
         self._write(topics.LOG, now, foxglove_messages.encode_log(_ns(now), LogLine(level, message, name)))
 
-    def _event(self, now: float, event: Event) -> None:
-        self._write(topics.EVENTS, now, encode(event))
+    def _event(self, now: float, event: JournalEvent) -> None:
+        self._write(topics.EVENTS, now, encode(event_record(event)))
 
     def _write(self, topic: Topic, now: float, data: bytes) -> None:
         at, in_digest = _ns(now), topic.simulated and not self._preamble

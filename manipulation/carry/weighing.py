@@ -22,10 +22,10 @@ from ...control.wrist.slip_detection import (
     wrist_sample,
 )
 from ...world.causes import Failure, grasp
-from ...world.journal import JournalEvent
+from ...world.events.skill_events import SlipEvent
 from ...world.scene.description import CatalogueEntry
 from ...world.values import GRAVITY, Array, Pose
-from ..grasp.grip_force import MAX_TRANSFER_ACCELERATION, SLIP_GRIP_FACTOR, GripForce, required_force
+from ..grasp.compliant_closing import MAX_TRANSFER_ACCELERATION, SLIP_GRIP_FACTOR, GripForce, required_force
 from .hold_check import MAX_EMPTY_WIDTH, MIN_HELD_LOAD, GripCheck
 
 if TYPE_CHECKING:
@@ -89,11 +89,13 @@ def tighten_grip(world: World, felt: float, payload: Payload) -> bool:
     if world.gripper.force <= before + 1e-9:
         return False
     world.journal.note(
-        JournalEvent(
-            "slip",
+        SlipEvent(
             f"it slips: the fingers press with {world.gripper.force:.0f} N instead of {before:.0f} N "
             f"({felt * 1000:.0f} g of {payload} are felt)",
-            data={"force": world.gripper.force, "before": before, "felt": felt, "mass": payload.mass},
+            force=world.gripper.force,
+            before=before,
+            felt=felt,
+            mass=payload.mass,
         )
     )
     return True

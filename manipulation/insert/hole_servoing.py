@@ -14,7 +14,7 @@ from ...perception.fitting.hole_mouths import detect_hole
 from ...planning.requests import PoseGoal, Request
 from ...world.belief.hole_matching import find_hole
 from ...world.causes import Failure
-from ...world.journal import JournalEvent
+from ...world.events.skill_events import ServoEvent
 from ...world.protocols import Intrinsics
 from ...world.shapes import corners
 from ...world.values import Array, ObjectId, Pose
@@ -49,24 +49,19 @@ def look_at_hole(world: World, hole_id: ObjectId, node: str) -> Generator[None, 
         return None
     believed = fixture.pose @ hole.pose
     if not (yield from _go(world, camera, hole, believed, node)):
-        _note(world, f"{hole_id}: nowhere within reach is it seen beside the hand", node, hole_id)
+        message = f"{hole_id}: nowhere within reach is it seen beside the hand"
+        world.journal.note(ServoEvent(message, node, hole=hole_id))
         return None
     yield from world.control.settle()
     shot = yield from world.vision.shoot(camera.name)
     seen = detect_hole(shot.image, hole, believed, MAX_MOUTH_OFFSET)
     if seen is None:
-        _note(world, f"{hole_id}: its mouth is not recognised from the hand", node, hole_id)
+        message = f"{hole_id}: its mouth is not recognised from the hand"
+        world.journal.note(ServoEvent(message, node, hole=hole_id))
         return None
     off, tilt = believed.distance(seen.pose), believed.angle(seen.pose)
-    _note(
-        world,
-        f"{hole_id}: seen {1000 * off:.1f} mm and {math.degrees(tilt):.1f}° from where it should be",
-        node,
-        hole_id,
-        off=off,
-        turn=tilt,
-        agreement=seen.agreement,
-    )
+    message = f"{hole_id}: seen {1000 * off:.1f} mm and {math.degrees(tilt):.1f}° from where it should be"
+    world.journal.note(ServoEvent(message, node, hole=hole_id, off=off, turn=tilt, agreement=seen.agreement))
     return seen.pose
 
 
@@ -163,7 +158,3 @@ def _hand_mask(world: World, camera: CameraDescription, intrinsics: Intrinsics) 
         cv2.fillConvexPoly(mask, cv2.convexHull(rounded), 1)
     kernel = np.ones((2 * HAND_MASK_MARGIN + 1, 2 * HAND_MASK_MARGIN + 1), dtype=np.uint8)
     return cv2.dilate(mask, kernel).astype(np.bool_)
-
-
-def _note(world: World, message: str, node: str, hole: ObjectId, **data: float) -> None:
-    world.journal.note(JournalEvent("servo", message, node, {"hole": hole, **data}))

@@ -8,11 +8,10 @@ from typing import TYPE_CHECKING
 
 from ...cell.handover import Handover
 from ...world.causes import Failure, grasp, planning
-from ...world.journal import JournalEvent
+from ...world.events.skill_events import PickEvent, RegraspEvent
 from ..carry.hold_check import GripCheck
 from ..carry.weighing import LiftWeighing, payload_force, register_payload, update_payload_mass
-from ..grasp.compliant_closing import close
-from ..grasp.grip_force import GripForce, grip_force
+from ..grasp.compliant_closing import GripForce, close, grip_force
 from ..grasp.straight_lines import LIFT_GUARD_FORCE, lift
 from ..motion.replanning import ReplanBudget
 from ..place.dropped_objects import release_object
@@ -177,20 +176,17 @@ def _is_clear(world: World, candidate: PickPlaceCandidate) -> bool:
 def _note_pick(world: World, task: PickTask, grip: ClosedGrip, hold: GripCheck) -> None:
     """Record one closing of the fingers, and the measured grip."""
     world.journal.note(
-        JournalEvent(
-            "pick",
+        PickEvent(
             f"{task.object}: {'held' if hold.held else 'not held'}",
             task.node,
-            {
-                "object": task.object,
-                "form": grip.belief.form,
-                "candidate": grip.candidate.grasp.name,
-                "held": hold.held,
-                "first_try": grip.first,
-                "width": hold.width,
-                "load": hold.load,
-                "force": world.gripper.force,
-            },
+            object=task.object,
+            form=grip.belief.form,
+            candidate=grip.candidate.grasp.name,
+            held=hold.held,
+            first_try=grip.first,
+            width=hold.width,
+            load=hold.load,
+            force=world.gripper.force,
         )
     )
 
@@ -219,10 +215,10 @@ def relocate_object(world: World, task: PickTask, lost: LostGrasp) -> Doing[bool
 
 def _note_regrasp(world: World, task: PickTask, lost: LostGrasp, where: str) -> None:
     world.journal.note(
-        JournalEvent(
-            "regrasp",
+        RegraspEvent(
             f"{task.object} is grasped once more ({where}): {lost.failure.message}",
             task.node,
-            {"object": task.object, "where": where},
+            object=task.object,
+            where=where,
         )
     )

@@ -23,8 +23,14 @@ from ...world.causes import Failure, planning
 from ...world.values import Array, Pose
 from ..grasp.grasp_candidates import GraspCandidate
 from ..insert.insertion import fingertips_too_low, hover_poses
-from ..place.bin_spots import MAX_PLACE_PENETRATION
-from ..place.release_poses import BinTarget, ReleaseLevel, bin_target, levels, place_candidates
+from ..place.release_poses import (
+    MAX_PLACE_PENETRATION,
+    BinTarget,
+    ReleaseLevel,
+    bin_target,
+    levels,
+    place_candidates,
+)
 from . import pick_candidates
 from .pick_candidates import (
     CandidateTrail,
@@ -41,7 +47,7 @@ from .transfer_requests import approach
 
 if TYPE_CHECKING:
     from ...cell.world import World
-    from ...planning.service.reachability import ReachResult
+    from ...planning.service.solver import ReachResult
     from ...world.scene.description import Hole
 
 GRASP_SCORE_WEIGHT = 3.0

@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, TypeAlias, TypeVar
 from ...planning.requests import LineGoal, Request
 from ...world.belief.planning_scene import BeliefObject
 from ...world.causes import Failure, perception
-from ...world.journal import JournalEvent
+from ...world.events.skill_events import ServoEvent
 from ...world.values import ObjectId, Pose
 from ..grasp.grasp_candidates import GraspCandidate
 from .pick_candidates import PickPlaceCandidate
@@ -217,7 +217,7 @@ def look_through_hand_camera(
     reading = match_patches(believed, objects, found)
     if reading.target is None:
         what = "ambiguous" if reading.ambiguous else "not recognised"
-        _note(world, f"{target}: {what} from the hand", node, object=target)
+        world.journal.note(ServoEvent(f"{target}: {what} from the hand", node, object=target))
     if reading.ambiguous:
         raise Failure(
             perception.AMBIGUOUS,
@@ -231,15 +231,16 @@ def look_through_hand_camera(
     correction = ServoCorrection(
         seen @ believed.pose.inverse(), believed.pose.distance(seen), believed.pose.angle(seen)
     )
-    _note(
-        world,
-        f"{target}: {1000 * correction.distance:.1f} mm, {math.degrees(correction.turn):.1f}° off",
-        node,
-        object=target,
-        distance=correction.distance,
-        turn=correction.turn,
-        others=len(reading.others),
-        misfit=reading.target.misfit,
+    world.journal.note(
+        ServoEvent(
+            f"{target}: {1000 * correction.distance:.1f} mm, {math.degrees(correction.turn):.1f}° off",
+            node,
+            object=target,
+            distance=correction.distance,
+            turn=correction.turn,
+            others=len(reading.others),
+            misfit=reading.target.misfit,
+        )
     )
     _correct(world, believed, reading, seen)
     return correction
@@ -281,8 +282,3 @@ def _camera_correction(believed: BeliefObject, at: Pose) -> Pose | None:
         return at @ believed.pose.inverse()
     x, y = (a - b for a, b in zip(at.position[:2], believed.pose.position[:2], strict=True))
     return Pose((x, y, 0.0))
-
-
-def _note(world: World, message: str, node: str, **data: str | float) -> None:
-    """Record one look from the hand."""
-    world.journal.note(JournalEvent("servo", message, node, data))

@@ -10,11 +10,11 @@ import numpy as np
 
 from ...world.belief.facts import RODE_ON, TAKEN_AWAY
 from ...world.belief.planning_scene import PlanningScene
-from ...world.journal import JournalEvent
+from ...world.events.skill_events import BinEmptiedEvent
 from ...world.scene.description import Bin, Fixture
 from ...world.shapes import Box, bottom, top
 from ...world.values import ObjectId, Pose
-from .bin_spots import heap_heights
+from .release_poses import heap_heights
 
 if TYPE_CHECKING:
     from ...cell.world import World
@@ -33,11 +33,11 @@ def apply_bin_exchanges(world: World, node: str) -> tuple[ObjectId, ...]:
             world.attempts.forget(object_id)
         world.vision.bins.pop(bin_id, None)
         world.journal.note(
-            JournalEvent(
-                "bin_emptied",
+            BinEmptiedEvent(
                 f"{bin_id} is exchanged for an empty one; {_items_are(len(inside))} gone with it",
                 node,
-                {"bin": bin_id, "objects": [str(object_id) for object_id in inside]},
+                bin=bin_id,
+                objects=tuple(inside),
             )
         )
     return bins

@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING
 from ...planning.requests import PoseGoal, Scaling
 from ...world.belief.planning_scene import BeliefObject
 from ...world.causes import Failure, place
-from ...world.journal import JournalEvent
+from ...world.events.skill_events import PutDownEvent
 from ..grasp.straight_lines import DOWNWARDS
 from ..retreat.clearing import FREE_PATH_THRESHOLDS, REDUCED_SPEED, WARY_SPEED, RetreatMotion
 from ..retreat.homing import observe_with_fixed_cameras
-from .bin_spots import blocked, put_down_poses
 from .dropped_objects import support_height_at
+from .release_poses import blocked, put_down_poses
 
 if TYPE_CHECKING:
     from ...cell.world import World
@@ -98,7 +98,7 @@ def _lower(world: World, held: BeliefObject, node: str) -> Doing[None]:
         raise
     world.control.wrist.carry(None)
     world.scene.detach(held.id, before.pose, "table", "put down by a retreat")
-    world.journal.note(JournalEvent("put_down", f"{held.id} is put down", node, {"object": held.id}))
+    world.journal.note(PutDownEvent(f"{held.id} is put down", node, object=held.id))
 
 
 def _free_spots(world: World, held: BeliefObject) -> Iterator[Vector3]:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...world.causes import Failure, perception, push
-from ...world.journal import JournalEvent, Plain
+from ...world.events.skill_events import PushEvent
 from ...world.planar_geometry import PlanarPose, moved, outline, planar
 from ...world.values import ObjectId
 from .push_stroke import (
@@ -259,17 +259,14 @@ def _note_goal_reached(
     world: World, task: PushTask, belief: BeliefObject, off: float, turned: float, strokes: list[str]
 ) -> None:
     world.journal.note(
-        JournalEvent(
-            "push",
+        PushEvent(
             f"{task.object}: {len(strokes)} strokes, {_error_words(off, turned)} off",
             task.node,
-            {
-                "object": task.object,
-                "form": belief.form,
-                "off": off,
-                "turned": turned,
-                "strokes": [*strokes],
-            },
+            object=task.object,
+            form=belief.form,
+            off=off,
+            turned=turned,
+            strokes=tuple(strokes),
         )
     )
 
@@ -345,6 +342,5 @@ def _choose_singulation(
 
 
 def _note_room(world: World, task: PushTask, name: ObjectId, strokes: list[str]) -> None:
-    data: dict[str, Plain] = {"object": name, "strokes": [*strokes]}
     text = f"{name}: the hand fits around it after {len(strokes)} strokes"
-    world.journal.note(JournalEvent("push", text, task.node, data))
+    world.journal.note(PushEvent(text, task.node, object=name, strokes=tuple(strokes)))

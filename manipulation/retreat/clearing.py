@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
-from ...control.joints.soft_contact import ContactThresholds, JointImpedanceResult
+from ...control.execution.soft_motion import ContactThresholds, JointImpedanceResult
 from ...planning.requests import DIRECTIONS, ContactPair, Direction, Scaling
 from ...world.causes import Failure
-from ...world.journal import JournalEvent
+from ...world.events.skill_events import GaveWayEvent, SafetyAcknowledgedEvent
 from ...world.values import GRAVITY, Array, Vector3
 
 if TYPE_CHECKING:
@@ -260,7 +260,7 @@ class RetreatMotion:
         if not world.control.monitor.acknowledge(self._node):
             raise Failure(stop.cause, stop.message, **stop.evidence)
         message = f"{stop.cause}: {stop.message}, on the way out"
-        world.journal.note(JournalEvent("safety_acknowledged", message, self._node))
+        world.journal.note(SafetyAcknowledgedEvent(message, self._node))
         return otherwise
 
     def _felt(self, result: JointImpedanceResult) -> None:
@@ -269,7 +269,7 @@ class RetreatMotion:
             self.felt = result.push
 
     def _note(self, message: str, left: float) -> None:
-        self._world.journal.note(JournalEvent("gave_way", message, self._node, {"left": round(left, 2)}))
+        self._world.journal.note(GaveWayEvent(message, self._node, left=round(left, 2)))
 
 
 def held_mass(world: World) -> float:

@@ -17,8 +17,7 @@ from scipy.spatial import ConvexHull
 from ...robots.urdf_tree import UrdfMesh, UrdfPrimitive
 from ...world.shapes import Shape, corners, inside
 from ...world.values import Array, Pose, Vector3
-from ..geometry.camera_geometry import PosedCamera
-from .hand_camera_pose import ConvexFacets
+from ..geometry.camera_geometry import ConvexFacets, PosedCamera
 
 MASK_GROWTH_PIXELS = 3
 """Pixels by which the mask is larger than the model."""

@@ -35,7 +35,6 @@ class GeometryOwner(Enum):
 
 
 GRIPPER_OWNERS = (GeometryOwner.HAND, GeometryOwner.FINGER, GeometryOwner.HELD)
-SURROUNDING_OWNERS = (GeometryOwner.SUPPORT, GeometryOwner.OBSTACLE)
 
 
 @dataclass(frozen=True, slots=True)

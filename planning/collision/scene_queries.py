@@ -1,29 +1,122 @@
-"""Scene queries without the arm: whether a spot is free, what the hand would touch, and the nearest body."""
+"""Scene queries without the arm, by python-fcl: whether a spot is free, and what the hand would touch.
+
+The verifier of trajectories uses the same geometries.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Collection
 from dataclasses import dataclass
 
+import coal
+import fcl
 import numpy as np
 
 from ...robots.model import RobotModel
 from ...world.belief.planning_scene import BeliefObject, PlanningScene
-from ...world.shapes import Shape
+from ...world.shapes import Box, ConvexMesh, Cylinder, Shape, Sphere, corners
 from ...world.values import Array, Pose, Vector3
 from ..requests import ContactPair
-from .collision_bodies import CollisionBody, CollisionMargins, fixed_bodies, movable_bodies
-from .fcl_shapes import FclDistance, FclPlacedSolid, bounds_apart, distance_between, place, solid
+from .collision_bodies import CoalShapes, CollisionBody, CollisionMargins, fixed_bodies, movable_bodies
+
+# No signed distance: where bodies touch, the search for the depth throws an exception that Python cannot
+# catch, and the process dies (flexible-collision-library/fcl, issue 529).
+_DISTANCE_REQUEST = fcl.DistanceRequest(enable_nearest_points=True)
 
 
 @dataclass(frozen=True, slots=True)
-class Clearance:
-    """Nearest body: its name, signed distance in m, nearest points on the queried shape and on the body."""
+class FclSolid:
+    """Convex geometry in its own frame with the corners (m, 3) of a hull around it, for bounding boxes."""
 
-    name: str
+    geometry: fcl.CollisionGeometry
+    corners: Array
+    shape: Shape
+    """Shape that it was made from, for measuring the depth of an overlap."""
+
+
+@dataclass(frozen=True, slots=True)
+class FclMovedSolid:
+    """Solid at the pose that its python-fcl object has now."""
+
+    solid: FclSolid
+    object: fcl.CollisionObject
+
+
+class FclPlacedSolid:
+    """Solid at a pose in the world, with its axis-aligned bounds."""
+
+    def __init__(self, solid: FclSolid, rotation: Array, position: Array) -> None:
+        points = solid.corners @ rotation.T + position
+        self.low: Array = points.min(axis=0)
+        self.high: Array = points.max(axis=0)
+        self.solid = solid
+        self.object = fcl.CollisionObject(solid.geometry, fcl.Transform(rotation, position))
+
+
+def solid(shape: Shape) -> FclSolid:
+    match shape:
+        case Box((x, y, z)):
+            geometry = fcl.Box(x, y, z)
+        case Cylinder(radius, height):
+            geometry = fcl.Cylinder(radius, height)
+        case Sphere(radius):
+            geometry = fcl.Sphere(radius)
+        case ConvexMesh(vertices):
+            return hull(np.array(vertices))
+    return FclSolid(geometry, corners(shape), shape)
+
+
+def hull(points: Array) -> FclSolid:
+    """Return the convex hull of points (m, 3)."""
+    # Imported here: it takes 0.3 s, and a check of a mission needs no hulls.
+    import trimesh
+
+    mesh = trimesh.Trimesh(points, process=False).convex_hull
+    vertices: Array = np.array(mesh.vertices, dtype=np.float64)
+    faces = np.array(mesh.faces, dtype=np.int64)
+    flat = np.column_stack([np.full(len(faces), 3, dtype=np.int64), faces]).ravel()
+    x, y, z = vertices.T
+    shape = ConvexMesh(tuple(zip(x.tolist(), y.tolist(), z.tolist(), strict=True)), "")
+    return FclSolid(fcl.Convex(vertices, len(faces), flat), vertices, shape)
+
+
+def place(shape: FclSolid, pose: Pose) -> FclPlacedSolid:
+    return FclPlacedSolid(shape, pose.rotation(), np.array(pose.position))
+
+
+@dataclass(frozen=True, slots=True)
+class FclDistance:
+    """Signed distance, m (negative: depth), and the nearest point of the second body in the world."""
+
     distance: float
     point: Vector3
-    point_on_body: Vector3
+
+
+def distance_between(a: FclPlacedSolid | FclMovedSolid, b: FclPlacedSolid | FclMovedSolid) -> FclDistance:
+    """Measure the distance by python-fcl where the bodies are apart; the depth of an overlap by coal."""
+    result = fcl.DistanceResult()
+    fcl.distance(a.object, b.object, _DISTANCE_REQUEST, result)
+    if result.min_distance > 0.0:
+        x, y, z = (float(c) for c in result.nearest_points[1])
+        return FclDistance(float(result.min_distance), (x, y, z))
+    return _overlap(a, b)
+
+
+def _overlap(a: FclPlacedSolid | FclMovedSolid, b: FclPlacedSolid | FclMovedSolid) -> FclDistance:
+    request, result = coal.DistanceRequest(), coal.DistanceResult()
+    request.enable_signed_distance = True
+    depth = coal.distance(*_coal_arguments(a), *_coal_arguments(b), request, result)
+    x, y, z = (float(c) for c in result.getNearestPoint2())
+    # The two libraries differ by rounding for bodies that just touch.
+    return FclDistance(min(float(depth), 0.0), (x, y, z))
+
+
+def _coal_arguments(body: FclPlacedSolid | FclMovedSolid) -> tuple[coal.CollisionGeometry, coal.Transform3s]:
+    there = coal.Transform3s(body.object.getRotation(), body.object.getTranslation())
+    return _COAL_SHAPES.of(body.solid.shape), there
+
+
+_COAL_SHAPES = CoalShapes()
 
 
 class SceneQueries:
@@ -65,7 +158,7 @@ class SceneQueries:
             for body, near in self._near(part, ignore, margin):
                 least = finger_support if name == "finger" and body.support else margin
                 if near.distance < least:
-                    found.append(ContactPair(name, body.name, near.distance, near.point_b))
+                    found.append(ContactPair(name, body.name, near.distance, near.point))
         return sorted(found, key=lambda contact: contact.distance)
 
     def free(
@@ -75,29 +168,11 @@ class SceneQueries:
         free."""
         placed = place(solid(shape), pose)
         found = [
-            ContactPair("shape", body.name, near.distance, near.point_b)
+            ContactPair("shape", body.name, near.distance, near.point)
             for body, near in self._near(placed, ignore, margin)
             if near.distance < margin
         ]
         return sorted(found, key=lambda contact: contact.distance)
-
-    def clearance(self, shape: Shape, pose: Pose, ignore: Collection[str] = ()) -> Clearance | None:
-        """Return the body nearest to a shape at a pose in the world; None when there is no body."""
-        placed = place(solid(shape), pose)
-        nearest: tuple[CollisionBody, FclDistance] | None = None
-        self._follow()
-        for body, other in self._around:
-            if body.name in ignore:
-                continue
-            if nearest is not None and bounds_apart(placed, other, nearest[1].distance):
-                continue
-            near = distance_between(placed, other)
-            if nearest is None or near.distance < nearest[1].distance:
-                nearest = (body, near)
-        if nearest is None:
-            return None
-        body, near = nearest
-        return Clearance(body.name, near.distance, near.point_a, near.point_b)
 
     def _near(
         self, part: FclPlacedSolid, ignore: Collection[str], margin: float

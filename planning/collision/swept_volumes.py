@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ...robots.model import RobotModel
 from ...world.trajectory import Trajectory
 from ...world.values import Array, Pose
-from .fcl_shapes import FclDistance, FclMovedSolid, FclPlacedSolid, FclSolid, distance_between
+from .scene_queries import FclDistance, FclMovedSolid, FclPlacedSolid, FclSolid, distance_between
 
 MAX_TCP_STEP = 0.005
 """Greatest travel of the TCP between two moments, m."""
@@ -128,15 +128,8 @@ class RobotSweep:
 
     def bounds(self, pairs: Pairs) -> Array:
         """Return lower bounds (moments, pairs) of distances by bounding boxes, m; -inf where they overlap."""
-        return self._bounds(slice(None), pairs)
-
-    def bounds_at(self, moment: int, pairs: Pairs) -> Array:
-        """Return the bounds (pairs,) at one moment."""
-        return self._bounds(slice(moment, moment + 1), pairs)[0]
-
-    def _bounds(self, when: slice, pairs: Pairs) -> Array:
         low, high = (
-            [_rows_of(moving[when], still, pairs[:, k]) for k in (0, 1)]
+            [_rows_of(moving, still, pairs[:, k]) for k in (0, 1)]
             for moving, still in ((self._low, self._around_low), (self._high, self._around_high))
         )
         apart = np.maximum(np.maximum(low[0] - high[1], low[1] - high[0]), 0.0)

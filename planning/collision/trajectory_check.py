@@ -1,9 +1,13 @@
-"""Trajectory check: a timed trajectory is checked again before it counts as a plan, and when the belief has
-changed."""
+"""Collision checks of motions: edges in joint space, the start of a plan, and timed trajectories.
+
+A trajectory is checked again before it counts as a plan, and when the belief has changed.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import math
+from collections.abc import Callable, Iterator
+from functools import lru_cache
 from typing import Protocol
 
 import numpy as np
@@ -12,7 +16,92 @@ import pinocchio as pin
 from ...robots.model import RobotModel
 from ...world.trajectory import Trajectory
 from ...world.values import Array
-from .edges import bisection_order
+from ..requests import ContactPair
+from .collision_checker import CollisionChecker
+from .robot_geometry import MarginChecker
+
+EDGE_RESOLUTION = 0.03
+"""Greatest step along an edge, rad (Euclidean over the joints)."""
+MAX_EDGE_SWEEP = 0.1
+"""Greatest travel of any point of the arm in a step of `EdgeSteps`, m, by an upper bound. The hand really
+travels about half of that.
+
+A path is checked far more finely after timing. One in thirty then grazes and is searched again in smaller
+steps, which costs less than smaller steps for all.
+"""
+MAX_EDGE_TURN = 0.2
+"""Greatest step of `EdgeSteps` in joint space, rad (Euclidean)."""
+REACH_BEYOND_TCP = 0.1
+"""Reach of hand and held object beyond the tool centre point, m."""
+
+Free = Callable[[Array], bool]
+
+
+class EdgeSteps:
+    """Edges in steps that are equally fine for every point of the arm: the wrist may turn further than the
+    shoulder.
+
+    `share` scales the steps.
+    """
+
+    def __init__(self, model: RobotModel, share: float = 1.0) -> None:
+        self._levers: Array = joint_levers(model) / (MAX_EDGE_SWEEP * share)
+        self._turns = 1.0 / (MAX_EDGE_TURN * share)
+
+    def count(self, along: Array) -> int:
+        """Return the number of steps into which an edge along (n,) is cut."""
+        turned = math.sqrt(float(along @ along)) * self._turns
+        return max(1, math.ceil(max(turned, float(np.abs(along) @ self._levers))))
+
+    def free(self, free: Free, a: Array, b: Array, *, ends_free: bool = False) -> bool:
+        """Whether all steps from a (exclusive) to b (n,) are free. With `ends_free` b is known to be free."""
+        along = b - a
+        shares = _column(self.count(along))
+        return all(map(free, a + along * (shares[1:] if ends_free else shares)))
+
+
+def joint_levers(model: RobotModel) -> Array:
+    """Return upper bounds (n,) of the travel of any point of the arm by each joint, m/rad; m/m for a
+    slider."""
+    arm = model.arm
+    tool = float(np.linalg.norm(arm.frames[model.tcp_frame].placement.translation)) + REACH_BEYOND_TCP
+    lengths = [float(np.linalg.norm(arm.jointPlacements[k].translation)) for k in range(2, model.n + 1)]
+    reach: Array = np.cumsum([tool, *reversed(lengths)])[::-1].copy()
+    slides = [arm.joints[k].shortname().startswith("JointModelP") for k in range(1, model.n + 1)]
+    return np.where(slides, 1.0, reach)
+
+
+def edge_free(free: Free, a: Array, b: Array, resolution: float = EDGE_RESOLUTION) -> bool:
+    """Whether all steps from a (exclusive) to b (inclusive), both (n,), are free."""
+    along = b - a
+    count = max(1, int(np.ceil(float(np.linalg.norm(along)) / resolution)))
+    return all(free(a + along * share) for share in _shares(count))
+
+
+@lru_cache(maxsize=512)
+def bisection_order(count: int) -> tuple[int, ...]:
+    """Return `count`, then the numbers below as halves, quarters, …: collisions come in stretches."""
+    order, spans = [count], [(0, count)]
+    for low, high in spans:
+        if high - low > 1:
+            middle = (low + high) // 2
+            order.append(middle)
+            spans += [(low, middle), (middle, high)]
+    return tuple(order)
+
+
+@lru_cache(maxsize=512)
+def _shares(count: int) -> tuple[float, ...]:
+    """Return 1/count … 1 in the order of `bisection_order`."""
+    return tuple(k / count for k in bisection_order(count))
+
+
+@lru_cache(maxsize=512)
+def _column(count: int) -> Array:
+    """Return the shares of `_shares` as a column (count, 1)."""
+    column: Array = np.array(bisection_order(count))[:, None] / count
+    return column
+
 
 MAX_TCP_STEP = 0.005
 """Greatest travel of the TCP between two checked configurations, m."""
@@ -88,3 +177,74 @@ def _bisected(checked: Array) -> Iterator[Array]:
     count = len(checked) - 1
     for k in bisection_order(count):
         yield checked[k]
+
+
+BELIEF_PENETRATION = 0.001
+"""Penetration at the start that is put down to errors of the belief, for all bodies, m."""
+POSITION_SIGMAS = 3.0
+"""Standard deviations of an object's believed place that are put down to errors of the belief, too.
+
+The object cannot be where the arm is.
+"""
+MAX_BELIEF_PENETRATION = 0.006
+"""Greatest penetration that is put down to errors of the belief, m."""
+START_ZONE = 0.1
+"""Size of the zone around the start in which excused pairs may come no closer, rad in each joint."""
+START_ZONE_OF_OBJECTS = 0.3
+"""Size of that zone for objects that are not held, rad: the hand rises next to them before it comes clear."""
+APPROACH_SLACK = 0.0005
+"""Greatest further approach of an excused pair in the zone, m."""
+
+
+class StartTolerance:
+    """Collision check of one plan's configurations (n,), rad. Contacts that exist at its `start` are excused
+    near it.
+
+    Excused pairs may not come closer near the start, and must have come apart further away. `stuck` has the
+    pairs that penetrate by more than the belief may be wrong: from there no plan may start.
+    """
+
+    def __init__(self, collision: CollisionChecker, start: Array) -> None:
+        self.model = collision.model
+        self._collision = collision
+        self._start = start
+        self.excused: tuple[ContactPair, ...] = ()
+        self._zones: list[tuple[float, MarginChecker]] = []
+        self._within = False
+        if not collision.free(start):
+            self.excused = collision.contacts(start)
+            self._within = collision.within(start)
+            self._zones.append((START_ZONE, collision.excusing(self.excused, APPROACH_SLACK)))
+            loose = tuple(c for c in self.excused if self._loose(c))
+            if loose:
+                self._zones.append((START_ZONE_OF_OBJECTS, collision.excusing(loose, APPROACH_SLACK)))
+        self.stuck = tuple(c for c in self.excused if collision.penetrates(c, self._tolerated(c)))
+
+    def free(self, q: Array) -> bool:
+        """Whether q keeps the full margins."""
+        checker = self._near_start(q) if self._zones else None
+        if checker is not None:
+            return self._collision.asked(checker, q, within=self._within)
+        return self._collision.free(q)
+
+    def nearly_free(self, q: Array) -> bool:
+        """Whether q keeps halved margins: for samples between configurations that were found free."""
+        checker = self._near_start(q) if self._zones else None
+        if checker is not None:
+            return self._collision.asked(checker, q, within=self._within)
+        return self._collision.nearly_free(q)
+
+    def _near_start(self, q: Array) -> MarginChecker | None:
+        away = float(np.abs(q - self._start).max())
+        return next((checker for zone, checker in self._zones if away <= zone), None)
+
+    def _loose(self, contact: ContactPair) -> bool:
+        """Whether one of the two is an object that is not held."""
+        objects = (self._collision.believed(contact.a), self._collision.believed(contact.b))
+        return any(o is not None and not o.attached for o in objects)
+
+    def _tolerated(self, contact: ContactPair) -> float:
+        """Return the depth at the start that may be an error of the belief, m."""
+        objects = (self._collision.believed(contact.a), self._collision.believed(contact.b))
+        sigma = sum(o.sigma_position for o in objects if o is not None)
+        return min(BELIEF_PENETRATION + POSITION_SIGMAS * sigma, MAX_BELIEF_PENETRATION)

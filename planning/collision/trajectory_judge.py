@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import trimesh
@@ -11,12 +11,12 @@ from ...robots.model import TCP_FRAME, RobotModel, pose_of
 from ...robots.urdf_tree import UrdfMesh, UrdfPrimitive, link_geometry
 from ...world.belief.planning_scene import BeliefObject, PlanningScene
 from ...world.trajectory import Trajectory
-from ...world.values import Array, Vector3
+from ...world.values import Array
 from ..requests import ContactPair
 from .collision_bodies import CollisionMargins, GeometryOwner, fixed_bodies, movable_bodies
-from .fcl_shapes import FclSolid, hull, place, solid
-from .start_tolerance import APPROACH_SLACK, START_ZONE, START_ZONE_OF_OBJECTS
+from .scene_queries import FclSolid, hull, place, solid
 from .swept_volumes import LinkSolid, Pairs, RobotSweep, moments_of
+from .trajectory_check import APPROACH_SLACK, START_ZONE, START_ZONE_OF_OBJECTS
 
 PENETRATION_ROUNDING = 0.0001
 """Penetration that is put down to rounding, m."""
@@ -33,24 +33,6 @@ class _Thing:
 
     name: str
     part: GeometryOwner
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class ClosestApproach:
-    """Point at which a trajectory comes nearest to a body that it may not touch."""
-
-    a: str
-    """Name of a link, or id of the held object."""
-    b: str
-    distance: float
-    """Signed distance, m; negative: depth."""
-    time: float
-    """Time from the start of the trajectory, s."""
-    configuration: Array
-    """Configuration (n,), rad."""
-    point_a: Vector3
-    """Point on `a` in the world, m."""
-    point_b: Vector3
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,7 +99,7 @@ class TrajectoryVerifier:
         Pairs that the scene allows to touch, and what a held object may sink into a board, do not count. With
         `excuse_start` contacts at the start do not count near it, unless they get deeper.
         """
-        view = self._view(trajectory, scene, width)
+        view = self._among(moments_of(self._model, trajectory).configurations, scene, width)
         from_start = np.abs(view.configurations - trajectory.start).max(axis=1)
         pairs = view.sweep.near(view.pairs, 0.0)
         bounds, travel = view.sweep.bounds(pairs), view.sweep.travel(pairs)
@@ -140,7 +122,7 @@ class TrajectoryVerifier:
             if between.distance < min(
                 least - PENETRATION_ROUNDING, worst[key].distance if key in worst else 0.0
             ):
-                worst[key] = ContactPair(a.name, b.name, between.distance, between.point_b)
+                worst[key] = ContactPair(a.name, b.name, between.distance, between.point)
             return between.distance - usual
 
         # The start comes first: contacts there are excused near it. Then the unproven rest is halved
@@ -157,44 +139,6 @@ class TrajectoryVerifier:
                 away = np.abs(travel[left, column] - travel[moment, column])
                 left = left[(away >= room) & (left != moment)]
         return tuple(sorted(worst.values(), key=lambda contact: contact.distance))
-
-    def clearance(self, trajectory: Trajectory, scene: PlanningScene, width: float) -> ClosestApproach | None:
-        """Return the closest approach of the robot and the held object to themselves or to any body they may
-        not touch.
-
-        None when there is no such pair. Branch and bound: a pair is measured where it may be nearer than the
-        best so far.
-        """
-        view = self._view(trajectory, scene, width)
-        if not len(view.pairs):
-            return None
-        sweep, last = view.sweep, len(view.configurations) - 1
-        best, answer = np.inf, (0, 0, 0)
-        # A first bound: at three moments the pair whose boxes are nearest.
-        for moment in (0, last // 2, last):
-            column = int(sweep.bounds_at(moment, view.pairs).argmin())
-            i, j = (int(k) for k in view.pairs[column])
-            distance = sweep.gap(moment, i, j).distance
-            if distance < best:
-                best, answer = distance, (moment, i, j)
-        pairs = sweep.near(view.pairs, max(best, 0.0))
-        bounds, travel = sweep.bounds(pairs), sweep.travel(pairs)
-        while bounds.size:
-            moment, column = (int(k) for k in np.unravel_index(int(bounds.argmin()), bounds.shape))
-            if bounds[moment, column] >= best:
-                break
-            i, j = (int(k) for k in pairs[column])
-            distance = sweep.gap(moment, i, j).distance
-            if distance < best:
-                best, answer = distance, (moment, i, j)
-            away = np.abs(travel[:, column] - travel[moment, column])
-            bounds[:, column] = np.maximum(bounds[:, column], distance - FCL_DISTANCE_ERROR - away)
-            bounds[moment, column] = np.inf
-        moment, i, j = answer
-        gap = sweep.gap(moment, i, j)
-        time, configuration = float(view.times[moment]), view.configurations[moment]
-        a, b = view.things[i].name, view.things[j].name
-        return ClosestApproach(a, b, gap.distance, time, configuration.copy(), gap.point_a, gap.point_b)
 
     def tightest(
         self,
@@ -227,10 +171,6 @@ class TrajectoryVerifier:
             found.append(least)
         return found
 
-    def _view(self, trajectory: Trajectory, scene: PlanningScene, width: float) -> _View:
-        moments = moments_of(self._model, trajectory)
-        return replace(self._among(moments.configurations, scene, width), times=moments.times)
-
     def _among(self, configurations: Array, scene: PlanningScene, width: float) -> _View:
         bodies = (*fixed_bodies(scene), *movable_bodies(scene.objects))
         around = [place(solid(body.shape), body.pose) for body in bodies]
@@ -245,7 +185,7 @@ class TrajectoryVerifier:
         ]
         sweep = RobotSweep(self._model, carried, around, configurations, width)
         pairs = self._pairs(scene, things, robots)
-        return _View(np.zeros(len(configurations)), configurations, sweep, things, pairs)
+        return _View(configurations, sweep, things, pairs)
 
     def _held(self, held: BeliefObject) -> LinkSolid:
         assert held.object_in_tcp is not None
@@ -268,20 +208,12 @@ class TrajectoryVerifier:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _View:
-    """One trajectory in one scene, prepared for measurements."""
+    """Configurations in one scene, prepared for measurements."""
 
-    times: Array
     configurations: Array
     sweep: RobotSweep
     things: list[_Thing]
     pairs: Pairs
-
-
-def verify_trajectory(
-    trajectory: Trajectory, scene: PlanningScene, model: RobotModel, width: float
-) -> tuple[ContactPair, ...]:
-    """Verify one trajectory; see `TrajectoryVerifier.judge`."""
-    return TrajectoryVerifier(model).judge(trajectory, scene, width)
 
 
 def _solid_of(element: UrdfMesh | UrdfPrimitive) -> FclSolid:

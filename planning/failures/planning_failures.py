@@ -26,8 +26,7 @@ from ..requests import (
     Target,
     UprightConstraint,
 )
-from .goal_rejections import GoalRejection, WorkspaceExcess
-from .obstructions import BlockingBodies, Enclosure
+from .obstructions import BlockingBodies, Enclosure, GoalRejection, WorkspaceExcess
 
 
 def format_joint_value(model: RobotModel, joint: int, value: float) -> str:

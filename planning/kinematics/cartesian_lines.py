@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from ...robots.model import RobotModel
 from ...world.values import Array, Pose, Quaternion
-from ..collision.start_tolerance import StartTolerance
+from ..collision.trajectory_check import StartTolerance
 from .inverse_kinematics import InverseKinematics
 
 MAX_LINE_STEP = 0.005
@@ -33,14 +32,6 @@ class LineResult:
     """Configuration (n,), rad, that was not free; None unless a collision ended the line."""
     ended_at: Pose | None = None
     """Next pose of the TCP where the line ended early; None for a whole line."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class LineFromStart:
-    """Line from one of several starts, by the start's number."""
-
-    start: int
-    found: LineResult
 
 
 def plan_line(
@@ -71,29 +62,6 @@ def plan_line(
         break
     ended_at = pose if ended_by else None
     return LineResult(np.array(path), (len(path) - 1) / count, ended_by, blocked, ended_at)
-
-
-def plan_line_from_any(
-    model: RobotModel,
-    ik: InverseKinematics,
-    way: Callable[[Array], StartTolerance],
-    starts: Sequence[Array],
-    tcp_in_world: Pose,
-) -> LineFromStart | None:
-    """Plan a line from the first of several starts (n,) from which it is free to its end.
-
-    Else return the line that gets furthest; None when there is no start. It serves callers that leave the
-    arm's posture at the start open. A redundant arm, or one with its elbow on the other side, passes where
-    this posture meets a limit. `way` makes the start tolerance of a start.
-    """
-    best: LineFromStart | None = None
-    for index, start in enumerate(starts):
-        found = plan_line(model, ik, way(start), start, tcp_in_world)
-        if best is None or found.fraction > best.found.fraction:
-            best = LineFromStart(index, found)
-        if not found.ended_by:
-            break
-    return best
 
 
 def interpolate_pose(a: Pose, b: Pose, share: float) -> Pose:

@@ -10,7 +10,6 @@ import pinocchio as pin
 
 from ...robots.model import RobotModel
 from ...world.values import Array, Pose
-from .ik_seeds import IkSeeds, pose_key
 from .levenberg_marquardt import (
     ANGLE_ACCURACY,
     FULL_TURN,
@@ -18,7 +17,9 @@ from .levenberg_marquardt import (
     MAX_STALLED_STEPS,
     POSITION_ACCURACY,
     IkDescent,
+    IkSeeds,
     is_hinge,
+    pose_key,
     target_of,
 )
 from .unreachable_poses import LimitExcess, NearestReach, ReachExplainer

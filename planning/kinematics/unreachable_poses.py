@@ -11,8 +11,7 @@ import pinocchio as pin
 
 from ...robots.model import RobotModel, pose_of
 from ...world.values import Array, Pose
-from .ik_seeds import IkSeeds, pose_key
-from .levenberg_marquardt import FULL_TURN, IkDescent, IkResult, is_hinge, target_of
+from .levenberg_marquardt import FULL_TURN, IkDescent, IkResult, IkSeeds, is_hinge, pose_key, target_of
 
 EXPLANATION_SEEDS = 12
 """Number of seeds for each answer; the best result counts."""

@@ -15,9 +15,7 @@ from ...robots.model import RobotModel
 from ...world.trajectory import Trajectory
 from ...world.values import Array
 from ..collision.collision_checker import CollisionChecker
-from ..collision.edges import EDGE_RESOLUTION, edge_free
-from ..collision.start_tolerance import StartTolerance
-from ..collision.trajectory_check import is_trajectory_free
+from ..collision.trajectory_check import EDGE_RESOLUTION, StartTolerance, edge_free, is_trajectory_free
 from ..kinematics.configuration_cost import configuration_cost
 from ..path_constraints import PROJECTION_RESERVE, PathConstraints
 from ..requests import Scaling

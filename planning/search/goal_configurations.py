@@ -14,9 +14,9 @@ from ...errors import PicktreeError
 from ...robots.model import RobotModel
 from ...world.causes import Failure
 from ...world.values import Array, Pose
-from ..collision.start_tolerance import StartTolerance
+from ..collision.trajectory_check import StartTolerance
 from ..failures import planning_failures
-from ..failures.goal_rejections import GoalInspection
+from ..failures.obstructions import GoalInspection
 from ..kinematics.configuration_cost import configuration_cost
 from ..kinematics.inverse_kinematics import InverseKinematics
 from ..path_constraints import PathConstraints
@@ -78,6 +78,7 @@ def _region_pose(region: RegionGoal, unit: Array) -> Pose:
 
 
 HOME_CONFIGURATION = "home"
+"""Configuration of the robot file from which a comfortable solution is likely."""
 UNCOMFORTABLE_COST = 0.3
 """Cost above which the solution from home is tried, too, see `configuration_cost`, rad."""
 SOLUTIONS_PER_POSE = 4

@@ -2,7 +2,7 @@
 
 Kuffner and LaValle, "RRT-Connect: an efficient approach to single-query path planning", ICRA 2000. The
 nearest node is found by comparing all: in trees of some hundred nodes that costs less than a collision check.
-Both trees may begin with a retreat path from their roots, see `start_retreat`.
+Both trees may begin with a retreat path from their roots, see `joint_planner`.
 """
 
 from __future__ import annotations

@@ -16,8 +16,7 @@ from ...world.belief.planning_scene import PlanningScene
 from ...world.causes import Failure
 from ...world.computing_time import ComputeTimeAccount
 from ...world.trajectory import Trajectory
-from ..collision.start_tolerance import StartTolerance
-from ..collision.trajectory_check import is_trajectory_free
+from ..collision.trajectory_check import StartTolerance, is_trajectory_free
 from ..requests import JointGoal, MotionPlan, Request
 from .motion_chain import split_into_legs
 from .solver import RequestSolver

@@ -13,8 +13,7 @@ import numpy as np
 from ...world.causes import Failure, planning
 from ...world.trajectory import Trajectory
 from ...world.values import Array
-from ..collision.start_tolerance import StartTolerance
-from ..collision.trajectory_check import is_trajectory_free
+from ..collision.trajectory_check import StartTolerance, is_trajectory_free
 from ..failures import planning_failures
 from ..path_constraints import PathConstraints
 from ..requests import LegFailure, LineGoal, MotionPlan, OffsetGoal, Request

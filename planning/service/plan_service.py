@@ -31,6 +31,7 @@ from ..requests import (
     LineGoal,
     MotionPlan,
     OffsetGoal,
+    PlannerOverrides,
     Request,
     Scaling,
 )
@@ -39,10 +40,7 @@ from ..search.penetration_escape import EscapeSearch
 from .lookahead_planning import LookaheadPlanner, LookaheadResult, PlanProvenanceStore, is_plan_free
 from .motion_chain import DEFAULT_LINE_ROUNDING, MotionChain, split_into_legs
 from .plan_quality import PlanQuality, PlanQualityMeter, combine_qualities, length, smallest_singular_values
-from .planner_overrides import PlannerOverrides
-from .planning_costs import CostMeter, MeasuredCost
-from .reachability import ReachResult, check_reach
-from .solver import RequestSolver
+from .solver import CostMeter, MeasuredCost, ReachResult, RequestSolver, check_reach
 
 _log = logging.getLogger(__name__)
 T = TypeVar("T")

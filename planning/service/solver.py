@@ -1,9 +1,12 @@
-"""Request solver: one plan or one typed failure for one request, without charges, records and
-verification."""
+"""Request solver: one plan or one typed failure for one request, without charges, records and verification.
+
+Beside it: its cost in simulated time, and the reachability of a pose, as the cheap test before planning.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Generator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,23 +14,28 @@ import numpy as np
 from ...robots.model import RobotModel
 from ...world.belief.planning_scene import PlanningScene
 from ...world.causes import Failure
+from ...world.computing_time import ComputeTimeAccount
 from ...world.trajectory import Trajectory
 from ...world.values import Array, Bounds, Pose
 from ..collision.collision_bodies import CollisionMargins
 from ..collision.collision_checker import CollisionChecker
-from ..collision.start_tolerance import StartTolerance
-from ..collision.trajectory_check import is_trajectory_free
+from ..collision.trajectory_check import StartTolerance, is_trajectory_free
 from ..failures import planning_failures
-from ..failures.goal_rejections import GoalInspection
 from ..failures.line_failures import explain_line_stop
-from ..failures.obstructions import ObstructionSearch
-from ..failures.request_checks import check_request
+from ..failures.obstructions import GoalInspection, ObstructionSearch
 from ..kinematics.cartesian_lines import LineResult, plan_line
+from ..kinematics.configuration_cost import configuration_cost
 from ..kinematics.inverse_kinematics import InverseKinematics
 from ..path_constraints import PathConstraints
-from ..requests import ContactPair, Goal, LineGoal, MotionPlan, OffsetGoal, Request
+from ..requests import ContactPair, Goal, LineGoal, MotionPlan, OffsetGoal, PoseGoal, Request, check_request
 from ..search.constrained_rrt import ConstrainedPlanner
-from ..search.goal_configurations import GoalConfiguration, GoalSet
+from ..search.goal_configurations import (
+    HOME_CONFIGURATION,
+    SOLUTIONS_PER_POSE,
+    UNCOMFORTABLE_COST,
+    GoalConfiguration,
+    GoalSet,
+)
 from ..search.joint_planner import CheckBudget, JointPlanner, TimedPath
 from ..timing.time_parameterization import time_smooth
 
@@ -205,3 +213,97 @@ class _Begun:
     way: StartTolerance
     constraints: PathConstraints
     checks: int
+
+
+@dataclass(slots=True)
+class MeasuredCost:
+    """Cost of a measured block, filled in when it ends: collision checks and simulated s."""
+
+    checks: int = 0
+    seconds: float = 0.0
+
+
+class CostMeter:
+    """Meter that charges the use of `collision` and `ik` within `measure` to the thinking account."""
+
+    def __init__(
+        self, collision: CollisionChecker, ik: InverseKinematics, thinking: ComputeTimeAccount, cost: float
+    ) -> None:
+        self._collision = collision
+        self._ik = ik
+        self._thinking = thinking
+        self._cost = cost
+
+    @contextmanager
+    def measure(self) -> Generator[MeasuredCost]:
+        spent = MeasuredCost()
+        checks, solves = self._collision.checks, self._ik.solves
+        try:
+            yield spent
+        finally:
+            spent.checks = self._collision.checks - checks
+            spent.seconds = (spent.checks + self._ik.solves - solves) * self._cost
+            self._thinking.spend(spent.seconds)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ReachResult:
+    """Result of a reachability test: `q` (n,) rad reaches the pose and is free.
+
+    If `q` is None, `contact` is in the way at the best of `solutions` solutions, or the pose is out of reach.
+    """
+
+    q: Array | None
+    solutions: int
+    contact: ContactPair | None = None
+
+    @property
+    def why_not(self) -> str:
+        """Reason in a few words; empty when the pose is reached."""
+        if self.q is not None:
+            return ""
+        if self.contact is None:
+            return "out of reach" if not self.solutions else "outside the workspace"
+        depth = -self.contact.distance * 1000
+        near = f"{depth:.1f} mm deep in" if depth > 0 else f"only {-depth:.1f} mm from"
+        return f"{self.contact.a} would be {near} {self.contact.b}"
+
+
+def check_reach(solver: RequestSolver, request: Request, rng: np.random.Generator) -> ReachResult:
+    """Find a free configuration for the first pose of a request's goal, near the request's start.
+
+    The scene is as the request supposes it. The path in between is not checked.
+    """
+    assert isinstance(request.target, PoseGoal), "a pose is asked for"
+    pose = request.target.tcp_in_world[0]
+    near = solver.start(request)
+    solver.look(request)
+    solutions: list[Array] = []
+    for seed in (near, solver.model.named(HOME_CONFIGURATION)):
+        q = solver.ik.descend(pose, seed)
+        if q is not None:
+            solutions.append(q)
+            if solver.collision.free(q) and configuration_cost(solver.model, q) < UNCOMFORTABLE_COST:
+                return ReachResult(q, len(solutions))
+    if not any(solver.collision.free(q) for q in solutions):
+        blocked = next((c for q in solutions[:1] for c in solver.collision.contacts(q)), None)
+        if blocked is not None and _is_hand_contact(solver, request, blocked):
+            return ReachResult(None, len(solutions), blocked)
+        solutions += solver.ik.solutions(pose, rng, near, SOLUTIONS_PER_POSE)
+    free = [q for q in solutions if solver.collision.free(q)]
+    if free:
+        best = min(free, key=lambda q: float(np.linalg.norm(q - near)) + configuration_cost(solver.model, q))
+        return ReachResult(best, len(solutions))
+    worst = [contacts[0] for q in solutions if (contacts := solver.collision.contacts(q))]
+    least = max(worst, key=lambda contact: contact.distance, default=None)
+    return ReachResult(None, len(solutions), least)
+
+
+def _is_hand_contact(solver: RequestSolver, request: Request, contact: ContactPair) -> bool:
+    """Whether the hand or the held object touches a surrounding body. It then does so at this pose in any
+    posture of the arm."""
+    description, scene = solver.model.description, solver.scene(request)
+    held = scene.held
+    hand = (*description.gripper.fingers, description.tcp_link, *(() if held is None else (held.id,)))
+    around = (*scene.fixtures, *scene.bins, *(o.id for o in scene.objects))
+    return contact.a in hand and contact.b.split("/")[0] in around

@@ -1,4 +1,4 @@
-"""Trajectory gate: the last check of every trajectory before the arm starts it."""
+"""Trajectory gate: the last check of every trajectory before the arm starts it; and the check of a jog."""
 
 from __future__ import annotations
 
@@ -11,10 +11,9 @@ from ...robots.model import RobotModel
 from ...world.causes import Cause, Failure, planning, safety
 from ...world.trajectory import Trajectory
 from ...world.values import Array, Bounds
-from ..collision.start_tolerance import StartTolerance
-from ..collision.trajectory_check import first_collision, sampled_configurations
+from ..collision.trajectory_check import StartTolerance, first_collision, sampled_configurations
 from ..failures import planning_failures
-from ..requests import JointGoal, Request
+from ..requests import ContactPair, JointGoal, Request
 from .lookahead_planning import PlanProvenance
 from .motion_chain import slice_trajectory
 from .plan_service import PlanService
@@ -252,3 +251,35 @@ def _time_share(at: float, trajectory: Trajectory) -> float:
 
 def _time_words(at: float, trajectory: Trajectory) -> str:
     return f"after {at:.2f} s, {_time_share(at, trajectory) * 100:.0f} % of the way"
+
+
+class JogCollisionCheck:
+    """Collision check of the next configurations of a moving arm, in the present belief.
+
+    Contacts that exist already may be left. The checks are not charged, because they run while the arm moves.
+    The caller expects their answer a tick late (2,000 checks take a tick of 0.05 s).
+    """
+
+    def __init__(self, plans: PlanService) -> None:
+        self._plans = plans
+
+    def __call__(self, path: Array) -> tuple[str, ...]:
+        """Return the names of bodies that are touched on configurations (k, n) and halfway between them; ():
+        it is free."""
+        solver = self._plans.solver
+        solver.look()
+        collision = solver.collision
+        between = (path[:-1] + path[1:]) / 2
+        way = StartTolerance(collision, path[0])
+        for q in np.concatenate([path[1:], between]):
+            if not way.free(q):
+                return _names(collision.contacts(q), way.excused)
+        return ()
+
+
+def _names(contacts: tuple[ContactPair, ...], excused: tuple[ContactPair, ...]) -> tuple[str, ...]:
+    """Return the names of touched bodies or links of the robot, without those that the arm was near
+    already."""
+    left = {(c.a, c.b): c.distance for c in excused}
+    met = [c for c in contacts if c.distance < left.get((c.a, c.b), 1.0)]
+    return tuple(dict.fromkeys(c.b for c in met)) or ("the edge of the workspace",)

@@ -1,23 +1,228 @@
-"""Recipe archive: a ZIP file of a recipe's files, from which it can be run on any machine at any time."""
+"""Unpacking of a run's files from its log into a folder, in which the usual loaders read them.
+
+A text is read as it is, unless it names a file that cannot be placed there. Then a copy is read that names it
+elsewhere, and the value keeps the text of the log.
+"""
 
 from __future__ import annotations
 
 import hashlib
 import io
+import posixpath
 import tempfile
+import xml.etree.ElementTree as ElementTree
 import zipfile
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import TracebackType
+from typing import Any, Protocol, cast
 
+import yaml
 from pydantic import TypeAdapter, ValidationError
 
 from ...errors import PicktreeError
 from ...files.atomic_write import whole
+from ...files.yaml.document import FileError, read_document
+from ...robots.description import RobotDescription
+from ...robots.loading import parse_robot, robot_names
+from ...robots.urdf_tree import mesh_file
 from ...simulation.backends import Backend
-from ..recipe import DEFAULT_TIME_LIMIT, Recipe, fingerprints, recipe_files
-from .unpacking import Unpacking
+from ...simulation.fault_files.fault_entries import FaultFile
+from ...simulation.fault_files.fault_loading import parse_faults
+from ...trees.loading.loader import parse_mission
+from ...trees.mission import Mission, RecordedFiles
+from ...world.scene.description import SceneDescription
+from ...world.scene.loading.scene_loading import parse_scene
+from ..recipe import DEFAULT_TIME_LIMIT, ROBOT_MESHES, Recipe, fingerprints, plain_reference, recipe_files
+
+
+class RecordedFileNames(Protocol):
+    """Names of a run's files, as `RunInfo` has them."""
+
+    @property
+    def mission(self) -> str: ...
+    @property
+    def scene(self) -> str: ...
+    @property
+    def robot(self) -> str: ...
+    @property
+    def files(self) -> Mapping[str, str]: ...
+
+
+class RecordedFileStore(Protocol):
+    """Store of a run's files: its log, or a recipe of a batch."""
+
+    @property
+    def path(self) -> Path: ...
+    @property
+    def run(self) -> RecordedFileNames: ...
+    @property
+    def attachments(self) -> tuple[str, ...]: ...
+    def attachment(self, name: str) -> bytes:
+        """Return a file's content. Raises PicktreeError when it is missing."""
+        ...
+
+
+class Unpacking:
+    """Reader of one run's files.
+
+    All methods raise PicktreeError for a file that the log lacks, and FileError where this version of
+    picktree no longer accepts a file.
+    """
+
+    def __init__(self, log: RecordedFileStore, folder: Path) -> None:
+        self._log = log
+        self._folder = folder
+        self._names = log.attachments
+        self._info = log.run
+
+    def mission(self, edit: str = "") -> Mission:
+        """Return the mission with its includes and plug-ins. `edit`: folder in the log of an edited
+        version."""
+        prefix = f"{edit}/" if edit else ""
+        folder = self._folder / "mission"
+        text = self._text(f"{prefix}mission.yaml")
+        includes = {name: self._text(at) for name, at in self._below(f"{prefix}include/")}
+        for name, at in self._below(f"{prefix}plugin/"):
+            self._put(folder / _inside(name), self._log.attachment(at))
+        path = folder / f"{self._stem('mission.yaml', self._info.mission)}.yaml"
+        return parse_mission(text, path, files=RecordedFiles(includes, folder))
+
+    def scene(self) -> SceneDescription:
+        text, folder = self._text("scene.yaml"), self._folder / "scene"
+        path = folder / f"{_inside(self._info.scene)}.yaml"
+        data = _data(text, path, "scene")
+        moved = False
+        for kind, entry in _entries(data.get("catalogue")):
+            if isinstance(mesh := entry.get("mesh"), str):
+                moved = self._put_mesh(kind, mesh, entry, folder) or moved
+        robot = str(data.get("robot"))
+        if robot not in robot_names():
+            # This text only needs a robot file that exists; `robot` reads its content.
+            data["robot"], moved = "robot/robot.yaml", True
+            self._put(folder / "robot" / "robot.yaml", self._log.attachment("robot.yaml"))
+        return replace(parse_scene(_dumped(data) if moved else text, path), text=text)
+
+    def robot(self) -> RobotDescription:
+        text, folder = self._text("robot.yaml"), self._folder / "robot"
+        path = folder / f"{_inside(self._info.robot)}.yaml"
+        urdf = self._log.attachment("robot.urdf")
+        data = _data(text, path, "robot")
+        installed: Path | None = None
+        if ":" in str(data.get("urdf")):
+            # A gripper from a file beside the robot file is in the log, not beside this text.
+            robot = _parsed_or_none(text, path)
+            if robot is not None:
+                installed = Path(robot.urdf)
+                if installed.read_bytes() == urdf:
+                    return robot
+        data["urdf"] = "robot.urdf"
+        for done in ("mount", "inertias"):
+            data.pop(done, None)  # the URDF of the log has it already
+        self._put(folder / "robot.urdf", self._with_meshes(urdf, folder, installed))
+        return replace(parse_robot(_dumped(data), path), text=text)
+
+    def faults(self) -> FaultFile | None:
+        if "faults.yaml" not in self._names:
+            return None
+        text = self._text("faults.yaml")
+        path = self._folder / f"{self._stem('faults.yaml', 'faults')}.yaml"
+        data = _data(text, path, "faults")
+        # The scene is named for the check alone, which the file has passed.
+        named = data.pop("scene", None) is not None
+        return replace(parse_faults(_dumped(data) if named else text, path), text=text)
+
+    def _put_mesh(self, kind: str, mesh: str, entry: dict[str, Any], folder: Path) -> bool:
+        """Put the mesh where the scene names it. True when the entry names another place now."""
+        base = posixpath.basename(mesh)
+        name = next((n for n in (f"mesh/{kind}/{base}", f"mesh/{base}") if n in self._names), None)
+        if name is None:
+            raise PicktreeError(f"{self._log.path}: the mesh {mesh} of the scene is not in the log")
+        plain = plain_reference(mesh)
+        at = plain if plain == posixpath.normpath(mesh) else name
+        self._put(folder / at, self._log.attachment(name))
+        entry["mesh"] = at
+        return at != mesh
+
+    def _with_meshes(self, urdf: bytes, folder: Path, installed: Path | None) -> bytes:
+        """Return the URDF, with its meshes beside it: those of the log, else the same ones of the installed
+        package."""
+        root = ElementTree.fromstring(urdf)
+        for mesh in root.iter("mesh"):
+            filename = mesh.get("filename", "")
+            plain = plain_reference(filename)
+            name = f"{ROBOT_MESHES}{plain}"
+            if name in self._names:
+                content = self._log.attachment(name)
+            else:
+                content = self._installed_mesh(name, filename, installed)
+            self._put(folder / plain, content)
+            mesh.set("filename", plain)
+        return ElementTree.tostring(root)
+
+    def _installed_mesh(self, name: str, filename: str, installed: Path | None) -> bytes:
+        digest, _, path = self._info.files.get(name, "").partition(" ")
+        # A mesh of an installed package is found by its name alone, whatever file is beside the URDF here.
+        beside = installed or self._folder / "robot" / "robot.urdf"
+        for file in (Path(path) if path else None, mesh_file(beside, filename)):
+            if file is not None and file.is_file():
+                content = file.read_bytes()
+                if not digest or hashlib.sha256(content).hexdigest() == digest:
+                    return content
+        raise PicktreeError(
+            f"{self._log.path}: the mesh {filename} of the robot is not in the log, "
+            "and this machine does not have it as it was"
+        )
+
+    def _below(self, prefix: str) -> list[tuple[str, str]]:
+        """Return the attachments whose name starts with `prefix`: the rest of the name, the name."""
+        return [(name.removeprefix(prefix), name) for name in self._names if name.startswith(prefix)]
+
+    def _text(self, name: str) -> str:
+        try:
+            return self._log.attachment(name).decode()
+        except UnicodeDecodeError:
+            raise PicktreeError(f"{self._log.path}: the file {name!r} in the log is damaged") from None
+
+    def _stem(self, name: str, otherwise: str) -> str:
+        """Return the stem of the file's original name; it names a mission that has no name of its own."""
+        path = self._info.files.get(name, "").partition(" ")[2]
+        return Path(path).stem if path else _inside(otherwise)
+
+    def _put(self, path: Path, content: bytes) -> None:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(content)
+
+
+def _inside(name: str) -> str:
+    """Return the name as one that leads out of no folder."""
+    return plain_reference(name) or "unnamed"
+
+
+def _data(text: str, path: Path, kind: str) -> dict[str, Any]:
+    return cast("dict[str, Any]", read_document(path, kind, text).data)
+
+
+def _entries(catalogue: object) -> list[tuple[str, dict[str, Any]]]:
+    if not isinstance(catalogue, dict):
+        return []
+    kinds = cast("Mapping[str, object]", catalogue)
+    return [(kind, cast("dict[str, Any]", entry)) for kind, entry in kinds.items() if isinstance(entry, dict)]
+
+
+def _dumped(data: Mapping[str, Any]) -> str:
+    return yaml.safe_dump(dict(data), default_flow_style=None, sort_keys=False, allow_unicode=True)
+
+
+def _parsed_or_none(text: str, path: Path) -> RobotDescription | None:
+    """Parse a robot file. None when the package of its URDF is not installed here, or has another one that
+    does not fit."""
+    try:
+        return parse_robot(text, path)
+    except FileError:
+        return None
+
 
 HEADER_NAME = "recipe.json"
 _FILE_TIME = (1980, 1, 1, 0, 0, 0)

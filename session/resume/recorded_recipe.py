@@ -4,22 +4,31 @@ from __future__ import annotations
 
 import re
 import tempfile
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
 from typing import Final
 
 from ...errors import PicktreeError
+from ...logs.mcap.reader import RawMessage
+from ...logs.recording.digest import Digest
+from ...logs.recording.recorder import RecordingState
+from ...logs.run_log import RunLog
 from ...logs.run_record import RunRecord
+from ...logs.schema import topics
 from ...logs.schema.records import ResumedFrom
+from ...logs.visits import with_transitions
 from ...simulation.backends import Backend
 from ...trees.mission import Mission
+from ...world.events.run_events import MissionEditedEvent, OperatorAnswerEvent
+from ...world.journal import JournalEvent
 from ..checkpoints import RunState
 from ..observer import Interrupter, RecordedAnswers, ReloadMessage
 from ..recipe import DEFAULT_TIME_LIMIT, Recipe, StartCheckpoint
+from ..run_tally import RunCounters
 from ..session_recording import START_ATTACHMENT
-from .older_checkpoints import complete_state
-from .unpacking import Unpacking
+from .recipe_archive import Unpacking
 
 _CHECKPOINT: Final = re.compile(r"checkpoint-\d+\.json")
 _TIME_TOLERANCE: Final = 1e-6
@@ -38,7 +47,7 @@ class RecordedRun:
         self._folder = tempfile.TemporaryDirectory(prefix="picktree-")
         self._unpacking = Unpacking(run.log, Path(self._folder.name))
         self._edits = [
-            (at.time, str(at.record.data["files"])) for at in run.events if at.record.kind == "mission_edited"
+            (at.time, at.record.files) for at in run.events if isinstance(at.record, MissionEditedEvent)
         ]
 
     def close(self) -> None:
@@ -84,9 +93,9 @@ class RecordedRun:
     def answers(self, since: float = -1.0) -> RecordedAnswers:
         """Return an operator with the answers that were given later than `since`, simulated s."""
         given = [
-            (at.record.node, str(at.record.data["answer"]))
+            (at.record.node, at.record.answer)
             for at in self.run.events
-            if at.record.kind == "operator_answer" and at.time > since + _TIME_TOLERANCE
+            if isinstance(at.record, OperatorAnswerEvent) and at.time > since + _TIME_TOLERANCE
         ]
         return RecordedAnswers(given)
 
@@ -141,3 +150,64 @@ class RecordedEdits(Interrupter):
         if self._edits and now >= self._edits[0][0] - _TIME_TOLERANCE:
             self.pending = self._unpacking.mission(self._edits.pop(0)[1])
         return ()
+
+
+def simulated_messages(
+    log: RunLog, start: float | None = None, end: float | None = None
+) -> Iterator[RawMessage]:
+    """Yield the simulated messages later than `start` and up to `end` (simulated s), in order.
+
+    For a run that resumes from a checkpoint, the messages that only describe the state there are left out.
+    """
+    fixed = {topic.name for topic in topics.FIXED if topic.simulated}
+    wanted = [name for name in log.topics if name in fixed or name.startswith("/camera/")]
+    continues = log.run.continues
+    after = [time for time in (start, continues.time if continues else None) if time is not None]
+    begin = max(after) + _TIME_TOLERANCE if after else None
+    return log.messages(wanted, begin, None if end is None else end + _TIME_TOLERANCE)
+
+
+def complete_state(state: RunState, run: RunRecord) -> RunState:
+    """Return the state with counters and recording state.
+
+    The path that the arm followed last stays unknown, so a retreat along it is impossible.
+    """
+    if state.tally is None:
+        state = replace(state, tally=tally_of(run, state.time).state())
+    if state.recording is None:
+        state = replace(state, recording=_recording(run, state.time))
+    return state
+
+
+def tally_of(run: RunRecord, time: float) -> RunCounters:
+    """Return the counters of the run up to `time`, simulated s."""
+    tally = RunCounters()
+    coming = list(run.trees)
+    events: dict[float, list[JournalEvent]] = {}
+    for at in run.events:
+        events.setdefault(at.time, []).append(at.record)
+    ticks = run.log.ticks(end=time)
+    for at in ticks if run.log.format >= 2 else with_transitions(ticks):
+        while coming and coming[0].time <= at.time:
+            tally.follow(coming.pop(0).record.nodes)
+        now = events.get(at.time, ())
+        leaves = frozenset(node.path for node in run.tree_at(at.time).nodes if not node.children)
+        tally.take(at.time, now, at.record.nodes, leaves, at.record.transitions)
+    return tally
+
+
+def _recording(run: RunRecord, time: float) -> RecordingState:
+    believed, true = run.log.belief_at(time), run.log.truth_at(time)
+    tick, frames = run.log.tick_at(time), run.log.transforms_at(time)
+    nodes = tick.record.nodes if tick else ()
+    failing = sorted(n.path for n in nodes if n.status == "FAILURE" and n.cause and n.ticked)
+    digest = Digest()
+    for message in simulated_messages(run.log, end=time):
+        digest.add(message.topic, message.time, message.data)
+    return RecordingState(
+        believed.time if believed else -1.0,
+        true.time if true else -1.0,
+        tuple(failing),
+        tuple((t.child, t.pose) for t in (frames.record if frames else ()) if t.child.startswith("camera/")),
+        digest.hex,
+    )

@@ -8,7 +8,7 @@ from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Final, cast
+from typing import Any, Final
 
 from pydantic import TypeAdapter, ValidationError
 
@@ -21,9 +21,9 @@ from ...logs.run_record import RunRecord
 from ...logs.schema import topics
 from ...logs.schema.arithmetic_record import arithmetic_difference
 from ...logs.schema.records import ResumedFrom
+from ...simulation.checkpoints import snapshot_at_rest
 from ...simulation.faults.injector import FaultState
-from ...simulation.standing_state import snapshot_at_rest
-from ...world.journal import JournalEvent, Plain
+from ...world.journal import JournalEvent
 from ..arithmetic_probe import arithmetic
 from ..checkpoints import RunState
 from ..execution import Execution
@@ -32,8 +32,7 @@ from ..recipe import Recipe, Recording, StartCheckpoint
 from ..run_tally import RunCounters, RunCountersState
 from ..session import Session
 from ..session_recording import START_ATTACHMENT
-from .older_checkpoints import simulated_messages
-from .recorded_recipe import RecordedRun
+from .recorded_recipe import RecordedRun, simulated_messages
 
 _FAULTS = TypeAdapter(tuple[FaultState, ...])
 _NEVER_WRITTEN = -1.0
@@ -149,9 +148,7 @@ def _tally(run: RunRecord, known: RunState, since: float, until: float) -> RunCo
     events: dict[float, list[JournalEvent]] = {}
     for at in run.events:
         if since < at.time <= until + 1e-9:
-            event = at.record
-            data = cast("Mapping[str, Plain]", event.data)
-            events.setdefault(at.time, []).append(JournalEvent(event.kind, event.message, event.node, data))
+            events.setdefault(at.time, []).append(at.record)
     for at in run.log.ticks(since + 1e-6 if since >= 0.0 else None, until):
         leaves = frozenset(node.path for node in run.tree_at(at.time).nodes if not node.children)
         tick = at.record

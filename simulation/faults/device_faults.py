@@ -11,7 +11,7 @@ from typing import Protocol
 from ...world.protocols import Clock, Gripper
 from ...world.scene.description import Fixture
 from ...world.values import Array, ObjectId, Pose, Quaternion, Vector3, Wrench, rotated
-from ..checkpoints.physics_state import GripperCommand
+from ..checkpoints import GripperCommand
 from ..fault_files.device_entries import (
     Ailing,
     CameraDrop,

@@ -8,7 +8,8 @@ from dataclasses import dataclass, replace
 from typing import Protocol, cast
 
 from ...errors import PicktreeError
-from ...world.journal import JournalEvent, Plain
+from ...world.events.run_events import FaultEvent
+from ...world.journal import JournalEvent
 from ...world.values import ObjectId, Vector3
 from ..fault_files.device_entries import (
     Ailing,
@@ -27,10 +28,11 @@ from ..fault_files.device_entries import (
     WrenchBias,
     WrenchDead,
 )  # fmt: skip
-from ..fault_files.fault_entries import FaultFile, FaultSpec
-from ..fault_files.item_entries import (
+from ..fault_files.fault_entries import (
     Appear,
     Bump,
+    FaultFile,
+    FaultSpec,
     Friction,
     Heavier,
     ItemFault,
@@ -40,8 +42,17 @@ from ..fault_files.item_entries import (
     Slip,
 )
 from .device_faults import InjectableRobot
-from .fault_sentences import end_sentence, record_details, start_sentence
-from .fault_states import FaultSchedule, FaultState, apply_item_fault, choose_target, record_data
+from .fault_states import (
+    NO_ITEM,
+    FaultSchedule,
+    FaultState,
+    apply_item_fault,
+    choose_target,
+    end_sentence,
+    item_fault_details,
+    record_details,
+    start_sentence,
+)
 
 __all__ = ["FaultInjector", "FaultState", "InjectableProgram", "InjectableRobot", "new_states"]
 
@@ -56,12 +67,10 @@ _PLANTED_MESSAGE = "planted by the fault file"
 class InjectionResult:
     """Result of carrying out a fault at one occasion."""
 
-    message: str
-    data: dict[str, Plain]
+    event: FaultEvent
+    """Event without the node. One of a fault that waits is recorded once, and without a message never."""
     standing: str = ""
     """Effect that has to be ended later; empty: none."""
-    waits: bool = False
-    """Whether the fault has to wait; the message is recorded once."""
 
 
 class InjectableProgram(Protocol):
@@ -102,7 +111,7 @@ class FaultInjector:
         self._kill = kill
         self._occasions = FaultSchedule(seed)
         self._states = list(new_states(faults, seed))
-        self._told: list[JournalEvent] = []
+        self._told: list[FaultEvent] = []
 
     @property
     def no_plan(self) -> Callable[[], bool] | None:
@@ -168,39 +177,37 @@ class FaultInjector:
             return True
         return state.until is not None and now >= state.until - 1e-9
 
-    def _end(self, n: int, fault: FaultSpec) -> list[JournalEvent]:
+    def _end(self, n: int, fault: FaultSpec) -> list[FaultEvent]:
         """End a fault that lasted."""
         state = self._states[n]
         name, self._states[n] = state.standing, replace(state, standing="")
-        data: dict[str, Plain] = {"fault": fault.name}
+        event = FaultEvent("", state.node, fault=fault.name, gone=True)
         match fault:
             case Obstacle():
                 self._hardware.take_obstacle(ObjectId(name))
-                message = f"{name} is taken away"
-                data["obstacle"] = name
+                event = replace(event, message=f"{name} is taken away", obstacle=name)
             case Slip():
                 self._hardware.lubricate(name, None)
-                message = f"{name} has its own friction again"
-                data["item"] = name
+                event = replace(event, message=f"{name} has its own friction again", item=name)
             case Kill():
                 if self._kill is not None:
                     self._kill()
                 return []
             case _:
                 self._hardware.relieve(n)
-                message = end_sentence(cast(Ailing, fault))
-        return [JournalEvent("fault", message, state.node, data | {"gone": True})]
+                event = replace(event, message=end_sentence(cast(Ailing, fault)))
+        return [event]
 
-    def _strike(self, n: int, fault: FaultSpec, now: float) -> list[JournalEvent]:
+    def _strike(self, n: int, fault: FaultSpec, now: float) -> list[FaultEvent]:
         """Carry out the first due occasion of a fault."""
         state = self._states[n]
         if state.standing and not isinstance(fault, Obstacle):
             self._end(n, fault)
         outcome = self._outcome(n, fault, state)
-        told = JournalEvent("fault", outcome.message, state.node, outcome.data)
-        if outcome.waits:
+        told = replace(outcome.event, node=state.node)
+        if told.waits:
             self._states[n] = replace(self._states[n], waits=True)
-            return [] if state.waits or not outcome.message else [told]
+            return [] if state.waits or not told.message else [told]
         lasts = fault.stays if isinstance(fault, Obstacle) else getattr(fault, "lasts", None)
         until = now if isinstance(fault, Kill) else None if lasts is None else now + lasts
         after = self._occasions.taken(n, fault.when, self._states[n], now)
@@ -220,63 +227,65 @@ class FaultInjector:
             case Hang() | Raise():
                 return self._meddle(fault, state)
             case Kill():
-                return InjectionResult("the process is killed", {"fault": "kill"}, standing="kill")
+                return InjectionResult(FaultEvent("the process is killed", fault="kill"), standing="kill")
             case Remove() | Friction() | Bump() | Heavier() | Larger():
                 return self._befall(fault, state)
             case _:
                 width = self._hardware.gripper.read().width
                 self._hardware.afflict(n, fault)
-                return InjectionResult(
-                    start_sentence(fault, width), record_details(fault), standing=fault.name
-                )
+                said = start_sentence(fault, width)
+                event = FaultEvent(said, fault=fault.name, extra=record_details(fault))
+                return InjectionResult(event, standing=fault.name)
 
     def _befall(self, fault: ItemFault, state: FaultState) -> InjectionResult:
         name = fault.name
         body = choose_target(self._hardware, fault.target, state.node, self._object_place)
         if body is None:
-            return InjectionResult(f"{name}: no item fits", {"fault": name, "item": None})
-        message, data = apply_item_fault(fault, body, self._hardware), record_data(fault, body)
+            return InjectionResult(FaultEvent(f"{name}: no item fits", fault=name, extra=NO_ITEM))
+        message = apply_item_fault(fault, body, self._hardware)
+        event = FaultEvent(message or "", fault=name, item=body.id, extra=item_fault_details(fault, body))
         if message is None:
-            return InjectionResult(
-                f"{body.id} waits for room to be larger", data | {"waits": True}, waits=True
-            )
-        return InjectionResult(message, data)
+            event = replace(event, message=f"{body.id} waits for room to be larger", waits=True)
+        return InjectionResult(event)
 
     def _obstruct(self, fault: Obstacle, state: FaultState) -> InjectionResult:
         """Add the obstacle, or wait until its place is free."""
         body = fault.body
-        data: dict[str, Plain] = {"fault": "obstacle", "obstacle": body.id, "at": list(body.pose.position)}
+        event = FaultEvent("", fault="obstacle", obstacle=body.id, extra={"at": body.pose.position})
         if state.standing:  # what it put there before
-            return InjectionResult("", data, waits=True)
+            return InjectionResult(replace(event, waits=True))
         if not self._hardware.room_for(body):
             message = f"{body.id} waits until nothing is in its place"
-            return InjectionResult(message, data | {"waits": True}, waits=True)
+            return InjectionResult(replace(event, message=message, waits=True))
         name = self._hardware.put_obstacle(body)
         standing = "" if fault.stays is None else str(name)
-        return InjectionResult(f"{name} is put into the way", data | {"obstacle": name}, standing=standing)
+        event = replace(event, message=f"{name} is put into the way", obstacle=name)
+        return InjectionResult(event, standing=standing)
 
     def _appear(self, fault: Appear) -> InjectionResult:
         what = f"a {fault.colour} {fault.kind}"
-        data: dict[str, Plain] = {"fault": "appear", "kind": fault.kind, "colour": fault.colour}
+        event = FaultEvent("", fault="appear", extra={"kind": fault.kind, "colour": fault.colour})
         x, y = fault.place
         try:
             name = self._hardware.appear(fault.kind, fault.colour, fault.place, fault.yaw)
         except PicktreeError as error:
-            return InjectionResult(f"{what} does not appear: {error}", data | {"item": None})
+            message = f"{what} does not appear: {error}"
+            return InjectionResult(replace(event, message=message, extra={**event.extra, **NO_ITEM}))
         if name is None:
             message = f"{what} waits until nothing is in its place"
-            return InjectionResult(message, data | {"waits": True}, waits=True)
-        return InjectionResult(f"{name}, {what}, appears at ({x:.3f}, {y:.3f})", data | {"item": name})
+            return InjectionResult(replace(event, message=message, waits=True))
+        message = f"{name}, {what}, appears at ({x:.3f}, {y:.3f})"
+        return InjectionResult(replace(event, message=message, item=name))
 
     def _slip(self, fault: Slip) -> InjectionResult:
-        data: dict[str, Plain] = {"fault": "slip", "friction": fault.friction, "lasts": fault.lasts}
+        event = FaultEvent("", fault="slip", extra={"friction": fault.friction, "lasts": fault.lasts})
         item = self._hardware.in_hand()
         if item is None:  # it waits for something to be held
-            return InjectionResult("", data, waits=True)
+            return InjectionResult(replace(event, waits=True))
         self._hardware.lubricate(item, fault.friction)
         lasting = "" if fault.lasts is None else f" for {fault.lasts:g} s"
         message = f"{item} slips: its friction is {fault.friction:g}{lasting}"
-        return InjectionResult(message, data | {"item": item}, standing=item)
+        return InjectionResult(replace(event, message=message, item=item), standing=item)
 
     def _meddle(self, fault: Hang | Raise, state: FaultState) -> InjectionResult:
         """Replace the generator of the running skill."""
@@ -284,9 +293,10 @@ class FaultInjector:
         tree = None if self._program is None else self._program()
         path = None if tree is None else tree.acting(state.node)
         if tree is None or path is None:
-            return InjectionResult(f"{name}: the node had ended before", {"fault": name, "skill": None})
+            message = f"{name}: the node had ended before"
+            return InjectionResult(FaultEvent(message, fault=name, extra={"skill": None}))
         if not path:
-            return InjectionResult("", {}, waits=True)
+            return InjectionResult(FaultEvent("", fault=name, waits=True))
         tree.stand_in(path, _fault_generator(fault))
         return _program_fault_result(fault, path)
 
@@ -297,7 +307,7 @@ class FaultInjector:
             return
         if self._program().stand_in(path, _fault_generator(fault)):
             outcome = _program_fault_result(fault, path)
-            self._told.append(JournalEvent("fault", outcome.message, path, outcome.data))
+            self._told.append(replace(outcome.event, node=path))
             self._states[n] = self._occasions.taken(n, fault.when, state, now)
 
 
@@ -322,7 +332,7 @@ def new_states(
 def _program_fault_result(fault: Hang | Raise, path: str) -> InjectionResult:
     name = path.rsplit("/", 1)[-1]
     does = "hangs" if isinstance(fault, Hang) else "raises an exception"
-    return InjectionResult(f"the code of {name} {does}", {"fault": fault.name, "skill": path})
+    return InjectionResult(FaultEvent(f"the code of {name} {does}", fault=fault.name, skill=path))
 
 
 def _fault_generator(fault: Hang | Raise) -> Callable[[], Generator[None, None, None]]:

@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass, replace
 from typing import Literal, TypeAlias
 
+from ...world.events.run_events import BeltRunsEvent, BeltStopsEvent
 from ...world.journal import JournalEvent
 from ...world.random_streams import RandomStreams
 from ...world.scene.description import Delivery, SceneDescription
@@ -143,7 +144,10 @@ class BeltFeed:
             # An item that lies in the barrier now does not count as another item.
             here = self._drive.travelled if self._drive.interrupted() else None
             self._state = replace(self._state, seen=here)
-            self._tell("belt_runs", "runs", {})
+            belt = self._drive.id
+            self._events.append(
+                BeltRunsEvent(f"{belt} runs", feed=self._number, belt=belt, number=self._state.runs)
+            )
         self._drive.go()
 
     def _run(self) -> None:
@@ -169,7 +173,10 @@ class BeltFeed:
         if self._cell.now >= state.until or self._cell.at_rest(riding):
             self._state = replace(state, phase="standing", deliveries=state.deliveries + 1)
             items = state.put - state.put_before
-            self._tell("belt_stops", "stops", {"items": items})
+            belt, runs = self._drive.id, self._state.runs
+            self._events.append(
+                BeltStopsEvent(f"{belt} stops", feed=self._number, belt=belt, number=runs, items=items)
+            )
 
     @property
     def _all_put(self) -> bool:
@@ -215,11 +222,6 @@ class BeltFeed:
         spacing = self._delivery.spacing * float(place.uniform(1 - SPACING_SPREAD, 1 + SPACING_SPREAD))
         aside = float(place.uniform(-self._aside, self._aside))
         return NextBeltItem(items[int(order[number % self._size])], spacing, aside)
-
-    def _tell(self, kind: str, does: str, data: dict[str, int]) -> None:
-        belt = self._drive.id
-        known = {"feed": self._number, "belt": belt, "number": self._state.runs}
-        self._events.append(JournalEvent(kind, f"{belt} {does}", "", {**known, **data}))
 
 
 @dataclass(frozen=True, slots=True)

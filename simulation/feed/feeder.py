@@ -1,20 +1,128 @@
-"""Feeder of a simulated cell: item sources and bin exchange behind `protocols.Feed`, for both backends."""
+"""Feeder of a simulated cell: item sources and exchange of bins behind `protocols.Feed`, on both backends."""
 
 from __future__ import annotations
 
+import math
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from ...errors import PicktreeError
+from ...world.events.run_events import BinExchangedEvent
 from ...world.journal import JournalEvent
 from ...world.protocols import FeedSignals
-from ...world.scene.description import SceneDescription
+from ...world.scene.description import Bin, SceneDescription
 from ...world.values import ObjectId
+from ..scoring.truth import TrueBody
 from .belt_drive import BeltDrive
 from .belt_source import BeltFeed, BeltFeedState
-from .bin_exchange import BinExchange, ExchangeState
-from .cell_interface import FeedCell, ItemSource
+from .cell_interface import CELL_CHECK_INTERVAL, FeedCell, ItemSource
+from .light_curtain import Zone
 from .table_source import TableFeed, TableFeedState
+
+MIN_ARM_DISTANCE = 0.05
+"""Least distance between the bin and the arm during the exchange, m."""
+
+
+@dataclass(frozen=True, slots=True)
+class ExchangeState:
+    """Requested and completed exchanges of bins."""
+
+    asked: tuple[ObjectId, ...] = ()
+    """Requested bins, in order; the first one is being exchanged."""
+    worked: float = 0.0
+    """Time worked on the present exchange with the arm out of the way, s."""
+    obstructed: bool = False
+    done: Mapping[ObjectId, int] = field(default_factory=dict[ObjectId, int])
+    """Number of exchanges of each bin."""
+
+
+class BinExchange:
+    """Exchange of bins by one person, one bin after the other. Without `exchange` in the scene requests are
+    ignored."""
+
+    def __init__(self, scene: SceneDescription, cell: FeedCell) -> None:
+        self._cell = cell
+        self._bins: Mapping[str, Bin] = {each.id: each for each in scene.bins}
+        self._exchange = scene.exchange
+        self._asked: list[ObjectId] = []
+        self._worked = 0.0
+        self._done: Counter[ObjectId] = Counter()
+        self.obstructed = False
+        self._events: list[JournalEvent] = []
+
+    @property
+    def busy(self) -> bool:
+        return bool(self._asked)
+
+    @property
+    def done(self) -> Mapping[ObjectId, int]:
+        """Number of exchanges of each bin; a copy."""
+        return dict(self._done)
+
+    def ask(self, bin_id: ObjectId) -> None:
+        """Request the exchange of a bin. Raises PicktreeError when the scene has no such bin."""
+        if bin_id not in self._bins:
+            raise PicktreeError(f"there is no bin {bin_id!r}; known: {', '.join(self._bins)}")
+        if self._exchange is not None and bin_id not in self._asked:
+            self._asked.append(bin_id)
+
+    def stepped(self, step: int) -> None:
+        """Advance by one control period, the step-th of the run."""
+        if not self._asked or step % CELL_CHECK_INTERVAL:
+            return
+        each = self._bins[self._asked[0]]
+        self.obstructed = self._cell.arm_over(_zone(each))
+        if self.obstructed:
+            return
+        self._worked += CELL_CHECK_INTERVAL * self._cell.period
+        assert self._exchange is not None
+        if self._worked >= self._exchange.seconds - 1e-9:
+            self._carry_out(each)
+
+    def take_events(self) -> tuple[JournalEvent, ...]:
+        """Return the events since the last call."""
+        events, self._events = tuple(self._events), []
+        return events
+
+    def state(self) -> ExchangeState:
+        """Return the state for a checkpoint."""
+        return ExchangeState(tuple(self._asked), self._worked, self.obstructed, dict(self._done))
+
+    def restore(self, state: ExchangeState) -> None:
+        self._asked, self._worked = list(state.asked), state.worked
+        self.obstructed, self._done = state.obstructed, Counter(state.done)
+
+    def _carry_out(self, each: Bin) -> None:
+        inside = [body.id for body in self._cell.here() if goes_with(each, body)]
+        self._cell.take_with(each.id, inside)
+        self._asked.pop(0)
+        self._worked = 0.0
+        self._done[each.id] += 1
+        number = self._done[each.id]
+        message = f"{each.id} is exchanged for an empty one, with {_counted(len(inside))} in it"
+        self._events.append(BinExchangedEvent(message, bin=each.id, items=len(inside), number=number))
+
+
+def goes_with(each: Bin, body: TrueBody) -> bool:
+    """Return whether a bin takes the item along when it is carried off.
+
+    That is so when the item's centre is over the bin and above its underside: inside, on the heap or across a
+    wall. An item that leans on the bin from outside stays.
+    """
+    x, y, z = (each.pose.inverse() @ body.pose).position
+    return abs(x) < each.size[0] / 2 and abs(y) < each.size[1] / 2 and z > 0.0
+
+
+def _zone(each: Bin) -> Zone:
+    x, y, _ = each.pose.position
+    across = each.pose.rotation()[:, 0]
+    yaw = math.atan2(float(across[1]), float(across[0]))
+    return Zone((x, y), yaw, (each.size[0] / 2, each.size[1] / 2)).grown(MIN_ARM_DISTANCE)
+
+
+def _counted(items: int) -> str:
+    return "1 item" if items == 1 else f"{items} items"
 
 
 @dataclass(frozen=True, slots=True)

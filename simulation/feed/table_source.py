@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass, replace
 
 from ...errors import PicktreeError
+from ...world.events.run_events import DeliveryEvent
 from ...world.journal import JournalEvent
 from ...world.random_streams import RandomStreams
 from ...world.scene.description import AtIntervals, AtTimes, Delivery, SceneDescription, WhenClear
@@ -250,12 +251,7 @@ class TableFeed:
         number = self._state.loads
         message = f"{_counted(items)} set down" + (f", {waiting} more found no room" if waiting else "")
         self._events.append(
-            JournalEvent(
-                "delivery",
-                message,
-                "",
-                {"feed": self._number, "number": number, "items": items, "waiting": waiting},
-            )
+            DeliveryEvent(message, feed=self._number, number=number, items=items, waiting=waiting)
         )
 
 

@@ -18,10 +18,8 @@ from ...world.random_streams import RandomStreams
 from ...world.scene.description import Fixture, SceneDescription
 from ...world.shapes import Shape, scaled
 from ...world.values import GRAVITY, ObjectId, Pose, Vector3
-from ..checkpoints.kinematic_state import ItemState, KinematicState
-from ..checkpoints.physics_state import GripperCommand
+from ..checkpoints import GripperCommand, ItemState, KinematicState
 from ..common.footprints import floor_height
-from ..common.uncertain_fixtures import displace_fixtures
 from ..fault_files.device_entries import Ailing, GripperJam, Stall, WrenchDead, counted
 from ..faults.device_faults import DeviceFaults, jam_command
 from ..faults.planted_obstacles import MIN_OBSTACLE_CLEARANCE, FreeSpaceCheck, HiddenObstacles
@@ -29,11 +27,18 @@ from ..feed.belt_drive import BeltDrive
 from ..feed.feeder import Feeder, FeederState, has_feeder
 from ..scoring.truth import HoledFixtures, TrueBody, TrueObstacle
 from ..spawning.inventory import Inventory
-from ..spawning.spawn import MIN_ITEM_CLEARANCE, SpawnedItem, enlarged_item, placed_item, spawn_items, walls
-from .belts import KinematicBelts
+from ..spawning.spawn import (
+    MIN_ITEM_CLEARANCE,
+    SpawnedItem,
+    displace_fixtures,
+    enlarged_item,
+    placed_item,
+    spawn_items,
+    walls,
+)
+from .belts import KinematicBelts, KinematicCell, body_of, true_body
 from .bodies import KinematicBodies, KinematicBody
 from .camera import KinematicCamera, Posture, RenderStage
-from .cell_access import KinematicCell, body_of, true_body
 from .contact_forces import CONTACT_STIFFNESS, KinematicContactForces
 from .devices import KinematicArm, KinematicClock, KinematicWrench
 from .gripper import KinematicGripper

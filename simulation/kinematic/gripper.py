@@ -5,7 +5,7 @@ from __future__ import annotations
 from ...robots.description import GripperDescription
 from ...world.shapes import extents
 from ...world.values import GRAVITY, GripperState, ObjectId, Pose
-from ..checkpoints.physics_state import GripperCommand
+from ..checkpoints import GripperCommand
 from ..faults.device_faults import DeviceFaults
 from .bodies import KinematicBodies, KinematicBody
 

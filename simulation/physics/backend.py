@@ -18,9 +18,8 @@ from ...world.random_streams import RandomStreams
 from ...world.scene.description import Fixture, SceneDescription
 from ...world.shapes import Shape
 from ...world.values import GRAVITY, ObjectId, Pose, Vector3
-from ..checkpoints.physics_state import Checkpoint, RobotReading
+from ..checkpoints import Checkpoint, RobotReading
 from ..common.sensor_noise import RobotSensorNoise
-from ..common.uncertain_fixtures import displace_fixtures
 from ..engine import (
     EVERYDAY_STEP_RATE,
     RESIDUAL_THRESHOLD,
@@ -38,13 +37,17 @@ from ..faults.planted_obstacles import MIN_OBSTACLE_CLEARANCE, FreeSpaceCheck
 from ..feed.belt_drive import BeltDrive
 from ..feed.feeder import Feeder, FeederState, has_feeder
 from ..scoring.truth import HoledFixtures, TrueBody, TrueObstacle
-from ..spawning.spawn import MIN_ITEM_CLEARANCE, enlarged_item, placed_item, spawn_items, walls
-from .belts import PhysicsBelts
-from .cell_access import PhysicsCell
-from .contact_points import ContactPoints, TrueContact
-from .crushing import CrushDetector
+from ..spawning.spawn import (
+    MIN_ITEM_CLEARANCE,
+    displace_fixtures,
+    enlarged_item,
+    placed_item,
+    spawn_items,
+    walls,
+)
+from .belts import PhysicsBelts, PhysicsCell
+from .contacts import ContactPoints, CrushDetector, Penetrations, TrueContact
 from .items import PhysicsItems
-from .penetration import Penetrations
 from .rgbd_camera import PhysicsCamera, StaticScene
 from .robot.devices import IdealSensors, PhysicsArm, PhysicsGripper, PhysicsWrench
 from .robot.robot_body import RobotBody

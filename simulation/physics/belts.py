@@ -4,20 +4,31 @@ The engine has no surface that moves while its body stays. So a running belt is 
 with a motor. After each centimetre of travel it is set back by as much, and its velocity is kept. The slab is
 uniform, so it touches the items as before. A belt at rest is a static body and the slab touches nothing:
 items on the belt sleep, and the robot feels a table.
+
+The feed's access to the cell is here, too.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from types import MappingProxyType
 
+import numpy as np
+
+from ...robots.description import RobotDescription
+from ...robots.model import RobotModel
 from ...world.scene.description import Belt, Fixture, SceneDescription
 from ...world.shapes import Box
 from ...world.values import ObjectId
 from ..engine import pb
 from ..feed.belt_drive import BeltDrive, BeltState, check_belts
+from ..feed.light_curtain import LightCurtain, Zone
+from ..scoring.truth import TrueBody
+from ..spawning.spawn import SpawnedItem
 from .bodies import STATIC_BODY_FRICTION
+from .items import PhysicsItems
+from .robot.devices import EVERYDAY_PERIOD, IdealSensors
 
 SLAB_SET_BACK = 0.01
 """Travel after which the slab is set back, m. Its ends are off the belt's by half of that at most."""
@@ -187,3 +198,42 @@ class PhysicsBelts:
         check_belts(saved, self.drives)
         for state in saved:
             self.drives[state.id].restore(state)
+
+
+class PhysicsCell:
+    """`FeedCell` of the physics backend."""
+
+    def __init__(self, robot: RobotDescription, items: PhysicsItems, senses: IdealSensors) -> None:
+        self._items = items
+        self._senses = senses
+        self._joints = len(robot.joints)
+        self._curtain = LightCurtain(RobotModel(robot))
+
+    @property
+    def now(self) -> float:
+        return self._senses.now
+
+    @property
+    def period(self) -> float:
+        return EVERYDAY_PERIOD
+
+    def here(self) -> tuple[TrueBody, ...]:
+        return self._items.here()
+
+    def next_id(self) -> ObjectId:
+        return self._items.inventory.next_id()
+
+    def put(self, item: SpawnedItem) -> None:
+        self._items.put(item)
+
+    def at_rest(self, items: Collection[ObjectId]) -> bool:
+        return self._items.at_rest(items)
+
+    def take_with(self, bin_id: ObjectId, items: Collection[ObjectId]) -> None:
+        self._items.take_with(bin_id, items)
+
+    def arm_over(self, zone: Zone) -> bool:
+        """Return whether any part of the arm is over the zone, by the true joint positions."""
+        position = self._senses.reading.position
+        arm, fingers = position[: self._joints], position[self._joints :]
+        return self._curtain.crossed(zone, np.array(arm), sum(fingers))

@@ -10,7 +10,7 @@ import numpy as np
 from ...errors import PicktreeError
 from ...world.scene.description import SceneDescription
 from ...world.values import ObjectId, Pose, Vector3
-from ..checkpoints.physics_state import BodyState, DynamicsChange
+from ..checkpoints import BodyState, DynamicsChange
 from ..engine import pb
 from ..scoring.truth import TrueBody
 from ..spawning.inventory import Inventory, InventoryState, departed

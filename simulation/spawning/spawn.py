@@ -13,7 +13,7 @@ import numpy as np
 
 from ...errors import PicktreeError
 from ...world.random_streams import RandomStreams
-from ...world.scene.description import CatalogueEntry, SceneDescription, Spawn
+from ...world.scene.description import NO_UNCERTAINTY, CatalogueEntry, Fixture, SceneDescription, Spawn
 from ...world.shapes import Shape, bottom, scaled
 from ...world.values import Array, ObjectId, Pose, Quaternion, quaternion_product
 from ..common.footprints import Footprint, distance, footprint, support_height
@@ -289,3 +289,30 @@ def enlarged_item(entry: CatalogueEntry, pose: Pose, factor: float) -> tuple[Cat
 def walls(scene: SceneDescription) -> Iterable[tuple[Shape, Pose]]:
     """Return the parts of the bins, in which nothing may appear."""
     return ((box, pose) for each in scene.bins for box, pose in each.parts())
+
+
+def displace_fixtures(scene: SceneDescription, seed: int, *, level: bool = False) -> SceneDescription:
+    """Return the scene with its fixtures at their true poses, for the simulation only; the robot gets the
+    scene as given. `level`: fixtures are shifted and turned, but not tilted."""
+    if all(fixture.uncertainty == NO_UNCERTAINTY for fixture in scene.fixtures):
+        return scene
+    streams = RandomStreams(seed)
+    return replace(scene, fixtures=tuple(_displaced(fixture, streams, level) for fixture in scene.fixtures))
+
+
+def _displaced(fixture: Fixture, streams: RandomStreams, level: bool) -> Fixture:
+    """Return the fixture displaced within its bounds. It is shifted along its x and y and turned about its z,
+    evenly distributed, and tilted about a random level axis through its middle."""
+    most = fixture.uncertainty
+    if most == NO_UNCERTAINTY:
+        return fixture
+    rng = streams.at(f"fixture/{fixture.id}", 0)
+    x, y = (float(rng.uniform(-most.position, most.position)) for _ in range(2))
+    yaw = float(rng.uniform(-most.angle, most.angle))
+    tilt, towards = float(rng.uniform(0.0, most.angle)), float(rng.uniform(-math.pi, math.pi))
+    tilt = 0.0 if level else tilt
+    lean = math.sin(tilt / 2)
+    leaning = (lean * math.cos(towards), lean * math.sin(towards), 0.0, math.cos(tilt / 2))
+    turning = (0.0, 0.0, math.sin(yaw / 2), math.cos(yaw / 2))
+    really = Pose((x, y, 0.0), quaternion_product(leaning, turning))
+    return replace(fixture, pose=fixture.pose @ really)

@@ -9,11 +9,11 @@ from pathlib import Path
 import pytest
 
 from picktree.analysis import Run
-from picktree.analysis.compare.diff import RunDiff, diff
-from picktree.analysis.compare.run_settings import FileChange
-from picktree.analysis.compare.text.diff_text import to_json_text, to_text
+from picktree.analysis.compare.diff import FileChange, RunDiff, diff
+from picktree.analysis.compare.diff_text import to_json_text, to_text
 from picktree.logs.run_result import ItemCount, PickCount, RunResult, WallSeconds
 from picktree.logs.schema.records import TransitionRecord, WriteRecord
+from picktree.world.events.skill_events import ItemDoneEvent, PickEvent
 from picktree.world.journal import JournalEvent
 
 from ..logs.scripted_log import Seen, begins, ends, record, tree
@@ -28,17 +28,17 @@ Script = Mapping[int, Sequence[TransitionRecord | WriteRecord | JournalEvent]]
 
 GOOD: Script = {
     0: [begins("Main"), begins(GRASP, ITEM)],
-    3: [JournalEvent("pick", "held", GRASP, {"object": ITEM, "held": True})],
+    3: [PickEvent("held", GRASP, object=ITEM, held=True)],
     4: [ends(GRASP), begins(PLACE, ITEM, into="red_bin")],
     8: [
         ends(PLACE),
         ends("Main"),
-        JournalEvent("item_done", "placed", PLACE, {"object": ITEM, "into": "red_bin"}),
+        ItemDoneEvent("placed", PLACE, object=ITEM, into="red_bin"),
     ],
 }
 BAD: Script = {
     0: GOOD[0],
-    3: [JournalEvent("pick", "not held", GRASP, {"object": ITEM, "held": False})],
+    3: [PickEvent("not held", GRASP, object=ITEM, held=False)],
     5: [ends(GRASP, "FAILURE", "grasp.missed", width=0.00012345678), ends("Main", "FAILURE", "grasp.missed")],
 }
 

@@ -8,11 +8,10 @@ from pathlib import Path
 from pydantic import TypeAdapter
 
 from picktree.analysis.explain.explain import explain
-from picktree.analysis.explain.investigation.episodes_of_log import episodes_of
 from picktree.analysis.explain.text.rendering import to_json_text, to_text
 from picktree.analysis.run import Run
 from picktree.logs.episodes.episode_counts import CureCount, PlantedCount, added_planted, by_cause
-from picktree.session.resume.older_checkpoints import tally_of
+from picktree.session.resume.recorded_recipe import tally_of
 from picktree.session.run_tally import EpisodeCountersState, RunCounters, RunCountersState
 
 from ..logs.scripted_log import begins, ends, record, tree
@@ -24,7 +23,7 @@ LOST = CureCount("world.unknown_object", "Observe", 1, 0, 1, tries=1, seconds=1.
 
 def test_the_summary_and_the_log_agree(troubled_log: Path) -> None:
     with Run(troubled_log) as run:
-        found, result = episodes_of(run), run.result
+        found, result = run.account.recovery, run.result
         later = tally_of(run, run.end).episodes.so_far(run.end)
     assert result is not None and result.cures is not None
     assert {(c.cause, c.cure, c.seen, c.given_up, c.tries) for c in result.cures} == {
@@ -38,7 +37,7 @@ def test_the_summary_and_the_log_agree(troubled_log: Path) -> None:
 def test_times_within_a_run_add_up_to_what_its_branches_took(troubled_log: Path) -> None:
     """From the beginning of the run that failed first to the end of the node that gave up."""
     with Run(troubled_log) as run:
-        lost = sum(episode.seconds for episode in episodes_of(run).episodes)
+        lost = sum(episode.seconds for episode in run.account.recovery.episodes)
         (given_up,) = [v for v in run.visits if v.id == "Recover" and v.outcome == "FAILURE"]
     assert abs(lost - given_up.duration) < 1e-6
 

@@ -9,7 +9,8 @@ from picktree.analysis import Run
 from picktree.analysis.explain.explain import explain
 from picktree.analysis.explain.failure_stories import failures_of
 from picktree.analysis.explain.investigation.explanation import FailureStory
-from picktree.analysis.explain.investigation.failure_course import VisitTree
+from picktree.logs.failure_courses import VisitTree
+from picktree.logs.run_account import account_of
 from picktree.logs.run_log import Stamped
 from picktree.logs.schema.records import NodeStatusRecord, Tick
 from picktree.logs.visits import derived_visits, with_transitions
@@ -25,7 +26,8 @@ def told(story: FailureStory) -> tuple[object, ...]:
 def test_the_same_failures_follow_from_the_statuses(troubled_log: Path) -> None:
     with Run(troubled_log) as run:
         known = [told(story) for story in run.failures]
-        derived = VisitTree(derived_visits(run.log))
+        derived = account_of(run, derived=True)
+        assert derived.visits == derived_visits(run.log)
         assert [told(story) for story in failures_of(run, derived)] == known
         assert len(known) > 1
         leaves = [

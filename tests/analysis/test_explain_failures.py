@@ -10,8 +10,8 @@ import pytest
 from picktree.analysis import Run
 from picktree.analysis.explain.failure_stories import failures_of
 from picktree.analysis.explain.investigation.explanation import FailureStory
-from picktree.analysis.explain.investigation.failure_course import VisitTree
 from picktree.logs.schema.records import TransitionRecord, WriteRecord
+from picktree.world.events.run_events import RecoveryEvent
 from picktree.world.journal import CandidateEntry, CandidateSearchEntry, JournalEvent, PlanEntry
 from picktree.world.values import ObjectId, Pose
 
@@ -35,8 +35,9 @@ def fails(origin: str, *above: str, cause: str = "grasp.missed") -> list[Transit
 
 
 def recovery(cause: str = "grasp.missed", handler: str = "grasp.*", attempt: int = 1) -> JournalEvent:
-    data = {"cause": cause, "failed": GRASP, "handler": handler, "attempt": attempt}
-    return JournalEvent("recovery", "a cure is tried", RECOVER, data)
+    return RecoveryEvent(
+        "a cure is tried", RECOVER, cause=cause, failed=GRASP, handler=handler, attempt=attempt
+    )
 
 
 MISSED: Mapping[int, Sequence[Said]] = {
@@ -50,7 +51,7 @@ MISSED: Mapping[int, Sequence[Said]] = {
 
 def stories(path: Path, script: Mapping[int, Sequence[Said]], ticks: int = 40) -> tuple[FailureStory, ...]:
     with Run(record(path / "log.mcap", NODES, ticks, script)) as run:
-        return failures_of(run, VisitTree(run.visits))
+        return failures_of(run, run.account)
 
 
 def links(story: FailureStory) -> list[tuple[str, str]]:

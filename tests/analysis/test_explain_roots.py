@@ -11,9 +11,9 @@ from picktree.analysis import Run
 from picktree.analysis.explain.explain import explain
 from picktree.analysis.explain.investigation.explanation import Explanation
 from picktree.logs.run_log import Stamped
-from picktree.logs.schema.records import Event
 from picktree.session.session import RunRequest, Session
 from picktree.simulation.backends import Backend
+from picktree.world.journal import JournalEvent
 
 MISSION = """
 picktree: 1
@@ -44,7 +44,7 @@ class Blind(Run):
     """A run whose log holds no word of a fault."""
 
     @cached_property
-    def events(self) -> tuple[Stamped[Event], ...]:
+    def events(self) -> tuple[Stamped[JournalEvent], ...]:
         return tuple(at for at in super().events if at.record.kind != "fault")
 
 

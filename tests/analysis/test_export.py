@@ -14,10 +14,15 @@ from pyarrow import csv as arrow_csv
 from pyarrow import parquet
 
 from picktree.analysis import Run
-from picktree.analysis.export.run_export import TABLES, export
-from picktree.analysis.export.tables.csv_file import read_csv, write_csv
-from picktree.analysis.export.tables.parquet_file import read_parquet, write_parquet
-from picktree.analysis.export.tables.row_types import ColumnDoc, TableSpec, columns
+from picktree.analysis.export.run_export import TABLES, TableSpec, export
+from picktree.analysis.export.table_files import (
+    ColumnDoc,
+    cells,
+    columns,
+    read_csv,
+    write_csv,
+    write_parquet,
+)
 from picktree.errors import PicktreeError
 from picktree.logs.optional_libraries import install_command
 
@@ -43,8 +48,9 @@ def test_both_forms_read_back_as_the_rows_of_the_run(
     table: TableSpec[Any], run: Run, folders: dict[str, Path]
 ) -> None:
     rows = tuple(table.rows(run))
-    assert read_csv(folders["csv"] / f"{table.name}.csv", table) == rows
-    assert read_parquet(folders["parquet"] / f"{table.name}.parquet", table) == rows
+    assert read_csv(folders["csv"] / f"{table.name}.csv", table.row) == rows
+    written = parquet.read_table(folders["parquet"] / f"{table.name}.parquet")
+    assert tuple(table.row(**row) for row in written.to_pylist()) == rows
 
 
 def test_the_tables_hold_what_the_run_holds(run: Run) -> None:
@@ -99,14 +105,14 @@ def test_odd_texts_survive_and_no_cell_is_a_formula(tmp_path: Path) -> None:
     rows = [
         Odd(text, None if k % 2 else 0.1 + 0.2, None if k % 3 else k % 2 == 0) for k, text in enumerate(TEXTS)
     ]
-    assert write_csv(tmp_path / "odd.csv", ODD, rows) == len(rows)
-    write_parquet(tmp_path / "odd.parquet", ODD, rows)
-    assert read_csv(tmp_path / "odd.csv", ODD) == tuple(rows)
-    assert read_parquet(tmp_path / "odd.parquet", ODD) == tuple(rows)
+    assert write_csv(tmp_path / "odd.csv", ODD, map(cells, rows)) == len(rows)
+    write_parquet(tmp_path / "odd.parquet", ODD, map(cells, rows))
+    assert read_csv(tmp_path / "odd.csv", Odd) == tuple(rows)
+    assert [Odd(**row) for row in parquet.read_table(tmp_path / "odd.parquet").to_pylist()] == rows
     with (tmp_path / "odd.csv").open(encoding="utf-8", newline="") as file:
-        cells = [line[0] for line in csv.reader(file)][1:]
-    assert not [cell for cell in cells if cell[:1] in "=+-@\t\r" and cell]
-    assert cells[3:6] == ["'=1+1", "'+49", "'-1"]
+        texts = [line[0] for line in csv.reader(file)][1:]
+    assert not [text for text in texts if text[:1] in "=+-@\t\r" and text]
+    assert texts[3:6] == ["'=1+1", "'+49", "'-1"]
 
 
 def test_every_column_says_what_it_holds() -> None:
@@ -166,7 +172,7 @@ def test_an_export_that_stops_half_way_leaves_the_former_files(
             raise OSError(28, "No space left on device")
         return 0
 
-    monkeypatch.setattr("picktree.analysis.export.tables.csv_file.write_csv", full)
+    monkeypatch.setattr("picktree.analysis.export.table_files.write_csv", full)
     with pytest.raises(PicktreeError) as raised:
         export(run, "csv", tmp_path)
     assert str(raised.value) == f"{tmp_path} cannot be written: no space left on device"
@@ -177,7 +183,6 @@ def test_an_export_that_stops_half_way_leaves_the_former_files(
 def test_without_pyarrow_the_extra_is_named(
     run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.delitem(sys.modules, "picktree.analysis.export.tables.parquet_file", raising=False)
     monkeypatch.setitem(sys.modules, "pyarrow", None)
     with pytest.raises(PicktreeError) as raised:
         export(run, "parquet", tmp_path / "out")

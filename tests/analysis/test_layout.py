@@ -13,10 +13,10 @@ import pytest
 from google.protobuf.json_format import MessageToDict
 
 from picktree.analysis import Run
-from picktree.analysis.export.layout.lanes import MAX_LEAF_LANES, lanes
-from picktree.analysis.export.layout.layout import ViewerLayout, camera_state, layout, paths_of
-from picktree.analysis.export.layout.layout_format import Split
-from picktree.analysis.export.layout.panels import literal, parse, values
+from picktree.analysis.export.layout import ViewerLayout, camera_state, layout, paths_of
+from picktree.analysis.export.layout_format import Split
+from picktree.analysis.export.layout_lanes import MAX_LEAF_LANES, lanes
+from picktree.analysis.export.layout_panels import literal, parse, values
 from picktree.logs.run_log import RunLog
 from picktree.logs.schema import topics
 

@@ -10,8 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from picktree.analysis.report.panels.header import pack_run
-from picktree.analysis.report.report import TREE_SCRIPTS, report, write_report
+from picktree.analysis.report.report import TREE_SCRIPTS, pack_run, report, write_report
 from picktree.analysis.run import Run
 from picktree.cli.app import answer
 

@@ -11,11 +11,16 @@ import numpy as np
 import pytest
 
 from picktree.analysis import Run
-from picktree.analysis.report.page_data.body_frames import Frames, TrueBodySamples
-from picktree.analysis.report.page_data.body_motion import SceneMotion, deviations, motion_of
-from picktree.analysis.report.page_data.packing import Section
-from picktree.analysis.report.panels.board import pack_board, sightings, unknown_bodies, yaw_and_tilt
-from picktree.analysis.report.panels.events import pack_failures, plain_value, plan_line, report_events
+from picktree.analysis.report.board_panel import pack_board, sightings, unknown_bodies, yaw_and_tilt
+from picktree.analysis.report.body_motion import (
+    Frames,
+    SceneMotion,
+    TrueBodySamples,
+    deviations,
+    motion_of,
+)
+from picktree.analysis.report.events_panel import pack_failures, plain_value, plan_line, report_events
+from picktree.analysis.report.packing import Section
 from picktree.logs.schema.records import BodyRecord, Plan, WriteRecord
 from picktree.world.shapes import Box
 from picktree.world.values import Pose

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from picktree.analysis import Run
-from picktree.analysis.report.panels.images import images_within_budget, pack_images
+from picktree.analysis.report.images_panel import images_within_budget, pack_images
 from picktree.logs.run_log import CameraImage, Stamped
 from picktree.world.protocols import Intrinsics
 

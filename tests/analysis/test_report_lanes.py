@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 
 from picktree.analysis import Run
-from picktree.analysis.report.page_data.packing import Section
-from picktree.analysis.report.page_data.tick_table import (
+from picktree.analysis.report.lanes_panel import OUTCOMES, item_spans, pack_lanes
+from picktree.analysis.report.packing import Section
+from picktree.analysis.report.tick_table import (
     ABSENT,
     STATUSES,
     TICKED,
@@ -19,8 +20,7 @@ from picktree.analysis.report.page_data.tick_table import (
     nodes_of,
     tick_table,
 )
-from picktree.analysis.report.panels.lanes import OUTCOMES, item_spans, pack_lanes
-from picktree.analysis.report.panels.tree import pack_tree
+from picktree.analysis.report.tree_panel import pack_tree
 from picktree.errors import PicktreeError
 from picktree.logs.schema.records import Tree, TreeNode, WriteRecord
 from picktree.session.mission_edits import MissionReload

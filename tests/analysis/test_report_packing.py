@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from picktree.analysis.report.page_data.packing import NAN_LEVEL, Packable, Section, pack, quantise
+from picktree.analysis.report.packing import NAN_LEVEL, Packable, Section, pack, quantise
 from picktree.analysis.report.report import PAGE_FOLDER
 
 from ..needs import NODE

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from picktree.analysis import Run
-from picktree.analysis.report.panels.plots import CurvePlot, PlotCurve, pack_plots, plots_of, thin_plot
+from picktree.analysis.report.plots_panel import CurvePlot, PlotCurve, pack_plots, plots_of, thin_plot
 
 from ..logs.scripted_log import record, tree
 

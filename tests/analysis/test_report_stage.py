@@ -8,17 +8,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from picktree.analysis.report.page_data.body_frames import (
+from picktree.analysis.report.body_motion import (
     BelievedBody,
     BodyAppearance,
     TrueBodySamples,
+    match_bodies,
+    motion_of,
     spans,
+    true_poses,
 )
-from picktree.analysis.report.page_data.body_motion import motion_of
-from picktree.analysis.report.page_data.packing import Quantised
-from picktree.analysis.report.page_data.poses import between, composed, continuous, filled, inverse, row
-from picktree.analysis.report.page_data.truth_matching import match_bodies, true_poses
-from picktree.analysis.report.panels.stage import MAX_LINK_FACES, pack_stage, packed_link
+from picktree.analysis.report.packing import Quantised
+from picktree.analysis.report.poses import between, composed, continuous, filled, inverse, row
+from picktree.analysis.report.stage_panel import MAX_LINK_FACES, pack_stage, packed_link
 from picktree.analysis.run import Run
 from picktree.logs.meshes.binary_gltf import write_glb
 from picktree.logs.meshes.triangle_meshes import join_meshes, shape_mesh

@@ -12,7 +12,7 @@ from picktree.analysis.replay.cursor import Cursor
 from picktree.analysis.replay.node_names import find_node, find_nodes
 from picktree.errors import PicktreeError
 from picktree.logs.schema.records import TransitionRecord, WriteRecord
-from picktree.world.journal import JournalEvent, PlanEntry
+from picktree.world.journal import JournalEvent, OtherEvent, PlanEntry
 
 from ..logs.scripted_log import Seen, begins, ends, record, tree
 
@@ -26,7 +26,7 @@ SCRIPT: Mapping[int, Sequence[TransitionRecord | WriteRecord | JournalEvent | Pl
     5: [
         ends(GRASP, "FAILURE", "grasp.missed", width=0.0),
         ends(PART, "FAILURE", "grasp.missed", GRASP),
-        JournalEvent("handled", "passed over", "Main"),
+        OtherEvent("passed over", "Main", name="handled"),
     ],
     6: [WriteRecord("Main/item", "red_block_2", "Main"), begins(PART), begins(GRASP, "red_block_2")],
     9: [ends(GRASP), begins(PLACE, "red_block_2")],
@@ -130,12 +130,12 @@ def test_what_changed_is_told_by_kind_and_in_order(cursor: Cursor) -> None:
         (5, GRASP, "FAILURE"), (5, PART, "FAILURE"), (6, PART, "RUNNING"), (6, GRASP, "RUNNING")
     ]  # fmt: skip
     assert [(one.tick, one.write.value) for one in changes.writes] == [(6, "red_block_2")]
-    assert [at.record.data["object"] for at in changes.belief] == ["red_block_2"]
+    assert [at.record.object for at in changes.belief] == ["red_block_2"]
     assert [at.record.kind for at in changes.events] == ["handled"]
     alone = cursor.changes(9)  # it lies ahead
     assert (alone.since, alone.to, len(alone.moves)) == (5, 6, 2)
     cursor.to_tick(0)
-    assert [at.record.data["object"] for at in cursor.changes().belief] == ["red_block_1"]
+    assert [at.record.object for at in cursor.changes().belief] == ["red_block_1"]
 
 
 def test_what_is_there(cursor: Cursor) -> None:

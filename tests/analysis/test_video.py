@@ -8,9 +8,9 @@ import av
 import numpy as np
 import pytest
 
+from picktree.analysis.render.film import FilmRequest, FrameSetup, FrameWorkers, film
 from picktree.analysis.render.frames import moments
 from picktree.analysis.render.scene_view import Show
-from picktree.analysis.render.video.film import FilmRequest, FrameSetup, FrameWorkers, film
 from picktree.analysis.render.viewpoint import PictureView
 from picktree.errors import PicktreeError
 from picktree.logs.optional_libraries import install_command

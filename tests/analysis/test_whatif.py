@@ -8,8 +8,7 @@ from pathlib import Path
 import pytest
 
 from picktree.analysis.resim.changes import RunChanges
-from picktree.analysis.resim.whatif import what_if
-from picktree.analysis.resim.whatif_result import Continuation
+from picktree.analysis.resim.whatif import Continuation, what_if
 from picktree.analysis.run import Run
 from picktree.errors import PicktreeError
 from picktree.logs.run_result import RunResult

@@ -17,10 +17,10 @@ from hypothesis import strategies as st
 from picktree.authoring.schema.mission_context import any_mission, one_mission
 from picktree.authoring.schema.mission_schema import mission_schema
 from picktree.authoring.schema.schema_parts import Schema, to_text
-from picktree.batch.plan.plan_schema import plan_schema
+from picktree.batch.plan_loading import plan_schema
+from picktree.cli.author.commands import Kind
 from picktree.cli.author.file_kinds import CHECKS
 from picktree.cli.author.file_schemas import FileKind, file_schema
-from picktree.cli.author.schema import Kind
 from picktree.cli.terminal.node_registries import registry
 from picktree.files.diagnostics.fault_codes import pages
 from picktree.files.yaml.document import Document, FileError, read_document

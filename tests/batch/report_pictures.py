@@ -10,8 +10,8 @@ import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
-from picktree.batch.plan.plan import BatchPlan
-from picktree.batch.report.report import write_report
+from picktree.batch.plan import BatchPlan
+from picktree.batch.report import write_report
 from picktree.batch.workers.batch import Batch
 from picktree.batch.workers.local_executor import LocalExecutor
 from picktree.cli.batch.progress import progress

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from picktree.batch.plan.plan import BatchPlan
-from picktree.batch.plan.plan_loading import check_plan, load_plan
+from picktree.batch.plan import BatchPlan
+from picktree.batch.plan_loading import check_plan, load_plan
 from picktree.batch.workers.batch import Batch
 from picktree.batch.workers.executor import Executor
 from picktree.batch.workers.local_executor import LocalExecutor

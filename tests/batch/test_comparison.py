@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from picktree.batch.results.rows import JobRow, JobRows
+from picktree.batch.results.tables import JobRow, JobRows
 from picktree.batch.statistics.comparison import RecipeComparison, compare, compare_recipes
 from picktree.batch.statistics.comparison_text import json_text_of, text_of
 from picktree.batch.statistics.differences import JobOutcome, RecipeOutcomes, read_recipe

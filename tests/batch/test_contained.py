@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from picktree.analysis.run import Run
-from picktree.batch.plan.plan import BatchPlan, JobLimits
+from picktree.batch.plan import BatchPlan, JobLimits
 from picktree.batch.workers.batch import Batch
 from picktree.batch.workers.executor import Executor
 from picktree.batch.workers.local_executor import LocalExecutor

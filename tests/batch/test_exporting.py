@@ -12,10 +12,8 @@ import pyarrow as pa
 import pytest
 from pyarrow import parquet
 
-from picktree.batch.results.batch_export import export
-from picktree.batch.results.rows import JobPickRow, JobRows
-from picktree.batch.results.store import Store
-from picktree.batch.results.tables import TABLES
+from picktree.batch.results.store import Store, export
+from picktree.batch.results.tables import TABLES, JobPickRow, JobRows
 from picktree.cli.app import answer
 from picktree.errors import PicktreeError
 from picktree.logs.optional_libraries import install_command
@@ -81,7 +79,6 @@ def test_nothing_is_left_of_an_export_that_fails(results: Store, tmp_path: Path)
 
 def test_parquet_needs_its_extra(results: Store, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "pyarrow", None)
-    monkeypatch.delitem(sys.modules, "picktree.batch.results.parquet_tables", raising=False)
     with results, pytest.raises(PicktreeError) as refused:
         export(results, "parquet", tmp_path / "out")
     assert (

@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from picktree.batch.plan.plan import BatchPlan
+from picktree.batch.plan import BatchPlan
 from picktree.batch.results.store import Store
 from picktree.batch.workers import local_executor
 from picktree.batch.workers.batch import Batch

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from picktree.batch.plan.plan import BatchPlan
+from picktree.batch.plan import BatchPlan
 from picktree.batch.workers.batch import Batch
 from picktree.batch.workers.executor import Executor
 from picktree.batch.workers.rerun_job import rerun_job

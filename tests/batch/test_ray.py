@@ -19,7 +19,7 @@ from picktree.analysis.run import Run
 from picktree.batch.cluster import ray_executor
 from picktree.batch.cluster.installation import Installation, difference, installed
 from picktree.batch.cluster.ray_executor import RayExecutor
-from picktree.batch.plan.plan import BatchPlan, JobLimits
+from picktree.batch.plan import BatchPlan, JobLimits
 from picktree.batch.workers.batch import Batch
 from picktree.batch.workers.executor import Executor
 from picktree.batch.workers.local_executor import LocalExecutor
@@ -239,7 +239,7 @@ def test_the_sources_of_a_worker_are_those_of_its_runs_and_of_batches() -> None:
     } <= found
     assert {"analysis/explain/explain.py", "skills/grasp.py", "control/execution/control_loop.py"} <= found
     assert [
-        path for path in found if path.startswith(("cli/", "batch/report/", "analysis/render/video/"))
+        path for path in found if path.startswith(("cli/", "batch/report.py", "analysis/render/film.py"))
     ] == []
 
 

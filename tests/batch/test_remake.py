@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from picktree.batch.plan.plan import BatchPlan
+from picktree.batch.plan import BatchPlan
 from picktree.batch.results.store import RESULTS_FILE, Store
 from picktree.batch.workers.batch import Batch
 from picktree.batch.workers.executor import Executor

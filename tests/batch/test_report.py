@@ -8,8 +8,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from picktree.batch.plan.plan import BatchPlan
-from picktree.batch.report.report import write_report
+from picktree.batch.plan import BatchPlan
+from picktree.batch.report import write_report
 from picktree.batch.workers.batch import Batch
 from picktree.batch.workers.executor import Executor
 

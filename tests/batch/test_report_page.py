@@ -8,9 +8,10 @@ from typing import Any
 
 import pytest
 
-from picktree.batch.plan.plan import BatchPlan, Job, write_plan
-from picktree.batch.report.report import write_report
-from picktree.batch.results.rows import (
+from picktree.batch.plan import BatchPlan, Job, write_plan
+from picktree.batch.report import write_report
+from picktree.batch.results.store import RESULTS_FILE, Store
+from picktree.batch.results.tables import (
     EpisodeRow,
     JobFailureRow,
     JobPickRow,
@@ -18,7 +19,6 @@ from picktree.batch.results.rows import (
     JobTimingRow,
     PlantedRow,
 )
-from picktree.batch.results.store import RESULTS_FILE, Store
 
 from ..browser import Chromium
 from ..needs import CHROMIUM, needs

@@ -2,7 +2,7 @@ import math
 
 import pytest
 
-from picktree.batch.plan.plan_schema import parse_seeds
+from picktree.batch.plan_loading import parse_seeds
 from picktree.batch.statistics.differences import paired_difference, unpaired_difference
 from picktree.batch.statistics.rates import (
     difference_of_paired_rates,

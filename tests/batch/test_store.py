@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from picktree.batch.plan.plan import BatchPlan, Job
-from picktree.batch.results.rows import JobFailureRow, JobItemRow, JobRow, JobRows, JobTimingRow
+from picktree.batch.plan import BatchPlan, Job
 from picktree.batch.results.store import RESULTS_FILE, Store
+from picktree.batch.results.tables import JobFailureRow, JobItemRow, JobRow, JobRows, JobTimingRow
 from picktree.batch.statistics.summary import summarise
 from picktree.errors import PicktreeError
 

@@ -11,7 +11,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from picktree.batch.plan.plan import BatchPlan, Keep
+from picktree.batch.plan import BatchPlan, Keep
 from picktree.batch.results.store import RESULTS_FILE, Store
 from picktree.batch.workers import batch as module
 from picktree.batch.workers.batch import Batch

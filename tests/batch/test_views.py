@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from picktree.batch.results.rows import EpisodeRow, JobPickRow, JobRows, JobTimingRow, PlantedRow
 from picktree.batch.results.store import Store
+from picktree.batch.results.tables import EpisodeRow, JobPickRow, JobRows, JobTimingRow, PlantedRow
 from picktree.batch.statistics.rates import rate
 from picktree.batch.statistics.summary import summarise
 

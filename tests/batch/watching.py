@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
-from picktree.batch.plan.plan import Job
-from picktree.batch.results.rows import JobRow
+from picktree.batch.plan import Job
+from picktree.batch.results.tables import JobRow
 from picktree.batch.workers.batch import RecordedJob
 
 

@@ -7,7 +7,7 @@ from typing import get_args
 
 import pytest
 
-from picktree.batch.plan.plan_loading import load_plan
+from picktree.batch.plan_loading import load_plan
 from picktree.simulation.fault_files.fault_loading import load_faults
 from picktree.simulation.fault_files.fault_schema import FaultName
 from picktree.world.scene.loading.scene_loading import load_scene

@@ -9,9 +9,9 @@ from types import ModuleType
 import numpy as np
 import pytest
 
-from picktree.batch.plan.plan import Job, Variant
-from picktree.batch.results.rows import JobRow, JobRows
+from picktree.batch.plan import Job, Variant
 from picktree.batch.results.store import RESULTS_FILE, Store
+from picktree.batch.results.tables import JobRow, JobRows
 from picktree.simulation.fault_files.fault_entries import FaultExpectation
 
 Program = Callable[[str], ModuleType]

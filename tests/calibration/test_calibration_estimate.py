@@ -197,8 +197,8 @@ def test_a_tool_that_touches_do_not_tell_is_left() -> None:
 def test_records_of_views_and_touches_come_back_as_they_were() -> None:
     rng = np.random.default_rng(7)
     shot, touch = shots(rng, 1)[0], touches(rng)[4]
-    assert TargetImage.from_plain(shot.to_plain()) == shot
-    assert TargetTouch.from_plain(touch.to_plain()) == touch
+    assert TargetImage.from_event(shot.to_event("", "")) == shot
+    assert TargetTouch.from_event(touch.to_event("", "")) == touch
 
 
 def test_tips_meet_the_face_that_they_are_to_touch() -> None:

@@ -11,8 +11,8 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from picktree.batch.plan.plan import Job, Variant
-from picktree.batch.results.rows import JobRow
+from picktree.batch.plan import Job, Variant
+from picktree.batch.results.tables import JobRow
 from picktree.batch.workers.batch import RecordedJob
 from picktree.cli.batch.progress import Lines, LiveTable
 from picktree.cli.batch.progress_text import BatchCount, span

@@ -15,7 +15,7 @@ from picktree.cli.app import answer
 from picktree.logs.recording.recorder import Recorder
 from picktree.logs.schema.records import NodeStatusRecord, RunInfo, Tick, TransitionRecord, Tree, TreeNode
 from picktree.session.session import RunRequest, Session
-from picktree.world.journal import JournalEvent
+from picktree.world.journal import OtherEvent
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 FAULTS = """\
@@ -119,7 +119,9 @@ def many(path: Path, failures: int) -> Path:
                 ]
             )
             if k and k % 2 == 0:
-                recorder.entry(k * 0.05, JournalEvent("handled", "passed over", "Main", {"cause": cause}))
+                recorder.entry(
+                    k * 0.05, OtherEvent("passed over", "Main", name="handled", extra={"cause": cause})
+                )
             recorder.tick(k * 0.05, Tick("RUNNING", "Main", status, (), tuple(said)))
     return path
 

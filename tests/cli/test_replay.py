@@ -16,7 +16,7 @@ from picktree.cli.analyse.replay_prompt import ReplayPrompt
 from picktree.cli.analyse.replay_screen import KEYS
 from picktree.cli.app import answer
 from picktree.logs.schema.records import TransitionRecord, WriteRecord
-from picktree.world.journal import CandidateEntry, CandidateSearchEntry, JournalEvent, PlanEntry
+from picktree.world.journal import CandidateEntry, CandidateSearchEntry, JournalEvent, OtherEvent, PlanEntry
 from picktree.world.values import ObjectId, Pose
 
 from ..commands import Terminal, call
@@ -45,7 +45,7 @@ SCRIPT: Mapping[
     5: [
         ends(GRASP, "FAILURE", "grasp.missed", width=0.0001),
         ends(PART, "FAILURE", "grasp.missed", GRASP),
-        JournalEvent("handled", "element 1 of 1 is passed over", "Main"),
+        OtherEvent("element 1 of 1 is passed over", "Main", name="handled"),
     ],
     6: [begins(PART), begins(GRASP, "red_block_1")],
     8: [ends(GRASP), begins(PLACE, "red_block_1")],

@@ -13,7 +13,7 @@ import pytest
 from picktree.analysis.compare.run_outcome import RunOutcome
 from picktree.analysis.resim.changes import RunChanges
 from picktree.analysis.resim.resim_comparison import RecordDifference
-from picktree.analysis.resim.whatif_result import Continuation, NodeTransfers
+from picktree.analysis.resim.whatif import Continuation, NodeTransfers
 from picktree.cli.app import answer
 from picktree.files.marks import Diagnostic, Mark
 

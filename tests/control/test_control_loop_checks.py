@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import cast
 
 import numpy as np
 import pytest
 
+from picktree.control.execution.control_loop import ControlLoop
 from picktree.control.joints.external_torque import EffortCheck
 from picktree.control.joints.joint_controllers import HoldController, TrajectoryController
-from picktree.control.safety.motion_lease import ForceGuard, Lease
+from picktree.control.safety.contact_guard import ForceGuard
+from picktree.control.safety.motion_lease import Lease
 from picktree.control.wrist.payload_estimate import Payload
 from picktree.simulation.kinematic.backend import KinematicHardware
+from picktree.world.protocols import Hardware
 from picktree.world.values import GRAVITY, Array, JointState, Wrench
 
 from .control_cell import HOME, MODEL, TICK, Backend, Cell, swing
@@ -38,8 +42,8 @@ class Readings:
         """Beyond the arm's own weight, Nm."""
         self.told: tuple[Array, Array] | None = None
         self.torque_told: Array | None = None
-        cell.loop._arm = self  # pyright: ignore[reportAttributeAccessIssue, reportPrivateUsage]
-        cell.loop.wrist._sensor = _Sensor(self)  # pyright: ignore[reportPrivateUsage]
+        hardware = cast("Hardware", _Scripted(cell.hardware, self))
+        cell.loop = ControlLoop(hardware, cell.model, cell.monitor)
 
     def read(self) -> JointState:
         return JointState(self.position, self.velocity, MODEL.gravity(self.position) + self.torque)
@@ -49,6 +53,17 @@ class Readings:
 
     def apply_torque(self, torque: Array) -> None:
         self.torque_told = torque
+
+
+class _Scripted:
+    """Hardware with another arm and another wrist sensor."""
+
+    def __init__(self, hardware: Hardware, readings: Readings) -> None:
+        self._hardware = hardware
+        self.arm, self.wrench = readings, _Sensor(readings)
+
+    def __getattr__(self, name: str) -> object:
+        return getattr(self._hardware, name)
 
 
 class _Sensor:

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from picktree.control.execution.soft_motion import slowed_trajectory
+from picktree.control.execution.soft_motion import ContactThresholds, slowed_trajectory
 from picktree.control.joints.external_torque import ExternalTorqueObserver
-from picktree.control.joints.soft_contact import ContactThresholds
 from picktree.world.values import JointState
 
 from ..planning.motion_cell import down

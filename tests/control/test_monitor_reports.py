@@ -9,7 +9,8 @@ import pytest
 
 from picktree.control.safety.safety_monitor import SafetyMonitor, payload_limit
 from picktree.robots.model import RobotModel
-from picktree.world.journal import Journal, JournalEvent
+from picktree.world.events.skill_events import WristBiasEvent
+from picktree.world.journal import Journal
 from picktree.world.protocols import SensorStamps
 from picktree.world.scene.description import SafetyLimits
 from picktree.world.values import JointState
@@ -59,7 +60,7 @@ def test_a_monitor_begins_with_nothing_felt() -> None:
 def test_what_the_control_loop_notes_goes_into_the_journal() -> None:
     journal = Journal()
     watch = SafetyMonitor(MODEL, SafetyLimits(), journal)
-    event = JournalEvent("wrist_bias", "it has jumped")
+    event = WristBiasEvent("it has jumped", force=3.0)
     watch.note(event)
     assert [*journal.take()] == [event]
 

@@ -210,7 +210,7 @@ def starts(house: House) -> dict[str, str | None]:
         found[f"command {command}"] = [
             module.name
             for module in house.modules
-            if module.stem == command and "cli" in module.package.split(".")
+            if "cli" in module.package.split(".") and _defines_function(module, command)
         ]
     return {start: modules[0] if len(modules) == 1 else None for start, modules in found.items()}
 
@@ -221,6 +221,10 @@ def _defining(house: House, name: str) -> list[str]:
         for module in house.modules
         if any(isinstance(node, ast.ClassDef) and node.name == name for node in module.tree.body)
     ]
+
+
+def _defines_function(module: Module, name: str) -> bool:
+    return any(isinstance(node, ast.FunctionDef) and node.name == name for node in module.tree.body)
 
 
 def _closures(house: House) -> dict[str, Value]:

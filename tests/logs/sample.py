@@ -14,6 +14,7 @@ from picktree.logs.meshes.binary_gltf import write_glb
 from picktree.logs.meshes.triangle_meshes import shape_mesh
 from picktree.logs.recording.recorder import Recorder
 from picktree.logs.run_log import RunLog
+from picktree.logs.schema import topics
 from picktree.logs.schema.json_records import encode
 from picktree.logs.schema.records import (
     FORMAT,
@@ -30,7 +31,13 @@ from picktree.logs.schema.records import (
     WriteRecord,
 )
 from picktree.world.belief.planning_scene import BeliefObject, PlanningScene
-from picktree.world.journal import CandidateEntry, CandidateSearchEntry, ImageEntry, JournalEvent, PlanEntry
+from picktree.world.journal import (
+    CandidateEntry,
+    CandidateSearchEntry,
+    ImageEntry,
+    OtherEvent,
+    PlanEntry,
+)
 from picktree.world.protocols import Intrinsics, RgbdImage
 from picktree.world.scene.description import Bin, Fixture
 from picktree.world.shapes import Box, ConvexMesh, Cylinder, Shape, Sphere
@@ -175,7 +182,10 @@ def step(
         scene.attach("red_block_1", Pose())
     if k == 40:
         recorder.entry(
-            now, JournalEvent("recovery", "SafeRetreat after grasp.missed", "/Main/Grasp", {"attempt": 1})
+            now,
+            OtherEvent(
+                "SafeRetreat after grasp.missed", "/Main/Grasp", name="recovery", extra={"attempt": 1}
+            ),
         )
         scene.remove("blue_block_3", "its place was seen empty")
     recorder.joints(
@@ -239,7 +249,10 @@ def told(path: Path) -> dict[str, object]:
             "truth": log.truth_at(0.9),
             "plans": list(log.plans()),
             "candidates": list(log.candidates()),
-            "events": list(log.events()),
+            "events": [
+                {"time": message.time / 1e9, "record": json.loads(message.data)}
+                for message in log.messages((topics.EVENTS.name,))
+            ],
             "lines": list(log.lines()),
             "shots": shots,
         }

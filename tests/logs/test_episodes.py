@@ -12,6 +12,7 @@ from picktree.logs.episodes.episode import Episode, Planted
 from picktree.logs.episodes.episode_counts import cause_lines, counted
 from picktree.logs.episodes.episode_tracker import EpisodeTracker, EpisodeTrackerState
 from picktree.logs.schema.records import TransitionRecord, Tree
+from picktree.world.events.run_events import FaultEvent, RecoveryEvent
 from picktree.world.journal import JournalEvent
 
 from .scripted_log import begins, ends, tree
@@ -25,7 +26,7 @@ def fails(path: str, cause: str, *above: str) -> list[TransitionRecord]:
 
 
 def tries(node: str, cause: str, handler: str, failed: str = "") -> JournalEvent:
-    return JournalEvent("recovery", "", node, {"cause": cause, "handler": handler, "failed": failed})
+    return RecoveryEvent("", node, cause=cause, handler=handler, failed=failed)
 
 
 def follow(nodes: Tree, script: Script, end: float = 100.0) -> tuple[list[Episode], list[Planted]]:
@@ -289,9 +290,9 @@ def test_what_is_halted_goes_up_to_whoever_stopped_it() -> None:
 
 
 def test_planted_faults_stand_beside_what_failed_first_after_them() -> None:
-    slip = JournalEvent("fault", "it slips", "", {"fault": "slip", "item": "item_00"})
-    jam = JournalEvent("fault", "the gripper jams", "", {"fault": "gripper_jam"})
-    waits = JournalEvent("fault", "it waits", "", {"fault": "obstacle", "waits": True})
+    slip = FaultEvent("it slips", fault="slip", item="item_00")
+    jam = FaultEvent("the gripper jams", fault="gripper_jam")
+    waits = FaultEvent("it waits", fault="obstacle", waits=True)
     done = {8.0: [ends(GRASP), ends("Main/Recover"), ends("Main")]}
     episodes, planted = follow(RECOVER, SLIPPED | {1.0: [slip, waits], 7.0: [jam]} | done)
     assert [e.end for e in episodes] == ["cured"]
@@ -304,7 +305,7 @@ def test_planted_faults_stand_beside_what_failed_first_after_them() -> None:
 def test_following_goes_on_from_any_moment() -> None:
     """What is undecided at a checkpoint survives it, as JSON."""
     rest = {8.0: [ends(GRASP), ends("Main/Recover"), ends("Main")]}
-    script = SLIPPED | {1.0: [JournalEvent("fault", "it slips", "", {"fault": "slip"})]} | rest
+    script = SLIPPED | {1.0: [FaultEvent("it slips", fault="slip")]} | rest
     whole = follow(RECOVER, script)
     states = TypeAdapter(EpisodeTrackerState)
     for cut in sorted(script):

@@ -14,8 +14,7 @@ from picktree.control.execution.control_loop import ControlLoop
 from picktree.control.execution.gripper_motion import GripperControl
 from picktree.control.execution.motions import ArmMotion
 from picktree.control.safety.safety_monitor import SafetyMonitor
-from picktree.manipulation.grasp.compliant_closing import ClosingResult, close
-from picktree.manipulation.grasp.grip_force import grip_force
+from picktree.manipulation.grasp.compliant_closing import ClosingResult, close, grip_force
 from picktree.robots.model import RobotModel
 from picktree.simulation.physics.backend import PhysicsHardware
 from picktree.simulation.scoring.scorer import score

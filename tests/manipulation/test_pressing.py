@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from picktree.manipulation.grasp.grip_force import (
+from picktree.manipulation.grasp.compliant_closing import (
     MAX_TRANSFER_ACCELERATION,
     grip_force,
     opening_force,

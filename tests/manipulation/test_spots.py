@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from picktree.manipulation.place.bin_spots import (
+from picktree.manipulation.place.release_poses import (
     RELEASE_RIM_HEIGHT,
     free_cells,
     heap_heights,

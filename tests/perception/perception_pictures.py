@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import TypeAlias
 
 import numpy as np
 
@@ -22,8 +23,11 @@ from picktree.world.scene.description import (
     Fixture,
     SceneDescription,
 )
-from picktree.world.shapes import Box, Cylinder, Shape, Sphere
+from picktree.world.shapes import Box, Cylinder, Sphere
 from picktree.world.values import Array, ObjectId, Pose
+
+Solid: TypeAlias = Box | Cylinder | Sphere
+"""Shapes of which pictures are drawn."""
 
 HEIGHT = 0.9
 BLOCK, BRICK = Box((0.04, 0.04, 0.04)), Box((0.06, 0.03, 0.04))
@@ -46,7 +50,7 @@ LYING = Pose((0, 0, 0), (math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5)))
 
 @dataclass(frozen=True)
 class Thing:
-    shape: Shape
+    shape: Solid
     pose: Pose
     colour: str
 
@@ -74,7 +78,7 @@ class Robot:
         return (UrdfPrimitive("hand", self.box, Pose()),)
 
 
-def standing(shape: Shape, x: float, y: float, yaw: float, colour: str, lying: bool = False) -> Thing:
+def standing(shape: Solid, x: float, y: float, yaw: float, colour: str, lying: bool = False) -> Thing:
     """A thing on the table at z = 0."""
     match shape:
         case Box(size):
@@ -83,8 +87,6 @@ def standing(shape: Shape, x: float, y: float, yaw: float, colour: str, lying: b
             below = radius if lying else height / 2
         case Sphere(radius):
             below = radius
-        case _:
-            raise NotImplementedError
     turned = Pose.from_rpy((x, y, below), (0.0, 0.0, yaw))
     return Thing(shape, turned @ LYING if lying else turned, colour)
 
@@ -139,7 +141,7 @@ def _paint(depth: Array, colour: Array, things: Sequence[Thing], camera: Pose, r
         colour[nearer] = COLOURS[thing.colour]
 
 
-def _trace(shape: Shape, origin: Array, directions: Array) -> Array:
+def _trace(shape: Solid, origin: Array, directions: Array) -> Array:
     """Depths (n,) at which rays from `origin` in the shape's frame meet it; inf where they miss."""
     match shape:
         case Box(size):
@@ -148,8 +150,6 @@ def _trace(shape: Shape, origin: Array, directions: Array) -> Array:
             reach = math.hypot(radius, height / 2)
         case Sphere(radius):
             reach = radius
-        case _:
-            raise NotImplementedError
     length = np.linalg.norm(directions, axis=1)
     unit = directions / length[:, None]
     ahead = -unit @ origin
@@ -167,7 +167,7 @@ def _trace(shape: Shape, origin: Array, directions: Array) -> Array:
     return hit
 
 
-def _distance(shape: Shape, points: Array) -> Array:
+def _distance(shape: Solid, points: Array) -> Array:
     """Signed distance of points (n, 3) from the surface."""
     match shape:
         case Box(size):
@@ -178,8 +178,6 @@ def _distance(shape: Shape, points: Array) -> Array:
             )
         case Sphere(radius):
             return np.linalg.norm(points, axis=1) - radius
-        case _:
-            raise NotImplementedError
     return np.linalg.norm(np.maximum(q, 0.0), axis=1) + np.minimum(q.max(axis=1), 0.0)
 
 

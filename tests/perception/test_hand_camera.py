@@ -10,9 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from picktree.perception.expectation.hand_camera_pose import register_hand_camera
 from picktree.perception.expectation.robot_mask import RobotMask
-from picktree.perception.geometry.camera_geometry import PosedCamera
+from picktree.perception.geometry.camera_geometry import PosedCamera, register_hand_camera
 from picktree.perception.pipeline import Perception
 from picktree.perception.segmentation.blobs import downsample
 from picktree.planning.kinematics.inverse_kinematics import InverseKinematics

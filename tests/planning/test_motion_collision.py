@@ -9,7 +9,7 @@ import pytest
 
 from picktree.planning.collision.collision_bodies import CollisionMargins, is_board
 from picktree.planning.collision.collision_checker import CollisionChecker
-from picktree.planning.collision.start_tolerance import StartTolerance
+from picktree.planning.collision.trajectory_check import StartTolerance
 from picktree.planning.collision.trajectory_judge import TrajectoryVerifier
 from picktree.planning.kinematics.inverse_kinematics import InverseKinematics
 from picktree.world.belief.planning_scene import PlanningScene

@@ -10,10 +10,9 @@ from trimesh import load_mesh  # pyright: ignore[reportUnknownVariableType]
 
 from picktree.planning.collision.collision_bodies import fixed_bodies, movable_bodies
 from picktree.planning.collision.collision_checker import CollisionChecker
-from picktree.planning.collision.fcl_shapes import FclSolid, distance_between, hull, place, solid
+from picktree.planning.collision.scene_queries import FclSolid, distance_between, hull, place, solid
 from picktree.planning.collision.swept_volumes import MAX_JOINT_STEP, MAX_TCP_STEP, moments_of
 from picktree.planning.collision.trajectory_judge import PENETRATION_ROUNDING, TrajectoryVerifier
-from picktree.planning.kinematics.inverse_kinematics import InverseKinematics
 from picktree.planning.requests import Scaling
 from picktree.planning.timing.time_parameterization import time_corners
 from picktree.robots.loading import load_robot
@@ -23,7 +22,7 @@ from picktree.world.shapes import Box, ConvexMesh
 from picktree.world.trajectory import Trajectory
 from picktree.world.values import Array, Pose
 
-from .motion_cell import HOME, MODEL, down, item, littered, table_scene
+from .motion_cell import HOME, MODEL, item, littered, table_scene
 
 WIDTH = 0.06
 HAND = {"panda_hand", "panda_leftfinger", "panda_rightfinger"}
@@ -91,7 +90,7 @@ def one_by_one(trajectory: Trajectory, scene: PlanningScene) -> dict[tuple[str, 
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_bounds_hide_no_contact_and_no_nearer_pair(seed: int) -> None:
+def test_bounds_hide_no_contact(seed: int) -> None:
     scene, trajectory = scene_of(seed), some_motion(seed)
     least = one_by_one(trajectory, scene)
     judged = {(c.a, c.b): c.distance for c in judge().judge(trajectory, scene, WIDTH, excuse_start=False)}
@@ -102,10 +101,6 @@ def test_bounds_hide_no_contact_and_no_nearer_pair(seed: int) -> None:
         if d < (-0.002 if pair[1] == "table" else 0.0) - PENETRATION_ROUNDING
     }
     assert judged == pytest.approx(deep, abs=1e-9)
-    closest = judge().clearance(trajectory, scene, WIDTH)
-    assert closest is not None
-    assert closest.distance == pytest.approx(min(least.values()), abs=1e-9)
-    assert closest.distance == pytest.approx(least[closest.a, closest.b], abs=1e-9)
 
 
 def test_moments_are_close_together_and_begin_and_end_with_the_motion() -> None:
@@ -121,33 +116,10 @@ def test_moments_are_close_together_and_begin_and_end_with_the_motion() -> None:
         np.testing.assert_allclose(q, trajectory.sample(float(time))[0], atol=1e-12)
 
 
-def test_clearance_says_between_what_where_and_when() -> None:
-    """Straight down to 30 mm above a block, measured from the tips: the table is further away."""
-    block = item("block", Box((0.1, 0.1, 0.1)), Pose((0.5, 0.0, 0.05)))
-    scene = table_scene(block)
-    ik = InverseKinematics(MODEL)
-    tip = MODEL.description.gripper.tip
-    high, low = (ik.descend(down(0.5, 0.0, 0.1 + tip + above), HOME) for above in (0.15, 0.03))
-    assert high is not None and low is not None
-    trajectory = motion(high, low)
-    closest = judge().clearance(trajectory, scene, WIDTH)
-    assert closest is not None
-    assert closest.a in HAND and closest.b == "block"
-    assert closest.distance == pytest.approx(0.03, abs=0.0005)
-    assert closest.time == trajectory.duration
-    assert closest.point_b[2] == pytest.approx(0.1, abs=1e-6)
-    np.testing.assert_array_equal(closest.configuration, trajectory.end)
-    with scene.allow(("gripper", "block"), ("arm", "block")):
-        beside = judge().clearance(trajectory, scene, WIDTH)
-        assert beside is not None and "block" not in (beside.a, beside.b)
-
-
 def test_a_motion_that_stands_still_is_judged() -> None:
     still = np.zeros((2, 7))
     standing = Trajectory(np.array([0.0, 0.01]), np.array([HOME, HOME]), still, still)
     assert judge().judge(standing, table_scene(), WIDTH) == ()
-    closest = judge().clearance(standing, table_scene(), WIDTH)
-    assert closest is not None and closest.distance > 0.0
 
 
 def test_what_one_joint_carries_is_not_judged_against_itself() -> None:

@@ -4,16 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation, Slerp
 
 from picktree.planning.collision.collision_checker import CollisionChecker
-from picktree.planning.collision.start_tolerance import StartTolerance
+from picktree.planning.collision.trajectory_check import StartTolerance
 from picktree.planning.kinematics.cartesian_lines import (
     MAX_JOINT_JUMP,
     MAX_LINE_STEP,
     plan_line,
-    plan_line_from_any,
-    slerp,
 )
 from picktree.planning.kinematics.inverse_kinematics import InverseKinematics
 from picktree.world.belief.planning_scene import PlanningScene
@@ -87,30 +84,3 @@ def test_a_line_that_meets_something_says_with_which_configuration() -> None:
     assert found.ended_by == "collision" and found.blocked is not None and found.ended_at is not None
     assert MODEL.tcp(found.blocked).distance(found.ended_at) < 2e-5
     assert way(start, scene).free(found.path[-1]) and not way(start, scene).free(found.blocked)
-
-
-def test_another_posture_gets_through_where_the_first_meets_a_limit() -> None:
-    """From one of the postures the line ends early; the first from which it does not is taken."""
-    begin, end = down(0.4, 0.0, 0.5), down(0.4, 0.0, 0.05)
-    starts = IK.solutions(begin, np.random.default_rng(2), HOME, want=12)
-    fractions = [plan_line(MODEL, IK, way(q), q, end).fraction for q in starts]
-    assert min(fractions) < 1.0 == max(fractions)
-    short, through = int(np.argmin(fractions)), fractions.index(1.0)
-    found = plan_line_from_any(MODEL, IK, way, [starts[short], starts[through]], end)
-    assert found is not None and found.start == 1
-    assert (found.found.fraction, found.found.ended_by) == (1.0, "")
-    only = plan_line_from_any(MODEL, IK, way, [starts[short]], end)
-    assert only is not None and only.found.fraction == fractions[short] and only.found.ended_by
-    assert plan_line_from_any(MODEL, IK, way, [], end) is None
-
-
-@pytest.mark.parametrize("seed", range(5))
-def test_slerp_agrees_with_scipy(seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    ends = Rotation.from_rotvec(rng.uniform(-2, 2, (2, 3)))
-    a, b, minus_b = (quaternion(q) for q in (ends.as_quat()[0], ends.as_quat()[1], -ends.as_quat()[1]))
-    for share in (0.0, 0.3, 1.0):
-        for other in (b, minus_b):
-            mixed = Rotation.from_quat(slerp(a, other, share))
-            wanted = Slerp([0.0, 1.0], ends)(share)
-            assert (mixed.inv() * wanted).magnitude() < 1e-9

@@ -11,20 +11,21 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from picktree.planning.collision import edges
+from picktree.planning.collision import trajectory_check
 from picktree.planning.collision.collision_bodies import CollisionMargins
 from picktree.planning.collision.collision_checker import CollisionChecker
-from picktree.planning.collision.edges import EdgeSteps, bisection_order
-from picktree.planning.collision.start_tolerance import StartTolerance
 from picktree.planning.collision.trajectory_check import (
     MAX_JOINT_STEP,
     MAX_TCP_STEP,
+    EdgeSteps,
+    StartTolerance,
+    bisection_order,
     first_collision,
     is_trajectory_free,
     sampled_configurations,
 )
 from picktree.planning.requests import JointGoal, PoseGoal, Scaling
-from picktree.planning.search.start_retreat import retreat_path
+from picktree.planning.search.joint_planner import retreat_path
 from picktree.planning.timing.time_parameterization import time_corners
 from picktree.robots.loading import load_robot
 from picktree.robots.model import RobotModel
@@ -117,7 +118,7 @@ def test_no_point_of_the_arm_moves_further_in_a_step_than_said(robot: str) -> No
     def points(q: Array) -> Array:
         pin.forwardKinematics(model.arm, data, q)
         tool = pin.updateFramePlacement(model.arm, data, model.tcp_frame).act(
-            np.array([0.0, 0.0, edges.REACH_BEYOND_TCP])
+            np.array([0.0, 0.0, trajectory_check.REACH_BEYOND_TCP])
         )
         return np.array([*(data.oMi[k].translation.copy() for k in range(1, model.n + 1)), tool])
 
@@ -131,7 +132,7 @@ def test_no_point_of_the_arm_moves_further_in_a_step_than_said(robot: str) -> No
         k = int(rng.integers(count))
         step = points(a + (b - a) * ((k + 1) / count)) - points(a + (b - a) * (k / count))
         furthest = max(furthest, float(np.linalg.norm(step, axis=1).max()))
-    assert 0.3 * edges.MAX_EDGE_SWEEP < furthest <= edges.MAX_EDGE_SWEEP
+    assert 0.3 * trajectory_check.MAX_EDGE_SWEEP < furthest <= trajectory_check.MAX_EDGE_SWEEP
 
 
 @given(st.integers(1, 500))

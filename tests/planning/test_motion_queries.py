@@ -16,20 +16,19 @@ from .motion_cell import MODEL, down, item, table_scene
 TIP = MODEL.description.gripper.tip
 
 
-def test_clearance_between_spheres_is_centre_distance_less_radii() -> None:
+def test_the_distance_between_spheres_is_centre_distance_less_radii() -> None:
     queries = SceneQueries(MODEL, scene := table_scene())
     rng = np.random.default_rng(0)
     for k in range(30):
         centre = rng.uniform([0.2, -0.2, 0.5], [0.8, 0.2, 0.7])
         scene.put(item("ball", Sphere(0.04), Pose(tuple(centre))), f"{k}")
         asking = rng.uniform([0.2, -0.2, 0.4], [0.8, 0.2, 0.7])
-        clearance = queries.clearance(Sphere(0.03), Pose(tuple(asking)), ignore=("table", "bin_1", "bin_2"))
-        assert clearance is not None and clearance.name == "ball"
+        (near,) = queries.free(Sphere(0.03), Pose(tuple(asking)), ("table", "bin_1", "bin_2"), margin=1.0)
         expected = float(np.linalg.norm(centre - asking)) - 0.07
-        assert clearance.distance == pytest.approx(expected, abs=1e-5)
+        assert near.b == "ball" and near.distance == pytest.approx(expected, abs=1e-5)
         if expected > 0:
-            between = np.array(clearance.point) - np.array(clearance.point_on_body)
-            assert np.linalg.norm(between) == pytest.approx(expected, abs=1e-4)
+            to_body = float(np.linalg.norm(np.array(near.point) - asking))
+            assert to_body == pytest.approx(expected + 0.03, abs=1e-4)
 
 
 def test_a_spot_is_free_until_something_stands_there() -> None:
@@ -55,9 +54,9 @@ def test_a_convex_mesh_is_where_its_points_are() -> None:
     queries = SceneQueries(
         MODEL, table_scene(item("roof", ConvexMesh(points, "test"), Pose((0.5, 0.0, 0.2))))
     )
-    clearance = queries.clearance(Sphere(0.01), Pose((0.5, 0.0, 0.3)))
-    assert clearance is not None and clearance.name == "roof"
-    assert clearance.distance == pytest.approx(0.03, abs=1e-5)
+    nearest = queries.free(Sphere(0.01), Pose((0.5, 0.0, 0.3)), margin=1.0)[0]
+    assert nearest.b == "roof"
+    assert nearest.distance == pytest.approx(0.03, abs=1e-5)
 
 
 def test_what_the_hand_would_touch() -> None:

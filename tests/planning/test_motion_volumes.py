@@ -10,7 +10,7 @@ import pytest
 from picktree.perception.voxels.obstacle_volumes import merge_cells
 from picktree.perception.voxels.voxel_grid import Keys, cells_in_body, obstacle_from_cells
 from picktree.planning.collision.collision_checker import CollisionChecker
-from picktree.planning.collision.trajectory_judge import verify_trajectory
+from picktree.planning.collision.trajectory_judge import TrajectoryVerifier
 from picktree.planning.requests import JointGoal
 from picktree.world.belief.planning_scene import BeliefObject, PlanningScene
 from picktree.world.causes import Failure
@@ -55,7 +55,7 @@ def test_a_plan_goes_round_it(make: Callable[[float, float], Keys], hull: bool) 
     cell.at = left
     plan, _ = run(cell.plan.to(JointGoal(right)))
     assert plan.planner != "direct", "it is in the way"
-    assert verify_trajectory(plan.trajectory, scene, MODEL, 0.08) == ()
+    assert TrajectoryVerifier(MODEL).judge(plan.trajectory, scene, 0.08) == ()
 
 
 def test_a_contact_names_it() -> None:

@@ -9,8 +9,7 @@ from textwrap import indent
 from typing import cast
 
 from picktree.cell.world import World
-from picktree.planning.requests import DEFAULT_CHECK_BUDGET, NamedGoal, OffsetGoal, Request
-from picktree.planning.service.planner_overrides import PlannerOverrides
+from picktree.planning.requests import DEFAULT_CHECK_BUDGET, NamedGoal, OffsetGoal, PlannerOverrides, Request
 from picktree.recovery import NODES as RECOVERY
 from picktree.trees.loading.loader import parse_mission
 from picktree.trees.loading.registry import NodeRegistry

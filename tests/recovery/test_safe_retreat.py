@@ -141,7 +141,7 @@ def test_what_is_touched_on_the_way_home_is_left_and_gone_around(monkeypatch: py
     from dataclasses import replace
 
     from picktree.control.execution.motions import ArmMotion
-    from picktree.control.joints.soft_contact import JointImpedanceResult
+    from picktree.control.execution.soft_motion import JointImpedanceResult
 
     made = cell()
     assert do(made, "GoTo: {pose: rest}") == ("SUCCESS", "")

@@ -19,7 +19,7 @@ from picktree.robots.finger_linkage import LinkageFingers, SliderPair, fingers_o
 from picktree.robots.loading import load_robot, parse_robot
 from picktree.robots.model import RobotModel
 from picktree.robots.urdf_tree import link_geometry
-from picktree.simulation.checkpoints.physics_state import GripperCommand
+from picktree.simulation.checkpoints import GripperCommand
 from picktree.simulation.engine import Client
 from picktree.simulation.physics.robot.robot_body import RobotBody
 from picktree.world.shapes import corners

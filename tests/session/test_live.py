@@ -20,7 +20,7 @@ from picktree.logs.run_log import RunLog
 from picktree.logs.run_result import RunResult
 from picktree.logs.schema import topics
 from picktree.session.live_view import LiveServer
-from picktree.session.real_time_pace import WallClockPacer
+from picktree.session.observer import WallClockPacer
 from picktree.session.session import RunRequest, Session
 from picktree.world.belief.planning_scene import PlanningScene
 

@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 
 from picktree.robots.model import RobotModel
-from picktree.simulation.checkpoints.kinematic_state import KinematicState
-from picktree.simulation.checkpoints.physics_state import Checkpoint
+from picktree.simulation.checkpoints import Checkpoint, KinematicState
 from picktree.simulation.kinematic.backend import KinematicHardware
 from picktree.simulation.physics.backend import PhysicsHardware
 from picktree.simulation.scoring.truth import TrueBody

@@ -12,7 +12,7 @@ import pybullet as pb
 import pytest
 
 from picktree.errors import PicktreeError
-from picktree.simulation.checkpoints.physics_state import Checkpoint
+from picktree.simulation.checkpoints import Checkpoint
 from picktree.simulation.feed.belt_drive import BELT_ACCELERATION
 from picktree.simulation.physics import belts
 from picktree.simulation.physics.backend import PhysicsHardware

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import pytest
 
-from picktree.simulation.checkpoints.kinematic_state import KinematicState
+from picktree.simulation.checkpoints import KinematicState
 from picktree.simulation.kinematic.backend import KinematicHardware
 from picktree.world.scene.description import SceneDescription
 from picktree.world.values import Pose

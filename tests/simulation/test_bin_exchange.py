@@ -12,7 +12,7 @@ import pytest
 from picktree.errors import PicktreeError
 from picktree.simulation.backends import Backend
 from picktree.simulation.engine import pb
-from picktree.simulation.feed.bin_exchange import goes_with
+from picktree.simulation.feed.feeder import goes_with
 from picktree.simulation.physics.backend import PhysicsHardware
 from picktree.simulation.scoring.scorer import score
 from picktree.simulation.scoring.truth import TrueBody

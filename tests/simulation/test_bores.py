@@ -11,14 +11,13 @@ from numpy.typing import NDArray
 from trimesh import Trimesh
 
 from picktree.robots.loading import load_robot
-from picktree.simulation.checkpoints.physics_state import Checkpoint
-from picktree.simulation.common.uncertain_fixtures import displace_fixtures
+from picktree.simulation.checkpoints import Checkpoint
 from picktree.simulation.engine import Client, pb
 from picktree.simulation.physics.backend import PhysicsHardware
 from picktree.simulation.physics.bodies import add_fixed, add_item
-from picktree.simulation.physics.penetration import Penetrations
+from picktree.simulation.physics.contacts import Penetrations
 from picktree.simulation.scoring.truth import HoledFixtures, HoleSeating
-from picktree.simulation.spawning.spawn import SpawnedItem
+from picktree.simulation.spawning.spawn import SpawnedItem, displace_fixtures
 from picktree.world.scene.hole_geometry import convex_pieces, outline, surface
 from picktree.world.scene.loading.scene_loading import load_scene, parse_scene
 from picktree.world.shapes import Box

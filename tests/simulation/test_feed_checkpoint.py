@@ -8,8 +8,7 @@ import pytest
 
 from picktree.errors import PicktreeError
 from picktree.simulation.backends import Backend
-from picktree.simulation.checkpoints.kinematic_state import KinematicState
-from picktree.simulation.checkpoints.physics_state import Checkpoint
+from picktree.simulation.checkpoints import Checkpoint, KinematicState
 from picktree.simulation.physics.backend import PhysicsHardware
 from picktree.world.values import ObjectId
 

@@ -9,7 +9,7 @@ import pytest
 
 from picktree.errors import PicktreeError
 from picktree.robots.description import RobotDescription
-from picktree.simulation.checkpoints.kinematic_state import KinematicState
+from picktree.simulation.checkpoints import KinematicState
 from picktree.simulation.kinematic.backend import KinematicHardware
 from picktree.world.scene.description import SceneDescription
 from picktree.world.values import Pose

@@ -8,7 +8,7 @@ from dataclasses import replace
 import pytest
 
 from picktree.simulation.kinematic.backend import KinematicHardware
-from picktree.simulation.kinematic.pushing import KinematicContacts
+from picktree.simulation.kinematic.contact_forces import KinematicContacts
 from picktree.world.shapes import bottom
 from picktree.world.values import GRAVITY, Pose
 

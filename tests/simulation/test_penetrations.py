@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from picktree.simulation.physics.penetration import Penetrations
+from picktree.simulation.physics.contacts import Penetrations
 from picktree.world.values import ObjectId
 
 ITEM, OTHER = ObjectId("item_00"), ObjectId("item_01")
@@ -41,7 +41,7 @@ class Engine:
 @pytest.fixture
 def engine(monkeypatch: pytest.MonkeyPatch) -> Engine:
     made = Engine()
-    monkeypatch.setattr("picktree.simulation.physics.penetration.pb", made)
+    monkeypatch.setattr("picktree.simulation.physics.contacts.pb", made)
     return made
 
 

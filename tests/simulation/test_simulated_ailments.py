@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from picktree.simulation.backends import Backend, build_hardware
-from picktree.simulation.checkpoints.kinematic_state import KinematicState
+from picktree.simulation.checkpoints import KinematicState
 from picktree.simulation.fault_files.fault_loading import parse_faults
 from picktree.simulation.faults.injector import FaultInjector
 from picktree.simulation.kinematic.backend import KinematicHardware

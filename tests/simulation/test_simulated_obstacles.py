@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from picktree.errors import PicktreeError
-from picktree.simulation.checkpoints.kinematic_state import KinematicState
-from picktree.simulation.checkpoints.physics_state import Checkpoint
+from picktree.simulation.checkpoints import Checkpoint, KinematicState
 from picktree.simulation.fault_files.fault_loading import parse_faults
 from picktree.simulation.faults.injector import FaultInjector
 from picktree.simulation.kinematic.backend import KinematicHardware

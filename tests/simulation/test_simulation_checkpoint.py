@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from picktree.errors import PicktreeError
-from picktree.simulation.checkpoints.physics_state import Checkpoint
+from picktree.simulation.checkpoints import Checkpoint
 from picktree.simulation.physics.backend import PhysicsHardware
 
 from ..other_process import OtherProcess

@@ -14,6 +14,7 @@ from picktree.calibration.targets import TouchPoint
 from picktree.simulation.fault_files.device_entries import AtTime, CameraDrop
 from picktree.simulation.kinematic.backend import KinematicHardware
 from picktree.trees.skill import Steps
+from picktree.world.events.skill_events import CalibrationShotEvent
 from picktree.world.protocols import RgbdImage
 from picktree.world.scene.loading.scene_loading import load_scene
 from picktree.world.values import Array, Pose, Vector3
@@ -38,7 +39,7 @@ def notes(cell: Cell, *kinds: str) -> list[str]:
 
 
 def shots(cell: Cell) -> list[TargetImage]:
-    return [TargetImage.from_plain(dict(e.data)) for e in cell.events if e.kind == SHOT]
+    return [TargetImage.from_event(e) for e in cell.events if isinstance(e, CalibrationShotEvent)]
 
 
 class Eyes:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection
 from typing import TYPE_CHECKING, Literal, cast
 
+from ...world.events.run_events import HandledEvent
 from ..flow import FlowState, NodeOutcomes, OutcomeCollector, States, tidy
 from ..node import Node
 from ..ports import In, Out, port
@@ -131,11 +132,13 @@ class ForEach(Decorator):
         why = f"{report.cause}: {report.message}" if report else "the condition does not hold"
         message = f"element {self._index + 1} of {len(self._items)} failed and is passed over: {why}"
         element = self._items[self._index]
-        self.note(
-            "handled",
-            message,
-            cause=cause,
-            by="ForEach",
-            element=element if isinstance(element, str | int | float | bool) else str(element),
-            failed=report.node if report else failed.path,
+        self.world.journal.note(
+            HandledEvent(
+                message,
+                self.path,
+                cause=cause,
+                by="ForEach",
+                element=element if isinstance(element, str | int | float | bool) else str(element),
+                failed=report.node if report else failed.path,
+            )
         )

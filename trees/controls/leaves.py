@@ -6,6 +6,7 @@ from abc import abstractmethod
 from typing import TYPE_CHECKING, cast
 
 from ...files.expressions.expression import Expression
+from ...world.events.run_events import LogEvent
 from ..flow import NO_REPORT, FlowState, NodeOutcomes, OutcomeCollector
 from ..flow.default_flow import leaf
 from ..node import Node
@@ -146,7 +147,7 @@ class Log(Node):
     def on_tick(self) -> NodeStatus:
         value = plain_copy(self.value)
         self.feedback_message = self.message if value is None else f"{self.message}: {show(value)}"
-        self.note("log", self.feedback_message, value=value)
+        self.world.journal.note(LogEvent(self.feedback_message, self.path, value=value))
         return NodeStatus.SUCCESS
 
     @classmethod

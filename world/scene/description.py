@@ -2,71 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal, TypeAlias
 
 from ..shapes import Box, Shape
 from ..values import Bounds, ObjectId, Pose, Vector3
 from .calibration_results import SceneCalibration, TargetTile
-
-
-@dataclass(frozen=True, slots=True)
-class Belt:
-    """A fixture that carries what lies on it along its own +x while it runs."""
-
-    id: ObjectId
-    """Its box is the fixture of this name."""
-    speed: float
-    """m/s"""
-    eye: float
-    """Where a light barrier crosses it: from its middle along +x, m."""
-
-
-@dataclass(frozen=True, slots=True)
-class WhenClear:
-    """A load comes when the robot says that it is done with what lies there."""
-
-
-@dataclass(frozen=True, slots=True)
-class AtIntervals:
-    """A load comes whenever so much time has passed since the beginning, s."""
-
-    period: float
-
-
-@dataclass(frozen=True, slots=True)
-class AtTimes:
-    """A load comes at each of these simulated times, s, ascending."""
-
-    times: tuple[float, ...]
-
-
-When: TypeAlias = WhenClear | AtIntervals | AtTimes
-
-
-@dataclass(frozen=True, slots=True)
-class Delivery:
-    """Entry of the feed. `load` is the load of one delivery, as an entry of `spawn`. For a belt it is the
-    mixture of single items, over the whole of the belt's top."""
-
-    load: Spawn
-    when: When = WhenClear()
-    """Time of the loads; for a belt always `WhenClear`: it runs when the robot is ready."""
-    total: int | None = None
-    """Items in all; None: for ever."""
-    belt: ObjectId | None = None
-    """The belt at whose upstream end the items are set down; None: on the table."""
-    spacing: float = 0.15
-    """Mean distance on the belt from one item to the next, m."""
-
-
-@dataclass(frozen=True, slots=True)
-class Exchange:
-    """Somebody puts an empty bin in a full one's place when the robot asks."""
-
-    seconds: float
-    """How long that takes."""
-
 
 HoleForm: TypeAlias = Literal["round", "square", "slot"]
 
@@ -170,6 +111,14 @@ class CameraDescription:
     on: Literal["world", "hand"] = "world"
     """`hand`: it moves with the tool, and `pose` is the optical frame in the TCP's."""
 
+    def calibrated(self, calibration: SceneCalibration | None) -> CameraDescription:
+        """Return the camera with its calibrated pose, where there is one. The true pose, `pose @ error`,
+        stays."""
+        found = dict(calibration.cameras).get(self.name) if calibration is not None else None
+        if found is None:
+            return self
+        return replace(self, pose=found, error=found.inverse() @ self.pose @ self.error)
+
 
 @dataclass(frozen=True, slots=True)
 class CatalogueEntry:
@@ -204,6 +153,64 @@ class Spawn:
     """Dropped from 10 cm in any orientation instead of set down."""
     touching: bool = False
     """Set down side by side, each touching another."""
+
+
+@dataclass(frozen=True, slots=True)
+class Belt:
+    """A fixture that carries what lies on it along its own +x while it runs."""
+
+    id: ObjectId
+    """Its box is the fixture of this name."""
+    speed: float
+    """m/s"""
+    eye: float
+    """Where a light barrier crosses it: from its middle along +x, m."""
+
+
+@dataclass(frozen=True, slots=True)
+class WhenClear:
+    """A load comes when the robot says that it is done with what lies there."""
+
+
+@dataclass(frozen=True, slots=True)
+class AtIntervals:
+    """A load comes whenever so much time has passed since the beginning, s."""
+
+    period: float
+
+
+@dataclass(frozen=True, slots=True)
+class AtTimes:
+    """A load comes at each of these simulated times, s, ascending."""
+
+    times: tuple[float, ...]
+
+
+When: TypeAlias = WhenClear | AtIntervals | AtTimes
+
+
+@dataclass(frozen=True, slots=True)
+class Delivery:
+    """Entry of the feed. `load` is the load of one delivery, as an entry of `spawn`. For a belt it is the
+    mixture of single items, over the whole of the belt's top."""
+
+    load: Spawn
+    when: When = WhenClear()
+    """Time of the loads; for a belt always `WhenClear`: it runs when the robot is ready."""
+    total: int | None = None
+    """Items in all; None: for ever."""
+    belt: ObjectId | None = None
+    """The belt at whose upstream end the items are set down; None: on the table."""
+    spacing: float = 0.15
+    """Mean distance on the belt from one item to the next, m."""
+
+
+@dataclass(frozen=True, slots=True)
+class Exchange:
+    """Somebody puts an empty bin in a full one's place when the robot asks."""
+
+    seconds: float
+    """How long that takes."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,6 +6,8 @@ import math
 
 import numpy as np
 
+from ....logs.schema.event_records import ImageEvent
+from ....world.events.skill_events import SafetyStopEvent
 from ....world.shapes import extents
 from ....world.values import Vector3
 from ..investigation.case import Finding, Investigation
@@ -28,7 +30,7 @@ def touched(case: Investigation, failure: FailureStory) -> Finding | None:
     """What was near the hand when it was stopped, by the truth; None when the cause is no touch."""
     if failure.cause not in STOPPED and not pressed_from_below(failure):
         return None
-    stops = case.events("safety_stop", start=case.visit(failure).start, end=failure.time)
+    stops = case.events(SafetyStopEvent, start=case.visit(failure).start, end=failure.time)
     time = stops[-1].time if stops else failure.time
     hand = case.hand(time)
     felt = _felt(failure)
@@ -83,7 +85,7 @@ def _obstacle_near(case: Investigation, hand: Vector3 | None, time: float) -> st
 
 def _when_seen(case: Investigation, time: float) -> str:
     """When the robot last looked before it."""
-    looks = case.events("image", start=0.0, end=time)
+    looks = case.events(ImageEvent, start=0.0, end=time)
     return f"it was looked for the last time at {seconds(looks[-1].time)}" if looks else "nobody had looked"
 
 

@@ -214,6 +214,6 @@ def _felt_nothing(failure: FailureStory) -> list[str]:
 
 def _seen_empty(case: Investigation, item: str, since: float) -> list[str]:
     for at in case.changes(item, since):
-        if at.record.data.get("after") is None:
-            return [f"at {seconds(at.time)} {at.record.data.get('reason')}, and the robot gave it up"]
+        if at.record.after is None:
+            return [f"at {seconds(at.time)} {at.record.reason}, and the robot gave it up"]
     return []

@@ -8,16 +8,17 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from ....files.value_wording import listed
 from ....logs.schema.records import BodyRecord
 from ....manipulation.pick.pick_candidates import PLACE_STAGE, ROOM_STAGE, TRANSFER_STAGE
-from ....manipulation.place.bin_spots import free_cells, heap_heights
+from ....manipulation.place.release_poses import free_cells, heap_heights
 from ....world.belief.planning_scene import BeliefObject
 from ....world.scene.description import Bin, Fixture
 from ....world.shapes import extents
 from ....world.values import ObjectId, Pose
 from ..investigation.case import Finding, Investigation, reachable
 from ..investigation.explanation import CandidateChoice, FailureStory, number, word, words
-from ..investigation.number_wording import counted, listed, place, seconds
+from ..investigation.number_wording import counted, place, seconds
 
 OVER = 0.35
 """Height over a bin's rim, and width around an item, that hand and arm need, m."""
@@ -78,7 +79,7 @@ def no_way_to_bin(case: Investigation, failure: FailureStory, refused: int, tota
     inside = [b.id for b in case.believed_at(failure.time) if b.place == target.id]
     if inside:
         title = f"{target.id} is too crowded for {failure.item}: nowhere over it can the hand let go"
-        reasons = (*reasons, f"in it lie {listed(inside)}")
+        reasons = (*reasons, f"in it lie {listed(inside, 5)}")
         return Finding("bin.crowded", str(target.id), title, reasons, failure.item, failure.time)
     title = f"{failure.item} cannot be let go over {target.id} without touching something"
     return Finding("bin.hemmed_in", str(target.id), title, reasons, failure.item, failure.time)

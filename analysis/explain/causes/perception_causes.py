@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
+from ....files.value_wording import listed
+from ....logs.schema.event_records import ImageEvent
 from ....logs.schema.records import BodyRecord
 from ....world.scene.description import CameraDescription
 from ..investigation.case import Finding, Investigation
 from ..investigation.explanation import FailureStory
-from ..investigation.number_wording import counted, distance, listed, place
+from ..investigation.number_wording import counted, distance, place
 
 OFF = 0.005
 """A mean offset of belief from truth beyond this is the camera's, m."""
@@ -70,7 +72,7 @@ def never_seen(case: Investigation, true: str) -> Finding:
     cameras = [c for c in case.scene.cameras if c.on == "world"] if case.scene else []
     views = [f"it lies outside the picture of {c.name}" for c in cameras if not in_picture(c, body)]
     hidden = [f"it lies within the picture of {c.name}, hidden or not recognised" for c in cameras]
-    looks = len(case.events("image"))
+    looks = len(case.events(ImageEvent))
     title = f"{case.name_of(true)} was never seen: it lies at {place(body.pose.position)}"
     reasons = (*(views or hidden), f"the robot looked {counted(looks, 'time')}")
     return Finding("item.never_seen", true, title, reasons, true, None)
@@ -87,5 +89,5 @@ def in_picture(camera: CameraDescription, body: BodyRecord) -> bool:
 
 
 def _camera(case: Investigation) -> str:
-    looked = [str(at.record.message).removeprefix("image from ") for at in case.events("image")]
+    looked = [str(at.record.message).removeprefix("image from ") for at in case.events(ImageEvent)]
     return f"the camera {looked[0]}" if looked else "the camera"

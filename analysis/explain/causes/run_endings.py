@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from statistics import median
 
+from ....files.value_wording import listed
+from ....logs.failure_courses import time_lost
 from ....logs.visits import HALTED, Visit
+from ....world.events.skill_events import SafetyStopEvent
 from ..investigation.case import Finding, Investigation
 from ..investigation.explanation import ExplainedOutcome, FailureStory, number, word
-from ..investigation.failure_course import time_lost
-from ..investigation.number_wording import counted, listed, seconds
+from ..investigation.number_wording import counted, seconds
 
 
 def run_ended(case: Investigation, outcome: ExplainedOutcome) -> Finding | None:
@@ -69,7 +71,7 @@ def _under_way(case: Investigation) -> tuple[str, ...]:
         )
     running = [v for v in case.family.visits if v.outcome == "RUNNING" and not case.family.children(v)]
     told = [f"{_name(v)} (for {v.duration:.1f} s)" for v in running]
-    return (*reasons, f"what ran then: {listed(told)}") if told else tuple(reasons)
+    return (*reasons, f"what ran then: {listed(told, 5)}") if told else tuple(reasons)
 
 
 def _asked(case: Investigation) -> tuple[str, ...]:
@@ -115,13 +117,13 @@ def _timeout(case: Investigation, failure: FailureStory) -> Finding:
         if v.outcome == HALTED and v.last == visit.last and case.family.within(v, visit)
     ]
     allowed = number(failure, "seconds")
-    reasons = [f"stopped were: {listed([_name(v) for v in _leaves(case, halted)])}"] if halted else []
+    reasons = [f"stopped were: {listed([_name(v) for v in _leaves(case, halted)], 5)}"] if halted else []
     within = [
         f for f in case.failures if f.number != failure.number and case.family.within(case.visit(f), visit)
     ]
     if within:
         reasons.append(
-            f"{counted(len(within), 'failure')} before it took time: {listed([f.cause for f in within])}"
+            f"{counted(len(within), 'failure')} before it took time: {listed([f.cause for f in within], 5)}"
         )
     path = word(failure, "running") or visit.path
     done = [v.duration for v in case.family.visits if v.path == path and v.outcome == "SUCCESS"]
@@ -135,7 +137,7 @@ def _timeout(case: Investigation, failure: FailureStory) -> Finding:
 
 def _unacknowledged(case: Investigation, failure: FailureStory) -> Finding | None:
     """A motion that was refused because of a stop that nobody acknowledged."""
-    stops = case.events("safety_stop", end=failure.time)
+    stops = case.events(SafetyStopEvent, end=failure.time)
     if not stops:
         return None
     stop = stops[-1]
@@ -143,8 +145,7 @@ def _unacknowledged(case: Investigation, failure: FailureStory) -> Finding | Non
     title = f"the safety monitor stopped the arm{at}: {stop.record.message}"
     reasons = (f"at {seconds(stop.time)}; every motion is refused until a SafeRetreat acknowledges the stop",)
     about = failure.item or failure.node
-    cause = str(stop.record.data.get("cause", "safety.stop"))
-    return Finding(cause, about, title, reasons, failure.item, stop.time)
+    return Finding(stop.record.cause, about, title, reasons, failure.item, stop.time)
 
 
 def _leaves(case: Investigation, visits: list[Visit]) -> list[Visit]:

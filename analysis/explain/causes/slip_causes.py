@@ -130,7 +130,7 @@ def _grip(case: Investigation, failure: FailureStory) -> GripPeriod | None:
     attached = [
         at.time
         for at in case.changes(failure.item, end=failure.time)
-        if at.record.data.get("reason") == "attached to the gripper"
+        if at.record.reason == "attached to the gripper"
     ]
     if not attached:
         return None

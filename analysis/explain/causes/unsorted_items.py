@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import math
 
+from ....files.value_wording import listed
 from ....simulation.scoring.scorer import MAX_REST_SPEED
+from ....world.events.skill_events import ItemDoneEvent
 from ....world.scene.destinations import is_at
 from ..investigation.case import Finding, Investigation
 from ..investigation.explanation import FailureStory
-from ..investigation.number_wording import between, distance, listed, place, seconds
+from ..investigation.number_wording import between, distance, place, seconds
 from .item_whereabouts import NOWHERE, SAMPLED, way_since
 from .perception_causes import never_seen
 
@@ -50,11 +52,11 @@ def placed_at(case: Investigation, true: str) -> float | None:
 def _placed(case: Investigation, true: str, until: float = math.inf) -> tuple[float, str, str, str] | None:
     """Of the last time that it was placed: time, believed item, into what, by which node."""
     names = set(case.believed.get(true, ()))
-    found = [at for at in case.events("item_done", end=until) if str(at.record.data.get("object")) in names]
+    found = [at for at in case.events(ItemDoneEvent, end=until) if at.record.object in names]
     if not found:
         return None
-    data = found[-1].record.data
-    return found[-1].time, str(data.get("object")), str(data.get("into", "")), found[-1].record.node
+    done = found[-1].record
+    return found[-1].time, done.object, done.into or "", done.node
 
 
 def _gone_before_seen(case: Investigation, true: str) -> Finding | None:
@@ -136,7 +138,7 @@ def _left_bin(case: Investigation, true: str, item: str, into: str, time: float)
         return Finding("place.beside", true, title, tuple(reasons), item, time)
     others = [case.name_of(id_) for id_ in case.truth.tracks if id_ != true and _lies_in(case, id_, into)]
     if ends == into:
-        reasons.append(f"beside it lie {listed(others)}" if others else "nothing else lies there")
+        reasons.append(f"beside it lie {listed(others, 5)}" if others else "nothing else lies there")
         title = f"{item} lies above the rim of {into}, or does not come to rest there"
         return Finding(*_crowded(into, true, others), title, tuple(reasons), item, time)
     out, outside = next((t, b) for t, b in later if t > inside[-1] and case.bin_at(b) != into)
@@ -144,15 +146,15 @@ def _left_bin(case: Investigation, true: str, item: str, into: str, time: float)
     reasons.append(
         f"it lay there, and {distance(math.dist(lies.pose.position, lay.pose.position))} away later"
     )
-    placing = case.events("item_done", start=inside[-1] - FALLING, end=out + SAMPLED)
+    placing = case.events(ItemDoneEvent, start=inside[-1] - FALLING, end=out + SAMPLED)
     if math.dist(outside.pose.position, lay.pose.position) > PUSHED:
         placing = []
-    came = [str(at.record.data.get("object")) for at in placing if at.record.data.get("into") == into]
+    came = [at.record.object for at in placing if at.record.into == into]
     came = [name for name in came if name != item]
     when = between(inside[-1], out)
     if came:
         title = f"{into} is too small for all that belongs into it: {item} left it again {when}"
-        reasons.append(f"{listed(came)} came down into {into} about then and pushed it out")
+        reasons.append(f"{listed(came, 5)} came down into {into} about then and pushed it out")
         return Finding("bin.crowded", into, title, tuple(reasons), item, inside[-1])
     title = f"{item} left {into} again after it had been placed, {when}"
     reasons.append("nothing was placed there about then: something else than the arm flung it out")

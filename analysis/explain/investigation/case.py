@@ -9,27 +9,32 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
 from ....errors import PicktreeError
+from ....logs.failure_courses import VisitTree
 from ....logs.run_log import Stamped
-from ....logs.schema.records import BodyRecord, Event
+from ....logs.schema.event_records import BeliefEvent
+from ....logs.schema.records import BodyRecord
 from ....logs.visits import Visit
 from ....simulation.scoring.scorer import MAX_REST_SPEED, ItemScore, score
 from ....simulation.scoring.truth import TrueBody
+from ....world.events.run_events import BinExchangedEvent
+from ....world.journal import JournalEvent
 from ....world.scene.description import Bin, CatalogueEntry, Fixture, SceneDescription
 from ....world.scene.destinations import destination_rule
 from ....world.scene.loading.scene_loading import parse_scene
 from ....world.values import ObjectId, Pose, Vector3
 from .body_tracks import BodyTracks, paired
 from .explanation import FailureStory
-from .failure_course import VisitTree
 
 if TYPE_CHECKING:
     from ....logs.run_record import RunRecord
     from ....planning.kinematics.inverse_kinematics import InverseKinematics
+
+E = TypeVar("E", bound=JournalEvent)
 
 
 POSES = 12
@@ -141,14 +146,14 @@ class Investigation:
     @cached_property
     def departed(self) -> Mapping[str, str]:
         """True items taken away with their bin, and which bin that was: they count as lying in it."""
-        exchanges = self.events("bin_exchanged")
+        exchanges = self.events(BinExchangedEvent)
         found: dict[str, str] = {}
         for true in self.truth.tracks if exchanges else ():
             gone = self.truth.gone(true)
             if gone is None:
                 continue
             lay = self.bin_at(self.truth.tracks[true].bodies[-1])
-            times = [at.time for at in exchanges if at.record.data.get("bin") == lay]
+            times = [at.time for at in exchanges if at.record.bin == lay]
             if any(gone[0] - 1e-6 <= time <= gone[1] + 1e-6 for time in times):
                 found[true] = lay
         return found
@@ -205,17 +210,17 @@ class Investigation:
     def visit(self, failure: FailureStory) -> Visit:
         return self.family.visits[failure.visit]
 
-    def events(self, *kinds: str, start: float = 0.0, end: float = math.inf) -> list[Stamped[Event]]:
-        """Events of these kinds between two times, both inclusive, s."""
+    def events(self, kind: type[E], start: float = 0.0, end: float = math.inf) -> list[Stamped[E]]:
+        """Events of a kind between two times, both inclusive, s."""
         return [
-            at for at in self.run.events if at.record.kind in kinds and start - 1e-6 <= at.time <= end + 1e-6
+            Stamped(at.time, at.record)
+            for at in self.run.events
+            if isinstance(at.record, kind) and start - 1e-6 <= at.time <= end + 1e-6
         ]
 
-    def changes(self, item: str, start: float = 0.0, end: float = math.inf) -> list[Stamped[Event]]:
+    def changes(self, item: str, start: float = 0.0, end: float = math.inf) -> list[Stamped[BeliefEvent]]:
         """Changes of the belief of an item."""
-        return [
-            at for at in self.events("belief", start=start, end=end) if at.record.data.get("object") == item
-        ]
+        return [at for at in self.events(BeliefEvent, start=start, end=end) if at.record.object == item]
 
     def hand(self, time: float) -> Vector3 | None:
         """Where the hand's fingers were, m; None when the log does not tell."""

@@ -3,50 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal, TypeAlias, cast
+from typing import Literal, cast
 
+from ....logs.failure_courses import CureAttempt, FailureLink, Fate
+from ....logs.run_account import Episodes
 from ....logs.schema.records import Values
-from .episodes_of_log import Episodes
-
-Fate: TypeAlias = Literal["cured", "passed_over", "branched", "ended", "open"]
-"""What became of a failure.
-
-`cured`: recovery ran and what had failed then succeeded. `passed_over`: nothing cured it, and a loop went on
-with the next item. `branched`: a Fallback or another node went another way, as its mission says. `ended`: it
-reached the root, and the mission ended with it. `open`: the log ends before.
-"""
-
-
-@dataclass(frozen=True, slots=True)
-class FailureLink:
-    """A node that ended because of a failure, from where it came up towards the root."""
-
-    path: str
-    id: str
-    time: float
-    """Simulated s at which it ended."""
-    outcome: str
-    """FAILURE; or what the node made of it: SUCCESS, RUNNING when it went on."""
-
-
-@dataclass(frozen=True, slots=True)
-class CureAttempt:
-    """One try to cure a failure."""
-
-    node: str
-    """Path of the node that recovers, such as a `Recover`."""
-    handler: str
-    """The pattern of `when`, `otherwise`, or what the node calls it."""
-    time: float
-    """Simulated s at which it began."""
-    attempt: int
-    """The run of the branch that had failed: 1 for the first."""
-    ended: str
-    """How the handler's own branch ended: SUCCESS, FAILURE, SKIPPED, HALTED, RUNNING."""
-    seconds: float
-    """Simulated s that it took."""
-    ran: str = ""
-    """What the handler ran, as a reader knows it: a sub-tree, or the nodes of a list."""
 
 
 @dataclass(frozen=True, slots=True)

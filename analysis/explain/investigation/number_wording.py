@@ -45,13 +45,6 @@ def counted(number: int, one: str, many: str = "") -> str:
     return f"{number} {one if number == 1 else many or one + 's'}"
 
 
-def listed(words: Sequence[str], most: int = 5) -> str:
-    """`a, b and c`; what is beyond `most` is counted."""
-    if len(words) > most:
-        words = [*words[: most - 1], f"{len(words) - most + 1} more"]
-    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}" if words else ""
-
-
 def wrapped(text: str, first: str, rest: str | None = None) -> list[str]:
     """Lines of at most `WIDTH` columns that begin with `first`, all but the first of them with `rest`."""
     lines = textwrap.wrap(

@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 
 from ....files.diagnostics.fault_rendering import Paint
+from ....files.value_wording import listed
 from ....logs.episodes.episode import Episode, Planted
 from ....logs.episodes.episode_counts import ENDS, CauseCount
+from ....logs.failure_courses import CureAttempt
+from ....logs.run_account import Episodes
 from ....manipulation.pick.pick_candidates import RANKED_STAGE
-from ..investigation.episodes_of_log import Episodes
-from ..investigation.explanation import CandidateChoice, CureAttempt, FailureStory
-from ..investigation.number_wording import counted, listed, seconds, wrapped
+from ..investigation.explanation import CandidateChoice, FailureStory
+from ..investigation.number_wording import counted, seconds, wrapped
 
 PLANTED = 12
 """Planted faults that are told."""

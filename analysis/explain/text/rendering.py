@@ -10,11 +10,13 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING, cast
 
 from ....files.diagnostics.fault_rendering import Paint, plain
+from ....files.node_patterns import short_names
+from ....files.value_wording import listed
 from ....logs.episodes.episode_counts import CauseCount
 from ....logs.schema.json_records import encode
 from ....world.journal import Plain
 from ..investigation.explanation import Explanation, ItemStory, RootCause
-from ..investigation.number_wording import counted, listed, seconds, wrapped
+from ..investigation.number_wording import counted, seconds, wrapped
 from .failure_text import FailureText, recovery_lines
 
 if TYPE_CHECKING:
@@ -230,7 +232,6 @@ def _head(run: Run) -> str:
 
 def _names(run: Run) -> dict[str, str]:
     """Short names of all nodes of all the run's trees, by path."""
-    from ...compare.message_fields import short_names
 
     paths = [node.path for at in run.trees for node in at.record.nodes]
     return dict(short_names(paths))

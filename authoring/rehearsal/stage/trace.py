@@ -9,6 +9,7 @@ from typing import TypeAlias
 from ....trees.blackboard import BlackboardWrite
 from ....trees.status import NodeStatus
 from ....world.causes import FailureReport
+from ....world.events.run_events import HandledEvent, InternalErrorEvent, RecoveryEvent
 from ....world.journal import JournalEvent, Plain
 
 
@@ -182,12 +183,11 @@ class Trace:
 
     def noted(self, entry: JournalEvent) -> None:
         self.flush()
-        handler = entry.data.get("handler")
-        if isinstance(handler, str):
-            self._handlers[entry.node] = handler
-        if entry.kind == "internal_error":
+        if isinstance(entry, RecoveryEvent):
+            self._handlers[entry.node] = entry.handler
+        if isinstance(entry, InternalErrorEvent):
             self.faults.append(entry.message)
-        if entry.kind not in ("recovery", "handled"):
+        if not isinstance(entry, RecoveryEvent | HandledEvent):
             self._add(NoteTaken(self.tick, entry.node, entry.kind, entry.message))
 
     def flush(self, also: tuple[BlackboardWrite, ...] = ()) -> None:

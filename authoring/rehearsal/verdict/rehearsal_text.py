@@ -115,26 +115,6 @@ def show(value: Plain) -> str:
     return text if len(text) <= 60 else text[:57] + "..."
 
 
-def short_names(paths: Collection[str]) -> dict[str, str]:
-    """Return for each path its shortest end that no other path has.
-
-    >>> short_names(["Main/A/Grasp", "Main/A/Place", "Main/B/Place"])["Main/B/Place"]
-    'B/Place'
-    """
-    ends: dict[str, int] = {}
-    for path in paths:
-        parts = path.split("/")
-        for n in range(len(parts)):
-            end = "/".join(parts[n:])
-            ends[end] = ends.get(end, 0) + 1
-    short: dict[str, str] = {}
-    for path in paths:
-        parts = path.split("/")
-        every = ["/".join(parts[n:]) for n in range(len(parts) - 1, -1, -1)]
-        short[path] = next((end for end in every if ends[end] == 1), path)
-    return short
-
-
 _STARTS = ("node", "branch")
 """Kinds of points that are reached when a node starts."""
 

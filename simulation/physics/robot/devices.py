@@ -9,7 +9,7 @@ import numpy as np
 
 from ....errors import PicktreeError
 from ....world.values import Array, GripperState, JointState, Wrench
-from ...checkpoints.physics_state import GripperCommand, RobotReading
+from ...checkpoints import GripperCommand, RobotReading
 from ...common.sensor_noise import RobotSensorNoise
 from ...engine import EVERYDAY_STEP_RATE, RESOLUTION
 from ...faults.device_faults import DeviceFaults

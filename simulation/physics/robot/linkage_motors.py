@@ -14,7 +14,7 @@ from ....errors import PicktreeError
 from ....robots.description import GripperDescription
 from ....robots.finger_linkage import LinkageFingers
 from ....world.values import Pose, Quaternion, Vector3, rotated
-from ...checkpoints.physics_state import GripperCommand
+from ...checkpoints import GripperCommand
 from ...engine import pb
 
 MISSING_GEAR_SHARE = 0.86

@@ -12,7 +12,7 @@ from ....errors import PicktreeError
 from ....robots.description import RobotDescription
 from ....robots.finger_linkage import fingers_of
 from ....world.values import Array, Pose
-from ...checkpoints.physics_state import ArmCommand, GripperCommand, RobotReading
+from ...checkpoints import ArmCommand, GripperCommand, RobotReading
 from ...engine import Client, pb
 from .linkage_motors import GearReaction, LinkageMotors
 from .robot_urdf import patched_urdf

@@ -99,7 +99,7 @@ def _check_places(
         hint = f"{1000 * MIN_WALL:g} mm at least, beside their chamfers"
         check.fault((*loc, other), message, hint, code="P434", key=True)
     if not clashes and isinstance(cut := partition_top(Box(box), tuple(good.values())), InterlockedHoles):
-        names = listed((str(hole.id) for hole in cut.holes), "and")
+        names = listed(repr(str(hole.id)) for hole in cut.holes)
         hint = "move or turn one of them"
         check.fault(loc, f"no straight line parts the holes {names}", hint, code="P434", key=True)
 

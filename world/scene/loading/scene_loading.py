@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import yaml
@@ -21,7 +21,6 @@ from ..body_schema import CatalogueFile, FixtureFile, UnknownFile
 from ..calibration_results import SceneCalibration
 from ..description import (
     Bin,
-    CameraDescription,
     CatalogueEntry,
     Destination,
     Exchange,
@@ -196,7 +195,7 @@ class _Parts:
             robot=rest.robot if self.robot.parent == ROBOTS else str(self.robot.resolve()),
             fixtures=tuple(b for b in bodies if not isinstance(b, Bin)),
             bins=tuple(bins.values()),
-            cameras=tuple(_calibrated(camera(name, entry), known) for name, entry in self.cameras.items()),
+            cameras=tuple(camera(name, entry).calibrated(known) for name, entry in self.cameras.items()),
             catalogue=tuple(k for k in self.catalogue.values() if k is not None),
             spawn=tuple(_spawn(entry) for entry in self.spawn),
             destinations=tuple(Destination(d.where, ObjectId(d.to)) for d in self.destinations),
@@ -345,14 +344,6 @@ def _calibration(found: CalibrationFile | None) -> SceneCalibration | None:
         date=found.date,
         by=found.by,
     )
-
-
-def _calibrated(camera: CameraDescription, known: SceneCalibration | None) -> CameraDescription:
-    """Return the camera with its calibrated pose, if any. The true pose, `pose @ error`, stays."""
-    pose = dict(known.cameras).get(camera.name) if known is not None else None
-    if pose is None:
-        return camera
-    return replace(camera, pose=pose, error=pose.inverse() @ camera.pose @ camera.error)
 
 
 def _spawn(entry: SpawnFile) -> Spawn:

@@ -1,4 +1,4 @@
-// Geometry of what analysis/report/panels/stage.py packed, and how it looks.
+// Geometry of what analysis/report/stage_panel.py packed, and how it looks.
 
 import {
   BoxGeometry, BufferAttribute, BufferGeometry, Color, CylinderGeometry, EdgesGeometry, Group, LineBasicMaterial,

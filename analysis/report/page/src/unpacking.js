@@ -1,4 +1,4 @@
-// Reads what analysis/report/page_data/packing.py packed.
+// Reads what analysis/report/packing.py packed.
 
 const KINDS = {
   u1: Uint8Array, i1: Int8Array, u2: Uint16Array, i2: Int16Array,

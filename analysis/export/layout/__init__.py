@@ -1,1 +1,0 @@
-"""Layout for Foxglove and Lichtblick, made for one log's own tree, topics, joints and cameras."""

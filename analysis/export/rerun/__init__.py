@@ -1,1 +1,0 @@
-"""Rerun recording of a run."""

@@ -1,0 +1,231 @@
+"""Row types of the tables. Times are simulated seconds from the run's start; paths name nodes of the tree."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, TypeAlias
+
+from .table_files import ColumnDoc
+
+Time: TypeAlias = Annotated[float, ColumnDoc("simulated time", "s")]
+Tick: TypeAlias = Annotated[int, ColumnDoc("number of the tick, 0 for the first of the log")]
+Item: TypeAlias = Annotated[str, ColumnDoc("id of the object that it is about, empty when there is none")]
+Path: TypeAlias = Annotated[str, ColumnDoc("path of the node in the tree")]
+Cause: TypeAlias = Annotated[
+    str, ColumnDoc("cause of the failure, such as grasp.missed; empty when it did not fail")
+]
+Message: TypeAlias = Annotated[str, ColumnDoc("what it said, for people")]
+X: TypeAlias = Annotated[float, ColumnDoc("position in the world, x", "m")]
+Y: TypeAlias = Annotated[float, ColumnDoc("position in the world, y", "m")]
+Z: TypeAlias = Annotated[float, ColumnDoc("position in the world, z", "m")]
+Qx: TypeAlias = Annotated[float, ColumnDoc("orientation in the world: quaternion, x")]
+Qy: TypeAlias = Annotated[float, ColumnDoc("orientation in the world: quaternion, y")]
+Qz: TypeAlias = Annotated[float, ColumnDoc("orientation in the world: quaternion, z")]
+Qw: TypeAlias = Annotated[float, ColumnDoc("orientation in the world: quaternion, w")]
+
+
+@dataclass(frozen=True, slots=True)
+class TickRow:
+    tick: Tick
+    time: Time
+    root_status: Annotated[str, ColumnDoc("RUNNING, SUCCESS or FAILURE")]
+    tip: Annotated[str, ColumnDoc("path of the deepest running node, empty when none runs")]
+    tip_id: Annotated[str, ColumnDoc("registered name of that node, such as Grasp")]
+    tip_message: Annotated[str, ColumnDoc("what that node said")]
+    running: Annotated[int, ColumnDoc("nodes that run after the tick")]
+    began: Annotated[int, ColumnDoc("nodes that began in the tick; 0 in logs of format 1")]
+    ended: Annotated[int, ColumnDoc("nodes that ended in the tick; 0 in logs of format 1")]
+    writes: Annotated[int, ColumnDoc("writes to the blackboard")]
+
+
+@dataclass(frozen=True, slots=True)
+class VisitRow:
+    visit: Annotated[int, ColumnDoc("number of the visit, in the order of the beginnings")]
+    path: Path
+    id: Annotated[str, ColumnDoc("registered name of the node, such as Grasp")]
+    item: Item
+    attempt: Annotated[int, ColumnDoc("visits of this node for this item so far, this one included")]
+    parent: Annotated[int | None, ColumnDoc("number of the visit of the parent; empty for the root")]
+    start: Annotated[float, ColumnDoc("simulated time at which it began", "s")]
+    end: Annotated[float, ColumnDoc("simulated time at which it ended, or the log did", "s")]
+    duration: Annotated[float, ColumnDoc("simulated time from beginning to end", "s")]
+    first_tick: Annotated[int, ColumnDoc("number of the tick in which it began")]
+    last_tick: Annotated[int, ColumnDoc("number of the tick in which it ended")]
+    outcome: Annotated[str, ColumnDoc("SUCCESS, FAILURE, SKIPPED, HALTED; RUNNING when the log ends before")]
+    cause: Cause
+    origin: Annotated[str, ColumnDoc("path of the node that the failure came from")]
+    message: Message
+    inputs: Annotated[str, ColumnDoc("what it read through references, by port: a JSON object")]
+    evidence: Annotated[str, ColumnDoc("evidence of the failure: a JSON object")]
+
+
+@dataclass(frozen=True, slots=True)
+class PlanRow:
+    time: Time
+    request: Annotated[str, ColumnDoc("what was asked for")]
+    planner: Annotated[str, ColumnDoc("who answered")]
+    outcome: Annotated[str, ColumnDoc("found, or why not")]
+    message: Message
+    checks: Annotated[int, ColumnDoc("collision checks")]
+    thinking: Annotated[float, ColumnDoc("simulated time that the checks cost", "s")]
+    duration: Annotated[float, ColumnDoc("of the motion", "s")]
+    waypoints: Annotated[int, ColumnDoc("of the path in joint space")]
+    tool_length: Annotated[float, ColumnDoc("way of the tool's centre point", "m")]
+    path: Annotated[str, ColumnDoc("waypoints, joint positions in rad: a JSON list of lists")]
+    tool_path: Annotated[str, ColumnDoc("points of the tool in the world, m: a JSON list of lists")]
+
+
+@dataclass(frozen=True, slots=True)
+class CandidateRow:
+    time: Time
+    purpose: Annotated[str, ColumnDoc("what was chosen, and by which node")]
+    object: Annotated[str, ColumnDoc("id of the object")]
+    name: Annotated[str, ColumnDoc("of the candidate")]
+    verdict: Annotated[str, ColumnDoc("accepted, or why not")]
+    score: Annotated[float, ColumnDoc("by which candidates were ranked, the lowest first")]
+    place: Annotated[
+        str, ColumnDoc("where the object would have been put; empty when it did not come that far")
+    ]
+    stage: Annotated[str, ColumnDoc("that it did not pass, or the last that it passed; empty in older logs")]
+    by: Annotated[str, ColumnDoc("what was in the way")]
+    gap: Annotated[float, ColumnDoc("distance to it, negative when it is a depth; 0 when not known", "m")]
+    count: Annotated[int, ColumnDoc("how many places of the grasp dropped out alike")]
+    x: X
+    y: Y
+    z: Z
+    qx: Qx
+    qy: Qy
+    qz: Qz
+    qw: Qw
+
+
+@dataclass(frozen=True, slots=True)
+class PickRow:
+    time: Time
+    object: Annotated[str, ColumnDoc("id of the object that the fingers closed on")]
+    held: Annotated[bool, ColumnDoc("whether it was held, as the robot felt it")]
+    node: Path
+    form: Annotated[str, ColumnDoc("box, cylinder, …")]
+    candidate: Annotated[str, ColumnDoc("name of the grasp that was tried")]
+    first_try: Annotated[bool | None, ColumnDoc("whether the object had not been tried before")]
+    width: Annotated[float | None, ColumnDoc("opening of the fingers after they closed", "m")]
+    load: Annotated[float | None, ColumnDoc("force at the wrist after the lift, against the empty hand", "N")]
+
+
+@dataclass(frozen=True, slots=True)
+class FailureRow:
+    failure: Annotated[int, ColumnDoc("number of the failure")]
+    time: Time
+    tick: Tick
+    visit: Annotated[int, ColumnDoc("number of the visit that failed")]
+    node: Path
+    id: Annotated[str, ColumnDoc("registered name of the node")]
+    item: Item
+    attempt: Annotated[int, ColumnDoc("of that node for that item")]
+    cause: Cause
+    message: Message
+    fate: Annotated[str, ColumnDoc("cured, passed_over, branched, ended or open")]
+    fate_by: Annotated[str, ColumnDoc("path of the node that decided it")]
+    fate_at: Annotated[float | None, ColumnDoc("simulated time at which that was", "s")]
+    seconds_lost: Annotated[float | None, ColumnDoc("simulated time from the failure until then", "s")]
+    because_of: Annotated[int | None, ColumnDoc("number of the failure that it follows from")]
+    handlers: Annotated[str, ColumnDoc("what recovery tried, in order: a JSON list")]
+    evidence: Annotated[str, ColumnDoc("a JSON object")]
+
+
+@dataclass(frozen=True, slots=True)
+class ItemRow:
+    item: Annotated[str, ColumnDoc("id, as the robot believed")]
+    kind: Annotated[str, ColumnDoc("of the catalogue")]
+    colour: Annotated[str, ColumnDoc("as the robot saw it")]
+    state: Annotated[str, ColumnDoc("done, held, left or gone, at the end")]
+    picks: Annotated[int, ColumnDoc("times that the fingers closed on it")]
+    held: Annotated[int, ColumnDoc("times that it was then held")]
+    failures: Annotated[int, ColumnDoc("failures about it")]
+    first_seen: Annotated[float | None, ColumnDoc("simulated time", "s")]
+    done: Annotated[float | None, ColumnDoc("simulated time at which it was done", "s")]
+
+
+@dataclass(frozen=True, slots=True)
+class EventRow:
+    time: Time
+    kind: Annotated[str, ColumnDoc("pick, recovery, item_done, fault, belief, image, …")]
+    message: Message
+    node: Path
+    data: Annotated[str, ColumnDoc("what belongs to the kind: a JSON object")]
+
+
+@dataclass(frozen=True, slots=True)
+class ObjectRow:
+    """Objects of the belief and of the ground truth in one table, to be compared by id and time."""
+
+    time: Time
+    source: Annotated[str, ColumnDoc("belief, or truth, which the robot did not know")]
+    id: Annotated[str, ColumnDoc("of the object; belief and truth have names of their own")]
+    kind: Annotated[str, ColumnDoc("of the catalogue")]
+    colour: Annotated[str, ColumnDoc("its name")]
+    place: Annotated[str, ColumnDoc("where it is believed to be: table, hand, a bin; empty for the truth")]
+    attached: Annotated[bool, ColumnDoc("whether it is believed to be in the hand")]
+    confidence: Annotated[float, ColumnDoc("of the belief, 0 to 1")]
+    x: X
+    y: Y
+    z: Z
+    qx: Qx
+    qy: Qy
+    qz: Qz
+    qw: Qw
+
+
+@dataclass(frozen=True, slots=True)
+class JointRow:
+    """Joint at a tick: for a column for each joint, pivot by `joint`."""
+
+    time: Time
+    joint: Annotated[str, ColumnDoc("name in the URDF")]
+    position: Annotated[float, ColumnDoc("of a joint that slides: m", "rad or m")]
+    velocity: Annotated[float, ColumnDoc("of a joint that slides: m/s", "rad/s or m/s")]
+    effort: Annotated[float, ColumnDoc("of a joint that slides: N", "Nm or N")]
+
+
+@dataclass(frozen=True, slots=True)
+class WrenchRow:
+    """External wrench at the wrist, in world axes."""
+
+    time: Time
+    fx: Annotated[float, ColumnDoc("force, x", "N")]
+    fy: Annotated[float, ColumnDoc("force, y", "N")]
+    fz: Annotated[float, ColumnDoc("force, z", "N")]
+    tx: Annotated[float, ColumnDoc("torque, x", "Nm")]
+    ty: Annotated[float, ColumnDoc("torque, y", "Nm")]
+    tz: Annotated[float, ColumnDoc("torque, z", "Nm")]
+
+
+@dataclass(frozen=True, slots=True)
+class ControlRow:
+    """Set point of the arm's servo at the moment at which the joint was read."""
+
+    time: Time
+    controller: Annotated[str, ColumnDoc("who commands: Hold, Track, Brake, …")]
+    joint: Annotated[str, ColumnDoc("name in the URDF")]
+    reference: Annotated[float | None, ColumnDoc("position; empty while torques are commanded", "rad")]
+    error: Annotated[float | None, ColumnDoc("reference less position", "rad")]
+
+
+@dataclass(frozen=True, slots=True)
+class TimingRow:
+    """Wall times of a tick, which differ in every run."""
+
+    time: Time
+    total: Annotated[float, ColumnDoc("wall time of the tick", "s")]
+    physics: Annotated[float, ColumnDoc("wall time of it", "s")]
+    control: Annotated[float, ColumnDoc("wall time of it", "s")]
+    planning: Annotated[float, ColumnDoc("wall time of it", "s")]
+    perception: Annotated[float, ColumnDoc("wall time of it", "s")]
+    rendering: Annotated[float, ColumnDoc("wall time of it", "s")]
+    recording: Annotated[float, ColumnDoc("wall time of it", "s")]
+
+
+@dataclass(frozen=True, slots=True)
+class RunRow:
+    key: Annotated[str, ColumnDoc("such as seed, status, version.pybullet, parameter.speed")]
+    value: Annotated[str, ColumnDoc("as text")]

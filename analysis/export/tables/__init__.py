@@ -1,1 +1,0 @@
-"""Tables of a run: their columns and rows, and the files that hold them."""

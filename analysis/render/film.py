@@ -1,0 +1,272 @@
+"""Film of a run, from its log alone."""
+
+from __future__ import annotations
+
+import math
+import multiprocessing
+import signal
+import time
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from multiprocessing.connection import Connection
+from multiprocessing.process import BaseProcess
+from pathlib import Path
+from types import TracebackType
+from typing import Final
+
+import numpy as np
+
+from ...errors import PicktreeError
+from ...logs.run_log import RunLog
+from ...logs.schema.records import LinkMesh
+from .captions import write
+from .encoding import require_encoder, write_gif, write_mp4
+from .frames import FrameContent, moments
+from .rasterizer import Picture
+from .scene_view import SceneRenderer, Show
+from .viewpoint import VIEWS, PictureView
+
+_MAX_WAITING_FRAMES = 2
+"""Maximum number of frames that wait at each process: no process is idle, and few frames are in memory."""
+
+
+@dataclass(frozen=True, slots=True)
+class FrameSetup:
+    """Settings of all frames of a film."""
+
+    robot: tuple[LinkMesh, ...]
+    view: PictureView
+    size: tuple[int, int]
+
+
+class FrameWorkers:
+    """Processes that draw frames; a context manager. With one process everything is drawn in the present
+    one."""
+
+    def __init__(self, setup: FrameSetup, processes: int) -> None:
+        self._setup, self._count = setup, processes
+        self._painters: list[tuple[BaseProcess, Connection]] = []
+
+    def __enter__(self) -> FrameWorkers:
+        if self._count > 1:
+            # Spawned, because a fork would take over locks of libraries' threads.
+            context = multiprocessing.get_context("spawn")
+            for _ in range(self._count):
+                ours, theirs = context.Pipe()
+                process = context.Process(target=_draw_frames, args=(theirs, self._setup), daemon=True)
+                process.start()
+                theirs.close()
+                self._painters.append((process, ours))
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        for process, line in self._painters:
+            line.close()
+            if kind is not None:
+                process.terminate()
+        for process, _ in self._painters:
+            process.join()
+        self._painters.clear()
+
+    def pictures(self, frames: Iterable[FrameContent]) -> Iterator[Picture]:
+        """Yield RGB (h, w, 3) of each frame, in order. Raises PicktreeError when a process dies."""
+        if not self._painters:
+            scenery = _scenery(self._setup)
+            for frame in frames:
+                yield _draw_frame(scenery, frame)
+            return
+        waiting: deque[Connection] = deque()
+        for number, frame in enumerate(frames):
+            if len(waiting) == _MAX_WAITING_FRAMES * len(self._painters):
+                yield self._received(waiting.popleft())
+            line = self._painters[number % len(self._painters)][1]
+            try:
+                line.send(frame)
+            except OSError:
+                raise _dead_process_error() from None
+            waiting.append(line)
+        while waiting:
+            yield self._received(waiting.popleft())
+
+    def _received(self, line: Connection) -> Picture:
+        width, height = self._setup.size
+        try:
+            data = line.recv_bytes()
+        except (EOFError, OSError):
+            raise _dead_process_error() from None
+        return np.frombuffer(data, np.uint8).reshape(height, width, 3)
+
+
+def _dead_process_error() -> PicktreeError:
+    return PicktreeError("a process that draws frames has died; --processes 1 does without others")
+
+
+def _draw_frames(line: Connection, setup: FrameSetup) -> None:
+    """Draw received frames until the connection closes: the main function of a process."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent process decides
+    scenery = _scenery(setup)
+    try:
+        while True:
+            frame: FrameContent = line.recv()
+            line.send_bytes(_draw_frame(scenery, frame).tobytes())
+    except (EOFError, OSError):
+        return
+
+
+def _scenery(setup: FrameSetup) -> SceneRenderer:
+    return SceneRenderer(setup.robot, setup.view, setup.size)
+
+
+def _draw_frame(scenery: SceneRenderer, frame: FrameContent) -> Picture:
+    picture = scenery.picture(frame.shown)
+    write(picture, frame.caption)
+    return picture
+
+
+FILM_SUFFIXES: Final = (".mp4", ".gif")
+FAILURE_DISPLAY_TIME = 2.0
+"""Time for which a failure is shown, s of the film."""
+_MAX_SINGLE_PROCESS_FRAMES = 60
+"""Number of frames up to which further processes do not pay for their start."""
+_PALETTE_IMAGES = 5
+"""Number of images from which a GIF's colours are chosen."""
+
+
+@dataclass(frozen=True, slots=True)
+class FilmRequest:
+    """Content and settings of a film. None means the default for the kind of file."""
+
+    start: float = 0.0
+    """Start, simulated s."""
+    end: float | None = None
+    """End, simulated s; None: time of the last message."""
+    speed: float = 1.0
+    """Simulated seconds in a second of the film."""
+    fps: int | None = None
+    size: tuple[int, int] | None = None
+    """Width and height, pixels."""
+    view: PictureView = VIEWS["corner"]
+    show: Show = "belief"
+    processes: int = 1
+    """Number of drawing processes; more than one needs a program whose main module may be imported again."""
+
+
+@dataclass(frozen=True, slots=True)
+class Film:
+    """Written film."""
+
+    path: Path
+    frames: int
+    fps: int
+    size: tuple[int, int]
+    bytes: int
+    wall: float
+    """Time to make the film, wall s."""
+
+    @property
+    def seconds(self) -> float:
+        """Length of the film, s."""
+        return self.frames / self.fps
+
+    def to_text(self) -> str:
+        return (
+            f"{self.path}: {self.seconds:.1f} s, {self.frames} frames of {self.size[0]} × {self.size[1]}, "
+            f"{self.bytes / 1e6:.1f} MB, made in {self.wall:.0f} s"
+        )
+
+    def to_json(self) -> dict[str, object]:
+        return {
+            "path": str(self.path),
+            "seconds": self.seconds,
+            "frames": self.frames,
+            "fps": self.fps,
+            "size": list(self.size),
+            "bytes": self.bytes,
+            "wall": self.wall,
+        }
+
+
+def film(
+    log: RunLog,
+    output: Path,
+    request: FilmRequest | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> Film:
+    """Make the film `output`, an .mp4 or .gif. `progress` receives the number of finished frames, and of all.
+
+    When it is stopped, no file remains. Raises PicktreeError for an unknown kind of file, a span without an
+    image, and where the file cannot be written.
+    """
+    began = time.monotonic()
+    request = request or FilmRequest()
+    ending = output.suffix.lower()
+    if ending not in FILM_SUFFIXES:
+        raise PicktreeError(f"{output}: a film is a file that ends in {' or '.join(FILM_SUFFIXES)}")
+    require_encoder()
+    moving = ending == ".gif"
+    fps = request.fps or (10 if moving else 20)
+    size = request.size or ((640, 400) if moving else (960, 600))
+    if not moving and (size[0] % 2 or size[1] % 2):
+        raise PicktreeError(f"size {size[0]}x{size[1]}: the sides of an MP4 must be even")
+    start, end = _span(log, request)
+    count = max(1, round((end - start) / request.speed * fps))
+    times = [min(start + k * request.speed / fps, end) for k in range(count)]
+
+    def pictures(some: list[float], painters: FrameWorkers) -> Iterator[Picture]:
+        hold, speed = FAILURE_DISPLAY_TIME * request.speed, request.speed
+        frames = moments(log, some, (start, end), show=request.show, hold=hold, speed=speed, bar=True)
+        return painters.pictures(frames)
+
+    setup = FrameSetup(log.robot_model(), request.view, size)
+    partial = output.with_name(f".{output.name}.partial")
+    try:
+        output.parent.mkdir(parents=True, exist_ok=True)
+        partial.touch()
+    except OSError as error:
+        raise _refused(output, error) from None
+    try:
+        with FrameWorkers(setup, request.processes if count > _MAX_SINGLE_PROCESS_FRAMES else 1) as painters:
+            drawn = _with_progress(pictures(times, painters), count, progress)
+            if moving:
+                sample = list(
+                    pictures(times[:: max(1, math.ceil(count / _PALETTE_IMAGES))], FrameWorkers(setup, 1))
+                )
+                frames = write_gif(partial, drawn, size, fps, sample)
+            else:
+                frames = write_mp4(partial, drawn, size, fps)
+        written = partial.stat().st_size
+        partial.replace(output)
+    except OSError as error:
+        raise _refused(output, error) from None
+    finally:
+        partial.unlink(missing_ok=True)
+    return Film(output, frames, fps, size, written, time.monotonic() - began)
+
+
+def _refused(output: Path, error: OSError) -> PicktreeError:
+    return PicktreeError(f"{output} cannot be written: {(error.strerror or str(error)).lower()}")
+
+
+def _span(log: RunLog, request: FilmRequest) -> tuple[float, float]:
+    end = log.end if request.end is None else min(request.end, log.end)
+    if not request.speed > 0:
+        raise PicktreeError(f"speed {request.speed:g}: it must be more than 0")
+    if request.start >= log.end:
+        raise PicktreeError(
+            f"{log.path}: the run lasted {log.end:.2f} s; there is nothing from {request.start:g} s on"
+        )
+    if request.start < 0 or request.start >= end:
+        raise PicktreeError(f"from {request.start:g} s to {end:g} s there is nothing to film")
+    return request.start, end
+
+
+def _with_progress(
+    pictures: Iterable[Picture], count: int, progress: Callable[[int, int], None] | None
+) -> Iterator[Picture]:
+    for number, picture in enumerate(pictures, 1):
+        yield picture
+        if progress is not None:
+            progress(number, count)

@@ -1,1 +1,0 @@
-"""Data for several panels of a report: packing, motions, ticks, texts."""

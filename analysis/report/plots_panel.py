@@ -1,0 +1,189 @@
+"""Plots panel: joints, tracking error, wrench and gripper over time, in few bytes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final, cast
+
+import numpy as np
+import yaml
+from numpy.typing import NDArray
+
+from ...errors import PicktreeError
+from ...logs.series import ControlSeries, JointSeries, WrenchSeries
+from ..run import Run
+from .packing import Packable, Section, quantise
+
+Floats = NDArray[np.float64]
+
+MAX_CURVE_POINTS: Final = 8000
+"""Maximum number of points of a curve.
+
+Of a longer one only the minimum and the maximum of each stretch remain, so that no peak is lost.
+"""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PlotCurve:
+    label: str
+    values: Floats
+    """Values of the curve, (n,); NaN where there is none."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CurvePlot:
+    """Curves over the same times (n,), in one unit. `step`: rounding in the page."""
+
+    name: str
+    title: str
+    unit: str
+    step: float
+    times: Floats
+    curves: tuple[PlotCurve, ...]
+    note: str = ""
+
+
+def pack_plots(run: Run) -> Section:
+    plots = [thin_plot(plot) for plot in plots_of(run) if plot.curves and len(plot.times)]
+    if not plots:
+        return Section("plots", {"empty": "The log holds neither joints nor forces."})
+    return Section("plots", {"plots": [_packed(plot) for plot in plots]})
+
+
+def plots_of(run: Run) -> tuple[CurvePlot, ...]:
+    """Return all plots in full; without data in the log, a plot has no curves."""
+    fingers = _fingers(run)
+    joints, told = run.joints, run.controls
+    return (
+        *_joint_plots(joints, fingers),
+        _tracking(joints, told),
+        *_wrench_plots(run.wrenches),
+        *_gripper_plots(joints, fingers),
+    )
+
+
+def thin_plot(plot: CurvePlot, most: int = MAX_CURVE_POINTS) -> CurvePlot:
+    """Return the plot with at most `most` points: minimum and maximum of each curve in each stretch, in order
+    of time."""
+    n = len(plot.times)
+    if n <= most:
+        return plot
+    size = -(-n // (most // 2))
+    starts = np.arange(0, n, size)
+    middles = np.minimum(starts + size // 2, n - 1)
+    times = np.stack([plot.times[starts], plot.times[middles]], axis=1).ravel()
+    curves = tuple(PlotCurve(curve.label, _extremes(curve.values, size)) for curve in plot.curves)
+    note = f"{plot.note} " if plot.note else ""
+    return CurvePlot(
+        plot.name,
+        plot.title,
+        plot.unit,
+        plot.step,
+        times,
+        curves,
+        f"{note}Least and greatest of {size} ticks each.",
+    )
+
+
+def _extremes(values: Floats, size: int) -> Floats:
+    """Return minimum and maximum of each stretch, (2 · stretches,); NaN where it holds nothing else."""
+    padded = np.concatenate([values, np.full(-len(values) % size, np.nan)]).reshape(-1, size)
+    gaps = np.isnan(padded)
+    low = np.where(gaps, np.inf, padded).argmin(axis=1)
+    high = np.where(gaps, -np.inf, padded).argmax(axis=1)
+    rows = np.arange(len(padded))
+    return np.stack(
+        [padded[rows, np.minimum(low, high)], padded[rows, np.maximum(low, high)]], axis=1
+    ).ravel()
+
+
+def _joint_plots(joints: JointSeries, fingers: Sequence[str]) -> tuple[CurvePlot, ...]:
+    arm = [k for k, name in enumerate(joints.names) if name not in fingers]
+    labels = _without_common_prefix([joints.names[k] for k in arm])
+
+    def plot(name: str, title: str, unit: str, step: float, values: Floats) -> CurvePlot:
+        curves = tuple(PlotCurve(label, values[:, k]) for label, k in zip(labels, arm, strict=True))
+        return CurvePlot(name, title, unit, step, joints.times, curves)
+
+    return (
+        plot("position", "Joint positions", "rad", 1e-4, joints.positions),
+        plot("velocity", "Joint velocities", "rad/s", 1e-3, joints.velocities),
+    )
+
+
+def _tracking(joints: JointSeries, told: ControlSeries) -> CurvePlot:
+    """Return the plot of the joints' deviations from the servo's set points."""
+    labels = _without_common_prefix(joints.names[: told.errors.shape[1]])
+    curves = tuple(PlotCurve(label, 1000.0 * told.errors[:, k]) for k, label in enumerate(labels))
+    return CurvePlot(
+        "tracking", "Tracking error", "mrad", 1e-3, told.times, curves,
+        "Where the servo was told to be, less where it was; none while the arm complied.",
+    )  # fmt: skip
+
+
+def _wrench_plots(wrenches: WrenchSeries) -> tuple[CurvePlot, ...]:
+    force, torque = wrenches.forces, wrenches.torques
+    size = np.linalg.norm(force, axis=1)
+    return (
+        CurvePlot(
+            "force", "Force on the wrist", "N", 0.01, wrenches.times,
+            (*(PlotCurve(axis, force[:, k]) for k, axis in enumerate("xyz")), PlotCurve("size", size)),
+            "External, in the axes of the world.",
+        ),
+        CurvePlot(
+            "torque", "Torque on the wrist", "Nm", 1e-3, wrenches.times,
+            tuple(PlotCurve(axis, torque[:, k]) for k, axis in enumerate("xyz")),
+            "External, in the axes of the world.",
+        ),
+    )  # fmt: skip
+
+
+def _gripper_plots(joints: JointSeries, fingers: Sequence[str]) -> tuple[CurvePlot, ...]:
+    held = [k for k, name in enumerate(joints.names) if name in fingers]
+    if not held:
+        return ()
+    width = 1000.0 * joints.positions[:, held].sum(axis=1)
+    force = joints.efforts[:, held].max(axis=1)
+    return (
+        CurvePlot("width", "Gripper width", "mm", 0.01, joints.times, (PlotCurve("width", width),)),
+        CurvePlot("grip", "Grip force", "N", 0.01, joints.times, (PlotCurve("force", force),)),
+    )
+
+
+def _packed(plot: CurvePlot) -> Packable:
+    return {
+        "name": plot.name,
+        "title": plot.title,
+        "unit": plot.unit,
+        "note": plot.note,
+        "times": quantise(plot.times, 1e-3),
+        "labels": [curve.label for curve in plot.curves],
+        "values": [quantise(curve.values, plot.step) for curve in plot.curves],
+    }
+
+
+def _fingers(run: Run) -> tuple[str, ...]:
+    """Return the joints of the gripper, as the robot file in the log names them."""
+    try:
+        robot: object = yaml.safe_load(run.log.attachment("robot.yaml"))
+    except (PicktreeError, yaml.YAMLError):
+        robot = None
+    gripper = cast("Mapping[str, object]", robot).get("gripper") if isinstance(robot, dict) else None
+    named = cast("Mapping[str, object]", gripper).get("joints") if isinstance(gripper, dict) else None
+    if isinstance(named, list):
+        return tuple(str(name) for name in cast("list[object]", named))
+    return tuple(name for name in run.joints.names if "finger" in name)
+
+
+def _without_common_prefix(names: Sequence[str]) -> list[str]:
+    """Return the names without their common prefix."""
+    if len(names) < 2:
+        return list(names)
+    common = 0
+    while len({name[: common + 1] for name in names}) == 1 and len(names[0]) > common:
+        common += 1
+    while common and names[0][common - 1].isdigit():
+        common -= 1
+    kept = [name[common:] for name in names]
+    return [f"j{name}" if name.isdigit() else name for name in kept] if all(kept) else list(names)

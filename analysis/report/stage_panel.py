@@ -1,0 +1,268 @@
+"""Stage panel: the scene in motion in 3-D, with robot, belief, ground truth and plans."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Sequence
+
+import numpy as np
+
+from ...errors import PicktreeError
+from ...logs.meshes.binary_gltf import read_glb
+from ...logs.meshes.link_meshes import parts_of
+from ...logs.meshes.triangle_meshes import Mesh, decimate, join_meshes, part_mesh, shape_mesh, smooth_mesh
+from ...logs.recording.foxglove_messages import UNKNOWN_COLOUR
+from ...logs.schema.records import BodyRecord, LinkMesh, PartRecord
+from ...robots.loading import parse_robot
+from ...world.colours import COLOURS
+from ...world.shapes import Box, ConvexMesh, Cylinder, Shape, Sphere
+from ...world.values import Array, Pose
+from ..run import Run
+from .body_motion import BelievedBody, Frames, TrueBodySamples, motion_of, spans, true_poses
+from .packing import Packable, Quantised, Section, quantise
+from .poses import composed, continuous, filled, inverse, row
+
+MAX_LINK_FACES = 3000
+"""Maximum number of faces of one link."""
+VERTEX_RESOLUTION = 1e-4
+"""Rounding of vertices, m."""
+
+
+def packed_link(model: LinkMesh) -> Packable:
+    """Return the mesh of a link; None for a format that picktree does not write."""
+    try:
+        mesh = read_glb(model.glb)
+    except (ValueError, KeyError, IndexError, struct.error):
+        return None
+    if len(mesh.faces) > MAX_LINK_FACES:
+        # The file has a vertex for each of its normals; corners at one place become one vertex again.
+        places, same = np.unique(np.round(mesh.vertices / VERTEX_RESOLUTION), axis=0, return_inverse=True)
+        mesh = smooth_mesh(
+            *decimate(places * VERTEX_RESOLUTION, same.ravel()[mesh.faces], mesh.colours, MAX_LINK_FACES)
+        )
+    return {"link": model.link, **packed_mesh(mesh)}
+
+
+def packed_mesh(mesh: Mesh) -> dict[str, Packable]:
+    """Pack a mesh with one vertex for all equal corners."""
+    corners = np.concatenate(
+        [
+            np.round(mesh.vertices[mesh.faces.ravel()] / VERTEX_RESOLUTION),
+            np.round(mesh.normals.reshape(-1, 3) * 127),
+            np.round(mesh.colours.repeat(3, axis=0) * 255),
+        ],
+        axis=1,
+    ).astype(np.int32)
+    rows, faces = np.unique(corners, axis=0, return_inverse=True)
+    return {
+        "vertices": quantise(rows[:, :3] * VERTEX_RESOLUTION, VERTEX_RESOLUTION),
+        "normals": rows[:, 3:6].astype(np.int8),
+        "colours": rows[:, 6:].astype(np.uint8),
+        "faces": faces.astype(np.uint16 if len(rows) < 1 << 16 else np.uint32),
+    }
+
+
+def packed_shape(shape: Shape) -> Packable:
+    match shape:
+        case Box(size):
+            return {"box": list(size)}
+        case Cylinder(radius, height):
+            return {"cylinder": [radius, height]}
+        case Sphere(radius):
+            return {"sphere": radius}
+        case ConvexMesh():
+            return {"mesh": packed_mesh(shape_mesh(shape))}
+
+
+def packed_part(part: PartRecord) -> Packable:
+    """Return the shape of a part that never moves; one with holes is a mesh."""
+    if not part.holes:
+        return packed_shape(part.shape)
+    return {"mesh": packed_mesh(part_mesh(part.shape, part.holes))}
+
+
+def packed_body(body: BodyRecord) -> Packable:
+    """Return the shape of a body; an obstacle's blocks are one mesh."""
+    if not body.blocks:
+        return packed_shape(body.shape)
+    mesh = join_meshes(shape_mesh(shape).placed(pose) for shape, pose in parts_of(body))
+    return {"mesh": packed_mesh(mesh)}
+
+
+def rgb(name: str) -> list[Packable]:
+    return list(COLOURS.get(name, UNKNOWN_COLOUR))
+
+
+POSITION_RESOLUTION, QUATERNION_RESOLUTION = 1e-4, 2e-5
+"""Rounding of positions, m, and of the components of quaternions."""
+PLAN_DISPLAY_TIME = 0.4
+"""Time for which the path of a motion is shown beyond its planned end, s."""
+CANDIDATE_DISPLAY_TIME = 2.0
+"""Time for which the candidates of a search are shown, s."""
+
+
+def pack_stage(run: Run) -> Section:
+    motion = motion_of(run)
+    frames, believed, truths, partners = motion.frames, motion.believed, motion.truths, motion.partners
+    models = run.log.robot_model()
+    links = [model.link for model in models if model.link in frames.tracks]
+    return Section(
+        "stage",
+        {
+            "models": [packed for m in models if m.link in links and (packed := packed_link(m)) is not None],
+            "links": list(links),
+            "chain": [_pose_track(track) for track in _chain(frames, links)],
+            "tool": _tool(run, links),
+            "objects": [_object(one) for one in believed],
+            "truths": [
+                _truth(truth, None if partner is None else believed[partner], partner, frames.ticks)
+                for truth, partner in zip(truths, partners, strict=True)
+            ],
+            "fixed": _fixed(run),
+            "plans": _plans(run),
+            "choices": _choices(run),
+            "cameras": _cameras(run, frames),
+        },
+    )
+
+
+def _chain(frames: Frames, links: Sequence[str]) -> list[Array]:
+    """Return each link in the frame of the one before it, the first in the world, because few of these poses
+    change."""
+    tracks = [filled(frames.track(link)) for link in links]
+    return [tracks[k] if k == 0 else composed(inverse(tracks[k - 1]), tracks[k]) for k in range(len(tracks))]
+
+
+def _pose_track(track: Array) -> Packable:
+    smooth = continuous(track)
+    return {
+        "p": _quantised_values(smooth[:, :3], POSITION_RESOLUTION),
+        "q": _quantised_values(smooth[:, 3:], QUATERNION_RESOLUTION),
+    }
+
+
+def _quantised_values(values: Array, grain: float) -> Quantised:
+    return quantise(values, grain)
+
+
+def _tool(run: Run, links: Sequence[str]) -> Packable:
+    """Return the TCP: a link's place in the chain and a pose in it; None when the log has no usable robot
+    file."""
+    if not links:
+        return None
+    try:
+        text = run.log.attachment("robot.yaml").decode("utf-8", "replace")
+        robot = parse_robot(text, run.path)
+    except (PicktreeError, OSError):
+        return {"link": len(links) - 1, "at": list(row(Pose()))}
+    if robot.tcp_link not in links:
+        return {"link": len(links) - 1, "at": list(row(Pose()))}
+    return {"link": links.index(robot.tcp_link), "at": list(row(robot.tcp_in_link))}
+
+
+def _object(one: BelievedBody) -> Packable:
+    return {
+        "id": one.id,
+        "looks": [
+            {
+                "tick": look.tick,
+                "shape": packed_body(look.body),
+                "colour": rgb(look.body.colour),
+                "kind": look.body.kind,
+                "role": look.body.role,
+                "place": look.body.place,
+            }
+            for look in one.looks
+        ],
+        "present": [list(span) for span in spans(one.present)],
+        "held": [list(span) for span in spans(one.held)],
+        "track": _pose_track(filled(one.track)),
+    }
+
+
+def _truth(truth: TrueBodySamples, one: BelievedBody | None, partner: int | None, ticks: int) -> Packable:
+    poses = true_poses(truth, one, ticks)
+    return {
+        "id": truth.body.id,
+        "kind": truth.body.kind,
+        "shape": packed_shape(truth.body.shape),
+        "colour": rgb(truth.body.colour),
+        "object": partner,
+        "present": [list(span) for span in spans(~np.isnan(poses[:, 0]))],
+        "track": _pose_track(filled(poses)),
+    }
+
+
+def _fixed(run: Run) -> Packable:
+    scene = run.log.belief_at(run.end) or run.log.truth_at(run.end)
+    parts = scene.record.fixed if scene is not None else ()
+    return [
+        {
+            "id": part.id.split("/")[0],
+            "shape": packed_part(part),
+            "colour": rgb(part.colour),
+            "pose": list(row(part.pose)),
+        }
+        for part in parts
+    ]
+
+
+def _plans(run: Run) -> Packable:
+    """Pack the plans, each with the time from its request to its end, or to the next one."""
+    found: list[Packable] = []
+    for k, at in enumerate(run.plans):
+        plan = at.record
+        end = at.time + plan.thinking + plan.duration + PLAN_DISPLAY_TIME
+        if k + 1 < len(run.plans):
+            end = min(end, run.plans[k + 1].time)
+        if len(plan.tool_path) > 1:
+            points = quantise(np.array(plan.tool_path), 1e-3)
+            found.append({"from": at.time, "to": end, "request": plan.request, "path": points})
+    return found
+
+
+def _choices(run: Run) -> Packable:
+    """Pack candidates of grasps and places for a limited time."""
+    found: list[Packable] = []
+    for k, at in enumerate(run.candidates):
+        end = at.time + CANDIDATE_DISPLAY_TIME
+        if k + 1 < len(run.candidates):
+            end = min(end, run.candidates[k + 1].time)
+        tried = at.record.tried
+        found.append(
+            {
+                "from": at.time,
+                "to": end,
+                "object": at.record.object,
+                "poses": quantise(
+                    np.array([(*c.position, *c.orientation) for c in tried]).reshape(-1, 7), 1e-3
+                ),
+                "accepted": np.array([c.verdict == "accepted" for c in tried], dtype=np.uint8),
+            }
+        )
+    return found
+
+
+def _cameras(run: Run, frames: Frames) -> Packable:
+    """Pack the optical frames: z points out of the camera, y down the image."""
+    from ...logs.recording import foxglove_messages
+    from ...logs.schema import topics
+
+    found: list[Packable] = []
+    for camera in run.log.cameras:
+        raw = run.log.last(topics.calibration_topic(camera).name, run.end)
+        frame = f"camera/{camera}"
+        if raw is None or frame not in frames.tracks:
+            continue
+        seen = foxglove_messages.read_calibration(raw.data)
+        found.append(
+            {
+                "name": camera,
+                "width": seen.width,
+                "height": seen.height,
+                "focal": [seen.fx, seen.fy],
+                "centre": [seen.cx, seen.cy],
+                "track": _pose_track(filled(frames.track(frame))),
+            }
+        )
+    return found

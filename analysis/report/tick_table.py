@@ -1,0 +1,152 @@
+"""Tick table: status of each node at each tick, and writes to the blackboard.
+
+The ticks are read as plain JSON, several times as fast as into records, because a report reads all of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any, Final, TypeAlias
+from weakref import WeakKeyDictionary
+
+import numpy as np
+import orjson
+from numpy.typing import NDArray
+
+from ...errors import PicktreeError
+from ...logs.schema import topics
+from ...logs.schema.records import Tree, TreeNode, WriteRecord
+from ..run import Run
+
+
+@dataclass(frozen=True, slots=True)
+class RunNode:
+    """Node of any of the run's trees."""
+
+    path: str
+    id: str
+    name: str
+    parent: int
+    """Number of the parent; -1 for a root."""
+    leaf: bool
+
+
+def nodes_of(trees: Iterable[Tree]) -> tuple[RunNode, ...]:
+    """Return all nodes, parents before their children, siblings in the order of their trees.
+
+    A node's number is its place in the result. Nodes that an edit has added come after their older siblings.
+    """
+    known: dict[str, TreeNode] = {}
+    children: dict[str, dict[str, None]] = {}
+    for tree in trees:
+        for node in tree.nodes:
+            known[node.path] = node
+            children.setdefault(node.parent, {})[node.path] = None
+    numbers: dict[str, int] = {}
+    found: list[RunNode] = []
+    for path in _below("", children):
+        node = known[path]
+        numbers[path] = len(found)
+        parent = numbers.get(node.parent, -1)
+        found.append(RunNode(path, node.id, node.name, parent, path not in children))
+    return tuple(found)
+
+
+def _below(path: str, children: dict[str, dict[str, None]]) -> Iterator[str]:
+    waiting = list(reversed(children.get(path, {})))
+    while waiting:
+        path = waiting.pop()
+        yield path
+        waiting += reversed(children.get(path, {}))
+
+
+STATUSES: Final = ("IDLE", "RUNNING", "SUCCESS", "FAILURE", "SKIPPED")
+"""Statuses by code."""
+ABSENT: Final = 255
+"""Code of a node that is not in the tree of that tick."""
+TICKED: Final = 8
+"""Addend of the code where the tick reached the node."""
+
+_Json: TypeAlias = Mapping[str, Any]
+_CODES: Final = {status: code for code, status in enumerate(STATUSES)}
+
+
+@dataclass(frozen=True, slots=True)
+class TickWrite:
+    """Write to the blackboard, with the number of its tick."""
+
+    tick: int
+    write: WriteRecord
+
+
+@dataclass(frozen=True, slots=True)
+class NodeMessage:
+    """Cause and message of a failing node in a tick."""
+
+    cause: str
+    message: str
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TickTable:
+    nodes: tuple[RunNode, ...]
+    times: NDArray[np.float64]
+    """Times of the ticks, (ticks,), simulated s."""
+    codes: NDArray[np.uint8]
+    """Status codes, (nodes, ticks), with `TICKED` added; or `ABSENT`."""
+    writes: tuple[TickWrite, ...]
+    said: Mapping[tuple[int, int], NodeMessage]
+    """Messages of failures, by node and tick."""
+
+    @property
+    def statuses(self) -> NDArray[np.uint8]:
+        """Status codes without `TICKED`, (nodes, ticks)."""
+        return np.where(self.codes == ABSENT, ABSENT, self.codes % TICKED).astype(np.uint8)
+
+
+_TABLES: WeakKeyDictionary[Run, TickTable] = WeakKeyDictionary()
+
+
+def tick_table(run: Run) -> TickTable:
+    """Return the table, read once for each run. Raises PicktreeError where the log is damaged."""
+    table = _TABLES.get(run)
+    if table is None:
+        table = _TABLES[run] = _read(run)
+    return table
+
+
+def _read(run: Run) -> TickTable:
+    nodes = nodes_of(at.record for at in run.trees)
+    numbers = {node.path: number for number, node in enumerate(nodes)}
+    times: list[float] = []
+    writes: list[TickWrite] = []
+    said: dict[tuple[int, int], NodeMessage] = {}
+    columns: list[NDArray[np.uint8]] = []
+    for time, tick in _ticks(run):
+        number = len(times)
+        times.append(time)
+        column = np.full(len(nodes), ABSENT, dtype=np.uint8)
+        for node in tick["nodes"]:
+            row = numbers.get(node["path"])
+            if row is None:
+                continue
+            column[row] = _CODES.get(node["status"], 0) + (TICKED if node["ticked"] else 0)
+            if node["status"] == "FAILURE" and node["ticked"]:
+                said[row, number] = NodeMessage(node.get("cause", ""), node.get("message", ""))
+        columns.append(column)
+        for write in tick.get("writes", ()):
+            writes.append(TickWrite(number, WriteRecord(write["key"], write["value"], write["node"])))
+    codes = np.array(columns, dtype=np.uint8).reshape(len(times), len(nodes)).T
+    return TickTable(nodes, np.array(times), np.ascontiguousarray(codes), tuple(writes), said)
+
+
+def _ticks(run: Run) -> Iterator[tuple[float, _Json]]:
+    for message in run.log.messages([topics.TICK.name]):
+        time = message.time / 1e9
+        try:
+            tick = orjson.loads(message.data)
+            assert isinstance(tick["nodes"], list)
+        except (ValueError, KeyError, TypeError, AssertionError) as error:
+            raise PicktreeError(f"{run.path}: {message.topic} at {time:.2f} s: unreadable: {error}") from None
+        yield time, tick

@@ -1,1 +1,0 @@
-"""Plans of batches: plan files, their matrix and its jobs."""

@@ -1,1 +1,0 @@
-"""Report of a batch as one self-contained page."""

@@ -1,0 +1,245 @@
+"""Commands that answer from a log: diff, explain, layout, export, report, replay, snapshot, video."""
+
+from __future__ import annotations
+
+import os
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Annotated, Literal
+
+import typer
+
+from ..options import JsonResult, JsonWritten, Log, Show, View
+from ..terminal.output import StatusLine, end_with, json_text, keep_stdout, painter, print_answer, program
+
+
+def diff(
+    a: Annotated[str, typer.Argument(metavar="A", help="Log file, a run's folder, or `last`.")],
+    b: Annotated[str, typer.Argument(metavar="B", help="The run that it is compared with.")],
+    json: JsonResult = False,
+) -> None:
+    """Where two runs part, and in what they differ. Exit code 0: they are identical; 1: they differ."""
+    answer = keep_stdout() if json else None
+
+    from ...analysis.compare.diff import diff as compare
+    from ...analysis.compare.diff_text import to_json_text, to_text
+    from ...analysis.run import Run
+
+    with Run(a) as one, Run(b) as other:
+        found = compare(one, other)
+    print_answer(answer, lambda: to_text(found), lambda: to_json_text(found))
+    end_with(found.same)
+
+
+def explain(
+    log: Log,
+    everything: Annotated[
+        bool, typer.Option("--all", help="Tell each failure and each item by itself.")
+    ] = False,
+    hide_faults: Annotated[
+        bool, typer.Option("--hide-faults", help="Do not quote faults that were planted in the simulation.")
+    ] = False,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print the explanation as one JSON object.")
+    ] = False,
+) -> None:
+    """Say why a run ended as it did: root causes, failures, items, and what to look at."""
+    answer = keep_stdout() if as_json else None
+
+    from ...analysis.explain.explain import explain as find_out
+    from ...analysis.explain.text.rendering import to_json_text, to_text
+    from ...analysis.run import Run
+
+    with Run(log) as run:
+        found = find_out(run, faults=not hide_faults)
+        print_answer(
+            answer,
+            lambda: to_text(
+                run, found, log, program=program(), paint=painter(sys.stdout), everything=everything
+            ),
+            lambda: to_json_text(run, found),
+        )
+
+
+def layout(
+    log: Log,
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", metavar="FILE", help="JSON file; without: text, here.")
+    ] = None,
+) -> None:
+    """Write a layout for Foxglove and Lichtblick, made for this log's tree, joints and cameras."""
+    from ...analysis.export.layout import layout as make
+    from ...analysis.run import Run
+    from ...files.atomic_write import whole
+
+    with Run(log) as run:
+        if run.recovered:
+            print(run.recovered, file=sys.stderr)
+        made = make(run)
+    if output is None:
+        print(made.to_json_text(), end="")
+        return
+    with whole([output], output) as (beside,):
+        beside.write_text(made.to_json_text(), encoding="utf-8")
+    print(f"{output}: {len(made.panels)} panels, {made.lanes} lanes")
+
+
+def export(
+    log: Log,
+    to: Annotated[
+        Literal["csv", "parquet", "rerun"],
+        typer.Option("--to", help="Tables as csv or parquet files, or a recording for Rerun."),
+    ],
+    output: Annotated[
+        Path,
+        typer.Option("-o", "--output", metavar="PATH", help="Folder for the tables; .rrd file for Rerun."),
+    ],
+    json: JsonWritten = False,
+) -> None:
+    """Export a log: tables of ticks, visits, failures, picks, plans, …; or a recording for Rerun."""
+    answer = keep_stdout() if json else None
+
+    from ...analysis.export.run_export import export as write
+    from ...analysis.run import Run
+
+    with Run(log) as run:
+        written = write(run, to, output)
+    print_answer(answer, written.to_text, lambda: json_text(written.to_json()))
+
+
+def report(
+    log: Log,
+    output: Annotated[Path, typer.Option("-o", "--output", metavar="PAGE", help="HTML file to write.")],
+    open_it: Annotated[bool, typer.Option("--open", help="Open it in the browser.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Say what was written as one JSON object.")] = False,
+) -> None:
+    """Write a run as one HTML page: 3-D replay, tree, lanes, failures, plots, images. It needs no network."""
+    import json
+
+    from ...analysis.report.report import write_report
+    from ...analysis.run import Run
+    from ...errors import PicktreeError
+
+    if output.suffix.lower() not in (".html", ".htm"):
+        raise PicktreeError(f"{output}: a report is an HTML page; name it {output.with_suffix('.html').name}")
+    with Run(log) as run:
+        written = write_report(run, output)
+    print(json.dumps(written.to_json()) if as_json else written.to_text())
+    if open_it:
+        typer.launch(output.absolute().as_uri())
+
+
+def replay(
+    log: Annotated[str, typer.Argument(metavar="LOG", help="Log file, a run's folder, or `last`.")],
+    at: Annotated[float, typer.Option(metavar="TIME", min=0.0, help="Where to begin, simulated s.")] = 0.0,
+) -> None:
+    """Step through a run: tree, belief, what changed. With keys at a terminal; else commands from stdin."""
+    from ...analysis.replay.cursor import Cursor
+    from ...analysis.run import Run
+    from ..terminal.command_prompt import complete_with, line_reader
+    from .replay_prompt import ReplayPrompt
+
+    with Run(log) as run:
+        if run.recovered:
+            print(run.recovered, file=sys.stderr)
+        prompt = ReplayPrompt(Cursor(run, at), line_reader(sys.stdout), sys.stdout)
+        if prompt.cursor.course.derived:
+            print("a log of format 1: beginnings and ends are derived from the statuses", file=sys.stderr)
+        if not sys.stdin.isatty():
+            prompt.show_here()
+            prompt.converse()
+            return
+        complete_with(prompt)
+        if sys.stdout.isatty() and os.environ.get("TERM", "dumb") != "dumb" and os.name == "posix":
+            from .replay_screen import Screen
+
+            Screen(prompt).run()
+        else:
+            prompt.show_here()
+            prompt.converse()
+
+
+def snapshot(
+    log: Log,
+    at: Annotated[float, typer.Option(metavar="SECONDS", min=0.0, help="Simulated time.")],
+    output: Annotated[Path, typer.Option("-o", "--output", metavar="PICTURE", help="PNG file to write.")],
+    size: Annotated[str, typer.Option(metavar="WxH", help="In pixels.")] = "1280x800",
+    view: View = "corner",
+    show: Show = "belief",
+) -> None:
+    """Draw the scene at one moment of a run, from its log alone."""
+    from ...analysis.render.snapshot import snapshot as draw
+    from ...analysis.render.viewpoint import parse_size, parse_view
+    from ...logs.run_log import RunLog
+
+    with RunLog(log) as opened:
+        if opened.recovered:
+            print(opened.recovered, file=sys.stderr)
+        draw(opened, at, output, parse_size(size), parse_view(view), show=show)
+    print(output)
+
+
+def video(
+    log: Log,
+    output: Annotated[Path, typer.Option("-o", "--output", metavar="FILM", help="A .mp4 or .gif file.")],
+    start: Annotated[float, typer.Option("--from", metavar="SECONDS", min=0.0, help="Simulated time.")] = 0.0,
+    end: Annotated[
+        float | None,
+        typer.Option("--to", metavar="SECONDS", help="Simulated time.", show_default="the end of the run"),
+    ] = None,
+    speed: Annotated[
+        float, typer.Option(metavar="TIMES", help="Simulated seconds in one of the film.")
+    ] = 1.0,
+    fps: Annotated[
+        int | None, typer.Option(min=1, max=60, help="Frames in a second.", show_default="20, GIF 10")
+    ] = None,
+    size: Annotated[
+        str | None, typer.Option(metavar="WxH", help="In pixels.", show_default="960x600, GIF 640x400")
+    ] = None,
+    view: View = "corner",
+    show: Show = "belief",
+    processes: Annotated[
+        int | None,
+        typer.Option(min=1, help="How many draw.", show_default="as processors, 4 at most"),
+    ] = None,
+    json: JsonWritten = False,
+) -> None:
+    """Make a film of a run, from its log alone, with what runs, what is done and what fails written in."""
+    answer = keep_stdout() if json else None
+
+    from ...analysis.render.film import FilmRequest, film
+    from ...analysis.render.viewpoint import parse_size, parse_view
+    from ...logs.recording.interrupts import Interrupts
+    from ...logs.run_log import RunLog
+
+    request = FilmRequest(
+        start=start,
+        end=end,
+        speed=speed,
+        fps=fps,
+        size=parse_size(size) if size else None,
+        view=parse_view(view),
+        show=show,
+        processes=processes or min(os.cpu_count() or 1, 4),
+    )
+    with Interrupts(), RunLog(log) as opened, StatusLine() as line:
+        if opened.recovered:
+            print(opened.recovered, file=sys.stderr)
+        made = film(opened, output, request, _film_progress(line) if line.on else None)
+    print_answer(answer, made.to_text, lambda: json_text(made.to_json()))
+
+
+def _film_progress(line: StatusLine) -> Callable[[int, int], None]:
+    """Return a function that shows the number of frames and the remaining time."""
+    began = said = time.monotonic()
+
+    def tell(done: int, count: int) -> None:
+        nonlocal said
+        now = time.monotonic()
+        if now - said > 0.3 and done < count:
+            said = now
+            line.say(f"frame {done} of {count}, {(now - began) / done * (count - done):.0f} s left")
+
+    return tell

@@ -1,1 +1,0 @@
-"""Commands that set up a cell: robot files, calibration, trial plans."""

@@ -1,0 +1,50 @@
+"""Arguments and options that several commands have."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal, TypeAlias
+
+import typer
+
+Log: TypeAlias = Annotated[str, typer.Argument(metavar="LOG", help="Log file, run folder, or 'last'.")]
+ShippedScene: TypeAlias = Annotated[str, typer.Option(metavar="SCENE", help="Shipped scene or scene file.")]
+OtherRobot: TypeAlias = Annotated[
+    str | None, typer.Option(metavar="ROBOT", help="Shipped robot or robot file, for the scene's own.")
+]
+Seed: TypeAlias = Annotated[int, typer.Option(min=0, help="Of everything random.")]
+Backend: TypeAlias = Annotated[
+    Literal["physics", "kinematic"], typer.Option(help="kinematic: objects follow the gripper.")
+]
+Verify: TypeAlias = Annotated[
+    bool, typer.Option("--verify", help="Judge every trajectory by a second collision checker.")
+]
+OtherSettings: TypeAlias = Annotated[
+    list[str] | None, typer.Option("--set", metavar="NAME=VALUE", help="Other parameter of the mission.")
+]
+RunsFolder: TypeAlias = Annotated[
+    Path | None, typer.Option(metavar="DIR", help="Where the run's folder is made.", show_default="runs")
+]
+View: TypeAlias = Annotated[
+    str,
+    typer.Option(
+        metavar="VIEW",
+        help="corner, front, left, right, top, close, or AZIMUTH,ELEVATION,DISTANCE (degrees, metres).",
+    ),
+]
+Show: TypeAlias = Annotated[
+    Literal["belief", "truth", "both"],
+    typer.Option(help="What the robot believes, what is true, or both: the truth as outlines."),
+]
+RobotPicture: TypeAlias = Annotated[
+    Path | None, typer.Option(metavar="PNG", help="Draw the robot at home, with its frames.")
+]
+TextFile: TypeAlias = Annotated[
+    Path | None,
+    typer.Option("-o", "--output", metavar="FILE", help="Write it there instead of to stdout."),
+]
+JsonResult: TypeAlias = Annotated[bool, typer.Option("--json", help="Print the result as one JSON object.")]
+JsonAnswer: TypeAlias = Annotated[bool, typer.Option("--json", help="Print the answer as one JSON object.")]
+JsonWritten: TypeAlias = Annotated[
+    bool, typer.Option("--json", help="Print what was written as one JSON object.")
+]

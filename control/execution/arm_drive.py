@@ -1,0 +1,107 @@
+"""Drive of the arm: the running controller, its commands to the servo, and how a motion is braked."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ...robots.model import RobotModel
+from ...world.protocols import Hardware
+from ...world.values import Array, JointState, Vector3
+from ..cartesian.impedance import ContactReflex
+from ..commands import Controller, JointCommand
+from ..joints.joint_controllers import BrakeController, HoldController
+from .arm_sampling import REST_SPEED
+
+TOUCH_FORCE = 20.0
+"""Force above which the wrist counts as touched, not only loaded, N."""
+MAX_HOLD_ERROR = 0.01
+"""Joint error at the end of a motion above which the arm holds its actual configuration, rad. The obstruction
+may give way at any time."""
+
+
+class ArmDrive:
+    """Executor of one controller at a time. At the end of each motion it holds the arm by itself."""
+
+    def __init__(self, hardware: Hardware, model: RobotModel, state: JointState) -> None:
+        """Hold the arm where it stands; `state` is the encoder reading."""
+        self._hardware, self._model = hardware, model
+        self._arm, self._clock = hardware.arm, hardware.clock
+        self.servo = True
+        """Whether the last command was a set-point of the servo, not a torque."""
+        self.setpoint = JointCommand(state.position.copy(), np.zeros(model.n))
+        """Last command of the servo."""
+        self.braking = False
+        """Whether the motion was stopped or its lease returned, and nothing has begun since."""
+        self.carried = np.zeros(6)
+        """Wrench (6,) of the payload when the motion began, world axes, N and Nm."""
+        self.begin(HoldController(), state)
+
+    def begin(self, controller: Controller, state: JointState) -> None:
+        """Let `controller` command the arm from the next control period on."""
+        if not self.servo:
+            self.setpoint = JointCommand(state.position.copy(), state.velocity.copy())
+        self.controller = controller
+        self.held = isinstance(controller, HoldController)
+        controller.start(self._clock.now, state, self.setpoint)
+
+    @property
+    def reference(self) -> Array | None:
+        """Configuration (n,) that the servo was commanded, rad; None under torque control."""
+        return self.setpoint.position if self.servo else None
+
+    def command(self, state: JointState) -> None:
+        """Send the controller's command for one control period; after its last one, hold or brake."""
+        controller = self.controller
+        command = controller.update(self._clock.now, state)
+        if isinstance(command, JointCommand):
+            self.setpoint = command
+            self.servo = True
+            self._arm.follow(command.position, command.velocity)
+        else:
+            self.servo = False
+            self._arm.apply_torque(command.torque)
+        if controller.done:
+            self.begin(HoldController() if self.servo else self._brake_controller(), state)
+
+    def brake(self, state: JointState) -> None:
+        """Bring the motion to rest on its path, or where the arm stands when it stands off the set-point."""
+        self.braking = True
+        if self._stands_beside(state):
+            self.servo = False
+            self.begin(self._brake_controller(), state)
+            return
+        braking = self.controller.brake()
+        if braking is not self.controller:
+            self.begin(braking, state)
+
+    def stop_at_once(self, state: JointState, force: Vector3) -> None:
+        """Comply after a contact; otherwise brake as fast as the joints allow, from the present state.
+
+        `force`: wrist force, N.
+        """
+        self.braking = True
+        self.servo = False
+        if math.hypot(*force) > TOUCH_FORCE:
+            self.begin(ContactReflex(self._model, self._hardware.period, self.carried), state)
+        else:
+            self.begin(self._brake_controller(), state)
+
+    def restore(self, hold: Array, state: JointState, carried: Array) -> None:
+        """Hold the configuration `hold` (n,), rad, after a checkpoint was restored."""
+        self.setpoint = JointCommand(hold, np.zeros_like(hold))
+        self.servo = True
+        self.carried = carried
+        self.begin(HoldController(hold), state)
+
+    def _brake_controller(self) -> BrakeController:
+        return BrakeController(self._model, self._hardware.period)
+
+    def _stands_beside(self, state: JointState) -> bool:
+        """Whether the arm stands off the servo's set-point: it would jump there when the obstruction gives
+        way."""
+        if not self.servo or float(np.abs(self.setpoint.velocity).max()) > REST_SPEED:
+            return False
+        standing = float(state.velocity @ state.velocity) < REST_SPEED * REST_SPEED
+        return standing and float(np.abs(self.setpoint.position - state.position).max()) > MAX_HOLD_ERROR

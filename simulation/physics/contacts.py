@@ -1,0 +1,240 @@
+"""Contacts of the last simulation step: points, item in the hand, penetration of items with holes, and finger
+forces on fragile items."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import dataclass, replace
+
+from ...world.events.run_events import CrushedEvent
+from ...world.journal import JournalEvent
+from ...world.values import ObjectId
+from ..checkpoints import PressedItem, RobotReading
+from ..engine import pb
+from ..scoring.truth import TrueBody
+from .items import PhysicsItems
+from .robot.robot_body import RobotBody
+from .static_bodies import StaticBodies
+
+
+@dataclass(frozen=True, slots=True)
+class TrueContact:
+    """Contact point with the names of two bodies: items, fixtures, bins or robot links; for tests and the
+    analyst."""
+
+    one: str
+    other: str
+    distance: float
+    """Distance, m; negative: penetration."""
+    force: float
+    """Force along the normal, N."""
+
+
+class ContactPoints:
+    """Contact points of one client after its last step."""
+
+    def __init__(self, body: RobotBody, items: PhysicsItems, static: StaticBodies, client: int) -> None:
+        self._body = body
+        self._items = items
+        self._static = static
+        self._client = client
+
+    def all(self) -> tuple[TrueContact, ...]:
+        """Return all contact points of the client."""
+        return tuple(
+            TrueContact(self._name(c[1], c[3]), self._name(c[2], c[4]), c[8], c[9])
+            for c in pb.getContactPoints(physicsClientId=self._client)
+        )
+
+    def in_hand(self) -> ObjectId | None:
+        """Return the item that every finger touches; None: there is none."""
+        found: set[int] | None = None
+        fingers = self._body.description.gripper.fingers
+        for link, name in self._body.links.items():
+            if name in fingers:
+                points = pb.getContactPoints(self._body.body, linkIndexA=link, physicsClientId=self._client)
+                touched = {point[2] for point in points}
+                found = touched if found is None else found & touched
+        names = sorted(filter(None, map(self._items.name, found or ())))
+        return ObjectId(names[0]) if names else None
+
+    def _name(self, body: int, link: int) -> str:
+        if body == self._body.body:
+            return self._body.links[link]
+        if body in self._static.names:
+            return self._static.names[body]
+        return self._items.name(body) or "?"
+
+
+PENETRATION_WINDOW = 1.0
+"""Time for which measured depths are kept, s."""
+PENETRATION_INTERVAL = 12
+"""Number of steps between two measurements."""
+
+
+class Penetrations:
+    """Penetration monitor: contacts of items with the fixtures of one client.
+
+    With `every` at 1 the greatest depth of each item is exact; a measurement costs 0.1 ms for an item in a
+    round hole.
+    """
+
+    def __init__(self, client: int) -> None:
+        self._client = client
+        self._bored: Collection[int] = ()
+        self._items: Mapping[ObjectId, int] = {}
+        self._recent: dict[ObjectId, deque[tuple[float, float]]] = {}
+        self._steps = 0
+        self.every = PENETRATION_INTERVAL
+        self.greatest: dict[ObjectId, float] = {}
+        """Greatest depth of each item that touched a fixture since `watch`, m."""
+        self.lasting: dict[ObjectId, float] = {}
+        """Greatest depth of each item in two consecutive measurements since `watch`, m.
+
+        It matters with `every` at 1: the engine may detect a new contact of a curved edge a step late, and
+        corrects it in the next step.
+        """
+        self._before: dict[ObjectId, float] = {}
+
+    def watch(self, items: Mapping[ObjectId, int], bored: Collection[int]) -> None:
+        """Watch these items, by pybullet's body numbers; the mapping may change. Earlier measurements are
+        dropped."""
+        self._items, self._bored = items, frozenset(bored)
+        self._recent, self.greatest, self._steps = {}, {}, 0
+        self.lasting, self._before = {}, {}
+
+    def stepped(self, now: float) -> None:
+        """Measure after a step, when a measurement is due."""
+        self._steps += 1
+        if not self._bored or self._steps % self.every:
+            return
+        for name, number in self._items.items():
+            contacts = pb.getContactPoints(number, physicsClientId=self._client)
+            depths = [-c[8] for c in contacts if c[2] in self._bored]
+            depth = max(0.0, *depths) if depths else 0.0
+            if depths:
+                self._note(name, now, depth)
+            twice = min(depth, self._before.get(name, 0.0))
+            self.lasting[name] = max(twice, self.lasting.get(name, 0.0))
+            self._before[name] = depth
+
+    def _note(self, name: ObjectId, now: float, depth: float) -> None:
+        recent = self._recent.setdefault(name, deque())
+        recent.append((now, depth))
+        while recent[0][0] < now - PENETRATION_WINDOW:
+            recent.popleft()
+        self.greatest[name] = max(depth, self.greatest.get(name, 0.0))
+
+    def of(self, name: ObjectId) -> float:
+        """Return the item's greatest depth now and within the last second in which it touched a fixture,
+        m."""
+        number = self._items[name]
+        depths = [depth for _, depth in self._recent.get(name, ())]
+        low, high = pb.getAABB(number, -1, self._client)
+        # The engine keeps no contacts of bodies that sleep or were restored: measure the shapes
+        # themselves.
+        for body, _ in pb.getOverlappingObjects(low, high, physicsClientId=self._client):
+            if body in self._bored:
+                near = pb.getClosestPoints(number, body, 0.0, physicsClientId=self._client)
+                depths += [-point[8] for point in near]
+        return max(0.0, *depths) if depths else 0.0
+
+
+MIN_EXAMINED_EFFORT_SHARE = 0.15
+"""Effort of the finger drives from which contacts are examined, as a share of the least force limit."""
+
+
+@dataclass(frozen=True, slots=True)
+class PeakFingerForce:
+    """Greatest force of one finger on a fragile item so far, and the force that the item survives, N."""
+
+    force: float
+    limit: float
+    gripped: float = 0.0
+    """Greatest force while the fingers had the command to close, N; other forces were bumps."""
+
+    @property
+    def crushed(self) -> bool:
+        return self.force > self.limit
+
+
+class CrushDetector:
+    """Crush detector: examines the contacts of the fingers in every step in which they press."""
+
+    def __init__(
+        self, body: RobotBody, items: PhysicsItems, limits: Mapping[str, float], client: int
+    ) -> None:
+        """`limits`: greatest force of a finger that items of a kind survive, N."""
+        self._body = body
+        self._items = items
+        self._limits = limits
+        self._client = client
+        self._arm = len(body.description.joints)
+        self._worth = MIN_EXAMINED_EFFORT_SHARE * min(limits.values(), default=float("inf"))
+        if body.description.gripper.linkage is not None:
+            self._worth = 0.0
+        self._most: dict[ObjectId, PeakFingerForce] = {}
+        self._events: list[JournalEvent] = []
+
+    def stepped(self, now: float, reading: RobotReading) -> None:
+        """Examine the contacts after a step."""
+        if not self._limits or max(map(abs, reading.effort[self._arm :])) < self._worth:
+            return
+        fingers = self._body.description.gripper.fingers
+        for link, name in self._body.links.items():
+            if name in fingers:
+                self._look(link, name, now)
+
+    def most(self) -> Mapping[ObjectId, PeakFingerForce]:
+        """Return the greatest forces on every fragile item that was between the fingers."""
+        return dict(self._most)
+
+    def take_events(self) -> tuple[JournalEvent, ...]:
+        events, self._events = tuple(self._events), []
+        return events
+
+    def state(self) -> tuple[PressedItem, ...]:
+        """Return the state for a checkpoint."""
+        return tuple(PressedItem(name, p.force, p.limit, p.gripped) for name, p in self._most.items())
+
+    def restore(self, state: Iterable[PressedItem]) -> None:
+        self._most = {item.id: PeakFingerForce(item.force, item.limit, item.gripped) for item in state}
+        self._events = []
+
+    def told(self, body: TrueBody) -> TrueBody:
+        """Return the item's truth with the force that crushed it, if one did."""
+        pressed = self._most.get(body.id)
+        return body if pressed is None or not pressed.crushed else replace(body, crushed=pressed.force)
+
+    def _look(self, link: int, finger: str, now: float) -> None:
+        found = pb.getContactPoints(self._body.body, linkIndexA=link, physicsClientId=self._client)
+        forces: dict[int, float] = {}
+        for point in found:
+            forces[point[2]] = forces.get(point[2], 0.0) + point[9]
+        for number, force in forces.items():
+            name = self._items.name(number)
+            if name is not None:
+                self._pressed(ObjectId(name), force, finger, now)
+
+    def _pressed(self, name: ObjectId, force: float, finger: str, now: float) -> None:
+        limit = self._limits.get(self._items.inventory.here[name].entry.kind)
+        if limit is None:
+            return
+        before = self._most.get(name) or PeakFingerForce(0.0, limit)
+        gripped = force if self._body.grip.width <= 0.0 else 0.0
+        if force <= before.force and gripped <= before.gripped:
+            return
+        after = PeakFingerForce(max(force, before.force), limit, max(gripped, before.gripped))
+        self._most[name] = after
+        if after.crushed and not before.crushed:
+            self._events.append(
+                CrushedEvent(
+                    f"{name} was crushed: {finger} pressed with {force:.1f} N, and it bears {limit:g} N",
+                    object=name,
+                    finger=finger,
+                    force=force,
+                    limit=limit,
+                    time=now,
+                )
+            )

@@ -1,0 +1,158 @@
+"""Journal events: what they record, and how they are read back."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import orjson
+import pytest
+
+from picktree.logs.schema.event_records import BeliefEvent, decode_event, event_record, events_page
+from picktree.logs.schema.json_records import encode
+from picktree.world.events.event_kinds import event_of
+from picktree.world.events.run_events import FaultEvent, HandledEvent, RecoveryEvent
+from picktree.world.events.skill_events import ItemDoneEvent, PickEvent, PushEvent, SafetyStopEvent
+from picktree.world.journal import EVENT_KINDS, Journal, JournalEvent, OtherEvent, field_meanings, own_fields
+
+
+def recorded(event: JournalEvent) -> dict[str, object]:
+    values: dict[str, object] = orjson.loads(encode(event_record(event)))
+    return values
+
+
+def test_fields_are_recorded_in_their_order_and_read_back() -> None:
+    event = RecoveryEvent("a cure", "Main", cause="grasp.missed", failed="Main/Grasp", handler="grasp.*")
+    assert list(event.data) == ["cause", "failed", "reason", "handler", "attempt"]
+    assert decode_event(encode(event_record(event))) == event
+
+
+def test_a_field_that_is_none_by_default_is_left_out() -> None:
+    assert PushEvent("parted", object="a", strokes=("left", "right")).data == {
+        "object": "a",
+        "strokes": ["left", "right"],
+    }
+    handled = HandledEvent("passed over", "Main", cause=None, by="ForEach", element="a", failed="Main/Grasp")
+    assert handled.data == {"cause": None, "by": "ForEach", "element": "a", "failed": "Main/Grasp"}
+
+
+def test_evidence_is_recorded_behind_the_fields() -> None:
+    stop = SafetyStopEvent("too much force", cause="safety.force_limit", extra={"force": [1.0, 2.0, 3.0]})
+    assert recorded(stop)["data"] == {"cause": "safety.force_limit", "force": [1.0, 2.0, 3.0]}
+    assert decode_event(encode(event_record(stop))) == stop
+
+
+@pytest.mark.parametrize(
+    "data",
+    [
+        {"fault": "slip", "friction": 0.1, "lasts": None, "item": "item_00"},
+        {"fault": "slip", "item": "item_00", "gone": True},
+        {
+            "fault": "friction",
+            "item": "item_00",
+            "kind": "ball",
+            "colour": "red",
+            "friction": 0.1,
+            "mass": None,
+        },
+        {"fault": "larger", "item": "item_00", "kind": "ball", "colour": "red", "factor": 2.0, "waits": True},
+        {"fault": "obstacle", "obstacle": "obstacle_1", "at": [0.1, 0.2, 0.3]},
+        {"fault": "obstacle", "obstacle": "obstacle_1", "gone": True},
+        {"fault": "remove", "item": None},
+        {"fault": "appear", "kind": "ball", "colour": "red", "item": None},
+        {"fault": "hang", "skill": None},
+        {"fault": "raise", "skill": "Main/Grasp"},
+        {"fault": "camera_drop", "camera": "overhead", "lasts": 2.0},
+    ],
+)
+def test_a_fault_is_recorded_in_the_order_of_old_logs(data: dict[str, object]) -> None:
+    event = event_of("fault", "it happens", "", data)
+    assert isinstance(event, FaultEvent)
+    assert orjson.dumps(event.data) == orjson.dumps(data)
+
+
+def test_a_fault_that_waits_or_has_ended_has_not_struck() -> None:
+    assert FaultEvent("it slips", fault="slip", item="item_00").struck
+    assert not FaultEvent("it waits", fault="obstacle", waits=True).struck
+    assert not FaultEvent("it ends", fault="slip", gone=True).struck
+    assert event_of("fault", "no item fits", "", {"fault": "remove", "item": None}) == FaultEvent(
+        "no item fits", fault="remove", extra={"item": None}
+    )
+
+
+@pytest.mark.parametrize(
+    ("kind", "data"),
+    [
+        ("wiped", {"with": "a cloth"}),
+        ("pick", {"held": True}),
+        ("pick", {"object": "a", "held": "yes"}),
+        ("pick", {"object": 3, "held": True}),
+        ("replanned", {"object": "a", "cause": "c", "why": "w", "by": "none", "time": 1, "most": 2}),
+        ("belief", {"version": 1, "object": "a", "reason": "seen", "before": None, "after": {"id": "a"}}),
+    ],
+)
+def test_an_unknown_or_incomplete_event_keeps_its_values(kind: str, data: dict[str, object]) -> None:
+    event = decode_event(orjson.dumps({"kind": kind, "message": "m", "node": "n", "data": data}))
+    assert event == OtherEvent("m", "n", name=kind, extra=data)
+    assert (event.kind, event.data) == (kind, data)
+
+
+def test_a_pick_of_an_older_log_lacks_its_measurements() -> None:
+    event = event_of("pick", "held", "Main/Grasp", {"object": "a", "held": True})
+    assert event == PickEvent("held", "Main/Grasp", object="a", held=True)
+    null = event_of("pick", "held", "", {"object": "a", "held": True, "width": None, "load": 1})
+    assert isinstance(null, PickEvent)
+    assert (null.width, null.load) == (None, 1)
+
+
+def test_values_of_a_younger_version_are_kept() -> None:
+    event = event_of("item_done", "placed", "", {"object": "a", "into": "", "colour": "red"})
+    assert event == ItemDoneEvent("placed", object="a", into="", extra={"colour": "red"})
+    assert event.data == {"object": "a", "form": "", "into": "", "colour": "red"}
+
+
+def test_a_plug_in_declares_a_kind_of_its_own() -> None:
+    @dataclass(frozen=True, kw_only=True)
+    class WipedEvent(JournalEvent, kind="wiped"):
+        """The table was wiped."""
+
+        area: Annotated[float, "wiped area, m²"]
+
+    try:
+        assert event_of("wiped", "clean", "Main/Wipe", {"area": 0.5}) == WipedEvent(
+            "clean", "Main/Wipe", area=0.5
+        )
+    finally:
+        del EVENT_KINDS["wiped"]
+
+
+def test_the_journal_counts_items_that_are_done() -> None:
+    journal = Journal()
+    journal.note(ItemDoneEvent("placed", object="a"))
+    journal.note(OtherEvent("placed", name="item_done", extra={}))
+    journal.note(PickEvent("held", object="a", held=True))
+    assert journal.items_done == 2
+    assert len(journal.take()) == 3
+
+
+def test_a_change_of_the_belief_is_read_with_its_bodies() -> None:
+    body = {
+        "id": "a", "kind": "ball", "form": "ball", "colour": "red", "shape": {"radius": 0.02},
+        "pose": {"position": [0.1, 0.2, 0.3], "orientation": [0.0, 0.0, 0.0, 1.0]}, "role": "item",
+    }  # fmt: skip
+    data = {"version": 2, "object": "a", "reason": "seen", "before": None, "after": body}
+    event = decode_event(orjson.dumps({"kind": "belief", "message": "a: seen", "node": "", "data": data}))
+    assert isinstance(event, BeliefEvent)
+    assert event.before is None
+    assert event.after is not None
+    assert (event.after.colour, event.after.pose.position) == ("red", (0.1, 0.2, 0.3))
+
+
+def test_the_document_has_all_kinds_with_their_fields() -> None:
+    page = (Path(__file__).parents[2] / "docs" / "events.md").read_text(encoding="utf-8")
+    assert page == events_page(), "renew it: make docs"
+
+
+@pytest.mark.parametrize("kind", EVENT_KINDS.values(), ids=EVENT_KINDS)
+def test_every_field_of_a_kind_says_what_it_holds(kind: type[JournalEvent]) -> None:
+    assert kind.__doc__
+    assert list(field_meanings(kind)) == [each.name for each in own_fields(kind)]
