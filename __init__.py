@@ -1,8 +1,29 @@
-"""picktree: declarative behaviour-tree skills for robot arms that sort many items for hours."""
+"""picktree: declarative behaviour-tree skills for robot arms that sort many items for hours.
+
+    import picktree as pt
+
+    with pt.Cell("three_bins", backend="kinematic", seed=3) as cell:
+        cell.run(pt.Observe(camera="overhead"))
+        block = cell.belief.find(colour="red", kind="block")
+        print(cell.run(pt.Grasp(object=block.id)))
+
+Cell        robot, world and simulation: run single nodes, plan motions, look at belief and pictures
+PoseGoal    goal of a planned motion: poses of the tool in the world
+Mission     a mission made of nodes; `load` reads one from a file; check, render, save
+Tree        a named tree with ports, whose calls are nodes: SubTree(tree, item="{item}")
+run         run a mission to its end; returns a Run: result, explain, show, report
+batch       run a mission with many seeds and settings; returns a Batch: summary, compare
+nodes       all nodes by their IDs, those of plug-ins, too; the most used ones are here as well:
+            Observe, Grasp, Place, Insert, Push, Sequence, Fallback, ForEach, Recover, SubTree
+
+Lengths are m, angles rad, forces N, times simulated s, unless a text has a unit: "30 mm". Bad input raises
+PicktreeError with a sentence for people, a wrong argument of a node TypeError. More: docs/python.md.
+"""
+
+# pyright: reportUnsupportedDunderAll=false
+# The names are imported on request; __init__.pyi has them for editors.
 
 from __future__ import annotations
-
-from typing import TYPE_CHECKING
 
 from .arithmetic import pin
 from .moved import install
@@ -10,22 +31,65 @@ from .moved import install
 pin()  # before any library that computes is loaded
 install()
 
-if TYPE_CHECKING:
-    from .session.session import run
+__all__ = [
+    "Batch",
+    "Cell",
+    "Fallback",
+    "ForEach",
+    "Grasp",
+    "Insert",
+    "Mission",
+    "Observe",
+    "PicktreeError",
+    "Place",
+    "PoseGoal",
+    "Push",
+    "Recover",
+    "Run",
+    "Sequence",
+    "SubTree",
+    "Tree",
+    "__version__",
+    "batch",
+    "load",
+    "nodes",
+    "run",
+]
 
-    __version__: str
-
-__all__ = ["__version__", "run"]
+_PLACES = {
+    "Batch": ("api.batches", "BatchResult"),
+    "Cell": ("api.cell", "Cell"),
+    "Mission": ("api.mission", "Mission"),
+    "PicktreeError": ("errors", "PicktreeError"),
+    "PoseGoal": ("planning.requests", "PoseGoal"),
+    "Run": ("api.runs", "MissionRun"),
+    "Tree": ("trees.tree_definition", "TreeDefinition"),
+    "batch": ("api.batches", "batch"),
+    "load": ("api.mission", "load"),
+    "run": ("api.runs", "run"),
+}
+"""Module and attribute of the names that are no nodes. They are imported on request: the command line must
+answer at once."""
 
 
 def __getattr__(name: str) -> object:
-    """Import what is asked for only then: the command line must answer at once."""
-    if name == "run":
-        from .session.session import run
+    from importlib import import_module
 
-        return run
     if name == "__version__":
         from importlib.metadata import version
 
         return version("picktree")
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    if name == "nodes":
+        return import_module(".nodes", __name__)
+    if name not in __all__:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    module, attribute = _PLACES.get(name, ("nodes", name))
+    found = getattr(import_module(f".{module}", __name__), attribute)
+    if name == "batch":  # a room has this name, too: it is called as the function
+        return import_module(".batch", __name__)
+    globals()[name] = found
+    return found
+
+
+def __dir__() -> list[str]:
+    return sorted([*__all__, "__doc__", "__file__", "__name__", "__path__"])

@@ -15,9 +15,9 @@ from ..trees.loading.scene_names import SceneNames, load_surroundings
 from ..trees.mission import Mission, reachable
 from ..trees.values.references import ATTRIBUTE_TYPES, ExpressionLocator, Reference
 from ..trees.wiring.circuit import ArrivingValue
-from ..trees.wiring.expression_checks import MissionExpression, expressions_of
 from ..trees.wiring.key_writers import PlacedNode, TreeKeys
-from ..trees.wiring.type_fit import DEFAULT
+from ..trees.wiring.value_sources import DEFAULT
+from ..trees.wiring.wiring_faults import MissionExpression, expressions_of
 from ..world.belief.facts import ASIDE
 from .lint import lint
 

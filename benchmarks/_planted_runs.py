@@ -48,7 +48,7 @@ from picktree.trees.ports import In, port
 from picktree.trees.skill import ARM, Skill, Steps
 from picktree.world.causes import control, planning, safety
 from picktree.planning.requests import NamedGoal
-from picktree.cell.world import World
+from picktree.skill_world.world import World
 
 
 class Hurry(Skill):

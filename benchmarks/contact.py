@@ -20,8 +20,8 @@ from pathlib import Path
 from types import ModuleType
 from typing import TypeVar
 
-from picktree.cell.world import World
 from picktree.control.cartesian.compliant_motion import CartesianStiffness, CompliantMotion, ContactState
+from picktree.skill_world.world import World
 
 import numpy as np
 import pinocchio as pin

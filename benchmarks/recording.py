@@ -14,9 +14,9 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
-from picktree.logs.meshes.link_meshes import link_meshes
+from picktree.logs.meshes.binary_gltf import link_meshes
 from picktree.logs.recording.recorder import Recorder
-from picktree.logs.recording.rotation import Rotation
+from picktree.logs.recording.rotated_log import Rotation
 from picktree.logs.run_log import RunLog
 from picktree.logs.schema.records import (
     Control,

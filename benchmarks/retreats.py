@@ -36,7 +36,7 @@ from _campaign import ROOT, Row, campaign, rate
 import numpy as np
 
 if TYPE_CHECKING:
-    from picktree.cell.world import World
+    from picktree.skill_world.world import World
     from picktree.world.values import Array, Pose
 
 STATES = 5

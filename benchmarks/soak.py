@@ -70,7 +70,7 @@ def main() -> int:
 
 
 def soak(given: argparse.Namespace, diary: Path) -> None:
-    from picktree.logs.recording.rotation import FEED_ROTATION
+    from picktree.logs.recording.rotated_log import FEED_ROTATION
     from picktree.session.resume.resumption import ResumeRequest, Resumption
     from picktree.session.session import RunRequest, Session
 

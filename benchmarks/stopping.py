@@ -15,7 +15,6 @@ import math
 from collections.abc import Generator
 from typing import TypeVar
 
-from picktree.cell.world import World
 from picktree.control.cartesian.impedance import ContactReflex
 from picktree.control.cartesian.velocity_controller import Twist
 from picktree.control.execution.jog_motion import MAX_TWIST_SPEED
@@ -24,6 +23,7 @@ from picktree.planning.requests import JointGoal
 from picktree.robots.loading import load_robot
 from picktree.session.assembly import assemble_world
 from picktree.simulation.backends import build_hardware
+from picktree.skill_world.world import World
 from picktree.world.causes import Failure
 from picktree.world.scene.loading.scene_loading import load_scene
 from picktree.world.values import Array

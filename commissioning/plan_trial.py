@@ -11,7 +11,6 @@ from typing import TypeVar
 import numpy as np
 
 from ..analysis.render.viewpoint import PictureView
-from ..cell.world import World
 from ..planning.failures.planning_failures import contact_lines
 from ..planning.kinematics.levenberg_marquardt import is_hinge
 from ..planning.requests import (
@@ -26,6 +25,7 @@ from ..robots.loading import load_robot
 from ..session.assembly import assemble_world
 from ..simulation.backends import build_hardware
 from ..simulation.scoring.truth import TrueBody
+from ..skill_world.world import World
 from ..world.belief.planning_scene import BeliefObject
 from ..world.causes import Failure
 from ..world.scene.loading.scene_loading import load_scene
@@ -121,15 +121,12 @@ def plan_in_scene(asked: PlanQuery) -> PlanAnswer:
         rejected=_counted((*goal.rejected, *tried.rejected)),
     )
     if isinstance(tried.outcome, MotionPlan):
-        answer = replace(answer, found=_figures(world, tried.outcome))
+        answer = replace(answer, found=plan_figures(world, tried.outcome))
         if asked.verify:
             against = [line for one in world.plan.disagreements for line in contact_lines(one.contacts)]
             answer = replace(answer, judged=tuple(against))
     elif tried.outcome is not None:
-        failure = tried.outcome
-        cause = failure.cause
-        refused = PlanRefusal(cause.name, failure.message, cause.remedy, failure.evidence)
-        answer = replace(answer, refused=refused)
+        answer = replace(answer, refused=PlanRefusal.of(tried.outcome))
     else:
         sentence = f"the hand finds no room at any of {len(goal.rejected)} grasps of {asked.to}"
         if not goal.rejected:
@@ -193,7 +190,8 @@ def _run_to_end(steps: Generator[None, None, T]) -> T:
             return end.value
 
 
-def _figures(world: World, plan: MotionPlan) -> PlanFigures:
+def plan_figures(world: World, plan: MotionPlan) -> PlanFigures:
+    """Return the figures of a plan in the present belief."""
     quality = world.plan.quality(plan)
     near, own, joint = quality.nearest, quality.itself, quality.joint
     index = world.robot.description.joints.index(joint.joint)

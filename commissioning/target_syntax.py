@@ -10,11 +10,11 @@ from difflib import get_close_matches
 
 import numpy as np
 
-from ..cell.world import World
 from ..errors import PicktreeError
 from ..files.quantities import parse_quantity
 from ..manipulation.grasp.grasp_candidates import grasp_candidates
 from ..planning.requests import LineGoal, NamedGoal, RegionGoal, Request, Target
+from ..skill_world.world import World
 from ..world.belief.planning_scene import BeliefObject
 from ..world.scene.description import Bin
 from ..world.values import Array, Pose

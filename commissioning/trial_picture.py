@@ -10,16 +10,16 @@ from pathlib import Path
 import numpy as np
 
 from ..analysis.render.captions import Caption, CaptionFailure, write
+from ..analysis.render.rasterizer import Picture
 from ..analysis.render.scene_view import SceneContent, SceneRenderer
 from ..analysis.render.viewpoint import PictureView
-from ..cell.world import World
 from ..files.atomic_write import whole
-from ..logs.meshes.binary_gltf import read_glb, write_glb
-from ..logs.meshes.link_meshes import link_meshes
+from ..logs.meshes.binary_gltf import link_meshes, read_glb, write_glb
 from ..logs.recording.images import write_picture
 from ..logs.recording.journal_records import belief_record
 from ..logs.schema.records import BodyRecord, LinkMesh, PartRecord, Scene
 from ..planning.requests import MotionPlan
+from ..skill_world.world import World
 from ..world.causes import Failure
 from ..world.shapes import Sphere
 from ..world.values import Array, Pose
@@ -45,13 +45,34 @@ def draw(
     size: tuple[int, int],
 ) -> None:
     """Write the picture. Raises PicktreeError when it cannot be written."""
+    picture = plan_picture(world, start, outcome, asked, view, size)
+    with whole([output], output) as (beside,):
+        output.parent.mkdir(parents=True, exist_ok=True)
+        write_picture(str(beside), picture)
+
+
+def plan_picture(
+    world: World,
+    start: Array,
+    outcome: MotionPlan | Failure | None,
+    asked: str,
+    view: PictureView,
+    size: tuple[int, int],
+    width: float | None = None,
+    time: float = 0.0,
+) -> Picture:
+    """Return the picture as RGB (h, w, 3).
+
+    `start` is the configuration (n,), rad, `width` the opening of the fingers, m; None: fully open. Without
+    an outcome the arm stands at the start. `time` is shown, s.
+    """
     meshes = link_meshes(world.robot.description.urdf)
-    width = world.robot.description.gripper.max_width
+    width = world.robot.description.gripper.max_width if width is None else width
     robots = _Robots(meshes)
     path: tuple[tuple[float, float, float], ...] = ()
     marked: tuple[BodyRecord, ...] = ()
     point: tuple[BodyRecord, ...] = ()
-    caption = Caption(0.0, asked)
+    caption = Caption(time, asked)
     if isinstance(outcome, MotionPlan):
         q = outcome.trajectory.position
         robots.add("", world.robot.link_poses(q[-1], width))
@@ -76,9 +97,7 @@ def draw(
     shown = SceneContent(robots.poses, scene, Scene(marked, ()), path)
     picture = SceneRenderer(tuple(robots.meshes), view, size).single(shown)
     write(picture, caption)
-    with whole([output], output) as (beside,):
-        output.parent.mkdir(parents=True, exist_ok=True)
-        write_picture(str(beside), picture)
+    return picture
 
 
 class _Robots:

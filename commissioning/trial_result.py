@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from math import degrees
 
-from ..world.causes import Evidence
+from ..world.causes import Evidence, Failure
 
 MILLIMETRE_KEYS = frozenset({"depth", "by", "short", "at", "point", "first"})
 """Keys of evidence in m that the text gives in mm."""
@@ -55,6 +55,11 @@ class PlanRefusal:
     remedy: str
     evidence: Evidence
 
+    @classmethod
+    def of(cls, failure: Failure) -> PlanRefusal:
+        """Return the reason that a failure of the planner gives."""
+        return cls(failure.cause.name, failure.message, failure.cause.remedy, failure.evidence)
+
 
 @dataclass(frozen=True, slots=True)
 class PlanAnswer:
@@ -89,14 +94,17 @@ class PlanAnswer:
             f"{self.asked}, from {self.begins}",
             f"scene {self.scene}, robot {self.robot}, seed {self.seed}; everything is believed where it is",
             "",
+            *self.lines(),
         ]
-        if self.found is not None:
-            lines += _table(self._figures(self.found))
-        if self.refused is not None:
-            lines += self._why_not(self.refused)
         if self.picture:
             lines += ["", f"picture: {self.picture}"]
         return "\n".join(lines)
+
+    def lines(self) -> list[str]:
+        """Return the figures of the plan, or the reason why there is none."""
+        if self.found is not None:
+            return _table(self._figures(self.found))
+        return self._why_not(self.refused) if self.refused is not None else []
 
     def _figures(self, found: PlanFigures) -> Iterator[tuple[str, str]]:
         if self.grasp:

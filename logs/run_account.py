@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 from ..world.journal import JournalEvent
 from .episodes.episode import CureNames, Episode, Planted
 from .episodes.episode_counts import CauseCount, CureCount, by_cause, counted
 from .episodes.episode_tracker import EpisodeTracker
 from .failure_courses import FailureCourse, FailureCourses, VisitTree
+from .run_log import RunLog, Stamped
 from .visits import Visit, VisitBuilder, ticks_with_trees, under_way
-
-if TYPE_CHECKING:
-    from .run_record import RunRecord
 
 
 @dataclass(frozen=True)
@@ -59,22 +57,23 @@ class RunAccount:
     recovery: Episodes
 
 
-def account_of(run: RunRecord, *, derived: bool | None = None) -> RunAccount:
-    """Return the account of a run, of an older log as far as its events go; for `derived` see
-    `ticks_with_trees`.
+def account_of(
+    log: RunLog, events: Sequence[Stamped[JournalEvent]], *, derived: bool | None = None
+) -> RunAccount:
+    """Return the account of a run from its log and its events; `derived` as for `ticks_with_trees`.
 
     Raises PicktreeError when the log is damaged.
     """
     builder, episodes, planted = VisitBuilder(), list[Episode](), list[Planted]()
     tracker = EpisodeTracker(episodes.append, planted.append)
-    events, last = deque(run.events), 0.0
-    for number, (at, trees) in enumerate(ticks_with_trees(run.log, derived=derived)):
+    coming, last = deque(events), 0.0
+    for number, (at, trees) in enumerate(ticks_with_trees(log, derived=derived)):
         for tree in trees:
             builder.follow(tree)
             tracker.follow(tree.nodes)
         told: list[JournalEvent] = []
-        while events and events[0].time <= at.time + 1e-9:
-            told.append(events.popleft().record)
+        while coming and coming[0].time <= at.time + 1e-9:
+            told.append(coming.popleft().record)
         if at.record is None:
             builder.skip(at.time)
         else:
@@ -83,10 +82,10 @@ def account_of(run: RunRecord, *, derived: bool | None = None) -> RunAccount:
             builder.take(at.time, at.record)
         tracker.take(at.time, () if at.record is None else at.record.transitions, told)
         last = at.time
-    tracker.finish(run.end)
+    tracker.finish(log.end)
     visits = VisitTree(builder.finish())
-    names = CureNames(node for at in run.trees for node in at.record.nodes)
-    courses = FailureCourses(visits, run.events, last, names)
+    names = CureNames(node for at in log.trees() for node in at.record.nodes)
+    courses = FailureCourses(visits, events, last, names)
     return RunAccount(
         visits.visits,
         visits,

@@ -16,10 +16,8 @@ from ..world.journal import JournalEvent
 from ..world.protocols import Intrinsics
 from .mcap.reader import RawMessage
 from .recording import foxglove_messages
-from .recording.digest import Digest
 from .recording.images import decode_colour, decode_depth
-from .recording.rotated_log import JoinedLog
-from .recording.rotation import part_paths
+from .recording.rotated_log import JoinedLog, part_paths
 from .schema import topics
 from .schema.arithmetic_record import Arithmetic
 from .schema.event_records import decode_event
@@ -41,6 +39,7 @@ from .schema.records import (
     Tree,
     WrenchReading,
 )
+from .schema.topics import Digest
 
 LOG_NAME = "log.mcap"
 RUNS_FOLDER = Path("runs")

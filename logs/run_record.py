@@ -132,7 +132,7 @@ class RunRecord:
     @cached_property
     def account(self) -> RunAccount:
         """Account of the run: visits, failures and what became of them, episodes with cures and time lost."""
-        return account_of(self)
+        return account_of(self.log, self.events)
 
     @cached_property
     def plans(self) -> tuple[Stamped[Plan], ...]:

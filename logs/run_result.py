@@ -10,8 +10,8 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, Literal, TypeAlias
 
-from ..cell.operator_desk import OperatorQuestion
 from ..errors import PicktreeError
+from ..skill_world.operator_desk import OperatorQuestion
 from ..world.journal import Plain
 from .episodes.episode_counts import CureCount, PlantedCount, cause_lines, planted_lines
 
@@ -162,7 +162,7 @@ class RunResult:
         """Simulated seconds for each object held; None when none was."""
         return self.sim_seconds / self.picks.held if self.picks.held else None
 
-    def explain(self, program: str = "picktree") -> str:
+    def explain_command(self, program: str = "picktree") -> str:
         """Return the command that explains the run; `program` is the name by which picktree is called
         here."""
         return f"{program} explain {shlex.quote(str(self.folder))}"
@@ -249,7 +249,7 @@ class RunResult:
             raise PicktreeError(f"{source}: the result in the log is unreadable: {error!r}") from None
 
     def to_text(self, program: str = "picktree") -> str:
-        """Return the summary for a terminal, without a trailing newline; `program` as in `explain`."""
+        """Return the summary for a terminal, without a trailing newline; `program` as for commands."""
         items, picks, wall = self.items, self.picks, self.wall_seconds
         lines = [
             f"{self.status}: {_SENTENCES[self.status]}" + (f": {self.message}" if self.message else ""),
@@ -273,7 +273,7 @@ class RunResult:
             f"perception {wall.perception:.1f}, logging {wall.logging:.1f}; CPU {self.cpu_seconds:.1f} s",
             f"seed        {self.seed}, digest {self.digest[:16]}",
             f"log         {self.log.absolute()}",
-            f"look at it  {self.explain(program)}",
+            f"look at it  {self.explain_command(program)}",
         ]
         return "\n".join(lines)
 

@@ -37,7 +37,7 @@ from .fitting.item_fitting import (
     is_clear,
 )
 from .fitting.known_object_fitting import NEAR_DEPTH_SIGMA, TrackedSighting, track_objects
-from .fitting.view import BinView, BodyVisibility, Detection, PerceivedView, UnexplainedPatch, bin_height_map
+from .fitting.view import Detection, PerceivedView, UnexplainedPatch, bin_height_map
 from .geometry.camera_geometry import PosedCamera, register_hand_camera
 from .geometry.resting_poses import HoleMouths, stable_poses
 from .segmentation import blobs
@@ -51,8 +51,6 @@ from .segmentation.blobs import (
     outline_patch,
 )
 from .voxels.space_carving import MIN_RAISED_DEPTH, bounding_box_of, points_of, unexplained_patches
-
-__all__ = ["BinView", "BodyVisibility", "Detection", "PerceivedView", "Perception", "UnexplainedPatch"]
 
 MIN_PATCH_PIXELS = 10
 """Least number of pixels of a patch of colour."""

@@ -1,13 +1,14 @@
-"""AskForHelp: the arm waits at rest until the operator decides how to continue."""
+"""AskForHelp and SetAside: the operator decides how to continue, or an item is given up."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Generator
+from dataclasses import replace
 from typing import TYPE_CHECKING, Final, cast
 
-from ..cell.operator_desk import GIVE_UP, GO_ON, SET_ASIDE, OperatorQuestion
-from ..trees.flow.default_flow import leaf
+from ..skill_world.operator_desk import GIVE_UP, GO_ON, SET_ASIDE, OperatorQuestion
+from ..trees.flow import LeafFlow
 from ..trees.node import Node
 from ..trees.ports import In, Out, port
 from ..trees.runtime import Runtime, Wiring
@@ -15,15 +16,14 @@ from ..trees.skill import ARM
 from ..trees.status import NodeStatus
 from ..trees.values.port_types import PortProblem, PortValues
 from ..trees.values.references import Reference
-from ..world.causes import Failure, control, tree
+from ..world.belief.facts import ASIDE
+from ..world.causes import Failure, control, place, tree
 from ..world.events.run_events import HelpWantedEvent
+from ..world.events.skill_events import SetAsideEvent
 from ..world.values import ObjectId
 
 if TYPE_CHECKING:
-    from ..cell.world import World
-    from ..trees.flow import FlowState, NodeOutcomes
-    from ..trees.flow.flow_walk import FlowAnalysis
-    from ..trees.mission import NodeSpec
+    from ..skill_world.world import World
 
 _INSERTED: Final = re.compile(r"\{[A-Za-z_]\w{0,59}(?:\.[A-Za-z_]\w{0,59}){0,9}\}", re.ASCII)
 
@@ -38,6 +38,7 @@ class AskForHelp(Node):
     itself changes nothing: the nodes after this one act on it.
     """
 
+    flow = LeafFlow()
     example = """
     Sequence:
       - AskForHelp: {reason: "the {item.kind} slips each time", object: "{item}", answer: "{answer}"}
@@ -152,10 +153,6 @@ class AskForHelp(Node):
             ) from None
         return "nothing" if value is None else str(value)
 
-    @classmethod
-    def flow(cls, spec: NodeSpec, entry: FlowState, walk: FlowAnalysis) -> NodeOutcomes:
-        return leaf(cls, spec, entry, walk, takes_time=True)
-
 
 _MAX_NAMED = 3
 """Maximum number of items that the situation names."""
@@ -179,3 +176,58 @@ def _situation(world: World) -> str:
     else:
         parts.append("nothing else is to be done" if world.vision.looks else "nobody has looked yet")
     return f"{'; '.join(parts)}; {world.journal.items_done} done so far"
+
+
+_GIVEN_UP_ENTRY = "given up"
+"""Entry in the memory of attempts for each time that an item was given up."""
+
+
+class SetAside(Node):
+    """Give an item up where it lies: it is among the items to be done no longer, until it is put elsewhere.
+
+    With `after: 2` the first time only counts, for the item may be had when others are out of its way.
+    Nothing moves: the belief alone changes. An item that is gone needs no giving up: SUCCESS.
+    """
+
+    flow = LeafFlow(instant=True, gives_up=True)
+    example = """
+    Fallback:
+      - Grasp: {object: "{item}"}
+      - SetAside: {object: "{item}", after: 2}
+    """
+
+    kind = "action"
+    played = False
+    object: In[ObjectId] = port("the item to give up, which is not in the hand")
+    after: In[int] = port("which time it is given up indeed; before that it is counted", default=1, least=1)
+    causes = (place.MISSED,)
+
+    def on_tick(self) -> NodeStatus:
+        world = cast("World", self.world)
+        belief = world.scene.find(self.object)
+        if belief is None:
+            return NodeStatus.SUCCESS
+        if belief.attached:
+            raise Failure(
+                place.MISSED, f"{self.object} is in the hand: let go of it first", object=self.object
+            )
+        world.attempts.failed(self.path, self.object, _GIVEN_UP_ENTRY)
+        times = world.attempts.count(self.path, self.object)
+        self.feedback_message = f"{self.object} was given up {times} of {self.after} times"
+        if times < self.after:
+            return NodeStatus.SUCCESS
+        world.attempts.forget(self.object)
+        world.scene.put(replace(belief, place=ASIDE), "set aside: it is left where it lies")
+        x, y, _ = belief.pose.position
+        world.journal.note(
+            SetAsideEvent(
+                f"{self.object} is left where it lies",
+                self.path,
+                object=self.object,
+                form=belief.form,
+                x=x,
+                y=y,
+                times=times,
+            )
+        )
+        return NodeStatus.SUCCESS

@@ -25,7 +25,7 @@ from ..world.shapes import Box
 from ..world.values import ObjectId, Pose
 
 if TYPE_CHECKING:
-    from ..cell.world import World
+    from ..skill_world.world import World
 
 PROBE_DISTANCE: Final = 0.004
 """Distance by which the fingers try to close, m: they do when nothing is between them."""

@@ -1,11 +1,13 @@
-"""Budget: limit on the cost of recovery, for one item or for a whole branch."""
+"""Budget and PlanWith: limits on the cost of recovery, and planner overrides while a branch runs."""
 
 from __future__ import annotations
 
+from contextlib import nullcontext
 from typing import TYPE_CHECKING, cast
 
+from ..planning.requests import PlannerOverrides
 from ..trees.controls.decorator import Decorator
-from ..trees.flow import FlowState, NodeOutcomes, OutcomeCollector
+from ..trees.flow import FAILURE, RUNNING, ChildFlow
 from ..trees.node import Node
 from ..trees.ports import In, port
 from ..trees.status import NodeStatus
@@ -15,8 +17,7 @@ from ..world.events.run_events import BudgetEvent
 from ..world.values import ObjectId
 
 if TYPE_CHECKING:
-    from ..trees.flow.flow_walk import FlowAnalysis
-    from ..trees.mission import NodeSpec
+    from ..planning.service.plan_service import PlanService
 
 
 class Budget(Decorator):
@@ -33,6 +34,7 @@ class Budget(Decorator):
     them.
     """
 
+    flow = ChildFlow(own={RUNNING: FAILURE, FAILURE: FAILURE})
     example = """
     Budget:
       of: "{item}"
@@ -52,7 +54,6 @@ class Budget(Decorator):
     tries: In[int] = port("how many handlers may run; -1 for any number", default=-1, least=-1)
     time: In[float] = port("how long recovery may take; 0 for any time", unit="s", default=0.0, least=0)
     causes = (tree.BUDGET,)
-    by_turns = True
     remembers = ("_accounts", "_before", "_given_up")
     _accounts: dict[str, list[float]] = {}  # noqa: RUF012 - replaced, never changed
     """Handlers run and seconds spent by object, without objects whose last run succeeded."""
@@ -134,15 +135,6 @@ class Budget(Decorator):
             self._accounts = {key: value for key, value in self._accounts.items() if key != self.of}
         return state
 
-    @classmethod
-    def flow(cls, spec: NodeSpec, entry: FlowState, walk: FlowAnalysis) -> NodeOutcomes:
-        flow, ends = walk.child(spec.children[0], (entry,)), OutcomeCollector()
-        ends.take(flow)
-        used_up = walk.fails(spec, walk.causes.of(cls.causes))
-        for state in (*flow.failure, *flow.running):
-            ends.fail_at(state, used_up)
-        return ends.flow()
-
     # Private.
 
     def _account(self) -> tuple[float, float]:
@@ -168,3 +160,47 @@ def budgets_above(node: Node) -> tuple[Budget, ...]:
             found.append(above)
         above = cast("Node | None", above.parent)
     return tuple(found)
+
+
+class PlanWith(Decorator):
+    """While its child runs, motions are planned with another seed, more collision checks, or more room.
+
+    It holds for what the child itself plans, and only in its own ticks: however the child ends, everything is
+    planned as before afterwards. Where one stands in the other, budgets multiply and clearances add up.
+    """
+
+    flow = ChildFlow()
+    example = """
+    Recover:
+      attempts: 3
+      attempt: "{attempt}"
+      do:
+        PlanWith: {seed: "{attempt}", budget: 3, do: {GoTo: {pose: home}}}
+      when:
+        planning.*: {SafeRetreat: {pose: rest}}
+    """
+
+    seed: In[int] = port("another number, other random trees; 0 for the usual ones", default=0, least=0)
+    budget: In[float] = port(
+        "how many times the collision checks that a plan may take otherwise", default=1.0, above=0, most=100
+    )
+    clearance: In[float] = port(
+        "how much more room free motions keep than the usual margins",
+        unit="m",
+        default=0.0,
+        least=0,
+        most=0.1,
+    )
+
+    @classmethod
+    def check_ports(cls, given: PortValues) -> tuple[str, ...]:
+        if not given.any_of("seed", "budget", "clearance"):
+            return ("without `seed`, `budget` or `clearance` it changes nothing",)
+        return ()
+
+    def on_tick(self) -> NodeStatus:
+        # A rehearsal has no planner.
+        plan = cast("PlanService | None", getattr(self.world, "plan", None))
+        manner = PlannerOverrides(self.seed, self.budget, self.clearance)
+        with plan.in_manner(manner) if plan is not None else nullcontext():
+            return self.relay()

@@ -17,7 +17,7 @@ from ..world.shapes import Box, top
 from ..world.values import ObjectId
 
 if TYPE_CHECKING:
-    from ..cell.world import World
+    from ..skill_world.world import World
     from ..world.belief.planning_scene import BeliefObject
     from ..world.scene.description import Fixture
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, ClassVar, cast
 
 from ..errors import PicktreeError
 from ..files.value_wording import suggest_name
-from ..trees.flow.default_flow import leaf
+from ..trees.flow import LeafFlow
 from ..trees.node import Node
 from ..trees.ports import In, port
 from ..trees.status import NodeStatus
@@ -14,18 +14,15 @@ from ..trees.values.port_types import PortProblem, PortValues
 from ..world.causes import all_causes, cause_named, matches
 
 if TYPE_CHECKING:
-    from ..trees.flow import FlowState, NodeOutcomes
-    from ..trees.flow.flow_walk import FlowAnalysis
-    from ..trees.mission import NodeSpec
     from ..world.causes import Cause
 
 
 class CauseGuard(Node, abstract=True):
     """Base class of conditions on the cause: SUCCESS when it is in a list, else FAILURE without a report."""
 
+    flow = LeafFlow(steady=True)
     kind = "condition"
     played = False
-    steady = True
 
     def patterns(self) -> tuple[str, ...]:
         """Return the cause patterns for which the guard succeeds."""
@@ -43,10 +40,6 @@ class CauseGuard(Node, abstract=True):
         cause = self.handled()
         helps = cause is not None and any(matches(pattern, cause) for pattern in self.patterns())
         return NodeStatus.SUCCESS if helps else NodeStatus.FAILURE
-
-    @classmethod
-    def flow(cls, spec: NodeSpec, entry: FlowState, walk: FlowAnalysis) -> NodeOutcomes:
-        return leaf(cls, spec, entry, walk, takes_time=False, says_no=True)
 
 
 class WouldHelp(CauseGuard, abstract=True):

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
-from ..trees.flow.default_flow import leaf
+from ..trees.flow import FAILURE, LeafFlow, Recovery
 from ..trees.node import Node
 from ..trees.ports import In, Out, port
 from ..trees.slots import child, children, optional_child, table
@@ -12,12 +10,6 @@ from ..trees.status import NodeStatus
 from ..trees.values.port_types import PortProblem, PortValues
 from ..world.causes import FailureReport, internal, matches
 from .recovery_base import RecoveryControl
-from .recovery_flow import CureStep, RecoverySpec
-
-if TYPE_CHECKING:
-    from ..trees.flow import FlowState, NodeOutcomes
-    from ..trees.flow.flow_walk import FlowAnalysis
-    from ..trees.mission import NodeSpec
 
 
 class RecoveryNode(RecoveryControl):
@@ -29,6 +21,7 @@ class RecoveryNode(RecoveryControl):
     two. `Recover` chooses the handler by the cause.
     """
 
+    flow = Recovery(runs="number_of_retries", first_is_free=True, skipped_handler=FAILURE)
     example = """
     RecoveryNode:
       number_of_retries: 2
@@ -63,13 +56,6 @@ class RecoveryNode(RecoveryControl):
     def goes_on_after(cls, cure: NodeStatus) -> bool:
         return cure is NodeStatus.SUCCESS
 
-    @classmethod
-    def recovery(cls, spec: NodeSpec, walk: FlowAnalysis) -> RecoverySpec:
-        tried, cure = spec.children
-        retries = walk.number(spec, "number_of_retries")
-        runs = None if retries is None else retries + 1
-        return RecoverySpec(tried, (CureStep(cure.name, "*", cure),), None, runs, skipped_cure_fails=True)
-
 
 class ForAttempt(Node):
     """Take the value that a list has for this attempt: the first for the first; after the last, the last.
@@ -78,6 +64,7 @@ class ForAttempt(Node):
     are in SI units, without unit.
     """
 
+    flow = LeafFlow(steady=True)
     example = """
     Recover:
       attempts: 3
@@ -90,7 +77,6 @@ class ForAttempt(Node):
 
     kind = "action"
     played = False
-    steady = True
     attempt: In[int] = port("which attempt it is: 1, 2, …; output `attempt` of the Recover", least=1)
     values: In[list[object]] = port("one for each attempt")
     value: Out[object] = port("the one for this attempt", each_of="values")
@@ -107,10 +93,6 @@ class ForAttempt(Node):
         self.value = self.values[min(self.attempt, len(self.values)) - 1]
         return NodeStatus.SUCCESS
 
-    @classmethod
-    def flow(cls, spec: NodeSpec, entry: FlowState, walk: FlowAnalysis) -> NodeOutcomes:
-        return leaf(cls, spec, entry, walk, takes_time=False)
-
 
 class Recover(RecoveryControl):
     """Runs `do`; when it fails, runs the handler of the cause, then `do` again, at most `attempts` times.
@@ -124,6 +106,7 @@ class Recover(RecoveryControl):
     attempt.
     """
 
+    flow = Recovery(runs="attempts", resort="give_up")
     example = """
     Recover:
       attempts: 3
@@ -173,14 +156,6 @@ class Recover(RecoveryControl):
 
     def resort(self) -> Node | None:
         return self.last_resort
-
-    @classmethod
-    def recovery(cls, spec: NodeSpec, walk: FlowAnalysis) -> RecoverySpec:
-        cures = [CureStep(label, label, part) for label, part in spec.slots.get("when", ())]
-        cures += (CureStep(_OTHERWISE, "*", part) for _, part in spec.slots.get("otherwise", ()))
-        resort = next((part for _, part in spec.slots.get("give_up", ())), None)
-        tried = spec.slots["do"][0][1]
-        return RecoverySpec(tried, tuple(cures), resort, walk.number(spec, "attempts"))
 
 
 _OTHERWISE = "otherwise"

@@ -3,20 +3,13 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from typing import TYPE_CHECKING
 
-from ..trees.flow import FlowState, NodeOutcomes
 from ..trees.node import ControlNode, Node
 from ..trees.status import NodeStatus
 from ..trees.values.failure_reports import with_attached
 from ..world.causes import FailureReport, internal, matches, tree
 from ..world.events.run_events import CuredEvent, RecoveryEvent
 from .budget import budgets_above
-from .recovery_flow import RecoverySpec
-
-if TYPE_CHECKING:
-    from ..trees.flow.flow_walk import FlowAnalysis
-    from ..trees.mission import NodeSpec
 
 
 class RecoveryControl(ControlNode, abstract=True):
@@ -25,8 +18,6 @@ class RecoveryControl(ControlNode, abstract=True):
     The outputs `attempt`, `cause`, `message` and `failed` describe the recovery to the nodes below. Handlers
     are charged to every `Budget` above; one that is used up refuses the next.
     """
-
-    by_turns = True
 
     causes = (tree.ATTEMPTS,)
     remembers = ("_runs", "_reports", "_handler", "_giving_up", "_refused")
@@ -67,12 +58,6 @@ class RecoveryControl(ControlNode, abstract=True):
     def goes_on_after(cls, cure: NodeStatus) -> bool:
         """Return whether `tried` runs again after a handler with this end."""
         return cure is not NodeStatus.FAILURE
-
-    @classmethod
-    @abstractmethod
-    def recovery(cls, spec: NodeSpec, walk: FlowAnalysis) -> RecoverySpec:
-        """Return the same properties for a node in the mission text."""
-        ...
 
     # Shared by sub-classes.
 
@@ -183,7 +168,3 @@ class RecoveryControl(ControlNode, abstract=True):
                 if budget.path == report.node:
                     budget.has_given_up(report)
         return self.fail_with(report)
-
-    @classmethod
-    def flow(cls, spec: NodeSpec, entry: FlowState, walk: FlowAnalysis) -> NodeOutcomes:
-        return cls.recovery(spec, walk).flow(spec, entry, walk)

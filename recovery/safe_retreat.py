@@ -2,23 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import TYPE_CHECKING, Literal
 
 from ..manipulation.carry.hold_check import MAX_EMPTY_WIDTH, GripCheck
+from ..manipulation.carry.put_down import put_down
 from ..manipulation.place.dropped_objects import open_gripper, release_object
-from ..manipulation.place.put_down import put_down
 from ..manipulation.retreat.clearing import RetreatMotion
 from ..manipulation.retreat.homing import go_home, observe_with_fixed_cameras
-from ..trees.declaration import Hand
+from ..trees.flow import LeafFlow
 from ..trees.ports import In, port
 from ..trees.skill import ARM, GRIPPER, Doing, Skill, Steps
-from ..trees.values.references import Binding, Constant
 from ..world.causes import Failure, control, grasp, place, safety
 from ..world.events.skill_events import SafetyAcknowledgedEvent
 
 if TYPE_CHECKING:
-    from ..cell.world import World
+    from ..skill_world.world import World
 
 RETREAT_TIME_LIMIT = 90.0
 """Simulated time after which no other escape path is started, s."""
@@ -32,6 +30,7 @@ class SafeRetreat(Skill):
     direction. When there is no safe way it fails with what was tried, and stays where it is.
     """
 
+    flow = LeafFlow(hand_by=("hand", {"open": "empty", "put_down": "empty"}))
     example = """
     SafeRetreat: {pose: home, hand: open}
     """
@@ -53,17 +52,6 @@ class SafeRetreat(Skill):
     limit = 240.0
     sees_to_stops = True
     hand_after = "kept"
-
-    @classmethod
-    def hand_with(cls, ports: Mapping[str, Binding]) -> tuple[Hand, tuple[Hand, ...]]:
-        # Even without an escape path, nothing better can be done about the held object.
-        match ports.get("hand", Constant("keep", "keep")):
-            case Constant(value="keep"):
-                return "kept", ("kept",)
-            case Constant():
-                return "empty", ("kept", "empty")
-            case _:
-                return "kept", ("kept", "empty")
 
     def run(self, world: World) -> Steps:
         yield from world.move.rest()

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from ..cell.vision import Vision
-from ..cell.world import HandlingParameters, World
 from ..control.execution.control_loop import ControlLoop
 from ..control.execution.gripper_motion import GripperControl
 from ..control.execution.motions import ArmMotion
@@ -17,6 +15,8 @@ from ..planning.service.plan_service import PlanService
 from ..planning.service.trajectory_gate import JogCollisionCheck, TrajectoryGate
 from ..robots.description import RobotDescription
 from ..robots.model import RobotModel
+from ..skill_world.vision import Vision
+from ..skill_world.world import HandlingParameters, World
 from ..world.belief.attempts import AttemptMemory
 from ..world.belief.planning_scene import PlanningScene
 from ..world.computing_time import ComputeTimeAccount, Stopwatch

@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 from pydantic import TypeAdapter, ValidationError
 
-from ..cell.world import World
 from ..control.execution.control_loop import ControlLoopState
 from ..control.execution.trajectory_motion import FollowedPath
 from ..errors import PicktreeError
@@ -18,6 +17,7 @@ from ..logs.recording.recorder import RecordingState
 from ..perception.fitting.view import BinView
 from ..simulation.backends import Simulation
 from ..simulation.faults.injector import FaultInjector, FaultState
+from ..skill_world.world import World
 from ..trees.running.runner import BehaviourTree
 from ..world.belief.facts import FeedProgressState
 from ..world.belief.planning_scene import SceneSnapshot

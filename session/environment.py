@@ -43,9 +43,11 @@ _FILES_WITHOUT_EFFECT: Final = (
     "cli",
     "commissioning",
     "logs/episodes",
+    "logs/failure_courses.py",
+    "logs/run_account.py",
     "moved.py",
+    "session/debugger.py",
     "session/live_view.py",
-    "session/observer.py",
     "session/resume",
 )
 """Modules and folders that do not affect a run: commands, batches, and readers of logs."""

@@ -18,9 +18,9 @@ from ..world.journal import Journal
 if TYPE_CHECKING:  # The displays of the command line are observers and must be loaded at once.
     from pathlib import Path
 
-    from ..cell.operator_desk import OperatorQuestion, OperatorRequests
     from ..logs.run_result import RunResult
     from ..logs.schema.topics import Topic
+    from ..skill_world.operator_desk import OperatorQuestion, OperatorRequests
     from ..trees.mission import Mission
     from ..trees.running.runner import TickReport
     from .execution import Execution

@@ -15,11 +15,11 @@ from dataclasses import dataclass, field
 from datetime import datetime
 from functools import lru_cache
 from pathlib import Path
-from typing import Final, TypedDict
+from typing import Final
 
 from ..errors import PicktreeError
 from ..files.yaml.document import read_document
-from ..logs.recording.rotation import NO_ROTATION, Rotation
+from ..logs.recording.rotated_log import NO_ROTATION, Rotation
 from ..logs.schema.records import ResumedFrom
 from ..robots.description import RobotDescription
 from ..robots.loading import load_robot
@@ -246,25 +246,12 @@ class RunRequest:
     """Limits at which the log continues in a further file."""
 
 
-class RunOptions(TypedDict, total=False):
-    """Fields of `RunRequest` besides the mission, as keyword arguments of `run`."""
+def read_recipe(request: RunRequest, mission: Mission | None = None) -> Recipe:
+    """Read and check the files of a request. Raises PicktreeError (FileError with all faults).
 
-    scene: str | None
-    robot: str | None
-    seed: int
-    parameters: Mapping[str, str]
-    faults: Path | None
-    out: Path | None
-    backend: Backend
-    verify: bool
-    limit: float
-    watch: bool
-    rotation: Rotation
-
-
-def read_recipe(request: RunRequest) -> Recipe:
-    """Read and check the files of a request. Raises PicktreeError (FileError with all faults)."""
-    mission = load_mission(request.mission, NodeRegistry())
+    `mission` replaces the request's file, which need not be there.
+    """
+    mission = mission or load_mission(request.mission, NodeRegistry())
     wanted = request.scene or mission.scene
     if wanted is None:
         raise PicktreeError(f"{request.mission}: the mission names no scene; add 'scene:' or give --scene")

@@ -7,10 +7,10 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Protocol
 
+from ..logs.episodes.episode import EpisodeTrackerState
 from ..logs.episodes.episode_counts import CureCount, EpisodeCounts, PlantedCount
 from ..logs.episodes.episode_tracker import (
     EpisodeTracker,
-    EpisodeTrackerState,
     NodeLike,
     TransitionLike,
 )

@@ -11,12 +11,10 @@ import os
 import signal
 import time
 from collections.abc import Sequence
-from pathlib import Path
-from typing import Unpack
 
 from .. import arithmetic
 from ..errors import PicktreeError
-from ..logs.recording.rotation import FEED_ROTATION, NO_ROTATION
+from ..logs.recording.rotated_log import FEED_ROTATION, NO_ROTATION
 from ..logs.run_result import RunResult, RunStatus
 from ..trees.mission import Mission
 from ..trees.running.runner import TickReport
@@ -28,7 +26,6 @@ from .recipe import (
     DEFAULT_TIME_LIMIT,
     Recipe,
     Recording,
-    RunOptions,
     RunRequest,
     make_folder,
     read_recipe,
@@ -41,10 +38,8 @@ __all__ = [
     "LOG_FILE_NAME",
     "RESULT_FILE_NAME",
     "Recording",
-    "RunOptions",
     "RunRequest",
     "Session",
-    "run",
 ]
 
 RESULT_FILE_NAME = "result.json"
@@ -203,8 +198,3 @@ class Session:
 def _kill() -> None:
     """Kill this process as a power failure would: nothing is flushed or closed."""
     os.kill(os.getpid(), signal.SIGKILL)
-
-
-def run(mission: Path | str, **options: Unpack[RunOptions]) -> RunResult:
-    """Run a mission in one call; the options are those of `RunRequest`."""
-    return Session(RunRequest(mission=Path(mission), **options)).run()

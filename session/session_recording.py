@@ -9,9 +9,9 @@ from pathlib import Path
 from types import TracebackType
 from typing import Final
 
-from ..logs.meshes.link_meshes import link_meshes
+from ..logs.meshes.binary_gltf import link_meshes
 from ..logs.recording.recorder import Listener, Recorder, RecordingState
-from ..logs.recording.rotation import NO_ROTATION, Rotation
+from ..logs.recording.rotated_log import NO_ROTATION, Rotation
 from ..logs.run_result import RunResult
 from ..logs.schema import records
 from ..logs.schema.topics import Topic

@@ -10,7 +10,7 @@ from ..trees.skill import Skill, Steps
 from ..world.causes import Failure, feed
 
 if TYPE_CHECKING:
-    from ..cell.world import World
+    from ..skill_world.world import World
 
 
 class AwaitItems(Skill):

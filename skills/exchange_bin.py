@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from ..manipulation.place.dropped_objects import apply_bin_exchanges, bin_fill_level
+from ..trees.flow import LeafFlow
 from ..trees.ports import In, port
 from ..trees.skill import Doing, Skill, Steps
 from ..world.causes import Failure, feed
@@ -14,7 +14,7 @@ from ..world.scene.description import Bin
 from ..world.values import ObjectId
 
 if TYPE_CHECKING:
-    from ..cell.world import World
+    from ..skill_world.world import World
 
 
 class ExchangeBin(Skill):
@@ -25,6 +25,7 @@ class ExchangeBin(Skill):
     item in the hand: nobody reaches below it.
     """
 
+    flow = LeafFlow(empties=("bin", "fill"))
     example = """
     ExchangeBin: {bin: red_bin, fill: 0.6}
     """
@@ -44,11 +45,6 @@ class ExchangeBin(Skill):
     causes = (feed.NO_EXCHANGE, feed.OBSTRUCTED, world_causes.UNKNOWN_OBJECT)
     limit = 10.0
     waits_for = "longest"
-
-    @classmethod
-    def empties_with(cls, inputs: Mapping[str, object]) -> str:
-        # In a rehearsal no heap reaches a height.
-        return "" if inputs.get("fill") else str(inputs["bin"])
 
     def run(self, world: World) -> Steps:
         bin_ = self._bin(world)

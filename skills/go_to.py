@@ -11,7 +11,7 @@ from ..trees.skill import ARM, Skill, Steps
 from ..world.causes import control, planning, safety
 
 if TYPE_CHECKING:
-    from ..cell.world import World
+    from ..skill_world.world import World
 
 
 class GoTo(Skill):

@@ -10,7 +10,7 @@ from ..trees.skill import GRIPPER, Skill, Steps
 from ..world.causes import control
 
 if TYPE_CHECKING:
-    from ..cell.world import World
+    from ..skill_world.world import World
 
 
 class OpenGripper(Skill):

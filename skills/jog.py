@@ -14,7 +14,7 @@ from ..world.causes import control, planning, safety
 from ..world.causes import world as world_causes
 
 if TYPE_CHECKING:
-    from ..cell.world import World
+    from ..skill_world.world import World
     from ..world.values import Vector3
 
 

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from ..manipulation.place.dropped_objects import apply_bin_exchanges
+from ..trees.flow import LeafFlow
 from ..trees.ports import In, Out, port
 from ..trees.skill import CAMERA, Skill, Steps
-from ..trees.values.references import Binding
-from ..world.causes import Cause, Failure, Family, perception
+from ..world.causes import Failure, perception
 from ..world.values import ObjectId
 
 if TYPE_CHECKING:
-    from ..cell.world import World
+    from ..skill_world.world import World
 
 
 class Observe(Skill):
@@ -22,6 +21,7 @@ class Observe(Skill):
     What the hand holds comes first: nothing else can be grasped before. Then the nearest to the robot.
     """
 
+    flow = LeafFlow(fails_with="expect")
     example = """
     Observe: {camera: overhead, objects: "{items}"}
     """
@@ -35,10 +35,6 @@ class Observe(Skill):
     )
     causes = (perception.NOT_FOUND, perception.NO_IMAGE)
     uses = (CAMERA,)
-
-    @classmethod
-    def causes_with(cls, ports: Mapping[str, Binding]) -> tuple[Cause | Family, ...]:
-        return cls.causes if "expect" in ports else ()
 
     def run(self, world: World) -> Steps:
         yield from world.control.settle()

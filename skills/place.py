@@ -15,7 +15,7 @@ from ..world.events.skill_events import ItemDoneEvent
 from ..world.values import ObjectId
 
 if TYPE_CHECKING:
-    from ..cell.world import World
+    from ..skill_world.world import World
 
 
 class Place(Skill):

@@ -14,7 +14,7 @@ from ..world.causes import world as world_causes
 from ..world.events.skill_events import CalibrationSkippedEvent
 
 if TYPE_CHECKING:
-    from ..cell.world import World
+    from ..skill_world.world import World
     from ..world.scene.description import CameraDescription
 
 PLACES_PER_VIEW = 3

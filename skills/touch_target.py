@@ -17,7 +17,7 @@ from ..world.causes import world as world_causes
 from ..world.events.skill_events import CalibrationSkippedEvent
 
 if TYPE_CHECKING:
-    from ..cell.world import World
+    from ..skill_world.world import World
     from ..world.values import Pose
 
 APPROACH_DISTANCE = 0.03

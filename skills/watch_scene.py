@@ -4,19 +4,17 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from ..cell.world import World
+from ..skill_world.world import World
 from ..trees.controls.decorator import Decorator
 from ..trees.declaration import Resource
-from ..trees.flow import FlowState, NodeOutcomes, OutcomeCollector
+from ..trees.flow import FAILURE, IDLE, RUNNING, ChildFlow
 from ..trees.ports import In, port
 from ..trees.status import NodeStatus
 from ..world.causes import Failure, perception
 from ..world.journal import Plain
 
 if TYPE_CHECKING:
-    from ..cell.vision import PendingView
-    from ..trees.flow.flow_walk import FlowAnalysis
-    from ..trees.mission import NodeSpec
+    from ..skill_world.vision import PendingView
     from ..trees.runtime import TreeWorld
 
 SETTLE_TIME = 0.5
@@ -35,8 +33,7 @@ class WatchScene(Decorator):
     picture is taken.
     """
 
-    by_turns = True
-
+    flow = ChildFlow(own={IDLE: FAILURE, RUNNING: FAILURE})
     example = """
     WatchScene:
       every: 250 ms
@@ -111,15 +108,6 @@ class WatchScene(Decorator):
             return
         self._seen = now
         world.thinking.beside(world.vision.cost)
-
-    @classmethod
-    def flow(cls, spec: NodeSpec, entry: FlowState, walk: FlowAnalysis) -> NodeOutcomes:
-        flow, ends = walk.child(spec.children[0], (entry,)), OutcomeCollector()
-        ends.take(flow)
-        reasons = walk.fails(spec, walk.causes.of(cls.causes))
-        for state in (entry, *flow.running):
-            ends.fail_at(state, reasons)
-        return ends.flow()
 
 
 def _in_hand(world: TreeWorld) -> str:

@@ -10,12 +10,6 @@ import pytest
 import picktree
 
 
-def test_run_is_the_sessions() -> None:
-    from picktree.session.session import run
-
-    assert picktree.run is run
-
-
 def test_import_alone_loads_nothing_else_of_picktree() -> None:
     program = "import sys, picktree; print(sorted(n for n in sys.modules if n.startswith('picktree')))"
     ran = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)

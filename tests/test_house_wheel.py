@@ -15,6 +15,7 @@ import pytest
 from .rooms import ROOMS, ROOT
 
 FOLDERS = (*ROOMS, "schemas")
+TOP = [*ROOT.glob("*.py"), *ROOT.glob("*.pyi"), ROOT / "py.typed"]
 LEFT_OUT = ("__pycache__",)
 
 
@@ -22,9 +23,9 @@ LEFT_OUT = ("__pycache__",)
 def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Built from a copy: a build writes into its source."""
     source = tmp_path_factory.mktemp("source")
-    for name in ("pyproject.toml", "README.md", "LICENSE", "NOTICE", "py.typed"):
+    for name in ("README.md", "LICENSE", "NOTICE"):
         shutil.copy(ROOT / name, source)
-    for file in ROOT.glob("*.py"):
+    for file in (*TOP, ROOT / "pyproject.toml"):
         shutil.copy(file, source)
     for folder in FOLDERS:
         shutil.copytree(ROOT / folder, source / folder, ignore=shutil.ignore_patterns(*LEFT_OUT))
@@ -46,7 +47,7 @@ def test_wheel_holds_every_file_of_the_rooms_and_nothing_else(wheel: Path) -> No
         for file in (ROOT / folder).rglob("*")
         if file.is_file() and not set(file.parts) & set(LEFT_OUT)
     ]
-    files += [*ROOT.glob("*.py"), ROOT / "py.typed"]
+    files += TOP
     wanted = {f"picktree/{file.relative_to(ROOT).as_posix()}" for file in files}
 
     with zipfile.ZipFile(wheel) as archive:
@@ -62,25 +63,47 @@ def test_wheel_carries_licence_and_notice(wheel: Path) -> None:
     assert {"LICENSE", "NOTICE", "entry_points.txt"} <= set(names)
 
 
-@pytest.mark.slow
-def test_wheel_runs_the_smallest_mission_in_an_empty_folder(wheel: Path, tmp_path: Path) -> None:
-    packages, folder = tmp_path / "packages", tmp_path / "empty"
-    folder.mkdir()
+@pytest.fixture(scope="module")
+def elsewhere(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
+    """The environment of a process that has the wheel and none of the checkout."""
+    packages = tmp_path_factory.mktemp("packages")
     pip = [sys.executable, "-m", "pip", "install", "--quiet", "--no-deps", "--no-index"]
     subprocess.run([*pip, "--target", str(packages), str(wheel)], check=True)
-    shutil.copy(ROOT / "examples" / "one_pick.yaml", folder)
     environment = {**os.environ, "PYTHONPATH": str(packages)}
-
     where = subprocess.run(
         [sys.executable, "-c", "import picktree; print(picktree.__file__)"],
-        cwd=folder, env=environment, capture_output=True, text=True, check=True,
+        cwd=packages.parent, env=environment, capture_output=True, text=True, check=True,
     )  # fmt: skip
     assert Path(where.stdout.strip()).is_relative_to(packages)
+    return environment
 
+
+@pytest.mark.slow
+def test_wheel_runs_the_smallest_mission_in_an_empty_folder(
+    elsewhere: dict[str, str], tmp_path: Path
+) -> None:
+    shutil.copy(ROOT / "examples" / "one_pick.yaml", tmp_path)
     run = subprocess.run(
         [sys.executable, "-m", "picktree", "run", "one_pick.yaml", "--json"],
-        cwd=folder, env=environment, capture_output=True, text=True,
+        cwd=tmp_path, env=elsewhere, capture_output=True, text=True,
     )  # fmt: skip
     assert run.returncode == 0, run.stdout + run.stderr
     assert json.loads(run.stdout)["status"] == "success"
-    assert sorted(path.name for path in folder.iterdir()) == ["one_pick.yaml", "runs"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["one_pick.yaml", "runs"]
+
+
+@pytest.mark.slow
+def test_notebook_runs_from_the_wheel(elsewhere: dict[str, str], tmp_path: Path) -> None:
+    for file in (ROOT / "tests" / "api" / "notebook.py", ROOT / "examples" / "python.ipynb"):
+        shutil.copy(file, tmp_path)
+    run = subprocess.run(
+        [sys.executable, "notebook.py", "python.ipynb"],
+        cwd=tmp_path, env=elsewhere, capture_output=True, text=True,
+    )  # fmt: skip
+    assert run.returncode == 0, run.stdout + run.stderr
+    shown = [word for word in run.stdout.split() if word.startswith("_repr_")]
+    assert shown == [
+        "_repr_html_", "_repr_html_", "_repr_png_", "_repr_png_", "_repr_svg_",
+        "_repr_html_", "_repr_html_", "_repr_html_", "_repr_png_", "_repr_html_",
+    ]  # fmt: skip
+    assert "Warning" not in run.stderr

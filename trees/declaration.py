@@ -6,27 +6,24 @@ import inspect
 import re
 import sys
 import typing
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import cache
-from typing import TYPE_CHECKING, Literal, TypeAlias
+from typing import Literal, Protocol, TypeAlias
 
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
 from ..errors import PicktreeError
 from ..world.causes import Cause, Family
+from .flow import ChildFlow, Flow, Hand, LeafFlow
 from .ports import In, Out, PortDeclaration, PortSpec, Required
 from .slots import Slot, SlotDeclaration
 from .values.port_types import PortType, convert_literal
-
-if TYPE_CHECKING:
-    from .node import Node
+from .values.references import Binding, Constant
 
 Kind: TypeAlias = Literal["action", "condition", "control", "decorator", "subtree"]
-
-Hand: TypeAlias = Literal["unchanged", "full", "empty", "kept"]
-"""Content of the hand after success; `kept`: an object is still held, on purpose and in a safe place."""
 
 IDENTIFIER = re.compile(r"[A-Za-z_]\w{0,59}", re.ASCII)
 PRECONDITIONS = ("_failureIf", "_successIf", "_skipIf", "_while")
@@ -61,6 +58,9 @@ class NodeDeclaration:
     hand_after: Hand = "unchanged"
     example: str = ""
     """A node of this kind as a mission writes it, for the reference; a test checks it."""
+    shares: tuple[Resource, ...] = ()
+    flow: Flow | None = None
+    """None: nothing is known."""
 
     def port(self, key: str) -> PortDeclaration | None:
         return next((p for p in self.ports if p.key == key), None)
@@ -81,19 +81,57 @@ class NodeDeclaration:
         """Keys that the node may have in a file."""
         return (*(p.key for p in self.ports), *(s.key for s in self.slots), *COMMON_KEYS)
 
+    def causes_with(self, ports: Mapping[str, Binding]) -> tuple[Cause | Family, ...]:
+        """Return the causes with which the node may fail under this wiring."""
+        needed = self.flow.fails_with if isinstance(self.flow, LeafFlow) else ""
+        return self.causes if not needed or needed in ports else ()
 
-def declare(node: type[Node]) -> NodeDeclaration:
+    def hand_with(self, ports: Mapping[str, Binding]) -> tuple[Hand, tuple[Hand, ...]]:
+        """Return the hand's content after success under this wiring, and all contents after any end."""
+        if not isinstance(self.flow, LeafFlow) or not self.flow.hand_by:
+            return self.hand_after, ("unchanged", self.hand_after)
+        key, hands = self.flow.hand_by
+        bound, declared = ports.get(key), self.port(key)
+        if bound is not None and not isinstance(bound, Constant):
+            return self.hand_after, (self.hand_after, *hands.values())
+        value = bound.value if bound is not None else declared.default if declared is not None else None
+        success = hands.get(value, self.hand_after)
+        return success, (self.hand_after, success)
+
+
+class NodeBody(Protocol):
+    """Class body of a node, as far as its declaration comes from it."""
+
+    @property
+    def node_id(self) -> str: ...
+    @property
+    def kind(self) -> Kind: ...
+    @property
+    def causes(self) -> tuple[Cause | Family, ...]: ...
+    @property
+    def uses(self) -> tuple[Resource, ...]: ...
+    @property
+    def shares(self) -> tuple[Resource, ...]: ...
+    @property
+    def hand_after(self) -> Hand: ...
+    @property
+    def example(self) -> str: ...
+
+
+def declare(node: type, body: NodeBody, reserved: Collection[str]) -> NodeDeclaration:
     """Read the declaration from the class body; ports become descriptors.
+
+    reserved: names of attributes that every node has.
 
     Raises PicktreeError when the class cannot be a node.
     """
-    identity = node.node_id or node.__name__
+    identity = body.node_id or node.__name__
     if not IDENTIFIER.fullmatch(identity):
         raise PicktreeError(f"node {identity!r}: an ID is a letter or '_', then letters, digits and '_'")
     doc = inspect.getdoc(node) if node.__doc__ else None
     if not doc:
         raise PicktreeError(f"node {identity}: it needs a docstring, which people read in the reference")
-    _make_descriptors(node, identity)
+    _make_descriptors(node, identity, reserved)
     ports = tuple(d.declaration for d in _members(node) if isinstance(d, In | Out))
     slots = tuple(d.declaration for d in _members(node) if isinstance(d, Slot))
     keys = [*(p.key for p in ports), *(s.key for s in slots)]
@@ -107,21 +145,30 @@ def declare(node: type[Node]) -> NodeDeclaration:
     return NodeDeclaration(
         identity,
         doc,
-        node.kind,
+        body.kind,
         ports,
-        node.causes,
-        node.uses,
+        body.causes,
+        body.uses,
         slots,
-        node.hand_after,
-        inspect.cleandoc(node.example),
+        body.hand_after,
+        inspect.cleandoc(body.example),
+        body.shares,
+        _flow_of(node),
     )
 
 
-def _make_descriptors(node: type[Node], identity: str) -> None:
+def _flow_of(node: type) -> Flow | None:
+    """Return the flow of the class; None where `on_tick` is overridden without it."""
+    base = next(base for base in node.__mro__ if {"flow", "on_tick"} & vars(base).keys())
+    flow: object = vars(base).get("flow")
+    return flow if isinstance(flow, LeafFlow | ChildFlow) else None
+
+
+def _make_descriptors(node: type, identity: str, reserved: Collection[str]) -> None:
     specs = {name: value for name, value in vars(node).items() if isinstance(value, PortSpec)}
     slots = [name for name, value in vars(node).items() if isinstance(value, Slot)]
     for name in (*specs, *slots):
-        if name in _reserved():
+        if name in reserved:
             raise PicktreeError(
                 f"node {identity}: {name!r} would hide an attribute that every node has; "
                 f"use another attribute, and key={name!r} if the file must say {name!r}"
@@ -169,7 +216,7 @@ def _descriptor(where: str, attribute: str, spec: PortSpec, annotation: object) 
     return In[object](declaration) if side == "in" else Out[object](declaration)
 
 
-def _annotations(node: type[Node], names: tuple[str, ...], identity: str) -> dict[str, object]:
+def _annotations(node: type, names: tuple[str, ...], identity: str) -> dict[str, object]:
     # Only the ports' own annotations: a port named `list` must not change the meaning of `list` in the next
     # line.
     texts = {name: node.__annotations__[name] for name in names if name in node.__annotations__}
@@ -180,7 +227,7 @@ def _annotations(node: type[Node], names: tuple[str, ...], identity: str) -> dic
         raise PicktreeError(f"node {identity}: the type of a port cannot be read: {error}") from None
 
 
-def _members(node: type[Node]) -> list[object]:
+def _members(node: type) -> list[object]:
     """Return ports and slots in the order of declaration, those of base classes first."""
     found: dict[str, object] = {}
     for cls in reversed(node.__mro__):
@@ -191,12 +238,12 @@ def _members(node: type[Node]) -> list[object]:
 
 
 @cache
-def _reserved() -> frozenset[str]:
-    from .node import Node  # the base declares nothing itself, and it is made by now
+def reserved_names(node: type) -> frozenset[str]:
+    """Return the names of the attributes that every node has, by their base class."""
 
     class Plainest(Behaviour):
         def update(self) -> Status:
             return Status.SUCCESS
 
-    attributes = {name for name in Node.__annotations__ if not name.startswith("_")}
-    return frozenset(dir(Node)) | frozenset(vars(Plainest(""))) | attributes
+    attributes = {name for name in node.__annotations__ if not name.startswith("_")}
+    return frozenset(dir(node)) | frozenset(vars(Plainest(""))) | attributes

@@ -7,7 +7,7 @@ import inspect
 import keyword
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final, Protocol, TypeAlias, cast
+from typing import Final, Protocol, TypeAlias, cast
 
 from ..files.value_wording import suggest_name
 from ..files.yaml.reader import Value
@@ -16,15 +16,22 @@ from .ports import PortDeclaration
 from .slots import SlotDeclaration
 from .values.port_types import show
 
-if TYPE_CHECKING:
-    from .tree_definition import TreeDefinition
-
 
 class Described(Protocol):
     """Node that was made in Python."""
 
     @property
     def description(self) -> NodeDescription: ...
+
+
+class CalledTree(Protocol):
+    """Tree that was made in Python, as far as a call of it needs it."""
+
+    name: str
+    root: NodeDescription
+    ports: dict[str, Value]
+
+    def value(self) -> Value: ...
 
 
 Child: TypeAlias = Described | Iterable[Described]
@@ -44,7 +51,7 @@ class NodeDescription:
     ports: Mapping[str, Value]
     """Values by the key that a mission file has for them; those of `name` and of conditions, too."""
     slots: Mapping[str, Filled]
-    tree: TreeDefinition | None = None
+    tree: CalledTree | None = None
     """Tree that the node calls; None: the node is of a class."""
 
     def value(self) -> Value:
@@ -144,7 +151,7 @@ def plain_value(value: object, what: str) -> Value:
     if callable(to_plain):
         return plain_value(to_plain(), what)
     hint = "; its id is a text: give '.id'" if isinstance(getattr(value, "id", None), str) else ""
-    raise TypeError(f"{what}: a {type(value).__name__} cannot stand in a mission{hint}")
+    raise TypeError(f"{what}: a value of type {type(value).__name__} cannot stand in a mission{hint}")
 
 
 def _positional(declaration: NodeDeclaration, given: tuple[Child, ...]) -> Filled:

@@ -15,7 +15,7 @@ from ..files.yaml.document import Diagnostic, Document, Mark, read_document, sug
 from .node import Node
 from .ports import PortDeclaration
 from .values.fault_collector import MAX_NODES
-from .values.references import Binding
+from .values.references import Assignment, Binding
 
 LIBRARY: Final = Path(__file__).parent / "library"
 """Folder of the sub-trees that come with picktree."""
@@ -109,18 +109,6 @@ class Plugin:
     """Source code that was run, for the record."""
     distribution: str = ""
     """Name and version of the distribution of an installed plug-in; else empty."""
-
-
-@dataclass(frozen=True, slots=True)
-class Assignment:
-    """Assignment of a postcondition: `key := expression`, or without `new` `key = expression` for an existing
-    key."""
-
-    key: str
-    value: Expression
-    new: bool = True
-    at: int = 0
-    """Index of the value's first character in the postcondition's text."""
 
 
 @dataclass(frozen=True, slots=True)

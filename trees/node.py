@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Collection, Iterator, Mapping
-from os import PathLike
-from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Self, cast
+from typing import ClassVar, Self, cast
 
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
@@ -16,15 +14,21 @@ from ..world.causes import Cause, Failure, FailureReport, Family, internal, matc
 from ..world.events.event_kinds import event_of
 from ..world.events.run_events import InternalErrorEvent, PostconditionFailedEvent, UndeclaredCauseEvent
 from ..world.journal import Plain
-from .declaration import Hand, Kind, NodeDeclaration, Resource, declare
-from .description import Child, NodeDescription, NodeSignature, describe, documented
-from .flow.default_flow import any_order_outcomes
-from .port_values import accept_output, constant_inputs, read_input, wired_references
-from .pre_postconditions import after_postconditions, assign_after, settled_before
-from .runtime import Runtime, TreeWorld, Wiring, evaluate
+from .declaration import Hand, Kind, Resource, declare, reserved_names
+from .described_node import DescribedNode
+from .description import documented
+from .flow import Flow
+from .node_values import (
+    accept_output,
+    after_postconditions,
+    assign_after,
+    constant_inputs,
+    read_input,
+    settled_before,
+    wired_references,
+)
+from .runtime import Runtime, TreeWorld, Wiring, end_transition, evaluate, start_transition
 from .status import PY_TREES_STATUS, NodeStatus
-from .transitions import end_transition, start_transition
-from .tree_definition import MAIN, MissionSource, TreeDefinition, node_text
 from .values.failure_reports import (
     internal_error_report,
     pack,
@@ -34,17 +38,12 @@ from .values.failure_reports import (
     unpack,
 )
 from .values.port_types import PortProblem, PortValues, plain_copy
-from .values.references import Binding, Constant
-
-if TYPE_CHECKING:
-    from .flow import FlowState, NodeOutcomes
-    from .flow.flow_walk import FlowAnalysis
-    from .mission import NodeSpec
+from .values.references import Constant
 
 _ALWAYS_POSSIBLE = (tree.MISSING_INPUT, tree.TIMEOUT, world.UNKNOWN_OBJECT, internal.ERROR)
 
 
-class Node(Behaviour):
+class Node(DescribedNode):
     """A node of a tree. A parent calls `step` for a tick and `halt` to stop it.
 
     A sub-class writes `on_tick`, and where needed `on_start` and `on_halt`. The status is that of the present
@@ -59,19 +58,13 @@ class Node(Behaviour):
     """Causes with which the node itself may fail; those of its children are added."""
     uses: ClassVar[tuple[Resource, ...]] = ()
     hand_after: ClassVar[Hand] = "unchanged"
-    """Content of the hand after the node's success, for the linter."""
+    """Content of the hand after the node's success."""
     shares: ClassVar[tuple[Resource, ...]] = ()
     """Resources in `uses` that other nodes may use in the same tick."""
     played: ClassVar[bool] = True
     """Whether a stub replaces the node in a rehearsal. Not leaves that only read or change the belief."""
-    by_turns: ClassVar[bool] = False
-    """Whether the node runs one child at a time, each until it ends, for the linter."""
-    gives_up: ClassVar[bool] = False
-    """Whether success drops an item from the work that is left, though it is not done, for the linter."""
-    steady: ClassVar[bool] = False
-    """Whether node and children take no time, write the blackboard only, and follow from keys and facts."""
-    lasting: ClassVar[int] = 0
-    """Number of remembered facts that outlast the node's end; its `flow` has a flag for each."""
+    flow: ClassVar[Flow | None] = None
+    """Ways in which the node may end; None: any. A class that overrides `on_tick` restates it."""
     example: ClassVar[str] = ""
     """The node as a mission writes it, for the reference."""
     remembers: ClassVar[tuple[str, ...]] = ()
@@ -81,12 +74,7 @@ class Node(Behaviour):
     They follow the child when the mission is edited during a run."""
     counted: ClassVar[tuple[NodeStatus, ...]] = ()
     """Statuses of children that the node counts: it restarts when an edit removes such a child."""
-    declaration: ClassVar[NodeDeclaration]
 
-    __signature__ = NodeSignature()
-
-    description: NodeDescription
-    """Ports and children of a node that was made in Python; a node of a running tree has none."""
     path: str
     ticked: bool
     """Whether it was ticked in the tree's present or last tick."""
@@ -99,18 +87,8 @@ class Node(Behaviour):
         """Declare the node; `abstract=True` marks a base class that no file may name."""
         super().__init_subclass__()
         if not abstract:
-            cls.declaration = declare(cls)
+            cls.declaration = declare(cls, cls, reserved_names(Node))
             cls.__doc__ = documented(cls.declaration)
-
-    def __init__(self, *children: Child, name: str = "", **ports: Any) -> None:
-        """Describe a node in Python, in the terms of a mission file; `bound` makes the nodes that are ticked.
-
-        Raises TypeError for a port that the node does not have, or a missing one.
-        """
-        super().__init__(name=name or self.declaration.id)
-        self.description = describe(
-            type(self), self.declaration, children, {"name": name, **ports} if name else ports
-        )
 
     @classmethod
     def bound(cls, wiring: Wiring, runtime: Runtime) -> Self:
@@ -134,19 +112,6 @@ class Node(Behaviour):
         self._inputs: dict[str, object] = {}
         self._outputs: dict[str, object] = {}
 
-    def save(self, file: str | PathLike[str], *, scene: str | None = None, name: str = "") -> None:
-        """Write a mission file whose `Main` is the tree below this node, made in Python.
-
-        Raises PicktreeError for a node that no file offers, or a disk that refuses.
-        """
-        path = Path(file)
-        MissionSource(TreeDefinition(MAIN, self), name or path.stem, scene).save(path)
-
-    def __repr__(self) -> str:
-        if "description" in vars(self):
-            return node_text(self.description)
-        return f"<{type(self).__name__} {self.path}>"
-
     # Written by sub-classes.
 
     def on_start(self) -> None:
@@ -162,9 +127,6 @@ class Node(Behaviour):
     def on_rewired(self, ports: frozenset[str]) -> None:
         """Adapt to an edited mission that changes these ports; called while the node continues."""
 
-    def pass_over(self, elements: Collection[str]) -> None:
-        """Skip these list elements (as a rule ids), which need no more work; called while the node runs."""
-
     @classmethod
     def check_ports(cls, given: PortValues) -> tuple[str | PortProblem, ...]:
         """Return the errors in a file's values: rules over several keys, or beyond the bounds of a port.
@@ -172,31 +134,6 @@ class Node(Behaviour):
         A str concerns the whole node, a PortProblem one of its keys.
         """
         return ()
-
-    # Overrides for the linter, where the declaration is not exact enough.
-
-    @classmethod
-    def causes_with(cls, ports: Mapping[str, Binding]) -> tuple[Cause | Family, ...]:
-        """Return the causes with which the node may fail under this wiring."""
-        return cls.causes
-
-    @classmethod
-    def hand_with(cls, ports: Mapping[str, Binding]) -> tuple[Hand, tuple[Hand, ...]]:
-        """Return the hand's content after success under this wiring, and all contents after any end."""
-        return cls.hand_after, ("unchanged", cls.hand_after)
-
-    @classmethod
-    def empties_with(cls, inputs: Mapping[str, object]) -> str:
-        """Return the bin that is empty after success with these inputs, for rehearsals; "" for none."""
-        return ""
-
-    @classmethod
-    def flow(cls, spec: NodeSpec, entry: FlowState, walk: FlowAnalysis) -> NodeOutcomes:
-        """Return the outcomes that the node may have when it starts in this state.
-
-        The default is the most cautious. A class that overrides only `on_tick` gets it, too.
-        """
-        return any_order_outcomes(cls, spec, entry, walk)
 
     # Called by the parent and the runner.
 
@@ -320,16 +257,15 @@ class Node(Behaviour):
         """Return the input's value as read at the node's start."""
         return self._inputs[key]
 
-    def read_inputs(self) -> None:
-        """Read all inputs; control nodes that follow a value call it while they run. Raises Failure."""
-        self._inputs = self._constants()
-        for port, reference in wired_references(self.declaration.inputs, self._wiring):
-            self._inputs[port.key] = read_input(port, reference, self._wiring, self.world)
+    def read_inputs(self, full_keys: Collection[str] | None = None) -> None:
+        """Read the inputs that come from these blackboard keys; None: all inputs. Raises Failure.
 
-    def read_again(self, full_keys: Collection[str]) -> None:
-        """Reread the inputs that come from these blackboard keys while the node runs. Raises Failure."""
+        Control nodes that follow a value call it while they run.
+        """
+        if full_keys is None:
+            self._inputs = self._constants()
         for port, reference in wired_references(self.declaration.inputs, self._wiring):
-            if self._wiring.namespace.full_key(reference.key) in full_keys:
+            if full_keys is None or self._wiring.namespace.full_key(reference.key) in full_keys:
                 self._inputs[port.key] = read_input(port, reference, self._wiring, self.world)
 
     def output(self, key: str, value: object) -> None:
@@ -365,7 +301,6 @@ class Node(Behaviour):
         self.halt()
 
     # Private.
-
     def _one_tick(self) -> NodeStatus:
         if self._wiring.preconditions:
             try:

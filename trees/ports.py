@@ -4,13 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Final, Generic, Literal, Self, TypeAlias, TypeVar, cast, overload
+from typing import Any, Final, Generic, Literal, Protocol, Self, TypeAlias, TypeVar, cast, overload
 
 from ..world.journal import Plain
 from .values.port_types import ANY_NUMBER, PortType, Range
-
-if TYPE_CHECKING:
-    from .node import Node
 
 T = TypeVar("T")
 
@@ -74,6 +71,14 @@ class PortSpec:
     each_of: str | None
 
 
+class PortHolder(Protocol):
+    """Node as far as its ports need it."""
+
+    def input(self, key: str) -> object: ...
+    def written(self, key: str) -> object: ...
+    def output(self, key: str, value: object) -> None: ...
+
+
 class In(Generic[T]):
     """Descriptor of an input: read once at the node's start, so that it is constant while a skill runs."""
 
@@ -81,10 +86,10 @@ class In(Generic[T]):
         self.declaration = declaration
 
     @overload
-    def __get__(self, instance: None, owner: type[Node]) -> Self: ...
+    def __get__(self, instance: None, owner: type) -> Self: ...
     @overload
-    def __get__(self, instance: Node, owner: type[Node]) -> T: ...
-    def __get__(self, instance: Node | None, owner: type[Node]) -> Self | T:
+    def __get__(self, instance: PortHolder, owner: type) -> T: ...
+    def __get__(self, instance: PortHolder | None, owner: type) -> Self | T:
         if instance is None:
             return self
         return cast("T", instance.input(self.declaration.key))
@@ -97,15 +102,15 @@ class Out(Generic[T]):
         self.declaration = declaration
 
     @overload
-    def __get__(self, instance: None, owner: type[Node]) -> Self: ...
+    def __get__(self, instance: None, owner: type) -> Self: ...
     @overload
-    def __get__(self, instance: Node, owner: type[Node]) -> T: ...
-    def __get__(self, instance: Node | None, owner: type[Node]) -> Self | T:
+    def __get__(self, instance: PortHolder, owner: type) -> T: ...
+    def __get__(self, instance: PortHolder | None, owner: type) -> Self | T:
         if instance is None:
             return self
         return cast("T", instance.written(self.declaration.key))
 
-    def __set__(self, instance: Node, value: T) -> None:
+    def __set__(self, instance: PortHolder, value: T) -> None:
         instance.output(self.declaration.key, value)
 
 

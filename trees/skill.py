@@ -9,16 +9,13 @@ from typing import TYPE_CHECKING, ClassVar, Final, TypeAlias, TypeVar, cast
 from ..world.causes import Failure, FailureReport, internal, tree
 from ..world.events.run_events import InternalErrorEvent
 from .declaration import Resource
-from .flow.default_flow import leaf
+from .flow import LeafFlow
 from .node import Node
 from .runtime import Runtime, Wiring
 from .status import NodeStatus
 
 if TYPE_CHECKING:
-    from ..cell.world import World
-    from .flow import FlowState, NodeOutcomes
-    from .flow.flow_walk import FlowAnalysis
-    from .mission import NodeSpec
+    from ..skill_world.world import World
 
 T = TypeVar("T")
 
@@ -44,6 +41,7 @@ class Skill(Node, abstract=True):
     Being halted closes the generator, so `finally` runs, but must not yield: braking is the controller's.
     """
 
+    flow = LeafFlow()
     kind = "action"
     takes_over: ClassVar[bool] = False
     """Whether the skill can start while the arm still moves, as `Place` can after `Grasp`. Before any other
@@ -67,10 +65,6 @@ class Skill(Node, abstract=True):
     def run(self, world: World) -> Steps:
         """Run the body. Inputs are read before it starts; every output is assigned before it returns."""
         ...
-
-    @classmethod
-    def flow(cls, spec: NodeSpec, entry: FlowState, walk: FlowAnalysis) -> NodeOutcomes:
-        return leaf(cls, spec, entry, walk, takes_time=True)
 
     def on_start(self) -> None:
         self._steps = None

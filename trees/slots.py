@@ -4,10 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal, Self, TypeAlias, overload
-
-if TYPE_CHECKING:
-    from .node import Node
+from typing import Literal, Protocol, Self, TypeAlias, TypeVar, overload
 
 Arity: TypeAlias = Literal["one", "many", "table"]
 
@@ -36,6 +33,15 @@ class SlotDeclaration:
     """Key of the input that a `table`'s keys are compared with; None: none."""
 
 
+N = TypeVar("N", covariant=True)
+
+
+class SlotHolder(Protocol[N]):
+    """Node as far as its slots need it."""
+
+    def slot(self, key: str) -> tuple[tuple[str, N], ...]: ...
+
+
 class Slot:
     """Base class of slots: a declaration, stored under the attribute's name by default."""
 
@@ -45,19 +51,19 @@ class Slot:
 
 class OneSlot(Slot):
     @overload
-    def __get__(self, instance: None, owner: type[Node]) -> Self: ...
+    def __get__(self, instance: None, owner: type) -> Self: ...
     @overload
-    def __get__(self, instance: Node, owner: type[Node]) -> Node: ...
-    def __get__(self, instance: Node | None, owner: type[Node]) -> Self | Node:
+    def __get__(self, instance: SlotHolder[N], owner: type) -> N: ...
+    def __get__(self, instance: SlotHolder[N] | None, owner: type) -> Self | N:
         return self if instance is None else instance.slot(self.declaration.key)[0][1]
 
 
 class OptionalSlot(Slot):
     @overload
-    def __get__(self, instance: None, owner: type[Node]) -> Self: ...
+    def __get__(self, instance: None, owner: type) -> Self: ...
     @overload
-    def __get__(self, instance: Node, owner: type[Node]) -> Node | None: ...
-    def __get__(self, instance: Node | None, owner: type[Node]) -> Self | Node | None:
+    def __get__(self, instance: SlotHolder[N], owner: type) -> N | None: ...
+    def __get__(self, instance: SlotHolder[N] | None, owner: type) -> Self | N | None:
         if instance is None:
             return self
         filled = instance.slot(self.declaration.key)
@@ -66,10 +72,10 @@ class OptionalSlot(Slot):
 
 class ManySlot(Slot):
     @overload
-    def __get__(self, instance: None, owner: type[Node]) -> Self: ...
+    def __get__(self, instance: None, owner: type) -> Self: ...
     @overload
-    def __get__(self, instance: Node, owner: type[Node]) -> tuple[Node, ...]: ...
-    def __get__(self, instance: Node | None, owner: type[Node]) -> Self | tuple[Node, ...]:
+    def __get__(self, instance: SlotHolder[N], owner: type) -> tuple[N, ...]: ...
+    def __get__(self, instance: SlotHolder[N] | None, owner: type) -> Self | tuple[N, ...]:
         if instance is None:
             return self
         return tuple(node for _, node in instance.slot(self.declaration.key))
@@ -77,10 +83,10 @@ class ManySlot(Slot):
 
 class TableSlot(Slot):
     @overload
-    def __get__(self, instance: None, owner: type[Node]) -> Self: ...
+    def __get__(self, instance: None, owner: type) -> Self: ...
     @overload
-    def __get__(self, instance: Node, owner: type[Node]) -> Mapping[str, Node]: ...
-    def __get__(self, instance: Node | None, owner: type[Node]) -> Self | Mapping[str, Node]:
+    def __get__(self, instance: SlotHolder[N], owner: type) -> Mapping[str, N]: ...
+    def __get__(self, instance: SlotHolder[N] | None, owner: type) -> Self | Mapping[str, N]:
         return self if instance is None else dict(instance.slot(self.declaration.key))
 
 

@@ -3,23 +3,24 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
-from types import ModuleType
 from typing import Final
 
 from ..errors import PicktreeError
-from ..files.marks import Mark
+from ..files.marks import Diagnostic, Mark
 from ..files.value_wording import suggest_name
+from ..files.yaml.document import Document, read_document
 from ..files.yaml.reader import Value
 from ..files.yaml.writer import from_value, mission_text, value_text
-from .description import Described, NodeDescription, plain_value, python_name
+from .description import CalledTree, Described, NodeDescription, plain_value, python_name
 
 MAIN: Final = "Main"
 FILE_MODULE: Final = "picktree_plugin_"
 """Beginning of the names under which the files of plug-ins are imported."""
 _NOWHERE: Final = Mark("", 1, 1)
+_IN_PYTHON: Final = Mark("mission", 0, 0)
 
 
 class TreeDefinition:
@@ -63,12 +64,12 @@ class TreeDefinition:
         return {"ports": dict(self.ports), **(root if isinstance(root, dict) else {str(root): None})}
 
 
-def trees_of(main: NodeDescription) -> dict[str, TreeDefinition]:
+def trees_of(main: NodeDescription) -> dict[str, CalledTree]:
     """Return the trees that a tree calls, directly or not, by name.
 
     Raises PicktreeError when two trees have the same name.
     """
-    found: dict[str, TreeDefinition] = {}
+    found: dict[str, CalledTree] = {}
     todo = [main]
     while todo:
         for tree in (node.tree for node in todo.pop().iterate() if node.tree is not None):
@@ -102,56 +103,67 @@ class MissionSource:
         roots = [self.main.root, *(tree.root for tree in trees_of(self.main.root).values())]
         return {node.node: None for root in roots for node in root.iterate() if node.tree is None}
 
-    def local_classes(self) -> tuple[type, ...]:
-        """Return the classes that no file or module offers, as those of a notebook's cells."""
-        return tuple(node for node in self.classes() if not _is_ours(node) and _module_of(node) is None)
+    def local_classes(self, folder: Path) -> tuple[type, ...]:
+        """Return the classes that a file in `folder` cannot name, as those of a notebook's cells."""
+        foreign = (node for node in self.classes() if not _is_ours(node))
+        return tuple(node for node in foreign if _plugin_name(node, folder) is None)
 
     def text(self, folder: Path) -> str:
-        """Return the text of a mission file in `folder`. Plug-ins are named when a file or module offers
-        them."""
-        modules = (_module_of(node) for node in self.classes() if not _is_ours(node))
-        plugins = dict.fromkeys(_plugin_name(module, folder) for module in modules if module is not None)
+        """Return the text of a mission file in `folder`, with the plug-ins that such a file can name."""
+        named = (_plugin_name(node, folder) for node in self.classes() if not _is_ours(node))
+        plugins: list[Value] = list(dict.fromkeys(name for name in named if name is not None))
         trees = {MAIN: self.main, **trees_of(self.main.root)}
         data: dict[str, Value] = {"picktree": 1, "kind": "mission", "name": self.name}
         data |= {"scene": self.scene} if self.scene is not None else {}
         data |= {"goal": self.goal} if self.goal is not None else {}
         data |= {"include": list(self.include)} if self.include else {}
-        data |= {"plugins": list(plugins)} if plugins else {}
+        data |= {"plugins": plugins} if plugins else {}
         data["trees"] = {name: tree.value() for name, tree in trees.items()}
         return mission_text(from_value(data, _NOWHERE))
+
+    def document(self, folder: Path) -> Document:
+        """Return the mission as a document in `folder` that is not written there."""
+        return read_document(folder / f"{self.name}.yaml", "mission", self.text(folder))
 
     def save(self, file: Path) -> None:
         """Write the mission file. Raises PicktreeError for a node that no file offers, or a disk that
         refuses."""
-        for node in self.local_classes():
+        folder = file.absolute().parent
+        for node in self.local_classes(folder):
             raise PicktreeError(
-                f"{node.__name__} is defined in {node.__module__}: a mission file can only name nodes of a "
-                "module or a Python file with NODES"
+                f"{node.__name__} is defined in {_place_of(node)}: a mission file names nodes of modules, "
+                f"and of Python files in its folder {folder}, that list them in NODES"
             )
         try:
-            file.write_text(self.text(file.absolute().parent), encoding="utf-8")
+            file.write_text(self.text(folder), encoding="utf-8")
         except OSError as error:
             raise PicktreeError(f"{file}: the mission cannot be written: {error.strerror}") from None
+
+
+def python_faults(faults: Iterable[Diagnostic]) -> tuple[Diagnostic, ...]:
+    """Return faults of a mission that was made in Python: their places are paths in the tree, not lines."""
+    return tuple(replace(fault, mark=_IN_PYTHON) for fault in faults)
 
 
 def _is_ours(node: type) -> bool:
     return node.__module__.split(".")[0] == "picktree"
 
 
-def _module_of(node: type) -> ModuleType | None:
-    """Return the module that offers a node to missions; None when its own module has no such NODES."""
+def _plugin_name(node: type, folder: Path) -> str | None:
+    """Return the entry under `plugins:` for a node: a file in the mission's folder, else a module.
+
+    None when no such entry leads to the node.
+    """
     module = sys.modules.get(node.__module__)
-    offered = getattr(module, "NODES", ()) if module is not None and module.__name__ != "__main__" else ()
-    return module if node in offered else None
-
-
-def _plugin_name(module: ModuleType, folder: Path) -> str:
-    """Return the entry under `plugins:`: a file in the mission's folder by its path, else the module."""
+    if module is None or module.__name__ == "__main__" or node not in getattr(module, "NODES", ()):
+        return None
     file = Path(module.__file__).resolve() if module.__file__ else None
-    if file is not None and file.is_relative_to(folder.resolve()) and "site-packages" not in file.parts:
+    beside = file is not None and file.is_relative_to(folder.resolve()) and "site-packages" not in file.parts
+    if file is not None and beside:
         return file.relative_to(folder.resolve()).as_posix()
-    if module.__name__.startswith(FILE_MODULE):
-        raise PicktreeError(
-            f"the plug-in {file} lies outside of {folder}: a mission names plug-ins beside it"
-        )
-    return module.__name__
+    return None if module.__name__.startswith(FILE_MODULE) else module.__name__
+
+
+def _place_of(node: type) -> str:
+    module = sys.modules.get(node.__module__)
+    return str(getattr(module, "__file__", None) or node.__module__)

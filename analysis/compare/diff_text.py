@@ -13,7 +13,7 @@ from ...logs.visits import Visit
 from ...session.environment import SOURCES_ATTACHMENT
 from .diff import FileChange, RunDiff, value_changes
 from .divergence import Divergence
-from .divergence_text import first_value_lines, parting_lines
+from .divergence_text import aligned, first_value_lines, parting_lines
 from .message_fields import value_text
 from .run_outcome import KILLED_STATUS, ItemChange, ItemEnd, RunOutcome, TimeChange, TimeUse
 
@@ -76,16 +76,7 @@ def _visit(visit: Visit | None) -> dict[str, Any] | None:
 
 
 def _time(change: TimeChange) -> dict[str, Any]:
-    return {
-        "name": change.name,
-        "a": _spent_json(change.a),
-        "b": _spent_json(change.b),
-        "change": change.change,
-    }
-
-
-def _spent_json(spent: TimeUse) -> dict[str, Any]:
-    return asdict(spent)
+    return {**asdict(change), "change": change.change}
 
 
 MAX_TABLE_ROWS = 8
@@ -170,7 +161,7 @@ def _set_up(diff: RunDiff) -> Iterator[str]:
     settings, files, nodes = diff.set_up.settings, diff.set_up.files, diff.alignment.nodes
     if not settings and not files:
         yield "the same settings and files"
-    yield from _table([(c.name, value_text(c.a), value_text(c.b)) for c in settings])
+    yield from aligned([(c.name, value_text(c.a), value_text(c.b)) for c in settings])
     for change in files:
         yield from _file(change)
     for name, only in (("A", nodes.only_a), ("B", nodes.only_b)):
@@ -209,7 +200,7 @@ def _outcome(a: RunOutcome, b: RunOutcome) -> Iterator[str]:
     def known(status: str) -> str:
         return "killed: no result in the log" if status == KILLED_STATUS else status
 
-    yield from _table(
+    yield from aligned(
         [
             ("", "A", "B"),
             ("result", known(a.status), known(b.status)),
@@ -235,7 +226,7 @@ def _times(changes: Iterable[TimeChange], names: Mapping[str, str]) -> Iterator[
     for change in moved[:MAX_TABLE_ROWS]:
         name = names.get(change.name, change.name)
         rows.append((name, *_duration_cells(change.a), *_duration_cells(change.b), f"{change.change:+.2f}"))
-    yield from _table(rows, right=True)
+    yield from aligned(rows, right=True)
     if len(moved) > MAX_TABLE_ROWS:
         yield f"… {len(moved) - MAX_TABLE_ROWS} more with smaller changes"
 
@@ -266,7 +257,7 @@ def _duration_cells(spent: TimeUse) -> tuple[str, str, str]:
 
 def _counts(diff: RunDiff) -> Iterator[str]:
     if diff.causes:
-        yield from _table([("", "A", "B"), *((c.name, str(c.a), str(c.b)) for c in diff.causes)], right=True)
+        yield from aligned([("", "A", "B"), *((c.name, str(c.a), str(c.b)) for c in diff.causes)], right=True)
 
 
 def _ending_rows(diff: RunDiff, names: Mapping[str, str]) -> Iterator[str]:
@@ -277,7 +268,7 @@ def _ending_rows(diff: RunDiff, names: Mapping[str, str]) -> Iterator[str]:
         ended[path] = _endings((w.a, w.outcome) for w in ones), _endings((w.b, w.outcome) for w in ones)
     rows = [(names.get(path, path), *both) for path, both in ended.items() if ended.get(above[path]) != both]
     if rows:
-        yield from _table([("", "A", "B"), *rows[: 3 * MAX_TABLE_ROWS]])
+        yield from aligned([("", "A", "B"), *rows[: 3 * MAX_TABLE_ROWS]])
     if len(rows) > 3 * MAX_TABLE_ROWS:
         yield f"… {len(rows) - 3 * MAX_TABLE_ROWS} more"
 
@@ -292,7 +283,7 @@ def _items(diff: RunDiff) -> Iterator[str]:
     if any(change.basis == "order" for change in diff.items):
         yield "~ no more than two of a kind: paired by kind, colour and number, not by the place"
     rows = [("", "A: ended", "at", "grasps", "busy", "B: ended", "at", "grasps", "busy")]
-    yield from _table(rows + [_item(change) for change in diff.items])
+    yield from aligned(rows + [_item(change) for change in diff.items])
 
 
 def _item(change: ItemChange) -> tuple[str, ...]:
@@ -326,14 +317,3 @@ def _topmost_nodes(nodes: Sequence[TreeNode]) -> Iterator[str]:
         if not any(path.startswith(f"{other}/") for other in paths):
             below = sum(other.startswith(f"{path}/") for other in paths)
             yield path + (f" and {below} below it" if below else "")
-
-
-def _table(rows: list[tuple[str, ...]], *, right: bool = False) -> Iterator[str]:
-    """Yield rows with columns of minimum width; `right`: numbers from the second column on."""
-    widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))] if rows else []
-    for row in rows:
-        cells = (
-            cell.rjust(width) if right and k else cell.ljust(width)
-            for k, (cell, width) in enumerate(zip(row, widths, strict=True))
-        )
-        yield "  ".join(cells).rstrip()

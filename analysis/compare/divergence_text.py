@@ -95,3 +95,14 @@ def _ended(visit: Visit) -> str:
         return "was halted"
     said = ": ".join(part for part in (visit.cause, visit.message) if part)
     return f"{visit.outcome}, {said}" if said else visit.outcome
+
+
+def aligned(rows: list[tuple[str, ...]], *, right: bool = False) -> Iterator[str]:
+    """Yield rows with columns of minimum width; `right`: numbers from the second column on."""
+    widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))] if rows else []
+    for row in rows:
+        cells = (
+            cell.rjust(width) if right and k else cell.ljust(width)
+            for k, (cell, width) in enumerate(zip(row, widths, strict=True))
+        )
+        yield "  ".join(cells).rstrip()

@@ -130,8 +130,10 @@ def key_moments(
 
 
 def explain(run: RunRecord, *, faults: bool = True, items: bool = True) -> Explanation:
-    """`faults`: quote faults that were planted, where they concern the same items; the causes that are named
-    follow from the rest of the log, with and without. `items`: tell each item's story.
+    """Return why a run ended as it did: root causes, failures, stories of items, key moments.
+
+    `faults`: injected faults are quoted where they concern the same items. The root causes follow from the
+    rest of the log, with and without them. `items`: the stories of items are included.
 
     Raises PicktreeError where the log is damaged.
     """

@@ -9,9 +9,8 @@ from ...logs.failure_courses import time_lost
 from ...logs.run_log import Stamped
 from ...world.events.run_events import FaultEvent
 from .causes.contact_causes import pressed_from_below, touched
-from .causes.item_whereabouts import misjudged, wrong_location_cause
+from .causes.item_whereabouts import camera_off, misjudged, through_the_camera, wrong_location_cause
 from .causes.obstruction_causes import obstruction_cause
-from .causes.perception_causes import camera_off, through_the_camera
 from .causes.run_endings import by_the_mission, run_ended
 from .causes.slip_causes import grip_loss_cause, too_heavy
 from .causes.unsorted_items import after_wrong_bin, placed_at, why_not_sorted

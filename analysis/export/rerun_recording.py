@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ..run import Run
 from .layout_lanes import lanes
 from .rerun_stage import TIMELINE, RerunWriter, camera_entity, write_stage
-from .table_rows import run_rows
+from .row_types import run_rows
 
 _IDLE = "IDLE"
 _STATES: Mapping[str, int] = {

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
 from typing import Annotated, TypeAlias
 
+from ..run import Run
 from .table_files import ColumnDoc
 
 Time: TypeAlias = Annotated[float, ColumnDoc("simulated time", "s")]
@@ -229,3 +231,24 @@ class TimingRow:
 class RunRow:
     key: Annotated[str, ColumnDoc("such as seed, status, version.pybullet, parameter.speed")]
     value: Annotated[str, ColumnDoc("as text")]
+
+
+def run_rows(run: Run) -> Iterator[RunRow]:
+    """Yield the settings of the run and its result."""
+    told = asdict(run.info)
+    groups = {"parameter": "parameters", "physics": "physics", "version": "versions"}
+    for key, value in told.items():
+        if key not in groups.values():
+            yield RunRow(key, str(value))
+    for prefix, group in groups.items():
+        for key, value in told[group].items():
+            yield RunRow(f"{prefix}.{key}", str(value))
+    yield RunRow("format", str(run.log.format))
+    yield RunRow("end", repr(run.end))
+    yield RunRow("recovered", run.recovered)
+    yield RunRow("status", "killed" if run.result is None else run.result.status)
+    if run.result is not None:
+        yield RunRow("message", run.result.message)
+        yield RunRow("items.total", str(run.result.items.total))
+        yield RunRow("items.sorted", str(run.result.items.sorted))
+        yield RunRow("digest", run.result.digest)

@@ -10,8 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ...logs.meshes.binary_gltf import read_glb
-from ...logs.meshes.link_meshes import parts_of
+from ...logs.meshes.binary_gltf import parts_of, read_glb
 from ...logs.meshes.triangle_meshes import Mesh, join_meshes, part_mesh, shape_mesh
 from ...logs.recording.foxglove_messages import UNKNOWN_COLOUR
 from ...logs.schema.records import BlockRecord, BodyRecord, LinkMesh, PartRecord, Scene

@@ -9,6 +9,7 @@ from functools import cached_property
 from typing import Any, Literal, TypeAlias, TypeVar
 
 from ...errors import PicktreeError
+from ...files.node_patterns import find_nodes
 from ...logs.run_log import Stamped
 from ...logs.schema.event_records import BeliefEvent
 from ...logs.schema.records import (
@@ -26,7 +27,6 @@ from ...logs.series import TickAt
 from ...logs.visits import Visit, ticks_with_trees
 from ...world.journal import JournalEvent
 from ..run import Run
-from .node_names import find_nodes
 
 
 @dataclass(frozen=True, slots=True)

@@ -24,11 +24,10 @@ from ..run import Run
 from .board_panel import pack_board
 from .events_panel import pack_events, pack_failures
 from .images_panel import pack_images
-from .lanes_panel import pack_lanes
+from .node_panels import pack_lanes, pack_tree
 from .packing import Packable, Section, pack
 from .plots_panel import pack_plots
 from .stage_panel import pack_stage
-from .tree_panel import pack_tree
 
 PAGE_FOLDER: Final = Path(__file__).parent / "page"
 TREE_SCRIPTS: Final = ("libraries.js", "arranging.js", "viewer.js")

@@ -8,8 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ...errors import PicktreeError
-from ...logs.meshes.binary_gltf import read_glb
-from ...logs.meshes.link_meshes import parts_of
+from ...logs.meshes.binary_gltf import parts_of, read_glb
 from ...logs.meshes.triangle_meshes import Mesh, decimate, join_meshes, part_mesh, shape_mesh, smooth_mesh
 from ...logs.recording.foxglove_messages import UNKNOWN_COLOUR
 from ...logs.schema.records import BodyRecord, LinkMesh, PartRecord

@@ -35,9 +35,8 @@ from ..compare.divergence_text import parting_lines
 from ..compare.run_outcome import outcome_of
 from ..run import Run
 from .changes import RunChanges, apply_changes, parse_tick
-from .difference_reasons import moved_sources, notes, reasons
 from .resim_comparison import RecordComparison, RecordDifference, is_cut
-from .resim_result import Resimulation
+from .resim_result import Resimulation, moved_sources, notes, reasons
 
 _PROGRESS_PERIOD = 0.2
 """Wall seconds between two messages about the progress."""

@@ -12,9 +12,8 @@ import orjson
 
 from ...logs.mcap.reader import RawMessage
 from ...logs.recording import foxglove_messages
-from ...logs.recording.digest import Digest
 from ...logs.schema import topics
-from ...logs.schema.topics import Topic
+from ...logs.schema.topics import Digest, Topic
 from ...session.observer import Interrupter
 from ...session.resume.recorded_recipe import simulated_messages
 from ...trees.mission import MAIN

@@ -7,14 +7,11 @@ from collections.abc import Callable, Iterable
 from ...files.yaml.document import Diagnostic
 from ...trees.loading.scene_names import SceneNames
 from ...trees.mission import Mission
+from .arm_use import at_the_same_time, left_in_hand, started_anew
 from .endless_loops import endless, unbounded_recovery, vain_attempts
-from .held_at_end import left_in_hand
 from .mission_survey import LintModel
-from .needless_nodes import needless_defaults, unreachable, without_effect
-from .resource_conflicts import at_the_same_time, started_anew
-from .unhandled_causes import needless_handlers, unhandled
-from .unused_ports import breakpoints, unused_files, unused_ports, unused_trees
-from .unwritten_keys import never_read, read_before_written
+from .needless_nodes import needless_defaults, needless_handlers, unhandled, unreachable, without_effect
+from .unused import breakpoints, never_read, read_before_written, unused_files, unused_ports, unused_trees
 
 RULES: tuple[Callable[[LintModel], Iterable[Diagnostic]], ...] = (
     read_before_written,

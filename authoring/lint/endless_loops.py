@@ -17,10 +17,12 @@ from ...trees.controls import (
     RetryUntilSuccessful,
     Timeout,
 )
-from ...trees.flow.key_bits import expressions_of
+from ...trees.flow import ChildFlow, LeafFlow
 from ...trees.mission import MAIN, NodeSpec, TreeSpec
+from ...trees.node import Node
 from ...trees.values.references import Reference
 from ...world.belief.facts import FACTS
+from .keys import expressions_of
 from .mission_survey import LintModel, ports_of
 
 _BY_ITSELF = "time"
@@ -49,7 +51,7 @@ def changes_of(branches: Iterable[NodeSpec], trees: Mapping[str, TreeSpec]) -> B
             keys |= _written(spec, trees)
             if spec.node is None:
                 acts = acts or changes_of((trees[spec.id].root,), trees).acts
-            elif not spec.children and not spec.node.steady and spec.node.kind != "condition":
+            elif not (spec.children or is_steady(spec.node) or spec.node.kind == "condition"):
                 acts = True
     return BranchEffects(acts, frozenset(keys))
 
@@ -62,7 +64,7 @@ def is_constant(branch: NodeSpec, trees: Mapping[str, TreeSpec]) -> bool:
         if spec.node is None:
             if not is_constant(trees[spec.id].root, trees):
                 return False
-        elif not spec.node.steady:
+        elif not is_steady(spec.node):
             return False
         written |= _written(spec, trees)
         read |= set(_read(spec, trees))
@@ -105,7 +107,8 @@ class NodeContext:
             return NodeContext(stopped, self.beside)
         if issubclass(spec.node, Timeout):
             stopped = stopped or survey.walk.number(spec, "msec") != 0
-        if spec.node.by_turns:
+        flow = spec.node.declaration.flow
+        if isinstance(flow, ChildFlow) and flow.by_turns:
             return NodeContext(stopped, self.beside)
         if issubclass(spec.node, Parallel):
             return NodeContext(stopped or _may_end_early(spec, child, survey), beside=True)
@@ -223,13 +226,23 @@ def unbounded_recovery(survey: LintModel) -> Iterator[Diagnostic]:
         passing = next((s for s in below if _passes_over(survey, s)), None)
         if passing is None or not _OF_ITEMS & condition.names:
             continue
-        if not any(s.node is not None and s.node.gives_up for s in below):
+        if not any(_gives_up(s) for s in below):
             message = f"{passing.name} passes over what fails, and '{condition}' still holds: an item that "
             message += "cannot be had keeps the loop going for ever"
             yield survey.fault(spec, message, "a number of cycles, or SetAside", code="P325", at="while")
 
 
 _OF_ITEMS = frozenset(("items_left", "items_to_do"))
+
+
+def is_steady(node: type[Node]) -> bool:
+    """Whether it takes no time of its own, and follows from keys and facts."""
+    return node.declaration.flow is not None and node.declaration.flow.steady
+
+
+def _gives_up(spec: NodeSpec) -> bool:
+    flow = spec.node.declaration.flow if spec.node is not None else None
+    return isinstance(flow, LeafFlow) and flow.gives_up
 
 
 def _passes_over(survey: LintModel, spec: NodeSpec) -> bool:

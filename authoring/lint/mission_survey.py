@@ -7,15 +7,14 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from ...files.yaml.document import Diagnostic, Mark
-from ...trees.flow import NodeOutcomes
-from ...trees.flow.failure_reasons import joined
-from ...trees.flow.flow_state import EMPTY, KEPT
-from ...trees.flow.flow_walk import FlowAnalysis
-from ...trees.flow.key_bits import expressions_of
 from ...trees.loading.scene_names import SceneNames
 from ...trees.mission import MAIN, Mission, NodeSpec, TreeSpec, bottom_up, reachable
 from ...trees.ports import PortDeclaration
 from ...trees.values.references import Reference
+from .failure_reasons import joined
+from .flow_analysis import FlowAnalysis
+from .keys import expressions_of
+from .outcomes import EMPTY, KEPT, Outcomes
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,7 +123,7 @@ class LintModel:
     # How the mission and its nodes may go.
 
     @property
-    def main(self) -> NodeOutcomes | None:
+    def main(self) -> Outcomes | None:
         """How the mission ends; None for a library."""
         return None if self.mission.library else self.walk.ends.get(MAIN)
 
@@ -151,8 +150,8 @@ class LintModel:
         )
 
     @cached_property
-    def _flows(self) -> dict[int, list[NodeOutcomes]]:
-        found: dict[int, list[NodeOutcomes]] = {}
+    def _flows(self) -> dict[int, list[Outcomes]]:
+        found: dict[int, list[Outcomes]] = {}
         for name in self.mission.trees:
             for frame in self.walk.frames_of(name):
                 for (spec, _), flow in frame.memo.items():

@@ -18,8 +18,8 @@ from ...trees.status import NodeStatus
 from ...world.journal import Plain
 from .cases.case import CaseFile, RehearsalCase
 from .checking.case_checks import examine_cases
-from .stage.answer_choice import ScriptedAnswers
 from .stage.mission_staging import StubbedMission, scene_of, stub_mission
+from .stage.node_roles import ScriptedAnswers
 from .stage.rehearsal_world import TICK_PERIOD, RehearsalWorld
 from .stage.trace import Trace
 from .verdict.coverage import CoverageRecord, coverage

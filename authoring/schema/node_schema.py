@@ -11,9 +11,8 @@ from ...trees.slots import SlotDeclaration
 from ...world.causes import Cause
 from ..reference.node_reference import RequiredOneOf
 from ..reference.port_wording import COMMON_DOCS, hand_words, unwrapped, uses_words
-from .draft_07 import schemas
 from .port_schema import ProposedNames, port_schema
-from .schema_parts import ID_PATTERN, NAME_PATTERN, Schema, escaped, if_bare, one_needed, ref
+from .schema_parts import ID_PATTERN, NAME_PATTERN, Schema, escaped, if_bare, one_needed, ref, schemas
 
 _END = r"(?![\s\S])"
 _WORD = "[A-Za-z0-9_]*"

@@ -5,8 +5,7 @@ from __future__ import annotations
 
 from typing import cast
 
-from .draft_07 import NULL, schema, schemas
-from .schema_parts import Schema, ref
+from .schema_parts import NULL, Schema, ref, schema, schemas
 
 
 def patch(full: Schema) -> Schema:

@@ -13,8 +13,7 @@ from typing import cast, get_args
 from pydantic import BaseModel
 
 from ...files.quantities import example
-from .draft_07 import model_name, schema, schemas, tidy, unless_null
-from .schema_parts import DRAFT, Schema, exactly_one, header
+from .schema_parts import DRAFT, Schema, exactly_one, header, model_name, schema, schemas, tidy, unless_null
 
 
 def attribute_docs(cls: type) -> dict[str, str]:

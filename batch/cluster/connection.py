@@ -13,8 +13,7 @@ from ray.exceptions import OutOfMemoryError, RayError
 from ray.util.scheduling_strategies import NodeAffinitySchedulingStrategy
 
 from ...errors import PicktreeError
-from .installation import Installation
-from .messages import Task
+from .messages import Installation, Task
 from .node_worker import NodeWorker, TaskReport
 
 _REPLY_TIME_LIMIT = 5.0

@@ -20,8 +20,7 @@ from typing import Final
 
 from ..workers.executor import Event, JobFailed, JobOrder, JobStopped
 from ..workers.local_executor import LocalExecutor
-from .installation import Installation, installed
-from .messages import TOKEN, Task
+from .messages import TOKEN, Installation, Task, installed
 
 _WORKER_CHECK_PERIOD = 0.02
 """Interval between checks of the worker, wall s."""

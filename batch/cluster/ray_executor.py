@@ -22,8 +22,7 @@ from typing import Final
 from ...errors import PicktreeError
 from ...logs.optional_libraries import optional_import
 from ..workers.executor import Event, JobFailed, JobOrder
-from .installation import installed
-from .messages import STOP, TOKEN, ClusterRefusal, ClusterSettings, News, Said, Task, WorkerCount
+from .messages import STOP, TOKEN, ClusterRefusal, ClusterSettings, News, Said, Task, WorkerCount, installed
 
 _START_TIME_LIMIT = 180.0
 """Time limit for the start of a cluster, beyond the driver's own waits, wall s."""

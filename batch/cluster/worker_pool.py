@@ -14,8 +14,7 @@ import ray
 from ...errors import PicktreeError
 from ..workers.executor import Event, JobFailed, JobOrder, JobStopped
 from .connection import ClusterNode, RayError, WorkerHandle, nodes, reason, shared
-from .installation import Installation, difference
-from .messages import News, Task, WorkerCount
+from .messages import Installation, News, Task, WorkerCount, difference
 from .node_worker import ResultFile
 
 _COPY_PIECE_BYTES = 4 << 20

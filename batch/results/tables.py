@@ -127,16 +127,16 @@ class JobRow:
     message: Annotated[str, ColumnDoc("why it failed or crashed, in a sentence")]
     digest: Annotated[str, ColumnDoc("of all that happened; two equal runs have the same")]
     attempts: Annotated[int, ColumnDoc("times that a worker tried it")]
-    items_total: Annotated[int | None, ColumnDoc("true items")]
-    items_sorted: Annotated[int | None, ColumnDoc("in the bin where they belong")]
-    items_misplaced: Annotated[int | None, ColumnDoc("in another bin")]
-    items_left: Annotated[int | None, ColumnDoc("in no bin")]
-    picks_tried: Annotated[int | None, ColumnDoc("closings of the fingers on an object")]
-    picks_held: Annotated[int | None, ColumnDoc("of these, with the object between them")]
-    sim_seconds: Annotated[float | None, ColumnDoc("simulated time", "s")]
-    cpu_seconds: Annotated[float | None, ColumnDoc("CPU time", "s")]
-    wall_seconds: Annotated[float | None, ColumnDoc("wall time", "s")]
-    last_tick: LastTick
+    items_total: Annotated[int | None, ColumnDoc("true items")] = None
+    items_sorted: Annotated[int | None, ColumnDoc("in the bin where they belong")] = None
+    items_misplaced: Annotated[int | None, ColumnDoc("in another bin")] = None
+    items_left: Annotated[int | None, ColumnDoc("in no bin")] = None
+    picks_tried: Annotated[int | None, ColumnDoc("closings of the fingers on an object")] = None
+    picks_held: Annotated[int | None, ColumnDoc("of these, with the object between them")] = None
+    sim_seconds: Annotated[float | None, ColumnDoc("simulated time", "s")] = None
+    cpu_seconds: Annotated[float | None, ColumnDoc("CPU time", "s")] = None
+    wall_seconds: Annotated[float | None, ColumnDoc("wall time", "s")] = None
+    last_tick: LastTick = None
     root_cause: Annotated[str, ColumnDoc("of the first failure that was not cured")] = ""
     look_at: Annotated[str, ColumnDoc("one line on what to look at")] = ""
     folder: Folder = ""

@@ -16,8 +16,7 @@ from scipy import stats
 
 from ...errors import PicktreeError
 from ...logs.schema.arithmetic_record import Arithmetic
-from ..results.job_names import choose_label, split
-from ..results.store import RESULTS_FILE, Store
+from ..results.store import RESULTS_FILE, Store, choose_label, split
 from .rates import CONFIDENCE, Interval
 
 

@@ -147,18 +147,7 @@ class BatchSummary:
             "recipes": [_recipe_json(recipe) for recipe in self.recipes],
             **_breakdown_json(self.together),
             "by_recipe": {each.label: _breakdown_json(each) for each in self.by_recipe},
-            "worst": [
-                {
-                    "job": w.job,
-                    "seed": w.seed,
-                    "label": w.label,
-                    "status": w.status,
-                    "missed": w.missed,
-                    "look_at": w.look_at,
-                    "folder": w.folder,
-                }
-                for w in self.worst
-            ],
+            "worst": [asdict(w) for w in self.worst],
         }
 
     def to_json_text(self) -> str:
@@ -257,32 +246,20 @@ def _worst_places(places: tuple[TableCellShare, ...]) -> str:
 
 
 def _recipe_json(recipe: RecipeSummary) -> dict[str, Any]:
-    spread = recipe.picks_an_hour
     return {
         "label": recipe.label,
         "success": _rate_json(recipe.success),
         "items": _rate_json(recipe.items),
         "first_try": _rate_json(recipe.first_try),
         "crashed": recipe.crashed,
-        "picks_an_hour": None
-        if spread is None
-        else {"median": spread.median, "low": spread.low, "high": spread.high},
+        "picks_an_hour": None if recipe.picks_an_hour is None else asdict(recipe.picks_an_hour),
         "seconds_a_pick": dict(recipe.phases),
     }
 
 
 def _breakdown_json(found: Breakdown) -> dict[str, Any]:
     return {
-        "causes": [
-            {
-                "cause": c.cause,
-                "failures": c.failures,
-                "cured": c.cured,
-                "jobs": c.jobs,
-                "seconds_lost": c.seconds_lost,
-            }
-            for c in found.causes
-        ],
+        "causes": [asdict(c) for c in found.causes],
         "forms": [{"label": s.label, "rate": _rate_json(s.rate)} for s in found.forms],
         "colours": [{"label": s.label, "rate": _rate_json(s.rate)} for s in found.colours],
         "cures": [
@@ -306,9 +283,4 @@ def _counts_json(found: CureCount) -> dict[str, Any]:
 
 
 def _rate_json(found: Rate) -> dict[str, Any]:
-    return {
-        "successes": found.successes,
-        "total": found.total,
-        "low": found.interval.low,
-        "high": found.interval.high,
-    }
+    return {"successes": found.successes, "total": found.total, **asdict(found.interval)}

@@ -6,14 +6,15 @@ import gc
 import multiprocessing
 import os
 import signal
+import sys
 import time
-from collections.abc import Sequence
-from contextlib import suppress
+from collections.abc import Generator, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from importlib import import_module
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
-from types import FrameType
+from types import FrameType, ModuleType
 from typing import NoReturn
 
 from .executor import Event, JobFailed, JobOrder, JobStopped
@@ -80,7 +81,7 @@ def load() -> None:
     """Load everything that jobs need and share."""
     for module in _MODULES:
         import_module(module)
-    from ...logs.meshes.link_meshes import link_meshes
+    from ...logs.meshes.binary_gltf import link_meshes
     from ...perception.expectation.robot_mask import RobotMask
     from ...planning.collision.collision_checker import robot_geometry
     from ...robots.loading import load_robot
@@ -207,6 +208,22 @@ def _started() -> _Worker:
     context = multiprocessing.get_context("spawn")
     ours, theirs = context.Pipe()
     process = context.Process(target=serve, args=(theirs,), name="picktree-worker")
-    process.start()
+    with _without_main():
+        process.start()
     theirs.close()
     return _Worker(process, ours)
+
+
+@contextmanager
+def _without_main() -> Generator[None]:
+    """Start a process without the program of this one.
+
+    A spawned process imports the `__main__` of its parent, and a script without a guard would then run its
+    batch again. A worker needs nothing of it.
+    """
+    main = sys.modules["__main__"]
+    sys.modules["__main__"] = ModuleType("__main__")
+    try:
+        yield
+    finally:
+        sys.modules["__main__"] = main

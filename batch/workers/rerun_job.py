@@ -14,8 +14,7 @@ from ...errors import PicktreeError
 from ...logs.schema.arithmetic_record import PREFIXES, Arithmetic, arithmetic_difference
 from ...session.session import LOG_FILE_NAME
 from ..plan import Job, read_plan
-from ..results.job_names import find_job, split
-from ..results.store import RESULTS_FILE, Store
+from ..results.store import RESULTS_FILE, Store, find_job, split
 from ..results.tables import JobRows
 from .executor import Event, Executor, JobFailed, JobFinished, JobOrder
 from .local_executor import LocalExecutor

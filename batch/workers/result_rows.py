@@ -8,6 +8,7 @@ from pathlib import Path
 
 from ...analysis.explain.explain import explain
 from ...analysis.explain.investigation.explanation import FailureStory
+from ...analysis.export.table_files import row_of
 from ...analysis.run import Run
 from ...logs.visits import Visit
 from ...session.execution import Execution
@@ -44,10 +45,9 @@ def collect_run_rows(execution: Execution, folder: Path, attempts: int) -> JobRo
         explanation = explain(run, items=False)
         look = explanation.look_at
         return JobRows(
-            job=JobRow(
-                status=result.status,
-                message=result.message,
-                digest=result.digest,
+            job=row_of(
+                JobRow,
+                result,
                 attempts=attempts,
                 items_total=result.items.total,
                 items_sorted=result.items.sorted,
@@ -55,52 +55,24 @@ def collect_run_rows(execution: Execution, folder: Path, attempts: int) -> JobRo
                 items_left=result.items.left,
                 picks_tried=result.picks.tried,
                 picks_held=result.picks.held,
-                sim_seconds=result.sim_seconds,
-                cpu_seconds=result.cpu_seconds,
                 wall_seconds=result.wall_seconds.total,
                 last_tick=len(run.ticks) - 1,
                 root_cause=explanation.root_causes[0].cause if explanation.root_causes else "",
                 look_at=f"{look[0].time:.2f} s: {look[0].why}" if look else "",
+                folder="",
             ),
             items=tuple(_items(execution, run)),
-            picks=tuple(JobPickRow(p.time, p.object, p.held, p.node) for p in run.picks),
+            picks=tuple(row_of(JobPickRow, pick) for pick in run.picks),
             failures=tuple(
-                JobFailureRow(
-                    f.time,
-                    f.node,
-                    f.cause,
-                    f.message,
-                    f.item,
-                    f.fate,
-                    ", ".join(handling.handler for handling in f.handled_by),
-                    f.seconds_lost,
-                )
+                row_of(JobFailureRow, f, handled_by=", ".join(each.handler for each in f.handled_by))
                 for f in explanation.failures
             ),
             episodes=tuple(
-                EpisodeRow(
-                    e.time,
-                    e.cause,
-                    e.node,
-                    e.item,
-                    e.end,
-                    e.cure,
-                    ", ".join(e.tried),
-                    e.by,
-                    e.tries,
-                    e.seconds,
-                )
+                row_of(EpisodeRow, e, ended=e.end, handler=e.cure, tried=", ".join(e.tried))
                 for e in explanation.recovery.episodes
             ),
-            planted=tuple(
-                PlantedRow(p.time, p.fault, p.message, p.item, p.cause, p.after, p.end or "")
-                for p in explanation.recovery.planted
-            ),
-            plans=tuple(
-                JobPlanRow(at.time, p.request, p.planner, p.outcome, p.checks, p.thinking, p.duration)
-                for at in run.plans
-                for p in (at.record,)
-            ),
+            planted=tuple(row_of(PlantedRow, p, ended=p.end or "") for p in explanation.recovery.planted),
+            plans=tuple(row_of(JobPlanRow, at.record, time=at.time) for at in run.plans),
             timings=_timings(run, explanation.failures),
             versions={
                 **run.info.versions,
@@ -118,17 +90,9 @@ def _items(execution: Execution, run: Run) -> Iterator[JobItemRow]:
         judged = scores[body.id]
         arrived, (x, y, _) = arrivals.get(body.id, (0.0, body.pose.position))
         yield JobItemRow(
-            str(body.id),
-            body.kind,
-            body.form,
-            body.colour,
-            x,
-            y,
-            arrived,
-            judged.destination,
-            judged.bin,
-            judged.verdict,
-        )
+            str(body.id), body.kind, body.form, body.colour, x, y, arrived,
+            judged.destination, judged.bin, judged.verdict,
+        )  # fmt: skip
 
 
 def _arrivals(run: Run, wanted: set[ObjectId]) -> dict[ObjectId, tuple[float, Vector3]]:

@@ -49,7 +49,7 @@ def explain(
     answer = keep_stdout() if as_json else None
 
     from ...analysis.explain.explain import explain as find_out
-    from ...analysis.explain.text.rendering import to_json_text, to_text
+    from ...analysis.explain.explanation_text import to_json_text, to_text
     from ...analysis.run import Run
 
     with Run(log) as run:

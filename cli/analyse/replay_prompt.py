@@ -8,9 +8,8 @@ from dataclasses import dataclass
 from typing import Literal, TextIO, TypeAlias
 
 from ...analysis.replay.cursor import Cursor, Edge
-from ...analysis.replay.node_names import find_node, find_nodes
 from ...errors import PicktreeError
-from ...files.node_patterns import short_names
+from ...files.node_patterns import find_node, find_nodes, short_names
 from ..terminal.command_prompt import Command, CommandPrompt
 from ..terminal.progress import tree_rows
 from ..terminal.state_text import blackboard_lines, tree_lines, where_lines

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 
 from ...analysis.replay.cursor import Cursor
-from ...analysis.replay.node_names import find_node
+from ...files.node_patterns import find_node
 from ...logs.schema.records import NodeStatusRecord, TreeNode, Values
 from ...logs.visits import Visit
 from ...trees.values.port_types import show

@@ -204,7 +204,7 @@ def rehearse(
     answer = keep_stdout() if json else None
 
     from ...authoring.rehearsal.rehearse import rehearse_files
-    from ...authoring.rehearsal.verdict.rehearsal_json import to_json_text
+    from ...authoring.rehearsal.verdict.rehearsal_result import to_json_text
     from ...authoring.rehearsal.verdict.rehearsal_text import to_text
     from ...files.diagnostics.fault_rendering import fault_lines
 

@@ -5,10 +5,9 @@ from __future__ import annotations
 from typing import Literal, TypeAlias
 
 from ...authoring.rehearsal.cases.cases_schema import CasesFile
-from ...authoring.schema.draft_07 import schema, schemas
 from ...authoring.schema.patch_schema import patch, patched
 from ...authoring.schema.pydantic_schema import model_schema
-from ...authoring.schema.schema_parts import Schema, belonging, by_value
+from ...authoring.schema.schema_parts import Schema, belonging, by_value, schema, schemas
 from ...robots.loading import robot_names
 from ...robots.robot_schema import RobotFile
 from ...simulation.fault_files.fault_schema import ALLOWED_KEYS, REQUIRED_KEYS, FaultsFile

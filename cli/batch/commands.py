@@ -106,9 +106,8 @@ def compare(
     """Compare two recipes, paired by seed where they share them. Exit code 1: they differ by more than chance
     explains."""
     from ...batch.statistics.comparison import compare_recipes
-    from ...batch.statistics.comparison_text import json_text_of, text_of
+    from ...batch.statistics.comparison_text import json_text_of, text_of, with_divergences
     from ...batch.statistics.differences import read_recipe
-    from ...batch.statistics.seed_partings import with_divergences
 
     answer = keep_stdout() if json else None
     recipes = read_recipe(a), read_recipe(b)

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import TextIO
 
-from ...analysis.replay.node_names import find_node, find_nodes
 from ...errors import PicktreeError
 from ...files.expressions.expression import Expression, ExpressionError
+from ...files.node_patterns import find_node, find_nodes
 from ...session.debugger import Breakpoint, Debugger, DebuggerStop, When
 from ...trees.node import Node
 from ...trees.running.runner import BehaviourTree

@@ -7,8 +7,8 @@ from collections.abc import Callable
 from contextlib import AbstractContextManager
 from typing import TextIO
 
-from ...cell.operator_desk import OperatorQuestion
 from ...session.observer import Interrupter
+from ...skill_world.operator_desk import OperatorQuestion
 from ..terminal.command_prompt import complete_with, line_reader
 from .debugger_prompt import DebugPrompt
 

@@ -99,7 +99,7 @@ def run(
         raise PicktreeError(f"--pace {pace:g}: write a number above 0, as in --pace 1 for real time")
     seconds = None if limit is None else parse_limit(limit)
 
-    from ...logs.recording.rotation import Rotation
+    from ...logs.recording.rotated_log import Rotation
     from ...session.observer import PresetAnswers, WallClockPacer
     from ...session.recipe import DEFAULT_TIME_LIMIT
     from ...session.session import RunRequest, Session

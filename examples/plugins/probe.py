@@ -1,6 +1,6 @@
 """A skill of one's own in one file: a mission beside it says `plugins: [plugins/probe.py]`."""
 
-from picktree.cell.world import World
+from picktree.skill_world.world import World
 from picktree.trees.ports import In, Out, port
 from picktree.trees.skill import ARM, GRIPPER, Skill, Steps
 from picktree.world.causes import Cause, Failure, control, register_cause, safety

@@ -4,13 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from copy import deepcopy
-from dataclasses import dataclass, field
 from typing import Protocol
 
 from ...world.events.run_events import FaultEvent, RecoveryEvent
 from ...world.events.skill_events import SetAsideEvent
 from ...world.journal import JournalEvent
-from .episode import AGAIN, CureNames, End, Episode, Planted, TreeNodeLike
+from .episode import (
+    AGAIN,
+    CureNames,
+    End,
+    Episode,
+    EpisodeTrackerState,
+    OpenEpisode,
+    Planted,
+    RunningNode,
+    TreeNodeLike,
+)
 
 
 class NodeLike(TreeNodeLike, Protocol):
@@ -33,69 +42,6 @@ class TransitionLike(Protocol):
     def cause(self) -> str: ...
     @property
     def origin(self) -> str: ...
-
-
-@dataclass
-class OpenEpisode:
-    """An episode that is not decided yet."""
-
-    cause: str
-    node: str
-    item: str
-    times: list[float]
-    """Of its failures, s."""
-    took: float
-    """What the node took that failed, s; 0 where another trouble bears it."""
-    by: str = ""
-    handler: str = ""
-    tried: list[str] = field(default_factory=list[str])
-    tries: int = 0
-    seconds: float = 0.0
-    planted: list[Planted] = field(default_factory=list[Planted])
-    """Faults after which it was the first."""
-    came_up: float = 0.0
-    """When it last went up to a node around, s."""
-
-
-@dataclass
-class RunningNode:
-    """A node between its beginning and its end. Troubles are told by their numbers."""
-
-    path: str
-    start: float
-    subject: str
-    taken: list[int] = field(default_factory=list[int])
-    """Troubles that it takes care of."""
-    arrived: list[int] = field(default_factory=list[int])
-    """Troubles that have come up from below; what it does about them shows in what it does next."""
-    failed: str = ""
-    """Path of the child whose failure it deals with, or dealt with last."""
-    failing: int = -1
-    """Trouble with which that child failed."""
-    run: float = 0.0
-    """When the present run of the branch began, or the one that failed last, s."""
-    borne: float = 0.0
-    """What troubles within have come to since then, s."""
-    dealing: bool = False
-    """A run has failed, and the next one has not begun."""
-    called: str = ""
-    """Handler that was told of and has not begun."""
-    aside: bool = False
-    """The item was set aside since a trouble was taken up."""
-    answers: bool = False
-    """It is one that tells which handler it runs."""
-    settled: list[str] = field(default_factory=list[str])
-    """Causes that came up here and were decided: the node may still fail with one of them."""
-
-
-@dataclass(frozen=True, slots=True)
-class EpisodeTrackerState:
-    """What is not decided, for a checkpoint."""
-
-    nodes: tuple[RunningNode, ...] = ()
-    troubles: dict[int, OpenEpisode] = field(default_factory=dict[int, OpenEpisode])
-    planted: tuple[Planted, ...] = ()
-    number: int = 0
 
 
 class EpisodeTracker:

@@ -12,8 +12,7 @@ from mcap.opcode import Opcode
 from mcap.records import Attachment, Metadata
 
 from ...errors import PicktreeError
-from .chunks import DAMAGE_ERRORS, ChunkContent, RecordFile, chunk_content, stream
-from .index import Contents, contents_of
+from .chunks import DAMAGE_ERRORS, ChunkContent, Contents, RecordFile, chunk_content, contents_of, stream
 from .salvage import Loss, attachment, losses_of, salvaged
 from .writer import MAGIC
 

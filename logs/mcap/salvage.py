@@ -13,8 +13,7 @@ from dataclasses import dataclass
 from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Metadata, Schema
 
-from .chunks import DAMAGE_ERRORS, RecordFile, chunk_content, stream
-from .index import DATA_END, ChunkAt, Contents, NamedAt
+from .chunks import DAMAGE_ERRORS, DATA_END, ChunkAt, Contents, NamedAt, RecordFile, chunk_content, stream
 from .writer import MAGIC
 
 _KNOWN_OPCODES = frozenset(range(Opcode.HEADER, Opcode.DATA_END + 1))

@@ -1,14 +1,22 @@
-"""Binary glTF 2.0, reduced to the needs of a link's mesh. Y is up, as viewers expect."""
+"""Binary glTF 2.0, reduced to the needs of a link's mesh, with Y up as viewers expect; links' meshes."""
 
 from __future__ import annotations
 
 import struct
+from functools import lru_cache
+from importlib.util import find_spec
 from typing import TypedDict
 
 import numpy as np
 import orjson
 
-from .triangle_meshes import Indices, Mesh
+from ...errors import PicktreeError
+from ...robots.urdf_tree import UrdfMesh as MeshFile
+from ...robots.urdf_tree import UrdfPrimitive, link_geometry
+from ...world.shapes import Box, Shape
+from ...world.values import Pose
+from ..schema.records import BodyRecord, LinkMesh
+from .triangle_meshes import Indices, Mesh, join_meshes, load_mesh, shape_mesh
 
 _HEADER = struct.Struct("<4sII")
 _CHUNK = struct.Struct("<II")
@@ -196,3 +204,48 @@ def _padded(data: bytes) -> bytes:
 def _rgb(code: int) -> list[float]:
     """Return the colour as linear light, as glTF demands."""
     return [((code >> shift & 255) / 255) ** 2.2 for shift in (16, 8, 0)]
+
+
+def parts_of(body: BodyRecord) -> tuple[tuple[Shape, Pose], ...]:
+    """Return convex shapes with their poses in the body's frame."""
+    if not body.blocks:
+        return ((body.shape, Pose()),)
+    return tuple((Box(block.size), Pose(block.at)) for block in body.blocks)
+
+
+MAX_LINK_FACES = 2000
+
+
+def _visible_geometry(urdf: str) -> list[MeshFile | UrdfPrimitive]:
+    """Return the visual geometry, or the collision geometry of links whose visual meshes no installed library
+    reads."""
+    visual = link_geometry(urdf, "visual")
+    unread = {e.link for e in visual if isinstance(e, MeshFile) and not _is_readable(e.path)}
+    plain = [e for e in link_geometry(urdf, "collision") if e.link in unread] if unread else []
+    return [*(e for e in visual if e.link not in unread), *plain]
+
+
+def _is_readable(path: str) -> bool:
+    return not path.lower().endswith(".dae") or find_spec("collada") is not None
+
+
+@lru_cache(maxsize=4)
+def link_meshes(urdf: str) -> tuple[LinkMesh, ...]:
+    """Return a mesh for each link that has a visual element. Raises PicktreeError for an unreadable mesh.
+
+    A link whose meshes only an absent library reads gets its collision geometry.
+    """
+    parts: dict[str, list[Mesh]] = {}
+    files: dict[str, Mesh] = {}
+    for element in _visible_geometry(urdf):
+        if isinstance(element, MeshFile):
+            if element.path not in files:
+                try:
+                    files[element.path] = load_mesh(element.path, MAX_LINK_FACES)
+                except (OSError, ValueError) as error:
+                    raise PicktreeError(f"{element.path}: the mesh cannot be read: {error}") from None
+            mesh = files[element.path].placed(element.pose_in_link, element.scale)
+        else:
+            mesh = shape_mesh(element.shape).placed(element.pose_in_link)
+        parts.setdefault(element.link, []).append(mesh)
+    return tuple(LinkMesh(link, write_glb(join_meshes(meshes))) for link, meshes in parts.items())

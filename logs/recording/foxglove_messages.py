@@ -29,7 +29,7 @@ from ...world.colours import COLOURS, Rgb
 from ...world.protocols import Intrinsics
 from ...world.shapes import Box, ConvexMesh, Cylinder, Shape, Sphere
 from ...world.values import Pose, Vector3
-from ..meshes.link_meshes import parts_of
+from ..meshes.binary_gltf import parts_of
 from ..meshes.triangle_meshes import Mesh, part_mesh, shape_mesh
 from ..schema.json_records import decode, encode
 from ..schema.records import BodyRecord, Joints, LinkMesh, LogLine, PartRecord, Scene, Transform

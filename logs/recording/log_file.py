@@ -17,7 +17,7 @@ from ..schema.json_records import encode
 from ..schema.records import Tick, TransitionRecord, WriteRecord
 from ..schema.topics import Topic
 from .foxglove_messages import with_stamp
-from .rotation import NEXT_METADATA, PART_METADATA, PartInfo, Rotation, part_path
+from .rotated_log import NEXT_METADATA, PART_METADATA, PartInfo, Rotation, part_path
 
 _STATE_TOPICS = (topics.TREE, topics.ROBOT, topics.OBJECTS, topics.TRUTH)
 """Topics whose last message holds until the next one."""

@@ -33,14 +33,13 @@ from ..schema.records import (
     Vector,
     WrenchReading,
 )
-from ..schema.topics import Topic
+from ..schema.topics import Digest, Topic
 from . import foxglove_messages, journal_records
-from .digest import Digest
 from .images import encode_colour, encode_depth
 from .interrupts import Interrupts
 from .journal_records import SpawnedBody
 from .log_file import LogFile
-from .rotation import NO_ROTATION, Rotation
+from .rotated_log import NO_ROTATION, Rotation
 from .true_state import StateWriter
 
 SCENE_PERIOD = 1.0

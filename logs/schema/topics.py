@@ -1,7 +1,8 @@
-"""Topics of a log: name, encoding and schema of each, and whether it belongs to the digest."""
+"""Topics of a log: name, encoding and schema of each; the digest over the simulated ones."""
 
 from __future__ import annotations
 
+import hashlib
 from dataclasses import dataclass
 from functools import cache
 from typing import Literal
@@ -118,3 +119,20 @@ def _collect(file: FileDescriptor, found: dict[str, FileDescriptor]) -> None:
     for imported in file.dependencies:
         _collect(imported, found)
     found.setdefault(file.name, file)
+
+
+class Digest:
+    """SHA-256 chain over (topic, time, payload). The link is its complete state."""
+
+    def __init__(self, link: bytes = bytes(32)) -> None:
+        self._link = link
+
+    def add(self, topic: str, time: int, payload: bytes) -> None:
+        """Add a message; `time` in simulated ns."""
+        name = topic.encode()
+        head = len(name).to_bytes(2, "little") + name + time.to_bytes(8, "little")
+        self._link = hashlib.sha256(self._link + head + payload).digest()
+
+    @property
+    def hex(self) -> str:
+        return self._link.hex()

@@ -15,8 +15,8 @@ from ..grasp.straight_lines import lift_off
 from ..place.dropped_objects import release_object
 
 if TYPE_CHECKING:
-    from ...cell.world import World
     from ...control.execution.trajectory_motion import Doing
+    from ...skill_world.world import World
     from ...world.causes import Cause
 
 MAX_EMPTY_WIDTH = 0.002

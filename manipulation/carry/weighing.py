@@ -29,7 +29,7 @@ from ..grasp.compliant_closing import MAX_TRANSFER_ACCELERATION, SLIP_GRIP_FACTO
 from .hold_check import MAX_EMPTY_WIDTH, MIN_HELD_LOAD, GripCheck
 
 if TYPE_CHECKING:
-    from ...cell.world import World
+    from ...skill_world.world import World
 
 
 class SlipWatch:

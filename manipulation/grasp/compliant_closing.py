@@ -11,7 +11,7 @@ it, and the arm becomes soft across the fingers until they are centred.
 
 from __future__ import annotations
 
-from collections.abc import Generator, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -26,8 +26,9 @@ from ...world.scene.description import CatalogueEntry
 from ...world.values import GRAVITY, Array
 
 if TYPE_CHECKING:
-    from ...cell.world import World
     from ...control.execution.gripper_motion import GripperControl
+    from ...control.execution.trajectory_motion import Doing
+    from ...skill_world.world import World
 
 
 MAX_TRANSFER_ACCELERATION = 9.0
@@ -181,7 +182,7 @@ def fingers_settled(grip: GripperControl, force: float) -> bool:
     return abs(state.speed) < STANDING_OPENING_SPEED and state.force >= PRESSING_FORCE_SHARE * force
 
 
-def close(world: World, pressure: GripForce, node: str) -> Generator[None, None, ClosingResult]:
+def close(world: World, pressure: GripForce, node: str) -> Doing[ClosingResult]:
     """Close the fingers with the arm at rest; they go on closing with `pressure.closing` afterwards.
 
     Raises the failures of `ArmMotion.comply`, and control.gripper where the fingers do not move or press as

@@ -6,7 +6,9 @@ tiers: first with room to spare, then tighter ones for dense scenes (less openin
 
 from __future__ import annotations
 
+import itertools
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -78,35 +80,36 @@ def grasp_candidates(belief: BeliefObject, gripper: GripperDescription) -> list[
 
     found: list[GraspCandidate] = []
     for span in _spans(belief, rotation):
-        for tier in (ROOMY_EXCESS, TIGHT_EXCESS):
-            opening = span.width + tier
-            if opening > gripper.max_width:
-                opening = gripper.max_width
-                if opening - span.width < TIGHT_EXCESS * 0.6 or tier == TIGHT_EXCESS:
-                    continue
-            slack = max(0.0, span.length - finger)
+        slack = max(0.0, span.length - finger)
+        for tier, opening in _openings(span.width, gripper.max_width):
             for slide in SLIDE_SHARES if slack > 0.02 else SLIDE_SHARES[:1]:
-                for k, tcp_z in enumerate(heights):
-                    for turn in (0.0, math.pi):
-                        yaw = span.yaw + turn
-                        along = np.array([math.sin(span.yaw), -math.cos(span.yaw)]) * slide * slack
-                        tcp = _from_above((x + float(along[0]), y + float(along[1]), tcp_z), yaw)
-                        found.append(
-                            GraspCandidate(
-                                name=f"yaw {math.degrees(yaw):.0f} width {opening * 1000:.0f} "
-                                f"slide {slide:+.2f} high {k}",
-                                tcp_in_world=tcp,
-                                opening=opening,
-                                expected_width=span.width,
-                                margin=NEIGHBOUR_MARGIN[tier],
-                                flat=height < MAX_FLAT_HEIGHT,
-                                score=span.width * 4
-                                + (0.5 if tier == TIGHT_EXCESS else 0.0)
-                                + abs(slide)
-                                + 0.3 * k,
-                            )
+                along = np.array([math.sin(span.yaw), -math.cos(span.yaw)]) * slide * slack
+                place = x + float(along[0]), y + float(along[1])
+                score = span.width * 4 + (0.5 if tier == TIGHT_EXCESS else 0.0) + abs(slide)
+                for (k, tcp_z), turn in itertools.product(enumerate(heights), (0.0, math.pi)):
+                    yaw = span.yaw + turn
+                    found.append(
+                        GraspCandidate(
+                            name=f"yaw {math.degrees(yaw):.0f} width {opening * 1000:.0f} "
+                            f"slide {slide:+.2f} high {k}",
+                            tcp_in_world=_from_above((*place, tcp_z), yaw),
+                            opening=opening,
+                            expected_width=span.width,
+                            margin=NEIGHBOUR_MARGIN[tier],
+                            flat=height < MAX_FLAT_HEIGHT,
+                            score=score + 0.3 * k,
                         )
+                    )
     return sorted(found, key=lambda c: (c.score, c.name))
+
+
+def _openings(width: float, max_width: float) -> Iterator[tuple[float, float]]:
+    """Yield tiers with their openings, m; a gripper that opens less has one, unless it is too tight."""
+    for tier in (ROOMY_EXCESS, TIGHT_EXCESS):
+        if width + tier <= max_width:
+            yield tier, width + tier
+        elif tier == ROOMY_EXCESS and max_width - width >= TIGHT_EXCESS * 0.6:
+            yield tier, max_width
 
 
 def _from_above(position: tuple[float, float, float], yaw: float) -> Pose:

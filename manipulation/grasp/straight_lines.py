@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator
 from typing import TYPE_CHECKING
 
 from ...planning.requests import OffsetGoal
@@ -13,9 +12,8 @@ from ...world.values import ObjectId
 from .grasp_candidates import GraspCandidate
 
 if TYPE_CHECKING:
-    from ...cell.world import World
-
-Steps = Generator[None, None, None]
+    from ...control.execution.trajectory_motion import Doing
+    from ...skill_world.world import World
 
 NEIGHBOUR_DISTANCE = 0.02
 """Clearance below which neighbours may be grazed during the lift, m. The open hand has cleared them
@@ -25,7 +23,9 @@ LIFT_GUARD_FORCE = 10.0
 """Force that lifting an object may add to the guard of a motion, N."""
 
 
-def descend_until_contact(world: World, candidate: GraspCandidate, object_id: ObjectId, node: str) -> Steps:
+def descend_until_contact(
+    world: World, candidate: GraspCandidate, object_id: ObjectId, node: str
+) -> Doing[None]:
     """Descend the last bit onto a flat object until contact; other objects need none."""
     if not candidate.flat:
         return
@@ -39,29 +39,18 @@ def descend_until_contact(world: World, candidate: GraspCandidate, object_id: Ob
         )
         if felt.contact:
             rise = world.handling.back_off + max(0.0, at_grip - opened)
-            up = OffsetGoal((0.0, 0.0, rise), least_fraction=0.5)
-            plan = yield from world.plan.line(up, scaling=world.handling.slowly, node=node)
-            yield from world.move.along(plan.trajectory, node=node)
+            yield from _move_up(world, rise, 0.5, node)
 
 
-def lift(world: World, object_id: ObjectId, node: str) -> Steps:
+def lift(world: World, object_id: ObjectId, node: str) -> Doing[None]:
     """Lift the hand straight up from between the neighbours, with or without the object."""
-    held = world.scene.held
-    near = [
-        ("gripper", str(c.b))
-        for c in world.queries.hand_contacts(
-            world.control.tcp, world.gripper.width, margin=NEIGHBOUR_DISTANCE
-        )
-        if c.b != object_id
-    ]
-    with world.scene.allow(("gripper", object_id), *near):
-        up = OffsetGoal((0.0, 0.0, world.handling.approach), least_fraction=0.3)
-        plan = yield from world.plan.line(up, scaling=world.handling.slowly, node=node)
-        guard = world.handling.guard + (0.0 if held is None else LIFT_GUARD_FORCE)
-        yield from world.move.along(plan.trajectory, guard=guard, node=node)
+    guard = world.handling.guard + (0.0 if world.scene.held is None else LIFT_GUARD_FORCE)
+    near = [name for name in _neighbours(world) if name != object_id]
+    with world.scene.allow(*(("gripper", name) for name in (object_id, *near))):
+        yield from _move_up(world, world.handling.approach, 0.3, node, guard)
 
 
-def lift_off(world: World, node: str) -> Steps:
+def lift_off(world: World, node: str) -> Doing[None]:
     """Lift the object straight up, off its support or out of a recess, until something holds it back."""
     handling = world.handling
     yield from world.move.guarded(
@@ -73,7 +62,7 @@ def lift_off(world: World, node: str) -> Steps:
     )
 
 
-def lower(world: World, held: BeliefObject, bin_: Bin | None, node: str) -> Steps:
+def lower(world: World, held: BeliefObject, bin_: Bin | None, node: str) -> Doing[None]:
     """Lower the object until contact, or into a bin as far as the finger tips stay above its rim."""
     if bin_ is None:
         way = world.handling.approach + world.handling.felt_way
@@ -88,15 +77,22 @@ def lower(world: World, held: BeliefObject, bin_: Bin | None, node: str) -> Step
         )
 
 
-def withdraw(world: World, node: str) -> Steps:
+def withdraw(world: World, node: str) -> Doing[None]:
     """Move straight up from the released object, as far as that is free."""
-    near = [
-        ("gripper", str(c.b))
-        for c in world.queries.hand_contacts(
-            world.control.tcp, world.gripper.width, margin=NEIGHBOUR_DISTANCE
-        )
-    ]
-    with world.scene.allow(*near):
-        up = OffsetGoal((0.0, 0.0, world.handling.approach / 2), least_fraction=0.2)
-        plan = yield from world.plan.line(up, scaling=world.handling.slowly, node=node)
-        yield from world.move.along(plan.trajectory, node=node)
+    with world.scene.allow(*(("gripper", name) for name in _neighbours(world))):
+        yield from _move_up(world, world.handling.approach / 2, 0.2, node)
+
+
+def _neighbours(world: World) -> list[str]:
+    """Return the bodies that the hand may graze where it is."""
+    near = world.queries.hand_contacts(world.control.tcp, world.gripper.width, margin=NEIGHBOUR_DISTANCE)
+    return [str(contact.b) for contact in near]
+
+
+def _move_up(
+    world: World, rise: float, least_fraction: float, node: str, guard: float | None = None
+) -> Doing[None]:
+    """Move the hand straight up by `rise` m, at least by that share of it. `guard`: force limit, N."""
+    up = OffsetGoal((0.0, 0.0, rise), least_fraction)
+    plan = yield from world.plan.line(up, scaling=world.handling.slowly, node=node)
+    yield from world.move.along(plan.trajectory, guard=guard, node=node)

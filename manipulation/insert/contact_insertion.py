@@ -17,8 +17,8 @@ from ..motion.replanning import follow_with_replanning
 from .insertion import SEARCH_HEIGHT, InsertionTask, fit, inserted_pose, mouth, peg, poses_over
 
 if TYPE_CHECKING:
-    from ...cell.world import World
     from ...control.execution.trajectory_motion import Doing
+    from ...skill_world.world import World
     from ...world.belief.planning_scene import BeliefObject
     from ...world.values import ObjectId
 

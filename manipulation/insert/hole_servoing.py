@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Generator
 from typing import TYPE_CHECKING
 
 import cv2
@@ -21,7 +20,8 @@ from ...world.values import Array, ObjectId, Pose
 from ..motion.replanning import follow_with_replanning
 
 if TYPE_CHECKING:
-    from ...cell.world import World
+    from ...control.execution.trajectory_motion import Doing
+    from ...skill_world.world import World
     from ...world.scene.description import CameraDescription, Hole
 
 MAX_MOUTH_OFFSET = 0.008
@@ -36,7 +36,7 @@ LOOK_TURNS = (0.0, 0.5, -0.5, 1.0, -1.0, 1.57, -1.57, 2.2, -2.2, 3.14)
 """Rotations of the hand about the hole's axis that are tried, rad, from the present one."""
 
 
-def look_at_hole(world: World, hole_id: ObjectId, node: str) -> Generator[None, None, Pose | None]:
+def look_at_hole(world: World, hole_id: ObjectId, node: str) -> Doing[Pose | None]:
     """Return the pose of a hole's mouth in the world, as a camera on the hand sees it.
 
     z points out of the hole, x along a slot. None: the mouth is not recognised, or there is no such camera.
@@ -65,9 +65,7 @@ def look_at_hole(world: World, hole_id: ObjectId, node: str) -> Generator[None, 
     return seen.pose
 
 
-def _go(
-    world: World, camera: CameraDescription, hole: Hole, believed: Pose, node: str
-) -> Generator[None, None, bool]:
+def _go(world: World, camera: CameraDescription, hole: Hole, believed: Pose, node: str) -> Doing[bool]:
     """Move the arm to where the mouth is visible; False: there is no path to such a pose."""
     for distance in LOOK_DISTANCES:
         poses = views(world, camera, hole, believed, distance)

@@ -17,8 +17,8 @@ from ...world.shapes import Box, Cylinder, Shape, bottom, extents
 from ...world.values import Array, Pose
 
 if TYPE_CHECKING:
-    from ...cell.world import World
     from ...robots.description import GripperDescription
+    from ...skill_world.world import World
     from ...world.belief.planning_scene import BeliefObject
     from ..grasp.grasp_candidates import GraspCandidate
 

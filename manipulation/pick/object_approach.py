@@ -18,10 +18,10 @@ from .transfer_requests import plan_transfer_ahead
 from .visual_servoing import servo_to_grasp
 
 if TYPE_CHECKING:
-    from ...cell.world import World
     from ...control.execution.trajectory_motion import Doing
     from ...planning.requests import MotionPlan
     from ...planning.service.lookahead_planning import LookaheadResult
+    from ...skill_world.world import World
 
 
 @dataclass(frozen=True, slots=True)

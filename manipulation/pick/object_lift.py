@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from ...cell.handover import Handover
+from ...skill_world.handover import Handover
 from ...world.causes import Failure, grasp, planning
 from ...world.events.skill_events import PickEvent, RegraspEvent
 from ..carry.hold_check import GripCheck
@@ -20,10 +20,10 @@ from .pick_candidates import PickPlaceCandidate
 from .transfer_requests import plan_transfer_from_here, take_transfer
 
 if TYPE_CHECKING:
-    from ...cell.world import World
     from ...control.execution.trajectory_motion import Doing
     from ...planning.requests import MotionPlan
     from ...planning.service.lookahead_planning import LookaheadResult
+    from ...skill_world.world import World
     from ...world.belief.planning_scene import BeliefObject
     from ...world.values import Vector3
 

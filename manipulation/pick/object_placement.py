@@ -21,9 +21,9 @@ from ..place.release_poses import bin_target, blocked, levels, place_candidates,
 from .transfer_requests import lower_request
 
 if TYPE_CHECKING:
-    from ...cell.handover import Handover, PlaceCandidate
-    from ...cell.world import World
     from ...control.execution.trajectory_motion import Doing
+    from ...skill_world.handover import Handover, PlaceCandidate
+    from ...skill_world.world import World
     from ...world.trajectory import Trajectory
 
 PLACE_DEPENDENT_CAUSES = (planning.NO_IK, planning.GOAL_IN_COLLISION, planning.NO_PATH, planning.BUDGET)

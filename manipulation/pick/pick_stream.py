@@ -11,12 +11,12 @@ from __future__ import annotations
 import heapq
 import itertools
 from collections import Counter
-from collections.abc import Callable, Generator, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
-from ...cell.handover import PlaceCandidate
 from ...planning.requests import HeldObject, PoseGoal, Request
+from ...skill_world.handover import PlaceCandidate
 from ...world.belief.hole_matching import fitting_hole
 from ...world.belief.planning_scene import BeliefObject
 from ...world.causes import Failure, planning
@@ -46,8 +46,9 @@ from .pick_candidates import (
 from .transfer_requests import approach
 
 if TYPE_CHECKING:
-    from ...cell.world import World
+    from ...control.execution.trajectory_motion import Doing
     from ...planning.service.solver import ReachResult
+    from ...skill_world.world import World
     from ...world.scene.description import Hole
 
 GRASP_SCORE_WEIGHT = 3.0
@@ -149,7 +150,7 @@ class CandidateSearch:
 
     # ---- search
 
-    def find(self, *, speed: float = 1.0) -> Generator[None, None, PickPlaceCandidate | None]:
+    def find(self, *, speed: float = 1.0) -> Doing[PickPlaceCandidate | None]:
         """Return the next candidate that passes all tests, with its approach planned. None: there is none
         left.
 
@@ -331,7 +332,7 @@ class CandidateSearch:
 
     # ---- planning
 
-    def _approach(self, branch: _Branch, speed: float) -> Generator[None, None, PickPlaceCandidate | None]:
+    def _approach(self, branch: _Branch, speed: float) -> Doing[PickPlaceCandidate | None]:
         assert branch.over is not None and branch.at is not None
         world, grasp = self._world, branch.grasp
         legs = approach(world, self._belief.id, grasp, branch.over, speed)

@@ -14,9 +14,9 @@ from ..grasp.straight_lines import NEIGHBOUR_DISTANCE
 from .pick_candidates import PickPlaceCandidate
 
 if TYPE_CHECKING:
-    from ...cell.world import World
     from ...control.execution.trajectory_motion import Doing
     from ...planning.service.lookahead_planning import LookaheadResult
+    from ...skill_world.world import World
 
 MIN_LIFT_SHARE = 0.3
 """Share of the straight way up or down that must be free. The rest is skipped."""

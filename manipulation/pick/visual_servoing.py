@@ -14,9 +14,9 @@ least shift counts. It is ambiguous when a shift with another patch for the targ
 from __future__ import annotations
 
 import math
-from collections.abc import Generator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, TypeAlias, TypeVar
+from typing import TYPE_CHECKING
 
 from ...planning.requests import LineGoal, Request
 from ...world.belief.planning_scene import BeliefObject
@@ -28,9 +28,9 @@ from .pick_candidates import PickPlaceCandidate
 from .transfer_requests import descend_requests
 
 if TYPE_CHECKING:
-    from ...cell.world import World
-    from ...control.execution.trajectory_motion import Watch
+    from ...control.execution.trajectory_motion import Doing, Watch
     from ...perception.fitting.known_object_fitting import TrackedSighting
+    from ...skill_world.world import World
 
 
 UNEXPLAINED_COST = 0.010
@@ -114,9 +114,6 @@ def _read_shift(
             cost += off - UNEXPLAINED_COST
     return _Reading(cost, taken)
 
-
-T = TypeVar("T")
-Doing: TypeAlias = Generator[None, None, T]
 
 MAX_LOOKS = 3
 """Maximum number of looks for one grasp."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -17,7 +16,8 @@ from ...world.values import ObjectId, Pose
 from .release_poses import heap_heights
 
 if TYPE_CHECKING:
-    from ...cell.world import World
+    from ...control.execution.trajectory_motion import Doing
+    from ...skill_world.world import World
 
 
 def apply_bin_exchanges(world: World, node: str) -> tuple[ObjectId, ...]:
@@ -84,7 +84,7 @@ DROPPED_CONFIDENCE = 0.3
 """Confidence in the estimated pose until the object is seen again."""
 
 
-def open_gripper(world: World, reason: str, width: float | None = None) -> Generator[None, None, None]:
+def open_gripper(world: World, reason: str, width: float | None = None) -> Doing[None]:
     """Open the fingers, by default fully, and remove the held object from the hand in the belief.
 
     A halt does the same: the fingers go on opening.

@@ -9,15 +9,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...cell.handover import PlaceCandidate
+from ...skill_world.handover import PlaceCandidate
 from ...world.belief.planning_scene import BeliefObject
 from ...world.scene.description import Bin
 from ...world.shapes import Shape, extents, top
 from ...world.values import Array, ObjectId, Pose
 
 if TYPE_CHECKING:
-    from ...cell.world import World
     from ...planning.collision.scene_queries import SceneQueries
+    from ...skill_world.world import World
 
 
 CELLS_PER_SIDE = 3

@@ -30,8 +30,8 @@ from .stroke_planning import PushGoal, PushStroke, push_strokes, turning_room_st
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from ...cell.world import World
     from ...control.execution.trajectory_motion import Doing
+    from ...skill_world.world import World
     from ...world.belief.planning_scene import BeliefObject
 
 IMAGES_BETWEEN_STROKES = 5

@@ -24,9 +24,9 @@ from .stroke_course import SLOW_PUSH_SPEED, PushMotion
 from .stroke_planning import PushStroke
 
 if TYPE_CHECKING:
-    from ...cell.world import World
     from ...control.execution.trajectory_motion import Doing
     from ...planning.service.solver import RequestSolver
+    from ...skill_world.world import World
 
 PUSH_STIFFNESS = CartesianStiffness(linear=1500.0, angular=60.0)
 SUPPORT_EDGE_MARGIN = 0.015

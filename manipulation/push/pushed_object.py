@@ -19,8 +19,8 @@ from ...world.values import Array, ObjectId
 from .stroke_planning import PushStroke
 
 if TYPE_CHECKING:
-    from ...cell.world import World
     from ...control.execution.trajectory_motion import Doing
+    from ...skill_world.world import World
     from .push_stroke import PushResult
 
 

@@ -28,7 +28,7 @@ from .push_stroke import SUPPORT_EDGE_MARGIN, placed, support_of, within
 from .stroke_planning import PushStroke, straight_stroke
 
 if TYPE_CHECKING:
-    from ...cell.world import World
+    from ...skill_world.world import World
 
 PUSHED_INSTEAD_DISTANCE = 0.05
 """Border distance to the target below which an object may be pushed in its place, m."""

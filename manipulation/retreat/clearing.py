@@ -14,9 +14,9 @@ from ...world.events.skill_events import GaveWayEvent, SafetyAcknowledgedEvent
 from ...world.values import GRAVITY, Array, Vector3
 
 if TYPE_CHECKING:
-    from ...cell.world import World
     from ...control.execution.trajectory_motion import Doing
     from ...planning.search.penetration_escape import EscapePath
+    from ...skill_world.world import World
     from ...world.trajectory import Trajectory
 
 

@@ -11,8 +11,8 @@ from ...world.causes import Failure, planning
 from .clearing import FREE_PATH_THRESHOLDS, REDUCED_SPEED, WARY_SPEED, RetreatMotion
 
 if TYPE_CHECKING:
-    from ...cell.world import World
     from ...control.execution.trajectory_motion import Doing
+    from ...skill_world.world import World
 
 MAX_HOMING_ATTEMPTS = 4
 """Maximum number of attempts to plan and follow a path home."""

@@ -11,28 +11,16 @@ import pinocchio as pin
 from ...robots.model import RobotModel
 from ...world.values import Array, Pose
 from .levenberg_marquardt import (
-    ANGLE_ACCURACY,
     FULL_TURN,
     IMPROVEMENT_SHARE,
     MAX_STALLED_STEPS,
-    POSITION_ACCURACY,
     IkDescent,
     IkSeeds,
     is_hinge,
     pose_key,
     target_of,
 )
-from .unreachable_poses import LimitExcess, NearestReach, ReachExplainer
-
-__all__ = [
-    "ANGLE_ACCURACY",
-    "MAX_FAILED_DESCENTS",
-    "MIN_SOLUTION_DIFFERENCE",
-    "POSITION_ACCURACY",
-    "InverseKinematics",
-    "LimitExcess",
-    "NearestReach",
-]
+from .unreachable_poses import NearestReach, ReachExplainer
 
 MAX_FAILED_DESCENTS = 40
 """Number of failed descents after which a pose counts as out of reach.

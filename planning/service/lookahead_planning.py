@@ -170,14 +170,11 @@ def is_plan_free(solver: RequestSolver, plan: MotionPlan) -> bool:
 
     An object that the plan supposed in the hand is taken as it is believed to be, once it is held.
     """
-    trajectories = split_into_legs(plan) if plan.legs else [plan.trajectory]
-    for leg, trajectory in zip(plan.legs or (plan,), trajectories, strict=True):
+    for leg, trajectory in zip(plan.legs or (plan,), split_into_legs(plan), strict=True):
         request = leg.request
         if request is None:
             return False
-        held = solver.scene(replace(request, holding=None)).held
-        if held is not None and request.holding is not None and held.id == request.holding.object:
-            request = replace(request, holding=None)
+        request = without_held_supposition(solver, request)
         try:
             solver.look(request)
         except Failure:  # what it supposed to hold is no longer known
@@ -186,3 +183,11 @@ def is_plan_free(solver: RequestSolver, plan: MotionPlan) -> bool:
         if way.stuck or not is_trajectory_free(way, trajectory):
             return False
     return True
+
+
+def without_held_supposition(solver: RequestSolver, request: Request) -> Request:
+    """Drop the supposition of a held object that is held by now: the measured pose in the hand counts."""
+    held = solver.scene(replace(request, holding=None)).held
+    if held is not None and request.holding is not None and held.id == request.holding.object:
+        return replace(request, holding=None)
+    return request

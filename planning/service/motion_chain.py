@@ -208,7 +208,9 @@ class MotionChain:
 
 
 def split_into_legs(plan: MotionPlan) -> list[Trajectory]:
-    """Cut a chain's trajectory at the ends of its legs."""
+    """Cut a chain's trajectory at the ends of its legs; the trajectory of a single motion stays whole."""
+    if not plan.legs:
+        return [plan.trajectory]
     begins = (0.0, *plan.passes[:-1])
     return [slice_trajectory(plan.trajectory, a, b) for a, b in zip(begins, plan.passes, strict=True)]
 

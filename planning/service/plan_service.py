@@ -125,22 +125,7 @@ class PlanService:
         """
         request = self._manner.of(request)
         seed = self._seed(request, node)
-        answer: MotionPlan | Failure
-        if self.finds_nothing is not None:
-            self.solver.finds_nothing = self.finds_nothing()
-        with self._stopwatch.measure("planning"), self._meter.measure() as spent:
-            try:
-                answer = self.solver.solve(request, seed)
-            except Failure as failure:
-                answer = failure
-        if isinstance(answer, MotionPlan):
-            self.made.note(answer)
-            self.verify(request, answer.trajectory)
-        self._note(planning_failures.describe_request(request), self.solver.start(request), spent, answer)
-        yield from self.charge()
-        if isinstance(answer, Failure):
-            raise answer
-        return answer
+        return (yield from self._plan(lambda: self.solver.solve(request, seed), [request]))
 
     def to(
         self,
@@ -188,12 +173,19 @@ class PlanService:
             raise PicktreeError("a chain needs legs, of which only the first may say where it starts")
         legs = [self._manner.of(leg) for leg in legs]
         seeds = [self._seed(leg, node) for leg in legs]
+        return (yield from self._plan(lambda: MotionChain(self.solver, rounded).solve(legs, seeds), legs))
+
+    def _plan(
+        self, find: Callable[[], MotionPlan], legs: Sequence[Request]
+    ) -> Generator[None, None, MotionPlan]:
+        """Compute a plan of these motions at once, verify and record it, and yield the ticks that it
+        costs."""
         answer: MotionPlan | Failure
         if self.finds_nothing is not None:
             self.solver.finds_nothing = self.finds_nothing()
-        with self._stopwatch.measure("planning"), self._meter.measure() as spent:
+        with self.checking() as spent:
             try:
-                answer = MotionChain(self.solver, rounded).solve(legs, seeds)
+                answer = find()
             except Failure as failure:
                 answer = failure
         if isinstance(answer, MotionPlan):
@@ -248,17 +240,17 @@ class PlanService:
     def still_free(self, plan: MotionPlan) -> bool:
         """Whether a plan is free of collision in the present belief. Answers at once; the thinking account
         owes the cost."""
-        with self._stopwatch.measure("planning"), self._meter.measure():
+        with self.checking():
             free = is_plan_free(self.solver, plan)
         if free:
             self.made.renew(plan.trajectory)
         return free
 
     @contextmanager
-    def checking(self) -> Generator[None]:
+    def checking(self) -> Generator[MeasuredCost]:
         """Charge the checker's queries within the block to the thinking account."""
-        with self._stopwatch.measure("planning"), self._meter.measure():
-            yield
+        with self._stopwatch.measure("planning"), self._meter.measure() as spent:
+            yield spent
 
     def forget(self) -> None:
         """Drop what was planned ahead, as a checkpoint does."""
@@ -269,7 +261,7 @@ class PlanService:
 
         Answers at once; the thinking account owes the cost.
         """
-        with self._stopwatch.measure("planning"), self._meter.measure():
+        with self.checking():
             solver = self.solver
             solver.look()
             around = self._configuration() if near is None else near
@@ -287,7 +279,7 @@ class PlanService:
         The search starts near the request's start, in the scene as the request supposes it. Answers at once;
         the thinking account owes the cost.
         """
-        with self._stopwatch.measure("planning"), self._meter.measure():
+        with self.checking():
             return check_reach(self.solver, self._manner.of(request), self._streams.at("ik", 0))
 
     def quality(self, plan: MotionPlan) -> PlanQuality:
@@ -298,8 +290,7 @@ class PlanService:
         motion; so it is not part of every plan.
         """
         measured: list[PlanQuality] = []
-        pieces = split_into_legs(plan) if plan.legs else [plan.trajectory]
-        for leg, trajectory in zip(plan.legs or (plan,), pieces, strict=True):
+        for leg, trajectory in zip(plan.legs or (plan,), split_into_legs(plan), strict=True):
             self.solver.look(leg.request)
             measured.append(PlanQualityMeter(self._model, self.solver.collision).quality(trajectory))
         return combine_qualities(measured)

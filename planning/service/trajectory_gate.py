@@ -14,7 +14,7 @@ from ...world.values import Array, Bounds
 from ..collision.trajectory_check import StartTolerance, first_collision, sampled_configurations
 from ..failures import planning_failures
 from ..requests import ContactPair, JointGoal, Request
-from .lookahead_planning import PlanProvenance
+from .lookahead_planning import PlanProvenance, without_held_supposition
 from .motion_chain import slice_trajectory
 from .plan_service import PlanService
 
@@ -145,11 +145,11 @@ class TrajectoryGate:
             if since > 0.0 and since >= end:
                 continue
             part = slice_trajectory(trajectory, since, end)
-            supposed = self._supposed(request)
+            solver = self._plans.solver
+            supposed = without_held_supposition(solver, request)
             if made is not None and done > 0.0:
                 allowed = tuple((a, b) for a, b in map(sorted, made.seen.allowed))
                 supposed = replace(supposed, start=part.start, allowed=(*supposed.allowed, *allowed))
-            solver = self._plans.solver
             try:
                 solver.look(supposed)
             except Failure as failure:
@@ -163,14 +163,6 @@ class TrajectoryGate:
             if hit is not None:
                 self._refuse(trajectory, part, way, since, hit)
             self._plans.verify(supposed, part)
-
-    def _supposed(self, request: Request) -> Request:
-        """Drop the supposition of a held object that is held by now: the measured pose in the hand counts."""
-        solver = self._plans.solver
-        held = solver.scene(replace(request, holding=None)).held
-        if held is not None and request.holding is not None and held.id == request.holding.object:
-            return replace(request, holding=None)
-        return request
 
     def _refuse(
         self, trajectory: Trajectory, part: Trajectory, way: StartTolerance, begin: float, found: Array

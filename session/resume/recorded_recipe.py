@@ -12,12 +12,12 @@ from typing import Final
 
 from ...errors import PicktreeError
 from ...logs.mcap.reader import RawMessage
-from ...logs.recording.digest import Digest
 from ...logs.recording.recorder import RecordingState
 from ...logs.run_log import RunLog
 from ...logs.run_record import RunRecord
 from ...logs.schema import topics
 from ...logs.schema.records import ResumedFrom
+from ...logs.schema.topics import Digest
 from ...logs.visits import with_transitions
 from ...simulation.backends import Backend
 from ...trees.mission import Mission

@@ -13,14 +13,14 @@ from typing import Any, Final
 from pydantic import TypeAdapter, ValidationError
 
 from ...errors import PicktreeError
-from ...logs.recording.digest import Digest
 from ...logs.recording.recorder import RecordingState
-from ...logs.recording.rotation import NO_ROTATION, Rotation
+from ...logs.recording.rotated_log import NO_ROTATION, Rotation
 from ...logs.recording.true_state import WHOLE_STATE_PERIOD, fold_states, read_state
 from ...logs.run_record import RunRecord
 from ...logs.schema import topics
 from ...logs.schema.arithmetic_record import arithmetic_difference
 from ...logs.schema.records import ResumedFrom
+from ...logs.schema.topics import Digest
 from ...simulation.checkpoints import snapshot_at_rest
 from ...simulation.faults.injector import FaultState
 from ...world.journal import JournalEvent

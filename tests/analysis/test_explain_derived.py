@@ -26,7 +26,7 @@ def told(story: FailureStory) -> tuple[object, ...]:
 def test_the_same_failures_follow_from_the_statuses(troubled_log: Path) -> None:
     with Run(troubled_log) as run:
         known = [told(story) for story in run.failures]
-        derived = account_of(run, derived=True)
+        derived = account_of(run.log, run.events, derived=True)
         assert derived.visits == derived_visits(run.log)
         assert [told(story) for story in failures_of(run, derived)] == known
         assert len(known) > 1

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from picktree.analysis import Run
-from picktree.analysis.explain.text.rendering import notes_on, to_text
+from picktree.analysis.explain.explanation_text import notes_on, to_text
 from picktree.session.mission_edits import MissionReload
 from picktree.session.session import RunRequest, Session
 
@@ -17,7 +17,7 @@ HEAD = "picktree: 1\nkind: mission\nscene: sort_small\n"
 PLUGIN = """
 from picktree.trees.ports import In, port
 from picktree.trees.skill import Skill, Steps
-from picktree.cell.world import World
+from picktree.skill_world.world import World
 
 
 class Broken(Skill):

@@ -34,7 +34,7 @@ def case(pressed: float, pulled: float, entry: CatalogueEntry = ENTRY) -> Invest
         wrenches=WrenchSeries(times, np.stack([0 * down, 0 * down, down], axis=1), np.zeros((40, 3))),
         picks=(),
     )
-    attached = SimpleNamespace(time=0.6, record=SimpleNamespace(data={"reason": "attached to the gripper"}))
+    attached = SimpleNamespace(time=0.6, record=SimpleNamespace(reason="attached to the gripper"))
     told: dict[str, Any] = {
         "run": run,
         "family": SimpleNamespace(visits=[SimpleNamespace(start=0.0, end=1.9, item=ITEM)]),

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from picktree.analysis import Run
-from picktree.analysis.report.lanes_panel import OUTCOMES, item_spans, pack_lanes
+from picktree.analysis.report.node_panels import OUTCOMES, item_spans, pack_lanes, pack_tree
 from picktree.analysis.report.packing import Section
 from picktree.analysis.report.tick_table import (
     ABSENT,
@@ -20,7 +20,6 @@ from picktree.analysis.report.tick_table import (
     nodes_of,
     tick_table,
 )
-from picktree.analysis.report.tree_panel import pack_tree
 from picktree.errors import PicktreeError
 from picktree.logs.schema.records import Tree, TreeNode, WriteRecord
 from picktree.session.mission_edits import MissionReload

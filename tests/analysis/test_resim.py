@@ -10,9 +10,9 @@ from pathlib import Path
 import pytest
 
 from picktree.analysis.resim.changes import RunChanges
-from picktree.analysis.resim.difference_reasons import notes, reasons
 from picktree.analysis.resim.resim import ResimAnswer, ResimOrder, resimulate, run_order
 from picktree.analysis.resim.resim_comparison import RecordDifference
+from picktree.analysis.resim.resim_result import notes, reasons
 from picktree.analysis.run import Run
 from picktree.errors import PicktreeError
 from picktree.logs.run_log import RunLog

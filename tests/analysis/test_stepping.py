@@ -9,8 +9,8 @@ import pytest
 
 from picktree.analysis import Run
 from picktree.analysis.replay.cursor import Cursor
-from picktree.analysis.replay.node_names import find_node, find_nodes
 from picktree.errors import PicktreeError
+from picktree.files.node_patterns import find_node, find_nodes
 from picktree.logs.schema.records import TransitionRecord, WriteRecord
 from picktree.world.journal import JournalEvent, OtherEvent, PlanEntry
 

@@ -12,8 +12,7 @@ import pytest
 
 from picktree.authoring.drawing.chart import Chart, ChartPort
 from picktree.authoring.drawing.chart_builder import chart, chart_of_file
-from picktree.authoring.drawing.formats.dot import dot
-from picktree.authoring.drawing.formats.file_formats import drawing_text, suffix_of
+from picktree.authoring.drawing.formats.file_formats import dot, drawing_text, suffix_of
 from picktree.authoring.drawing.formats.text import text
 from picktree.errors import PicktreeError
 from picktree.trees.loading.loader import parse_mission

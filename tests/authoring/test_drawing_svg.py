@@ -19,13 +19,17 @@ from picktree.authoring.drawing.chart import Chart
 from picktree.authoring.drawing.chart_builder import chart, chart_of_file
 from picktree.authoring.drawing.formats.svg import svg
 from picktree.authoring.drawing.layout.cards import NodeCard, width, wrapped
-from picktree.authoring.drawing.layout.frames import FRAME_GAP, TreeFrame, expanded, frame_of, page
-from picktree.authoring.drawing.layout.graphviz_layout import (
+from picktree.authoring.drawing.layout.frames import (
     COLUMN_GAP,
+    FRAME_GAP,
     ROW_GAP,
     BoxPosition,
     LayoutBox,
+    TreeFrame,
+    expanded,
+    frame_of,
     lay_out_boxes,
+    page,
 )
 from picktree.trees.status import NodeStatus
 

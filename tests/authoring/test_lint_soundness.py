@@ -6,14 +6,12 @@ allowed it. A campaign of more of them is `benchmarks/linting.py`.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from dataclasses import replace
 
 import pytest
 
 from picktree.trees.controls import Fallback, ForceSuccess
-from picktree.trees.flow import FlowState, NodeOutcomes, OutcomeCollector
-from picktree.trees.flow.flow_walk import FlowAnalysis
-from picktree.trees.mission import NodeSpec
+from picktree.trees.flow import FAILURE, NEXT, SUCCESS, ChildFlow
 from picktree.trees.node import Node
 
 from .watched import Unsound, Watched
@@ -46,26 +44,14 @@ def test_a_mission_that_does_as_it_is_told_passes_the_watch() -> None:
         Watched(MISSION).run(run)
 
 
-def hides_everything(cls: type[Node], spec: NodeSpec, entry: FlowState, walk: FlowAnalysis) -> NodeOutcomes:
-    flow, ends = walk.child(spec.children[0], (entry,)), OutcomeCollector()
-    ends.fail(flow.failure)
-    ends.run(flow.running)
-    return ends.flow()
-
-
-def never_fails(cls: type[Node], spec: NodeSpec, entry: FlowState, walk: FlowAnalysis) -> NodeOutcomes:
-    ends = OutcomeCollector()
-    ends.succeed(walk.child(spec.children[0], (entry,)).everywhere)
-    return ends.flow()
-
-
-@pytest.mark.parametrize(("node", "wrong"), [(ForceSuccess, hides_everything), (Fallback, never_fails)])
-def test_the_watch_sees_a_wrong_analysis(
-    monkeypatch: pytest.MonkeyPatch,
-    node: type[Node],
-    wrong: Callable[[type[Node], NodeSpec, FlowState, FlowAnalysis], NodeOutcomes],
+@pytest.mark.parametrize(
+    ("node", "wrong"),
+    [(ForceSuccess, ChildFlow(success=FAILURE)), (Fallback, ChildFlow(failure=SUCCESS, skipped=NEXT))],
+)
+def test_the_watch_sees_wrong_data(
+    monkeypatch: pytest.MonkeyPatch, node: type[Node], wrong: ChildFlow
 ) -> None:
-    monkeypatch.setattr(node, "flow", classmethod(wrong))
+    monkeypatch.setattr(node, "declaration", replace(node.declaration, flow=wrong))
     with pytest.raises(Unsound):
         for seed in range(BATCH):
             watched = Watched(wild_mission(seed))

@@ -7,14 +7,13 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, cast
 
+from picktree.authoring.lint.failure_reasons import UNREPORTED
+from picktree.authoring.lint.flow_analysis import FlowAnalysis
+from picktree.authoring.lint.keys import KeyBits
+from picktree.authoring.lint.outcomes import EMPTY, OUTER, FlowState
 from picktree.recovery.recover import Recover
 from picktree.recovery.recovery_base import RecoveryControl
 from picktree.trees.controls import Fallback, ReactiveFallback, RetryUntilSuccessful, RoundRobin, RunOnce
-from picktree.trees.flow import FlowState
-from picktree.trees.flow.failure_reasons import UNREPORTED
-from picktree.trees.flow.flow_state import EMPTY, OUTER
-from picktree.trees.flow.flow_walk import FlowAnalysis
-from picktree.trees.flow.key_bits import KeyBits
 from picktree.trees.loading.loader import parse_mission
 from picktree.trees.mission import Mission, NodeSpec
 from picktree.trees.node import Node
@@ -28,7 +27,7 @@ from ..trees.scripted import FILE, TICK
 from .wild_leaves import WildWorld, registry
 
 if TYPE_CHECKING:
-    from picktree.cell.world import World
+    from picktree.skill_world.world import World
 
 
 TRIES = (Fallback, ReactiveFallback, RoundRobin, RetryUntilSuccessful, RecoveryControl)

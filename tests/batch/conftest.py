@@ -7,7 +7,7 @@ from contextlib import nullcontext
 
 import pytest
 
-from picktree.batch.statistics import seed_partings
+from picktree.batch.statistics import comparison_text
 from picktree.batch.workers import rerun_job
 from picktree.batch.workers.executor import Event, Executor, JobOrder
 from picktree.batch.workers.local_executor import LocalExecutor
@@ -50,5 +50,5 @@ def worker(workers: LocalExecutor) -> Executor:
 @pytest.fixture
 def no_other_workers(worker: Executor, monkeypatch: pytest.MonkeyPatch) -> None:
     """Commands that start a worker of their own get this one."""
-    for module in (seed_partings, rerun_job):
+    for module in (comparison_text, rerun_job):
         monkeypatch.setattr(module, "LocalExecutor", lambda slots: nullcontext(worker))

@@ -17,7 +17,7 @@ import pytest
 
 from picktree.analysis.run import Run
 from picktree.batch.cluster import ray_executor
-from picktree.batch.cluster.installation import Installation, difference, installed
+from picktree.batch.cluster.messages import Installation, difference, installed
 from picktree.batch.cluster.ray_executor import RayExecutor
 from picktree.batch.plan import BatchPlan, JobLimits
 from picktree.batch.workers.batch import Batch
@@ -40,7 +40,7 @@ PLAN = BatchPlan("test", (ONE_PICK,), (0, 1, 2), backend="kinematic", keep="all"
 TABLE = "SELECT seed, status, digest, items_sorted, attempts FROM jobs ORDER BY number"
 TROUBLE = """\
 from picktree.trees.skill import Skill, Steps
-from picktree.cell.world import World
+from picktree.skill_world.world import World
 from pathlib import Path
 import os, signal, time
 

@@ -19,7 +19,7 @@ import os, time
 from pathlib import Path
 
 from picktree.trees.skill import Skill, Steps
-from picktree.cell.world import World
+from picktree.skill_world.world import World
 
 
 class Work(Skill):

@@ -14,7 +14,7 @@ import pytest
 from picktree.cli.app import answer
 from picktree.cli.terminal.output import program
 from picktree.errors import PicktreeError
-from picktree.logs.recording.rotation import Rotation
+from picktree.logs.recording.rotated_log import Rotation
 from picktree.logs.run_result import RunResult
 
 HEAVY = {

@@ -12,9 +12,8 @@ import pytest
 
 from picktree.analysis.compare.run_outcome import RunOutcome
 from picktree.analysis.resim.changes import RunChanges
-from picktree.analysis.resim.difference_reasons import Reason
 from picktree.analysis.resim.resim_comparison import RecordDifference
-from picktree.analysis.resim.resim_result import Resimulation
+from picktree.analysis.resim.resim_result import Reason, Resimulation
 from picktree.cli.app import answer
 
 GRASP = "Main/Sequence/Grasp"

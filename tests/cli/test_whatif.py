@@ -65,7 +65,7 @@ def asked(monkeypatch: pytest.MonkeyPatch) -> Callable[[Continuation], list[dict
         orders: list[dict[str, Any]] = []
 
         def what_if(log: str, at: str, **options: Any) -> Continuation:
-            options.pop("watcher")
+            options.pop("observers")
             orders.append({"log": log, "at": at, **options})
             return found
 

@@ -8,9 +8,9 @@ from collections.abc import Mapping, Sequence
 import pytest
 from pydantic import TypeAdapter
 
-from picktree.logs.episodes.episode import Episode, Planted
+from picktree.logs.episodes.episode import Episode, EpisodeTrackerState, Planted
 from picktree.logs.episodes.episode_counts import cause_lines, counted
-from picktree.logs.episodes.episode_tracker import EpisodeTracker, EpisodeTrackerState
+from picktree.logs.episodes.episode_tracker import EpisodeTracker
 from picktree.logs.schema.records import TransitionRecord, Tree
 from picktree.world.events.run_events import FaultEvent, RecoveryEvent
 from picktree.world.journal import JournalEvent

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from picktree.errors import PicktreeError
-from picktree.logs.meshes.binary_gltf import read_glb, write_glb
-from picktree.logs.meshes.link_meshes import link_meshes
+from picktree.logs.meshes.binary_gltf import link_meshes, read_glb, write_glb
 from picktree.logs.meshes.triangle_meshes import decimate, join_meshes, load_mesh, shape_mesh
 from picktree.world.shapes import Box, ConvexMesh, Cylinder, Shape, Sphere
 from picktree.world.values import Pose

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from pydantic import TypeAdapter
 
-from picktree.logs.meshes.link_meshes import parts_of
+from picktree.logs.meshes.binary_gltf import parts_of
 from picktree.logs.recording.foxglove_messages import encode_scene, read_scene
 from picktree.logs.recording.journal_records import belief_record, truth_record
 from picktree.logs.schema.json_records import decode, encode

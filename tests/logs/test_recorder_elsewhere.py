@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from picktree.logs.recording.rotation import Rotation
+from picktree import run
+from picktree.logs.recording.rotated_log import Rotation
 from picktree.logs.run_log import RunLog
-from picktree.session.session import run
 
 from ..needs import RERUN, RERUN_PROGRAM, needs, packages
 

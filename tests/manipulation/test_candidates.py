@@ -8,7 +8,6 @@ from typing import TypeVar
 
 import pytest
 
-from picktree.cell.world import World
 from picktree.manipulation.grasp.grasp_candidates import GraspCandidate, grasp_candidates
 from picktree.manipulation.pick.pick_candidates import (
     APPROACH_STAGE,
@@ -26,6 +25,7 @@ from picktree.manipulation.pick.pick_stream import CandidateSearch
 from picktree.robots.loading import load_robot
 from picktree.session.assembly import assemble_world
 from picktree.simulation.backends import build_hardware
+from picktree.skill_world.world import World
 from picktree.world.belief.planning_scene import BeliefObject
 from picktree.world.causes import Failure, planning
 from picktree.world.journal import CandidateSearchEntry, PlanEntry

@@ -9,7 +9,6 @@ from typing import cast
 import numpy as np
 import pytest
 
-from picktree.cell.world import World
 from picktree.control.execution.control_loop import ControlLoop
 from picktree.control.execution.gripper_motion import GripperControl
 from picktree.control.execution.motions import ArmMotion
@@ -18,6 +17,7 @@ from picktree.manipulation.grasp.compliant_closing import ClosingResult, close, 
 from picktree.robots.model import RobotModel
 from picktree.simulation.physics.backend import PhysicsHardware
 from picktree.simulation.scoring.scorer import score
+from picktree.skill_world.world import World
 from picktree.world.journal import Journal, JournalEvent
 from picktree.world.scene.description import CatalogueEntry, Spawn
 from picktree.world.shapes import Box, Cylinder

@@ -8,12 +8,12 @@ from typing import TypeVar
 
 import pytest
 
-from picktree.cell.world import World
 from picktree.manipulation.insert.hole_servoing import look_at_hole
 from picktree.robots.loading import load_robot
 from picktree.session.assembly import TICK_LENGTH, assemble_world
 from picktree.simulation.backends import build_hardware
 from picktree.simulation.spawning.spawn import displace_fixtures
+from picktree.skill_world.world import World
 from picktree.world.causes import Failure
 from picktree.world.scene.loading.scene_loading import parse_scene
 from picktree.world.values import ObjectId

@@ -9,10 +9,10 @@ from typing import cast
 import numpy as np
 import pytest
 
-from picktree.cell.world import World
 from picktree.manipulation.carry.weighing import GripMonitor, LiftWeighing
 from picktree.robots.loading import load_robot
 from picktree.robots.model import RobotModel
+from picktree.skill_world.world import World
 from picktree.world.causes import Failure, grasp
 from picktree.world.values import Array
 

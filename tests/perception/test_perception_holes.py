@@ -7,7 +7,8 @@ from dataclasses import replace
 import pytest
 
 from picktree.perception.data_association import update_belief
-from picktree.perception.pipeline import PerceivedView, Perception
+from picktree.perception.fitting.view import PerceivedView
+from picktree.perception.pipeline import Perception
 from picktree.robots.loading import load_robot
 from picktree.robots.model import RobotModel
 from picktree.simulation.kinematic.backend import KinematicHardware

@@ -7,9 +7,9 @@ from typing import cast
 
 import pytest
 
-from picktree.cell.world import World
 from picktree.files.yaml.document import read_document
 from picktree.recovery import NODES as RECOVERY
+from picktree.skill_world.world import World
 from picktree.trees.loading.loader import examine, parse_mission
 from picktree.trees.loading.registry import NodeRegistry
 from picktree.trees.running.builder import build

@@ -8,9 +8,9 @@ from dataclasses import dataclass, field
 from textwrap import indent
 from typing import cast
 
-from picktree.cell.world import World
 from picktree.planning.requests import DEFAULT_CHECK_BUDGET, NamedGoal, OffsetGoal, PlannerOverrides, Request
 from picktree.recovery import NODES as RECOVERY
+from picktree.skill_world.world import World
 from picktree.trees.loading.loader import parse_mission
 from picktree.trees.loading.registry import NodeRegistry
 from picktree.trees.running.builder import build

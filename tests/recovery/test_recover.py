@@ -5,8 +5,8 @@ from __future__ import annotations
 from textwrap import indent
 from typing import cast
 
-from picktree.cell.world import World
 from picktree.recovery import Recover
+from picktree.skill_world.world import World
 from picktree.trees.loading.loader import parse_mission
 from picktree.trees.loading.registry import NodeRegistry
 from picktree.trees.running.builder import build

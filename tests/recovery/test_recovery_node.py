@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import cast
 
-from picktree.cell.world import World
 from picktree.recovery import RecoveryNode
+from picktree.skill_world.world import World
 from picktree.trees.loading.loader import parse_mission
 from picktree.trees.loading.registry import NodeRegistry
 from picktree.trees.running.builder import build

@@ -158,7 +158,7 @@ def test_fingers_must_open_but_for_some_millimetres(
         hardware.gripper.width = hardware.gripper.target = 0.08 - short
         yield
 
-    monkeypatch.setattr("picktree.recovery.reset_gripper.open_gripper", opens)
+    monkeypatch.setattr("picktree.recovery.look_around.open_gripper", opens)
     if told:
         told = f"control.gripper: after 1 tries the fingers still do not follow: {told}"
     assert ended(made)[0] == told

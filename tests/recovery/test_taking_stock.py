@@ -21,7 +21,7 @@ from picktree.world.values import ObjectId, Pose
 from ..skills.cell import LIMIT, Cell, items, mission
 
 if TYPE_CHECKING:
-    from picktree.cell.world import World
+    from picktree.skill_world.world import World
     from picktree.trees.skill import Doing
 
 FIRST = "the run goes on as things stand: it looks first, with the belief of before"

@@ -8,8 +8,8 @@ from typing import cast
 
 import pytest
 
-from picktree.cell.world import World
 from picktree.session.debugger import Breakpoint, Debugger, DebuggerStop
+from picktree.skill_world.world import World
 from picktree.trees.loading.loader import parse_mission
 from picktree.trees.running.builder import build
 from picktree.trees.running.runner import BehaviourTree

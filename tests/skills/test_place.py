@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from picktree.cell.handover import PlaceCandidate
 from picktree.manipulation.place.release_poses import place_candidates
 from picktree.perception.fitting.view import BinView
 from picktree.planning.requests import LegFailure, MotionPlan, Request
 from picktree.simulation.kinematic.backend import KinematicHardware
+from picktree.skill_world.handover import PlaceCandidate
 from picktree.trees.skill import Doing, Steps
 from picktree.world.causes import Cause, Failure, planning
 from picktree.world.shapes import bottom

@@ -9,13 +9,13 @@ from typing import Any
 
 import pytest
 
-from picktree.cell.world import World
 from picktree.files.marks import FileError
 from picktree.manipulation.push.pushed_object import observe_closely
 from picktree.manipulation.push.singulation import has_room
 from picktree.manipulation.push.stroke_planning import PushGoal, PushStroke, push_strokes
 from picktree.simulation.kinematic.backend import KinematicHardware
 from picktree.simulation.kinematic.bodies import KinematicBody
+from picktree.skill_world.world import World
 from picktree.trees.skill import Doing
 from picktree.world.belief.planning_scene import BeliefObject
 from picktree.world.causes import FailureReport

@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from picktree.cell.vision import Vision
 from picktree.manipulation.motion.replanning import MAX_REPLANS
 from picktree.perception.fitting.view import BinView
 from picktree.planning.service.trajectory_gate import TrajectoryGate
 from picktree.simulation.kinematic.backend import KinematicHardware
+from picktree.skill_world.vision import Vision
 from picktree.world.causes import Failure, perception, planning
 from picktree.world.scene.description import Fixture
 from picktree.world.shapes import Box

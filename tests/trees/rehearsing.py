@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
 from textwrap import dedent, indent
@@ -12,11 +11,11 @@ from picktree.authoring.rehearsal.cases.case import CaseFile
 from picktree.authoring.rehearsal.checking.case_checks import examine_cases
 from picktree.authoring.rehearsal.rehearse import rehearse
 from picktree.authoring.rehearsal.verdict.rehearsal_result import CaseResult, Rehearsal
-from picktree.cell.world import World
 from picktree.files.yaml.document import Document, read_document
+from picktree.skill_world.world import World
 from picktree.trees.controls.decorator import Decorator
 from picktree.trees.controls.leaves import ConditionNode
-from picktree.trees.declaration import Hand
+from picktree.trees.flow import LeafFlow
 from picktree.trees.loading.loader import parse_mission
 from picktree.trees.loading.registry import NodeRegistry
 from picktree.trees.mission import Mission
@@ -24,8 +23,7 @@ from picktree.trees.node import Node
 from picktree.trees.ports import In, Out, port
 from picktree.trees.skill import ARM, CAMERA, GRIPPER, Skill, Steps
 from picktree.trees.status import NodeStatus
-from picktree.trees.values.references import Binding, Constant
-from picktree.world.causes import Cause, Family, grasp, perception, place, planning, safety
+from picktree.world.causes import grasp, perception, place, planning, safety
 from picktree.world.values import ObjectId
 
 HERE = Path("cases.yaml")
@@ -47,9 +45,7 @@ class Look(_Never):
     causes = (perception.NOT_FOUND,)
     uses = (CAMERA,)
 
-    @classmethod
-    def causes_with(cls, ports: Mapping[str, Binding]) -> tuple[Cause | Family, ...]:
-        return cls.causes if "expect" in ports else ()
+    flow = LeafFlow(fails_with="expect")
 
 
 class Pick(_Never):
@@ -86,11 +82,7 @@ class Retreat(_Never):
     uses = (ARM,)
     hand_after = "kept"
 
-    @classmethod
-    def hand_with(cls, ports: Mapping[str, Binding]) -> tuple[Hand, tuple[Hand, ...]]:
-        drop = ports.get("drop")
-        dropped = isinstance(drop, Constant) and drop.value is True
-        return ("empty" if dropped else "kept"), ("kept", "empty")
+    flow = LeafFlow(hand_by=("drop", {True: "empty"}))
 
 
 class Weigh(_Never):

@@ -27,7 +27,7 @@ from picktree.world.shapes import Box
 from picktree.world.values import ObjectId, Pose
 
 if TYPE_CHECKING:
-    from picktree.cell.world import World
+    from picktree.skill_world.world import World
 
 TICK = 0.05
 

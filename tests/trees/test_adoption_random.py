@@ -12,9 +12,9 @@ from typing import Any, TypeAlias, cast
 
 import pytest
 
-from picktree.cell.world import World
 from picktree.files.yaml.document import read_document
 from picktree.recovery import NODES as RECOVERY
+from picktree.skill_world.world import World
 from picktree.trees.loading.loader import examine
 from picktree.trees.loading.registry import NodeRegistry
 from picktree.trees.mission import Mission

@@ -16,7 +16,7 @@ from picktree.trees.status import NodeStatus
 from .scripted import FakeWorld, start
 
 if TYPE_CHECKING:
-    from picktree.cell.world import World
+    from picktree.skill_world.world import World
 
 FOLDER = Path(__file__).parents[2] / "examples"
 EXAMPLES = [f for f in sorted(FOLDER.glob("*.yaml")) if "\nkind: mission\n" in f.read_text("utf-8")]

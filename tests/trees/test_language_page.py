@@ -11,8 +11,8 @@ from picktree.authoring.check import check_mission
 from picktree.files.expressions.parser import FUNCTIONS
 from picktree.files.yaml.document import read_document
 from picktree.trees.declaration import COMMON_KEYS
-from picktree.trees.loading.include import MAX_INCLUDED_FILES
 from picktree.trees.loading.loader import load_mission
+from picktree.trees.loading.tree_set import MAX_INCLUDED_FILES
 from picktree.trees.mission import library_names
 from picktree.trees.values.fault_collector import MAX_NODES
 from picktree.trees.values.references import ATTRIBUTES

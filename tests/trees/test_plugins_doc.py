@@ -13,9 +13,9 @@ from typing import cast
 
 import pytest
 
-from picktree.cell.world import World
 from picktree.cli.app import answer
 from picktree.files.diagnostics.fault_codes import page
+from picktree.skill_world.world import World
 from picktree.trees.loading.loader import load_mission
 from picktree.trees.loading.registry import NodeRegistry
 from picktree.trees.running.builder import build

@@ -13,8 +13,8 @@ import pytest
 import yaml
 
 from picktree import recovery
-from picktree.cell.world import World
 from picktree.files.yaml.reader import resolve
+from picktree.skill_world.world import World
 from picktree.trees import controls
 from picktree.trees.loading.loader import parse_mission
 from picktree.trees.loading.registry import NodeRegistry

@@ -18,7 +18,7 @@ from picktree.trees.status import NodeStatus
 from .scripted import FILE, NODES, FakeWorld, Run, letters, start
 
 if TYPE_CHECKING:
-    from picktree.cell.world import World
+    from picktree.skill_world.world import World
 
 
 class Stubborn(Skill):

@@ -6,8 +6,8 @@ from textwrap import dedent
 
 import pytest
 
-from picktree.cell.world import World
 from picktree.files.yaml.document import FileError
+from picktree.skill_world.world import World
 from picktree.trees.controls.leaves import ConditionNode
 from picktree.trees.loading.loader import parse_mission
 from picktree.trees.loading.registry import NodeRegistry

@@ -5,11 +5,11 @@ from __future__ import annotations
 from textwrap import indent
 from typing import TYPE_CHECKING
 
+from picktree.authoring.lint.failure_reasons import UNREPORTED, FailureReasons
+from picktree.authoring.lint.flow_analysis import FlowAnalysis
+from picktree.authoring.lint.outcomes import EMPTY, KEPT, OUTER, SHARED, FlowState, Outcomes, States
 from picktree.recovery import NODES as RECOVERY
 from picktree.skills.watch_scene import WatchScene
-from picktree.trees.flow import UNREPORTED, FailureReasons, FlowState, NodeOutcomes, States
-from picktree.trees.flow.flow_state import EMPTY, KEPT, OUTER, SHARED
-from picktree.trees.flow.flow_walk import FlowAnalysis
 from picktree.trees.loading.loader import parse_mission
 from picktree.trees.loading.registry import NodeRegistry
 from picktree.trees.ports import Out, port
@@ -19,7 +19,7 @@ from picktree.world.causes import control, grasp, perception
 from .scripted import FILE
 
 if TYPE_CHECKING:
-    from picktree.cell.world import World
+    from picktree.skill_world.world import World
 
 
 class Pick(Skill):
@@ -71,7 +71,7 @@ def ways(body: str) -> dict[str, list[str]]:
     mission = parse_mission(text, FILE, REGISTRY)
     walk = FlowAnalysis(mission)
     walk.enter(mission.main)
-    flow: NodeOutcomes = walk.ends["Main"]
+    flow: Outcomes = walk.ends["Main"]
     keys = walk.layout_of("Main").keys
 
     def state(one: FlowState) -> str:

@@ -1,19 +1,12 @@
 """Control nodes, decorators and leaves of the language itself."""
 
 from ..node import Node
-from .branches import IfThenElse, WhileDoElse
-from .fallback import Fallback, ReactiveFallback
-from .for_each import ForEach
-from .force import ForceFailure, ForceSuccess, Inverter
+from .branches import IfThenElse, Switch, WhileDoElse
+from .decorator import Delay, ForceFailure, ForceSuccess, Inverter, RunOnce, Timeout
 from .leaves import AlwaysFailure, AlwaysSuccess, Condition, Log, SetBlackboard
+from .loops import ForEach, KeepRunningUntilFailure, Repeat, RetryUntilSuccessful
 from .parallel import Parallel
-from .repeat import KeepRunningUntilFailure, Repeat
-from .retry import RetryUntilSuccessful
-from .round_robin import RoundRobin
-from .run_once import RunOnce
-from .sequence import ReactiveSequence, Sequence
-from .switch import Switch
-from .timing import Delay, Timeout
+from .sequence import Fallback, ReactiveFallback, ReactiveSequence, RoundRobin, Sequence
 
 NODES: tuple[type[Node], ...] = (
     Sequence, Fallback, ReactiveSequence, ReactiveFallback, RoundRobin, Parallel,

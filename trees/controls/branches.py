@@ -1,17 +1,14 @@
-"""IfThenElse and WhileDoElse: a condition selects the branch that is ticked."""
+"""IfThenElse, WhileDoElse and Switch: a condition or a value selects the branch that is ticked."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
-from ..flow import NOTHING, FlowState, NodeOutcomes, OutcomeCollector, States, tidy
+from ...world.causes import Failure, tree
+from ..flow import Branch, Choice
 from ..node import ControlNode, Node
-from ..slots import children
+from ..ports import In, port
+from ..slots import children, optional_child, table
 from ..status import NodeStatus
-
-if TYPE_CHECKING:
-    from ..flow.flow_walk import FlowAnalysis
-    from ..mission import NodeSpec
+from ..values.port_types import PortProblem, PortValues, show
 
 
 class IfThenElse(ControlNode):
@@ -20,9 +17,7 @@ class IfThenElse(ControlNode):
     Without a third child a no is FAILURE. SKIPPED when the condition is skipped.
     """
 
-    by_turns = True
-    steady = True
-
+    flow = Branch()
     example = """
     IfThenElse:
       - Condition: {if: holding}
@@ -58,12 +53,6 @@ class IfThenElse(ControlNode):
         state = chosen.step()
         return self.fail_with(chosen.failure) if state is NodeStatus.FAILURE else state
 
-    @classmethod
-    def flow(cls, spec: NodeSpec, entry: FlowState, walk: FlowAnalysis) -> NodeOutcomes:
-        ends = OutcomeCollector()
-        _branch(spec, frozenset((entry,)), walk, ends)
-        return ends.flow()
-
 
 class WhileDoElse(ControlNode):
     """Asks its first child at every tick, and ticks the second while it holds, the third while not.
@@ -72,8 +61,7 @@ class WhileDoElse(ControlNode):
     before the other is ticked. Without a third child a no is FAILURE.
     """
 
-    steady = True
-
+    flow = Branch(reactive=True)
     example = """
     WhileDoElse:
       - Condition: {if: items_left}
@@ -106,37 +94,78 @@ class WhileDoElse(ControlNode):
         state = chosen.step()
         return self.fail_with(chosen.failure) if state is NodeStatus.FAILURE else state
 
-    @classmethod
-    def flow(cls, spec: NodeSpec, entry: FlowState, walk: FlowAnalysis) -> NodeOutcomes:
-        ends = OutcomeCollector()
-        starts: States = frozenset((entry,))
-        while (after := tidy(starts | _branch(spec, starts, walk, ends, asked_anew=True))) != starts:
-            starts = after
-        return ends.flow()
 
+class Switch(ControlNode):
+    """Ticks the case whose name is the value of `variable`, else `default`.
 
-def _branch(
-    spec: NodeSpec, starts: States, walk: FlowAnalysis, ends: OutcomeCollector, *, asked_anew: bool = False
-) -> States:
-    """Collect the outcomes of the branch that the condition selects; return the states in which a node may
-    run.
-
-    `asked_anew`: the condition is ticked again at every tick while a branch runs.
+    The value is read at every tick; when it changes, the case that was RUNNING is halted before the other is
+    ticked, as in BT.CPP. Without a case and a default it fails with tree.no_case.
     """
-    condition, *branches = spec.children
-    asked = walk.child(condition, starts)
-    meanwhile = walk.effect(condition, starts) if asked_anew else NOTHING
-    ends.skip(asked.skipped)
-    ends.run(asked.running)
-    running = set(asked.running)
-    chosen = (asked.success, tidy(asked.failure))
-    for branch, states, never in zip(branches, chosen, ("succeeds", "fails"), strict=False):
-        if not states:
-            walk.unreached(branch, f"{condition.name} before it never {never}")
-            continue
-        flow = walk.child(branch, states, meanwhile)
-        ends.take(flow)
-        running |= flow.running
-    if len(branches) == 1:
-        ends.fail(asked.failure)
-    return tidy(running)
+
+    flow = Choice(reactive=True)
+    example = """
+    Switch:
+      variable: "{item.form}"
+      cases:
+        plate: {Grasp: {object: "{item}", force: 15 N}}
+        sphere: {Grasp: {object: "{item}", speed: 0.5}}
+      default: {Grasp: {object: "{item}"}}
+    """
+
+    variable: In[object] = port("the value that decides; it is read at every tick")
+    cases = table("what is done for each value", key="cases", required=True, matches="variable")
+    default = optional_child("what is done for all other values", key="default")
+    causes = (tree.NO_CASE,)
+
+    @classmethod
+    def check_ports(cls, given: PortValues) -> tuple[str | PortProblem, ...]:
+        seen: dict[object, str] = {}
+        wrong: list[PortProblem] = []
+        for name in given.labels.get("cases", ()):
+            value = _value_of(name)
+            if value in seen:
+                wrong.append(
+                    PortProblem(f"cases/{name}", f"the cases {seen[value]!r} and {name!r} are the same value")
+                )
+            seen.setdefault(value, name)
+        return tuple(wrong)
+
+    def on_tick(self) -> NodeStatus:
+        self.read_inputs()
+        fitting = (node for name, node in self.cases.items() if is_case(self.variable, name))
+        chosen = next(fitting, self.default)
+        if chosen is None:
+            raise Failure(
+                tree.NO_CASE,
+                f"no case for {show(self.variable)}, and no default",
+                value=str(self.variable),
+                cases=list(self.cases),
+            )
+        self._leave_others(chosen)
+        state = chosen.step()
+        return self.fail_with(chosen.failure) if state is NodeStatus.FAILURE else state
+
+    def _leave_others(self, chosen: Node) -> None:
+        for node in self.below:
+            if node is not chosen:
+                node.halt()
+
+
+def _value_of(name: str) -> object:
+    """Return the number in a case's name, else the name; equal results are selected by the same values."""
+    try:
+        return float(name)
+    except ValueError:
+        return name
+
+
+def is_case(value: object, name: str) -> bool:
+    """Whether the case of that name is the one for the value."""
+    if isinstance(value, bool):
+        return name == str(value).lower()
+    if isinstance(value, int | float):
+        try:
+            return float(name) == value
+        except ValueError:
+            return False
+    return name == ("null" if value is None else str(value))

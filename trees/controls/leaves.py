@@ -7,22 +7,20 @@ from typing import TYPE_CHECKING, cast
 
 from ...files.expressions.expression import Expression
 from ...world.events.run_events import LogEvent
-from ..flow import NO_REPORT, FlowState, NodeOutcomes, OutcomeCollector
-from ..flow.default_flow import leaf
+from ..flow import FAILURE, SUCCESS, LeafFlow
 from ..node import Node
 from ..ports import In, Out, port
 from ..status import NodeStatus
 from ..values.port_types import plain_copy, show
 
 if TYPE_CHECKING:
-    from ...cell.world import World
-    from ..flow.flow_walk import FlowAnalysis
-    from ..mission import NodeSpec
+    from ...skill_world.world import World
 
 
 class ConditionNode(Node, abstract=True):
     """Base class of conditions. False is FAILURE without a report: a status that needs no recovery."""
 
+    flow = LeafFlow(instant=True)
     kind = "condition"
 
     @abstractmethod
@@ -33,16 +31,11 @@ class ConditionNode(Node, abstract=True):
     def on_tick(self) -> NodeStatus:
         return NodeStatus.SUCCESS if self.answer(cast("World", self.world)) else NodeStatus.FAILURE
 
-    @classmethod
-    def flow(cls, spec: NodeSpec, entry: FlowState, walk: FlowAnalysis) -> NodeOutcomes:
-        return leaf(cls, spec, entry, walk, takes_time=False, says_no=True)
-
 
 class AlwaysSuccess(Node):
     """SUCCESS at once."""
 
-    steady = True
-
+    flow = LeafFlow(steady=True, ends=(SUCCESS,))
     example = """
     Fallback:
       - GoTo: {pose: observe}
@@ -54,16 +47,11 @@ class AlwaysSuccess(Node):
     def on_tick(self) -> NodeStatus:
         return NodeStatus.SUCCESS
 
-    @classmethod
-    def flow(cls, spec: NodeSpec, entry: FlowState, walk: FlowAnalysis) -> NodeOutcomes:
-        return _succeeding(entry)
-
 
 class AlwaysFailure(Node):
     """FAILURE at once, without a report, as a false condition."""
 
-    steady = True
-
+    flow = LeafFlow(steady=True, ends=(FAILURE,))
     example = """
     Fallback:
       - Grasp: {object: "{item}"}
@@ -77,18 +65,11 @@ class AlwaysFailure(Node):
     def on_tick(self) -> NodeStatus:
         return NodeStatus.FAILURE
 
-    @classmethod
-    def flow(cls, spec: NodeSpec, entry: FlowState, walk: FlowAnalysis) -> NodeOutcomes:
-        ends = OutcomeCollector()
-        ends.fail_at(entry, NO_REPORT)
-        return ends.flow()
-
 
 class Condition(ConditionNode):
     """Whether an expression holds. It sees the blackboard's keys and the facts of the world."""
 
-    steady = True
-
+    flow = LeafFlow(steady=True, asks="if")
     example = """
     Condition: {if: "item.colour == 'red' and not holding"}
     """
@@ -98,22 +79,11 @@ class Condition(ConditionNode):
     def answer(self, world: World) -> bool:
         return self.holds(self.expression)
 
-    @classmethod
-    def flow(cls, spec: NodeSpec, entry: FlowState, walk: FlowAnalysis) -> NodeOutcomes:
-        expression, ends = walk.literal(spec, "if"), OutcomeCollector()
-        assert isinstance(expression, Expression)
-        asked = walk.ask(spec, "if", expression, (entry,))
-        ends.succeed(asked.yes)
-        ends.fail(dict.fromkeys(asked.no, NO_REPORT))
-        ends.fail(asked.failed)
-        return ends.flow()
-
 
 class SetBlackboard(Node):
     """Writes a value to the blackboard."""
 
-    steady = True
-
+    flow = LeafFlow(steady=True, ends=(SUCCESS,))
     example = """
     SetBlackboard: {value: 3, output_key: "{tries}"}
     """
@@ -126,16 +96,11 @@ class SetBlackboard(Node):
         self.output_key = self.value
         return NodeStatus.SUCCESS
 
-    @classmethod
-    def flow(cls, spec: NodeSpec, entry: FlowState, walk: FlowAnalysis) -> NodeOutcomes:
-        return _succeeding(entry.written(walk.key_of(spec, "output_key")))
-
 
 class Log(Node):
     """Writes a sentence, and a value if given, into the record."""
 
-    steady = True
-
+    flow = LeafFlow(steady=True, ends=(SUCCESS,))
     example = """
     Log: {message: now comes, value: "{item.kind}"}
     """
@@ -149,13 +114,3 @@ class Log(Node):
         self.feedback_message = self.message if value is None else f"{self.message}: {show(value)}"
         self.world.journal.note(LogEvent(self.feedback_message, self.path, value=value))
         return NodeStatus.SUCCESS
-
-    @classmethod
-    def flow(cls, spec: NodeSpec, entry: FlowState, walk: FlowAnalysis) -> NodeOutcomes:
-        return _succeeding(entry)
-
-
-def _succeeding(state: FlowState) -> NodeOutcomes:
-    ends = OutcomeCollector()
-    ends.succeed((state,))
-    return ends.flow()

@@ -2,21 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from ...world.causes import Failure, FailureReport, tree
-from ..flow import FlowState, NodeOutcomes
-from ..flow.parallel_flow import ParallelFlow
+from ..flow import AtOnce
 from ..node import ControlNode
 from ..ports import In, port
 from ..slots import children
 from ..status import NodeStatus
 from ..values.failure_reports import with_attached
 from ..values.port_types import PortProblem, PortValues
-
-if TYPE_CHECKING:
-    from ..flow.flow_walk import FlowAnalysis
-    from ..mission import NodeSpec
 
 
 class Parallel(ControlNode):
@@ -26,6 +19,7 @@ class Parallel(ControlNode):
     failure, the others' attached. What still runs when it ends is halted. SKIPPED when all were skipped.
     """
 
+    flow = AtOnce(wanted="success_count", tolerated="failure_count")
     example = """
     Parallel:
       - GoTo: {pose: observe}
@@ -62,8 +56,8 @@ class Parallel(ControlNode):
 
     def on_tick(self) -> NodeStatus:
         total = len(self.parts)
-        wanted = self._count(self.success_count)
-        tolerated = self._count(self.failure_count)
+        wanted = counted(self.success_count, total)
+        tolerated = counted(self.failure_count, total)
         if wanted > total or tolerated > total:
             message = f"{max(wanted, tolerated)} of {total} children are wanted"
             raise Failure(tree.MISSING_INPUT, message, wanted=wanted, tolerated=tolerated, children=total)
@@ -92,19 +86,7 @@ class Parallel(ControlNode):
                 return self.fail_with(with_attached(first, self._reports[1:]) if first else None)
         return NodeStatus.SKIPPED if skipped == total else NodeStatus.RUNNING
 
-    @classmethod
-    def flow(cls, spec: NodeSpec, entry: FlowState, walk: FlowAnalysis) -> NodeOutcomes:
-        total, success = len(spec.children), walk.number(spec, "success_count")
-        failure = walk.number(spec, "failure_count")
-        wanted = None if success is None else _count(int(success), total)
-        tolerated = None if failure is None else _count(int(failure), total)
-        spares_skipped = success is None or success < 0
-        return ParallelFlow(spec, entry, walk, wanted, tolerated, spares_skipped=spares_skipped).flow()
 
-    def _count(self, number: int) -> int:
-        return _count(number, len(self.parts))
-
-
-def _count(number: int, total: int) -> int:
+def counted(number: int, total: int) -> int:
     """Return the number of children meant: a number below zero counts from the end."""
     return max(0, total + number + 1) if number < 0 else number

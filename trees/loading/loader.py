@@ -24,12 +24,10 @@ from ..values.fault_collector import MissionDiagnostics
 from ..values.port_types import show
 from ..values.references import ExpressionLocator
 from ..wiring.circuit import ValueFlow
-from ..wiring.expression_checks import expression_faults
 from ..wiring.key_writers import FACT_TYPES
-from ..wiring.wiring_faults import wiring_faults
-from .include import IncludeReader
+from ..wiring.wiring_faults import expression_faults, wiring_faults
 from .registry import NodeRegistry
-from .tree_set import TreeSetReader
+from .tree_set import IncludeReader, TreeSetReader
 
 _MISSION_KEYS = ("picktree", "kind", "name", "scene", "goal", "library", "include", "plugins", "trees")
 _NOT_IN_LIBRARY = ("scene", "goal")

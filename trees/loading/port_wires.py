@@ -14,11 +14,10 @@ from ...files.expressions.expression import Expression, ExpressionError
 from ...files.yaml.document import Diagnostic, Document, Location, Value
 from ...world.journal import Plain
 from ..declaration import BREAKPOINT, IDENTIFIER, POSTCONDITIONS, PRECONDITIONS
-from ..mission import Assignment
 from ..ports import PortDeclaration
 from ..values.fault_collector import MissionDiagnostics
 from ..values.port_types import convert_literal, show
-from ..values.references import ATTRIBUTES, Binding, Constant, ExpressionLocator, Reference
+from ..values.references import ATTRIBUTES, Assignment, Binding, Constant, ExpressionLocator, Reference
 
 MAX_ASSIGNMENTS: Final = 20
 MAX_ASSIGNMENTS_LENGTH: Final = 4000

@@ -10,11 +10,11 @@ from ...errors import PicktreeError
 from ...world.causes import Evidence, FailureReport
 from ...world.journal import Plain
 from ..blackboard import Blackboard, BlackboardWrite
+from ..controls.loops import ForEach
 from ..node import Node
-from ..runtime import Runtime
+from ..runtime import NodeTransition, Runtime
 from ..skill import Skill
 from ..status import NodeStatus
-from ..transitions import NodeTransition
 from ..values.references import Constant
 from .tree_adoption import StateTransfer, transfer_state
 
@@ -192,12 +192,12 @@ class BehaviourTree:
         """
         for node in self._nodes:
             if node.state is NodeStatus.RUNNING:
-                node.read_again(full_keys)
+                node.read_inputs(full_keys)
 
     def pass_over(self, elements: Collection[str]) -> None:
         """Make running loops skip these elements of their lists, as far as their turn is still to come."""
         for node in self._nodes:
-            if node.state is NodeStatus.RUNNING:
+            if isinstance(node, ForEach) and node.state is NodeStatus.RUNNING:
                 node.pass_over(elements)
 
     def acting(self, path: str = "") -> str | None:

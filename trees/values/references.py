@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields, replace
 from typing import TypeAlias
 
-from ...files.expressions.expression import ExpressionError
+from ...files.expressions.expression import Expression, ExpressionError
 from ...files.expressions.type_inference import BOOL, FLOAT, INT, OBJECT, PLACE, TEXT, ValueType
 from ...files.value_wording import suggest_name
 from ...files.yaml.document import Document, Mark
@@ -142,3 +142,15 @@ def resolve(scene: PlanningScene, reference: Reference, value: Plain) -> Plain:
         except ValueError as error:
             raise Failure(tree.MISSING_INPUT, f"{reference}: {error}", reference=str(reference)) from None
     return value
+
+
+@dataclass(frozen=True, slots=True)
+class Assignment:
+    """Assignment of a postcondition: `key := expression`, or without `new` `key = expression` for an existing
+    key."""
+
+    key: str
+    value: Expression
+    new: bool = True
+    at: int = 0
+    """Index of the value's first character in the postcondition's text."""

@@ -12,8 +12,7 @@ from ..mission import MAIN, NodeSpec, TreeSpec, bottom_up
 from ..ports import PortDeclaration
 from ..values.references import Constant, Reference
 from .key_writers import PlacedNode, TreeKeys
-from .type_fit import DEFAULT, type_mismatch
-from .value_sources import ValueSource, constant
+from .value_sources import DEFAULT, ValueSource, constant, type_mismatch
 
 MAX_DEMANDS: Final = 60
 """On one input of a tree; more are not followed."""

@@ -10,9 +10,9 @@ from ...files.expressions.expression import ExpressionError
 from ...files.expressions.type_inference import ANY, BOOL, FLOAT, INT, WORD, ValueType, check_types, join
 from ...files.yaml.document import Mark
 from ...world.belief.facts import FACTS
-from ..mission import Assignment, NodeSpec, TreeSpec
+from ..mission import NodeSpec, TreeSpec
 from ..ports import NameKind, PortDeclaration
-from ..values.references import ATTRIBUTE_TYPES, Constant, Reference
+from ..values.references import ATTRIBUTE_TYPES, Assignment, Constant, Reference
 from .value_sources import ValueSource, constant, declared, distinct, unknown
 
 MAX_CHAIN: Final = 60

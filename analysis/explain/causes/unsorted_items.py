@@ -11,8 +11,7 @@ from ....world.scene.destinations import is_at
 from ..investigation.case import Finding, Investigation
 from ..investigation.explanation import FailureStory
 from ..investigation.number_wording import between, distance, place, seconds
-from .item_whereabouts import NOWHERE, SAMPLED, way_since
-from .perception_causes import never_seen
+from .item_whereabouts import NOWHERE, SAMPLED, never_seen, way_since
 
 FALLING = 0.15
 """What is let go over a bin has come down in it after this time, s."""

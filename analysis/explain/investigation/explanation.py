@@ -70,8 +70,9 @@ class FailureStory:
     """Number of the earlier failure that it follows from, as a failing handler does from what it handles."""
     choices: tuple[CandidateChoice, ...]
     observed: tuple[str, ...]
-    """What the log tells of the moment, a sentence each: the belief, the hand, stops, changes, faults that
-    were planted, and, for the analyst only, where the truth differed from the belief."""
+    """Sentences on the moment of the failure: belief, hand, stops, changes, injected faults.
+
+    For the analyst only, they say where the truth differed from the belief."""
     made_good_at: float | None = None
     """When the item was placed after all, as the robot believed, though this failure was passed over; s."""
     root_cause: int | None = None

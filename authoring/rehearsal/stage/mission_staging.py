@@ -1,20 +1,158 @@
-"""Preparation of a mission for rehearsals: stubs for its leaves, spies on its other nodes and expressions."""
+"""Staging of a mission: stubs that replace its leaves, spies that record its other nodes."""
 
 from __future__ import annotations
 
+import types
 from collections import defaultdict
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
-from typing import TypeAlias
+from functools import cache
+from typing import Any, ClassVar, TypeAlias, cast
 
 from ....files.expressions.expression import Attributes, Expression
-from ....trees.mission import Assignment, Mission, NodeSpec, TreeSpec
+from ....trees.flow import LeafFlow
+from ....trees.mission import Mission, NodeSpec, TreeSpec
 from ....trees.node import Node
-from ....trees.values.references import Binding, Constant
+from ....trees.ports import PortDeclaration
+from ....trees.status import NodeStatus
+from ....trees.values.port_types import convert_literal
+from ....trees.values.references import Assignment, Binding, Constant
+from ....world.causes import Failure, cause_named
 from ....world.scene.description import SceneDescription
 from ....world.scene.loading.scene_loading import load_scene
-from .node_roles import NodeRoles, is_stubbed, roles_of
-from .stand_ins import leaf_stub, node_spy
+from ..cases.case import LeafAnswer
+from .node_roles import NodeRoles, follows_from_belief, is_stubbed, roles_of
+from .rehearsal_world import Contradiction, RehearsalWorld
+
+
+class LeafStub(Node, abstract=True):
+    """Stub that answers as the case defines, with the ports and causes of the replaced leaf.
+
+    The leaf's own code does not run, so that neither a robot nor a real scene is needed.
+    """
+
+    stands_for: ClassVar[type[Node]]
+    _answer: LeafAnswer | None = None
+    _ticks_left: int = 0
+
+    def on_start(self) -> None:
+        self._answer = self._stage.prompter.answer(self.path)
+        self._ticks_left = self._answer.ticks if self._answer else 0
+
+    def on_tick(self) -> NodeStatus:
+        answer = self._answer
+        if answer is not None and answer.status == "RUNNING":
+            return NodeStatus.RUNNING
+        if self._ticks_left > 0:
+            self._ticks_left -= 1
+            return NodeStatus.RUNNING
+        try:
+            return self._succeed(None) if answer is None else self._end(answer)
+        except Contradiction as contradiction:
+            self._stage.contradictions.append(f"{self.path}: {contradiction}")
+            return NodeStatus.SUCCESS
+
+    def step(self) -> NodeStatus:
+        before = self.state
+        state = super().step()
+        trace = self._stage.trace
+        trace.stepped(self.path, before, state)
+        if state is not NodeStatus.RUNNING:
+            trace.ended(self.path, state, self.failure)
+        return state
+
+    def halt(self) -> None:
+        if self.state is NodeStatus.RUNNING:
+            self._stage.trace.halted(self.path)
+        super().halt()
+
+    @property
+    def _stage(self) -> RehearsalWorld:
+        return cast("RehearsalWorld", self.world)
+
+    def _end(self, answer: LeafAnswer) -> NodeStatus:
+        belief = self._stage.belief
+        if answer.status == "SUCCESS":
+            state = self._succeed(answer)
+            belief.apply(answer.then)
+            return state
+        self._write(answer)
+        cause = cause_named(answer.cause) if answer.cause else None
+        if cause is not None:
+            belief.failed(cause)
+        belief.apply(answer.then)
+        if cause is not None:
+            raise Failure(cause, answer.message or cause.sentence.rstrip("."))
+        return NodeStatus(answer.status)
+
+    def _succeed(self, answer: LeafAnswer | None) -> NodeStatus:
+        # A case that defines the hand's content overrides the leaf's declaration.
+        if answer is None or answer.then.hand is None:
+            inputs = {port.key: self.input(port.key) for port in self.declaration.inputs}
+            given = {key: Constant(value, None) for key, value in inputs.items()}
+            hand, _ = self.declaration.hand_with({**self.wiring.ports, **given})
+            self._stage.belief.succeeded(self.declaration, hand, inputs, of_itself=answer is None)
+            flow = self.declaration.flow
+            emptied, unless = flow.empties if isinstance(flow, LeafFlow) else ("", "")
+            if emptied and not inputs.get(unless):
+                self._stage.belief.take_away(str(inputs[emptied]))
+        self._write(answer)
+        for port in self.declaration.outputs:
+            if port.key in self.wiring.ports and (answer is None or port.key not in answer.outputs):
+                self.output(port.key, self._believed(port))
+        return NodeStatus.SUCCESS
+
+    def _write(self, answer: LeafAnswer | None) -> None:
+        for key, value in answer.outputs.items() if answer else ():
+            port = self.declaration.port(key)
+            if port is not None and key in self.wiring.ports:
+                self.output(key, convert_literal(value, port.type, port.unit, port.choices, port.within))
+
+    def _believed(self, port: PortDeclaration) -> object:
+        if not follows_from_belief(port, self.declaration.uses):
+            raise Contradiction(f"{self.declaration.id} succeeds without its output {port.key!r}")
+        return self._stage.belief.to_do()
+
+
+class NodeSpy(Node, abstract=True):
+    """Mixin for a node of the language, which runs itself: it records the node's results in the trace."""
+
+    def step(self) -> NodeStatus:
+        before = self.state
+        state = super().step()
+        trace = cast("RehearsalWorld", self.world).trace
+        trace.stepped(self.path, before, state)
+        if self.kind == "condition":
+            trace.says(self.path, state)
+        report = self.failure
+        if state is NodeStatus.FAILURE:
+            if report is not None and report.node == self.path:
+                trace.failed(report)
+            return state
+        by_handlers = any(slot.of == "cause" for slot in self.declaration.slots)
+        for node in self.below:
+            if node.ticked and node.state is NodeStatus.FAILURE and node.failure is not None:
+                trace.took_up(self.path, node.failure, by_handlers=by_handlers)
+        return state
+
+
+@cache
+def leaf_stub(node: type[Node]) -> type[Node]:
+    """Return the stub class of a leaf."""
+    kept = {name: getattr(node, name) for name in ("declaration", "kind", "causes", "uses", "hand_after")}
+    return _node_class(node.__name__, (LeafStub,), {**kept, "stands_for": node})
+
+
+@cache
+def node_spy(node: type[Node]) -> type[Node]:
+    """Return a spy class derived from the node's own class."""
+    return _node_class(node.__name__, (NodeSpy, node), {})
+
+
+def _node_class(name: str, bases: tuple[type[Node], ...], members: dict[str, Any]) -> type[Node]:
+    return cast(
+        "type[Node]", types.new_class(name, bases, {"abstract": True}, lambda body: body.update(members))
+    )
 
 
 @dataclass(frozen=True, slots=True)

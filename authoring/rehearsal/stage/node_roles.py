@@ -1,17 +1,19 @@
-"""Roles of nodes in a rehearsal: all nodes with sub-trees expanded, and those that a case answers for."""
+"""Roles of a mission's nodes in a rehearsal, and the choice of the answer for a leaf."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 from ....files.node_patterns import node_matches
+from ....files.yaml.document import Location
 from ....trees.controls import NODES
 from ....trees.declaration import Resource
 from ....trees.mission import Mission, NodeSpec
 from ....trees.node import Node
 from ....trees.ports import PortDeclaration
 from ....world.causes import Cause, Family, perception
+from ..cases.case import LeafAnswer, LeafScript
 
 _LANGUAGE_NODES = frozenset(NODES)
 
@@ -70,10 +72,10 @@ def _walk(mission: Mission, spec: NodeSpec, above: str, text: str, branch: str) 
     path, text, node = f"{above}/{spec.name}", f"{text}/{spec.name}", spec.node
     role = NodeRole(path, text, spec, branch)
     if node is not None:
-        uses = node.declaration.uses
-        wired = [port for port in node.declaration.outputs if port.key in spec.ports]
-        needed = tuple(port for port in wired if not follows_from_belief(port, uses))
-        role = NodeRole(path, text, spec, branch, is_stubbed(node), node.causes_with(spec.ports), needed)
+        declared = node.declaration
+        wired = [port for port in declared.outputs if port.key in spec.ports]
+        needed = tuple(port for port in wired if not follows_from_belief(port, declared.uses))
+        role = NodeRole(path, text, spec, branch, is_stubbed(node), declared.causes_with(spec.ports), needed)
     yield role
     if spec.node is None:
         called = mission.trees[spec.id]
@@ -82,3 +84,35 @@ def _walk(mission: Mission, spec: NodeSpec, above: str, text: str, branch: str) 
         for label, child in filled:
             below = f"{slot} {label}".strip() if label or slot != "do" else ""
             yield from _walk(mission, child, role.path, role.text, below)
+
+
+@dataclass(slots=True)
+class _Turns:
+    script: LeafScript
+    given: int = 0
+
+
+class ScriptedAnswers:
+    """Answers by start count of each pattern; the first pattern that matches a node counts."""
+
+    def __init__(self, scripts: Iterable[LeafScript]) -> None:
+        self._turns = [_Turns(script) for script in scripts]
+
+    def answer(self, path: str) -> LeafAnswer | None:
+        """Return the next answer of the leaf at that path; None when the case gives none."""
+        turns = next((t for t in self._turns if node_matches(t.script.pattern, path)), None)
+        if turns is None or not turns.script.answers:
+            return None
+        number, turns.given = turns.given, turns.given + 1
+        if number < len(turns.script.answers):
+            return turns.script.answers[number]
+        return turns.script.otherwise or turns.script.answers[-1]
+
+    def unused(self) -> tuple[Location, ...]:
+        """Return the places of answers that no leaf has used."""
+        return tuple(
+            answer.loc
+            for turns in self._turns
+            for number, answer in enumerate(turns.script.everything)
+            if number >= turns.given
+        )

@@ -25,7 +25,7 @@ from ....world.shapes import Box
 from ....world.values import ObjectId, Pose
 from ..cases.case import EMPTY_HAND, Effects, Objects
 from ..cases.cases_schema import ObjectFile
-from .answer_choice import ScriptedAnswers
+from .node_roles import ScriptedAnswers
 from .trace import Trace
 
 TABLE = "table"

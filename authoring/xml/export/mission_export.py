@@ -9,11 +9,11 @@ from typing import cast
 
 from ....files.expressions.expression import Expression
 from ....files.marks import Diagnostic, FileError, Mark
-from ....trees.mission import MAIN, Assignment, Mission, NodeSpec, TreeSpec
+from ....trees.mission import MAIN, Mission, NodeSpec, TreeSpec
 from ....trees.node import Node
 from ....trees.ports import PortDeclaration
 from ....trees.values.port_types import PortType
-from ....trees.values.references import Binding, Constant, Reference
+from ....trees.values.references import Assignment, Binding, Constant, Reference
 from ..format import btcpp_vocabulary, tree_nodes_model
 from ..format.btcpp_vocabulary import SlotRow, indexes_text, table_text
 from ..format.element import Comments, Element

@@ -24,7 +24,7 @@ from ....files.expressions.syntax_tree import (
     Part,
     Sign,
 )
-from ....trees.mission import Assignment
+from ....trees.values.references import Assignment
 from ....world.belief.facts import FACTS
 
 # Precedence of each kind of part, as in the parser of expressions.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass, field
 
@@ -79,11 +80,24 @@ COMMON = (
 """Attributes that every node may have."""
 
 
-class Attributes:
-    """Reader of attributes that collects errors."""
+class ElementReader(ABC):
+    """Reader of elements and their attributes that collects errors."""
 
     def __init__(self) -> None:
         self.faults: list[Diagnostic] = []
+
+    @abstractmethod
+    def node(self, element: Element, above: str) -> NodeDraft:
+        """Read one element and its descendants."""
+        ...
+
+    def slot_value(self, child: Element, label: str, trail: str) -> MarkedValue:
+        """Return a child in a slot; a Sequence with the slot's name is written as a list."""
+        if child.name == "Sequence" and dict(child.attributes) == {"name": label} and child.children:
+            below = f"{trail}/{label}"
+            items = [self.node(grandchild, below).written() for grandchild in child.children]
+            return MarkedValue(child.mark, items=items, comments=child.comments)
+        return self.node(child, trail).written()
 
     def fault(self, mark: Mark, trail: str, message: str, hint: str = "", *, code: str) -> None:
         self.faults.append(Diagnostic(mark, trail, message, hint, code))

@@ -12,12 +12,12 @@ from ....trees.slots import SlotDeclaration
 from ..format import btcpp_vocabulary
 from ..format.btcpp_vocabulary import SlotRow, read_indexes, read_table
 from ..format.element import Element
-from .attributes import COMMON, Attributes, NodeDraft
+from .attributes import COMMON, ElementReader, NodeDraft
 from .port_import import TreePort
 from .translations import Translations
 
 
-class XmlNodeReader(Attributes):
+class XmlNodeReader(ElementReader):
     """Reader of elements; `trees` are the ports of the sub-trees, `called` their names in the mission."""
 
     def __init__(
@@ -48,14 +48,6 @@ class XmlNodeReader(Attributes):
         draft = self._draft(element, identity, trail)
         self.common(element, draft, trail)
         return draft
-
-    def slot_value(self, child: Element, label: str, trail: str) -> MarkedValue:
-        """Return a child in a slot; a Sequence with the slot's name is written as a list."""
-        if child.name == "Sequence" and dict(child.attributes) == {"name": label} and child.children:
-            below = f"{trail}/{label}"
-            items = [self.node(grandchild, below).written() for grandchild in child.children]
-            return MarkedValue(child.mark, items=items, comments=child.comments)
-        return self.node(child, trail).written()
 
     def _draft(self, element: Element, identity: str, trail: str) -> NodeDraft:
         if element.name == "SubTree":

@@ -4,7 +4,7 @@ scripts."""
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TypeAlias
 
 from ....files.expressions.syntax_tree import Not
 from ....files.yaml.writer import MarkedValue
@@ -12,11 +12,8 @@ from ....trees.values.port_types import PortType
 from ..export.script_export import expression_text
 from ..format import btcpp_vocabulary
 from ..format.element import Element
-from .attributes import COMMON, NodeDraft
+from .attributes import COMMON, ElementReader, NodeDraft
 from .script_import import ScriptError, read_expression, read_statements
-
-if TYPE_CHECKING:
-    from .node_import import XmlNodeReader
 
 Translation: TypeAlias = Callable[[Element, str], NodeDraft]
 _ANY, _NUMBER = PortType("any"), PortType("float")
@@ -30,7 +27,7 @@ _LOOPS = {
 class Translations:
     """Translator of elements to other nodes; `reader` reads their children and collects the errors."""
 
-    def __init__(self, reader: XmlNodeReader) -> None:
+    def __init__(self, reader: ElementReader) -> None:
         self._reader = reader
         self._ways: Mapping[str, Translation] = {
             "ScriptCondition": self._script_condition,

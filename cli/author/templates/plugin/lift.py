@@ -1,6 +1,6 @@
 """A skill of my own: the mission beside this file says `plugins: [lift.py]`."""
 
-from picktree.cell.world import World
+from picktree.skill_world.world import World
 from picktree.trees.ports import In, Out, port
 from picktree.trees.skill import ARM, Skill, Steps
 from picktree.world.causes import Cause, Failure, control, register_cause, safety

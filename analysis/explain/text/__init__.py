@@ -1,1 +1,0 @@
-"""An explanation, rendered as text and as JSON."""

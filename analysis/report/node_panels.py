@@ -1,0 +1,297 @@
+"""Lanes panel and tree panel: nodes over time, and the drawn tree."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final, cast
+
+import numpy as np
+import orjson
+
+from ...authoring.drawing.chart import Branch, Chart, ChartNode, ChartPort, ChartTree, symbol_of
+from ...authoring.drawing.chart_builder import chart
+from ...authoring.drawing.formats.html import chart_json
+from ...errors import PicktreeError
+from ...logs.schema.event_records import BeliefEvent
+from ...logs.schema.records import Tree, TreeNode
+from ...logs.visits import HALTED, Visit
+from ...trees.loading.loader import parse_mission
+from ...trees.loading.registry import NodeRegistry
+from ...trees.mission import RecordedFiles
+from ..run import Run
+from .packing import Packable, Section, StringTable
+from .tick_table import ABSENT, STATUSES, TICKED, TickTable, tick_table
+
+OUTCOMES: Final = ("RUNNING", "SUCCESS", "FAILURE", "SKIPPED", HALTED)
+"""Outcomes by code."""
+
+_MARKED_KINDS: Final = frozenset({"recovery", "fault", "item_done", "safety_stop", "mission_edited"})
+"""Kinds of event that the lanes mark."""
+
+
+@dataclass(frozen=True, slots=True)
+class ItemSpan:
+    """Span of ticks in which nodes worked on one item."""
+
+    item: str
+    first: int
+    """Number of the first tick."""
+    last: int
+    outcome: str
+    """Outcome of the last visit for the item."""
+    visit: int
+
+
+def pack_lanes(run: Run) -> Section:
+    table = tick_table(run)
+    if not len(table.times):
+        return Section("lanes", {"empty": "The log holds no tick."})
+    whole = run.log.format >= 2
+    visits = run.visits if whole else tuple(_visits_from_statuses(table))
+    colours = _colours(run)
+    return Section(
+        "lanes",
+        {
+            "nodes": _nodes(table),
+            "outcomes": list(OUTCOMES),
+            "visits": _visits(visits, table),
+            "items": [
+                {
+                    "item": span.item,
+                    "first": span.first,
+                    "last": span.last,
+                    "outcome": span.outcome,
+                    "colour": colours.get(span.item, ""),
+                    "visit": span.visit,
+                }
+                for span in item_spans(visits)
+            ],
+            "marks": [
+                {
+                    "time": at.time,
+                    "kind": at.record.kind,
+                    "message": at.record.message,
+                    "node": at.record.node,
+                }
+                for at in run.events
+                if at.record.kind in _MARKED_KINDS
+            ],
+            "note": ""
+            if whole
+            else "This log is of format 1: beginnings and ends are told from the statuses of the ticks, "
+            "without inputs and items.",
+        },
+    )
+
+
+def item_spans(visits: Sequence[Visit]) -> tuple[ItemSpan, ...]:
+    """Return the spans in order of time.
+
+    Work on an item by several nodes in a row is one span; the next visit of a node begins another.
+    """
+    spans: list[ItemSpan] = []
+    paths: set[str] = set()
+    for visit in visits:
+        around = "" if visit.parent is None else visits[visit.parent].item
+        if not visit.item or around:
+            continue
+        if spans and spans[-1].item == visit.item and visit.path not in paths:
+            before = spans.pop()
+            span = ItemSpan(
+                visit.item, before.first, max(before.last, visit.last), visit.outcome, visit.number
+            )
+        else:
+            paths.clear()
+            span = ItemSpan(visit.item, visit.first, visit.last, visit.outcome, visit.number)
+        spans.append(span)
+        paths.add(visit.path)
+    return tuple(spans)
+
+
+def _nodes(table: TickTable) -> list[Packable]:
+    return [
+        {"path": node.path, "id": node.id, "name": node.name, "parent": node.parent, "leaf": node.leaf}
+        for node in table.nodes
+    ]
+
+
+def _visits(visits: Sequence[Visit], table: TickTable) -> Packable:
+    """Pack the visits by column, in order of their starts.
+
+    Texts are numbers of `words`; inputs and evidence are JSON.
+    """
+    numbers = {node.path: number for number, node in enumerate(table.nodes)}
+    known = [visit for visit in visits if visit.path in numbers]
+    places = {visit.number: place for place, visit in enumerate(known)}
+    words = StringTable()
+    columns: dict[str, Packable] = {
+        "node": np.array([numbers[visit.path] for visit in known], dtype=np.uint16),
+        "first": np.array([visit.first for visit in known], dtype=np.uint32),
+        "last": np.array([visit.last for visit in known], dtype=np.uint32),
+        "outcome": np.array([OUTCOMES.index(visit.outcome) for visit in known], dtype=np.uint8),
+        "attempt": np.array([visit.attempt for visit in known], dtype=np.uint32),
+        "parent": np.array(
+            [-1 if visit.parent is None else places.get(visit.parent, -1) for visit in known], dtype=np.int32
+        ),
+        "item": words.numbers([visit.item for visit in known]),
+        "cause": words.numbers([visit.cause for visit in known]),
+        "origin": words.numbers([visit.origin for visit in known]),
+        "message": words.numbers([visit.message for visit in known]),
+        "inputs": words.numbers([_json(visit.inputs) for visit in known]),
+        "evidence": words.numbers([_json(visit.evidence) for visit in known]),
+    }
+    return {**columns, "words": list(words.texts)}
+
+
+def _json(values: object) -> str:
+    return orjson.dumps(values).decode() if values else ""
+
+
+def _colours(run: Run) -> dict[str, str]:
+    """Return the colour of each item that ever was in the belief."""
+    found: dict[str, str] = {}
+    for at in run.events:
+        if isinstance(at.record, BeliefEvent) and at.record.after is not None:
+            found.setdefault(at.record.after.id, at.record.after.colour)
+    return found
+
+
+def _visits_from_statuses(table: TickTable) -> Iterator[Visit]:
+    """Yield visits from the statuses alone, for a log without transitions.
+
+    Events between two ticks are lost.
+    """
+    found: list[Visit] = []
+    last = len(table.times) - 1
+    for row, node in enumerate(table.nodes):
+        for first, end, status in _runs(table, row):
+            said = table.said.get((row, end))
+            found.append(
+                Visit(
+                    number=0,
+                    path=node.path,
+                    id=node.id,
+                    parent=None,
+                    item="",
+                    attempt=1,
+                    start=float(table.times[first]),
+                    end=float(table.times[end]),
+                    first=first,
+                    last=end,
+                    outcome=HALTED if status == "RUNNING" and end < last else status,
+                    cause=said.cause if said else "",
+                    message=said.message if said else "",
+                )
+            )
+    return iter(sorted(found, key=lambda visit: (visit.first, visit.path.count("/"))))
+
+
+def _runs(table: TickTable, row: int) -> Iterator[tuple[int, int, str]]:
+    """Yield first tick, last tick and outcome of each unbroken run of a node."""
+    first: int | None = None
+    for tick, code in enumerate(map(int, table.codes[row])):
+        status = "IDLE" if code == ABSENT or code < TICKED else STATUSES[code - TICKED]
+        if status == "RUNNING":
+            first = tick if first is None else first
+            continue
+        if status != "IDLE":
+            yield (tick if first is None else first), tick, status
+        elif first is not None:
+            yield first, tick - 1, "RUNNING"
+        first = None
+    if first is not None:
+        yield first, table.codes.shape[1] - 1, "RUNNING"
+
+
+_MISSING_MISSION_PATH: Final = Path("/nonexistent/picktree/mission.yaml")
+"""Path that replaces the mission's own, so that a report runs no code from beside it."""
+
+
+def charts_of(run: Run) -> tuple[Chart, ...]:
+    """Return one chart for each of `run.trees`, in their order."""
+    return tuple(_chart(run, place, at.record) for place, at in enumerate(run.trees))
+
+
+def _chart(run: Run, place: int, tree: Tree) -> Chart:
+    try:
+        drawn = _of_mission(run, f"edit-{place:04d}/" if place else "")
+    except PicktreeError:  # a plug-in that is not installed here, a mission of another version
+        return _of_tree(run, tree)
+    return drawn if _paths(drawn) == {node.path for node in tree.nodes} else _of_tree(run, tree)
+
+
+def _of_mission(run: Run, folder: str) -> Chart:
+    log = run.log
+    texts = {
+        name.removeprefix(f"{folder}include/"): log.attachment(name).decode("utf-8", "replace")
+        for name in log.attachments
+        if name.startswith(f"{folder}include/")
+    }
+    text = log.attachment(f"{folder}mission.yaml").decode("utf-8", "replace")
+    return chart(
+        parse_mission(text, _MISSING_MISSION_PATH, files=RecordedFiles(texts, _MISSING_MISSION_PATH.parent))
+    )
+
+
+def _paths(drawn: Chart) -> set[str]:
+    """Return the paths of all nodes of the running tree, sub-trees expanded."""
+    trees = {tree.name: tree for tree in drawn.trees}
+    top = drawn.trees[0]
+    found = {top.name}
+    waiting = [(top.root, f"{top.name}/{top.root.name}")]
+    while waiting:
+        node, path = waiting.pop()
+        found.add(path)
+        below = [branch.node for branch in node.branches]
+        if node.calls:
+            below = [trees[node.calls].root]
+        waiting += [(child, f"{path}/{child.name}") for child in below]
+    return found
+
+
+def _of_tree(run: Run, tree: Tree) -> Chart:
+    """Return a chart from the log's record of the tree: nodes and ports, no labels of branches."""
+    nodes = {node.path: node for node in tree.nodes}
+    registry = NodeRegistry()
+
+    def drawn(node: TreeNode) -> ChartNode:
+        known = registry.find(node.id)
+        return ChartNode(
+            id=node.id,
+            name=node.name,
+            kind=known.declaration.kind if known else "control" if node.children else "action",
+            symbol=symbol_of(known.declaration) if known else "control" if node.children else "action",
+            doc=known.declaration.doc if known else "",
+            ports=tuple(
+                ChartPort(key, text, "reference" if text.startswith("{") else "literal")
+                for key, text in node.ports.items()
+            ),
+            branches=tuple(Branch("", "child", drawn(nodes[path])) for path in node.children),
+        )
+
+    root = tree.nodes[0]
+    inner = [drawn(nodes[path]) for path in root.children]
+    # The root is the frame of the whole. Unless it has exactly one child, it also appears inside the frame.
+    top = inner[0] if len(inner) == 1 else drawn(root)
+    return Chart(run.info.mission, "", trees=(ChartTree(root.name, "", (), top),))
+
+
+def pack_tree(run: Run) -> Section:
+    table = tick_table(run)
+    if not table.nodes:
+        return Section("tree", {"empty": "The log holds no tree."})
+    charts = charts_of(run)
+    return Section(
+        "tree",
+        {
+            "charts": [
+                {"since": at.time, "chart": cast(Packable, chart_json(chart))}
+                for at, chart in zip(run.trees, charts, strict=True)
+            ],
+            "paths": [node.path for node in table.nodes],
+            "words": list(STATUSES),
+            "statuses": table.statuses,
+        },
+    )

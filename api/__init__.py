@@ -1,0 +1,1 @@
+"""Python library: missions, cells, runs and batches as one uses them from a script or a notebook."""

@@ -1,0 +1,181 @@
+"""Use of the arm: an object in the hand at the end, and two users of one resource at the same time."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from itertools import combinations
+from typing import TypeAlias
+
+from ...files.yaml.document import Diagnostic
+from ...trees.controls import (
+    Fallback,
+    ForceFailure,
+    ForceSuccess,
+    IfThenElse,
+    Inverter,
+    KeepRunningUntilFailure,
+    Parallel,
+    ReactiveFallback,
+    ReactiveSequence,
+    Repeat,
+    RetryUntilSuccessful,
+    Sequence,
+    Timeout,
+    WhileDoElse,
+)
+from ...trees.declaration import Resource
+from ...trees.mission import NodeSpec
+from .mission_survey import LintModel
+from .outcomes import FIRST_FILLER, FlowState
+
+
+def left_in_hand(survey: LintModel) -> Iterator[Diagnostic]:
+    """P330: an object that is still held at the end, with nobody having seen to it."""
+    main = survey.main
+    if main is None:
+        return
+    failed: list[tuple[FlowState, tuple[str, ...]]] = []
+    for state, why in main.failure.items():
+        if not state.doubtful and state.hand >= FIRST_FILLER:
+            names = (source.at.name for source in why.sources(survey.file) if source.causes)
+            failed.append((state, tuple(dict.fromkeys(names))))
+    for index, filler in enumerate(survey.walk.fillers):
+        bit = FIRST_FILLER << index
+        success = any(_held(state, bit) for state in main.success | main.skipped)
+        failures = [names for state, names in failed if _held(state, bit)]
+        at = _in_own_file(survey, filler) if success or failures else None
+        if at is not None:
+            when = "it succeeds" if success else _fails(failures)
+            message = f"the mission may end with what {filler.name} took still in the hand, when {when}"
+            hint = "on the way out, place it, or let 'SafeRetreat: {hand: open}' see to it"
+            yield survey.fault(at, message, hint, code="P330")
+
+
+def _fails(failures: list[tuple[str, ...]]) -> str:
+    names = list(dict.fromkeys(name for names in failures for name in names))
+    if not names:
+        return "it fails"
+    return " or ".join(names[:3]) + (" or another node" if len(names) > 3 else "") + " fails"
+
+
+def _held(state: FlowState, bit: int) -> bool:
+    return bool(state.hand & bit) and not state.doubtful
+
+
+def _in_own_file(survey: LintModel, filler: NodeSpec) -> NodeSpec | None:
+    """The node, or where the mission's own file uses the sub-tree in which it stands."""
+    if survey.own(filler.mark):
+        return filler
+    for place in survey.places():
+        if place.spec.node is None and _contains(survey, place.spec.id, filler):
+            return place.spec
+    return None
+
+
+def _contains(survey: LintModel, tree: str, wanted: NodeSpec) -> bool:
+    return any(
+        spec is wanted or (spec.node is None and _contains(survey, spec.id, wanted))
+        for spec in survey.mission.trees[tree].root.iterate()
+    )
+
+
+Users: TypeAlias = Mapping[Resource, NodeSpec]
+
+
+def at_the_same_time(survey: LintModel) -> Iterator[Diagnostic]:
+    """P331: two children of a Parallel that use the same."""
+    for place in survey.places():
+        spec = place.spec
+        if spec.node is None or not issubclass(spec.node, Parallel):
+            continue
+        said: set[int] = set()
+        for first, second in combinations(spec.children, 2):
+            mine, others = users(survey, first), users(survey, second)
+            shared = next((one for one in mine if one in others and not _both(one, mine, others)), None)
+            if shared is None or id(second) in said:
+                continue
+            said.add(id(second))
+            message = f"{others[shared].name} and {mine[shared].name} use the {shared} at the same time"
+            yield survey.fault(second, message, "one after the other, in a Sequence", code="P331", error=True)
+
+
+def started_anew(survey: LintModel) -> Iterator[Diagnostic]:
+    """P332: what a reactive node starts again at each tick takes away what a later child works with."""
+    for place in survey.places():
+        spec = place.spec
+        if spec.node is None or not issubclass(spec.node, ReactiveSequence | ReactiveFallback):
+            continue
+        for index, part in enumerate(spec.children[:-1]):
+            first = _first_user(survey, part)
+            if first is None or first.node is None:
+                continue
+            later: dict[Resource, NodeSpec] = {}
+            for other in reversed(spec.children[index + 1 :]):
+                later |= users(survey, other)
+            resource = next((one for one in first.node.uses if one in later), None)
+            if resource is not None:
+                user = later[resource].name
+                message = f"{first.name} is started anew at each tick and takes the {resource} from {user}"
+                hint = f"a condition before it, or {spec.id.removeprefix('Reactive')} in place of {spec.id}"
+                yield survey.fault(part, message, hint, code="P332")
+
+
+def _both(resource: Resource, mine: Users, others: Users) -> bool:
+    """Whether two branches may use it at once: one of them leaves it to others all the while."""
+    return any(_shares(users[resource], resource) for users in (mine, others))
+
+
+def _shares(spec: NodeSpec, resource: Resource) -> bool:
+    return spec.node is not None and resource in spec.node.shares
+
+
+def users(survey: LintModel, spec: NodeSpec) -> Users:
+    """What a branch uses, with the first node in it that does, before it one that does not share it; what is
+    never reached does not count."""
+    found: dict[Resource, NodeSpec] = {}
+    for part in spec.iterate():
+        if not survey.started(part):
+            continue
+        if part.node is None:
+            below = users(survey, survey.mission.trees[part.id].root)
+            added = {one: part for one, user in below.items() if not _shares(user, one)}
+            added |= {one: user for one, user in below.items() if one not in added}
+        else:
+            added = dict.fromkeys(part.node.uses, part)
+        for resource, user in added.items():
+            if resource not in found or (_shares(found[resource], resource) and not _shares(user, resource)):
+                found[resource] = user
+    return found
+
+
+_STARTS_FIRST = (
+    Sequence, ReactiveSequence, Fallback, ReactiveFallback, IfThenElse, WhileDoElse, Inverter, ForceFailure,
+    ForceSuccess, Timeout, RetryUntilSuccessful, KeepRunningUntilFailure,
+)  # fmt: skip
+
+
+def _first_user(survey: LintModel, spec: NodeSpec) -> NodeSpec | None:
+    """The leaf that uses something and that the branch begins with, whatever holds."""
+    if spec.preconditions:
+        return None
+    if spec.node is None:
+        return _first_user(survey, survey.mission.trees[spec.id].root)
+    if not spec.children:
+        return spec if spec.node.uses else None
+    if issubclass(spec.node, Sequence):
+        first = next((part for part in spec.children if not _passes_by(survey, part)), None)
+        return _first_user(survey, first) if first is not None else None
+    repeats = issubclass(spec.node, Repeat) and "while" not in spec.ports
+    if (
+        issubclass(spec.node, _STARTS_FIRST)
+        or repeats
+        or any(slot.of == "cause" for slot in spec.node.declaration.slots)
+    ):
+        return _first_user(survey, spec.children[0])
+    return None
+
+
+def _passes_by(survey: LintModel, spec: NodeSpec) -> bool:
+    """Whether it ends at once and always lets the next begin, as Log does."""
+    summary = survey.summary(spec)
+    return not summary.runs and not summary.fails

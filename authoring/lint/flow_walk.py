@@ -1,0 +1,305 @@
+"""Walk through a mission from state to state: the part that the flow of one node needs, and the findings."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+
+from ...files.expressions.expression import Expression
+from ...trees.flow import FAILURE
+from ...trees.mission import NodeSpec
+from ...trees.ports import Required
+from ...trees.values.references import Constant, Reference
+from ...world.belief.facts import FACTS
+from ...world.causes import perception
+from ...world.causes import tree as tree_causes
+from ...world.causes import world as world_causes
+from .failure_reasons import CauseBits, FailureReasons, joined
+from .keys import ExpressionShape, KeyBits, shape
+from .outcomes import (
+    EMPTY,
+    FIRST_FILLER,
+    NOTHING,
+    SHARED,
+    ConcurrentEffect,
+    Failures,
+    FlowState,
+    Outcomes,
+    States,
+    tidy,
+)
+
+
+@dataclass(frozen=True, slots=True)
+class ExpressionAnswers:
+    """What an expression may answer: where it holds, where not, and where it has no value."""
+
+    yes: States
+    no: States
+    failed: Failures
+
+
+@dataclass(slots=True)
+class KeyRead:
+    """A key that is read at one place. It may be unwritten there (`missing`), or written (`ever`)."""
+
+    spec: NodeSpec
+    place: str
+    key: str
+    tree: str
+    missing: bool = False
+    ever: bool = False
+
+
+@dataclass(slots=True)
+class WiredTree:
+    """A tree in one way of being wired; `same`: bits that stand for one key; `owned`: inputs that are
+    attributes of an object."""
+
+    layout: KeyBits
+    same: Mapping[int, int]
+    owned: int
+    memo: dict[tuple[int, FlowState], Outcomes] = field(default_factory=dict[tuple[int, FlowState], Outcomes])
+
+
+class FlowWalk(ABC):
+    """Walk through a mission, as far as the flow of one node needs it."""
+
+    def __init__(self) -> None:
+        self.causes = CauseBits()
+        self.reads: dict[tuple[int, str, str], KeyRead] = {}
+        """By `id` of the spec, its key under which the name stands, and the name."""
+        self.raised: dict[int, int] = {}
+        """What each node has raised itself, by `id` of its spec."""
+        self._missing_input = self.causes.of((tree_causes.MISSING_INPUT,))
+        self._unknown_object = self.causes.of((world_causes.UNKNOWN_OBJECT,))
+        self.undeclared = self._missing_input | self._unknown_object | self.causes.of((tree_causes.TIMEOUT,))
+        """What a node may fail with although it does not declare it."""
+        self.no_image = self.causes.of((perception.NO_IMAGE,))
+        """What whoever looks may fail with. Where it declares nothing else of a look, nobody is told to
+        handle it: any device may fail."""
+        self._here: WiredTree | None = None
+        self._missing = 0
+        self._shapes: dict[int, ExpressionShape] = {}
+        self._made: dict[tuple[int, int, int], FailureReasons] = {}
+        self.reached: dict[int, NodeSpec] = {}
+        self.started: set[int] = set()
+        self.entered: set[str] = set()
+        self.blocked: dict[int, str] = {}
+        """Why a node was not reached, by `id` of its spec; it may have been from elsewhere."""
+        self.handled: set[tuple[int, str]] = set()
+        """Handlers that were used, by `id` of the spec and label."""
+        self.fillers: list[NodeSpec] = []
+        self.unhidable = self.causes.matching("safety.*")
+        """What no node may turn into a success; faults of the program are not walked through."""
+        self._remembered: dict[int, FailureReasons] = {}
+        self._recalled: set[int] = set()
+        self._outdated = False
+
+    @property
+    def _frame(self) -> WiredTree:
+        assert self._here is not None, "no tree was entered"
+        return self._here
+
+    def fails(self, spec: NodeSpec, loud: int, quiet: int = 0) -> FailureReasons:
+        """Failures of the node's own making."""
+        key = (id(spec), loud, quiet & ~loud)
+        if key not in self._made:
+            self._made[key] = FailureReasons(loud, quiet & ~loud, origin=spec)
+            self.raised[id(spec)] = self.raised.get(id(spec), 0) | loud
+        return self._made[key]
+
+    def literal(self, spec: NodeSpec, key: str) -> object:
+        """The value of an input where the text says it, or its default; None where a reference does."""
+        bound = spec.ports.get(key)
+        if isinstance(bound, Constant):
+            return bound.value
+        port = spec.node.declaration.port(key) if spec.node is not None and bound is None else None
+        return None if port is None or isinstance(port.default, Required) else port.default
+
+    def number(self, spec: NodeSpec, key: str) -> float | None:
+        """As `literal`, of a number."""
+        value = self.literal(spec, key)
+        return value if isinstance(value, int | float) else None
+
+    def keys_of(self, spec: NodeSpec, ports: Iterable[str]) -> int:
+        """Return the bits of the keys to which the ports are wired."""
+        bits = 0
+        for port in ports:
+            bound = spec.ports.get(port)
+            bits |= self.bits(bound.key) if isinstance(bound, Reference) else 0
+        return bits
+
+    def flags(self, spec: NodeSpec) -> tuple[int, ...]:
+        """The bits of a node that is `lasting`."""
+        return self._frame.layout.flags[id(spec)]
+
+    def shape(self, expression: Expression) -> ExpressionShape:
+        found = self._shapes.get(id(expression))
+        if found is None:
+            found = self._shapes[id(expression)] = shape(expression)
+        return found
+
+    def ask(
+        self, spec: NodeSpec, place: str, expression: Expression, states: Iterable[FlowState]
+    ) -> ExpressionAnswers:
+        """What the expression that stands under the key `place` of a node answers."""
+        found = self.shape(expression)
+        yes: list[FlowState] = []
+        no: list[FlowState] = []
+        failed = Outcomes()
+        for state in states:
+            after, reasons = self._names(spec, place, found, state)
+            if reasons is not None:
+                failed.add(FAILURE, (state,), reasons)
+            if found.fails:
+                continue
+            if found.constant is not False:
+                yes.append(self._told(after, holding=found.if_yes))
+            if found.constant is not True:
+                no.append(self._told(after, holding=found.if_no))
+        return ExpressionAnswers(tidy(yes), tidy(no), failed.tidied().failure)
+
+    # For the walk.
+
+    def _told(self, state: FlowState, *, holding: bool | None) -> FlowState:
+        """After the fact `holding` was heard, unless a key hides it."""
+        hidden = state.maybe & self._frame.layout.keys.get("holding", 0)
+        if holding is None or hidden or state.hand & SHARED:
+            return state
+        # What a node holds that does not say so of itself is not known here.
+        held = state.hand & ~EMPTY
+        return state.holding((held or state.hand) if holding else EMPTY)
+
+    def bits(self, key: str) -> int:
+        """The bits that stand for a key: several where ports of the tree are wired to one."""
+        bit = self._frame.layout.keys[key]
+        return self._frame.same.get(bit, bit)
+
+    def inputs(self, spec: NodeSpec, state: FlowState) -> tuple[FlowState, FailureReasons | None]:
+        """After the inputs were read as the node starts; and why that may fail."""
+        assert spec.node is not None
+        loud = quiet = 0
+        for key, bound in spec.ports.items():
+            if not isinstance(bound, Reference):
+                continue
+            port = spec.node.declaration.port(key)
+            if port is None or port.direction != "in":
+                continue
+            bits = self.bits(bound.key)
+            state, missing = self.read(spec, key, bound.key, bits, state)
+            loud |= missing
+            if bound.attributes or bits & self._frame.owned:
+                loud, quiet = loud | self._unknown_object, quiet | self._missing_input
+            if port.type.name != "any" or port.type.many:
+                quiet |= self._missing_input
+        return state, self.fails(spec, loud, quiet) if loud or quiet else None
+
+    def _names(
+        self, spec: NodeSpec, place: str, found: ExpressionShape, state: FlowState
+    ) -> tuple[FlowState, FailureReasons | None]:
+        """After the names of an expression were read; and why it may have no value."""
+        loud = quiet = 0
+        for name in found.names:
+            bits = self.bits(name)
+            if name in FACTS and not state.sure & bits:
+                continue
+            after, missing = self.read(spec, place, name, bits, state)
+            loud |= missing
+            state = after if name in found.certain else state
+            if bits & self._frame.owned:
+                loud, quiet = loud | self._unknown_object, quiet | self._missing_input
+        if found.attributes:
+            loud, quiet = loud | self._unknown_object, quiet | self._missing_input
+        if found.fails:
+            loud |= self._missing_input
+        elif not found.total:
+            quiet |= self._missing_input
+        return state, self.fails(spec, loud, quiet) if loud or quiet else None
+
+    def read(
+        self, spec: NodeSpec, place: str, key: str, bits: int, state: FlowState
+    ) -> tuple[FlowState, int]:
+        """After a key was read: then it was written. Also the cause if it may not have been."""
+        unwritten = not state.sure & bits
+        self.note_read(spec, place, key, state, missing=unwritten)
+        if not unwritten:
+            return state, 0
+        after = state.written(bits)
+        # Of what comes behind a read that cannot succeed nothing is told; a loop does not make it succeed.
+        told = state.maybe & bits or self._frame.layout.inputs & bits
+        return after if told else after.in_doubt(), self._missing_input
+
+    def note_read(self, spec: NodeSpec, place: str, key: str, state: FlowState, *, missing: bool) -> None:
+        """That the key is read at that place, in that state."""
+        layout, bits = self._frame.layout, self.bits(key)
+        if bits & layout.inputs:
+            # Whether an input is written is for the user of the sub-tree to see to.
+            self._missing |= bits & layout.inputs if missing and not state.doubtful else 0
+            return
+        where = (id(spec), place, key)
+        read = self.reads.get(where)
+        if read is None:
+            read = self.reads[where] = KeyRead(spec, place, key, layout.tree.name)
+        read.missing = read.missing or (missing and not state.doubtful)
+        read.ever = read.ever or (bool(state.maybe & bits) and not state.doubtful)
+
+    # What a node's flow may ask.
+
+    def child(
+        self, spec: NodeSpec, states: Iterable[FlowState], meanwhile: ConcurrentEffect = NOTHING
+    ) -> Outcomes:
+        """The ends of a child that starts in any of these states; `meanwhile`: what others may do between
+        its ticks."""
+        if meanwhile != NOTHING and any(self.node_outcomes(spec, state).running for state in states):
+            flow = self.child(spec, tidy(meanwhile.on(state) for state in states))
+            shared = any(state.hand & SHARED for state in states)
+            return flow if shared or not meanwhile.hand else flow.mapped(FlowState.alone)
+        flows = [self.node_outcomes(spec, state) for state in states]
+        if len(flows) < 2:
+            return flows[0] if flows else Outcomes()
+        ends = Outcomes()
+        for flow in flows:
+            ends.take(flow)
+        return ends.tidied()
+
+    def effect(self, spec: NodeSpec, states: Iterable[FlowState]) -> ConcurrentEffect:
+        """What a child that starts in any of these states may do to them."""
+        found = NOTHING
+        for state in states:
+            found = found.with_(self.node_outcomes(spec, state).effect(state))
+        return found
+
+    def remember(self, spec: NodeSpec, reasons: FailureReasons) -> None:
+        """That the node may have failed so in an earlier activation."""
+        known = self._remembered.get(id(spec))
+        together = reasons if known is None else joined((known, reasons))
+        if known is None or together.any & ~known.any or together.loud & ~known.loud:
+            self._remembered[id(spec)] = together
+            self._outdated = self._outdated or id(spec) in self._recalled
+
+    def recall(self, spec: NodeSpec) -> FailureReasons:
+        """What it may have failed with in an earlier activation."""
+        self._recalled.add(id(spec))
+        return self._remembered.get(id(spec), FailureReasons(0, 0))
+
+    def filler(self, spec: NodeSpec) -> int:
+        """The bit of `FlowState.hand` that says that this node took what is held."""
+        if not any(spec is known for known in self.fillers):
+            self.fillers.append(spec)
+        index = next(i for i, known in enumerate(self.fillers) if known is spec)
+        return FIRST_FILLER << index
+
+    def unreached(self, spec: NodeSpec, why: str) -> None:
+        """The child is not ticked this time; `why` completes `it is never reached: …`."""
+        self.blocked[id(spec)] = why
+
+    def handles(self, spec: NodeSpec, label: str) -> None:
+        """The node has used the handler of that label."""
+        self.handled.add((id(spec), label))
+
+    @abstractmethod
+    def node_outcomes(self, spec: NodeSpec, state: FlowState) -> Outcomes:
+        """Return the outcomes of a node that starts in that state."""
+        ...

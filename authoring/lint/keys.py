@@ -1,0 +1,184 @@
+"""Keys of a tree as bits, and what an expression over keys may answer."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+from ...files.expressions.expression import Expression, ExpressionError
+from ...files.expressions.syntax_tree import (
+    Attribute,
+    ComparisonChain,
+    Conditional,
+    ListOf,
+    LiteralValue,
+    Logic,
+    Name,
+    Not,
+    Part,
+    walk,
+)
+from ...files.expressions.syntax_tree import children as parts_of
+from ...trees.flow import Flow, Once, Turns
+from ...trees.mission import NodeSpec, TreeSpec
+from ...trees.values.references import Constant, Reference
+
+
+@dataclass(frozen=True, slots=True)
+class KeyBits:
+    """Bits of one tree. An instance of a sub-tree keeps its keys from one activation to the next, so each
+    use of one has a region of its own: its layout, shifted."""
+
+    tree: TreeSpec
+    keys: Mapping[str, int]
+    flags: Mapping[int, tuple[int, ...]]
+    """For nodes that remember something beyond their end, by `id` of the spec."""
+    calls: Mapping[int, tuple[int, KeyBits]]
+    """Shift and layout of each use of a sub-tree, by `id` of the spec."""
+    size: int
+    inputs: int
+    """The bits of its input ports."""
+
+
+def lay_out(trees: Mapping[str, TreeSpec], order: tuple[str, ...]) -> dict[str, KeyBits]:
+    """The layouts of all trees; `order`: each after those that it uses."""
+    layouts: dict[str, KeyBits] = {}
+    for name in order:
+        tree = trees[name]
+        specs = tuple(tree.root.iterate())
+        keys: dict[str, int] = {}
+        for key in (*(port.key for port in tree.ports), *(key for spec in specs for key in _keys(spec))):
+            keys.setdefault(key, 1 << len(keys))
+        size = len(keys)
+        flags: dict[int, tuple[int, ...]] = {}
+        calls: dict[int, tuple[int, KeyBits]] = {}
+        for spec in specs:
+            if spec.node is None:
+                calls[id(spec)] = (size, layouts[spec.id])
+                size += layouts[spec.id].size
+            elif lasting := _lasting(spec.node.declaration.flow):
+                flags[id(spec)] = tuple(1 << size + index for index in range(lasting))
+                size += lasting
+        inputs = sum(keys[port.key] for port in tree.ports if port.direction == "in")
+        layouts[name] = KeyBits(tree, keys, flags, calls, size, inputs)
+    return layouts
+
+
+def _lasting(flow: Flow | None) -> int:
+    """Number of facts that a node remembers beyond its end."""
+    return 2 if isinstance(flow, Once) else 1 if isinstance(flow, Turns) else 0
+
+
+def _keys(spec: NodeSpec) -> Iterator[str]:
+    """The keys that a node's ports and conditions name, in the order of the file."""
+    for bound in spec.ports.values():
+        if isinstance(bound, Reference):
+            yield bound.key
+        elif isinstance(bound.value, Expression):
+            yield from _names(bound.value)
+    for condition in spec.preconditions.values():
+        yield from _names(condition)
+    for assignments in spec.postconditions.values():
+        for assignment in assignments:
+            yield assignment.key
+            yield from _names(assignment.value)
+
+
+def _names(expression: Expression) -> Iterator[str]:
+    return (part.name for part in walk(expression.root) if isinstance(part, Name))
+
+
+def expressions_of(spec: NodeSpec) -> Iterator[tuple[str, Expression]]:
+    """The expressions of a node, with the key under which each stands."""
+    for key, bound in spec.ports.items():
+        if isinstance(bound, Constant) and isinstance(bound.value, Expression):
+            yield key, bound.value
+    yield from spec.preconditions.items()
+    for key, assignments in spec.postconditions.items():
+        for assignment in assignments:
+            yield key, assignment.value
+
+
+@dataclass(frozen=True, slots=True)
+class ExpressionShape:
+    """`certain`: names that are read whatever the values are. `total`: it has a value as soon as its names
+    have one, of whatever type. `constant`: whether it holds, where no name decides; None: cannot be said."""
+
+    names: tuple[str, ...]
+    certain: frozenset[str]
+    attributes: bool
+    total: bool
+    constant: bool | None
+    fails: bool
+    """It has no value at all: `1 / 0`."""
+    if_yes: bool | None
+    """What it says of the fact `holding` where it holds; None: nothing."""
+    if_no: bool | None
+    """The same where it does not hold."""
+
+
+def shape(expression: Expression) -> ExpressionShape:
+    constant, fails = _constant(expression)
+    names = dict.fromkeys(part.name for part in walk(expression.root) if isinstance(part, Name))
+    return ExpressionShape(
+        tuple(names),
+        certain_names(expression.root),
+        bool(expression.paths),
+        is_total(expression.root),
+        constant,
+        fails,
+        says_of_hand(expression.root, answer=True),
+        says_of_hand(expression.root, answer=False),
+    )
+
+
+def certain_names(part: Part) -> frozenset[str]:
+    """Names that are read whatever the values are: those behind a first `and` or `or` are not."""
+    match part:
+        case Name(name=name):
+            return frozenset((name,))
+        case Logic(parts=(first, *_)):
+            return certain_names(first)
+        case Conditional(test=test, yes=yes, no=no):
+            return certain_names(test) | (certain_names(yes) & certain_names(no))
+        case ComparisonChain(first=first, rest=(second, *_)):
+            return certain_names(first) | certain_names(second.operand)
+        case _:
+            return frozenset[str]().union(*map(certain_names, parts_of(part)))
+
+
+def is_total(part: Part) -> bool:
+    """Whether nothing in it works on some types only."""
+    match part:
+        case LiteralValue() | Name():
+            return True
+        case ComparisonChain(rest=rest):
+            return all(r.relation in ("==", "!=") for r in rest) and all(map(is_total, parts_of(part)))
+        case Logic() | Not() | Conditional() | ListOf():
+            return all(map(is_total, parts_of(part)))
+        case _:
+            return False
+
+
+def says_of_hand(part: Part, *, answer: bool) -> bool | None:
+    """Whether something is held when that is the answer; None: it does not tell."""
+    match part:
+        case Name(name="holding"):
+            return answer
+        case Not(operand=operand):
+            return says_of_hand(operand, answer=not answer)
+        case Logic(symbol=symbol, parts=parts) if (symbol == "and") is answer:
+            # All parts of an `and` that holds do, and no part of an `or` that does not.
+            known = (says_of_hand(one, answer=answer) for one in parts)
+            return next((said for said in known if said is not None), None)
+        case _:
+            return None
+
+
+def _constant(expression: Expression) -> tuple[bool | None, bool]:
+    if expression.names or any(isinstance(part, Attribute) for part in walk(expression.root)):
+        return None, False
+    try:
+        return bool(expression.evaluate({})), False
+    except ExpressionError:
+        return None, True

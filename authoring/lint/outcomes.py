@@ -1,0 +1,258 @@
+"""States of a mission at one point, and the outcomes of a node: the states in which it may end."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from typing import NamedTuple, TypeAlias
+
+from ...trees.flow import FAILURE, RUNNING, SKIPPED, SUCCESS
+from ...trees.status import NodeStatus
+from .failure_reasons import UNREPORTED, FailureReasons, joined
+
+EMPTY = 1
+"""Of `FlowState.hand`: nothing is held."""
+KEPT = 2
+"""Of `FlowState.hand`: what is held was seen to by a retreat, or was held before the analysis began."""
+OUTER = 4
+"""Of `FlowState.hand`, in a sub-tree: what its users' nodes took is held still, whichever they were."""
+SHARED = 8
+"""Of `FlowState.hand`: something beside this may change what is held at any time, so that no change is
+final."""
+FIRST_FILLER = 16
+"""Of `FlowState.hand`, and each bit above: what one node of the text took is held still."""
+
+LIMIT = 6
+"""States that are told apart at one point; more are merged."""
+BETWEEN = 4
+"""The same between two ticks, where less depends on it."""
+
+
+class FlowState(NamedTuple):
+    """Keys and flags are bits of `sure` and `maybe`; what is in neither was written on no way here.
+
+    `hand` is a set of possibilities, as bits. `doubtful`: the point is reached only if some node ends in a
+    way that it does not declare; nothing is reported of such a state, but it counts as reached.
+    """
+
+    sure: int
+    maybe: int
+    hand: int
+    doubtful: bool = False
+
+    def written(self, bits: int) -> FlowState:
+        """After these keys were written."""
+        if self.sure & bits == bits:
+            return self
+        return FlowState(self.sure | bits, self.maybe | bits, self.hand, self.doubtful)
+
+    def perhaps(self, bits: int) -> FlowState:
+        """After these keys were written, or not."""
+        if self.maybe & bits == bits:
+            return self
+        return FlowState(self.sure, self.maybe | bits, self.hand, self.doubtful)
+
+    def holding(self, hand: int) -> FlowState:
+        return self if hand == self.hand else FlowState(self.sure, self.maybe, hand, self.doubtful)
+
+    def alone(self) -> FlowState:
+        """After what went on beside has ended."""
+        return self.holding(self.hand & ~SHARED)
+
+    def in_doubt(self) -> FlowState:
+        return self if self.doubtful else FlowState(self.sure, self.maybe, self.hand, True)
+
+    def covers(self, other: FlowState) -> bool:
+        """Whether all that may be so in the other may be so here."""
+        return (
+            self.sure & ~other.sure == 0
+            and other.maybe & ~self.maybe == 0
+            and other.hand & ~self.hand == 0
+            and (other.doubtful or not self.doubtful)
+        )
+
+
+class ConcurrentEffect(NamedTuple):
+    """What something that goes on beside a node may do meanwhile: write keys, change what the hand holds."""
+
+    maybe: int = 0
+    hand: int = 0
+
+    def on(self, state: FlowState) -> FlowState:
+        """What must be reckoned with from that state on."""
+        hand = state.hand | self.hand | (SHARED if self.hand else 0)
+        return FlowState(state.sure, state.maybe | self.maybe, hand, state.doubtful)
+
+    def with_(self, other: ConcurrentEffect) -> ConcurrentEffect:
+        return ConcurrentEffect(self.maybe | other.maybe, self.hand | other.hand)
+
+
+NOTHING = ConcurrentEffect()
+States: TypeAlias = frozenset[FlowState]
+NONE: States = frozenset()
+
+
+def merged(states: Iterable[FlowState]) -> FlowState:
+    """One state that covers them all. There must be one at least."""
+    sure, maybe, hand, doubtful = -1, 0, 0, True
+    for state in states:
+        sure &= state.sure
+        maybe |= state.maybe
+        hand |= state.hand
+        doubtful = doubtful and state.doubtful
+    return FlowState(sure, maybe, hand, doubtful)
+
+
+def tidy(states: Iterable[FlowState], limit: int = LIMIT) -> States:
+    """The same with what others cover left out, and merged where there are too many."""
+    found = states if isinstance(states, frozenset) else frozenset(states)
+    if len(found) < 2:
+        return found
+    if len(found) > 3 * limit:  # to compare each with each would cost too much
+        found = _merged_by(found, with_hand=True)
+    found = uncovered(found)
+    if len(found) > limit:
+        found = uncovered(_merged_by(found, with_hand=True))
+    if len(found) > limit:
+        found = uncovered(_merged_by(found, with_hand=False))
+    return found
+
+
+def uncovered(states: States) -> States:
+    """Those that no other covers."""
+    left: list[FlowState] = []
+    for state in states:
+        sure, maybe, hand, doubtful = state
+        for other in states:
+            # As `covers`, of another one; this is asked more often than anything else.
+            if (
+                not other[0] & ~sure
+                and not maybe & ~other[1]
+                and not hand & ~other[2]
+                and (doubtful or not other[3])
+                and other is not state
+            ):
+                break
+        else:
+            left.append(state)
+    return states if len(left) == len(states) else frozenset(left)
+
+
+def _merged_by(states: States, *, with_hand: bool) -> States:
+    groups: dict[tuple[int, bool], list[FlowState]] = {}
+    for state in states:
+        groups.setdefault((state.hand if with_hand else 0, state.doubtful), []).append(state)
+    return frozenset(merged(group) for group in groups.values())
+
+
+Failures: TypeAlias = Mapping[FlowState, FailureReasons]
+"""States in which a node may have failed, and for which reasons."""
+
+
+class Outcomes:
+    """Ends of a node that started in one state. `running`: where it may be between two ticks.
+
+    They are collected, and no longer changed once they are `tidied`.
+    """
+
+    __slots__ = ("failure", "missing", "running", "skipped", "success")
+
+    def __init__(self, failure: Failures | None = None) -> None:
+        self.success: States = frozenset()
+        self.skipped: States = frozenset()
+        self.running: States = frozenset()
+        self.failure: dict[FlowState, FailureReasons] = dict(failure or {})
+        self.missing = 0
+        """Inputs of the sub-tree that were read although nothing had surely written them, as bits of keys."""
+
+    def __iter__(self) -> Iterator[tuple[NodeStatus, FlowState, FailureReasons | None]]:
+        for status, states in ((SUCCESS, self.success), (SKIPPED, self.skipped), (RUNNING, self.running)):
+            for state in states:
+                yield status, state, None
+        for state, reasons in self.failure.items():
+            yield FAILURE, state, reasons
+
+    def add(
+        self, status: NodeStatus, states: Iterable[FlowState], reasons: FailureReasons | None = None
+    ) -> None:
+        """Add ends. A failure without reasons is none; with quiet reasons only it is doubtful."""
+        match status:
+            case NodeStatus.SUCCESS:
+                self.success = self.success.union(states)
+            case NodeStatus.SKIPPED:
+                self.skipped = self.skipped.union(states)
+            case NodeStatus.FAILURE:
+                if reasons is None or not reasons.any:
+                    return
+                for state in states:
+                    at = state if reasons.loud else state.in_doubt()
+                    known = self.failure.get(at)
+                    self.failure[at] = reasons if known is None else joined((known, reasons))
+            case _:
+                self.running = self.running.union(states)
+
+    def fail(self, failures: Failures) -> None:
+        """Add failures."""
+        for state, reasons in failures.items():
+            self.add(FAILURE, (state,), reasons)
+
+    def take(self, other: Outcomes) -> None:
+        """Add all ends of a child."""
+        self.success |= other.success
+        self.skipped |= other.skipped
+        self.running |= other.running
+        self.fail(other.failure)
+
+    def tidied(self) -> Outcomes:
+        """Leave out states that others cover, and merge those that are too many; return self."""
+        self.success, self.skipped = tidy(self.success), tidy(self.skipped)
+        self.running, self.failure = tidy(self.running, BETWEEN), _tidy_failures(self.failure)
+        return self
+
+    def mapped(
+        self,
+        change: Callable[[FlowState], FlowState],
+        reason: Callable[[FailureReasons], FailureReasons] = lambda reasons: reasons,
+    ) -> Outcomes:
+        """Return the outcomes with other states and reasons."""
+        ends = Outcomes()
+        for status, state, reasons in self:
+            ends.add(status, (change(state),), None if reasons is None else reason(reasons))
+        return ends.tidied()
+
+    @property
+    def everywhere(self) -> States:
+        """Every state that it may leave behind, halted or ended."""
+        return self.success | self.skipped | self.running | self.failure.keys()
+
+    def effect(self, entry: FlowState) -> ConcurrentEffect:
+        """What it may have done to the state in which it started."""
+        maybe = hand = 0
+        for state in self.everywhere:
+            maybe |= state.maybe
+            hand |= state.hand
+        return ConcurrentEffect(maybe & ~entry.maybe, hand & ~entry.hand & ~SHARED)
+
+
+def _tidy_failures(failures: dict[FlowState, FailureReasons]) -> dict[FlowState, FailureReasons]:
+    """Merged where there are too many states; by the hand first, as `tidy`."""
+    if len(failures) <= LIMIT:
+        return failures
+    groups: dict[tuple[int, bool], list[FlowState]] = {}
+    for state in failures:
+        groups.setdefault((state.hand, state.doubtful), []).append(state)
+    if len(groups) > LIMIT:
+        groups.clear()
+        for state in failures:
+            groups.setdefault((0, state.doubtful), []).append(state)
+    return {merged(group): joined(failures[state] for state in group) for group in groups.values()}
+
+
+def decisive(before: FailureReasons, now: FailureReasons) -> FailureReasons:
+    """The reasons of the last child that gives any. What follows a reported failure is an attempt to cure it,
+    and what comes out of that attempt was not left without one."""
+    cured = before.loud != 0 and before.loud & UNREPORTED == 0
+    reported = now.only(~UNREPORTED)
+    parts = [reported.tried() if cured else reported] if reported.any else []
+    if now.loud & UNREPORTED:
+        parts.append(before.tried() if cured else before)
+    return joined(parts)

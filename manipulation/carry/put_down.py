@@ -1,0 +1,138 @@
+"""Put-down of the held object on the nearest free spot of a fixture, for a retreat."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+from ...planning.requests import PoseGoal, Scaling
+from ...world.belief.planning_scene import BeliefObject
+from ...world.causes import Failure, place
+from ...world.events.skill_events import PutDownEvent
+from ..grasp.straight_lines import DOWNWARDS
+from ..place.dropped_objects import support_height_at
+from ..place.release_poses import blocked, put_down_poses
+from ..retreat.clearing import FREE_PATH_THRESHOLDS, REDUCED_SPEED, WARY_SPEED, RetreatMotion
+from ..retreat.homing import observe_with_fixed_cameras
+from .hold_check import release_held_object
+
+if TYPE_CHECKING:
+    from ...control.execution.trajectory_motion import Doing
+    from ...skill_world.world import World
+    from ...world.values import Pose, Vector3
+
+SPOT_RING_RADII = (0.0, 0.05, 0.10, 0.16, 0.24)
+"""Distances from the object at which spots are tried, m."""
+SPOTS_PER_RING = 8
+"""Spots on each ring."""
+MAX_SPOT_ATTEMPTS = 4
+"""Maximum number of free spots to which a path is planned."""
+LEVEL_RADIUS = 0.05
+"""Distance from the middle of a spot within which the fixture must be level, m."""
+HAND_SPOT_CLEARANCE = 0.01
+"""Clearance of the hand at a spot, m."""
+LOWERING_SPARE = 0.02
+"""Travel of the lowering beyond the believed distance to the support, m."""
+
+
+def put_down(world: World, leaving: RetreatMotion, scaling: Scaling, node: str) -> Doing[None]:
+    """Lower the held object onto a free spot of a fixture near it, until contact, and release it.
+
+    Fails with place.occupied where there is no such spot; the object is then still in the hand.
+    """
+    held = world.scene.held
+    if held is None:
+        return
+    seen = yield from observe_with_fixed_cameras(world)
+    why = "no spot near it is free"
+    tries = 0
+    for spot in _free_spots(world, held):
+        if tries == MAX_SPOT_ATTEMPTS or leaving.late:
+            break
+        tries += 1
+        assert held.object_in_tcp is not None
+        over = tuple(
+            pose.shifted((0.0, 0.0, world.handling.approach))
+            for pose in put_down_poses(spot, held.shape, held.object_in_tcp)
+            if _hand_has_room(world, held, pose)
+        )
+        try:
+            plan = yield from world.plan.to(PoseGoal(over), scaling=scaling, node=node)
+            way = world.move.slowed(plan.trajectory, REDUCED_SPEED if seen else WARY_SPEED)
+            result = yield from leaving.follow(way, FREE_PATH_THRESHOLDS)
+        except Failure as failure:
+            if not failure.cause.name.startswith("planning."):
+                raise
+            why = failure.message
+            continue
+        if not result.completed:
+            yield from leaving.touched_on_the_way(result, f"to a spot for {held.id}")
+            why = "something is in the way to it"
+            continue
+        yield from _lower(world, held, node)
+        yield from leaving.up()
+        return
+    raise Failure(
+        place.OCCUPIED,
+        f"{held.id} cannot be put down: {why}; it is still in the hand",
+        object=held.id,
+        spots=tries,
+    )
+
+
+def _lower(world: World, held: BeliefObject, node: str) -> Doing[None]:
+    """Lower the object until contact, and release it."""
+    handling = world.handling
+    yield from world.move.guarded(
+        DOWNWARDS,
+        handling.approach + LOWERING_SPARE,
+        force=handling.touch,
+        speed=handling.touch_speed,
+        node=node,
+    )
+    resting = world.scene.get(held.id).pose
+    yield from release_held_object(world, held, resting, "table", "put down by a retreat")
+    world.journal.note(PutDownEvent(f"{held.id} is put down", node, object=held.id))
+
+
+def _free_spots(world: World, held: BeliefObject) -> Iterator[Vector3]:
+    """Yield free points on fixtures for the object's underside, nearest first."""
+    assert held.object_in_tcp is not None
+    x, y, _ = held.pose.position
+    for ring in SPOT_RING_RADII:
+        for k in range(SPOTS_PER_RING if ring else 1):
+            angle = 2 * math.pi * k / SPOTS_PER_RING
+            at = (x + ring * math.cos(angle), y + ring * math.sin(angle))
+            height = _level_height(world, at)
+            if height is None:
+                continue
+            spot = (*at, height)
+            poses = put_down_poses(spot, held.shape, held.object_in_tcp)
+            if blocked(world.queries, held, poses[0]) is None and any(
+                _hand_has_room(world, held, p) for p in poses
+            ):
+                yield spot
+
+
+def _hand_has_room(world: World, held: BeliefObject, tcp_in_world: Pose) -> bool:
+    """Return whether the hand has room there with the fingers opened for the release."""
+    opened = min(world.gripper.width + world.handling.release, world.robot.description.gripper.max_width)
+    boards = tuple(world.scene.fixtures)
+    return not world.queries.hand_contacts(
+        tcp_in_world, opened, (str(held.id), *boards), margin=HAND_SPOT_CLEARANCE
+    )
+
+
+def _level_height(world: World, at: tuple[float, float]) -> float | None:
+    """Return the height of the support below a point. None: it is not level around the point."""
+    x, y = at
+    around = [
+        (0.0, 0.0),
+        (LEVEL_RADIUS, 0.0),
+        (-LEVEL_RADIUS, 0.0),
+        (0.0, LEVEL_RADIUS),
+        (0.0, -LEVEL_RADIUS),
+    ]
+    heights = [support_height_at(world.scene, x + dx, y + dy) for dx, dy in around]
+    return heights[0] if len(set(heights)) == 1 else None

@@ -1,0 +1,199 @@
+"""Observation: capture an image, run perception on it and update the belief."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Generator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TypeVar
+
+from ..perception.data_association import ObservationSummary, update_belief
+from ..perception.fitting.known_object_fitting import TrackedSighting
+from ..perception.fitting.view import BinView, PerceivedView
+from ..perception.pipeline import Perception
+from ..world.belief.planning_scene import BeliefObject, PlanningScene
+from ..world.causes import Failure, perception
+from ..world.computing_time import ComputeTimeAccount, Stopwatch
+from ..world.events.skill_events import FramesMissedEvent
+from ..world.journal import ImageEntry, Journal
+from ..world.protocols import Camera, Clock, NoImage, RgbdImage
+from ..world.values import Array, Pose
+
+T = TypeVar("T")
+
+FRAMES = 4
+"""Number of frames that an observation waits for before it fails: cameras drop a frame now and then."""
+FRAME = 0.1
+"""Time from one frame to the next, s."""
+OLDEST = 0.2
+"""Maximum age of an image, s. A camera that hangs returns its last image again, and a hand at 0.25 m/s has
+moved by 5 cm in this time."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CapturedImage:
+    """Image with the robot's state at the time of capture: joint angles (n,) rad, gripper opening m."""
+
+    image: RgbdImage
+    joints: Array
+    width: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PendingView:
+    """Image with the result of perception, not yet merged into the belief."""
+
+    image: RgbdImage
+    view: PerceivedView
+    stamp: float
+    """Simulated time of capture, s."""
+    held: Pose | None
+    """Pose of the held object in the world at the time of capture; None: the hand was empty."""
+
+
+class Vision:
+    """Cameras of the cell, and the latest view of each bin.
+
+    `joints` and `width` give the arm's configuration (n,) rad and the opening m: the robot masks itself.
+    """
+
+    def __init__(
+        self,
+        cameras: Mapping[str, Camera],
+        perceive: Perception,
+        scene: PlanningScene,
+        clock: Clock,
+        journal: Journal,
+        thinking: ComputeTimeAccount,
+        cost: float,
+        joints: Callable[[], Array],
+        width: Callable[[], float],
+        stopwatch: Stopwatch | None = None,
+    ) -> None:
+        self._cameras = cameras
+        self._perceive = perceive
+        self._scene = scene
+        self._clock = clock
+        self._journal = journal
+        self._thinking = thinking
+        self.cost = cost
+        """Simulated time charged for the processing of one image, s."""
+        self._joints = joints
+        self._width = width
+        self._stopwatch = stopwatch or Stopwatch()
+        self._still = frozenset(cameras) - perceive.moving
+        self.bins: dict[str, BinView] = {}
+        """Latest view of each bin; part of the state."""
+        self.looks = 0
+        """Number of observations merged into the belief; part of the state."""
+        self.newest = 0.0
+        """Time of the newest image in the belief, s. It is compared only with images still in processing,
+        which no checkpoint contains."""
+
+    @property
+    def hand(self) -> str | None:
+        """Name of the camera on the hand; None: there is none."""
+        return next((name for name in self._cameras if name not in self._still), None)
+
+    def shoot(self, camera: str) -> Generator[None, None, CapturedImage]:
+        """Capture one image with `camera`, at the cost of an observation. Perception does not run and the
+        belief does not change."""
+        shot = yield from self._patiently(lambda: self._shot(camera))
+        yield from self._charge()
+        self._journal.note(ImageEntry(shot.image, ()))
+        return shot
+
+    def follow(
+        self, camera: str, objects: Sequence[BeliefObject]
+    ) -> Generator[None, None, tuple[TrackedSighting, ...]]:
+        """Capture an image with `camera` and locate objects that are believed to be in it. The cost is
+        that of an observation; the belief does not change."""
+        shot = yield from self._patiently(lambda: self._shot(camera))
+        with self._stopwatch.measure("perception"):
+            found = self._perceive.follow(shot.image, shot.joints, shot.width, self._scene, objects)
+        yield from self._charge()
+        seen = sorted({str(s.object) for s in found if math.isfinite(s.misfit)})
+        self._journal.note(ImageEntry(shot.image, tuple(seen)))
+        return found
+
+    def look(self, camera: str) -> Generator[None, None, ObservationSummary]:
+        """Observe with `camera`; the belief changes after the charged time.
+
+        Raises Failure: perception.not_found when there is no such camera, perception.no_image when none comes
+        within a few frames, or only old ones.
+        """
+        glance = yield from self._patiently(lambda: self.glance(camera))
+        yield from self._charge()
+        return self.take_in(glance)
+
+    def glance(self, camera: str) -> PendingView:
+        """Capture an image with `camera` and run perception on it. Nothing is charged, and the belief does
+        not change before `take_in`; the caller defers that until the charged time has passed.
+
+        Raises Failure: perception.not_found when there is no such camera, perception.no_image when this frame
+        does not come, or is old.
+        """
+        stamp = self._clock.now
+        shot = self._shot(camera)
+        with self._stopwatch.measure("perception"):
+            view = self._perceive.detect(shot.image, shot.joints, shot.width, self._scene)
+        held = self._scene.held
+        return PendingView(shot.image, view, stamp, None if held is None else held.pose)
+
+    def take_in(self, glance: PendingView) -> ObservationSummary:
+        """Merge an image into the belief, for the time at which it was captured."""
+        view, image = glance.view, glance.image
+        summary = update_belief(self._scene, view, glance.stamp, glance.held)
+        for name, seen in view.bins.items():
+            still = image.camera in self._still
+            self.bins[str(name)] = seen if still else seen.over(self.bins.get(str(name)))
+        self.looks += 1
+        self.newest = max(self.newest, glance.stamp)
+        findings = tuple(f"{d.colour} {d.kind}" for d in view.detections)
+        self._journal.note(ImageEntry(image, findings))
+        return summary
+
+    def _shot(self, camera: str) -> CapturedImage:
+        if camera not in self._cameras:
+            raise Failure(
+                perception.NOT_FOUND, f"there is no camera {camera!r}", known=[str(c) for c in self._cameras]
+            )
+        try:
+            with self._stopwatch.measure("rendering"):
+                image = self._cameras[camera].capture()
+        except NoImage:
+            raise Failure(perception.NO_IMAGE, f"{camera} gives no image", camera=camera) from None
+        age = self._clock.now - image.stamp
+        if age > OLDEST:
+            message = f"{camera} gives no new image: the last one is {age:.2f} s old"
+            raise Failure(perception.NO_IMAGE, message, camera=camera, age=round(age, 3))
+        return CapturedImage(image, self._joints(), self._width())
+
+    def _patiently(self, take: Callable[[], T]) -> Generator[None, None, T]:
+        """Run `take`, which captures an image, and return its result; repeat it for the next frames when
+        no image comes."""
+        begun, missed = self._clock.now, 0
+        while True:
+            try:
+                taken = take()
+            except Failure as failure:
+                if failure.cause is not perception.NO_IMAGE:
+                    raise
+                missed += 1
+                if missed == FRAMES:
+                    waited = self._clock.now - begun
+                    message = f"{failure.message} ({FRAMES} frames in {waited:.2f} s)"
+                    evidence = {**failure.evidence, "frames": FRAMES, "waited": round(waited, 3)}
+                    raise Failure(perception.NO_IMAGE, message, **evidence) from None
+                until = self._clock.now + FRAME
+                while self._clock.now < until - 1e-9:
+                    yield
+                continue
+            if missed:
+                words = f"{missed} of {missed + 1} frames did not come"
+                self._journal.note(FramesMissedEvent(words, missed=missed))
+            return taken
+
+    def _charge(self) -> Generator[None, None, None]:
+        self._thinking.spend(self.cost)
+        yield from self._thinking.charge()

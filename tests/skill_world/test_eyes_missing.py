@@ -1,0 +1,81 @@
+"""A camera that gives no image, or old ones: a look tries again, then says so with figures."""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+from dataclasses import replace
+from typing import TypeVar
+
+import pytest
+
+from picktree.robots.loading import load_robot
+from picktree.session.assembly import TICK_LENGTH, assemble_world
+from picktree.simulation.kinematic.backend import KinematicHardware
+from picktree.skill_world.world import World
+from picktree.world.causes import Failure
+from picktree.world.journal import JournalEvent
+from picktree.world.protocols import Camera, NoImage, RgbdImage
+from picktree.world.scene.loading.scene_loading import load_scene
+
+T = TypeVar("T")
+
+
+class Failing:
+    """A camera of which only some shots come: `x` one, `-` none, `o` an old one, the last for ever."""
+
+    def __init__(self, camera: Camera, shots: str) -> None:
+        self._camera = camera
+        self.shots = shots
+
+    def capture(self) -> RgbdImage:
+        shot, self.shots = self.shots[0], self.shots[1:] or self.shots
+        if shot == "-":
+            raise NoImage
+        image = self._camera.capture()
+        return image if shot == "x" else replace(image, stamp=image.stamp - 1.5)
+
+
+def cell(shots: str) -> World:
+    scene, robot = load_scene("sort_small"), load_robot("panda")
+    hardware = KinematicHardware(scene, robot, 3)
+    hardware.cameras = {"overhead": Failing(hardware.cameras["overhead"], shots)}
+    world = assemble_world(hardware, scene, robot, 3)
+    for _ in range(40):
+        world.control.step_tick(TICK_LENGTH)
+    return world
+
+
+def driven(world: World, doing: Generator[None, None, T]) -> T:
+    while True:
+        try:
+            next(doing)
+        except StopIteration as end:
+            return end.value
+        world.control.step_tick(TICK_LENGTH)
+
+
+def test_a_frame_that_is_missing_is_waited_for_and_noted() -> None:
+    world = cell("-o-x")
+    summary = driven(world, world.vision.look("overhead"))
+    assert len(summary.seen) == 4
+    events = [e for e in world.journal.take() if isinstance(e, JournalEvent) and e.kind == "frames_missed"]
+    assert [(e.message, e.data) for e in events] == [("3 of 4 frames did not come", {"missed": 3})]
+    assert world.vision.newest == pytest.approx(2.3)
+
+
+@pytest.mark.parametrize(
+    ("shots", "message"),
+    [
+        ("-", "overhead gives no image (4 frames in 0.30 s)"),
+        ("o", "overhead gives no new image: the last one is 1.50 s old (4 frames in 0.30 s)"),
+    ],
+)
+def test_a_camera_without_image_is_said_and_nothing_is_believed(shots: str, message: str) -> None:
+    world = cell(shots)
+    for look in (world.vision.look, world.vision.shoot):
+        with pytest.raises(Failure) as raised:
+            driven(world, look("overhead"))
+        assert str(raised.value) == f"perception.no_image: {message}"
+        assert raised.value.evidence["frames"] == 4
+    assert world.vision.looks == 0
+    assert world.scene.objects == ()
