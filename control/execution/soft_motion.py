@@ -6,7 +6,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Generator
 from dataclasses import dataclass
-from typing import TypeAlias, TypeVar
+from typing import TYPE_CHECKING, TypeAlias, TypeVar
 
 import numpy as np
 import pinocchio as pin
@@ -23,8 +23,10 @@ from ..joints.soft_controller import (
     GravityCompensationController,
     JointImpedanceController,
 )
-from ..safety.motion_lease import Lease
-from .control_loop import ControlLoop
+
+if TYPE_CHECKING:
+    from ..safety.motion_lease import Lease
+    from .control_loop import ControlLoop
 
 
 @dataclass(frozen=True, slots=True)

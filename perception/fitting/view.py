@@ -1,5 +1,7 @@
-"""Perceived view: detections, unexplained patches and bin heights of one picture, with free space and
-visibility of bodies; and the height map of the heap in a bin."""
+"""Perceived view: detections, unexplained patches and bin heights of one picture.
+
+It has free space and visibility of bodies, too. The height map of the heap in a bin is computed here.
+"""
 
 from __future__ import annotations
 
