@@ -1,11 +1,13 @@
-"""Commands of a controller, and the protocol that every controller implements."""
+"""Commands of a controller, the protocol that every controller implements, and results of motions under joint
+impedance."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import ClassVar, Protocol, TypeAlias
 
-from ..world.values import Array, JointState
+from ..world.causes import Failure
+from ..world.values import Array, JointState, Vector3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -49,3 +51,32 @@ class Controller(Protocol):
         """Return the controller that brings this motion to rest: this one, or another that is then
         started."""
         ...
+
+
+@dataclass(frozen=True, slots=True)
+class ContactThresholds:
+    """Thresholds of a contact, beyond the readings without one."""
+
+    torque: float
+    """External torque of all joints, Euclidean norm, Nm. It shows contacts at any part of the arm."""
+    force: float
+    """Force at the wrist, N."""
+
+
+@dataclass(frozen=True, slots=True)
+class JointImpedanceResult:
+    """Result of a joint-impedance motion, at rest."""
+
+    completed: bool
+    progress: float
+    """Followed part of the trajectory, s."""
+    touched: bool
+    """Whether the arm touched something, gave way to it and stands."""
+    torque: float
+    """Greatest external torque, Nm."""
+    force: float
+    """Greatest force at the wrist, N."""
+    push: Vector3 = (0.0, 0.0, 0.0)
+    """Contact force on the hand, N in the world; zero for a contact at another part."""
+    noticed: Failure | None = None
+    """Failure from `watch` that stopped the motion. None: there was none."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Literal, cast
 
-from ..control.cartesian.velocity_controller import MAX_TWIST_ANGULAR_SPEED, MAX_TWIST_SPEED, Twist
+from ..control.cartesian.twist import MAX_TWIST_ANGULAR_SPEED, MAX_TWIST_SPEED, Twist
 from ..errors import PicktreeError
 from ..trees.ports import In, Out, port
 from ..trees.skill import ARM, Skill, Steps

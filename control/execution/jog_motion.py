@@ -11,7 +11,8 @@ from ...errors import PicktreeError
 from ...robots.model import RobotModel
 from ...world.causes import Cause, Failure, control, planning, safety, world
 from ...world.values import Array, Pose
-from ..cartesian.velocity_controller import MAX_TWIST_ANGULAR_SPEED, MAX_TWIST_SPEED, JogController, Twist
+from ..cartesian.twist import MAX_TWIST_ANGULAR_SPEED, MAX_TWIST_SPEED, Twist
+from ..cartesian.velocity_controller import JogController
 from ..safety.contact_guard import ForceGuard
 from ..safety.motion_lease import Lease
 from .control_loop import ControlLoop

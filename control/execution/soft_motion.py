@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Generator
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, TypeAlias, TypeVar
 
 import numpy as np
@@ -16,6 +15,7 @@ from ...world.causes import Failure, control
 from ...world.protocols import Clock
 from ...world.trajectory import Trajectory
 from ...world.values import Array, Vector3
+from ..commands import ContactThresholds, JointImpedanceResult
 from ..joints.external_torque import static_external_torque
 from ..joints.joint_controllers import HoldController
 from ..joints.soft_controller import (
@@ -27,35 +27,6 @@ from ..joints.soft_controller import (
 if TYPE_CHECKING:
     from ..safety.motion_lease import Lease
     from .control_loop import ControlLoop
-
-
-@dataclass(frozen=True, slots=True)
-class ContactThresholds:
-    """Thresholds of a contact, beyond the readings without one."""
-
-    torque: float
-    """External torque of all joints, Euclidean norm, Nm. It shows contacts at any part of the arm."""
-    force: float
-    """Force at the wrist, N."""
-
-
-@dataclass(frozen=True, slots=True)
-class JointImpedanceResult:
-    """Result of a joint-impedance motion, at rest."""
-
-    completed: bool
-    progress: float
-    """Followed part of the trajectory, s."""
-    touched: bool
-    """Whether the arm touched something, gave way to it and stands."""
-    torque: float
-    """Greatest external torque, Nm."""
-    force: float
-    """Greatest force at the wrist, N."""
-    push: Vector3 = (0.0, 0.0, 0.0)
-    """Contact force on the hand, N in the world; zero for a contact at another part."""
-    noticed: Failure | None = None
-    """Failure from `watch` that stopped the motion. None: there was none."""
 
 
 T = TypeVar("T")

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
-from ...control.execution.soft_motion import ContactThresholds, JointImpedanceResult
+from ...control.commands import ContactThresholds, JointImpedanceResult
 from ...planning.requests import DIRECTIONS, ContactPair, Direction, Scaling
 from ...world.causes import Failure
 from ...world.events.skill_events import GaveWayEvent, SafetyAcknowledgedEvent

@@ -7,7 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from picktree.control.cartesian.velocity_controller import JogSetpointGenerator, JogState, Twist
+from picktree.control.cartesian.twist import Twist
+from picktree.control.cartesian.velocity_controller import JogSetpointGenerator, JogState
 from picktree.control.execution.jog_motion import JogFeedback, JogResult
 from picktree.errors import PicktreeError
 from picktree.simulation.backends import Backend

@@ -193,7 +193,7 @@ NODES = (Waits, WaitsWithTheArm, SeesToStops)
 RAISING = '''
 from picktree.trees.skill import ARM, Skill, Steps
 from picktree.world.causes import control
-from picktree.control.cartesian.velocity_controller import Twist
+from picktree.control.cartesian.twist import Twist
 
 
 class Raising(Skill):
