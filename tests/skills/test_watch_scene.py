@@ -23,8 +23,8 @@ class Watched:
         self.cell = Cell(mission("Observe: {camera: overhead}"), items(block=1))
         self.cell.finish()
         self.cell.start(mission(f"WatchScene: {{{ports}, do: {WAIT}}}"))
-        eyes = self.skill_world.world.vision
-        self.began = self.skill_world.world.clock.now
+        eyes = self.cell.world.vision
+        self.began = self.cell.world.clock.now
         self.taken, self.known = list[float](), list[float]()
         self.refuse: Failure | None = None
         self.removed: list[ObjectId] = []
@@ -34,18 +34,18 @@ class Watched:
     @property
     def now(self) -> float:
         """Since the branch began, s."""
-        return round(self.skill_world.world.clock.now - self.began, 6)
+        return round(self.cell.world.clock.now - self.began, 6)
 
     def _glance(self, camera: str) -> Any:
         assert camera == "overhead"
         self.taken.append(self.now)
         if self.refuse is not None:
             raise self.refuse
-        return SimpleNamespace(stamp=self.skill_world.world.clock.now)
+        return SimpleNamespace(stamp=self.cell.world.clock.now)
 
     def _take_in(self, picture: Any) -> Any:
         self.known.append(self.now)
-        self.skill_world.world.vision.newest = picture.stamp
+        self.cell.world.vision.newest = picture.stamp
         return SimpleNamespace(removed=self.removed)
 
     def until(self, seconds: float) -> None:
@@ -63,7 +63,7 @@ class Watched:
 
     def hold(self, *, holds: bool = True) -> None:
         """Believe that the block is held, or no longer."""
-        scene = self.skill_world.world.scene
+        scene = self.cell.world.scene
         (block,) = (o for o in scene.objects if o.role == "item")
         if holds:
             scene.attach(block.id, Pose())
@@ -74,8 +74,8 @@ class Watched:
 def test_pictures_are_taken_at_intervals_and_known_when_they_were_thought_about() -> None:
     watched = Watched()
     thought = list[float]()
-    watched.skill_world.world.thinking.beside = thought.append  # type: ignore[method-assign]
-    cost = watched.skill_world.world.vision.cost = 0.2
+    watched.cell.world.thinking.beside = thought.append  # type: ignore[method-assign]
+    cost = watched.cell.world.vision.cost = 0.2
     watched.until(1.6)
     assert watched.taken == pytest.approx([0.0, 0.5, 1.0, 1.5])
     assert watched.known == pytest.approx([0.2, 0.7, 1.2])
@@ -84,7 +84,7 @@ def test_pictures_are_taken_at_intervals_and_known_when_they_were_thought_about(
 
 def test_one_picture_is_thought_about_at_a_time() -> None:
     watched = Watched("every: 100 ms")
-    watched.skill_world.world.vision.cost = 0.3
+    watched.cell.world.vision.cost = 0.3
     watched.until(0.7)
     assert watched.taken == pytest.approx([0.0, 0.3, 0.6])
     assert watched.known == pytest.approx([0.3, 0.6])
@@ -92,16 +92,16 @@ def test_one_picture_is_thought_about_at_a_time() -> None:
 
 def test_a_picture_older_than_what_is_known_says_nothing() -> None:
     watched = Watched()
-    watched.skill_world.world.vision.cost = 0.2
+    watched.cell.world.vision.cost = 0.2
     watched.until(0.15)
-    watched.skill_world.world.vision.newest = watched.began  # somebody else has looked in that moment
+    watched.cell.world.vision.newest = watched.began  # somebody else has looked in that moment
     watched.until(0.5)
     assert (watched.taken, watched.known) == ([0.0], [])
 
 
 def test_what_is_seen_to_be_gone_has_no_history() -> None:
     watched = Watched()
-    attempts = watched.skill_world.world.attempts
+    attempts = watched.cell.world.attempts
     attempts.failed("Main/Grasp", ObjectId("gone"), "top 0")
     watched.removed = [ObjectId("gone")]
     watched.until(0.4)
@@ -112,7 +112,7 @@ def test_what_is_seen_to_be_gone_has_no_history() -> None:
 def test_while_something_is_taken_or_let_go_no_picture_counts() -> None:
     for holds in (True, False):
         watched = Watched("every: 200 ms")
-        watched.skill_world.world.vision.cost = 0.1
+        watched.cell.world.vision.cost = 0.1
         watched.hold(holds=True)
         if not holds:
             watched.until(0.8)
@@ -137,7 +137,7 @@ def test_while_something_is_taken_or_let_go_no_picture_counts() -> None:
 )
 def test_fingers_that_move_around_something_stop_the_looking(holds: bool, width: float, pause: float) -> None:
     watched = Watched("every: 50 ms")
-    watched.skill_world.world.vision.cost = 0.0
+    watched.cell.world.vision.cost = 0.0
     watched.width(0.0)
     if holds:
         watched.hold()
@@ -175,7 +175,7 @@ def test_another_refusal_of_the_camera_is_a_failure_at_once() -> None:
 def test_a_picture_that_was_thought_about_when_it_was_saved_or_halted_is_not_kept() -> None:
     for how in ("save", "halt", "neither"):
         watched = Watched("every: 2 s")
-        watched.skill_world.world.vision.cost = 0.3
+        watched.cell.world.vision.cost = 0.3
         watched.until(0.1)
         assert watched.taken == [0.0]
         if how == "save":
@@ -201,7 +201,7 @@ def test_what_is_held_from_the_beginning_keeps_nobody_from_looking() -> None:
 
 def test_a_picture_of_an_earlier_start_is_not_taken_in() -> None:
     watched = Watched()
-    watched.skill_world.world.vision.cost = 0.3
+    watched.cell.world.vision.cost = 0.3
     short = "{Delay: {delay_msec: 100 ms, do: AlwaysSuccess}}"
     body = f"{{WatchScene: {{every: 10 s, do: {short}}}}}"
     watched.cell.start(mission(f"Repeat: {{num_cycles: 5, do: {body}}}"))
