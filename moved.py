@@ -18,12 +18,13 @@ if TYPE_CHECKING:
 
 # Without the package's name, so that they remain as they are when all names in the sources are rewritten.
 MODULES: Final[Mapping[str, str]] = {
+    "analysis.replay.cursor": "analysis.cursor",
     "batch.batch": "batch.workers.batch",
     "batch.cluster.executor": "batch.cluster.ray_executor",
-    "cell.handover": "cell.handover",
-    "cell.operator_desk": "cell.operator_desk",
-    "cell.vision": "cell.vision",
-    "cell.world": "cell.world",
+    "cell.handover": "skill_world.handover",
+    "cell.operator_desk": "skill_world.operator_desk",
+    "cell.vision": "skill_world.vision",
+    "cell.world": "skill_world.world",
     "logs.comparing.alignment": "analysis.compare.alignment",
     "logs.comparing.first_difference": "analysis.compare.divergence",
     "logs.operators": "session.observer",
@@ -32,7 +33,7 @@ MODULES: Final[Mapping[str, str]] = {
     "logs.resimulation.whatif": "analysis.resim.whatif",
     "logs.resuming.resumption": "session.resume.resumption",
     "logs.session": "session.session",
-    "logs.stepping.cursor": "analysis.replay.cursor",
+    "logs.stepping.cursor": "analysis.cursor",
     "trees.debugger": "session.debugger",
     "trees.drawing.charting": "authoring.drawing.chart_builder",
     "trees.drawing.svg": "authoring.drawing.formats.svg",
@@ -48,7 +49,7 @@ MODULES: Final[Mapping[str, str]] = {
     "world.robot.model": "robots.model",
     "world.scene.load": "world.scene.loading.scene_loading",
     "world.scene.planning_scene": "world.belief.planning_scene",
-    "world.world": "cell.world",
+    "world.world": "skill_world.world",
 }
 """New name of a module by its old one."""
 NAMES: Final[Mapping[str, str]] = {

@@ -11,8 +11,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ..perception.segmentation import blobs
-from ..perception.segmentation.blobs import connected_patches
+from ..perception import segmentation
+from ..perception.segmentation import connected_patches
 from ..world.protocols import Intrinsics, RgbdImage
 from ..world.scene.calibration_results import TargetTile
 from ..world.values import Array, Pose
@@ -48,7 +48,7 @@ def detect_tiles(image: RgbdImage, tiles: Sequence[TargetTile]) -> tuple[Detecte
     Items may have the squares' colours: what counts is that their distances are those of the target. Next to
     what is nearer, such as the fingers of the hand, a square is taken to be hidden in part.
     """
-    label = blobs.labels(image.colour)
+    label = segmentation.labels(image.colour)
     patches: list[_Patch] = []
     for index, tile in enumerate(tiles):
         patches += _patches(image, label, index, tile.colour)
@@ -81,7 +81,7 @@ def _patches(image: RgbdImage, label: NDArray[np.uint8], index: int, colour: str
     """Return the regions of that colour that neither the image border nor a nearer surface cuts off."""
     image_height, image_width = label.shape
     found: list[_Patch] = []
-    for rows, columns in connected_patches(np.equal(label, blobs.label_of(colour)), MIN_TILE_AREA):
+    for rows, columns in connected_patches(np.equal(label, segmentation.label_of(colour)), MIN_TILE_AREA):
         upper, left = int(rows.min()), int(columns.min())
         lower, right = int(rows.max()) + 1, int(columns.max()) + 1
         if min(upper, left) == 0 or lower == image_height or right == image_width:

@@ -16,6 +16,7 @@ from ..world.protocols import RgbdImage
 from ..world.scene.description import SceneDescription
 from ..world.shapes import top
 from ..world.values import Array, Pose
+from . import segmentation
 from .expectation.backdrop import (
     MIN_FRONT_DEPTH,
     BackgroundModel,
@@ -40,8 +41,7 @@ from .fitting.known_object_fitting import NEAR_DEPTH_SIGMA, TrackedSighting, tra
 from .fitting.view import Detection, PerceivedView, UnexplainedPatch, bin_height_map
 from .geometry.camera_geometry import PosedCamera, register_hand_camera
 from .geometry.resting_poses import HoleMouths, stable_poses
-from .segmentation import blobs
-from .segmentation.blobs import (
+from .segmentation import (
     Blob,
     PixelPatch,
     SegmentationInput,
@@ -153,7 +153,7 @@ class Perception:
         depth = np.where(np.isfinite(image.depth), image.depth, 0.0).astype(np.float64)
         believed = PosedCamera.at(image.intrinsics, image.camera_in_world)
         backdrop = self._backdrop(believed, image)
-        label = blobs.labels(image.colour)
+        label = segmentation.labels(image.colour)
         held = scene.held
         in_hand = None if held is None or held.object_in_tcp is None else (held.shape, held.object_in_tcp)
         if moving:
@@ -245,7 +245,7 @@ class _Finding:
         usable = (picture.label > 0) & ~picture.blocked
         if self.backdrop.label.any():
             usable &= self._is_more_than_paint()
-        present = np.flatnonzero(np.bincount(picture.label[usable], minlength=len(blobs.LABEL_NAMES)))
+        present = np.flatnonzero(np.bincount(picture.label[usable], minlength=len(segmentation.LABEL_NAMES)))
         patches = [
             picture.claim(rows, columns, int(label))
             for label in present

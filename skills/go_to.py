@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from ..manipulation.motion.replanning import follow_with_replanning
+from ..manipulation.replanning import follow_with_replanning
 from ..planning.requests import NamedGoal
 from ..trees.ports import In, port
 from ..trees.skill import ARM, Skill, Steps

@@ -32,6 +32,7 @@ MEASURING = {
     "commissioning/calibration_job.py",
     "session/live_view.py",
     "session/observer.py",
+    "api/batches.py",
     "analysis/report/report.py",
     "analysis/resim/resim.py",
     "analysis/render/film.py",

@@ -136,7 +136,7 @@ def replay(
     at: Annotated[float, typer.Option(metavar="TIME", min=0.0, help="Where to begin, simulated s.")] = 0.0,
 ) -> None:
     """Step through a run: tree, belief, what changed. With keys at a terminal; else commands from stdin."""
-    from ...analysis.replay.cursor import Cursor
+    from ...analysis.cursor import Cursor
     from ...analysis.run import Run
     from ..terminal.command_prompt import complete_with, line_reader
     from .replay_prompt import ReplayPrompt

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 
-from ...analysis.replay.cursor import Cursor, CursorChanges
+from ...analysis.cursor import Cursor, CursorChanges
 from ...files.node_patterns import short_names
 from ...logs.run_log import Stamped
 from ...logs.schema.records import Plan, TransitionRecord

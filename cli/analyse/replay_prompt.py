@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Literal, TextIO, TypeAlias
 
-from ...analysis.replay.cursor import Cursor, Edge
+from ...analysis.cursor import Cursor, Edge
 from ...errors import PicktreeError
 from ...files.node_patterns import find_node, find_nodes, short_names
 from ..terminal.command_prompt import Command, CommandPrompt

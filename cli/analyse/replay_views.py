@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 
-from ...analysis.replay.cursor import Cursor
+from ...analysis.cursor import Cursor
 from ...files.node_patterns import find_node
 from ...logs.schema.records import NodeStatusRecord, TreeNode, Values
 from ...logs.visits import Visit

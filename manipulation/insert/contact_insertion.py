@@ -13,7 +13,7 @@ from ...planning.requests import PoseGoal
 from ...world.belief.hole_matching import find_hole, fits_hole, fitting_hole, occupied
 from ...world.causes import Failure, grasp, insert, place, planning
 from ..carry.hold_check import fail_as_slipped, measure_grip, release_held_object
-from ..motion.replanning import follow_with_replanning
+from ..replanning import follow_with_replanning
 from .insertion import SEARCH_HEIGHT, InsertionTask, fit, inserted_pose, mouth, peg, poses_over
 
 if TYPE_CHECKING:

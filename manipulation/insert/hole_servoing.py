@@ -17,7 +17,7 @@ from ...world.events.skill_events import ServoEvent
 from ...world.protocols import Intrinsics
 from ...world.shapes import corners
 from ...world.values import Array, ObjectId, Pose
-from ..motion.replanning import follow_with_replanning
+from ..replanning import follow_with_replanning
 
 if TYPE_CHECKING:
     from ...control.execution.trajectory_motion import Doing

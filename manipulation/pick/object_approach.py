@@ -11,7 +11,7 @@ from ...world.causes import world as world_causes
 from ...world.values import ObjectId
 from ..grasp.grasp_candidates import grasp_candidates
 from ..grasp.straight_lines import descend_until_contact
-from ..motion.replanning import ReplanBudget, TargetMoved, TargetWatch, plan_after_stop
+from ..replanning import ReplanBudget, TargetMoved, TargetWatch, plan_after_stop
 from .pick_candidates import PLACE_STAGE, PickPlaceCandidate, count_rejections, describe_rejections
 from .pick_stream import CandidateSearch
 from .transfer_requests import plan_transfer_ahead

@@ -13,8 +13,8 @@ from ..carry.hold_check import GripCheck
 from ..carry.weighing import LiftWeighing, payload_force, register_payload, update_payload_mass
 from ..grasp.compliant_closing import GripForce, close, grip_force
 from ..grasp.straight_lines import LIFT_GUARD_FORCE, lift
-from ..motion.replanning import ReplanBudget
 from ..place.dropped_objects import release_object
+from ..replanning import ReplanBudget
 from .object_approach import ApproachedPick, PickTask
 from .pick_candidates import PickPlaceCandidate
 from .transfer_requests import plan_transfer_from_here, take_transfer

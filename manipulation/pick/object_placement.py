@@ -16,8 +16,8 @@ from ...world.values import ObjectId, Pose
 from ..carry.hold_check import check_held_object, confirm_release, release_held_object
 from ..carry.weighing import GripMonitor, is_fragile, payload_force, update_payload_mass
 from ..grasp.straight_lines import lower, withdraw
-from ..motion.replanning import PlaceWatch, PutDownWatch, ReplanBudget, plan_after_stop
 from ..place.release_poses import bin_target, blocked, levels, place_candidates, put_down_poses
+from ..replanning import PlaceWatch, PutDownWatch, ReplanBudget, plan_after_stop
 from .transfer_requests import lower_request
 
 if TYPE_CHECKING:

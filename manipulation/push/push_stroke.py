@@ -18,7 +18,7 @@ from ...world.planar_geometry import PlanarOutline, PlanarPose, moved, outline, 
 from ...world.scene.description import Fixture
 from ...world.shapes import Box, bottom, top
 from ...world.values import Array, ObjectId, Pose
-from ..motion.replanning import follow_with_replanning
+from ..replanning import follow_with_replanning
 from .push_arcs import height
 from .stroke_course import SLOW_PUSH_SPEED, PushMotion
 from .stroke_planning import PushStroke

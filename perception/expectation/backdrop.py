@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from ...world.scene.description import NO_UNCERTAINTY, Bin, Fixture, SceneDescription
 from ...world.shapes import Box, Shape, corners, ray_hits, top
 from ...world.values import Array, Pose
+from .. import segmentation
 from ..geometry.camera_geometry import PosedCamera
 from ..geometry.resting_poses import spread
-from ..segmentation import blobs
 
 WALL_MARGIN = 0.012
 """Distance from a bin's wall within which depth cannot be told from the wall, m."""
@@ -34,7 +34,7 @@ class BackgroundModel:
     guard: NDArray[np.float64]
     """Depth of walls and of fixtures other than the table, swollen by their margins, m; inf elsewhere."""
     label: NDArray[np.uint8]
-    """Label of the painted colour, see `blobs.NAMES`."""
+    """Label of the painted colour, see `segmentation.NAMES`."""
     table: NDArray[np.bool_]
     """Pixels where the table top is seen."""
     in_bin: NDArray[np.bool_]
@@ -92,7 +92,7 @@ class _Scene:
         window, depth = self._cast(shape, pose)
         nearer = depth < self.depth[window]
         self.depth[window][nearer] = depth[nearer]
-        self.label[window][nearer] = blobs.label_of(colour)
+        self.label[window][nearer] = segmentation.label_of(colour)
         self.owner[window][nearer] = owner
 
     def shield(self, shape: Shape, pose: Pose, margin: float, *, belt: bool = False) -> None:

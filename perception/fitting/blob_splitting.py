@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ...world.shapes import ray_hits
 from ...world.values import Array
 from ..geometry.silhouette_fitting import silhouette
-from ..segmentation.blobs import Blob, Pixels, SegmentationInput, outline_patch
+from ..segmentation import Blob, Pixels, SegmentationInput, outline_patch
 from .item_fitting import Hypothesis, ItemFitter
 
 MAX_PARTS = 4

@@ -14,7 +14,7 @@ from ..expectation.backdrop import SupportSurface
 from ..geometry.camera_geometry import PosedCamera
 from ..geometry.resting_poses import StablePose
 from ..geometry.silhouette_fitting import OUTLIER_SIGMAS, StandingPose, fit_outline, likely_turns, silhouette
-from ..segmentation.blobs import LABEL_NAMES, Blob
+from ..segmentation import LABEL_NAMES, Blob
 from .view import Detection
 
 HEIGHT_GATE = 0.009

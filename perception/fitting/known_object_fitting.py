@@ -18,7 +18,7 @@ from ...world.belief.planning_scene import BeliefObject
 from ...world.values import Array, ObjectId, Pose
 from ..geometry.resting_poses import StablePose
 from ..geometry.silhouette_fitting import StandingPose, polygon_area, silhouette
-from ..segmentation.blobs import Blob, Pixels, SegmentationInput, connected_patches, label_of, outline_patch
+from ..segmentation import Blob, Pixels, SegmentationInput, connected_patches, label_of, outline_patch
 from .item_fitting import Hypothesis, ItemFitter
 
 DEPTH_STEP = 0.008

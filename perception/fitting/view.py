@@ -16,11 +16,11 @@ from numpy.typing import NDArray
 from ...world.scene.description import Bin, Form
 from ...world.shapes import Box, Shape, Sphere, ray_hits
 from ...world.values import Array, ObjectId, Pose
+from .. import segmentation
 from ..expectation.robot_mask import fill
 from ..geometry.camera_geometry import PosedCamera
 from ..geometry.resting_poses import body_points
-from ..segmentation import blobs
-from ..segmentation.blobs import SegmentationInput
+from ..segmentation import SegmentationInput
 
 MIN_DEPTH_BEHIND = 0.010
 """Depth beyond a body's believed surface from which the body is not there, m."""
@@ -118,7 +118,7 @@ class PerceivedView:
     depth: Array
     """Depth of each pixel (h, w), m; 0 where unknown."""
     label: NDArray[np.uint8]
-    """Label of each pixel's colour (h, w), see `blobs.NAMES`."""
+    """Label of each pixel's colour (h, w), see `segmentation.NAMES`."""
     blocked: NDArray[np.bool_]
     """Pixels without information (h, w): robot, held object, walls."""
     reach: NDArray[np.float32]
@@ -145,7 +145,7 @@ class PerceivedView:
         )
         depth, label = self.depth[rows, columns], self.label[rows, columns]
         known = np.isfinite(surface) & ~self.blocked[rows, columns] & (depth > 0)
-        own = blobs.label_of(colour)
+        own = segmentation.label_of(colour)
         there = label == own if own else np.abs(depth - surface) <= MIN_DEPTH_BEHIND
         visible = known & (there | (depth > surface - MIN_DEPTH_BEHIND))
         return BodyVisibility(total, int(visible.sum()), int((visible & ~there).sum()))

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from ...world.shapes import Box
 from ...world.values import Array, Pose
+from .. import segmentation
 from ..fitting.view import PerceivedView, UnexplainedPatch
-from ..segmentation import blobs
-from ..segmentation.blobs import Pixels, SegmentationInput, connected_patches
+from ..segmentation import Pixels, SegmentationInput, connected_patches
 from .voxel_grid import CELL_SIZE, HALF_DIAGONAL, NO_CELLS, Indices, Keys, cell_centres, cell_keys
 
 MIN_RAISED_DEPTH = 0.012
@@ -95,7 +95,7 @@ def bounding_box_of(
     labels = picture.label[rows, columns]
     label = int(np.bincount(labels).argmax())
     pose = Pose.from_rpy(middle, (0.0, 0.0, math.radians(turn)))
-    return UnexplainedPatch(Box(size), pose, blobs.LABEL_NAMES[label] or "grey", rows, columns)
+    return UnexplainedPatch(Box(size), pose, segmentation.LABEL_NAMES[label] or "grey", rows, columns)
 
 
 def points_of(picture: SegmentationInput, rows: Pixels, columns: Pixels) -> Array:

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from picktree.analysis import Run
-from picktree.analysis.replay.cursor import Cursor
+from picktree.analysis.cursor import Cursor
 from picktree.errors import PicktreeError
 from picktree.files.node_patterns import find_node, find_nodes
 from picktree.logs.schema.records import TransitionRecord, WriteRecord

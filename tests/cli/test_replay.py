@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from picktree.analysis import Run
-from picktree.analysis.replay.cursor import Cursor
+from picktree.analysis.cursor import Cursor
 from picktree.cli.analyse.replay_prompt import ReplayPrompt
 from picktree.cli.analyse.replay_screen import KEYS
 from picktree.cli.app import answer

@@ -11,7 +11,7 @@ import pytest
 
 from picktree.manipulation.pick.visual_servoing import match_patches
 from picktree.perception.fitting.known_object_fitting import TrackedSighting, split_at_depth_steps
-from picktree.perception.segmentation.blobs import Pixels
+from picktree.perception.segmentation import Pixels
 from picktree.trees.status import NodeStatus
 from picktree.world.belief.planning_scene import BeliefObject
 from picktree.world.scene.description import SceneDescription

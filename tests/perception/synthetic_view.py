@@ -7,9 +7,9 @@ from types import MappingProxyType
 
 import numpy as np
 
+from picktree.perception import segmentation
 from picktree.perception.fitting.view import PerceivedView, UnexplainedPatch
 from picktree.perception.geometry.camera_geometry import PosedCamera
-from picktree.perception.segmentation import blobs
 from picktree.world.protocols import Intrinsics
 from picktree.world.shapes import Box
 from picktree.world.values import Array, Pose
@@ -51,4 +51,4 @@ def patch_of(*pixels: tuple[int, int], colour: str = "grey") -> UnexplainedPatch
 
 
 def painted(colour: str) -> Array:
-    return np.full((HIGH, WIDE), blobs.label_of(colour))
+    return np.full((HIGH, WIDE), segmentation.label_of(colour))

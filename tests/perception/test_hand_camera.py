@@ -13,7 +13,7 @@ import pytest
 from picktree.perception.expectation.robot_mask import RobotMask
 from picktree.perception.geometry.camera_geometry import PosedCamera, register_hand_camera
 from picktree.perception.pipeline import Perception
-from picktree.perception.segmentation.blobs import downsample
+from picktree.perception.segmentation import downsample
 from picktree.planning.kinematics.inverse_kinematics import InverseKinematics
 from picktree.simulation.kinematic.backend import KinematicHardware
 from picktree.simulation.physics.backend import PhysicsHardware

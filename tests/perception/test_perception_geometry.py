@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from picktree.perception import segmentation
 from picktree.perception.expectation.backdrop import BackgroundModel, level_camera
 from picktree.perception.geometry.camera_geometry import PosedCamera
 from picktree.perception.geometry.resting_poses import stable_poses
@@ -19,7 +20,6 @@ from picktree.perception.geometry.silhouette_fitting import (
     silhouette,
     support,
 )
-from picktree.perception.segmentation import blobs
 from picktree.world.colours import ITEM_COLOURS
 from picktree.world.protocols import Intrinsics
 from picktree.world.scene.description import CatalogueEntry
@@ -86,13 +86,13 @@ def test_every_named_colour_is_told_in_light_and_shade() -> None:
     for name, rgb in ITEM_COLOURS.items():
         for light in (1.0, 0.7, 0.45):
             pixel = np.round(np.array([[rgb]]) * 255 * light).astype(np.uint8)
-            assert blobs.LABEL_NAMES[int(blobs.labels(pixel)[0, 0])] == name
+            assert segmentation.LABEL_NAMES[int(segmentation.labels(pixel)[0, 0])] == name
 
 
 def test_greys_have_no_colour() -> None:
     greys = np.array([[[v, v, v] for v in (0, 20, 90, 200, 255)]], dtype=np.uint8)
-    assert (blobs.labels(greys) == 0).all()
-    assert blobs.label_of("grey") == blobs.label_of("unknown") == 0
+    assert (segmentation.labels(greys) == 0).all()
+    assert segmentation.label_of("grey") == segmentation.label_of("unknown") == 0
 
 
 @pytest.mark.parametrize(

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from picktree.perception import segmentation
 from picktree.perception.fitting.view import PerceivedView
-from picktree.perception.segmentation import blobs
-from picktree.perception.segmentation.blobs import Pixels, SegmentationInput
+from picktree.perception.segmentation import Pixels, SegmentationInput
 from picktree.perception.voxels.space_carving import (
     bounding_box_of,
     occupied_cells,
@@ -261,7 +261,7 @@ def test_the_box_has_the_colour_of_most_of_its_pixels() -> None:
     for red, colour in ((31, "grey"), (33, "red")):
         seen = picture(raised(0.1, SQUARE))
         rows, columns = pixels(SQUARE)
-        seen.label[rows[:red], columns[:red]] = blobs.label_of("red")
+        seen.label[rows[:red], columns[:red]] = segmentation.label_of("red")
         box = bounding_box_of(seen, rows, columns, support=0.0)
         assert box is not None and box.colour == colour
 

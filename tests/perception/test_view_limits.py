@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pytest
 
+from picktree.perception import segmentation
 from picktree.perception.fitting.view import BinView, BodyVisibility, Detection
-from picktree.perception.segmentation import blobs
 from picktree.world.shapes import Box, Sphere
 from picktree.world.values import Array, Pose
 
@@ -84,7 +84,7 @@ def test_pixels_that_tell_nothing_count_in_the_total_alone() -> None:
     view = synthetic_view(HEIGHT, blocked=blocked)
     assert view.look(BODY, at(0.0, 0.0), "grey") == BodyVisibility(121, 66, 66)
     label = painted("red")
-    label[15:18, 25:36] = blobs.label_of("blue")
+    label[15:18, 25:36] = segmentation.label_of("blue")
     view = synthetic_view(TOP, label=label)
     assert view.look(BODY, at(0.0, 0.0), "red") == BodyVisibility(121, 121, 33)
 

@@ -173,7 +173,7 @@ def test_a_planner_s_refusal_to_begin_gets_the_arm_clear_once(monkeypatch: pytes
 
         with monkeypatch.context() as patch:
             patch.setattr(CandidateSearch, "find", finding)
-            patch.setattr("picktree.manipulation.motion.replanning.escape_contact", escaping)
+            patch.setattr("picktree.manipulation.replanning.escape_contact", escaping)
             cell.start(mission(f"Grasp: {{object: {block}, onward: false}}"))
             cell.finish()
         assert len(escapes) == cleared

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from picktree.manipulation.motion.replanning import MAX_REPLANS
+from picktree.manipulation.replanning import MAX_REPLANS
 from picktree.perception.fitting.view import BinView
 from picktree.planning.service.trajectory_gate import TrajectoryGate
 from picktree.simulation.kinematic.backend import KinematicHardware

@@ -8,11 +8,11 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Literal, TypeAlias, TypeVar
 
-from ...errors import PicktreeError
-from ...files.node_patterns import find_nodes
-from ...logs.run_log import Stamped
-from ...logs.schema.event_records import BeliefEvent
-from ...logs.schema.records import (
+from ..errors import PicktreeError
+from ..files.node_patterns import find_nodes
+from ..logs.run_log import Stamped
+from ..logs.schema.event_records import BeliefEvent
+from ..logs.schema.records import (
     Control,
     Joints,
     Plan,
@@ -23,10 +23,10 @@ from ...logs.schema.records import (
     WrenchReading,
     WriteRecord,
 )
-from ...logs.series import TickAt
-from ...logs.visits import Visit, ticks_with_trees
-from ...world.journal import JournalEvent
-from ..run import Run
+from ..logs.series import TickAt
+from ..logs.visits import Visit, ticks_with_trees
+from ..world.journal import JournalEvent
+from .run import Run
 
 
 @dataclass(frozen=True, slots=True)

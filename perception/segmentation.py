@@ -10,11 +10,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ...world.colours import ITEM_COLOURS
-from ...world.protocols import Intrinsics, RgbdImage
-from ...world.values import Array
-from ..geometry.camera_geometry import PosedCamera
-from ..geometry.silhouette_fitting import BlobOutline, support
+from ..world.colours import ITEM_COLOURS
+from ..world.protocols import Intrinsics, RgbdImage
+from ..world.values import Array
+from .geometry.camera_geometry import PosedCamera
+from .geometry.silhouette_fitting import BlobOutline, support
 
 MIN_SATURATION = 128
 """Saturation (of 255) above which a pixel is coloured. Items are above, fixtures and robot below."""

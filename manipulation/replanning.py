@@ -6,19 +6,19 @@ import math
 from collections.abc import Callable
 from typing import TYPE_CHECKING, TypeVar
 
-from ...planning.requests import MotionPlan
-from ...skill_world.handover import PlaceCandidate
-from ...world.belief.planning_scene import BeliefObject
-from ...world.causes import Cause, Failure, place, planning
-from ...world.causes import world as world_causes
-from ...world.events.skill_events import ReplannedEvent
-from ...world.values import Pose
-from ..place.release_poses import bin_target, blocked, free_drop_height
-from ..retreat.clearing import escape_contact
+from ..planning.requests import MotionPlan
+from ..skill_world.handover import PlaceCandidate
+from ..world.belief.planning_scene import BeliefObject
+from ..world.causes import Cause, Failure, place, planning
+from ..world.causes import world as world_causes
+from ..world.events.skill_events import ReplannedEvent
+from ..world.values import Pose
+from .place.release_poses import bin_target, blocked, free_drop_height
+from .retreat.clearing import escape_contact
 
 if TYPE_CHECKING:
-    from ...control.execution.trajectory_motion import Doing, Watch
-    from ...skill_world.world import World
+    from ..control.execution.trajectory_motion import Doing, Watch
+    from ..skill_world.world import World
 
 
 MIN_TARGET_DISPLACEMENT, MIN_TARGET_ROTATION = 0.008, math.radians(12.0)

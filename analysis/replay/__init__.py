@@ -1,1 +1,0 @@
-"""Replay of a run: a cursor over its ticks, without a terminal."""

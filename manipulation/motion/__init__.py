@@ -1,1 +1,0 @@
-"""Monitored motions and replanning."""

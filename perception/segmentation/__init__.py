@@ -1,1 +1,0 @@
-"""Segmentation of pictures into patches of one colour."""
