@@ -134,6 +134,8 @@ def test_recorded_skill_has_a_log(cell: pt.Cell, tmp_path: Path) -> None:
         (visit,) = (visit for visit in run.visits if visit.id == "Grasp")
         assert (visit.item, visit.outcome) == (item, "SUCCESS")
         assert run.ticks.times[0] == pytest.approx(cell.time - result.seconds)
+        assert run.result is not None
+        assert run.result.status == "success"  # though eleven items are not where they belong
 
 
 def test_belief_says_what_there_is(cell: pt.Cell) -> None:
