@@ -14,7 +14,7 @@ from .run_log import Stamped
 from .visits import HALTED, Visit
 
 Fate: TypeAlias = Literal["cured", "passed_over", "branched", "ended", "open"]
-"""What became of a failure.
+"""Outcome of a failure.
 
 `cured`: recovery ran and what had failed then succeeded. `passed_over`: nothing cured it, and a loop went on
 with the next item. `branched`: a Fallback or another node went another way, as its mission says. `ended`: it
@@ -51,7 +51,7 @@ class CureAttempt:
     seconds: float
     """Simulated s that it took."""
     ran: str = ""
-    """What the handler ran, as a reader knows it: a sub-tree, or the nodes of a list."""
+    """Name of the handler for a reader: its sub-tree, or the nodes of its list."""
 
 
 class VisitTree:
@@ -121,7 +121,7 @@ BRANCHING = frozenset(
 AGAIN = "again"
 """Handler of a node that just runs its child again."""
 GIVE_UP = "give_up"
-"""What a node runs before it fails for good."""
+"""Slot of the child that a node runs before it fails for good."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -229,7 +229,7 @@ class FailureCourses:
         return CureAttempt(parent.path, label, cure.start, attempt, cure.outcome, cure.duration, ran)
 
     def _given_up(self, parent: Visit, failed: Visit) -> list[CureAttempt]:
-        """What the parent still ran after the failure with which it then failed."""
+        """Return the last run that the parent still made after the failure with which it then failed."""
         if parent.last == failed.last and parent.id not in ("Recover", "RecoveryNode"):
             return []
         noted = next((at for at in self._recoveries if _answers(at, parent, failed)), None)

@@ -14,7 +14,7 @@ from .status import NodeStatus
 
 
 class Then(Enum):
-    """What the result of a child leads to, other than the end of the node."""
+    """Consequence of a child's result other than the end of the node."""
 
     NEXT = auto()
     """Tick of the next child. Past the last child the node ends as this child; SKIPPED only if all were."""
@@ -78,7 +78,7 @@ class ChildFlow:
         return isinstance(self, Branch | Choice) or (type(self) is ChildFlow and not self.own)
 
     def of(self, status: NodeStatus) -> Lead:
-        """What a child's result leads to."""
+        """Return the consequence of a child's result."""
         match status:
             case NodeStatus.SUCCESS:
                 return self.success
@@ -157,7 +157,7 @@ class Recovery(ChildFlow):
     resort: str = ""
     """Slot of the child that runs before the node fails for good; empty: none."""
     skipped_handler: Lead = AGAIN
-    """What a skipped handler leads to."""
+    """Consequence of a skipped handler."""
 
 
 Flow: TypeAlias = LeafFlow | ChildFlow

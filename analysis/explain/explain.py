@@ -57,7 +57,7 @@ def _cut_off(run: RunRecord, visits: Sequence[Visit], end: float) -> str:
 
 
 def _doing(visits: Sequence[Visit]) -> str:
-    """What ran when the log ended."""
+    """Return the nodes that ran when the log ended, as a phrase."""
     running = [v for v in visits if v.outcome == "RUNNING"]
     if not running:
         return ""
@@ -100,7 +100,7 @@ WATCH = {
 def key_moments(
     causes: Sequence[RootCause], failures: Sequence[FailureStory], outcome: ExplainedOutcome
 ) -> tuple[KeyMoment, ...]:
-    """For each root cause when it happened and when it first showed; then what ended the run."""
+    """Return when each root cause happened and first showed, then what ended the run."""
     found: list[KeyMoment] = []
 
     def add(look: KeyMoment) -> None:

@@ -98,7 +98,7 @@ class ExplanationText:
             yield f"  … {counted(len(causes) - len(shown), 'more root cause')} that cost less (--all)"
 
     def _cost(self, cause: RootCause) -> str:
-        """What came of it."""
+        """Return the consequences of a root cause: goal, failures, lost time."""
         failures = [self._found.failures[n] for n in cause.failures]
         status = self._found.outcome.status
         if cause.ended_run:
@@ -156,7 +156,7 @@ def _timeline(item: ItemStory, width: int, everything: bool) -> str:
 
 
 _BRIEF = re.compile(r",? (?:for the first time|at x|\().*")
-"""What is left out of the timeline of an item that nothing happened to."""
+"""Parts left out of the timeline of an item that nothing happened to."""
 
 
 def _sentence(text: str) -> str:
@@ -208,7 +208,7 @@ def to_json_text(run: Run, found: Explanation) -> str:
 
 
 def notes_on(run: Run) -> tuple[str, ...]:
-    """What the reader should know of this log before he believes what is said."""
+    """Return the limits of this log that a reader should know before believing the explanation."""
     notes: list[str] = []
     if run.recovered:
         notes.append(run.recovered.removeprefix(f"{run.path}: "))

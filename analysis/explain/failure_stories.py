@@ -88,7 +88,7 @@ def _of_plans(refused: list[Stamped[Plan]], plans: int, item: str) -> CandidateC
 
 _IN_MOTION = ("world.disturbed", "safety.", "control.")
 LATELY = 5.0
-"""What happened so long before a failure is told with it, s."""
+"""Time before a failure whose events are told with it, s."""
 
 
 def failure_context(

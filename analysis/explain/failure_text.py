@@ -48,7 +48,7 @@ def _title(found: Episodes) -> str:
 
 
 def _by(found: CauseCount) -> str:
-    """What cured it, else what was tried in vain."""
+    """Return the nodes that cured it, else those that were tried in vain."""
     cured = [each for each in found.by_cure if each.cured]
     if cured:
         return ", ".join(each.cure if len(cured) == 1 else f"{each.cure} ({each.cured})" for each in cured)
@@ -136,7 +136,7 @@ class FailureText:
         yield from wrapped(self._course(story), _BODY)
 
     def _course(self, story: FailureStory) -> str:
-        """From the first node that failed with it to who stopped it."""
+        """Return the way of a failure, from the first node that failed with it to the one that stopped it."""
         parts: list[str] = []
         way = [self._names.get(link.path, link.path) for link in story.chain if link.outcome == "FAILURE"]
         way = list(dict.fromkeys(way))

@@ -1,4 +1,4 @@
-"""What happened to each item, as the robot believed."""
+"""Item stories: the events of each item, as the robot believed."""
 
 from __future__ import annotations
 

@@ -35,7 +35,7 @@ RULES: tuple[Callable[[LintModel], Iterable[Diagnostic]], ...] = (
 
 
 def lint(mission: Mission, known: SceneNames | None = None) -> tuple[Diagnostic, ...]:
-    """What the rules find in a mission without errors; `known` are the names of its scene and robot.
+    """Return the findings of the rules in a mission without errors; `known`: names of its scene and robot.
 
     In the order of the file. Only what stands in the mission's own file: others are judged by themselves.
     """

@@ -130,7 +130,7 @@ def _shares(spec: NodeSpec, resource: Resource) -> bool:
 
 
 def users(survey: LintModel, spec: NodeSpec) -> Users:
-    """What a branch uses, with the first node in it that does, before it one that does not share it; what is
+    """Return the resources of a branch with their first user; one that does not share comes first. What is
     never reached does not count."""
     found: dict[Resource, NodeSpec] = {}
     for part in spec.iterate():

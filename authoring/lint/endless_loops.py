@@ -44,7 +44,7 @@ class BranchEffects:
 
 
 def changes_of(branches: Iterable[NodeSpec], trees: Mapping[str, TreeSpec]) -> BranchEffects:
-    """What the branches may change, seen from the tree in which they stand."""
+    """Return the possible changes by the branches, seen from the tree in which they stand."""
     acts, keys = False, set[str]()
     for branch in branches:
         for spec in branch.iterate():
@@ -101,7 +101,7 @@ class NodeContext:
     beside: bool = False
 
     def below(self, spec: NodeSpec, child: NodeSpec, survey: LintModel) -> NodeContext:
-        """That of a child."""
+        """Return the context of a child."""
         stopped = self.stopped or "_while" in spec.preconditions
         if spec.node is None:
             return NodeContext(stopped, self.beside)
@@ -280,7 +280,7 @@ def vain_attempts(survey: LintModel) -> Iterator[Diagnostic]:
 
 
 def _attempts(survey: LintModel, spec: NodeSpec) -> tuple[NodeSpec | None, tuple[NodeSpec, ...]]:
-    """What a node tries several times, and what it does in between."""
+    """Return the child that a node tries several times, and those that it runs in between."""
     if spec.node is None:
         return None, ()
     if issubclass(spec.node, RetryUntilSuccessful):

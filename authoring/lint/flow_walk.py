@@ -33,7 +33,7 @@ from .outcomes import (
 
 @dataclass(frozen=True, slots=True)
 class ExpressionAnswers:
-    """What an expression may answer: where it holds, where not, and where it has no value."""
+    """Possible answers of an expression: where it holds, where not, and where it has no value."""
 
     yes: States
     no: States
@@ -144,7 +144,7 @@ class FlowWalk(ABC):
     def ask(
         self, spec: NodeSpec, place: str, expression: Expression, states: Iterable[FlowState]
     ) -> ExpressionAnswers:
-        """What the expression that stands under the key `place` of a node answers."""
+        """Return the answers of the expression under the key `place` of a node."""
         found = self.shape(expression)
         yes: list[FlowState] = []
         no: list[FlowState] = []
@@ -232,7 +232,7 @@ class FlowWalk(ABC):
         return after if told else after.in_doubt(), self._missing_input
 
     def note_read(self, spec: NodeSpec, place: str, key: str, state: FlowState, *, missing: bool) -> None:
-        """That the key is read at that place, in that state."""
+        """Note that the key is read at that place, in that state."""
         layout, bits = self._frame.layout, self.bits(key)
         if bits & layout.inputs:
             # Whether an input is written is for the user of the sub-tree to see to.
@@ -265,14 +265,14 @@ class FlowWalk(ABC):
         return ends.tidied()
 
     def effect(self, spec: NodeSpec, states: Iterable[FlowState]) -> ConcurrentEffect:
-        """What a child that starts in any of these states may do to them."""
+        """Return the possible effect of a child that starts in any of these states."""
         found = NOTHING
         for state in states:
             found = found.with_(self.node_outcomes(spec, state).effect(state))
         return found
 
     def remember(self, spec: NodeSpec, reasons: FailureReasons) -> None:
-        """That the node may have failed so in an earlier activation."""
+        """Remember how the node may have failed in an earlier activation."""
         known = self._remembered.get(id(spec))
         together = reasons if known is None else joined((known, reasons))
         if known is None or together.any & ~known.any or together.loud & ~known.loud:
@@ -280,7 +280,7 @@ class FlowWalk(ABC):
             self._outdated = self._outdated or id(spec) in self._recalled
 
     def recall(self, spec: NodeSpec) -> FailureReasons:
-        """What it may have failed with in an earlier activation."""
+        """Return how the node may have failed in an earlier activation."""
         self._recalled.add(id(spec))
         return self._remembered.get(id(spec), FailureReasons(0, 0))
 

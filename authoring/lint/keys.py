@@ -32,7 +32,7 @@ class KeyBits:
     tree: TreeSpec
     keys: Mapping[str, int]
     flags: Mapping[int, tuple[int, ...]]
-    """For nodes that remember something beyond their end, by `id` of the spec."""
+    """Flags of nodes that remember something beyond their end, by `id` of the spec."""
     calls: Mapping[int, tuple[int, KeyBits]]
     """Shift and layout of each use of a sub-tree, by `id` of the spec."""
     size: int
@@ -112,7 +112,7 @@ class ExpressionShape:
     fails: bool
     """It has no value at all: `1 / 0`."""
     if_yes: bool | None
-    """What it says of the fact `holding` where it holds; None: nothing."""
+    """Value of the fact `holding` where the expression holds; None: unknown."""
     if_no: bool | None
     """The same where it does not hold."""
 

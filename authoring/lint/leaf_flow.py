@@ -52,7 +52,7 @@ def _reasons(node: NodeDeclaration, spec: NodeSpec, flow: LeafFlow | None, walk:
 
 
 def _hand_after(how: Hand, hand: int, filler: int) -> int:
-    """What may be in the hand after a node that held these possibilities before."""
+    """Return the possible contents of the hand after a node, from those before it."""
     before = hand if hand & SHARED else 0
     match how:
         case "unchanged":

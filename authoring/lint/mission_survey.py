@@ -1,4 +1,4 @@
-"""What all rules look at: the mission, where its nodes stand, and how it may go."""
+"""Survey that all rules read: the mission, the places of its nodes, and its possible flow."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class KeyUsage:
 
 
 def ports_of(spec: NodeSpec, trees: Mapping[str, TreeSpec]) -> tuple[PortDeclaration, ...]:
-    """Of the node, or of the sub-tree that it stands for."""
+    """Return the ports of the node, or of the sub-tree that it stands for."""
     return trees[spec.id].ports if spec.node is None else spec.node.declaration.ports
 
 
@@ -62,7 +62,7 @@ class NodeLocation:
 
 @dataclass(frozen=True, slots=True)
 class OutcomeSummary:
-    """In which ways a node ended in any of the states that it was reached in. `certain`: only those ways that
+    """Ends of a node over all states that it was reached in. `certain`: only those ways that
     some node declares."""
 
     succeeds: bool

@@ -16,7 +16,7 @@ from .mission_survey import LintModel, NodeLocation
 
 @dataclass(slots=True)
 class _Unmet:
-    """What may come out of a node, and ends the mission without anything having been tried against it."""
+    """Failures that may come out of a node and end the mission without a handler."""
 
     node: NodeSpec
     causes: int
@@ -138,7 +138,7 @@ def unreachable(survey: LintModel) -> Iterator[Diagnostic]:
 
 
 def _is_handler(place: NodeLocation) -> bool:
-    """Of a table of causes: those have rules of their own, unless there is no run after any handler."""
+    """Whether the place is a handler by cause after which its node may run again: other rules judge those."""
     parent = place.above[-1]
     for slot in parent.node.declaration.slots if parent.node is not None else ():
         if slot.of == "cause" and any(part is place.spec for _, part in parent.slots.get(slot.key, ())):

@@ -10,16 +10,16 @@ from ...trees.status import NodeStatus
 from .failure_reasons import UNREPORTED, FailureReasons, joined
 
 EMPTY = 1
-"""Of `FlowState.hand`: nothing is held."""
+"""Bit of `FlowState.hand`: nothing is held."""
 KEPT = 2
-"""Of `FlowState.hand`: what is held was seen to by a retreat, or was held before the analysis began."""
+"""Bit of `FlowState.hand`: a retreat saw to the held object, or it was held before the analysis began."""
 OUTER = 4
-"""Of `FlowState.hand`, in a sub-tree: what its users' nodes took is held still, whichever they were."""
+"""Bit of `FlowState.hand`, in a sub-tree: an object taken by any node of its users is held still."""
 SHARED = 8
-"""Of `FlowState.hand`: something beside this may change what is held at any time, so that no change is
+"""Bit of `FlowState.hand`: a concurrent node may change the held object at any time, so that no change is
 final."""
 FIRST_FILLER = 16
-"""Of `FlowState.hand`, and each bit above: what one node of the text took is held still."""
+"""First bit of `FlowState.hand` for single nodes: the object that the node took is held still."""
 
 LIMIT = 6
 """States that are told apart at one point; more are merged."""
@@ -72,13 +72,13 @@ class FlowState(NamedTuple):
 
 
 class ConcurrentEffect(NamedTuple):
-    """What something that goes on beside a node may do meanwhile: write keys, change what the hand holds."""
+    """Possible effect of concurrent nodes: keys that they write, changes of the hand."""
 
     maybe: int = 0
     hand: int = 0
 
     def on(self, state: FlowState) -> FlowState:
-        """What must be reckoned with from that state on."""
+        """Return the state with everything that the effect may add."""
         hand = state.hand | self.hand | (SHARED if self.hand else 0)
         return FlowState(state.sure, state.maybe | self.maybe, hand, state.doubtful)
 
@@ -225,7 +225,7 @@ class Outcomes:
         return self.success | self.skipped | self.running | self.failure.keys()
 
     def effect(self, entry: FlowState) -> ConcurrentEffect:
-        """What it may have done to the state in which it started."""
+        """Return the possible effect on the state in which it started."""
         maybe = hand = 0
         for state in self.everywhere:
             maybe |= state.maybe

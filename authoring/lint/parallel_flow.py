@@ -92,7 +92,7 @@ class ParallelWalk:
         return not part.flow.skipped and (fails or not may_fail) and (succeeds or not may_succeed)
 
     def _after_first_tick(self, part: _Part, before: FlowState) -> FlowState:
-        """What the next child may rely on after one that ends at once."""
+        """Return the state on which the next child may rely after one that ends at once."""
         states = [*part.flow.success, *part.flow.skipped]
         if self._tolerated != 1:
             states += part.flow.failure
@@ -121,7 +121,7 @@ class ParallelWalk:
         return ends.tidied()
 
     def _needed_failures(self) -> int:
-        """With how few failures it may fail."""
+        """Return the least number of failed children with which it may fail."""
         if self._wanted is None or self._tolerated is None:
             return 1
         return max(1, min(self._tolerated, self._total - self._wanted + 1))

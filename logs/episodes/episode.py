@@ -151,9 +151,9 @@ class OpenEpisode:
     node: str
     item: str
     times: list[float]
-    """Of its failures, s."""
+    """Times of its failures, s."""
     took: float
-    """What the node took that failed, s; 0 where another trouble bears it."""
+    """Duration of the failed node, s; 0 where another trouble bears it."""
     by: str = ""
     handler: str = ""
     tried: list[str] = field(default_factory=list[str])
@@ -183,7 +183,7 @@ class RunningNode:
     run: float = 0.0
     """When the present run of the branch began, or the one that failed last, s."""
     borne: float = 0.0
-    """What troubles within have come to since then, s."""
+    """Time that troubles within have cost since then, s."""
     dealing: bool = False
     """A run has failed, and the next one has not begun."""
     called: str = ""
@@ -198,7 +198,7 @@ class RunningNode:
 
 @dataclass(frozen=True, slots=True)
 class EpisodeTrackerState:
-    """What is not decided, for a checkpoint."""
+    """Undecided troubles, for a checkpoint."""
 
     nodes: tuple[RunningNode, ...] = ()
     troubles: dict[int, OpenEpisode] = field(default_factory=dict[int, OpenEpisode])

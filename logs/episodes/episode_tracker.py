@@ -68,7 +68,7 @@ class EpisodeTracker:
         self._time = 0.0
 
     def state(self) -> EpisodeTrackerState:
-        """For a checkpoint; a copy."""
+        """Return a copy of the state for a checkpoint."""
         return deepcopy(
             EpisodeTrackerState(
                 tuple(self._open.values()), self._troubles, tuple(self._waiting), self._number
@@ -76,7 +76,7 @@ class EpisodeTracker:
         )
 
     def follow(self, nodes: Iterable[NodeLike]) -> None:
-        """From the next tick on it is this tree that is ticked."""
+        """Take over a tree that is ticked from the next tick on."""
         known = tuple(nodes)
         self._ids = {node.path: node.id for node in known}
         self._parents = {node.path: node.parent or "" for node in known}
@@ -295,7 +295,7 @@ class EpisodeTracker:
                 trouble.tries -= 1
 
     def _set_aside(self, node: RunningNode) -> None:
-        """Whoever deals with a trouble by this has given the item up."""
+        """Note that the node which deals with a trouble has given the item up."""
         for around in self._around(node.path):
             if around.dealing and any(number in self._troubles for number in around.taken):
                 around.aside = True

@@ -1,1 +1,1 @@
-"""What is wired to what: which values reach which inputs, over keys and the ports of sub-trees."""
+"""Wiring of a mission: the values that reach each input, over keys and the ports of sub-trees."""

@@ -15,7 +15,7 @@ from .key_writers import PlacedNode, TreeKeys
 from .value_sources import DEFAULT, ValueSource, constant, type_mismatch
 
 MAX_DEMANDS: Final = 60
-"""On one input of a tree; more are not followed."""
+"""Greatest number of demands on one input of a tree; more are not followed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,9 +25,9 @@ class ArrivingValue:
     mark: Mark
     trail: str
     key: str
-    """Of the input at that place, which may be that of a sub-tree."""
+    """Key of the input at that place, which may be that of a sub-tree."""
     text: str
-    """What stands there: `{item.colour}`, or a literal."""
+    """Text at that place: `{item.colour}`, or a literal."""
     source: ValueSource
     target: PortDeclaration
     """Where it ends up: the same input, or that of a node in the sub-tree;"""
@@ -39,7 +39,7 @@ class ArrivingValue:
 
 @dataclass(frozen=True, slots=True)
 class _Demand:
-    """What an input of a tree is used for: that port gets it, or its elements `depth` lists deep."""
+    """Use of a tree's input: the port that gets it, or its elements `depth` lists deep."""
 
     target: PortDeclaration
     node: NodeSpec

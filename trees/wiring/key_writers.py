@@ -21,7 +21,7 @@ MAX_CHAIN: Final = 60
 
 _PLAIN: Mapping[type, ValueType] = {bool: BOOL, int: INT, float: FLOAT, str: WORD}
 FACT_TYPES: Final[Mapping[str, ValueType]] = {name: _PLAIN[kind] for name, kind in FACTS.items()}
-"""Of the facts of the world; a text among them is the id of an object."""
+"""Types of the facts of the world; a text among them is the id of an object."""
 _NAMING: Mapping[str, NameKind] = {"kind": "kind", "colour": "colour", "destination": "bin"}
 """Attributes whose value is a name of the scene."""
 
@@ -129,7 +129,7 @@ class TreeKeys(Mapping[str, ValueType]):
         return found
 
     def reference(self, reference: Reference) -> tuple[ValueSource, ...]:
-        """What a reference may read."""
+        """Return the sources that a reference may read."""
         sources = self.sources(reference.key)
         if not reference.attributes:
             return sources
@@ -156,14 +156,14 @@ class TreeKeys(Mapping[str, ValueType]):
                 yield KeyWrite(placed, name, assignment)
 
     def ports(self, spec: NodeSpec) -> tuple[PortDeclaration, ...]:
-        """Of a node, or of the tree that it stands for."""
+        """Return the ports of a node, or of the tree that it stands for."""
         if spec.node is not None:
             return spec.node.declaration.ports
         called = self._trees.get(spec.id)
         return called.ports if called is not None else ()
 
     def written(self, write: KeyWrite) -> Iterator[ValueSource]:
-        """What one place of the text writes."""
+        """Yield the sources that one place of the text writes."""
         mark, path = write.placed.mark(write.place), write.placed.path
         if isinstance(write.what, Assignment):
             yield self._assigned(write.what, mark, path)

@@ -23,7 +23,7 @@ from ..ports import NameKind, PortDeclaration
 from ..values.port_types import accept_value
 
 MAX_SOURCES: Final = 40
-"""Of one key; of the others nothing is known."""
+"""Greatest number of sources of one key; nothing is known of the others."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,7 +41,7 @@ class ValueSource:
     certain: bool = False
     """whether it will be each of them at some time, as a literal is."""
     names: NameKind | None = None
-    """What in scene or robot it names."""
+    """Kind of thing in scene or robot that it names."""
     port: str | None = None
     """The input of the tree through which it comes in as it is,"""
     depth: int = 0
@@ -55,7 +55,7 @@ class ValueSource:
         return f"the tree's input {self.port!r}, {place}" if self.port else place
 
     def elements(self) -> ValueSource:
-        """Of the elements of the list that it is."""
+        """Return the source of the elements of this list."""
         inner = self.type.element if self.type.kind == "list" and self.type.element else ANY
         values = None if self.values is None else _flat(self.values)
         return replace(self, type=inner, values=values, depth=self.depth + 1 if self.port else 0)
@@ -75,7 +75,7 @@ def unknown(mark: Mark, writer: str = "") -> ValueSource:
 
 
 def declared(port: PortDeclaration, mark: Mark, writer: str = "") -> ValueSource:
-    """What the declaration of an output, or of a tree's input, says."""
+    """Return the source that an output, or a tree's input, declares."""
     values = None if port.type.many else port.choices
     return ValueSource(type_of_port(port), mark, writer, port.unit, values, names=port.names)
 
@@ -111,7 +111,7 @@ def distinct(sources: Iterable[ValueSource]) -> tuple[ValueSource, ...]:
 
 
 DEFAULT: Final = "its default"
-"""What stands at an input where nothing is written."""
+"""Text for an input at which nothing is written."""
 _TEXTS = ("text", "word", "object", "place")
 _TAKES: Mapping[str, tuple[str, ...]] = {
     "string": _TEXTS,

@@ -28,7 +28,7 @@ class MissionExpression:
     """Characters of the text before it."""
 
     def fault(self, error: ExpressionError, pointer: ExpressionLocator, code: str) -> Diagnostic:
-        """What is wrong with it."""
+        """Return the fault of an expression."""
         start = self.placed.mark(self.key)
         mark, message = pointer.told(start, self.expression.text, error, self.before)
         return Diagnostic(mark, self.placed.path, f"{self.what}: {message}", "", code)

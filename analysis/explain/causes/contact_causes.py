@@ -1,4 +1,4 @@
-"""What the arm touched when a force stopped it."""
+"""Causes by contact: bodies that the arm touched when a force stopped it."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ STOPPED = frozenset(
 BORNE = 2.0
 """A load this far below nothing is a push from below, N."""
 AROUND = 0.15
-"""From the fingers' joints to what they, or what they hold, may touch, m."""
+"""Distance from the fingers' joints within which they, or the held object, may touch something, m."""
 CLOSE = 0.08
 """An item nearer to the hand than that was touched rather than an unknown thing beside it, m."""
 
 
 def touched(case: Investigation, failure: FailureStory) -> Finding | None:
-    """What was near the hand when it was stopped, by the truth; None when the cause is no touch."""
+    """Return the body truly near the hand when it was stopped; None when the cause is no touch."""
     if failure.cause not in STOPPED and not pressed_from_below(failure):
         return None
     stops = case.events(SafetyStopEvent, start=case.visit(failure).start, end=failure.time)

@@ -20,7 +20,7 @@ from .slip_causes import grip_within
 MOVED = 0.015
 """A true item that is this far from where it was when last seen has moved, m."""
 BEGUN = 0.008
-"""By this much it must have moved to count as moving already, m."""
+"""Distance beyond which an item counts as moving already, m."""
 MISPLACED = 0.012
 """A belief this far from the truth while the item was seen is wrong, m."""
 BESIDE = 0.12
@@ -51,7 +51,7 @@ class ItemDisplacement:
     start: float
     end: float
     way: float
-    """From where it was when last seen to where it was in the end, m."""
+    """Distance from the place where it was last seen to its place in the end, m."""
 
 
 def wrong_location_cause(case: Investigation, failure: FailureStory) -> Finding | None:
@@ -278,7 +278,7 @@ def through_the_camera(finding: Finding | None, failure: FailureStory) -> Findin
 
 
 def never_seen(case: Investigation, true: str) -> Finding:
-    """For a true item that no belief ever was of."""
+    """Return the finding about a true item that was never believed to be there."""
     body = case.truth.tracks[true].first
     cameras = [c for c in case.scene.cameras if c.on == "world"] if case.scene else []
     views = [f"it lies outside the picture of {c.name}" for c in cameras if not in_picture(c, body)]

@@ -1,4 +1,4 @@
-"""What stood in the way of hand and arm: fixtures, bins, neighbours, distance, a small budget."""
+"""Causes by obstruction of hand and arm: fixtures, bins, neighbours, distance, a small budget."""
 
 from __future__ import annotations
 
@@ -120,7 +120,7 @@ FAR = "is out of reach or in collision"
 
 
 def obstruction_cause(case: Investigation, failure: FailureStory) -> Finding | None:
-    """What a plan or a choice of grasps failed on; None when it was neither, or nothing tells."""
+    """Return why a plan or a choice of grasps failed; None for other causes, or without evidence."""
     match failure.cause:
         case "grasp.no_candidate":
             return _held_another(failure) or _no_grasp(case, failure)
@@ -178,7 +178,7 @@ def _no_grasp(case: Investigation, failure: FailureStory) -> Finding | None:
 def _touching(
     case: Investigation, failure: FailureStory, touched: Counter[str], reasons: tuple[str, ...]
 ) -> Finding | None:
-    """By what it is that would be touched: something that was put there, a neighbour, a bin."""
+    """Return the finding by the kind of the body that would be touched: fixture, obstacle, neighbour, bin."""
     if not touched:
         return None
     fixtures, bins = case.fixtures, case.bins
@@ -261,7 +261,7 @@ def _far(
 
 
 def _grasp_poses(case: Investigation, choice: CandidateChoice) -> list[Pose]:
-    """Of the TCP over the grasps that were tried, from where the hand would come down."""
+    """Return the approach poses of the TCP over the grasps that were tried."""
     made = [at.record for at in case.run.candidates if abs(at.time - choice.time) < 1e-6]
     return [
         Pose(c.position, c.orientation).shifted((0.0, 0.0, APPROACH))

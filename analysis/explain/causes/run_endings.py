@@ -75,7 +75,7 @@ def _under_way(case: Investigation) -> tuple[str, ...]:
 
 
 def _asked(case: Investigation) -> tuple[str, ...]:
-    """What a person is to say before it goes on, and how."""
+    """Return the question that a person has to answer before the run goes on, and the way to answer it."""
     result = case.run.result
     if result is None or result.asked is None:
         return ()

@@ -17,7 +17,7 @@ SQUEEZING = 0.5
 STEADY = 3
 """Readings over which the load is averaged, so that a jolt does not count as weight."""
 CLOSING = 0.002
-"""By how much the opening must have shrunk to count as closing, m."""
+"""Decrease of the opening beyond which the fingers count as closing, m."""
 RESTING = 3
 """Readings in a row without motion that count as standing."""
 STILL = 0.001
@@ -89,7 +89,7 @@ HEAVY = 3.0
 JOLT = 3.0
 """Force that lifting and braking may add to a weight, N."""
 DOWNWARDS = -0.8
-"""Of a contact's direction along z below which it pulls straight down."""
+"""Component along z of a contact's direction below which it pulls straight down."""
 MARGIN = 1.3
 """The fingers should hold this many times the weight."""
 
@@ -126,7 +126,7 @@ def grip_loss_cause(case: Investigation, failure: FailureStory) -> Finding | Non
 
 
 def _grip(case: Investigation, failure: FailureStory) -> GripPeriod | None:
-    """From when the item was last gripped until it had slipped, which may be in another visit."""
+    """Return the period from the last grip of the item until its slip, which may be in another visit."""
     attached = [
         at.time
         for at in case.changes(failure.item, end=failure.time)

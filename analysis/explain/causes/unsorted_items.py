@@ -14,13 +14,13 @@ from ..investigation.number_wording import between, distance, place, seconds
 from .item_whereabouts import NOWHERE, SAMPLED, never_seen, way_since
 
 FALLING = 0.15
-"""What is let go over a bin has come down in it after this time, s."""
+"""Time after which an item released over a bin has come down in it, s."""
 PUSHED = 0.35
-"""What is pushed out of a bin is not further away than this a second later, m."""
+"""Greatest distance of an item pushed out of a bin one second later, m."""
 
 
 def why_not_sorted(case: Investigation, true: str) -> Finding | None:
-    """For an item that the scorer calls left or misplaced; None when the log does not tell."""
+    """Return why the scorer calls an item left or misplaced; None when the log does not tell."""
     if not case.believed.get(true):
         return _gone_before_seen(case, true) or never_seen(case, true)
     done = _placed(case, true)
@@ -49,7 +49,7 @@ def placed_at(case: Investigation, true: str) -> float | None:
 
 
 def _placed(case: Investigation, true: str, until: float = math.inf) -> tuple[float, str, str, str] | None:
-    """Of the last time that it was placed: time, believed item, into what, by which node."""
+    """Return the last placement of an item: time, believed item, bin, node."""
     names = set(case.believed.get(true, ()))
     found = [at for at in case.events(ItemDoneEvent, end=until) if at.record.object in names]
     if not found:

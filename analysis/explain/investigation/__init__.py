@@ -1,1 +1,1 @@
-"""What an explanation goes by: the run as a case, its evidence, and the values that come out."""
+"""Basis of an explanation: the run as a case, its evidence, and the values that come out."""

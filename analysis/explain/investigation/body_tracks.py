@@ -12,7 +12,7 @@ from ....logs.run_log import Stamped
 from ....logs.schema.records import BodyRecord, Scene
 
 NEAR = 0.08
-"""What was seen this far from a true item, m, can be that item."""
+"""Greatest distance between a detection and the true item that it can be, m."""
 OTHER_KIND = 0.03
 """Distance that a difference in kind is worth, m: it may have been misjudged."""
 
@@ -87,7 +87,7 @@ def horizontal_distance(a: BodyRecord, b: BodyRecord) -> float:
 
 
 def paired(belief: BodyTracks, truth: BodyTracks) -> Mapping[str, str]:
-    """For each believed item the id of the true one that it is.
+    """Return the id of the true item by that of the believed one.
 
     Judged where it was first seen: a true item near that place, of its colour if there is one.
     """

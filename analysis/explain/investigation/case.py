@@ -38,7 +38,7 @@ E = TypeVar("E", bound=JournalEvent)
 
 
 POSES = 12
-"""Of many poses so many are tried, spread over the list."""
+"""Number of poses that are tried of a longer list, spread over it."""
 SOLUTIONS = 1
 
 
@@ -85,13 +85,13 @@ def scene_of(run: RunRecord) -> SceneDescription | None:
 
 
 def entry_of(scene: SceneDescription | None, kind: str) -> CatalogueEntry | None:
-    """What the catalogue says of a kind."""
+    """Return the catalogue entry of a kind."""
     return None if scene is None else next((e for e in scene.catalogue if e.kind == kind), None)
 
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """What a failure, or an item that is not where it belongs, came from. `about` and `cause` name it:
+    """Origin of a failure, or of an item that is not where it belongs. `about` and `cause` name it:
     findings with the same are one."""
 
     cause: str
@@ -105,7 +105,7 @@ class Finding:
 
 
 class Investigation:
-    """What is asked of a log again and again while causes are looked for. Truth is for the analyst only."""
+    """Queries on a log that the search for causes needs again and again. Truth is for the analyst only."""
 
     def __init__(self, run: RunRecord, family: VisitTree, failures: Sequence[FailureStory]) -> None:
         self.run = run
@@ -122,12 +122,12 @@ class Investigation:
 
     @cached_property
     def truth(self) -> BodyTracks:
-        """Of the items: an obstacle is none."""
+        """True tracks of the items; obstacles are none."""
         return BodyTracks(list(self.run.log.truths()), "item")
 
     @cached_property
     def obstacles(self) -> BodyTracks:
-        """What really stood in the way without the robot's knowledge."""
+        """True tracks of bodies in the way that the robot did not know."""
         return BodyTracks(list(self.run.log.truths()), "obstacle")
 
     @cached_property
@@ -173,7 +173,7 @@ class Investigation:
 
     @cached_property
     def scores(self) -> Mapping[str, ItemScore]:
-        """What the scorer says of each true item at the end; empty when the scene is not known."""
+        """Score of each true item at the end; empty when the scene is not known."""
         if self.scene is None:
             return {}
         bodies = [self._true_body(id_) for id_ in self.truth.tracks]
@@ -203,7 +203,7 @@ class Investigation:
         return f"the {first.colour} {first.kind} ({true})"
 
     def entry(self, item: str) -> CatalogueEntry | None:
-        """What the catalogue says of a believed item's kind."""
+        """Return the catalogue entry of a believed item's kind."""
         track = self.belief.tracks.get(item)
         return None if track is None else entry_of(self.scene, track.bodies[-1].kind)
 

@@ -1,4 +1,4 @@
-"""What is found out about a run, as values: its failures, what became of them, and where they came from."""
+"""Explanation of a run as values: its failures, what became of them, and their origins."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ class RejectedCandidate:
     count: int = 1
     """How many were rejected alike."""
     stage: str = ""
-    """Of a grasp: the stage that it did not pass (`world.manipulation.stages`); empty in older logs."""
+    """Stage that a grasp did not pass (`world.manipulation.stages`); empty in older logs."""
     by: str = ""
-    """What was in the way: an id of the scene; empty when nothing was, or in older logs."""
+    """Id of the body in the way; empty when there was none, or in older logs."""
 
 
 @dataclass(frozen=True, slots=True)
 class CandidateChoice:
-    """What was chosen from shortly before a failure: how many reached each stage, and who dropped out."""
+    """Choice of candidates shortly before a failure: numbers that reached each stage, and rejected ones."""
 
     time: float
     purpose: str
@@ -53,13 +53,13 @@ class FailureStory:
     attempt: int
     cause: str
     sentence: str
-    """What the cause means, and the first remedy: of the cause, not of this failure."""
+    """Meaning of the cause; with `remedy` the first remedy. Both concern the cause, not this failure."""
     remedy: str
     message: str
-    """What the node said."""
+    """Message of the node."""
     evidence: Values
     chain: tuple[FailureLink, ...]
-    """From the parent of the node upwards: who ended with it, up to who stopped it, or the root."""
+    """Nodes that ended with the failure, from the parent upwards to the one that stopped it, or the root."""
     handled_by: tuple[CureAttempt, ...]
     fate: Fate
     fate_by: str
@@ -92,17 +92,17 @@ class FailureStory:
 
 @dataclass(frozen=True, slots=True)
 class RootCause:
-    """What ultimately went wrong, for one or more failures."""
+    """Root cause of one or more failures."""
 
     cause: str
     title: str
-    """In one sentence, with the item and the node."""
+    """Description in one sentence, with the item and the node."""
     failures: tuple[int, ...]
     """Numbers of the failures that it explains, the first of them first."""
     ended_run: bool
     """Whether the run failed, or its goal was missed, because of it."""
     reasons: tuple[str, ...]
-    """What in the log speaks for it."""
+    """Evidence for it in the log."""
     item: str = ""
     """Id of the believed item that it is about; of the true one when it was never seen."""
     time: float | None = None
@@ -125,7 +125,7 @@ class ItemEvent:
 
 @dataclass(frozen=True, slots=True)
 class ItemStory:
-    """What happened to one item, as the robot believed."""
+    """Events of one item, as the robot believed."""
 
     id: str
     kind: str
@@ -153,7 +153,7 @@ class ExplainedOutcome:
     end: float
     """Simulated s."""
     items_sorted: int | None
-    """By the scorer; None when the run was killed."""
+    """Number of sorted items by the scorer; None when the run was killed."""
     items_total: int | None
 
 
