@@ -3,17 +3,23 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
+from ..world.events.run_events import RecoveryEvent
 from ..world.journal import JournalEvent
-from .episodes.episode import CureNames, Episode, Planted
+from .episodes.episode import AGAIN, CureNames, DecidedFailure, Episode, Fate, Planted
 from .episodes.episode_counts import CauseCount, CureCount, by_cause, counted
 from .episodes.episode_tracker import EpisodeTracker
-from .failure_courses import FailureCourse, FailureCourses, VisitTree
 from .run_log import RunLog, Stamped
-from .visits import Visit, VisitBuilder, ticks_with_trees, under_way
+from .visits import HALTED, Visit, VisitBuilder, VisitTree, ticks_with_trees, under_way
+
+ANSWERING = frozenset({"Recover", "RecoveryNode"})
+"""Nodes that announce the handler that they run."""
+OPEN = DecidedFailure("", 0.0, "", "open", "")
+GIVE_UP = "give_up"
+"""Slot of the child that a node runs before it fails for good."""
 
 
 @dataclass(frozen=True)
@@ -34,6 +40,49 @@ class Episodes:
     def causes(self) -> tuple[CauseCount, ...]:
         """Counts by cause, with the most time lost first."""
         return by_cause(self.cures)
+
+
+@dataclass(frozen=True, slots=True)
+class FailureLink:
+    """A node that ended because of a failure, from where it came up towards the root."""
+
+    path: str
+    id: str
+    time: float
+    """Simulated s at which it ended."""
+    outcome: str
+    """FAILURE; or what the node made of it: SUCCESS, RUNNING when it went on."""
+
+
+@dataclass(frozen=True, slots=True)
+class CureAttempt:
+    """One try to cure a failure."""
+
+    node: str
+    """Path of the node that recovers, such as a `Recover`."""
+    handler: str
+    """The pattern of `when`, `otherwise`, or what the node calls it."""
+    time: float
+    """Simulated s at which it began."""
+    attempt: int
+    """The run of the branch that had failed: 1 for the first."""
+    ended: str
+    """How the handler's own branch ended: SUCCESS, FAILURE, SKIPPED, HALTED, RUNNING."""
+    seconds: float
+    """Simulated s that it took."""
+    ran: str = ""
+    """Name of the handler for a reader: its sub-tree, or the nodes of its list."""
+
+
+@dataclass(frozen=True, slots=True)
+class FailureCourse:
+    """Course of a failure up the tree: the nodes that it ended, what was tried, and the decision."""
+
+    chain: tuple[FailureLink, ...]
+    handled_by: tuple[CureAttempt, ...]
+    fate: Fate
+    fate_by: str
+    fate_at: float | None
 
 
 @dataclass(frozen=True)
@@ -65,7 +114,10 @@ def account_of(
     Raises PicktreeError when the log is damaged.
     """
     builder, episodes, planted = VisitBuilder(), list[Episode](), list[Planted]()
-    tracker = EpisodeTracker(episodes.append, planted.append)
+    decided: dict[tuple[str, float, str], DecidedFailure] = {}
+    tracker = EpisodeTracker(
+        episodes.append, planted.append, on_failure=lambda f: decided.update({(f.path, f.time, f.cause): f})
+    )
     coming, last = deque(events), 0.0
     for number, (at, trees) in enumerate(ticks_with_trees(log, derived=derived)):
         for tree in trees:
@@ -85,13 +137,103 @@ def account_of(
     tracker.finish(log.end)
     visits = VisitTree(builder.finish())
     names = CureNames(node for at in log.trees() for node in at.record.nodes)
-    courses = FailureCourses(visits, events, last, names)
+    recoveries = {
+        (at.record.node, round(at.time, 6)): at.record.handler
+        for at in reversed(events)
+        if isinstance(at.record, RecoveryEvent)
+    }
+    courses = _Courses(visits, recoveries, last, names)
     return RunAccount(
         visits.visits,
         visits,
-        tuple(Failure(source, courses.of(source)) for source in visits.sources()),
+        tuple(
+            Failure(source, courses.of(source, decided.get((source.path, source.end, source.cause), OPEN)))
+            for source in visits.sources()
+        ),
         Episodes(
             tuple(sorted(episodes, key=lambda e: (e.time, e.node))),
             tuple(sorted(planted, key=lambda p: p.time)),
         ),
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class _Courses:
+    """Courses of failures through the visits of a run; what became of each is decided already."""
+
+    tree: VisitTree
+    recoveries: Mapping[tuple[str, float], str]
+    """Handler that a node announced, by its path and the time."""
+    end: float
+    """Time of the log's last tick, simulated s."""
+    names: CureNames
+
+    def of(self, source: Visit, decided: DecidedFailure) -> FailureCourse:
+        chain: list[FailureLink] = []
+        handlings: list[CureAttempt] = []
+        at: float | None = None
+        failing = visit = source
+        above = self.tree.above(source)
+        for parent in above:
+            if _ended_by(parent, failing, self.tree.came_from(parent), visit):
+                handlings += self._handling(parent, visit, given_up=True)
+            else:
+                answered = "RUNNING" if parent.last > visit.last else parent.outcome
+                chain.append(FailureLink(parent.path, parent.id, visit.end, answered))
+                at = visit.end
+                if parent.path == decided.by and decided.fate in ("branched", "passed_over"):
+                    break
+                handlings += self._handling(parent, visit, given_up=False)
+                if parent.path == decided.by:
+                    runs = (v.end for v in self.tree.after(visit) if v.path == visit.path)
+                    at = max(runs, default=parent.end)
+                    break
+                if parent.outcome == HALTED:
+                    at = parent.end
+                    parent = next((v for v in above if v.outcome != HALTED), parent)
+                    if decided.by and parent.outcome != "FAILURE":
+                        chain.append(FailureLink(parent.path, parent.id, at, parent.outcome))
+                if parent.outcome != "FAILURE":
+                    break
+                failing = parent
+                # It was answered, and the node failed after all: with a later failure, or the answer's.
+            if chain[-1:] != [FailureLink(parent.path, parent.id, parent.end, "FAILURE")]:
+                chain.append(FailureLink(parent.path, parent.id, parent.end, "FAILURE"))
+            visit, at = parent, parent.end
+        return FailureCourse(
+            tuple(chain), tuple(handlings), decided.fate, decided.by, None if decided.fate == "open" else at
+        )
+
+    def _handling(self, parent: Visit, failed: Visit, *, given_up: bool) -> list[CureAttempt]:
+        """Return what the parent ran because its child had failed.
+
+        `given_up`: it then failed with this very failure.
+        """
+        if given_up and parent.last == failed.last and parent.id not in ANSWERING:
+            return []
+        label = self.recoveries.get((parent.path, round(failed.end, 6)))
+        runs = [v for v in self.tree.children(parent) if v.path == failed.path]
+        attempt = 1 + sum(v.number < failed.number for v in runs)
+        after = self.tree.after(failed)
+        cure = next((v for v in after if v.path != failed.path), None)
+        if label is None and not given_up:
+            again = any(v.path == failed.path for v in after)
+            return [CureAttempt(parent.path, AGAIN, failed.end, attempt, "SUCCESS", 0.0)] if again else []
+        if cure is not None:
+            ran = self.names.of(cure.path)
+            handler = GIVE_UP if label is None else label
+            return [CureAttempt(parent.path, handler, cure.start, attempt, cure.outcome, cure.duration, ran)]
+        if given_up or label is None:
+            return []
+        return [CureAttempt(parent.path, label, failed.end, attempt, "RUNNING", self.end - failed.end)]
+
+
+def _ended_by(parent: Visit, failing: Visit, came_from: Visit | None, visit: Visit) -> bool:
+    """Whether the parent ended with this very failure, which came up from `visit`."""
+    return (
+        parent.outcome == "FAILURE"
+        and parent.cause == failing.cause
+        and parent.origin == failing.origin
+        and came_from is not None
+        and came_from.number == visit.number
     )

@@ -43,7 +43,6 @@ _FILES_WITHOUT_EFFECT: Final = (
     "cli",
     "commissioning",
     "logs/episodes",
-    "logs/failure_courses.py",
     "logs/run_account.py",
     "moved.py",
     "session/debugger.py",

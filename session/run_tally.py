@@ -7,13 +7,9 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Protocol
 
-from ..logs.episodes.episode import EpisodeTrackerState
+from ..logs.episodes.episode import EpisodeTrackerState, NodeLike, TransitionLike
 from ..logs.episodes.episode_counts import CureCount, EpisodeCounts, PlantedCount
-from ..logs.episodes.episode_tracker import (
-    EpisodeTracker,
-    NodeLike,
-    TransitionLike,
-)
+from ..logs.episodes.episode_tracker import EpisodeTracker
 from ..world.events.run_events import (
     BeltStopsEvent,
     BinExchangedEvent,

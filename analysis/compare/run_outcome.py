@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, TypeAlias
 
-from ...logs.visits import Visit
+from ...logs.visits import Visit, covered_time
 from ...world.events.skill_events import ItemDoneEvent
 from ..run import Run
 from .alignment import Alignment
@@ -214,7 +214,7 @@ def _ends(run: Run, visits: Sequence[Visit], since: float) -> dict[str, ItemEnd]
             place,
             min((visit.start for visit in about), default=None),
             event[0] if event and state == "done" else None,
-            _covered([(visit.start, visit.end) for visit in about]),
+            covered_time((visit.start, visit.end) for visit in about),
             sum(pick.object == name and pick.time >= since for pick in run.picks),
             sum(visit.failed_itself for visit in about),
         )
@@ -229,15 +229,6 @@ def _discovered(run: Run, since: float) -> list[str]:
             if body.role == "item":
                 found.setdefault(body.id)
     return list(found)
-
-
-def _covered(spans: list[tuple[float, float]]) -> float:
-    """Return the length of the union of some spans."""
-    covered, reached = 0.0, float("-inf")
-    for start, end in sorted(spans):
-        covered += max(end - max(start, reached), 0.0)
-        reached = max(reached, end)
-    return covered
 
 
 KILLED_STATUS = "killed"

@@ -9,11 +9,10 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from ...files.value_wording import listed
-from ...logs.failure_courses import VisitTree
 from ...logs.run_account import Failure, RunAccount
 from ...logs.run_log import Stamped
 from ...logs.schema.records import BodyRecord, Candidates, Plan
-from ...logs.visits import HALTED, Visit
+from ...logs.visits import HALTED, Visit, VisitTree
 from ...manipulation.pick.pick_candidates import count_rejections
 from ...world.causes import Cause, all_causes
 from ...world.events.run_events import FaultEvent

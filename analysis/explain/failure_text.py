@@ -8,8 +8,7 @@ from ...files.diagnostics.fault_rendering import Paint
 from ...files.value_wording import listed
 from ...logs.episodes.episode import Episode, Planted
 from ...logs.episodes.episode_counts import ENDS, CauseCount
-from ...logs.failure_courses import CureAttempt
-from ...logs.run_account import Episodes
+from ...logs.run_account import CureAttempt, Episodes
 from ...manipulation.pick.pick_candidates import RANKED_STAGE
 from .investigation.explanation import CandidateChoice, FailureStory
 from .investigation.number_wording import counted, seconds, wrapped

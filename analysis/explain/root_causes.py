@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-from ...logs.failure_courses import time_lost
 from ...logs.run_log import Stamped
+from ...logs.visits import covered_time
 from ...world.events.run_events import FaultEvent
 from .causes.contact_causes import pressed_from_below, touched
 from .causes.item_whereabouts import camera_off, misjudged, through_the_camera, wrong_location_cause
@@ -145,7 +145,7 @@ def _root(
         reasons=tuple(reasons),
         item=first.item,
         time=first.time,
-        seconds_lost=time_lost(group.failures),
+        seconds_lost=covered_time(f.undecided for f in group.failures),
         planted=tuple(_planted(case, group, planted)),
     )
 

@@ -3,11 +3,11 @@
 - *Seen.* An episode begins when a node itself fails with a cause. A false condition is no failure, but one
   that a `Recover` answers counts as `tree.attempts`. Until the decision, the same cause at the same node
   belongs to the same episode, also within the next branch of a `Fallback`. Another cause is another episode.
-- *Tried.* A `Recover`, a `RecoveryNode`, a `RetryUntilSuccessful` or a `Fallback` above the node handles the
-  failure. It runs a cure, the branch again, or its next branch. When that handler fails in the end and one
+- *Tried.* A `Recover`, a `RecoveryNode`, a `RetryUntilSuccessful`, a `Fallback` or a `RoundRobin` above the
+  node handles the failure, or a plug-in's node that runs its failed child again. It runs a cure, the branch again, or its next branch. When that handler fails in the end and one
   further up handles the failure, the episode continues there. So it is counted once.
 - *By what.* The cure that ran last against this cause: the sub-tree or the nodes of the handler. It is `Grasp
-  again` where only the branch ran again, and the next branch of a `Fallback`.
+  again` where only the branch ran again, and the next branch of a `Fallback` or a `RoundRobin`.
 - *Tries.* Runs after the failure that could succeed: 1 when the first of them did.
 - *Cured* when the handling node then succeeds. *Given up* when that node fails and none further up handles
   the failure, or when the cure sets the item aside. A branch of a `Fallback` with a `SetAside` in it gives
@@ -57,6 +57,28 @@ class TreeNodeLike(Protocol):
     def children(self) -> Sequence[str]: ...
 
 
+class NodeLike(TreeNodeLike, Protocol):
+    """A node as a tree's record has it; the parent of the root is None or empty."""
+
+    @property
+    def parent(self) -> str | None: ...
+
+
+class TransitionLike(Protocol):
+    """A node that began or ended; see `records.Transition`."""
+
+    @property
+    def path(self) -> str: ...
+    @property
+    def status(self) -> str: ...
+    @property
+    def subject(self) -> str: ...
+    @property
+    def cause(self) -> str: ...
+    @property
+    def origin(self) -> str: ...
+
+
 class CureNames:
     """Names of cures: a sub-tree or a leaf has its own, a sequence those of its parts."""
 
@@ -87,6 +109,26 @@ def _last(path: str) -> str:
 
 
 End: TypeAlias = Literal["cured", "given_up", "unhandled", "open"]
+Fate: TypeAlias = Literal["cured", "passed_over", "branched", "ended", "open"]
+"""Outcome of a single failure.
+
+`cured`: recovery ran and what had failed then succeeded. `passed_over`: nothing cured it, and a loop went on
+with the next item. `branched`: a Fallback or another node went another way, as its mission says. `ended`: it
+reached the root, and the mission ended with it. `open`: the log ends before.
+"""
+
+
+@dataclass(frozen=True, slots=True)
+class DecidedFailure:
+    """Failure of one node, and the decision about it."""
+
+    path: str
+    time: float
+    """Time of the failure, simulated s."""
+    cause: str
+    fate: Fate
+    by: str
+    """Path of the node that decided it; empty when open."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -161,6 +203,8 @@ class OpenEpisode:
     seconds: float = 0.0
     planted: list[Planted] = field(default_factory=list[Planted])
     """Faults after which it was the first."""
+    failures: list[tuple[str, float]] = field(default_factory=list[tuple[str, float]])
+    """Path and time (s) of each failure; without those of conditions."""
     came_up: float = 0.0
     """When it last went up to a node around, s."""
 
@@ -192,6 +236,8 @@ class RunningNode:
     """The item was set aside since a trouble was taken up."""
     answers: bool = False
     """It is one that tells which handler it runs."""
+    again: bool = False
+    """It has run the child again whose failure had come up."""
     settled: list[str] = field(default_factory=list[str])
     """Causes that came up here and were decided: the node may still fail with one of them."""
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from copy import deepcopy
-from typing import Protocol
 
 from ...world.events.run_events import FaultEvent, RecoveryEvent
 from ...world.events.skill_events import SetAsideEvent
@@ -12,49 +11,34 @@ from ...world.journal import JournalEvent
 from .episode import (
     AGAIN,
     CureNames,
+    DecidedFailure,
     End,
     Episode,
     EpisodeTrackerState,
+    Fate,
+    NodeLike,
     OpenEpisode,
     Planted,
     RunningNode,
-    TreeNodeLike,
+    TransitionLike,
 )
 
 
-class NodeLike(TreeNodeLike, Protocol):
-    """A node as a tree's record has it; the parent of the root is None or empty."""
-
-    @property
-    def parent(self) -> str | None: ...
-
-
-class TransitionLike(Protocol):
-    """A node that began or ended; see `records.Transition`."""
-
-    @property
-    def path(self) -> str: ...
-    @property
-    def status(self) -> str: ...
-    @property
-    def subject(self) -> str: ...
-    @property
-    def cause(self) -> str: ...
-    @property
-    def origin(self) -> str: ...
-
-
 class EpisodeTracker:
-    """Turns ticks into episodes; `on_end` is given each as it is decided, `on_planted` each fault."""
+    """Turns ticks into episodes; `on_end` receives each when it is decided, `on_planted` each fault.
+
+    `on_failure` receives each failure of an episode with its own outcome.
+    """
 
     def __init__(
         self,
         on_end: Callable[[Episode], None],
         on_planted: Callable[[Planted], None] = lambda _: None,
         state: EpisodeTrackerState | None = None,
+        on_failure: Callable[[DecidedFailure], None] = lambda _: None,
     ) -> None:
         state = deepcopy(state) if state is not None else EpisodeTrackerState()
-        self._on_end, self._on_planted = on_end, on_planted
+        self._on_end, self._on_planted, self._on_failure = on_end, on_planted, on_failure
         self._open = {node.path: node for node in state.nodes}
         self._troubles = dict(state.troubles)
         self._waiting = list(state.planted)
@@ -85,7 +69,7 @@ class EpisodeTracker:
         self._giving_up = frozenset(path for each in giving_up for path in self._upwards(each))
         for path in [path for path in self._open if path not in self._ids]:
             gone = self._open.pop(path)
-            self._settle([*gone.taken, *gone.arrived], None)
+            self._settle([*gone.taken, *gone.arrived], None, None, "open")
 
     def begun(self, time: float, paths: Iterable[str]) -> None:
         """These were under way already before the first tick."""
@@ -116,7 +100,7 @@ class EpisodeTracker:
         for node in reversed(list(self._open.values())):
             self._bear(node)
         for number in sorted(self._troubles):
-            self._decide(number, "open")
+            self._decide(number, "open", "open", None)
         for fault in self._waiting:
             self._on_planted(fault)
         self._open, self._waiting = {}, []
@@ -143,6 +127,8 @@ class EpisodeTracker:
 
     def _goes_on(self, node: RunningNode, child: str) -> None:
         """A node runs a child: the next one, the same again, or a cure."""
+        if child == node.failed and node.arrived and self._ids.get(node.path) != "ForEach":
+            node.again = node.dealing = True
         kind = self._kind(node)
         if kind == "recovering":
             if node.called and child != node.failed:
@@ -153,8 +139,8 @@ class EpisodeTracker:
             gives_up = child in self._giving_up
             self._take_up(node, _last(child), "" if gives_up else self._names.of(child))
             node.aside = gives_up
-        elif kind == "":
-            self._settle(node.arrived, node)
+        elif kind == "" and self._ids.get(node.path) != "Parallel":
+            self._settle(node.arrived, node, node)
         if kind == "choosing" or child == node.failed or not node.failed:
             self._bear(node)
             node.run, node.borne, node.dealing, node.called = self._time, 0.0, False, ""
@@ -172,36 +158,41 @@ class EpisodeTracker:
         elif change.status == "IDLE":
             self._close(node, halted=True)
         else:
+            fate: Fate = "branched" if self._kind(node) == "choosing" else "cured"
             for number in [n for n in node.taken if n in self._troubles]:
-                self._decide(number, "given_up" if node.aside else "cured")
-            self._settle(node.arrived, self._open.get(self._parents.get(node.path, "")))
+                self._decide(number, "given_up" if node.aside else "cured", fate, node)
+            self._settle(node.arrived, self._open.get(self._parents.get(node.path, "")), node)
         if change.status == "SKIPPED":
             self._was_no_cure(node)
 
     def _source(self, node: RunningNode, change: TransitionLike) -> None:
         """A node has failed: with something new, or with what has come up from below."""
-        known = [*node.taken, *node.arrived]
         own = change.origin in ("", node.path)
-        if not own and change.cause in node.settled:
+        same = self._with(change.cause, (*node.taken, *node.arrived))
+        if same is not None and (not own or self._troubles[same].node == node.path):
+            self._troubles[same].failures.append((node.path, self._time))
             return
-        same = [self._troubles[n] for n in known if n in self._troubles]
-        if any(t.cause == change.cause and (not own or t.node == node.path) for t in same):
+        if not own and change.cause in node.settled:
             return
         around = list(self._around(node.path))
         again = self._answered(change.cause, around)
         if again is not None:
             self._troubles[again].times.append(self._time)
+            self._troubles[again].failures.append((node.path, self._time))
             node.arrived.append(again)
             return
-        item = next((n.subject for n in (node, *around) if n.subject), "")
-        within = any(other.dealing for other in around)
-        began = node.start if own else self._time
-        took = 0.0 if within else self._time - began
-        trouble = OpenEpisode(change.cause, change.origin or node.path, item, [self._time], took)
-        trouble.planted, self._waiting = self._waiting, []
+        began = self._time if not own or any(other.dealing for other in around) else node.start
+        number = self._arise(node, change.cause, change.origin or node.path, self._time - began)
+        self._troubles[number].failures = [(node.path, self._time)]
+        self._troubles[number].planted, self._waiting = self._waiting, []
+        node.arrived.append(number)
+
+    def _arise(self, node: RunningNode, cause: str, origin: str, took: float = 0.0) -> int:
+        """Return the number of a new trouble at or below the node."""
+        subject = next((n.subject for n in (node, *self._around(node.path)) if n.subject), "")
         self._number += 1
-        self._troubles[self._number] = trouble
-        node.arrived.append(self._number)
+        self._troubles[self._number] = OpenEpisode(cause, origin, subject, [self._time], took)
+        return self._number
 
     def _answered(self, cause: str, around: Iterable[RunningNode]) -> int | None:
         """The trouble of this cause that a Fallback around is just going another way for."""
@@ -219,7 +210,7 @@ class EpisodeTracker:
         if parent is None:
             for number in left:
                 self._troubles[number].came_up = self._time
-            self._settle(left, None)
+            self._settle(left, None, None if halted else node, "open" if halted else "ended")
             return
         handling = self._kind(parent) != ""
         for number in left:
@@ -246,11 +237,8 @@ class EpisodeTracker:
         cause = event.cause
         failing = self._with(cause, node.arrived)
         if failing is None:  # a condition that does not hold
-            self._number += 1
-            subject = next((n.subject for n in (node, *self._around(node.path)) if n.subject), "")
-            joined = self._with(cause, node.taken)
-            self._troubles[self._number] = OpenEpisode(cause, event.failed, subject, [self._time], 0.0)
-            failing = self._number if joined is None else self._join(self._number, joined)
+            joined, failing = self._with(cause, node.taken), self._arise(node, cause, event.failed)
+            failing = failing if joined is None else self._join(failing, joined)
             node.arrived.append(failing)
         node.failing, node.dealing = failing, True
         label = event.handler
@@ -311,6 +299,7 @@ class EpisodeTracker:
         into.tries += joined.tries
         into.seconds += joined.seconds
         into.planted += joined.planted
+        into.failures += joined.failures
         return other
 
     def _bear(self, node: RunningNode) -> None:
@@ -327,8 +316,12 @@ class EpisodeTracker:
         for other in around:
             other.borne += seconds
 
-    def _settle(self, numbers: Iterable[int], at: RunningNode | None) -> None:
-        """Nobody takes these up any more; `at`: the node that goes on without."""
+    def _settle(
+        self, numbers: Iterable[int], at: RunningNode | None, by: RunningNode | None, fate: Fate = "branched"
+    ) -> None:
+        """Decide troubles that no node takes up any more: `at` goes on without them, because of `by`."""
+        if by is not None and self._ids.get(by.path) == "ForEach" and fate == "branched":
+            fate = "passed_over"
         for number in list(numbers):
             trouble = self._troubles.get(number)
             if trouble is None or (at is not None and number in at.taken):
@@ -337,11 +330,13 @@ class EpisodeTracker:
                 self._add(trouble, trouble.took, [] if at is None else [at, *self._around(at.path)])
             if at is not None:
                 at.settled = list(dict.fromkeys((*at.settled, trouble.cause)))
-            self._decide(number, "given_up" if trouble.tried else "unhandled", trouble.came_up)
+            self._decide(number, "given_up" if trouble.tried else "unhandled", fate, by, trouble.came_up)
         if at is not None:
             at.arrived = [n for n in at.arrived if n in self._troubles]
 
-    def _decide(self, number: int, end: End, time: float | None = None) -> None:
+    def _decide(
+        self, number: int, end: End, fate: Fate, by: RunningNode | None, time: float | None = None
+    ) -> None:
         t = self._troubles.pop(number)
         ended = self._time if time is None else time
         self._on_end(
@@ -353,12 +348,17 @@ class EpisodeTracker:
         for f in t.planted:
             after = round(min(at for at in t.times if at >= f.time - 1e-9) - f.time, 6)
             self._on_planted(Planted(f.time, f.fault, f.message, f.item, t.cause, after, end))
+        for path, at in t.failures:
+            around = self._upwards(by.path) if by is not None else ()
+            shared = next((above for above in around if f"{path}/".startswith(f"{above}/")), "")
+            own = fate if by is None or shared == by.path else "branched"  # decided in another branch
+            self._on_failure(DecidedFailure(path, at, t.cause, own, shared))
 
     # Looking around.
 
     def _kind(self, node: RunningNode) -> str:
         kind = _KINDS.get(self._ids.get(node.path, ""), "")
-        return "recovering" if node.answers else kind
+        return "recovering" if node.answers else kind or ("retrying" if node.again else "")
 
     def _around(self, path: str) -> Iterable[RunningNode]:
         """The nodes around one that are under way, the nearest first."""
@@ -384,6 +384,7 @@ _KINDS = {
     "RetryUntilSuccessful": "retrying",
     "Fallback": "choosing",
     "ReactiveFallback": "choosing",
+    "RoundRobin": "choosing",
 }
 """Nodes that may take a failure up, by how they show it."""
 _SET_ASIDE = "SetAside"

@@ -9,11 +9,10 @@ from picktree.analysis import Run
 from picktree.analysis.explain.explain import explain
 from picktree.analysis.explain.failure_stories import failures_of
 from picktree.analysis.explain.investigation.explanation import FailureStory
-from picktree.logs.failure_courses import VisitTree
 from picktree.logs.run_account import account_of
 from picktree.logs.run_log import Stamped
 from picktree.logs.schema.records import NodeStatusRecord, Tick
-from picktree.logs.visits import derived_visits, with_transitions
+from picktree.logs.visits import VisitTree, derived_visits, with_transitions
 
 
 def told(story: FailureStory) -> tuple[object, ...]:

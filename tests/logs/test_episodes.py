@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 import pytest
 from pydantic import TypeAdapter
 
-from picktree.logs.episodes.episode import Episode, EpisodeTrackerState, Planted
+from picktree.logs.episodes.episode import DecidedFailure, Episode, EpisodeTrackerState, Planted
 from picktree.logs.episodes.episode_counts import cause_lines, counted
 from picktree.logs.episodes.episode_tracker import EpisodeTracker
 from picktree.logs.schema.records import TransitionRecord, Tree
@@ -348,3 +348,97 @@ def test_the_same_cause_within_the_next_branch_of_a_fallback_is_the_same_trouble
         ("perception.no_image", "cured", "Observe (Again) > Observe (Again) again", 2, 2.1)
     ]
     assert episode.times == (1.0, 2.0)
+
+
+def fates(nodes: Tree, script: Script, end: float = 100.0) -> list[tuple[str, float, str, str]]:
+    """Each failure of its own, with its outcome and the node that decided it."""
+    decided: list[DecidedFailure] = []
+    following = EpisodeTracker(lambda _: None, on_failure=decided.append)
+    following.follow(nodes.nodes)
+    _take(following, script)
+    following.finish(end)
+    return [(each.path, each.time, each.fate, each.by) for each in decided if each.path.endswith("Grasp")]
+
+
+CURED = {
+    5.0: [ends(GRASP), ends("Main/Recover"), ends("Main")],
+}
+GIVEN_UP = {
+    5.0: [
+        *fails(GRASP, "grasp.slipped"),
+        *(ends(each, "FAILURE", "grasp.slipped", GRASP) for each in ("Main/Recover", "Main")),
+    ]
+}
+
+
+@pytest.mark.parametrize(
+    ("last", "expected"),
+    [
+        (CURED, [(GRASP, 2.0, "cured", "Main/Recover")]),
+        (GIVEN_UP, [(GRASP, 2.0, "ended", "Main"), (GRASP, 5.0, "ended", "Main")]),
+        ({}, [(GRASP, 2.0, "open", "")]),
+    ],
+)
+def test_each_failure_has_the_outcome_of_its_episode(
+    last: Script, expected: list[tuple[str, float, str, str]]
+) -> None:
+    assert fates(RECOVER, {**SLIPPED, **last}) == expected
+
+
+@pytest.mark.parametrize(
+    ("parent", "expected"),
+    [("ForEach", "passed_over"), ("WhileDoElse", "branched"), ("Fallback", "branched")],
+)
+def test_a_failure_that_a_node_goes_on_without(parent: str, expected: str) -> None:
+    path, grasp = f"Main/{parent}", f"Main/{parent}/Grasp"
+    again = begins(grasp if parent == "ForEach" else f"{path}/Hold")
+    script = {
+        0.0: [begins("Main"), begins(path), begins(grasp)],
+        1.0: [*fails(grasp, "grasp.missed"), again],
+        2.0: [ends(again.path), ends(path), ends("Main")],
+    }
+    assert fates(tree("Main", path, grasp, f"{path}/Hold"), script) == [(grasp, 1.0, expected, path)]
+
+
+def test_a_node_of_a_plugin_that_runs_its_child_again_cures() -> None:
+    path, grasp = "Main/TryTwice", "Main/TryTwice/Grasp"
+    script = {
+        0.0: [begins("Main"), begins(path), begins(grasp)],
+        1.0: [*fails(grasp, "grasp.missed"), begins(grasp)],
+        2.0: [ends(grasp), ends(path), ends("Main")],
+    }
+    nodes = tree("Main", path, grasp)
+    assert fates(nodes, script) == [(grasp, 1.0, "cured", path)]
+    assert told(follow(nodes, script)[0]) == [("grasp.missed", "cured", "Grasp again", 1, 1.0)]
+
+
+def test_the_next_branch_of_a_round_robin_cures_too() -> None:
+    path = "Main/RoundRobin"
+    script = {
+        0.0: [begins("Main"), begins(path), begins(f"{path}/Grasp")],
+        1.0: [*fails(f"{path}/Grasp", "grasp.missed"), begins(f"{path}/PushFree")],
+        2.0: [ends(f"{path}/PushFree"), ends(path), ends("Main")],
+    }
+    nodes = tree("Main", path, f"{path}/Grasp", f"{path}/PushFree")
+    assert told(follow(nodes, script)[0]) == [("grasp.missed", "cured", "PushFree", 1, 1.0)]
+    assert fates(nodes, script) == [(f"{path}/Grasp", 1.0, "branched", path)]
+
+
+def test_a_parallel_decides_at_its_own_end() -> None:
+    """A child that begins after another one has failed does not mean that the failure is survived."""
+    path, grasp = "Main/Recover/Parallel", "Main/Recover/Parallel/Grasp"
+    script = {
+        0.0: [begins("Main"), begins("Main/Recover"), begins(path), begins(grasp)],
+        1.0: [*fails(grasp, "grasp.missed"), begins(f"{path}/Watch")],
+        2.0: [
+            ends(f"{path}/Watch", "IDLE"),
+            ends(path, "FAILURE", "grasp.missed", grasp),
+            tries("Main/Recover", "grasp.missed", "grasp.*"),
+        ],
+        2.1: [begins(LOOK)],
+        3.0: [ends(LOOK), begins(path), begins(grasp)],
+        4.0: [ends(grasp), ends(path), ends("Main/Recover"), ends("Main")],
+    }
+    nodes = tree("Main", "Main/Recover", path, grasp, f"{path}/Watch", LOOK)
+    assert fates(nodes, script) == [(grasp, 1.0, "cured", "Main/Recover")]
+    assert told(follow(nodes, script)[0]) == [("grasp.missed", "cured", "LookAgain", 1, 3.0)]

@@ -5,8 +5,7 @@ from __future__ import annotations
 from statistics import median
 
 from ....files.value_wording import listed
-from ....logs.failure_courses import time_lost
-from ....logs.visits import HALTED, Visit
+from ....logs.visits import HALTED, Visit, covered_time
 from ....world.events.skill_events import SafetyStopEvent
 from ..investigation.case import Finding, Investigation
 from ..investigation.explanation import ExplainedOutcome, FailureStory, number, word
@@ -62,7 +61,7 @@ def by_the_mission(case: Investigation, failure: FailureStory) -> Finding | None
 
 def _under_way(case: Investigation) -> tuple[str, ...]:
     lost = [f for f in case.failures if f.fate != "cured"]
-    spent = time_lost(case.failures)
+    spent = covered_time(f.undecided for f in case.failures)
     reasons: list[str] = []
     if case.failures:
         reasons.append(

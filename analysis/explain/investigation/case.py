@@ -14,11 +14,10 @@ from typing import TYPE_CHECKING, TypeVar
 import numpy as np
 
 from ....errors import PicktreeError
-from ....logs.failure_courses import VisitTree
 from ....logs.run_log import Stamped
 from ....logs.schema.event_records import BeliefEvent
 from ....logs.schema.records import BodyRecord
-from ....logs.visits import Visit
+from ....logs.visits import Visit, VisitTree
 from ....simulation.scoring.scorer import MAX_REST_SPEED, ItemScore, score
 from ....simulation.scoring.truth import TrueBody
 from ....world.events.run_events import BinExchangedEvent

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal, cast
 
-from ....logs.failure_courses import CureAttempt, FailureLink, Fate
-from ....logs.run_account import Episodes
+from ....logs.episodes.episode import Fate
+from ....logs.run_account import CureAttempt, Episodes, FailureLink
 from ....logs.schema.records import Values
 
 
@@ -83,6 +83,11 @@ class FailureStory:
     @property
     def cured(self) -> bool:
         return self.fate == "cured"
+
+    @property
+    def undecided(self) -> tuple[float, float]:
+        """Times of the failure and of the decision, simulated s; the same where the log leaves it open."""
+        return (self.time, self.time if self.fate_at is None else self.fate_at)
 
     @property
     def seconds_lost(self) -> float | None:
