@@ -51,13 +51,10 @@ class KeyChange:
 
 @dataclass(frozen=True, slots=True)
 class TickHistory:
-    """Transitions, writes and visits of a run, each in order of time."""
+    """Transitions and writes of a run, each in order of time."""
 
     moves: tuple[NodeChange, ...]
     writes: tuple[KeyChange, ...]
-    visits: tuple[Visit, ...]
-    derived: bool
-    """Whether the moves were derived from the statuses after each tick, because the log is of format 1."""
 
 
 def tick_history(run: Run) -> TickHistory:
@@ -68,7 +65,7 @@ def tick_history(run: Run) -> TickHistory:
             continue
         moves += [NodeChange(number, at.time, transition) for transition in at.record.transitions]
         writes += [KeyChange(number, at.time, write) for write in at.record.writes]
-    return TickHistory(tuple(moves), tuple(writes), run.account.visits, run.log.format < 2)
+    return TickHistory(tuple(moves), tuple(writes))
 
 
 Edge: TypeAlias = Literal["begin", "end"]
@@ -161,7 +158,7 @@ class Cursor:
         `node` is a path, the end of one, a type, or a pattern of paths with `*`; all matching nodes count.
         """
         paths = {one.path for one in find_nodes(node, self.nodes)}
-        visits = [visit for visit in self.course.visits if visit.path in paths]
+        visits = [visit for visit in self.run.account.visits if visit.path in paths]
         if edge == "end":
             visits = [visit for visit in visits if visit.outcome != "RUNNING"]
         where: Callable[[Visit], int] = lambda visit: visit.first if edge == "begin" else visit.last  # noqa: E731
@@ -179,7 +176,7 @@ class Cursor:
 
     def next_item(self, item: str, *, back: bool = False) -> Visit:
         """Go to the next tick in which a visit for this object began, and return it."""
-        visits = [visit for visit in self.course.visits if visit.item == item]
+        visits = [visit for visit in self.run.account.visits if visit.item == item]
         if not visits:
             raise PicktreeError(f"no node was about {item!r}")
         self._go([visit.first for visit in visits], f"node about {item}", back=back)
@@ -191,7 +188,7 @@ class Cursor:
     def failures(self) -> tuple[Visit, ...]:
         """Visits that failed by themselves, in the order of the failures; within a tick from below
         upwards."""
-        failed = [visit for visit in self.course.visits if visit.failed_itself]
+        failed = [visit for visit in self.run.account.visits if visit.failed_itself]
         return tuple(sorted(failed, key=lambda visit: (visit.last, -visit.path.count("/"))))
 
     @property
@@ -206,20 +203,19 @@ class Cursor:
         """Visits that are open at the cursor, or begin or end there; the outermost first."""
         return tuple(
             visit
-            for visit in self.course.visits
+            for visit in self.run.account.visits
             if visit.first <= self.number and (self.number <= visit.last or visit.outcome == "RUNNING")
         )
 
     def last_visit(self, path: str) -> Visit | None:
         """Return the last visit of a node that began at the cursor or before; None when there is none."""
-        begun = [v for v in self.course.visits if v.path == path and v.first <= self.number]
+        begun = [v for v in self.run.account.visits if v.path == path and v.first <= self.number]
         return begun[-1] if begun else None
 
     @property
     def blackboard(self) -> Mapping[str, object]:
         """All values by their full keys."""
-        end = bisect.bisect_right(self.course.writes, self.number, key=lambda written: written.tick)
-        return {one.write.key: one.write.value for one in self.course.writes[:end]}
+        return self.run.blackboard_at(self.time)
 
     @property
     def belief(self) -> Scene | None:

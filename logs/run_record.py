@@ -96,6 +96,11 @@ class RunRecord:
         """Time of the last message, simulated s."""
         return self.log.end
 
+    @property
+    def last_tick(self) -> float:
+        """Time of the last tick, simulated s; that of the last message when the log holds no tick."""
+        return self.ticks.times[-1] if self.ticks.times else self.end
+
     @cached_property
     def result(self) -> RunResult | None:
         """Result of the run; None when it was killed, or ended by an exception."""

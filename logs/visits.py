@@ -98,6 +98,23 @@ class Visit:
     evidence: Values = field(default_factory=_no_values)
 
     @property
+    def name(self) -> str:
+        """Name of the node: the last part of its path."""
+        return self.path.rsplit("/", 1)[-1]
+
+    @property
+    def name_and_item(self) -> str:
+        """Name of the node and the item that it is about, as in `Grasp of block_1`."""
+        return f"{self.name} of {self.item}" if self.item else self.name
+
+    @property
+    def about(self) -> str:
+        """Item and number of the attempt, as in ` (block_1, attempt 2)`; empty without both."""
+        known = [self.item] if self.item else []
+        known += [f"attempt {self.attempt}"] if self.attempt > 1 else []
+        return f" ({', '.join(known)})" if known else ""
+
+    @property
     def key(self) -> Key:
         return (self.item, self.path, self.attempt)
 
@@ -316,20 +333,6 @@ def _lacks_transitions(log: RunLog, derived: bool | None) -> bool:
 
 
 END_STATUSES = frozenset({"SUCCESS", "FAILURE", "SKIPPED"})
-
-
-def derived_visits(log: RunLog) -> tuple[Visit, ...]:
-    """Return the visits as the statuses after each tick show them, as those of a log of format 1.
-
-    A node that ended and started within one tick counts as one visit. Values read at a start are unknown.
-    """
-    builder = VisitBuilder()
-    for at, trees in ticks_with_trees(log, derived=True):
-        for tree in trees:
-            builder.follow(tree)
-        if at.record is not None:
-            builder.take(at.time, at.record)
-    return builder.finish()
 
 
 def with_transitions(ticks: Iterator[Stamped[Tick]]) -> Iterator[Stamped[Tick]]:

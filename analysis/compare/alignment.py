@@ -11,7 +11,8 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from ...logs.visits import Key, Visit, derived_visits
+from ...logs.run_account import account_of
+from ...logs.visits import Key, Visit
 from ..run import Run
 from .divergence import ComparedRuns, Divergence, find_parting
 from .matching import TIME_TOLERANCE, ItemMatch, NodeMatch, VisitPair, differences, match_items, match_nodes
@@ -32,7 +33,8 @@ class PairedVisits:
 
 def both_visits(a: Run, b: Run) -> PairedVisits:
     if a.log.format < 2 or b.log.format < 2:
-        return PairedVisits(derived_visits(a.log), derived_visits(b.log), derived=True)
+        of_a, of_b = (account_of(run.log, run.events, derived=True) for run in (a, b))
+        return PairedVisits(of_a.visits, of_b.visits, derived=True)
     return PairedVisits(a.visits, b.visits, derived=False)
 
 
@@ -108,7 +110,7 @@ def align(a: Run, b: Run, *, since: float = 0.0) -> Alignment:
     taken = set(partners.values())
     only_a = tuple(visit for n, visit in enumerate(side_a.visits) if n not in partners)
     only_b = tuple(visit for m, visit in enumerate(side_b.visits) if m not in taken)
-    sides = ComparedRuns(pairs, only_a, only_b, _end(a), _end(b), nodes)
+    sides = ComparedRuns(pairs, only_a, only_b, a.last_tick, b.last_tick, nodes)
     return Alignment(since, items, nodes, tuple(pairs), only_a, only_b, find_parting(sides), both.derived)
 
 
@@ -136,8 +138,3 @@ def _side(
         visits.append(replace(visit, attempt=counts[item, path]))
         keys.append((item, path, counts[item, path]))
     return _Side(tuple(visits), tuple(keys), frozenset(resumed))
-
-
-def _end(run: Run) -> float:
-    """Return the time of the last tick, simulated s."""
-    return run.ticks.times[-1] if run.ticks.times else 0.0

@@ -269,7 +269,7 @@ def outcome_of(run: Run) -> RunOutcome:
         recovered=run.recovered,
         status=KILLED_STATUS if result is None else result.status,
         message="" if result is None else result.message,
-        end=run.ticks.times[-1] if run.ticks.times else 0.0,
+        end=run.last_tick,
         items_total=None if result is None else result.items.total,
         items_sorted=None if result is None else result.items.sorted,
         items_done=kinds["item_done"],

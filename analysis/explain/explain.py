@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 def outcome_of(run: RunRecord, visits: Sequence[Visit]) -> ExplainedOutcome:
-    end = run.ticks.times[-1] if run.ticks.times else run.end
+    end = run.last_tick
     result = run.result
     if result is None:
         return ExplainedOutcome(_status(run), _cut_off(run, visits, end), end, None, None)
@@ -62,9 +62,7 @@ def _doing(visits: Sequence[Visit]) -> str:
     if not running:
         return ""
     last = max(running, key=lambda v: (v.path.count("/"), v.number))
-    name = last.path.rsplit("/", 1)[-1]
-    about = f" of {last.item}" if last.item else ""
-    return f" while {name}{about} was running"
+    return f" while {last.name_and_item} was running"
 
 
 MOST = 8
@@ -114,9 +112,7 @@ def key_moments(
         if cause.time is not None and cause.time > 0.0:
             add(KeyMoment(cause.time, told or cause.title, first.number if first else None))
         if first is not None:
-            name = first.node.rsplit("/", 1)[-1]
-            about = f" of {first.item}" if first.item else ""
-            add(KeyMoment(first.time, f"{name}{about} fails: {first.cause}", first.number))
+            add(KeyMoment(first.time, f"{first.name_and_item} fails: {first.cause}", first.number))
     for failure in failures:
         if failure.fate == "ended":
             add(

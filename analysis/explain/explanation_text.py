@@ -226,8 +226,8 @@ def notes_on(run: Run) -> tuple[str, ...]:
 
 def _head(run: Run) -> str:
     info = run.info
-    length = run.ticks.times[-1] if run.ticks.times else run.end
-    return f"{info.mission}, scene {info.scene}, seed {info.seed}, {info.backend}: {length:.1f} s simulated"
+    length = f"{run.last_tick:.1f} s simulated"
+    return f"{info.mission}, scene {info.scene}, seed {info.seed}, {info.backend}: {length}"
 
 
 def _names(run: Run) -> dict[str, str]:

@@ -156,7 +156,7 @@ def _stops(case: Investigation, failure: FailureStory) -> list[str]:
 def _halted(case: Investigation, failure: FailureStory) -> list[str]:
     visit = case.visit(failure)
     stopped = [
-        v.path.rsplit("/", 1)[-1]
+        v.name
         for v in case.family.visits
         if v.outcome == HALTED and v.last == visit.last and case.family.within(v, visit)
     ]

@@ -44,7 +44,7 @@ def _story(case: Investigation, item: str) -> ItemStory:
         if not event.what.startswith(_LOST) or not any(0.0 <= f - at.time < TOLD for f in failed)
     ]
     events += [
-        ItemEvent(f.time, f"{f.node.rsplit('/', 1)[-1]} failed: {f.cause}", f.node, f.number)
+        ItemEvent(f.time, f"{f.name} failed: {f.cause}", f.node, f.number)
         for f in case.failures
         if f.item == item
     ]

@@ -117,7 +117,7 @@ def _as_it_says(failure: FailureStory) -> Finding:
     about = failure.item or failure.node
     said = failure.message or failure.sentence
     of = f" of {failure.item}" if failure.item and failure.item not in said else ""
-    title = f"{failure.node.rsplit('/', 1)[-1]}{of} failed: {said}"
+    title = f"{failure.name}{of} failed: {said}"
     reasons = ("nothing else in the log tells where it came from",)
     return Finding(failure.cause, about, title, reasons, failure.item, failure.time)
 

@@ -10,7 +10,7 @@ from typing import Generic, TypeVar
 from ...errors import PicktreeError
 from ...logs.run_log import RunLog, Stamped
 from ...logs.schema.records import Plan, Scene, Tick
-from ...logs.visits import Visit, VisitBuilder
+from ...logs.visits import Visit, VisitBuilder, with_transitions
 from ...world.events.skill_events import ItemDoneEvent
 from .captions import Caption, CaptionFailure
 from .scene_view import SceneContent, Show
@@ -111,19 +111,13 @@ class NodeActivity:
         coming = trees[1:]
         self._times: list[float] = []
         self._tips: list[tuple[str, str, str]] = []
-        failing: frozenset[str] = frozenset()
-        stated: list[CaptionedFailure] = []
-        for at in log.ticks(max(0.0, start - _LEAD_TIME), end):
+        ticks = log.ticks(max(0.0, start - _LEAD_TIME), end)
+        for at in ticks if log.format >= 2 else with_transitions(ticks):
             while coming and coming[0].time <= at.time:
                 following.follow(coming.pop(0).record)
             following.take(at.time, at.record)
             self._times.append(at.time)
             self._tips.append(_tip(at.record))
-            found = _failures(at.record)
-            stated += [
-                CaptionedFailure(at.time, trouble) for path, trouble in found.items() if path not in failing
-            ]
-            failing = frozenset(found)
         visits = following.finish()
         self._visits: dict[str, list[Visit]] = {}
         for visit in visits:
@@ -131,8 +125,7 @@ class NodeActivity:
         arose = [
             CaptionedFailure(v.end, CaptionFailure(v.cause, v.message)) for v in visits if v.failed_itself
         ]
-        told = arose if visits else stated  # logs of format 1 have no visits
-        self.failures = tuple(sorted(told, key=lambda failed: failed.time))
+        self.failures = tuple(sorted(arose, key=lambda failed: failed.time))
 
     def doing(self, time: float) -> tuple[str, str]:
         """Return the deepest running node with the item that it is about, and its message."""
@@ -258,11 +251,3 @@ def _tip(tick: Tick) -> tuple[str, str, str]:
     if node is not None:
         return node.path, node.id, node.message
     return "", "" if tick.root_status in ("RUNNING", "IDLE") else tick.root_status, ""
-
-
-def _failures(tick: Tick) -> dict[str, CaptionFailure]:
-    """Return the failing nodes according to their statuses, without those that pass on a failure from
-    below."""
-    failing = {n.path: n for n in tick.nodes if n.status == "FAILURE" and n.cause and n.ticked}
-    above = {path.rpartition("/")[0] for path in failing}
-    return {path: CaptionFailure(n.cause, n.message) for path, n in failing.items() if path not in above}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, cast
@@ -22,7 +22,7 @@ from ...trees.loading.registry import NodeRegistry
 from ...trees.mission import RecordedFiles
 from ..run import Run
 from .packing import Packable, Section, StringTable
-from .tick_table import ABSENT, STATUSES, TICKED, TickTable, tick_table
+from .tick_table import STATUSES, TickTable, tick_table
 
 OUTCOMES: Final = ("RUNNING", "SUCCESS", "FAILURE", "SKIPPED", HALTED)
 """Outcomes by code."""
@@ -49,7 +49,7 @@ def pack_lanes(run: Run) -> Section:
     if not len(table.times):
         return Section("lanes", {"empty": "The log holds no tick."})
     whole = run.log.format >= 2
-    visits = run.visits if whole else tuple(_visits_from_statuses(table))
+    visits = run.account.visits
     colours = _colours(run)
     return Section(
         "lanes",
@@ -156,53 +156,6 @@ def _colours(run: Run) -> dict[str, str]:
         if isinstance(at.record, BeliefEvent) and at.record.after is not None:
             found.setdefault(at.record.after.id, at.record.after.colour)
     return found
-
-
-def _visits_from_statuses(table: TickTable) -> Iterator[Visit]:
-    """Yield visits from the statuses alone, for a log without transitions.
-
-    Events between two ticks are lost.
-    """
-    found: list[Visit] = []
-    last = len(table.times) - 1
-    for row, node in enumerate(table.nodes):
-        for first, end, status in _runs(table, row):
-            said = table.said.get((row, end))
-            found.append(
-                Visit(
-                    number=0,
-                    path=node.path,
-                    id=node.id,
-                    parent=None,
-                    item="",
-                    attempt=1,
-                    start=float(table.times[first]),
-                    end=float(table.times[end]),
-                    first=first,
-                    last=end,
-                    outcome=HALTED if status == "RUNNING" and end < last else status,
-                    cause=said.cause if said else "",
-                    message=said.message if said else "",
-                )
-            )
-    return iter(sorted(found, key=lambda visit: (visit.first, visit.path.count("/"))))
-
-
-def _runs(table: TickTable, row: int) -> Iterator[tuple[int, int, str]]:
-    """Yield first tick, last tick and outcome of each unbroken run of a node."""
-    first: int | None = None
-    for tick, code in enumerate(map(int, table.codes[row])):
-        status = "IDLE" if code == ABSENT or code < TICKED else STATUSES[code - TICKED]
-        if status == "RUNNING":
-            first = tick if first is None else first
-            continue
-        if status != "IDLE":
-            yield (tick if first is None else first), tick, status
-        elif first is not None:
-            yield first, tick - 1, "RUNNING"
-        first = None
-    if first is not None:
-        yield first, table.codes.shape[1] - 1, "RUNNING"
 
 
 _MISSING_MISSION_PATH: Final = Path("/nonexistent/picktree/mission.yaml")

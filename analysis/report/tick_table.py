@@ -80,14 +80,6 @@ class TickWrite:
     write: WriteRecord
 
 
-@dataclass(frozen=True, slots=True)
-class NodeMessage:
-    """Cause and message of a failing node in a tick."""
-
-    cause: str
-    message: str
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class TickTable:
     nodes: tuple[RunNode, ...]
@@ -96,8 +88,6 @@ class TickTable:
     codes: NDArray[np.uint8]
     """Status codes, (nodes, ticks), with `TICKED` added; or `ABSENT`."""
     writes: tuple[TickWrite, ...]
-    said: Mapping[tuple[int, int], NodeMessage]
-    """Messages of failures, by node and tick."""
 
     @property
     def statuses(self) -> NDArray[np.uint8]:
@@ -121,7 +111,6 @@ def _read(run: Run) -> TickTable:
     numbers = {node.path: number for number, node in enumerate(nodes)}
     times: list[float] = []
     writes: list[TickWrite] = []
-    said: dict[tuple[int, int], NodeMessage] = {}
     columns: list[NDArray[np.uint8]] = []
     for time, tick in _ticks(run):
         number = len(times)
@@ -132,13 +121,11 @@ def _read(run: Run) -> TickTable:
             if row is None:
                 continue
             column[row] = _CODES.get(node["status"], 0) + (TICKED if node["ticked"] else 0)
-            if node["status"] == "FAILURE" and node["ticked"]:
-                said[row, number] = NodeMessage(node.get("cause", ""), node.get("message", ""))
         columns.append(column)
         for write in tick.get("writes", ()):
             writes.append(TickWrite(number, WriteRecord(write["key"], write["value"], write["node"])))
     codes = np.array(columns, dtype=np.uint8).reshape(len(times), len(nodes)).T
-    return TickTable(nodes, np.array(times), np.ascontiguousarray(codes), tuple(writes), said)
+    return TickTable(nodes, np.array(times), np.ascontiguousarray(codes), tuple(writes))
 
 
 def _ticks(run: Run) -> Iterator[tuple[float, _Json]]:

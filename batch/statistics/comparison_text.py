@@ -89,7 +89,7 @@ def divergence_line(found: Alignment, a: Run) -> str:
         time, one, other = end
         said += (
             f"; first other end at tick {a.ticks.number_at(time)}, {time:.2f} s: "
-            f"{_name(one)}: A {_end(one)}, B {_end(other)}"
+            f"{one.name}{one.about}: A {_end(one)}, B {_end(other)}"
         )
     return said
 
@@ -100,9 +100,9 @@ def _what(parting: Divergence) -> str:
         case "inputs" if a is not None and b is not None:
             changes = value_changes(a.inputs, b.inputs)
             ports = ", ".join(f"{c.name} {value_text(c.a)} and {value_text(c.b)}" for c in changes)
-            return f"{_name(a)} {DIVERGENCE_TEXTS['inputs']}: {ports}"
+            return f"{a.name}{a.about} {DIVERGENCE_TEXTS['inputs']}: {ports}"
         case "type" | "outcome" | "cause" | "length" if a is not None and b is not None:
-            return f"{_name(a)} {DIVERGENCE_TEXTS[parting.how]}: A {_course(a)}, B {_course(b)}"
+            return f"{a.name}{a.about} {DIVERGENCE_TEXTS[parting.how]}: A {_course(a)}, B {_course(b)}"
         case "order":
             return f"{DIVERGENCE_TEXTS['order']}: A {_begins(a)}, B {_begins(b)}"
         case _:
@@ -121,16 +121,8 @@ def _first_other_end(found: Alignment) -> tuple[float, Visit, Visit] | None:
     return time, pair.a, pair.b
 
 
-def _name(visit: Visit) -> str:
-    about = [visit.item] if visit.item else []
-    if visit.attempt > 1:
-        about.append(f"attempt {visit.attempt}")
-    name = visit.path.rsplit("/", 1)[-1]
-    return f"{name} ({', '.join(about)})" if about else name
-
-
 def _begins(visit: Visit | None) -> str:
-    return "nothing more" if visit is None else _name(visit)
+    return "nothing more" if visit is None else f"{visit.name}{visit.about}"
 
 
 def _end(visit: Visit) -> str:

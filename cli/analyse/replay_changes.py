@@ -85,7 +85,7 @@ def failure_list(cursor: Cursor) -> Iterator[str]:
     here = cursor.failure
     for number, visit in enumerate(cursor.failures):
         mark = "→" if here is not None and visit.number == here.number else " "
-        failed = f"{visit.path}{_about(visit)}: {visit.cause}: {visit.message}"
+        failed = f"{visit.path}{visit.about}: {visit.cause}: {visit.message}"
         yield f"{mark} {number}: {visit.end:.2f} s, {failed}"
 
 
@@ -95,7 +95,7 @@ def evidence_lines(cursor: Cursor) -> Iterator[str]:
     if visit is None:
         yield "no node has failed by itself yet"
         return
-    yield f"{visit.end:.2f} s, tick {visit.last}: {visit.path}{_about(visit)} failed: {visit.cause}"
+    yield f"{visit.end:.2f} s, tick {visit.last}: {visit.path}{visit.about} failed: {visit.cause}"
     yield f"  said: {visit.message}"
     cause = known_causes().get(visit.cause)
     if cause is not None:
@@ -106,15 +106,15 @@ def evidence_lines(cursor: Cursor) -> Iterator[str]:
     yield from (f"  evidence {name}: {show(value)}" for name, value in visit.evidence.items())
     yield from _choices(cursor, visit)
     names = short_names(node.path for node in cursor.nodes)
+    visits = cursor.run.account.visits
     ended = [
         other
-        for other in cursor.course.visits
+        for other in visits
         if other.origin == visit.path and other.number != visit.number and other.last == visit.last
     ]
     for other in sorted(ended, key=lambda one: -one.path.count("/")):
         yield f"  with it ended {names.get(other.path, other.path)}"
-    then = [other for other in cursor.course.visits if other.first >= visit.last and other.start >= visit.end]
-    following = next((other for other in then if other.number > visit.number), None)
+    following = next((o for o in visits[visit.number + 1 :] if o.start >= visit.end), None)
     if following is None:
         yield "  then nothing more began"
     else:
@@ -136,10 +136,3 @@ def _choices(cursor: Cursor, visit: Visit) -> Iterator[str]:
             yield f"    {tried.name}{there}: {tried.verdict}{more}"
         if len(choice.tried) > _MAX_NAMED_CANDIDATES:
             yield f"    … {len(choice.tried) - _MAX_NAMED_CANDIDATES} more"
-
-
-def _about(visit: Visit) -> str:
-    said = [visit.item] if visit.item else []
-    if visit.attempt > 1:
-        said.append(f"attempt {visit.attempt}")
-    return f" ({', '.join(said)})" if said else ""

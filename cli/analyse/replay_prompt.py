@@ -85,7 +85,7 @@ class ReplayPrompt(CommandPrompt):
             case "tree" | "node" | "break":
                 return self._nodes()
             case "to":
-                items = {visit.item for visit in self.cursor.course.visits if visit.item}
+                items = {visit.item for visit in self.cursor.run.account.visits if visit.item}
                 return ["start", "end", *items, *self._nodes()]
             case "blackboard":
                 return self.cursor.blackboard
@@ -144,7 +144,7 @@ class ReplayPrompt(CommandPrompt):
         name, back = _without(text, "back")
         name, after = _without(name, "after")
         name, _ = _without(name, "before")
-        if any(visit.item == name for visit in cursor.course.visits):
+        if any(visit.item == name for visit in cursor.run.account.visits):
             return self._moved(lambda: cursor.next_item(name, back=back))
         edge: Edge = "end" if after else "begin"
         return self._moved(lambda: cursor.next_of(name, edge, back=back))

@@ -267,4 +267,3 @@ def test_a_status_matrix_has_a_row_for_each_node(loop_log: Path) -> None:
         table = tick_table(run)
     assert table.codes.dtype == np.uint8
     assert table.codes.shape == (5, 10)
-    assert [tick for node, tick in table.said if table.nodes[node].path == GRASP] == [8, 9]

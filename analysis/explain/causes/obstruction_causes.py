@@ -183,7 +183,7 @@ def _touching(
         return None
     fixtures, bins = case.fixtures, case.bins
     reasons = reasons or (failure.message,)
-    about = failure.item or failure.node.rsplit("/", 1)[-1]
+    about = failure.item or failure.name
     most = [name for name, _ in touched.most_common()]
     for name in most:
         if name in fixtures:
@@ -196,7 +196,7 @@ def _touching(
     neighbours = [name for name in most if name in case.belief.tracks and name != failure.item]
     if neighbours and failure.cause == "planning.start_in_collision":
         # The hand may just have let go of something there: where that lies is a guess.
-        begun = failure.node.rsplit("/", 1)[-1] + (f" of {failure.item}" if failure.item else "")
+        begun = failure.name_and_item
         title = f"the hand stood, as believed, within {listed(neighbours, 3)} when {begun} was to begin"
         return Finding("item.crowded", neighbours[0], title, reasons, neighbours[0], failure.time)
     if neighbours:

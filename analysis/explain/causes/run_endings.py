@@ -42,10 +42,10 @@ def by_the_mission(case: Investigation, failure: FailureStory) -> Finding | None
         case "tree.timeout":
             return _timeout(case, failure)
         case "tree.missing_input":
-            title = f"{failure.node.rsplit('/', 1)[-1]} had no value to work with: {failure.message}"
+            title = f"{failure.name} had no value to work with: {failure.message}"
             return Finding("tree.missing_input", failure.node, title, (), failure.item, failure.time)
         case "tree.no_case":
-            title = f"{failure.node.rsplit('/', 1)[-1]} has no case for it: {failure.message}"
+            title = f"{failure.name} has no case for it: {failure.message}"
             return Finding("tree.no_case", failure.node, title, (), failure.item, failure.time)
         case "internal.error":
             title = f"the code of {failure.id} has a fault of its own: {failure.message}"
@@ -69,7 +69,7 @@ def _under_way(case: Investigation) -> tuple[str, ...]:
             f"and {len(lost)} of them were not cured"
         )
     running = [v for v in case.family.visits if v.outcome == "RUNNING" and not case.family.children(v)]
-    told = [f"{_name(v)} (for {v.duration:.1f} s)" for v in running]
+    told = [f"{v.name_and_item} (for {v.duration:.1f} s)" for v in running]
     return (*reasons, f"what ran then: {listed(told, 5)}") if told else tuple(reasons)
 
 
@@ -102,7 +102,7 @@ def _condition(case: Investigation) -> Finding | None:
             break
         visit = below[-1]
     ports = case.ports(visit.path)
-    asked = ports.get("if", "") or visit.message or visit.path.rsplit("/", 1)[-1]
+    asked = ports.get("if", "") or visit.message or visit.name
     title = f"a condition did not hold, and the mission ends there: {asked}"
     reasons = (f"{visit.path} was asked at {seconds(visit.end)}",)
     return Finding("tree.condition", visit.path, title, reasons, visit.item, visit.end)
@@ -116,7 +116,8 @@ def _timeout(case: Investigation, failure: FailureStory) -> Finding:
         if v.outcome == HALTED and v.last == visit.last and case.family.within(v, visit)
     ]
     allowed = number(failure, "seconds")
-    reasons = [f"stopped were: {listed([_name(v) for v in _leaves(case, halted)], 5)}"] if halted else []
+    stopped = [v.name_and_item for v in _leaves(case, halted)]
+    reasons = [f"stopped were: {listed(stopped, 5)}"] if halted else []
     within = [
         f for f in case.failures if f.number != failure.number and case.family.within(case.visit(f), visit)
     ]
@@ -149,8 +150,3 @@ def _unacknowledged(case: Investigation, failure: FailureStory) -> Finding | Non
 
 def _leaves(case: Investigation, visits: list[Visit]) -> list[Visit]:
     return [v for v in visits if not case.family.children(v)] or visits[-1:]
-
-
-def _name(visit: Visit) -> str:
-    name = visit.path.rsplit("/", 1)[-1]
-    return f"{name} of {visit.item}" if visit.item else name

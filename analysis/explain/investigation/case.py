@@ -164,7 +164,7 @@ class Investigation:
 
     @cached_property
     def end(self) -> float:
-        return self.run.ticks.times[-1] if self.run.ticks.times else self.run.end
+        return self.run.last_tick
 
     @cached_property
     def arm(self) -> InverseKinematics | None:

@@ -81,6 +81,16 @@ class FailureStory:
     """Place of its episode among those of the run."""
 
     @property
+    def name(self) -> str:
+        """Name of the node: the last part of its path."""
+        return self.node.rsplit("/", 1)[-1]
+
+    @property
+    def name_and_item(self) -> str:
+        """Name of the node and the item that the failure is about, as in `Grasp of block_1`."""
+        return f"{self.name} of {self.item}" if self.item else self.name
+
+    @property
     def cured(self) -> bool:
         return self.fate == "cured"
 
