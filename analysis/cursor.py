@@ -6,7 +6,7 @@ import bisect
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Literal, TypeAlias, TypeVar
+from typing import Literal, TypeAlias, TypeVar
 
 from ..errors import PicktreeError
 from ..files.node_patterns import find_nodes
@@ -234,20 +234,6 @@ class Cursor:
     def control(self) -> Control | None:
         """Set point of the servo; None in older logs."""
         return next((at.record for at in self.run.log.controls(self.time, self.time)), None)
-
-    @cached_property
-    def fingers(self) -> tuple[str, ...]:
-        """Names of the gripper's joints, each at a half of its opening; empty when the log has no robot
-        file."""
-        if "robot.yaml" not in self.run.log.attachments:
-            return ()
-        import yaml
-
-        try:
-            robot: Any = yaml.safe_load(self.run.log.attachment("robot.yaml"))
-            return tuple(str(name) for name in robot["gripper"]["joints"])
-        except (yaml.YAMLError, KeyError, TypeError):
-            return ()
 
     def changes(self, since: int | None = None) -> CursorChanges:
         """Return the changes since the tick of that number; by default, or for a later tick, those of this

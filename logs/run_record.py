@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from types import TracebackType
-from typing import Self
+from typing import Any, Self
 
 from ..errors import PicktreeError
 from ..world.journal import JournalEvent
@@ -167,7 +167,29 @@ class RunRecord:
     @cached_property
     def gripper(self) -> GripperSeries:
         """Gripper readings, one a tick; empty for a robot without fingers."""
-        return gripper_series(self.joints, [name for name in self.joints.names if "finger" in name])
+        return gripper_series(self.joints, self.joint_names[1])
+
+    @cached_property
+    def joint_names(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
+        """Recorded joints of the arm, and those of the gripper as the robot file in the log names them.
+
+        Without a robot file, joints with "finger" in their names are the gripper's.
+        """
+        first = next(self.log.joints(), None)
+        names = first.record.names if first is not None else ()
+        fingers = {name for name in names if "finger" in name}
+        if "robot.yaml" in self.log.attachments:
+            import yaml  # most readers of a log do without
+
+            try:
+                robot: Any = yaml.safe_load(self.log.attachment("robot.yaml"))
+                fingers = {str(name) for name in robot["gripper"]["joints"]}
+            except (yaml.YAMLError, KeyError, TypeError):
+                pass
+        return (
+            tuple(name for name in names if name not in fingers),
+            tuple(name for name in names if name in fingers),
+        )
 
     @cached_property
     def wrenches(self) -> WrenchSeries:

@@ -18,9 +18,8 @@ from dataclasses import dataclass
 from difflib import SequenceMatcher
 from typing import Final, Literal, TypeAlias, cast
 
-from ...logs.schema.records import TreeNode
+from ...logs.schema.records import BodyRecord, TreeNode
 from ...logs.visits import Visit
-from ...world.values import Vector3
 from ..run import Run
 
 MAX_SAME_PLACE_DISTANCE = 0.02
@@ -28,17 +27,6 @@ MAX_SAME_PLACE_DISTANCE = 0.02
 items."""
 
 Basis: TypeAlias = Literal["place", "order"]
-
-
-@dataclass(frozen=True, slots=True)
-class FirstSighting:
-    """Object when the robot first believed in it, or at the moment from which runs are compared."""
-
-    id: str
-    kind: str
-    colour: str
-    place: Vector3
-    """Position in the world, m."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,11 +55,11 @@ class ItemMatch:
 def match_items(a: Run, b: Run, *, since: float = 0.0) -> ItemMatch:
     """Pair the objects of two runs. Objects that are known at `since` (simulated s) count with their place
     then."""
-    in_a, in_b = sightings(a, since), sightings(b, since)
+    in_a, in_b = first_bodies(a, since), first_bodies(b, since)
     pairs: list[ItemPair] = []
     if a.info.seed == b.info.seed:
         near = sorted(
-            (math.dist(one.place, other.place), one.id != other.id, n, m)
+            (math.dist(one.pose.position, other.pose.position), one.id != other.id, n, m)
             for n, one in enumerate(in_a)
             for m, other in enumerate(in_b)
             if (one.kind, one.colour) == (other.kind, other.colour)
@@ -97,23 +85,18 @@ def match_items(a: Run, b: Run, *, since: float = 0.0) -> ItemMatch:
     )
 
 
-def sightings(run: Run, since: float = 0.0) -> tuple[FirstSighting, ...]:
-    """Return every object of the belief once, in the order of discovery, from `since` (simulated s) on."""
-    found: dict[str, FirstSighting] = {}
-    known = run.log.belief_at(since) or next(run.log.beliefs(since), None)
-    begin = since
-    if known is not None:
-        begin = max(since, known.time)
-        for body in known.record.bodies:
-            found[body.id] = FirstSighting(body.id, body.kind, body.colour, body.pose.position)
-    for at in run.log.beliefs(begin):
+def first_bodies(run: Run, since: float = 0.0) -> tuple[BodyRecord, ...]:
+    """Return every object as the robot first believed in it from `since` (simulated s) on, in the order of
+    discovery."""
+    found: dict[str, BodyRecord] = {}
+    known = run.log.belief_at(since)
+    for at in run.log.beliefs(known.time if known else since):
         for body in at.record.bodies:
-            if body.id not in found:
-                found[body.id] = FirstSighting(body.id, body.kind, body.colour, body.pose.position)
+            found.setdefault(body.id, body)
     return tuple(found.values())
 
 
-def _unpaired_ids(known: Iterable[FirstSighting], paired: Iterable[str]) -> dict[tuple[str, str], list[str]]:
+def _unpaired_ids(known: Iterable[BodyRecord], paired: Iterable[str]) -> dict[tuple[str, str], list[str]]:
     """Return the ids without a partner, by kind and colour."""
     done = set(paired)
     left: dict[tuple[str, str], list[str]] = {}

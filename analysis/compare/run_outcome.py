@@ -14,7 +14,7 @@ from ...logs.visits import Visit, covered_time
 from ...world.events.skill_events import ItemDoneEvent
 from ..run import Run
 from .alignment import Alignment
-from .matching import Basis
+from .matching import Basis, first_bodies
 
 
 @dataclass(frozen=True, slots=True)
@@ -199,7 +199,7 @@ def _ends(run: Run, visits: Sequence[Visit], since: float) -> dict[str, ItemEnd]
     last = run.log.belief_at(run.end)
     believed = {body.id: body for body in last.record.bodies} if last else {}
     ends: dict[str, ItemEnd] = {}
-    for name in _discovered(run, since):
+    for name in [body.id for body in first_bodies(run, since) if body.role == "item"]:
         body, event = believed.get(name), done.get(name)
         state: State = "gone" if body is None else "held" if body.attached else "left"
         place = "" if body is None else "in the hand" if body.attached else body.place
@@ -219,16 +219,6 @@ def _ends(run: Run, visits: Sequence[Visit], since: float) -> dict[str, ItemEnd]
             sum(visit.failed_itself for visit in about),
         )
     return ends
-
-
-def _discovered(run: Run, since: float) -> list[str]:
-    found: dict[str, None] = {}
-    known = run.log.belief_at(since)
-    for at in run.log.beliefs(known.time if known else since):
-        for body in at.record.bodies:
-            if body.role == "item":
-                found.setdefault(body.id)
-    return list(found)
 
 
 KILLED_STATUS = "killed"

@@ -135,13 +135,12 @@ def _gone(case: Investigation, failure: FailureStory, true: str) -> bool:
 
 
 def _hand(case: Investigation, failure: FailureStory) -> list[str]:
-    joints = case.run.joints
-    fingers = [n for n, name in enumerate(joints.names) if "finger" in name]
+    gripper = case.run.gripper
     told = number(failure, "width") is not None or not failure.cause.startswith(_IN_MOTION)
-    if not fingers or told or not len(joints.times):
+    if told or not len(gripper.times):
         return []
-    at = max(int((joints.times <= failure.time + 1e-6).sum()) - 1, 0)
-    width = float(joints.positions[at, fingers].sum())
+    at = max(int((gripper.times <= failure.time + 1e-6).sum()) - 1, 0)
+    width = float(gripper.widths[at])
     return [f"hand: the fingers were {max(width, 0.0) * 1000:.0f} mm open"]
 
 

@@ -188,7 +188,7 @@ def plots(run: Run) -> tuple[PlotPanel, ...]:
         force = [(f"f{axis} (N)", f"{topics.WRENCH.name}.force.{axis}") for axis in "xyz"]
         torque = [(f"t{axis} (Nm)", f"{topics.WRENCH.name}.torque.{axis}") for axis in "xyz"]
         made.append(_plot("Wrench", [*force, *torque, ("|f| (N)", f"{topics.WRENCH.name}.magnitude")]))
-    arm, fingers = _joints(run)
+    arm, fingers = run.joint_names
     if arm:
         made.append(_plot("Joints (rad)", _of_joints(arm, "position")))
         made.append(_plot("Velocity (rad/s)", _of_joints(arm, "velocity")))
@@ -246,20 +246,6 @@ def log() -> LogPanel:
         "topicToRender": topics.LOG.name,
         "foxglovePanelTitle": "Failures and recoveries",
     }
-
-
-def _joints(run: Run) -> tuple[Sequence[str], Sequence[str]]:
-    """Return the names of the arm's joints and of the fingers' in the log.
-
-    A waypoint of a plan has one value for each joint of the arm. Without a plan all joints count as the
-    arm's.
-    """
-    first = next(run.log.joints(), None)
-    if first is None:
-        return (), ()
-    names = first.record.names
-    arm = next((len(at.record.path[0]) for at in run.plans if at.record.path), len(names))
-    return names[:arm], names[arm:]
 
 
 def _of_joints(names: Iterable[str], quantity: str) -> list[tuple[str, str]]:

@@ -95,7 +95,7 @@ def _changes(run: Run) -> Iterator[tuple[str, float, str]]:
 
 def _signals(sheet: RerunWriter, run: Run) -> None:
     joints, wrenches, controls = run.joints, run.wrenches, run.controls
-    arm = _arm_joint_count(run)
+    arm = len(run.joint_names[0])
     for name, values in (
         ("position", joints.positions), ("velocity", joints.velocities), ("effort", joints.efforts)
     ):  # fmt: skip
@@ -110,12 +110,6 @@ def _signals(sheet: RerunWriter, run: Run) -> None:
     _series(
         sheet, "/control/error", controls.times, controls.errors, joints.names[: controls.errors.shape[1]]
     )
-
-
-def _arm_joint_count(run: Run) -> int:
-    """Return the number of the arm's joints: the length of a plan's waypoint, or of all joints without a
-    plan."""
-    return next((len(at.record.path[0]) for at in run.plans if at.record.path), len(run.joints.names))
 
 
 def _series(

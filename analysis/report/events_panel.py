@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields, is_dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, fields
 from typing import Final
 
 import numpy as np
+import orjson
 
 from ...logs.episodes.episode_counts import CauseCount
 from ...logs.schema.records import Plan
@@ -36,15 +37,8 @@ def _packed_cause(found: CauseCount) -> dict[str, Packable]:
 
 def plain_value(value: object) -> Packable:
     """Return a dataclass and its content as JSON: fields by name."""
-    if value is None or isinstance(value, bool | int | float | str):
-        return value
-    if is_dataclass(value) and not isinstance(value, type):
-        return {field.name: plain_value(getattr(value, field.name)) for field in fields(value)}
-    if isinstance(value, Mapping):
-        return {str(key): plain_value(below) for key, below in value.items()}  # pyright: ignore
-    if isinstance(value, Sequence):
-        return [plain_value(below) for below in value]  # pyright: ignore
-    return str(value)
+    plain: Packable = orjson.loads(orjson.dumps(value, default=str, option=orjson.OPT_NON_STR_KEYS))
+    return plain
 
 
 _KINDS_WITH_PANEL: Final = frozenset({"image"})

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final, cast
+from typing import Final
 
 import numpy as np
-import yaml
 from numpy.typing import NDArray
 
-from ...errors import PicktreeError
 from ...logs.series import ControlSeries, JointSeries, WrenchSeries
 from ..run import Run
 from .packing import Packable, Section, quantise
@@ -53,7 +51,7 @@ def pack_plots(run: Run) -> Section:
 
 def plots_of(run: Run) -> tuple[CurvePlot, ...]:
     """Return all plots in full; without data in the log, a plot has no curves."""
-    fingers = _fingers(run)
+    fingers = run.joint_names[1]
     joints, told = run.joints, run.controls
     return (
         *_joint_plots(joints, fingers),
@@ -161,19 +159,6 @@ def _packed(plot: CurvePlot) -> Packable:
         "labels": [curve.label for curve in plot.curves],
         "values": [quantise(curve.values, plot.step) for curve in plot.curves],
     }
-
-
-def _fingers(run: Run) -> tuple[str, ...]:
-    """Return the joints of the gripper, as the robot file in the log names them."""
-    try:
-        robot: object = yaml.safe_load(run.log.attachment("robot.yaml"))
-    except (PicktreeError, yaml.YAMLError):
-        robot = None
-    gripper = cast("Mapping[str, object]", robot).get("gripper") if isinstance(robot, dict) else None
-    named = cast("Mapping[str, object]", gripper).get("joints") if isinstance(gripper, dict) else None
-    if isinstance(named, list):
-        return tuple(str(name) for name in cast("list[object]", named))
-    return tuple(name for name in run.joints.names if "finger" in name)
 
 
 def _without_common_prefix(names: Sequence[str]) -> list[str]:

@@ -21,7 +21,7 @@ from ...session.session import Session
 from ...simulation.faults.injector import new_states
 from ..compare.alignment import align
 from ..compare.divergence_text import parting_lines
-from ..compare.run_outcome import KILLED_STATUS, RunOutcome
+from ..compare.run_outcome import RunOutcome, outcome_of
 from ..run import Run
 from .changes import ChangedRecipe, RunChanges, apply_changes, parse_tick
 from .resim_comparison import RecordComparison, RecordDifference, is_cut
@@ -284,24 +284,16 @@ def _parting(run: Run, log: Path, begin: float | None) -> tuple[str, ...]:
 
 
 def _recorded_outcome(run: Run) -> RunOutcome:
-    result = run.result
-    if result is not None:
-        return _outcome(result, result.failures, tally_of(run, run.end), run.path, run.recovered)
     tally = tally_of(run, run.end)
-    return RunOutcome(
-        log=run.path,
-        recovered=run.recovered,
-        status=KILLED_STATUS,
-        message="",
-        end=run.ticks.times[-1],
-        items_total=None,
-        items_sorted=None,
+    if run.result is not None:
+        return _outcome(run.result, run.result.failures, tally, run.path, run.recovered)
+    return replace(
+        outcome_of(run),
         items_done=tally.done,
         picks_tried=tally.tried,
         picks_held=tally.held,
         failures=dict(tally.failures),
         recoveries=sum(tally.recovered.values()),
-        digest="",
     )
 
 

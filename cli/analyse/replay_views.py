@@ -73,7 +73,7 @@ def joint_lines(cursor: Cursor) -> Iterator[str]:
         to_go = f"{errors[k]:+.4f}" if k < len(errors) else ""
         position, velocity, effort = joints.position[k], joints.velocity[k], joints.effort[k]
         yield f"{name:<{width}}  {position:+.4f}  {velocity:+.4f}  {effort:+7.2f}  {to_go}".rstrip()
-    opening = [joints.position[joints.names.index(n)] for n in cursor.fingers if n in joints.names]
+    opening = [joints.position[joints.names.index(n)] for n in cursor.run.joint_names[1]]
     if opening:
         yield f"gripper opening {1000 * sum(opening):.1f} mm"
     if control is not None:

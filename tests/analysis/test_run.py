@@ -147,3 +147,24 @@ def test_what_is_printed_is_short_and_telling(sorted_run: Path) -> None:
 def test_a_run_that_was_cut_off_says_so(log_path: Path) -> None:
     with Run(log_path) as run:
         assert repr(run) == f"<Run {log_path}: sort by colour, seed 7, 3.0 s, no result: it was cut off>"
+
+
+@pytest.mark.parametrize(
+    ("robot", "fingers"),
+    [
+        (b"gripper: {joints: [panda_joint7]}", ("panda_joint7",)),
+        (b"gripper: [", ("panda_finger_joint1", "panda_finger_joint2")),
+        (b"name: an arm without a gripper", ("panda_finger_joint1", "panda_finger_joint2")),
+    ],
+)
+def test_the_joints_of_arm_and_gripper_are_those_of_the_robot_file(
+    sorted_run: Path, monkeypatch: pytest.MonkeyPatch, robot: bytes, fingers: tuple[str, ...]
+) -> None:
+    """Where the file does not tell, a joint's name does."""
+    with Run(sorted_run) as run:
+        monkeypatch.setattr(run.log, "attachment", lambda _: robot)
+        arm, gripper = run.joint_names
+        assert gripper == fingers
+        assert {*arm, *gripper} == set(run.joints.names)
+        columns = [run.joints.column(name) for name in fingers]
+        np.testing.assert_array_equal(run.gripper.widths, run.joints.positions[:, columns].sum(axis=1))

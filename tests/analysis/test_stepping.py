@@ -149,7 +149,7 @@ def test_what_is_there(cursor: Cursor) -> None:
     last = cursor.last_visit(GRASP)
     assert last is not None and last.item == "red_block_2"
     assert cursor.last_visit(PLACE) is None
-    assert (cursor.joints, cursor.wrench, cursor.control, cursor.fingers) == (None, None, None, ())
+    assert (cursor.joints, cursor.wrench, cursor.control) == (None, None, None)
 
 
 def test_of_an_old_log_the_moves_are_derived() -> None:
