@@ -19,7 +19,6 @@ from ..logs.schema.records import (
     Scene,
     TransitionRecord,
     Tree,
-    TreeNode,
     WrenchReading,
     WriteRecord,
 )
@@ -157,7 +156,7 @@ class Cursor:
 
         `node` is a path, the end of one, a type, or a pattern of paths with `*`; all matching nodes count.
         """
-        paths = {one.path for one in find_nodes(node, self.nodes)}
+        paths = {one.path for one in find_nodes(node, self.run.nodes)}
         visits = [visit for visit in self.run.account.visits if visit.path in paths]
         if edge == "end":
             visits = [visit for visit in visits if visit.outcome != "RUNNING"]
@@ -251,12 +250,6 @@ class Cursor:
             tuple(at for at in events if not isinstance(at.record, BeliefEvent)),
             _between(self.run.plans, begin, self.time),
         )
-
-    @property
-    def nodes(self) -> Sequence[TreeNode]:
-        """Nodes of all trees of the run: some may exist only in an edited mission."""
-        found = {node.path: node for at in self.run.trees for node in at.record.nodes}
-        return tuple(found.values())
 
     def _go(self, numbers: Sequence[int], what: str, *, back: bool) -> None:
         """Go to the nearest of these ticks (rising numbers) ahead, or behind."""

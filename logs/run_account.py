@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 
 from ..world.events.run_events import RecoveryEvent
 from ..world.journal import JournalEvent
@@ -22,7 +21,7 @@ GIVE_UP = "give_up"
 """Slot of the child that a node runs before it fails for good."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Episodes:
     """Episodes of a run and its injected faults, in order of time.
 
@@ -32,7 +31,7 @@ class Episodes:
     episodes: tuple[Episode, ...]
     planted: tuple[Planted, ...]
 
-    @cached_property
+    @property
     def cures(self) -> tuple[CureCount, ...]:
         return counted(self.episodes)
 

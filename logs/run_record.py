@@ -16,7 +16,7 @@ from .run_account import RunAccount, account_of
 from .run_log import RunLog, Stamped
 from .run_result import RunResult
 from .schema import topics
-from .schema.records import Candidates, LogLine, Plan, RunInfo, Scene, Tree
+from .schema.records import Candidates, LogLine, Plan, RunInfo, Scene, Tree, TreeNode
 from .series import (
     ControlSeries,
     GripperSeries,
@@ -118,6 +118,15 @@ class RunRecord:
         if not trees:
             raise PicktreeError(f"{self.path}: the log has no message on {topics.TREE.name}")
         return next((at.record for at in reversed(trees) if at.time <= time + 1e-9), trees[0].record)
+
+    @cached_property
+    def nodes(self) -> tuple[TreeNode, ...]:
+        """Nodes of all trees of the run, each in its first form, parents before their children."""
+        found: dict[str, TreeNode] = {}
+        for at in self.trees:
+            for node in at.record.nodes:
+                found.setdefault(node.path, node)
+        return tuple(found.values())
 
     @cached_property
     def events(self) -> tuple[Stamped[JournalEvent], ...]:

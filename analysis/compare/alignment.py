@@ -19,26 +19,6 @@ from .matching import TIME_TOLERANCE, ItemMatch, NodeMatch, VisitPair, differenc
 
 
 @dataclass(frozen=True, slots=True)
-class PairedVisits:
-    """Visits of two runs.
-
-    `derived`: they follow from the statuses after each tick, because one log is of format 1. Then the inputs
-    of nodes and their subjects are unknown for both.
-    """
-
-    a: Sequence[Visit]
-    b: Sequence[Visit]
-    derived: bool
-
-
-def both_visits(a: Run, b: Run) -> PairedVisits:
-    if a.log.format < 2 or b.log.format < 2:
-        of_a, of_b = (account_of(run.log, run.events, derived=True) for run in (a, b))
-        return PairedVisits(of_a.visits, of_b.visits, derived=True)
-    return PairedVisits(a.visits, b.visits, derived=False)
-
-
-@dataclass(frozen=True, slots=True)
 class Alignment:
     """Two runs with their visits in pairs.
 
@@ -95,9 +75,10 @@ def align(a: Run, b: Run, *, since: float = 0.0) -> Alignment:
     # An item that only B has must not be taken for an item of A with the same name.
     names = {**{name: f"{name} of B" for name in items.only_b}, **items.a_by_b}
     called = {pair.a: pair.b for pair in items.pairs}
-    both = both_visits(a, b)
-    side_a = _side(both.a, since, {}, {})
-    side_b = _side(both.b, since, names, nodes.a_by_b)
+    derived = a.log.format < 2 or b.log.format < 2
+    in_a, in_b = (account_of(run.log, run.events, derived=True) if derived else run.account for run in (a, b))
+    side_a = _side(in_a.visits, since, {}, {})
+    side_b = _side(in_b.visits, since, names, nodes.a_by_b)
     index_b = {key: m for m, key in enumerate(side_b.keys)}
     partners = {n: index_b[key] for n, key in enumerate(side_a.keys) if key in index_b}
     pairs: list[VisitPair] = []
@@ -111,7 +92,7 @@ def align(a: Run, b: Run, *, since: float = 0.0) -> Alignment:
     only_a = tuple(visit for n, visit in enumerate(side_a.visits) if n not in partners)
     only_b = tuple(visit for m, visit in enumerate(side_b.visits) if m not in taken)
     sides = ComparedRuns(pairs, only_a, only_b, a.last_tick, b.last_tick, nodes)
-    return Alignment(since, items, nodes, tuple(pairs), only_a, only_b, find_parting(sides), both.derived)
+    return Alignment(since, items, nodes, tuple(pairs), only_a, only_b, find_parting(sides), derived)
 
 
 def _side(

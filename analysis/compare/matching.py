@@ -157,16 +157,7 @@ class NodeMatch:
 
 
 def match_nodes(a: Run, b: Run) -> NodeMatch:
-    return match_trees(nodes_of(a), nodes_of(b))
-
-
-def nodes_of(run: Run) -> tuple[TreeNode, ...]:
-    """Return all nodes of the run's trees, each in its first form, parents before their children."""
-    found: dict[str, TreeNode] = {}
-    for at in run.trees:
-        for node in at.record.nodes:
-            found.setdefault(node.path, node)
-    return tuple(found.values())
+    return match_trees(a.nodes, b.nodes)
 
 
 def match_trees(a: Iterable[TreeNode], b: Iterable[TreeNode]) -> NodeMatch:

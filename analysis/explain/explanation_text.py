@@ -173,7 +173,9 @@ def to_text(
     everything: bool = False,
 ) -> str:
     """Without a line's end. `log`: what the reader typed for the log; `program`: how picktree is called."""
-    page = ExplanationText(found, shlex.quote(log), program, _names(run), paint)
+    page = ExplanationText(
+        found, shlex.quote(log), program, short_names(node.path for node in run.nodes), paint
+    )
     return page.text(_head(run), notes_on(run), everything=everything)
 
 
@@ -228,13 +230,6 @@ def _head(run: Run) -> str:
     info = run.info
     length = f"{run.last_tick:.1f} s simulated"
     return f"{info.mission}, scene {info.scene}, seed {info.seed}, {info.backend}: {length}"
-
-
-def _names(run: Run) -> dict[str, str]:
-    """Short names of all nodes of all the run's trees, by path."""
-
-    paths = [node.path for at in run.trees for node in at.record.nodes]
-    return dict(short_names(paths))
 
 
 def _cause(found: CauseCount) -> dict[str, Plain]:

@@ -79,14 +79,6 @@ class FrameContent:
     caption: Caption
 
 
-@dataclass(frozen=True, slots=True)
-class CaptionedFailure:
-    """Failure at the node where it arose."""
-
-    time: float
-    trouble: CaptionFailure
-
-
 class _Latest(Generic[R]):
     """Last record at a time or before, for times that never decrease."""
 
@@ -122,10 +114,7 @@ class NodeActivity:
         self._visits: dict[str, list[Visit]] = {}
         for visit in visits:
             self._visits.setdefault(visit.path, []).append(visit)
-        arose = [
-            CaptionedFailure(v.end, CaptionFailure(v.cause, v.message)) for v in visits if v.failed_itself
-        ]
-        self.failures = tuple(sorted(arose, key=lambda failed: failed.time))
+        self.failures = tuple(sorted((v for v in visits if v.failed_itself), key=lambda visit: visit.end))
 
     def doing(self, time: float) -> tuple[str, str]:
         """Return the deepest running node with the item that it is about, and its message."""
@@ -148,12 +137,10 @@ class NodeActivity:
 
     def trouble(self, time: float, hold: float) -> CaptionFailure | None:
         """Return the last failure of the `hold` simulated seconds before; None for none."""
-        number = (
-            bisect.bisect_right(self.failures, time + _TIME_TOLERANCE, key=lambda failed: failed.time) - 1
-        )
-        if number < 0 or time - self.failures[number].time >= hold - _TIME_TOLERANCE:
+        number = bisect.bisect_right(self.failures, time + _TIME_TOLERANCE, key=lambda visit: visit.end) - 1
+        if number < 0 or time - self.failures[number].end >= hold - _TIME_TOLERANCE:
             return None
-        return self.failures[number].trouble
+        return CaptionFailure(self.failures[number].cause, self.failures[number].message)
 
 
 def moments(
@@ -180,7 +167,7 @@ def moments(
     items = ItemCounter(log, end)
     note = " · ".join(_notes(show, speed))
     long = max(end - start, 1e-9)
-    shares = ((failed.time - start) / long for failed in story.failures)
+    shares = ((visit.end - start) / long for visit in story.failures)
     marks = tuple(share for share in shares if bar and share >= 0)
     for time in times:
         belief, truth = beliefs.at(time), truths.at(time)

@@ -37,7 +37,7 @@ def change_lines(cursor: Cursor, changes: CursorChanges, most: int | None = None
 
 def _timed_changes(cursor: Cursor, changes: CursorChanges) -> list[tuple[float, str]]:
     """Return the changes with their simulated times, s; those of one tick in a fixed order."""
-    names = short_names(node.path for node in cursor.nodes)
+    names = short_names(node.path for node in cursor.run.nodes)
     told = [(move.time, _move(move.transition, names)) for move in changes.moves]
     told += [
         (one.time, f"blackboard {one.write.key} = {show(one.write.value)}" + _by(one.write.node, names))
@@ -105,7 +105,7 @@ def evidence_lines(cursor: Cursor) -> Iterator[str]:
     yield from (f"  read {port} = {show(value)}" for port, value in visit.inputs.items())
     yield from (f"  evidence {name}: {show(value)}" for name, value in visit.evidence.items())
     yield from _choices(cursor, visit)
-    names = short_names(node.path for node in cursor.nodes)
+    names = short_names(node.path for node in cursor.run.nodes)
     visits = cursor.run.account.visits
     ended = [
         other

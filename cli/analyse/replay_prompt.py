@@ -101,7 +101,7 @@ class ReplayPrompt(CommandPrompt):
 
     def _nodes(self) -> list[str]:
         """Return all names of nodes: their paths, and unique ends of these."""
-        names = short_names(node.path for node in self.cursor.nodes)
+        names = short_names(node.path for node in self.cursor.run.nodes)
         return list(dict.fromkeys((*names, *names.values())))
 
     # Moves.
@@ -171,7 +171,7 @@ class ReplayPrompt(CommandPrompt):
         name, after = _without(text, "after")
         name, _ = _without(name, "before")
         when: When = "after" if after else "before"
-        for node in find_nodes(name, self.cursor.nodes):
+        for node in find_nodes(name, self.cursor.run.nodes):
             self._made += 1
             self._breakpoints[self._made] = ReplayBreakpoint(node.path, when)
             self._say(f"{self._made}: {when} {node.path}")

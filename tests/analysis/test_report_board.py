@@ -149,6 +149,7 @@ def test_failures_are_the_explanation_field_by_field(troubled_log: Path) -> None
     first = packed["failures"][0]
     assert first["handled_by"][0]["handler"] == stories[0].handled_by[0].handler
     assert packed["outcome"]["status"] == run.explanation.outcome.status
+    assert set(packed["recovery"]) == {"episodes", "planted"}
 
 
 def test_a_log_of_format_1_has_the_failures_that_its_statuses_tell(sample: Any) -> None:

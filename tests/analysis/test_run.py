@@ -162,7 +162,7 @@ def test_the_joints_of_arm_and_gripper_are_those_of_the_robot_file(
 ) -> None:
     """Where the file does not tell, a joint's name does."""
     with Run(sorted_run) as run:
-        monkeypatch.setattr(run.log, "attachment", lambda _: robot)
+        monkeypatch.setattr(run.log, "attachment", {"robot.yaml": robot}.__getitem__)
         arm, gripper = run.joint_names
         assert gripper == fingers
         assert {*arm, *gripper} == set(run.joints.names)
