@@ -89,21 +89,10 @@ def candidates(run: Run) -> Iterator[row_types.CandidateRow]:
             )  # fmt: skip
 
 
-def picks(run: Run) -> Iterator[row_types.PickRow]:
+def picks(run: Run) -> Iterator[Any]:
     for at in run.events:
         if isinstance(at.record, PickEvent):
-            pick = at.record
-            yield row_types.PickRow(
-                time=at.time,
-                object=pick.object,
-                held=pick.held,
-                node=pick.node,
-                form=pick.form,
-                candidate=pick.candidate,
-                first_try=pick.first_try,
-                width=pick.width,
-                load=pick.load,
-            )
+            yield row_of(row_types.PickRow, at.record, time=at.time)
 
 
 def failures(run: Run) -> Iterator[row_types.FailureRow]:
