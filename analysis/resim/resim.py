@@ -21,7 +21,7 @@ from pydantic import TypeAdapter
 
 from ...errors import PicktreeError
 from ...files.diagnostics.fault_rendering import fault_lines
-from ...files.yaml.document import FileError
+from ...files.marks import FileError
 from ...logs.run_result import RunResult
 from ...logs.schema.arithmetic_record import Arithmetic
 from ...session.arithmetic_probe import arithmetic

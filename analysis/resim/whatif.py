@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from ...errors import PicktreeError
-from ...files.yaml.document import Diagnostic
+from ...files.marks import Diagnostic
 from ...logs.run_result import RunResult, RunStatus
 from ...logs.schema.arithmetic_record import arithmetic_difference
 from ...session.arithmetic_probe import arithmetic
