@@ -293,14 +293,8 @@ class RunLog:
     def shots(
         self, camera: str, start: float | None = None, end: float | None = None
     ) -> Iterator[Stamped[CameraImage]]:
-        names = [
-            topic.name
-            for topic in (
-                topics.calibration_topic(camera),
-                topics.colour_topic(camera),
-                topics.depth_topic(camera),
-            )
-        ]
+        kinds = (topics.calibration_topic, topics.colour_topic, topics.depth_topic)
+        names = [topic_of(camera).name for topic_of in kinds]
         parts: dict[str, RawMessage] = {}
         for message in self.messages(names, start, end):
             parts[message.topic] = message

@@ -72,7 +72,7 @@ class ReplannedEvent(JournalEvent, kind="replanned"):
     object: ObjectOf
     cause: Annotated[str, "cause of the stop"]
     why: Annotated[str, "message of the cause"]
-    by: Annotated[tuple[str, ...], "ids of the obstacles"]
+    by: Annotated[tuple[str, ...], "contacts with obstacles, or their ids"]
     time: Annotated[int, "number of the replanning"]
     most: Annotated[int, "maximum number of replannings"]
 
