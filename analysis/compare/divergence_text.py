@@ -30,14 +30,14 @@ def parting_lines(parting: Divergence) -> Iterator[str]:
         if visit is None:
             yield f"  {side}  nothing more begins" if parting.how == "order" else f"  {side}  –"
             continue
-        yield f"  {side}  {visit.path}{_about(visit)}"
+        yield f"  {side}  {visit.path}{visit.about}"
         yield f"     {_visit_text(visit)}"
     if a is not None and b is not None and same:
         yield from _differing_values("read", a.inputs, b.inputs)
         yield from _differing_values("evidence", a.evidence, b.evidence)
     for side, visit in (("A", parting.next_a), ("B", parting.next_b)):
         if visit is not None:
-            yield f"  then {side}  {visit.path}{_about(visit)} from {visit.start:.2f} s: {_ended(visit)}"
+            yield f"  then {side}  {visit.path}{visit.about} from {visit.start:.2f} s: {end_text(visit)}"
         else:
             yield f"  then {side}  nothing more begins"
 
@@ -77,22 +77,18 @@ def _divergence_phrase(parting: Divergence, same: Visit | None) -> str:
     return f"{same.path.rsplit('/', 1)[-1]} {DIVERGENCE_TEXTS[parting.how]}{also}"
 
 
-def _about(visit: Visit) -> str:
-    said = [visit.item] if visit.item else []
-    if visit.attempt > 1:
-        said.append(f"attempt {visit.attempt}")
-    return f" ({', '.join(said)})" if said else ""
-
-
 def _visit_text(visit: Visit) -> str:
-    return f"{visit.start:.2f} to {visit.end:.2f} s: {_ended(visit)}"
+    return f"{visit.start:.2f} to {visit.end:.2f} s: {end_text(visit)}"
 
 
-def _ended(visit: Visit) -> str:
+def end_text(visit: Visit, *, short: bool = False) -> str:
+    """Return how a visit ended; `short`: of a failure its cause alone."""
     if visit.outcome == "RUNNING":
         return "still runs when the log ends"
     if visit.outcome == HALTED:
         return "was halted"
+    if short:
+        return visit.cause or visit.outcome
     said = ": ".join(part for part in (visit.cause, visit.message) if part)
     return f"{visit.outcome}, {said}" if said else visit.outcome
 

@@ -15,11 +15,11 @@ from typing import Any
 from ...analysis.compare.alignment import Alignment, align
 from ...analysis.compare.diff import value_changes
 from ...analysis.compare.divergence import Divergence
-from ...analysis.compare.divergence_text import DIVERGENCE_TEXTS
+from ...analysis.compare.divergence_text import DIVERGENCE_TEXTS, end_text
 from ...analysis.compare.message_fields import value_text
 from ...analysis.run import Run
 from ...errors import PicktreeError
-from ...logs.visits import HALTED, Visit
+from ...logs.visits import Visit
 from ..results.store import RESULTS_FILE, Store
 from ..workers.executor import Executor
 from ..workers.local_executor import LocalExecutor
@@ -89,7 +89,7 @@ def divergence_line(found: Alignment, a: Run) -> str:
         time, one, other = end
         said += (
             f"; first other end at tick {a.ticks.number_at(time)}, {time:.2f} s: "
-            f"{_name(one)}: A {_end(one)}, B {_end(other)}"
+            f"{_name(one)}: A {end_text(one, short=True)}, B {end_text(other, short=True)}"
         )
     return said
 
@@ -122,27 +122,15 @@ def _first_other_end(found: Alignment) -> tuple[float, Visit, Visit] | None:
 
 
 def _name(visit: Visit) -> str:
-    about = [visit.item] if visit.item else []
-    if visit.attempt > 1:
-        about.append(f"attempt {visit.attempt}")
-    name = visit.path.rsplit("/", 1)[-1]
-    return f"{name} ({', '.join(about)})" if about else name
+    return visit.path.rsplit("/", 1)[-1] + visit.about
 
 
 def _begins(visit: Visit | None) -> str:
     return "nothing more" if visit is None else _name(visit)
 
 
-def _end(visit: Visit) -> str:
-    if visit.outcome == "RUNNING":
-        return "still runs when the log ends"
-    if visit.outcome == HALTED:
-        return "was halted"
-    return visit.cause or visit.outcome
-
-
 def _course(visit: Visit) -> str:
-    return f"{_end(visit)} after {visit.duration:.2f} s"
+    return f"{end_text(visit, short=True)} after {visit.duration:.2f} s"
 
 
 _TITLES = {

@@ -85,7 +85,7 @@ def failure_list(cursor: Cursor) -> Iterator[str]:
     here = cursor.failure
     for number, visit in enumerate(cursor.failures):
         mark = "→" if here is not None and visit.number == here.number else " "
-        failed = f"{visit.path}{_about(visit)}: {visit.cause}: {visit.message}"
+        failed = f"{visit.path}{visit.about}: {visit.cause}: {visit.message}"
         yield f"{mark} {number}: {visit.end:.2f} s, {failed}"
 
 
@@ -95,7 +95,7 @@ def evidence_lines(cursor: Cursor) -> Iterator[str]:
     if visit is None:
         yield "no node has failed by itself yet"
         return
-    yield f"{visit.end:.2f} s, tick {visit.last}: {visit.path}{_about(visit)} failed: {visit.cause}"
+    yield f"{visit.end:.2f} s, tick {visit.last}: {visit.path}{visit.about} failed: {visit.cause}"
     yield f"  said: {visit.message}"
     cause = known_causes().get(visit.cause)
     if cause is not None:
@@ -136,10 +136,3 @@ def _choices(cursor: Cursor, visit: Visit) -> Iterator[str]:
             yield f"    {tried.name}{there}: {tried.verdict}{more}"
         if len(choice.tried) > _MAX_NAMED_CANDIDATES:
             yield f"    … {len(choice.tried) - _MAX_NAMED_CANDIDATES} more"
-
-
-def _about(visit: Visit) -> str:
-    said = [visit.item] if visit.item else []
-    if visit.attempt > 1:
-        said.append(f"attempt {visit.attempt}")
-    return f" ({', '.join(said)})" if said else ""
