@@ -8,7 +8,9 @@ from dataclasses import dataclass, replace
 from ..errors import PicktreeError
 from ..files.expressions.expression import ExpressionError
 from ..files.expressions.type_inference import ValueType, check_types
-from ..files.yaml.document import Diagnostic, Document, FileError, suggest_name
+from ..files.marks import Diagnostic, FileError
+from ..files.value_wording import suggest_name
+from ..files.yaml.document import Document
 from ..trees.loading.loader import MissionReadResult, examine
 from ..trees.loading.registry import NodeRegistry
 from ..trees.loading.scene_names import SceneNames, load_surroundings

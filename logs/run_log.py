@@ -132,11 +132,21 @@ class RunLog:
         self._file.close()
 
     def require_beginning(self) -> None:
-        """Raise PicktreeError when this is a later file of a rotated log, opened by its own name."""
+        """Raise PicktreeError when the log lacks the state with which it begins.
+
+        It is a later file of a rotated log, opened by its own name, or of a cell that was busy before.
+        """
         if self.part > 1:
             raise PicktreeError(
                 f"{self.path}: part {self.part} of a log in several files, which begins in the middle of the "
                 "run; give the run's folder"
+            )
+        first = next(self.ticks(), None)
+        if first is not None and first.time > 0 and not self.run.continues and not self.recovered:
+            raise PicktreeError(
+                f"{self.path}: the log begins at {first.time:.2f} s of a cell whose arm moved or whose hand "
+                "was full, and does not say how it came to that; record what belongs together as one tree, "
+                "`cell.run(pt.Sequence(…), log=…)`"
             )
 
     def __enter__(self) -> RunLog:
@@ -283,14 +293,8 @@ class RunLog:
     def shots(
         self, camera: str, start: float | None = None, end: float | None = None
     ) -> Iterator[Stamped[CameraImage]]:
-        names = [
-            topic.name
-            for topic in (
-                topics.calibration_topic(camera),
-                topics.colour_topic(camera),
-                topics.depth_topic(camera),
-            )
-        ]
+        kinds = (topics.calibration_topic, topics.colour_topic, topics.depth_topic)
+        names = [topic_of(camera).name for topic_of in kinds]
         parts: dict[str, RawMessage] = {}
         for message in self.messages(names, start, end):
             parts[message.topic] = message

@@ -108,6 +108,8 @@ class CellSession:
             self._checked(idle), description, arm, seed, planted, backend=backend, own_scene=False
         )
         self._last: Execution | None = Execution(self._recipe)
+        self._used = False
+        """Whether anything has run."""
 
     def __enter__(self) -> Self:
         return self
@@ -150,8 +152,12 @@ class CellSession:
         self._last = execution = Execution(recipe, after=before)
         where: Path | None = None
         if log is None:
+            self._used = True
             ended = _run_to_end(execution)
         else:
+            if self._used:
+                execution.start_here()
+            self._used = True
             result = Session(execution, record=Recording(Path(log))).run()
             ended, where = result.status.upper(), result.log
         return _result(execution, node.description.id, ended, self.time - began, where)
@@ -172,6 +178,7 @@ class CellSession:
 
         Raises Failure as the generator does.
         """
+        self._used = True
         while True:
             try:
                 next(steps)

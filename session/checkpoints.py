@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 from functools import cache
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from pydantic import TypeAdapter, ValidationError
@@ -14,6 +14,7 @@ from ..control.execution.control_loop import ControlLoopState
 from ..control.execution.trajectory_motion import FollowedPath
 from ..errors import PicktreeError
 from ..logs.recording.recorder import RecordingState
+from ..logs.schema.topics import Digest
 from ..perception.fitting.view import BinView
 from ..simulation.backends import Simulation
 from ..simulation.faults.injector import FaultInjector, FaultState
@@ -22,6 +23,11 @@ from ..trees.running.runner import BehaviourTree
 from ..world.belief.facts import FeedProgressState
 from ..world.belief.planning_scene import SceneSnapshot
 from .run_tally import RunCounters, RunCountersState
+
+NOTHING_RECORDED: Final = RecordingState(
+    believed=-1.0, true=-1.0, failing=(), cameras=(), digest=Digest().hex
+)
+"""State of the recording of a run that has no log yet."""
 
 
 @dataclass(frozen=True, slots=True)

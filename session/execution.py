@@ -4,6 +4,7 @@ shows nothing; `Session` does."""
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from dataclasses import replace
 from functools import cache
 from typing import Any
 
@@ -12,6 +13,7 @@ from pydantic import TypeAdapter
 from ..errors import PicktreeError
 from ..logs.recording.recorder import RecordingState
 from ..logs.run_result import RunStatus
+from ..logs.schema.records import ResumedFrom
 from ..recovery.belief_restart import ResyncReport, resync_belief
 from ..simulation.backends import Simulation, build_hardware
 from ..simulation.faults.injector import FaultInjector, FaultState
@@ -27,7 +29,7 @@ from ..world.journal import Entry
 from ..world.scene.description import SceneDescription
 from ..world.values import Vector3
 from .assembly import TICK_LENGTH, assemble_world
-from .checkpoints import RunState, restore_checkpoint, take_checkpoint
+from .checkpoints import NOTHING_RECORDED, RunState, restore_checkpoint, take_checkpoint
 from .recipe import Recipe, StartCheckpoint
 from .run_tally import RunCounters
 
@@ -163,6 +165,18 @@ class Execution:
                 recording,
                 self.disagreements,
             )
+
+    def start_here(self) -> None:
+        """Make the present state the start of the run, so that its log can be run again, if it is quiescent.
+
+        For an execution that uses the world of another one. Its limit becomes an absolute time.
+        """
+        if not self.quiet:
+            return
+        now, done = self.world.clock.now, self.world.journal.items_done
+        state = replace(self.checkpoint(NOTHING_RECORDED), items_done=done)
+        continues = ResumedFrom("", "", now, done, NOTHING_RECORDED.digest)
+        self.recipe = replace(self.recipe, limit=self.limit, start=StartCheckpoint(state, continues))
 
     def true_state(self) -> dict[str, Any]:
         """Return the present state of the simulation with its faults and the wrist sensor's learnt bias, as

@@ -13,7 +13,8 @@ from typing import Final, Protocol
 from ..authoring.check import check_mission
 from ..errors import PicktreeError
 from ..files.diagnostics.fault_rendering import fault_lines
-from ..files.yaml.document import Document, FileError, read_document
+from ..files.marks import FileError
+from ..files.yaml.document import Document, read_document
 from ..files.yaml.file_text import read_text
 from ..trees.loading.scene_names import SceneNames, scene_names
 from ..trees.mission import IN_LIBRARY, Mission

@@ -14,6 +14,7 @@ from picktree.session.session import RunRequest, Session
 from picktree.simulation.backends import Backend
 from picktree.trees.loading.registry import NodeRegistry
 from picktree.world.causes import all_causes, cause_named, matches
+from picktree.world.events.run_events import InternalErrorEvent, RecoveryEvent
 from picktree.world.journal import JournalEvent
 
 from .skills.cell import EXAMPLES
@@ -106,8 +107,8 @@ def test_every_leaf_fails_with_what_it_has_declared(told: Told) -> None:
 
 
 def test_there_is_no_fault_of_the_program(told: Told) -> None:
-    internal = [event for event in told.events if event.kind == "internal_error"]
-    assert [(event.message, event.data.get("traceback")) for event in internal] == []
+    internal = [event for event in told.events if isinstance(event, InternalErrorEvent)]
+    assert [(event.message, event.traceback) for event in internal] == []
     assert [node for node in told.failures if node.cause.startswith("internal.")] == []
 
 
@@ -127,7 +128,7 @@ def test_evidence_survives_json(told: Told) -> None:
 
 def test_recovery_answers_the_cause_of_the_leaf_that_failed(told: Told) -> None:
     failed = {(node.path, node.cause) for node in told.failures}
-    recoveries = [event for event in told.events if event.kind == "recovery"]
+    recoveries = [event for event in told.events if isinstance(event, RecoveryEvent)]
     assert recoveries
-    assert {(str(e.data["failed"]), str(e.data["cause"])) for e in recoveries} <= failed
+    assert {(e.failed, e.cause) for e in recoveries} <= failed
     assert sum(told.result.recoveries.values()) == len(recoveries)

@@ -10,8 +10,10 @@ from typing import Final, Literal, Protocol
 
 from ..errors import PicktreeError
 from ..files.expressions.expression import Expression
+from ..files.marks import Diagnostic, Mark
 from ..files.shipped_files import is_file, shipped_names
-from ..files.yaml.document import Diagnostic, Document, Mark, read_document, suggest_name
+from ..files.value_wording import suggest_name
+from ..files.yaml.document import Document, read_document
 from .node import Node
 from .ports import PortDeclaration
 from .values.fault_collector import MAX_NODES

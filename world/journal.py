@@ -66,7 +66,7 @@ class JournalEvent:
     @property
     def data(self) -> dict[str, object]:
         """Recorded values by name, in the recorded order."""
-        declared = ((each.name, getattr(self, each.name), each.default) for each in own_fields(type(self)))
+        declared = ((each.name, getattr(self, each.name), each.default) for each in event_fields(type(self)))
         return {
             **{name: _plain(v) for name, v, default in declared if v is not None or default is not None},
             **self.extra,
@@ -75,13 +75,13 @@ class JournalEvent:
     @classmethod
     def from_data(cls, message: str, node: str, data: Mapping[str, object]) -> Self:
         """Return the event with these values. Raises ValueError when one is missing or has another type."""
-        hints, values, extra = _hints(cls), dict[str, Any](), dict(data)
-        for each in own_fields(cls):
+        values, extra = dict[str, Any](), dict(data)
+        for each in event_fields(cls):
             if each.name in data:
-                values[each.name] = _converted(data[each.name], hints[each.name])
+                values[each.name] = _converted(data[each.name], each.hint)
                 if values[each.name] is not None or each.default is not None:
                     del extra[each.name]
-            elif each.default is MISSING and each.default_factory is MISSING:
+            elif each.required:
                 raise ValueError(f"{cls.NAME} has no {each.name}")
         return cls(message, node, extra=extra, **values)
 
@@ -102,23 +102,44 @@ class OtherEvent(JournalEvent):
         return dict(self.extra)
 
 
+@dataclass(frozen=True, slots=True)
+class EventField:
+    """Declaration of a recorded value: `width: Annotated[float, "opening after closing", "m"]`."""
+
+    name: str
+    hint: object
+    """Type of the value."""
+    meaning: str
+    unit: str
+    """Unit; empty for a value without one."""
+    default: object
+    """Value of an event that does not give it; MISSING: each event gives it."""
+
+    @property
+    def required(self) -> bool:
+        """Whether each event gives the value."""
+        return self.default is MISSING
+
+    @property
+    def text(self) -> str:
+        """Meaning with the unit."""
+        return f"{self.meaning}, {self.unit}" if self.unit else self.meaning
+
+
 @cache
-def own_fields(declared: type[JournalEvent]) -> tuple[Any, ...]:
-    """Return the dataclass fields that a kind adds to those of every event, in the recorded order."""
+def event_fields(declared: type[JournalEvent]) -> tuple[EventField, ...]:
+    """Return the fields that a kind adds to those of every event, in the recorded order."""
     common = {each.name for each in fields(JournalEvent)}
-    return tuple(each for each in fields(declared) if each.name not in common)
-
-
-def field_meanings(declared: type[JournalEvent]) -> Mapping[str, str]:
-    """Return the meaning of each field that a kind adds, with its unit."""
     hints = get_type_hints(declared, include_extras=True)
-    annotated = {each.name: hints[each.name] for each in own_fields(declared)}
-    return {name: hint.__metadata__[0] for name, hint in annotated.items() if get_origin(hint) is Annotated}
+    return tuple(_event_field(each, hints[each.name]) for each in fields(declared) if each.name not in common)
 
 
-@cache
-def _hints(declared: type[JournalEvent]) -> Mapping[str, object]:
-    return get_type_hints(declared)
+def _event_field(declared: Any, hint: Any) -> EventField:
+    words = hint.__metadata__ if get_origin(hint) is Annotated else ()
+    hint = hint.__origin__ if words else hint
+    meaning, unit = (*words, "", "")[:2]
+    default = declared.default if declared.default_factory is MISSING else declared.default_factory
+    return EventField(declared.name, hint, meaning, unit, default)
 
 
 def _plain(value: object) -> object:

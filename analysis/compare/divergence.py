@@ -18,17 +18,21 @@ from ..run import Run
 from .matching import TIME_TOLERANCE, Aspect, NodeMatch, VisitPair
 from .message_fields import FieldDifference, decode_message, first_differing_field
 
+Missing: TypeAlias = Literal["", "a", "b"]
+NO_FIELD: Final = FieldDifference("", "", None, None)
+"""Difference of messages that differ in no field: in their bytes alone, or one is missing."""
+
 
 @dataclass(frozen=True, slots=True)
 class MessageDifference:
-    """First message that differs."""
+    """First message that differs. Where a run is compared with its record, the record is A."""
 
     tick: int
     """Number of the tick at the message's time, 0 for the first of the log A."""
     time: float
     """Time of the message, simulated s."""
     topic: str
-    missing: Literal["", "a", "b"]
+    missing: Missing
     """Side without such a message at that place; empty: both have it. Its next message may be another one."""
     ended: bool
     """Whether the log of that side ends there."""
@@ -43,6 +47,21 @@ class MessageDifference:
     """Value of the field in A, as JSON; None where there is none. For a missing message, the whole other
     one."""
     b: object
+
+    @classmethod
+    def at(
+        cls,
+        a: Run,
+        topic: str,
+        time: int,
+        *,
+        missing: Missing = "",
+        ended: bool = False,
+        field: FieldDifference = NO_FIELD,
+    ) -> MessageDifference:
+        """Return the difference at a message of that topic and time (simulated ns)."""
+        tick = a.ticks.number_at(time / 1e9) if a.ticks.times else 0
+        return cls(tick, time / 1e9, topic, missing, ended, field.path, field.of, field.a, field.b)
 
 
 def first_difference(
@@ -65,10 +84,8 @@ def first_difference(
             return _unpaired(a, b, one, other)
         if one.data != other.data:
             schema = a.log.topics[one.topic].schema
-            found = first_differing_field(schema, one.data, other.data) or FieldDifference("", "", None, None)
-            return MessageDifference(
-                _tick(a, one), one.time / 1e9, one.topic, "", False, found.path, found.of, found.a, found.b
-            )
+            found = first_differing_field(schema, one.data, other.data) or NO_FIELD
+            return MessageDifference.at(a, one.topic, one.time, field=found)
     return None
 
 
@@ -90,21 +107,14 @@ def _unpaired(a: Run, b: Run, one: RawMessage | None, other: RawMessage | None) 
     lone, missing = (other, "a") if in_b else (one, "b")
     assert lone is not None
     value = None if ended else decode_message((b if in_b else a).log.topics[lone.topic].schema, lone.data)
-    return MessageDifference(
-        _tick(a, lone), lone.time / 1e9, lone.topic, missing, ended, "", "",
-        None if in_b else value, value if in_b else None,
-    )  # fmt: skip
+    values = FieldDifference("", "", *((None, value) if in_b else (value, None)))
+    return MessageDifference.at(a, lone.topic, lone.time, missing=missing, ended=ended, field=values)
 
 
 def _count(run: Run, like: RawMessage) -> int:
     """Return the number of messages of that topic and time in the log."""
     time = like.time / 1e9
     return sum(1 for _ in run.log.messages([like.topic], time, time))
-
-
-def _tick(run: Run, message: RawMessage) -> int:
-    times = run.ticks.times
-    return run.ticks.number_at(message.time / 1e9) if times else 0
 
 
 Side: TypeAlias = Literal["a", "b"]

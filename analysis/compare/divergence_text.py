@@ -37,7 +37,7 @@ def parting_lines(parting: Divergence) -> Iterator[str]:
         yield from _differing_values("evidence", a.evidence, b.evidence)
     for side, visit in (("A", parting.next_a), ("B", parting.next_b)):
         if visit is not None:
-            yield f"  then {side}  {visit.path}{visit.about} from {visit.start:.2f} s: {_ended(visit)}"
+            yield f"  then {side}  {visit.path}{visit.about} from {visit.start:.2f} s: {end_text(visit)}"
         else:
             yield f"  then {side}  nothing more begins"
 
@@ -78,14 +78,17 @@ def _divergence_phrase(parting: Divergence, same: Visit | None) -> str:
 
 
 def _visit_text(visit: Visit) -> str:
-    return f"{visit.start:.2f} to {visit.end:.2f} s: {_ended(visit)}"
+    return f"{visit.start:.2f} to {visit.end:.2f} s: {end_text(visit)}"
 
 
-def _ended(visit: Visit) -> str:
+def end_text(visit: Visit, *, short: bool = False) -> str:
+    """Return how a visit ended; `short`: of a failure its cause alone."""
     if visit.outcome == "RUNNING":
         return "still runs when the log ends"
     if visit.outcome == HALTED:
         return "was halted"
+    if short:
+        return visit.cause or visit.outcome
     said = ": ".join(part for part in (visit.cause, visit.message) if part)
     return f"{visit.outcome}, {said}" if said else visit.outcome
 

@@ -6,8 +6,9 @@ from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from typing import Annotated, TypeAlias
 
+from ...world.events.skill_events import PickEvent
 from ..run import Run
-from .table_files import ColumnDoc
+from .table_files import ColumnDoc, event_row
 
 Time: TypeAlias = Annotated[float, ColumnDoc("simulated time", "s")]
 Tick: TypeAlias = Annotated[int, ColumnDoc("number of the tick, 0 for the first of the log")]
@@ -101,17 +102,7 @@ class CandidateRow:
     qw: Qw
 
 
-@dataclass(frozen=True, slots=True)
-class PickRow:
-    time: Time
-    object: Annotated[str, ColumnDoc("id of the object that the fingers closed on")]
-    held: Annotated[bool, ColumnDoc("whether it was held, as the robot felt it")]
-    node: Path
-    form: Annotated[str, ColumnDoc("box, cylinder, …")]
-    candidate: Annotated[str, ColumnDoc("name of the grasp that was tried")]
-    first_try: Annotated[bool | None, ColumnDoc("whether the object had not been tried before")]
-    width: Annotated[float | None, ColumnDoc("opening of the fingers after they closed", "m")]
-    load: Annotated[float | None, ColumnDoc("force at the wrist after the lift, against the empty hand", "N")]
+PickRow = event_row(PickEvent, "object", "held", "node", others=True)
 
 
 @dataclass(frozen=True, slots=True)

@@ -89,7 +89,7 @@ def candidates(run: Run) -> Iterator[row_types.CandidateRow]:
             )  # fmt: skip
 
 
-def picks(run: Run) -> Iterator[row_types.PickRow]:
+def picks(run: Run) -> Iterator[Any]:
     for at in run.events:
         if isinstance(at.record, PickEvent):
             yield row_of(row_types.PickRow, at.record, time=at.time)

@@ -23,6 +23,7 @@ from typing import get_type_hints as hints
 from ...errors import PicktreeError
 from ...files.atomic_write import whole
 from ...logs.optional_libraries import optional_import
+from ...world.journal import JournalEvent, event_fields
 
 R = TypeVar("R")
 Cell: TypeAlias = int | float | bool | str | None
@@ -42,6 +43,10 @@ class ColumnDoc:
 
     meaning: str
     unit: str = ""
+
+
+_TIME: Final = Annotated[float, ColumnDoc("simulated time", "s")]
+_NODE: Final = Annotated[str, ColumnDoc("path of the node in the tree")]
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,6 +78,21 @@ def columns(row: type) -> tuple[Column, ...]:
     """
     said = hints(row, include_extras=True)
     return tuple(_column(field.name, said[field.name]) for field in dataclasses.fields(row))
+
+
+def event_row(kind: type[JournalEvent], *leading: str, others: bool = False) -> type[Any]:
+    """Return a row type for events of a kind: `time`, the `leading` values, then `others` in recorded order.
+
+    The columns have the types, meanings and units of the kind's declaration. `node` is the event's node.
+    """
+    declared = {
+        each.name: Annotated[each.hint, ColumnDoc(each.meaning, each.unit)] for each in event_fields(kind)
+    }
+    values = {name: _NODE if name == "node" else declared[name] for name in leading}
+    values |= declared if others else {}
+    return dataclasses.make_dataclass(
+        f"{kind.__name__}Row", [("time", _TIME), *values.items()], frozen=True, slots=True
+    )
 
 
 def cells(row: object) -> tuple[Cell, ...]:

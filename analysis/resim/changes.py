@@ -11,7 +11,8 @@ from typing import Final
 
 from ...authoring.check import check_mission
 from ...errors import PicktreeError
-from ...files.yaml.document import Diagnostic, FileError, read_document
+from ...files.marks import Diagnostic, FileError
+from ...files.yaml.document import read_document
 from ...robots.loading import load_robot
 from ...session.recipe import Recipe, mission_files
 from ...simulation.fault_files.fault_entries import FaultFile

@@ -21,7 +21,7 @@ from pydantic import TypeAdapter
 
 from ...errors import PicktreeError
 from ...files.diagnostics.fault_rendering import fault_lines
-from ...files.yaml.document import FileError
+from ...files.marks import FileError
 from ...logs.run_result import RunResult
 from ...logs.schema.arithmetic_record import Arithmetic
 from ...session.arithmetic_probe import arithmetic
@@ -31,11 +31,12 @@ from ...session.resume.recorded_recipe import RecordedRun
 from ...session.session import Session
 from ...trees.running.runner import TickReport
 from ..compare.alignment import align
+from ..compare.divergence import MessageDifference
 from ..compare.divergence_text import parting_lines
 from ..compare.run_outcome import outcome_of
 from ..run import Run
 from .changes import RunChanges, apply_changes, parse_tick
-from .resim_comparison import RecordComparison, RecordDifference, is_cut
+from .resim_comparison import RecordComparison, is_cut
 from .resim_result import Resimulation, moved_sources, notes, reasons
 
 _PROGRESS_PERIOD = 0.2
@@ -62,8 +63,8 @@ class ResimAnswer:
     ticks: int = 0
     digest: str = ""
     exact: bool = True
-    difference: RecordDifference | None = None
-    trees: RecordDifference | None = None
+    difference: MessageDifference | None = None
+    trees: MessageDifference | None = None
     result: str = ""
     """Result of the run as JSON text."""
     told: tuple[str, ...] = field(default_factory=tuple[str, ...])

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Collection, Iterator
-from dataclasses import dataclass
 from pathlib import PurePath
-from typing import Literal, TypeAlias, cast
+from typing import cast
 
 import orjson
 
@@ -17,6 +16,7 @@ from ...logs.schema.topics import Digest, Topic
 from ...session.observer import Interrupter
 from ...session.resume.recorded_recipe import simulated_messages
 from ...trees.mission import MAIN
+from ..compare.divergence import NO_FIELD, MessageDifference, Missing
 from ..compare.message_fields import FieldDifference, first_differing_field
 from ..run import Run
 
@@ -33,7 +33,7 @@ def message_difference(
     if recorded == now:
         return None
     if not older:
-        return first_differing_field(schema, recorded, now) or FieldDifference("", "", None, None)
+        return first_differing_field(schema, recorded, now) or NO_FIELD
     if topic in _SCENE_TOPICS:
         if foxglove_messages.read_scene(recorded) == foxglove_messages.read_scene(now):
             return None
@@ -86,31 +86,6 @@ def _same_file(key: str, one: object, other: object) -> bool:
     return key == "source" and both and PurePath(str(one)).name == PurePath(str(other)).name
 
 
-Missing: TypeAlias = Literal["", "recorded", "now"]
-_NO_FIELD = FieldDifference("", "", None, None)
-
-
-@dataclass(frozen=True, slots=True)
-class RecordDifference:
-    """First message that differs from the record."""
-
-    tick: int
-    """Number of the tick at the message's time, 0 for the first of the log."""
-    time: float
-    """Time of the message, simulated s."""
-    topic: str
-    missing: Missing
-    """Side without such a message at that place; empty: both have it."""
-    field: str
-    """Field in the message, such as `nodes[3].status`; empty when a message is missing, or only its bytes
-    differ."""
-    of: str
-    """Name of the innermost list element around the field: a node's path, a frame, a key; else empty."""
-    recorded: object
-    """Recorded value of the field, as JSON; None where there is none. `now` is the new one."""
-    now: object
-
-
 class RecordComparison(Interrupter):
     """Comparison of a run's simulated messages with the record; an observer of the run.
 
@@ -136,8 +111,8 @@ class RecordComparison(Interrupter):
         s. `other_tree`: its tree differs from the recorded one. `stop_at_difference`: the run
         ends at the first difference.
         """
-        self.difference: RecordDifference | None = None
-        self.trees: RecordDifference | None = None
+        self.difference: MessageDifference | None = None
+        self.trees: MessageDifference | None = None
         """First difference of the trees. The behaviour is compared nevertheless."""
         self.ticks = 0
         """Number of ticks that agree."""
@@ -182,7 +157,7 @@ class RecordComparison(Interrupter):
         expected = next(self._expected, None)
         if expected is None:
             if self._whole:
-                self._differ(topic, time, "recorded")
+                self._differ(topic, time, "a")
             return
         if time != self._now:
             self._now = time
@@ -199,11 +174,11 @@ class RecordComparison(Interrupter):
                 recorded, data = (without_settings(tick, self._settings) for tick in (recorded, data))
         found = message_difference(topic, self._schemas[topic], recorded, data, older=self._older)
         if found is not None:
-            apart = self._difference(topic, time, "", found)
+            apart = MessageDifference.at(self._run, topic, time, field=found)
             if topic == topics.TREE.name:
                 self.trees, self._other_tree = self.trees or apart, True
-                return
-            self._stop(apart)
+            else:
+                self.difference = apart
             return
         self.exact = self.exact and data == expected.data
         self._digest.add(topic, time, data)
@@ -214,7 +189,7 @@ class RecordComparison(Interrupter):
         if self.difference is None:
             left = next(self._expected, None)
             if left is not None:
-                self._differ(left.topic, left.time, "now")
+                self._differ(left.topic, left.time, "b")
 
     def _not_known_then(self) -> frozenset[str]:
         """Return today's simulated topics that an older log does not have."""
@@ -226,26 +201,16 @@ class RecordComparison(Interrupter):
     def _unpaired(self, expected: RawMessage, topic: str, time: int) -> None:
         if expected.time != time:
             early = expected.time < time
-            self._differ(*((expected.topic, expected.time, "now") if early else (topic, time, "recorded")))
+            self._differ(*((expected.topic, expected.time, "b") if early else (topic, time, "a")))
             return
         recorded = sum(1 for _ in self._run.log.messages([topic], time / 1e9, time / 1e9))
         if recorded > self._taken[topic]:
-            self._differ(expected.topic, time, "now")
+            self._differ(expected.topic, time, "b")
         else:
-            self._differ(topic, time, "recorded")
+            self._differ(topic, time, "a")
 
     def _differ(self, topic: str, time: int, missing: Missing) -> None:
-        self._stop(self._difference(topic, time, missing))
-
-    def _difference(
-        self, topic: str, time: int, missing: Missing, field: FieldDifference = _NO_FIELD
-    ) -> RecordDifference:
-        seconds = time / 1e9
-        tick = self._run.ticks.number_at(seconds) if self._times else 0
-        return RecordDifference(tick, seconds, topic, missing, field.path, field.of, field.a, field.b)
-
-    def _stop(self, difference: RecordDifference) -> None:
-        self.difference = difference
+        self.difference = MessageDifference.at(self._run, topic, time, missing=missing)
 
 
 def is_cut(run: Run) -> bool:

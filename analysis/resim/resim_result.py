@@ -15,10 +15,10 @@ from ...logs.schema.arithmetic_record import Arithmetic, arithmetic_difference
 from ...session import environment
 from ...session.recipe import ROBOT_MESHES
 from ...world.scene.loading.scene_loading import load_scene
+from ..compare.divergence import MessageDifference
 from ..compare.divergence_text import aligned
 from ..compare.run_outcome import RunOutcome
 from ..run import Run
-from .resim_comparison import RecordDifference
 
 
 @dataclass(frozen=True, slots=True)
@@ -180,8 +180,8 @@ class Resimulation:
     """Digest of the equal messages, in hex."""
     exact: bool
     """Whether the messages agree in their bytes; else, as with an older log, in their values."""
-    difference: RecordDifference | None
-    trees: RecordDifference | None
+    difference: MessageDifference | None
+    trees: MessageDifference | None
     """First difference of the trees as they were loaded; None: they are equal."""
     reasons: tuple[Reason, ...]
     notes: tuple[str, ...]
@@ -266,17 +266,17 @@ class Resimulation:
             yield "            plug-in, or a fault of picktree"
 
 
-def difference_lines(apart: RecordDifference) -> Iterator[str]:
+def difference_lines(apart: MessageDifference) -> Iterator[str]:
     field = f" {apart.field}" if apart.field else ""
     of = f" ({apart.of})" if apart.of else ""
     yield f"different from tick {apart.tick} on, {apart.time:.2f} s: {apart.topic}{field}{of}"
     if apart.missing:
-        only = "now" if apart.missing == "recorded" else "recorded"
+        only = "now" if apart.missing == "a" else "recorded"
         yield f"  there is such a message only {only}"
     elif not apart.field:
         yield "  the bytes differ, the values do not"
     else:
-        recorded, now = _value_texts(apart.recorded, apart.now)
+        recorded, now = _value_texts(apart.a, apart.b)
         yield f"  recorded  {recorded}"
         yield f"  now       {now}"
 
@@ -303,8 +303,19 @@ def _rows(outcome: RunOutcome) -> list[tuple[str, str]]:
     ]
 
 
-def difference_json(apart: RecordDifference | None) -> dict[str, Any] | None:
-    return None if apart is None else {**asdict(apart), "time": round(apart.time, 6)}
+def difference_json(apart: MessageDifference | None) -> dict[str, Any] | None:
+    if apart is None:
+        return None
+    return {
+        "tick": apart.tick,
+        "time": round(apart.time, 6),
+        "topic": apart.topic,
+        "missing": {"": "", "a": "recorded", "b": "now"}[apart.missing],
+        "field": apart.field,
+        "of": apart.of,
+        "recorded": apart.a,
+        "now": apart.b,
+    }
 
 
 def _value_texts(one: object, other: object) -> tuple[str, str]:

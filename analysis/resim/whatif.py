@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from ...errors import PicktreeError
-from ...files.yaml.document import Diagnostic
+from ...files.marks import Diagnostic
 from ...logs.run_result import RunResult, RunStatus
 from ...logs.schema.arithmetic_record import arithmetic_difference
 from ...session.arithmetic_probe import arithmetic
@@ -20,11 +20,12 @@ from ...session.run_tally import RunCounters
 from ...session.session import Session
 from ...simulation.faults.injector import new_states
 from ..compare.alignment import align
+from ..compare.divergence import MessageDifference
 from ..compare.divergence_text import parting_lines
 from ..compare.run_outcome import RunOutcome, outcome_of
 from ..run import Run
 from .changes import ChangedRecipe, RunChanges, apply_changes, parse_tick
-from .resim_comparison import RecordComparison, RecordDifference, is_cut
+from .resim_comparison import RecordComparison, is_cut
 from .resim_result import difference_json, difference_lines, outcome_table
 
 _MAX_NAMED_NODES = 8
@@ -67,7 +68,7 @@ class Continuation:
     """Number of the record's ticks from the start on."""
     exact: bool
     """Whether the equal messages agree in their bytes."""
-    difference: RecordDifference | None
+    difference: MessageDifference | None
     recorded: RunOutcome
     now: RunOutcome
     status: RunStatus
@@ -164,7 +165,7 @@ class Continuation:
         how = ", byte for byte" if self.exact and not self.changes else ""
         return f"{what}: {self.ticks} ticks{how}"
 
-    def _apart(self, difference: RecordDifference) -> Iterator[str]:
+    def _apart(self, difference: MessageDifference) -> Iterator[str]:
         for line in self.parting:
             yield (
                 line.replace(" s:", " s (A: recorded, B: what if):", 1) if line in self.parting[:1] else line

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 
-from ...files.yaml.document import Diagnostic
+from ...files.marks import Diagnostic
 from ...trees.loading.scene_names import SceneNames
 from ...trees.mission import Mission
 from .arm_use import at_the_same_time, left_in_hand, started_anew

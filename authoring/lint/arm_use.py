@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from itertools import combinations
 from typing import TypeAlias
 
-from ...files.yaml.document import Diagnostic
+from ...files.marks import Diagnostic
 from ...trees.controls import (
     Fallback,
     ForceFailure,

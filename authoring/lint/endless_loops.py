@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
 from ...files.expressions.expression import Expression
-from ...files.yaml.document import Diagnostic
+from ...files.marks import Diagnostic
 from ...trees.controls import (
     ForEach,
     KeepRunningUntilFailure,

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
-from ...files.yaml.document import Diagnostic, Mark
+from ...files.marks import Diagnostic, Mark
 from ...trees.loading.scene_names import SceneNames
 from ...trees.mission import MAIN, Mission, NodeSpec, TreeSpec, bottom_up, reachable
 from ...trees.ports import PortDeclaration

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from ...files.yaml.document import Diagnostic
+from ...files.marks import Diagnostic
 from ...trees.controls import Delay, ForceFailure, ForceSuccess, RetryUntilSuccessful, Switch, Timeout
 from ...trees.mission import NodeSpec
 from ...trees.values.references import ATTRIBUTE_TYPES, Reference

@@ -5,7 +5,9 @@ from __future__ import annotations
 import posixpath
 from collections.abc import Iterable, Iterator
 
-from ...files.yaml.document import Diagnostic, Document, suggest_name
+from ...files.marks import Diagnostic
+from ...files.value_wording import suggest_name
+from ...files.yaml.document import Document
 from ...trees.mission import IN_LIBRARY, MAIN, TreeSpec, called_by
 from .flow_walk import KeyRead
 from .mission_survey import KeyAccess, KeyUsage, LintModel

@@ -9,8 +9,10 @@ from typing import cast
 
 from ...errors import PicktreeError
 from ...files.diagnostics.fault_codes import apply_suppressions, pages
+from ...files.marks import FileError
 from ...files.node_patterns import short_names
-from ...files.yaml.document import Document, FileError, read_document, suggest_name
+from ...files.value_wording import suggest_name
+from ...files.yaml.document import Document, read_document
 from ...trees.loading.loader import load_mission
 from ...trees.mission import Mission
 from ...trees.running.builder import build

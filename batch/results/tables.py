@@ -9,10 +9,11 @@ from typing import Annotated, Final, Literal, TypeAlias
 
 from pydantic import TypeAdapter, ValidationError
 
-from ...analysis.export.table_files import Column, ColumnDoc, Kind, columns
+from ...analysis.export.table_files import Column, ColumnDoc, Kind, columns, event_row
 from ...errors import PicktreeError
 from ...logs.episodes.episode import End
 from ...logs.run_result import RunStatus
+from ...world.events.skill_events import PickEvent
 from .views import VIEWS
 
 VERSION = 3
@@ -46,11 +47,8 @@ class JobItemRow:
 
 
 @dataclass(frozen=True, slots=True)
-class JobPickRow:
-    time: Time
-    object: Annotated[str, ColumnDoc("as the robot calls it")]
-    held: Annotated[bool, ColumnDoc("whether it was between the fingers")]
-    node: Node
+class JobPickRow(event_row(PickEvent, "object", "held", "node")):
+    """Closing of the fingers on an object."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,11 +15,11 @@ from typing import Any
 from ...analysis.compare.alignment import Alignment, align
 from ...analysis.compare.diff import value_changes
 from ...analysis.compare.divergence import Divergence
-from ...analysis.compare.divergence_text import DIVERGENCE_TEXTS
+from ...analysis.compare.divergence_text import DIVERGENCE_TEXTS, end_text
 from ...analysis.compare.message_fields import value_text
 from ...analysis.run import Run
 from ...errors import PicktreeError
-from ...logs.visits import HALTED, Visit
+from ...logs.visits import Visit
 from ..results.store import RESULTS_FILE, Store
 from ..workers.executor import Executor
 from ..workers.local_executor import LocalExecutor
@@ -89,7 +89,7 @@ def divergence_line(found: Alignment, a: Run) -> str:
         time, one, other = end
         said += (
             f"; first other end at tick {a.ticks.number_at(time)}, {time:.2f} s: "
-            f"{one.name}{one.about}: A {_end(one)}, B {_end(other)}"
+            f"{one.name}{one.about}: A {end_text(one, short=True)}, B {end_text(other, short=True)}"
         )
     return said
 
@@ -125,16 +125,8 @@ def _begins(visit: Visit | None) -> str:
     return "nothing more" if visit is None else f"{visit.name}{visit.about}"
 
 
-def _end(visit: Visit) -> str:
-    if visit.outcome == "RUNNING":
-        return "still runs when the log ends"
-    if visit.outcome == HALTED:
-        return "was halted"
-    return visit.cause or visit.outcome
-
-
 def _course(visit: Visit) -> str:
-    return f"{_end(visit)} after {visit.duration:.2f} s"
+    return f"{end_text(visit, short=True)} after {visit.duration:.2f} s"
 
 
 _TITLES = {

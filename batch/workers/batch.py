@@ -14,7 +14,6 @@ from typing import Literal, Protocol, TypeAlias
 
 from ...analysis.run import Run
 from ...errors import PicktreeError
-from ...session.session import LOG_FILE_NAME
 from ..plan import BatchPlan, Job, jobs_of, read_plan, write_plan
 from ..results.store import RESULTS_FILE, Store
 from ..results.tables import CrashRow, JobRow, JobRows
@@ -38,8 +37,7 @@ def result_of(order: JobOrder) -> JobRows | None:
 
 def run_folder(order: JobOrder, batch: Path) -> str:
     """Return the folder of the run with its log, relative to the batch's folder; empty when there is none."""
-    log = _log(order)
-    return str(log.parent.relative_to(batch)) if log else ""
+    return str(order.log.parent.relative_to(batch)) if order.log else ""
 
 
 def lost_attempt(order: JobOrder, reason: str, batch: Path, *, kept: bool) -> CrashRow:
@@ -68,16 +66,11 @@ def crashed_job(crash: CrashRow) -> JobRow:
     )
 
 
-def _log(order: JobOrder) -> Path | None:
-    return next(iter(sorted(order.folder.glob(f"*/{LOG_FILE_NAME}"))), None)
-
-
 def _last_tick(order: JobOrder) -> int | None:
-    log = _log(order)
-    if log is None:
+    if order.log is None:
         return None
     try:
-        with Run(log) as run:
+        with Run(order.log) as run:
             return len(run.ticks) - 1 if run.ticks else None
     except PicktreeError:
         return None

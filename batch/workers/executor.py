@@ -33,6 +33,13 @@ class JobOrder:
         """File with the rows of the result, written whole or not at all."""
         return self.folder / "rows.json"
 
+    @property
+    def log(self) -> Path | None:
+        """Log of the run; None when there is none."""
+        from ...logs.run_log import LOG_NAME  # slow to import, and an order has to be light
+
+        return next(iter(sorted(self.folder.glob(f"*/{LOG_NAME}"))), None)
+
 
 @dataclass(frozen=True, slots=True)
 class JobFinished:

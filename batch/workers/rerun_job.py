@@ -125,12 +125,10 @@ def _rerun(store: Store, job: Job, where: str, out: Path | None, executor: Execu
         rows = JobRows.from_json(order.result.read_bytes(), order.result) if order.result.is_file() else None
         digest = rows.job.digest if rows else ""
         same = bool(digest) and digest == before.digest
-        run = next(iter(sorted(log.parent for log in scratch.glob(f"*/{LOG_FILE_NAME}"))), None)
-        if run is None:
-            raise PicktreeError(
-                f"{where}: {event.reason if isinstance(event, JobFailed) else 'it left no log'}"
-            )
-        log: Path | None = None
+        reason = event.reason if isinstance(event, JobFailed) else ""
+        if order.log is None:
+            raise PicktreeError(f"{where}: {reason or 'it left no log'}")
+        run, log = order.log.parent, None
         if out is not None:
             log = _move_run(run, out / run.name)
         elif kept is None or not same:
@@ -140,8 +138,8 @@ def _rerun(store: Store, job: Job, where: str, out: Path | None, executor: Execu
             if same:
                 store.set_folder(job.id, str(log.relative_to(folder)))
     except OSError as error:
-        reason = (error.strerror or str(error)).lower()
-        raise PicktreeError(f"{where}: the log cannot be written: {reason}") from None
+        why = (error.strerror or str(error)).lower()
+        raise PicktreeError(f"{where}: the log cannot be written: {why}") from None
     finally:
         shutil.rmtree(scratch, ignore_errors=True)
     return RerunJob(
@@ -150,7 +148,7 @@ def _rerun(store: Store, job: Job, where: str, out: Path | None, executor: Execu
         before.digest,
         rows.job.status if rows else "crashed",
         digest,
-        event.reason if isinstance(event, JobFailed) else "",
+        reason,
         log or kept,
         log is None,
         () if same or rows is None else tuple(_otherwise(store.versions(job.id), rows.versions)),

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING
 
-from ...files.yaml.document import Diagnostic, Document, FileError, read_document
+from ...files.marks import Diagnostic, FileError
+from ...files.yaml.document import Document, read_document
 from ...robots.loading import check_robot
 from ...world.scene.loading.scene_loading import check_scene
 

@@ -12,7 +12,7 @@ import numpy as np
 import pinocchio as pin
 
 from ...errors import PicktreeError
-from ...files.yaml.document import FileError
+from ...files.marks import FileError
 from ...planning.collision.collision_checker import CollisionChecker, robot_geometry
 from ...robots.description import RobotDescription
 from ...robots.gripper_mounting import GripperMount, LinkInertia, NamedUrdf, write_composed_urdf

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Mapping
+import types
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cache
-from typing import TYPE_CHECKING, Annotated, Any, Self
+from typing import TYPE_CHECKING, Annotated, Any, Self, cast, get_args
 
 from ...world.events.event_kinds import event_of
-from ...world.journal import EVENT_KINDS, JournalEvent, field_meanings
-from .json_records import decode
+from ...world.journal import EVENT_KINDS, EventField, JournalEvent, OtherEvent, event_fields
+from .json_records import decode, is_viewable, schema, value_schema
 from .records import BodyRecord, Event
 
 if TYPE_CHECKING:
@@ -25,6 +26,10 @@ path of the node that noted it, empty when none did. These are the kinds, with t
 In Python each kind is a class and each value an attribute: `at.record.object` for `at` in `run.events`
 ([analysis.md](analysis.md)). An event of another kind, or one that lacks a value, is an `OtherEvent` with
 what was recorded in `data`.
+
+The JSON Schema of the topic, which each log holds, has an alternative for each kind, for the kinds that
+plug-ins declare, and one for all others. Viewers are offered the values that have one type in every kind;
+a plug-in whose value has such a name and another type declares its kind as a class below `JournalEvent`.
 
 | kind | recorded when | values |
 |---|---|---|
@@ -70,6 +75,61 @@ def decode_event(data: bytes) -> JournalEvent:
     return event_of(record.kind, record.message, record.node, record.data)
 
 
+def event_schema() -> dict[str, object]:
+    """Return the JSON Schema of a message on `/events`: the values of each declared kind, and any other kind.
+
+    Viewers read `properties` alone. The values of `data` that are listed there have one type in every kind.
+    """
+    return _event_schema(tuple(EVENT_KINDS.values()))
+
+
+@cache
+def _event_schema(kinds: tuple[type[JournalEvent], ...]) -> dict[str, object]:
+    common = schema(Event)
+    properties = cast("dict[str, object]", common["properties"])
+    data = {"type": "object", "properties": _shared_values(kinds)}
+    other = {"properties": {"kind": {"not": {"enum": [kind.NAME for kind in kinds]}}}}
+    return {
+        **common,
+        "properties": {**properties, "data": data},
+        "oneOf": [*map(_kind_schema, kinds), {"title": OtherEvent.__name__, **other}],
+    }
+
+
+def _kind_schema(kind: type[JournalEvent]) -> dict[str, object]:
+    """Return the schema that holds for the events of one kind, beside that of every event.
+
+    It has no descriptions: each file of a log holds it twice, and writes it anew each second.
+    """
+    values = event_fields(kind)
+    data = {
+        "properties": {each.name: value_schema(each.hint) for each in values},
+        "required": [each.name for each in values if each.required],
+    }
+    return {"title": kind.__name__, "properties": {"kind": {"const": kind.NAME}, "data": data}}
+
+
+def _shared_values(kinds: Iterable[type[JournalEvent]]) -> dict[str, dict[str, object]]:
+    """Return the schemas of the values that have one type in all kinds that have them, and are never null."""
+    found: dict[str, list[dict[str, object]]] = {}
+    for kind in kinds:
+        for each in event_fields(kind):
+            found.setdefault(each.name, []).append(value_schema(_recorded_type(kind, each)))
+    return {name: said[0] for name, said in found.items() if is_viewable(said[0]) and _are_equal(said)}
+
+
+def _recorded_type(kind: type[JournalEvent], value: EventField) -> object:
+    """Return the type of a recorded value. One whose default is None is left out while it is None."""
+    given = [arm for arm in get_args(value.hint) if arm is not types.NoneType]
+    left_out = value.default is None and kind.data is JournalEvent.data
+    return given[0] if left_out and len(given) == 1 else value.hint
+
+
+def _are_equal(schemas: Iterable[object]) -> bool:
+    first, *others = schemas
+    return all(other == first for other in others)
+
+
 def events_page() -> str:
     """Return the page `docs/events.md`: all kinds of event with their fields."""
     rows = (
@@ -80,7 +140,7 @@ def events_page() -> str:
 
 
 def _values(kind: type[JournalEvent]) -> str:
-    return "<br>".join(f"`{name}`: {meaning}" for name, meaning in field_meanings(kind).items())
+    return "<br>".join(f"`{each.name}`: {each.text}" for each in event_fields(kind))
 
 
 def _body(value: object) -> BodyRecord | None:

@@ -17,7 +17,13 @@ if TYPE_CHECKING:
 # Adapters are slow to make, so there is one for each kind of record.
 _adapters: dict[type, TypeAdapter[Any]] = {}
 
-_SCALARS: dict[object, str] = {str: "string", int: "integer", float: "number", bool: "boolean"}
+_SCALARS: dict[object, str] = {
+    str: "string",
+    int: "integer",
+    float: "number",
+    bool: "boolean",
+    types.NoneType: "null",
+}
 
 
 def encode(record: object) -> bytes:
@@ -44,39 +50,49 @@ def schema(kind: type) -> dict[str, object]:
 
     There are no references, as viewers resolve none. Lichtblick's reader cannot express some fields: any
     value, a list of lists. They are only listed as required, because with their schema the viewer refuses
-    the whole topic; see `_sayable`.
+    the whole topic; see `is_viewable`.
     """
-    return {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": kind.__name__, **_of(kind)}
+    return {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        "title": kind.__name__,
+        **value_schema(kind),
+    }
 
 
-def _of(kind: object) -> dict[str, object]:
+def value_schema(kind: object) -> dict[str, object]:
+    """Return the JSON Schema of a value of that type; empty for a type of any value."""
     if kind in _SCALARS:
         return {"type": _SCALARS[kind]}
     if isinstance(kind, type) and dataclasses.is_dataclass(kind):
         hints = get_type_hints(kind)
         names = [f.name for f in dataclasses.fields(kind)]
-        fields = {name: _of(hints[name]) for name in names}
+        fields = {name: value_schema(hints[name]) for name in names}
         return {
             "type": "object",
-            "properties": {name: said for name, said in fields.items() if _sayable(said)},
+            "properties": {name: said for name, said in fields.items() if is_viewable(said)},
             "required": names,
         }
     origin, arguments = get_origin(kind), get_args(kind)
     if origin is tuple:
-        return {"type": "array", "items": _of(arguments[0])}
+        return {"type": "array", "items": value_schema(arguments[0])}
     if isinstance(origin, type) and issubclass(origin, Mapping):
         # without `properties` viewers refuse it
         free: dict[str, object] = {"type": "object", "properties": {}}
-        return free if arguments[1] is object else {**free, "additionalProperties": _of(arguments[1])}
+        return (
+            free if arguments[1] is object else {**free, "additionalProperties": value_schema(arguments[1])}
+        )
     if origin in (Union, types.UnionType):
-        raise TypeError(f"{kind}: a field of the log has one type")
+        arms = [value_schema(each) for each in arguments]
+        if all(arm.keys() == {"type"} for arm in arms):
+            return {"type": [arm["type"] for arm in arms]}
+        return {"anyOf": arms} if all(arms) else {}
     return {}
 
 
-def _sayable(said: Mapping[str, object]) -> bool:
-    """Whether every viewer reads a field of that schema: it has a type, and no list within a list."""
+def is_viewable(said: Mapping[str, object]) -> bool:
+    """Whether every viewer reads a field of that schema: it has one type, and no list within a list."""
     items = said.get("items")
     if isinstance(items, Mapping):
         inner = cast("Mapping[str, object]", items)
         return inner.get("type", "array") != "array"
-    return "type" in said
+    return isinstance(said.get("type"), str)

@@ -20,6 +20,7 @@ from google.protobuf.message import Message
 from google.protobuf.message_factory import GetMessageClass
 
 from . import records
+from .event_records import event_schema
 from .json_records import schema
 
 
@@ -40,7 +41,8 @@ class Topic:
         return "jsonschema" if self.encoding == "json" else "protobuf"
 
     def schema_data(self) -> bytes:
-        return _schema_data(self.schema)
+        # plug-ins declare kinds of event after the first run of a process
+        return orjson.dumps(event_schema()) if self == EVENTS else _schema_data(self.schema)
 
 
 TREE = Topic("/bt/tree", "picktree.Tree", "json")
@@ -88,7 +90,6 @@ _JSON: dict[str, type] = {
     "picktree.Control": records.Control,
     "picktree.Plan": records.Plan,
     "picktree.Candidates": records.Candidates,
-    "picktree.Event": records.Event,
     "picktree.TrueState": records.TrueState,
 }
 _PROTOBUF: dict[str, Descriptor] = {

@@ -25,7 +25,8 @@ from pydantic import TypeAdapter, ValidationError
 
 from ...errors import PicktreeError
 from ...files.atomic_write import whole
-from ...files.yaml.document import FileError, read_document
+from ...files.marks import FileError
+from ...files.yaml.document import read_document
 from ...robots.description import RobotDescription
 from ...robots.loading import parse_robot, robot_names
 from ...robots.urdf_tree import mesh_file

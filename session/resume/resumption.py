@@ -25,7 +25,7 @@ from ...simulation.checkpoints import snapshot_at_rest
 from ...simulation.faults.injector import FaultState
 from ...world.journal import JournalEvent
 from ..arithmetic_probe import arithmetic
-from ..checkpoints import RunState
+from ..checkpoints import NOTHING_RECORDED, RunState
 from ..execution import Execution
 from ..observer import Observer, PresetAnswers
 from ..recipe import Recipe, Recording, StartCheckpoint
@@ -132,7 +132,7 @@ def _control(
 
 def _beginning(recipe: Recipe) -> RunState:
     """Return the state of a robot that has not seen or done anything yet."""
-    return Execution(recipe).checkpoint(RecordingState(_NEVER_WRITTEN, _NEVER_WRITTEN, (), (), Digest().hex))
+    return Execution(recipe).checkpoint(NOTHING_RECORDED)
 
 
 def _tally(run: RunRecord, known: RunState, since: float, until: float) -> RunCountersState:

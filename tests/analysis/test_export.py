@@ -73,7 +73,7 @@ def test_a_parquet_column_has_a_type_a_unit_and_a_meaning(folders: dict[str, Pat
     assert (str(width.type), width.nullable) == ("double", True)
     assert width.metadata == {
         b"unit": b"m",
-        b"meaning": b"opening of the fingers after they closed",
+        b"meaning": b"opening after closing",
     }
     assert (str(held.type), held.nullable) == ("bool", False)
 

@@ -152,7 +152,7 @@ def refused(schema: dict[str, Any], where: str = "") -> list[str]:
     found: list[str] = []
     for name, field in schema["properties"].items():
         at = f"{where}.{name}"
-        kind = field.get("type")
+        kind = "alternatives" if "oneOf" in field else field.get("type")
         if kind == "array":
             field = field["items"]
             kind = field.get("type")

@@ -9,9 +9,9 @@ from pathlib import Path
 
 import pytest
 
+from picktree.analysis.compare.divergence import MessageDifference
 from picktree.analysis.resim.changes import RunChanges
 from picktree.analysis.resim.resim import ResimAnswer, ResimOrder, resimulate, run_order
-from picktree.analysis.resim.resim_comparison import RecordDifference
 from picktree.analysis.resim.resim_result import notes, reasons
 from picktree.analysis.run import Run
 from picktree.errors import PicktreeError
@@ -168,15 +168,15 @@ def test_the_first_tick_and_field_that_differ_are_named(greeting: RunResult, tmp
         "mission line 14: `- Log: {message: good bye}` instead of `- Log: {message: hello}`",
     )
     assert answer.trees is not None
-    assert (answer.trees.field, answer.trees.recorded, answer.trees.now) == (
+    assert (answer.trees.field, answer.trees.a, answer.trees.b) == (
         "nodes[8].ports.message",
         "hello",
         "good bye",
     )
     with Run(greeting.log) as run:
         log = next(v for v in run.visits if v.id == "Log")
-        assert answer.difference == RecordDifference(
-            log.first, log.start, "/events", "", "message", "", "hello", "good bye"
+        assert answer.difference == MessageDifference(
+            log.first, log.start, "/events", "", False, "message", "", "hello", "good bye"
         )
         assert answer.ticks == log.first
 
@@ -188,8 +188,8 @@ def test_a_new_node_makes_a_difference_when_it_begins(greeting: RunResult, tmp_p
     assert answer.trees is not None
     assert answer.difference is not None
     assert answer.difference.field == "transitions[3].path"
-    assert answer.difference.recorded == "Main/Sequence/Observe"
-    assert answer.difference.now == "Main/Sequence/extra"
+    assert answer.difference.a == "Main/Sequence/Observe"
+    assert answer.difference.b == "Main/Sequence/extra"
 
 
 def test_a_record_whose_mission_was_altered_is_found_out(
@@ -204,7 +204,7 @@ def test_a_record_whose_mission_was_altered_is_found_out(
     monkeypatch.setattr(RunLog, "attachment", altered)
     answer = again(greeting.log)
     assert answer.difference is not None
-    assert (answer.difference.topic, answer.difference.recorded, answer.difference.now) == (
+    assert (answer.difference.topic, answer.difference.a, answer.difference.b) == (
         "/events",
         "hello",
         "hullo",

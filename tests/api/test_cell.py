@@ -11,7 +11,9 @@ import pytest
 
 import picktree as pt
 from picktree.analysis import Run
+from picktree.analysis.resim.resim import resimulate
 from picktree.planning.requests import NamedGoal
+from picktree.simulation.backends import Backend
 from picktree.trees.running.runner import BehaviourTree
 from picktree.world.causes import Failure
 from picktree.world.values import Pose
@@ -136,6 +138,49 @@ def test_recorded_skill_has_a_log(cell: pt.Cell, tmp_path: Path) -> None:
         assert run.ticks.times[0] == pytest.approx(cell.time - result.seconds)
         assert run.result is not None
         assert run.result.status == "success"  # though eleven items are not where they belong
+
+
+@pytest.mark.parametrize("backend", ["kinematic", "physics"])
+def test_log_of_a_used_cell_runs_again(backend: Backend, tmp_path: Path) -> None:
+    with pt.Cell("sort_small", backend=backend, seed=3) as cell:
+        cell.run(pt.Observe(camera="overhead"))
+        item = cell.belief.find(kind="block")
+        sort = pt.Sequence(pt.Grasp(object=item.id), pt.Place(object=item.id, into=str(item.destination)))
+        logs = [cell.run(sort, log=tmp_path).log, cell.run(pt.nodes.GoTo(pose="home"), log=tmp_path).log]
+    for log in logs:
+        assert log is not None
+        again = resimulate(log)
+        assert (again.difference, again.exact, again.ticks) == (None, True, again.recorded_ticks)
+        assert again.ticks > 10
+        with Run(log) as run:
+            first = next(run.log.beliefs())
+            assert len(first.record.bodies) == 4  # though the camera looked before
+            assert again.digest == run.log.digest()
+
+
+def test_log_that_begins_with_a_full_hand_cannot_run_again(cell: pt.Cell, tmp_path: Path) -> None:
+    cell.run(pt.Observe(camera="overhead"))
+    item = cell.belief.find(kind="block")
+    cell.run(pt.Grasp(object=item.id))
+    began = cell.time
+    log = cell.run(pt.Place(object=item.id, into=str(item.destination)), log=tmp_path).log
+    assert log is not None
+    with pytest.raises(pt.PicktreeError) as raised:
+        resimulate(log)
+    assert str(raised.value) == (
+        f"{log}: the log begins at {began:.2f} s of a cell whose arm moved or whose hand was full, and does "
+        "not say how it came to that; record what belongs together as one tree, "
+        "`cell.run(pt.Sequence(…), log=…)`"
+    )
+
+
+def test_limit_of_a_used_cell_counts_from_its_start(cell: pt.Cell, tmp_path: Path) -> None:
+    cell.run(pt.nodes.GoTo(pose="home"))
+    cell.run(pt.Observe(camera="overhead"))
+    began = cell.time
+    result = cell.run(pt.nodes.Delay(pt.Observe(camera="overhead"), delay_msec=9000), limit=2.0, log=tmp_path)
+    assert result.status == "TIMEOUT"
+    assert cell.time == pytest.approx(began + 2.0, abs=0.06)
 
 
 def test_belief_says_what_there_is(cell: pt.Cell) -> None:

@@ -23,7 +23,8 @@ from picktree.cli.author.file_kinds import CHECKS
 from picktree.cli.author.file_schemas import FileKind, file_schema
 from picktree.cli.terminal.node_registries import registry
 from picktree.files.diagnostics.fault_codes import pages
-from picktree.files.yaml.document import Document, FileError, read_document
+from picktree.files.marks import FileError
+from picktree.files.yaml.document import Document, read_document
 from picktree.trees.loading.registry import NodeRegistry
 from picktree.world.scene.scene_schema import SECTIONS, RestFile, SceneFile
 

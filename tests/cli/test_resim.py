@@ -10,9 +10,9 @@ from typing import Any
 
 import pytest
 
+from picktree.analysis.compare.divergence import MessageDifference
 from picktree.analysis.compare.run_outcome import RunOutcome
 from picktree.analysis.resim.changes import RunChanges
-from picktree.analysis.resim.resim_comparison import RecordDifference
 from picktree.analysis.resim.resim_result import Reason, Resimulation
 from picktree.cli.app import answer
 
@@ -42,7 +42,9 @@ OTHER = replace(
     SAME,
     ticks=40,
     seconds=1.95,
-    difference=RecordDifference(40, 2.0, "/bt/tick", "", "nodes[3].status", GRASP, "SUCCESS", "FAILURE"),
+    difference=MessageDifference(
+        40, 2.0, "/bt/tick", "", False, "nodes[3].status", GRASP, "SUCCESS", "FAILURE"
+    ),
     reasons=(
         Reason("recorded with other arithmetic (glibc 2.36, here 2.41): the runs may part", "", ""),
         Reason("mcap", "1.3.0", "1.6.0"),
@@ -108,10 +110,21 @@ def test_a_difference_with_its_likely_reason(
     )
 
 
+def test_a_missing_message_is_told_by_its_side(
+    asked: Callable[..., Any], capfd: pytest.CaptureFixture[str]
+) -> None:
+    asked(replace(OTHER, difference=MessageDifference(40, 2.0, "/plan", "b", False, "", "", None, None)))
+    assert answer(["resim", "last", "--json"]) == 1
+    assert json.loads(capfd.readouterr().out)["difference"] == {
+        "tick": 40, "time": 2.0, "topic": "/plan", "missing": "now", "field": "", "of": "", "recorded": None,
+        "now": None,
+    }  # fmt: skip
+
+
 def test_a_difference_without_any_reason(
     asked: Callable[..., Any], capfd: pytest.CaptureFixture[str]
 ) -> None:
-    missing = RecordDifference(40, 2.0, "/plan", "recorded", "", "", None, None)
+    missing = MessageDifference(40, 2.0, "/plan", "a", False, "", "", None, None)
     asked(replace(OTHER, difference=missing, reasons=()))
     assert answer(["resim", "last"]) == 1
     assert capfd.readouterr().out == (
@@ -208,7 +221,7 @@ def test_values_are_shown_where_they_differ(
 ) -> None:
     long = [0.1] * 60
     other = [*long[:50], 0.2, *long[51:]]
-    asked(replace(OTHER, difference=RecordDifference(1, 0.05, "/plan", "", "path", "", long, other)))
+    asked(replace(OTHER, difference=MessageDifference(1, 0.05, "/plan", "", False, "path", "", long, other)))
     answer(["resim", "last"])
     recorded, now = capfd.readouterr().out.splitlines()[1:3]
     assert recorded.startswith("  recorded  …") and "0.1, 0.1" in recorded

@@ -10,9 +10,9 @@ from typing import Any
 
 import pytest
 
+from picktree.analysis.compare.divergence import MessageDifference
 from picktree.analysis.compare.run_outcome import RunOutcome
 from picktree.analysis.resim.changes import RunChanges
-from picktree.analysis.resim.resim_comparison import RecordDifference
 from picktree.analysis.resim.whatif import Continuation, NodeTransfers
 from picktree.cli.app import answer
 from picktree.files.marks import Diagnostic, Mark
@@ -46,7 +46,7 @@ FOUND = Continuation(
     ticks=70,
     recorded_ticks=80,
     exact=True,
-    difference=RecordDifference(191, 9.55, "/events", "", "kind", "", "log", "recovery"),
+    difference=MessageDifference(191, 9.55, "/events", "", False, "kind", "", "log", "recovery"),
     recorded=OUTCOME,
     now=replace(OUTCOME, status="success", items_sorted=4, items_done=4, end=14.5, recoveries=1),
     status="success",

@@ -9,15 +9,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from picktree.files.yaml.document import (
-    FileError,
-    Mark,
-    Value,
-    merge_patch,
-    read_document,
-    suggest_name,
-    where,
-)
+from picktree.files.marks import FileError, Mark, where
+from picktree.files.value_wording import suggest_name
+from picktree.files.yaml.document import merge_patch, read_document
+from picktree.files.yaml.reader import Value
 
 HEAD = "picktree: 1\nkind: mission\n"
 HERE = Path("m.yaml")

@@ -116,7 +116,7 @@ def assert_whole_but_for_the_last_second(path: Path, ticks: int) -> None:
 def test_a_disk_that_gets_full_is_one_clear_error_and_the_file_still_opens(
     sample: ModuleType, tmp_path: Path, small_disk: Callable[[int], None]
 ) -> None:
-    small_disk(60_000)
+    small_disk(80_000)
     path = tmp_path / "log.mcap"
     error, ticks = record_until_refused(sample, path)
     assert error == (

@@ -240,10 +240,10 @@ def test_the_last_run_is_the_one_written_last_whatever_its_number_of_files(
 
 
 def test_files_are_as_large_as_asked_for(sample: ModuleType, tmp_path: Path) -> None:
-    record(sample, tmp_path / "log.mcap", Rotation(size=50_000), 2 * TICKS)
+    record(sample, tmp_path / "log.mcap", Rotation(size=80_000), 4 * TICKS)
     sizes = [path.stat().st_size for path in sorted(tmp_path.iterdir())]
     assert len(sizes) > 1
-    assert all(size < 60_000 for size in sizes)
+    assert all(size < 90_000 for size in sizes)
     with RunLog(tmp_path) as log:
         assert log.recovered == ""
         assert log.digest() == log.result["digest"]

@@ -18,6 +18,7 @@ from picktree.robots.model import RobotModel
 from picktree.simulation.physics.backend import PhysicsHardware
 from picktree.simulation.scoring.scorer import score
 from picktree.skill_world.world import World
+from picktree.world.events.run_events import CrushedEvent
 from picktree.world.journal import Journal, JournalEvent
 from picktree.world.scene.description import CatalogueEntry, Spawn
 from picktree.world.shapes import Box, Cylinder
@@ -118,9 +119,9 @@ def test_what_is_gripped_too_hard_is_crushed_for_good() -> None:
     bench = Bench(CUP, 0.0)
     bench.run(bench.grip.close(12.0))
     (event,) = bench.physics.take_events()
-    finger, force = event.data["finger"], event.data["force"]
-    assert event.kind == "crushed"
-    assert event.message == f"item_00 was crushed: {finger} pressed with {force:.1f} N, and it bears 8 N"
+    assert isinstance(event, CrushedEvent)
+    said = f"item_00 was crushed: {event.finger} pressed with {event.force:.1f} N, and it bears 8 N"
+    assert event.message == said
     bench.run(bench.grip.open())
     bench.physics.checkpoint()
     assert bench.physics.take_events() == ()

@@ -12,7 +12,7 @@ import pytest
 import trimesh
 
 from picktree.errors import PicktreeError
-from picktree.files.yaml.document import FileError
+from picktree.files.marks import FileError
 from picktree.robots.loading import load_robot, parse_robot, robot_names
 
 URDF = """\

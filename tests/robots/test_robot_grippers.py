@@ -13,7 +13,7 @@ import pybullet as pb
 import pytest
 import trimesh
 
-from picktree.files.yaml.document import FileError
+from picktree.files.marks import FileError
 from picktree.robots.description import RobotDescription
 from picktree.robots.finger_linkage import LinkageFingers, SliderPair, fingers_of
 from picktree.robots.loading import load_robot, parse_robot

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from picktree.files.yaml.document import FileError
+from picktree.files.marks import FileError
 from picktree.robots.loading import load_robot
 from picktree.simulation.fault_files.device_entries import (
     CameraDrop,

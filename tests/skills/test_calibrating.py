@@ -14,7 +14,7 @@ from picktree.calibration.targets import TouchPoint
 from picktree.simulation.fault_files.device_entries import AtTime, CameraDrop
 from picktree.simulation.kinematic.backend import KinematicHardware
 from picktree.trees.skill import Steps
-from picktree.world.events.skill_events import CalibrationShotEvent
+from picktree.world.events.skill_events import CalibrationShotEvent, CalibrationTouchEvent
 from picktree.world.protocols import RgbdImage
 from picktree.world.scene.loading.scene_loading import load_scene
 from picktree.world.values import Array, Pose, Vector3
@@ -176,10 +176,10 @@ def test_touches_are_made_with_two_forces_in_turn(monkeypatch: pytest.MonkeyPatc
     wanted(8, monkeypatch)
     made = cell("TouchTarget: {target: target}")
     assert failed(made) == ""
-    found = [e for e in made.events if e.kind == TOUCHED]
+    found = [e for e in made.events if isinstance(e, CalibrationTouchEvent)]
     names = [f"top {n}" for n in range(1, 5)] + [f"top leaning {n}" for n in range(1, 5)]
     assert [e.message.partition(":")[0] for e in found] == [f"target, {name}" for name in names]
-    forces = [float(e.data["force"]) for e in found]  # type: ignore[arg-type]
+    forces = [e.force for e in found]
     assert forces == pytest.approx([3.0, 6.0] * 4, abs=1.0)
     assert [e.message.rpartition(" with ")[2] for e in found] == [f"{force:.1f} N" for force in forces]
     assert made.world.gripper.width > 0.07

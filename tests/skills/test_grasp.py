@@ -13,6 +13,7 @@ from picktree.manipulation.pick.pick_stream import CandidateSearch
 from picktree.simulation.kinematic.backend import KinematicHardware
 from picktree.trees.skill import Doing
 from picktree.world.causes import Cause, Failure, FailureReport, control, planning
+from picktree.world.events.skill_events import PickEvent
 
 from .cell import Cell, items, mission
 
@@ -191,7 +192,7 @@ def test_a_miss_is_told_with_what_was_felt_and_remembered(kind: str, monkeypatch
     else:
         monkeypatch.setattr(cell.world.control, "load", lambda: 0.0)
     failure = failed(cell, f"Grasp: {{object: {block}, onward: false}}")
-    (pick,) = (e for e in cell.events if e.kind == "pick")
+    (pick,) = (e for e in cell.events if isinstance(e, PickEvent))
     told = {
         "gone": ("grasp.missed", "the fingers met and hold nothing"),
         "slips": ("grasp.slipped", "it was between the fingers and slipped out"),
@@ -199,9 +200,9 @@ def test_a_miss_is_told_with_what_was_felt_and_remembered(kind: str, monkeypatch
     cause, words = told[kind]
     assert str(failure.cause) == cause
     assert failure.message.startswith(f"{block}: {words} (opening ")
-    assert failure.evidence["candidate"] == pick.data["candidate"]
-    assert (pick.message, pick.data["held"], pick.data["first_try"]) == (f"{block}: not held", False, True)
-    assert pick.data["object"] == block
+    assert failure.evidence["candidate"] == pick.candidate
+    assert (pick.message, pick.held, pick.first_try) == (f"{block}: not held", False, True)
+    assert pick.object == block
     assert cell.world.attempts.count("Main/Grasp", block) == 1
     assert cell.world.scene.held is None
     cell.wait()

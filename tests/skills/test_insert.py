@@ -9,6 +9,7 @@ import pytest
 
 from picktree.simulation.kinematic.backend import KinematicHardware
 from picktree.world.causes import FailureReport
+from picktree.world.events.skill_events import ItemDoneEvent
 from picktree.world.scene.description import SceneDescription
 from picktree.world.scene.loading.scene_loading import load_scene
 from picktree.world.values import ObjectId, Pose
@@ -153,9 +154,9 @@ def test_in_physics_a_square_peg_finds_its_hole_by_feeling() -> None:
     cell = Cell(mission(inserting()), pegs(post_30=1), "physics", seed=5)
     cell.hardware.penetrations.every = 1  # type: ignore[union-attr]
     assert cell.finish().value == "SUCCESS", cell.tree.failure
-    (done,) = (e for e in cell.events if e.kind == "item_done")
-    assert done.data["found_by"] == "tilt"
-    assert 5.0 < float(done.data["force"]) < 40.0  # type: ignore[arg-type]
+    (done,) = (e for e in cell.events if isinstance(e, ItemDoneEvent))
+    assert done.found_by == "tilt"
+    assert 5.0 < (done.force or 0.0) < 40.0
     for _ in range(20):
         cell.wait()
     assert cell.world.control.period == pytest.approx(1 / 240)

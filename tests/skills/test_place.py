@@ -16,6 +16,7 @@ from picktree.simulation.kinematic.backend import KinematicHardware
 from picktree.skill_world.handover import PlaceCandidate
 from picktree.trees.skill import Doing, Steps
 from picktree.world.causes import Cause, Failure, planning
+from picktree.world.events.skill_events import ItemDoneEvent
 from picktree.world.shapes import bottom
 from picktree.world.trajectory import Trajectory
 from picktree.world.values import ObjectId
@@ -233,13 +234,11 @@ def test_what_was_placed_is_told_and_believed_to_lie_there() -> None:
         cell.start(mission(f"Place: {{object: {block}, {where}}}"))
         cell.finish()
         assert cell.tree.failure is None
-        (done,) = (e for e in cell.events if e.kind == "item_done")
+        (done,) = (e for e in cell.events if isinstance(e, ItemDoneEvent))
         assert done.message == f"{block} placed {words}"
         into = "red_bin" if "into" in where else ""
-        assert {key: done.data[key] for key in ("object", "form", "into")} == {
-            "object": block, "form": form, "into": into
-        }  # fmt: skip
-        assert (done.data["spot"] == "point") is (into == "")
+        assert (done.object, done.form, done.into) == (block, form, into)
+        assert (done.spot == "point") is (into == "")
         known = cell.world.scene.get(block)
         assert known.place == (into or "table")
         (body,) = hardware.truth()

@@ -19,6 +19,7 @@ from picktree.skill_world.world import World
 from picktree.trees.skill import Doing
 from picktree.world.belief.planning_scene import BeliefObject
 from picktree.world.causes import FailureReport
+from picktree.world.events.skill_events import PushEvent
 from picktree.world.planar_geometry import PlanarPose, planar, wrap_angle
 from picktree.world.scene.description import SceneDescription
 from picktree.world.scene.loading.scene_loading import load_scene
@@ -137,10 +138,8 @@ def test_what_stands_right_but_turned_is_squared_up_on_a_way() -> None:
 
 def made(cell: Cell) -> list[str]:
     """The strokes of the push that succeeded."""
-    (event,) = (e for e in cell.events if e.kind == "push")
-    strokes = event.data["strokes"]
-    assert isinstance(strokes, list)
-    return [str(stroke) for stroke in strokes]
+    (event,) = (e for e in cell.events if isinstance(e, PushEvent))
+    return list(event.strokes)
 
 
 def test_a_stroke_is_six_centimetres_long_at_most_unless_few_are_allowed() -> None:

@@ -14,6 +14,7 @@ from picktree.planning.service.trajectory_gate import TrajectoryGate
 from picktree.simulation.kinematic.backend import KinematicHardware
 from picktree.skill_world.vision import Vision
 from picktree.world.causes import Failure, perception, planning
+from picktree.world.events.skill_events import ItemDoneEvent, ReplannedEvent
 from picktree.world.scene.description import Fixture
 from picktree.world.shapes import Box
 from picktree.world.values import ObjectId, Pose
@@ -91,9 +92,9 @@ def test_what_comes_into_the_way_of_what_is_carried_is_passed_by() -> None:
         cell.tick()
         assert hardware.room_for(post), "the arm is in it"
     assert cell.tree.status.value == "SUCCESS"
-    (event, *_) = [e for e in cell.events if e.kind == "replanned"]
-    assert (event.node, event.data["cause"]) == ("Main/WatchScene/Sequence/Place", "planning.blocked")
-    assert "obstacle_1" in str(event.data["by"])
+    (event, *_) = [e for e in cell.events if isinstance(e, ReplannedEvent)]
+    assert (event.node, event.cause) == ("Main/WatchScene/Sequence/Place", "planning.blocked")
+    assert any("obstacle_1" in each for each in event.by)
     assert cell.score().sorted == 1
 
 
@@ -118,11 +119,11 @@ def test_a_target_that_moves_is_grasped_where_it_is_seen_then() -> None:
     move(cell, 0.05, -0.04)
     cell.finish()
     assert (cell.tree.status.value, cell.score().sorted) == ("SUCCESS", 1)
-    (event,) = [e for e in cell.events if e.kind == "replanned"]
+    (event,) = [e for e in cell.events if isinstance(e, ReplannedEvent)]
     assert event.message == (
         f"stopped and planned anew: {block} is seen 64 mm and 1° from where it was when the arm set out"
     )
-    assert (event.data["cause"], event.data["object"]) == ("world.disturbed", block)
+    assert (event.cause, event.object) == ("world.disturbed", block)
 
 
 def test_a_target_that_vanishes_is_told_at_once() -> None:
@@ -151,12 +152,12 @@ def test_what_is_put_where_it_would_be_let_go_sends_it_to_another_spot() -> None
     cell.world.vision.looks += 1
     cell.finish()
     assert (cell.tree.status.value, cell.score().sorted) == ("SUCCESS", 1)
-    (event,) = [e for e in cell.events if e.kind == "replanned"]
+    (event,) = [e for e in cell.events if isinstance(e, ReplannedEvent)]
     assert event.message == (
         f"stopped and planned anew: something was put into {into} meanwhile: its heap is 110 mm high"
     )
-    (done,) = [e for e in cell.events if e.kind == "item_done"]
-    assert done.data["spot"] != "cell 1,1"
+    (done,) = [e for e in cell.events if isinstance(e, ItemDoneEvent)]
+    assert done.spot != "cell 1,1"
 
 
 def test_a_point_that_is_taken_meanwhile_is_occupied() -> None:

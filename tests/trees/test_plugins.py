@@ -13,7 +13,8 @@ import pytest
 
 from picktree.authoring.check import check_mission
 from picktree.errors import PicktreeError
-from picktree.files.yaml.document import FileError, read_document
+from picktree.files.marks import FileError
+from picktree.files.yaml.document import read_document
 from picktree.session.recipe import mission_files, plugin_versions
 from picktree.trees.loading.loader import load_mission, parse_mission
 from picktree.trees.loading.registry import NodeRegistry

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from picktree.errors import PicktreeError
-from picktree.files.yaml.document import FileError
+from picktree.files.marks import FileError
 from picktree.trees.controls.leaves import ConditionNode
 from picktree.trees.loading.loader import parse_mission
 from picktree.trees.loading.registry import NodeRegistry

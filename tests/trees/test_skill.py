@@ -14,6 +14,7 @@ from picktree.trees.ports import In, Out, port
 from picktree.trees.running.builder import build
 from picktree.trees.skill import Skill, Steps
 from picktree.trees.status import NodeStatus
+from picktree.world.events.run_events import InternalErrorEvent
 
 from .scripted import FILE, NODES, FakeWorld, Run, letters, start
 
@@ -134,7 +135,8 @@ def test_a_body_that_resists_halting_does_not_keep_its_siblings_from_it(name: st
         }[name]
     )
     if name == "Exploding":
-        assert 'raise OSError("no")' in str(notes[0].data["traceback"])
+        assert isinstance(notes[0], InternalErrorEvent)
+        assert 'raise OSError("no")' in str(notes[0].traceback)
 
 
 def test_a_crash_is_an_internal_error_with_its_traceback() -> None:

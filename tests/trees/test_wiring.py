@@ -6,7 +6,7 @@ from textwrap import dedent
 
 import pytest
 
-from picktree.files.yaml.document import FileError
+from picktree.files.marks import FileError
 from picktree.skill_world.world import World
 from picktree.trees.controls.leaves import ConditionNode
 from picktree.trees.loading.loader import parse_mission

@@ -1,18 +1,24 @@
 """Journal events: what they record, and how they are read back."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import orjson
 import pytest
+from jsonschema import Draft202012Validator
+from mcap.reader import make_reader
 
+from picktree.logs.schema import topics
 from picktree.logs.schema.event_records import BeliefEvent, decode_event, event_record, events_page
 from picktree.logs.schema.json_records import encode
 from picktree.world.events.event_kinds import event_of
 from picktree.world.events.run_events import FaultEvent, HandledEvent, RecoveryEvent
 from picktree.world.events.skill_events import ItemDoneEvent, PickEvent, PushEvent, SafetyStopEvent
-from picktree.world.journal import EVENT_KINDS, Journal, JournalEvent, OtherEvent, field_meanings, own_fields
+from picktree.world.journal import EVENT_KINDS, Journal, JournalEvent, OtherEvent, event_fields
+
+Validator: Any = Draft202012Validator
 
 
 def recorded(event: JournalEvent) -> dict[str, object]:
@@ -121,6 +127,8 @@ def test_a_plug_in_declares_a_kind_of_its_own() -> None:
         assert event_of("wiped", "clean", "Main/Wipe", {"area": 0.5}) == WipedEvent(
             "clean", "Main/Wipe", area=0.5
         )
+        assert refused_branch("wiped", {"area": "all"}) == ["'all' is not of type 'number'"]
+        assert schema_of_topic()["properties"]["data"]["properties"]["area"] == {"type": "number"}
     finally:
         del EVENT_KINDS["wiped"]
 
@@ -155,4 +163,70 @@ def test_the_document_has_all_kinds_with_their_fields() -> None:
 @pytest.mark.parametrize("kind", EVENT_KINDS.values(), ids=EVENT_KINDS)
 def test_every_field_of_a_kind_says_what_it_holds(kind: type[JournalEvent]) -> None:
     assert kind.__doc__
-    assert list(field_meanings(kind)) == [each.name for each in own_fields(kind)]
+    assert all(each.meaning for each in event_fields(kind))
+
+
+def schema_of_topic() -> dict[str, Any]:
+    said: dict[str, Any] = orjson.loads(topics.EVENTS.schema_data())
+    return said
+
+
+def refused(kind: str, data: Mapping[str, object]) -> str:
+    """The first fault that a validator finds in an event; empty for a valid one."""
+    event = {"kind": kind, "message": "m", "node": "", "data": data}
+    faults = Validator(schema_of_topic()).iter_errors(event)
+    fault = next(iter(faults), None)
+    return "" if fault is None else fault.message
+
+
+def test_the_schema_in_the_log_holds_for_all_events_of_a_run(troubled_log: Path) -> None:
+    with troubled_log.open("rb") as stream:
+        found = list(make_reader(stream).iter_messages(topics=[topics.EVENTS.name]))
+    assert found[0][0] is not None
+    validator = Validator(orjson.loads(found[0][0].data))
+    Validator.check_schema(validator.schema)
+    kinds: set[str] = set()
+    for _, _, message in found:
+        event = orjson.loads(message.data)
+        validator.validate(event)
+        kinds.add(event["kind"])
+    assert {"pick", "fault", "belief", "image", "item_done", "recovery"} <= kinds <= set(EVENT_KINDS)
+
+
+def test_the_schema_knows_the_values_of_each_kind() -> None:
+    assert (
+        refused("pick", {"object": "a", "held": True, "width": 0.01, "load": None}) != ""
+    )  # a null is left out
+    assert refused("pick", {"object": "a", "held": True, "width": 0.01, "by_feel": 3}) == ""
+    assert "'held' is a required property" in refused_branch("pick", {"object": "a"})
+    assert "'no' is not of type 'boolean'" in refused_branch("pick", {"object": "a", "held": "no"})
+    assert refused("fault", {"fault": "remove", "item": None}) == ""
+    handled: dict[str, object] = {
+        "cause": None,
+        "by": "ForEach",
+        "element": {"id": ["a", 3]},
+        "failed": "Main/Grasp",
+    }
+    assert refused("handled", handled) == ""
+    assert refused("handled", {**handled, "cause": 3}) != ""
+
+
+def refused_branch(kind: str, data: Mapping[str, object]) -> list[str]:
+    """The faults that the schema of the event's own kind has."""
+    (branch,) = (
+        each for each in schema_of_topic()["oneOf"] if each["properties"]["kind"].get("const") == kind
+    )
+    event = {"kind": kind, "message": "m", "node": "", "data": data}
+    return [fault.message for fault in Validator(branch).iter_errors(event)]
+
+
+def test_the_schema_allows_kinds_that_nobody_declares() -> None:
+    assert refused("wiped", {"with": "a cloth", "area": [[1, 2], None]}) == ""
+
+
+def test_viewers_are_offered_the_values_that_have_one_type() -> None:
+    """They resolve no alternatives: what is null, or of another type in another kind, is in `oneOf` alone."""
+    offered = schema_of_topic()["properties"]["data"]["properties"]
+    assert (offered["held"], offered["width"]) == ({"type": "boolean"}, {"type": "number"})
+    assert offered["choices"] == {"type": "array", "items": {"type": "string"}}
+    assert not {"cause", "by", "time", "element", "tiles", "item", "before"} & set(offered)

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from picktree.files.yaml.document import FileError
+from picktree.files.marks import FileError
 from picktree.robots.loading import load_robot
 from picktree.robots.model import RobotModel
 from picktree.session.assembly import assemble_world

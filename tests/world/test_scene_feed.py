@@ -6,7 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from picktree.files.yaml.document import FileError, read_document
+from picktree.files.marks import FileError
+from picktree.files.yaml.document import read_document
 from picktree.world.scene.description import AtIntervals, AtTimes, Belt, Delivery, Exchange, Spawn, WhenClear
 from picktree.world.scene.loading.scene_loading import check_scene, parse_scene
 from picktree.world.shapes import Box

@@ -9,7 +9,7 @@ import pytest
 import trimesh
 
 from picktree.errors import PicktreeError
-from picktree.files.yaml.document import FileError
+from picktree.files.marks import FileError
 from picktree.world.scene.destinations import destination_rule
 from picktree.world.scene.loading.scene_loading import load_scene, parse_scene, scene_names
 from picktree.world.shapes import Box, ConvexMesh, Cylinder, Sphere

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from picktree.errors import PicktreeError
-from picktree.files.yaml.document import FileError
+from picktree.files.marks import FileError
 from picktree.robots.loading import SHIPPED as ROBOTS
 from picktree.robots.loading import parse_robot
 from picktree.simulation.fault_files.fault_loading import parse_faults

@@ -7,7 +7,9 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import TypeAlias
 
-from ...files.yaml.document import Document, Location, Value
+from ...files.marks import Location
+from ...files.yaml.document import Document
+from ...files.yaml.reader import Value
 from ..controls import Sequence
 from ..declaration import NodeDeclaration
 from ..mission import NodeSpec

@@ -11,7 +11,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
-from ...files.yaml.document import Document, Location, Mark, Value
+from ...files.marks import Location, Mark
+from ...files.yaml.document import Document
+from ...files.yaml.reader import Value
 from ..declaration import COMMON_KEYS, IDENTIFIER, NodeDeclaration
 from ..mission import NodeSpec
 from ..node import Node

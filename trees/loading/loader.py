@@ -8,15 +8,9 @@ from pathlib import Path
 
 from ...files.expressions.expression import Expression, ExpressionError
 from ...files.expressions.type_inference import INT, ValueType, check_types
-from ...files.yaml.document import (
-    Diagnostic,
-    Document,
-    FileError,
-    Location,
-    read_document,
-    suggest_name,
-    where,
-)
+from ...files.marks import Diagnostic, FileError, Location, where
+from ...files.value_wording import suggest_name
+from ...files.yaml.document import Document, read_document
 from ..mission import FilesOnDisk, Mission, MissionFiles, TreeSpec, check_calls
 from ..node import Node
 from ..plugins.plugin_import import PluginError

@@ -11,7 +11,9 @@ from collections.abc import Iterable, Iterator, Mapping
 from typing import Final, Literal, cast
 
 from ...files.expressions.expression import Expression, ExpressionError
-from ...files.yaml.document import Diagnostic, Document, Location, Value
+from ...files.marks import Diagnostic, Location
+from ...files.yaml.document import Document
+from ...files.yaml.reader import Value
 from ...world.journal import Plain
 from ..declaration import BREAKPOINT, IDENTIFIER, POSTCONDITIONS, PRECONDITIONS
 from ..ports import PortDeclaration

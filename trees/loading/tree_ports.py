@@ -6,8 +6,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Literal, cast
 
+from ...files.marks import Location
 from ...files.quantities import UNITS
-from ...files.yaml.document import Document, Location, Value, suggest_name
+from ...files.value_wording import suggest_name
+from ...files.yaml.document import Document
+from ...files.yaml.reader import Value
 from ...world.journal import Plain
 from ..declaration import COMMON_KEYS, IDENTIFIER
 from ..ports import PortDeclaration

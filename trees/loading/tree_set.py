@@ -7,7 +7,9 @@ from collections.abc import Mapping
 from typing import Final
 
 from ...errors import PicktreeError
-from ...files.yaml.document import Document, FileError, Location, Value, where
+from ...files.marks import FileError, Location, where
+from ...files.yaml.document import Document
+from ...files.yaml.reader import Value
 from ..declaration import IDENTIFIER
 from ..mission import IN_LIBRARY, MAIN, MissionFiles, NodeSpec, TreeSpec
 from ..ports import PortDeclaration

@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Final
 
-from ...files.yaml.document import Diagnostic, Document, Location, suggest_name
+from ...files.marks import Diagnostic, Location
+from ...files.value_wording import suggest_name
+from ...files.yaml.document import Document
 
 MAX_NODES: Final = 10_000
 """Maximum number of nodes of a mission, with sub-trees expanded."""

@@ -10,8 +10,9 @@ from typing import TypeAlias
 
 from ...files.expressions.expression import Expression, ExpressionError
 from ...files.expressions.type_inference import BOOL, FLOAT, INT, OBJECT, PLACE, TEXT, ValueType
+from ...files.marks import Mark
 from ...files.value_wording import suggest_name
-from ...files.yaml.document import Document, Mark
+from ...files.yaml.document import Document
 from ...world.belief.planning_scene import BeliefObject, PlanningScene
 from ...world.causes import Failure, tree
 from ...world.colours import ITEM_COLOURS

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from ...files.expressions.type_inference import ValueType
-from ...files.yaml.document import Mark
+from ...files.marks import Mark
 from ..mission import MAIN, NodeSpec, TreeSpec, bottom_up
 from ..ports import PortDeclaration
 from ..values.references import Constant, Reference

@@ -8,7 +8,7 @@ from typing import Final
 
 from ...files.expressions.expression import ExpressionError
 from ...files.expressions.type_inference import ANY, BOOL, FLOAT, INT, WORD, ValueType, check_types, join
-from ...files.yaml.document import Mark
+from ...files.marks import Mark
 from ...world.belief.facts import FACTS
 from ..mission import NodeSpec, TreeSpec
 from ..ports import NameKind, PortDeclaration

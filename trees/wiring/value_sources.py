@@ -17,7 +17,7 @@ from ...files.expressions.type_inference import (
     list_of,
     type_of_value,
 )
-from ...files.yaml.document import Mark
+from ...files.marks import Mark
 from ...world.journal import Plain
 from ..ports import NameKind, PortDeclaration
 from ..values.port_types import accept_value

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 from ...files.expressions.expression import Expression, ExpressionError
 from ...files.expressions.type_inference import UnknownName, check_types
-from ...files.yaml.document import Diagnostic, Mark, suggest_name
+from ...files.marks import Diagnostic, Mark
+from ...files.value_wording import suggest_name
 from ..slots import SlotDeclaration
 from ..values.port_types import show
 from ..values.references import ATTRIBUTE_TYPES, Constant, ExpressionLocator, Reference

@@ -36,7 +36,7 @@ class BudgetEvent(JournalEvent, kind="budget"):
     failed: Annotated[str, "path of the node that failed"]
     object: Annotated[str, "object of the budget; empty for one over all"]
     tries: Annotated[int, "number of handlers that ran"]
-    seconds: Annotated[float, "simulated time spent, s"]
+    seconds: Annotated[float, "simulated time spent", "s"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -163,9 +163,9 @@ class CrushedEvent(JournalEvent, kind="crushed"):
 
     object: Annotated[str, "id of the item in the simulation"]
     finger: Annotated[str, "name of the finger"]
-    force: Annotated[float, "force of the finger, N"]
-    limit: Annotated[float, "force that the item bears, N"]
-    time: Annotated[float, "simulated time of the contact, s"]
+    force: Annotated[float, "force of the finger", "N"]
+    limit: Annotated[float, "force that the item bears", "N"]
+    time: Annotated[float, "simulated time of the contact", "s"]
 
 
 _ITEM_LAST = ("appear", "slip")

@@ -19,9 +19,9 @@ class PickEvent(JournalEvent, kind="pick"):
     candidate: Annotated[str, "name of the chosen grasp"] = ""
     held: Annotated[bool, "whether the hand then held it"]
     first_try: Annotated[bool | None, "whether it was the first try at this object"] = None
-    width: Annotated[float | None, "opening after closing, m"] = None
-    load: Annotated[float | None, "weight at the wrist after lifting, N"] = None
-    force: Annotated[float | None, "force of each finger, N"] = None
+    width: Annotated[float | None, "opening after closing", "m"] = None
+    load: Annotated[float | None, "weight at the wrist after lifting", "N"] = None
+    force: Annotated[float | None, "force of each finger", "N"] = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,19 +36,19 @@ class RegraspEvent(JournalEvent, kind="regrasp"):
 class CentredEvent(JournalEvent, kind="centred"):
     """The hand gave way during closing until both fingers touched."""
 
-    way: Annotated[float, "motion of the hand along the closing direction, m"]
-    aside: Annotated[float, "offset of the object between the fingers, m"]
-    width: Annotated[float, "opening after closing, m"]
+    way: Annotated[float, "motion of the hand along the closing direction", "m"]
+    aside: Annotated[float, "offset of the object between the fingers", "m"]
+    width: Annotated[float, "opening after closing", "m"]
 
 
 @dataclass(frozen=True, kw_only=True)
 class SlipEvent(JournalEvent, kind="slip"):
     """The held object slips, and the fingers press more."""
 
-    force: Annotated[float, "force of each finger from now on, N"]
-    before: Annotated[float, "force of each finger before, N"]
-    felt: Annotated[float, "mass that the wrist measures, kg"]
-    mass: Annotated[float, "mass of the payload, kg"]
+    force: Annotated[float, "force of each finger from now on", "N"]
+    before: Annotated[float, "force of each finger before", "N"]
+    felt: Annotated[float, "mass that the wrist measures", "kg"]
+    mass: Annotated[float, "mass of the payload", "kg"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,9 +57,9 @@ class ServoEvent(JournalEvent, kind="servo"):
 
     hole: Annotated[str | None, "id of the hole"] = None
     object: Annotated[str | None, "id of the object in the belief"] = None
-    off: Annotated[float | None, "distance of the hole from its believed pose, m"] = None
-    distance: Annotated[float | None, "distance of the object from its believed pose, m"] = None
-    turn: Annotated[float | None, "angle to the believed pose, rad"] = None
+    off: Annotated[float | None, "distance of the hole from its believed pose", "m"] = None
+    distance: Annotated[float | None, "distance of the object from its believed pose", "m"] = None
+    turn: Annotated[float | None, "angle to the believed pose", "rad"] = None
     agreement: Annotated[float | None, "share of the hole's rim that the image shows, 0 … 1"] = None
     others: Annotated[int | None, "number of other objects that were recognised"] = None
     misfit: Annotated[float | None, "residual of the recognised object"] = None
@@ -72,7 +72,7 @@ class ReplannedEvent(JournalEvent, kind="replanned"):
     object: ObjectOf
     cause: Annotated[str, "cause of the stop"]
     why: Annotated[str, "message of the cause"]
-    by: Annotated[tuple[str, ...], "ids of the obstacles"]
+    by: Annotated[tuple[str, ...], "contacts with obstacles, or their ids"]
     time: Annotated[int, "number of the replanning"]
     most: Annotated[int, "maximum number of replannings"]
 
@@ -85,9 +85,9 @@ class ItemDoneEvent(JournalEvent, kind="item_done"):
     form: Annotated[str, "form of the object"] = ""
     into: Annotated[str | None, "id of the bin or hole; empty for a point"] = None
     spot: Annotated[str | None, "spot of the bin, or `point`"] = None
-    depth: Annotated[float | None, "depth of insertion, m"] = None
-    force: Annotated[float | None, "greatest force during insertion, N"] = None
-    seconds: Annotated[float | None, "duration of the insertion, s"] = None
+    depth: Annotated[float | None, "depth of insertion", "m"] = None
+    force: Annotated[float | None, "greatest force during insertion", "N"] = None
+    seconds: Annotated[float | None, "duration of the insertion", "s"] = None
     found_by: Annotated[str | None, "search that found the hole"] = None
 
 
@@ -104,8 +104,8 @@ class SetAsideEvent(JournalEvent, kind="set_aside"):
 
     object: ObjectOf
     form: Annotated[str, "form of the object"] = ""
-    x: Annotated[float | None, "x of the object in the world, m"] = None
-    y: Annotated[float | None, "y of the object in the world, m"] = None
+    x: Annotated[float | None, "x of the object in the world", "m"] = None
+    y: Annotated[float | None, "y of the object in the world", "m"] = None
     times: Annotated[int | None, "number of times that it was given up"] = None
 
 
@@ -115,8 +115,8 @@ class PushEvent(JournalEvent, kind="push"):
 
     object: ObjectOf
     form: Annotated[str | None, "form of the object"] = None
-    off: Annotated[float | None, "distance to the goal, m"] = None
-    turned: Annotated[float | None, "angle to the goal, rad"] = None
+    off: Annotated[float | None, "distance to the goal", "m"] = None
+    turned: Annotated[float | None, "angle to the goal", "rad"] = None
     strokes: Annotated[tuple[str, ...], "names of the strokes"] = ()
 
 
@@ -138,8 +138,8 @@ class TookStockEvent(JournalEvent, kind="took_stock"):
     """The robot looked at the cell before it resumed without a checkpoint."""
 
     failed: Annotated[str | None, "cause of a step that failed"] = None
-    width: Annotated[float | None, "opening of the hand, m"] = None
-    load: Annotated[float | None, "weight at the wrist, N"] = None
+    width: Annotated[float | None, "opening of the hand", "m"] = None
+    load: Annotated[float | None, "weight at the wrist", "N"] = None
     held: Annotated[bool | None, "whether the hand holds something"] = None
     camera: Annotated[str | None, "camera without an image"] = None
     done: Annotated[tuple[str, ...] | None, "ids of the items that are done"] = None
@@ -163,14 +163,14 @@ class SafetyAcknowledgedEvent(JournalEvent, kind="safety_acknowledged"):
 class GaveWayEvent(JournalEvent, kind="gave_way"):
     """The arm gave way to a contact during a retreat."""
 
-    left: Annotated[float, "force that is left, N"]
+    left: Annotated[float, "force that is left", "N"]
 
 
 @dataclass(frozen=True, kw_only=True)
 class WristBiasEvent(JournalEvent, kind="wrist_bias"):
     """The bias of the wrist sensor has jumped, and is learnt again."""
 
-    force: Annotated[float, "change of the bias, N"]
+    force: Annotated[float, "change of the bias", "N"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -186,7 +186,7 @@ class CalibrationShotEvent(JournalEvent, kind="calibration_shot"):
 
     camera: Annotated[str, "name of the camera"]
     on_hand: Annotated[bool, "whether the hand carries it"]
-    intrinsics: Annotated[tuple[float, ...], "width, height, fx, fy, cx, cy, pixels"]
+    intrinsics: Annotated[tuple[float, ...], "width, height, fx, fy, cx, cy", "pixels"]
     tcp: Annotated[tuple[float, ...], "pose of the TCP in the world"]
     believed: Annotated[tuple[float, ...], "believed pose of the optical frame"]
     tiles: Annotated[tuple[tuple[float, ...], ...], "squares of the target, as detected"]
@@ -198,7 +198,7 @@ class CalibrationTouchEvent(JournalEvent, kind="calibration_touch"):
 
     face: Annotated[tuple[float, ...], "normal of the touched face in the target's frame"]
     tcp: Annotated[tuple[float, ...], "pose of the TCP in the world: position (m) and quaternion xyzw"]
-    force: Annotated[float, "contact force, N"]
+    force: Annotated[float, "contact force", "N"]
     name: Annotated[str, "name of the touch"] = ""
 
 

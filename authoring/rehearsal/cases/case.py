@@ -7,7 +7,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal, TypeAlias
 
-from ....files.yaml.document import Document, Location
+from ....files.marks import Location
+from ....files.yaml.document import Document
 from .cases_schema import ObjectFile
 
 AnswerStatus: TypeAlias = Literal["SUCCESS", "FAILURE", "SKIPPED", "RUNNING"]

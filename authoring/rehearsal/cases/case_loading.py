@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from ....files.value_wording import describe
-from ....files.yaml.document import Location, Value, suggest_name
+from ....files.marks import Location
+from ....files.value_wording import describe, suggest_name
 from ....files.yaml.document_checker import DocumentChecker
 from ....files.yaml.file_models import UnreadPart
+from ....files.yaml.reader import Value
 from .case import (
     ANY_LEAVES,
     STATUSES,

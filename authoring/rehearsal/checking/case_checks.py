@@ -6,7 +6,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ....errors import PicktreeError
-from ....files.yaml.document import Diagnostic, Document, FileError, Location, read_document
+from ....files.marks import Diagnostic, FileError, Location
+from ....files.yaml.document import Document, read_document
 from ....files.yaml.document_checker import DocumentChecker
 from ....trees.controls.leaves import ConditionNode
 from ....trees.declaration import NodeDeclaration
@@ -113,7 +114,7 @@ class LeafChecks:
                 self._worlds.objects_named(converted, loc)
 
     def _unknown_output(self, declaration: NodeDeclaration, key: str, loc: Location) -> None:
-        from ....files.yaml.document import suggest_name
+        from ....files.value_wording import suggest_name
 
         known = [port.key for port in declaration.outputs]
         hint = suggest_name(key, known) if known else "it has none"

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any, cast
 
+from ....files.marks import Location
 from ....files.node_patterns import node_matches
-from ....files.yaml.document import Location, suggest_name
+from ....files.value_wording import suggest_name
 from ....trees.mission import MAIN, TreeSpec
 from ....trees.running.run_settings import parameter_value
 from ....trees.values.port_types import show

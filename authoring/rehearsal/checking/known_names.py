@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import get_args
 
-from ....files.marks import Severity
-from ....files.yaml.document import Location, suggest_name
+from ....files.marks import Location, Severity
+from ....files.value_wording import suggest_name
 from ....files.yaml.document_checker import DocumentChecker
 from ....trees.mission import Mission
 from ....world.belief.facts import ASIDE

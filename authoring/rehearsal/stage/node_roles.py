@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
+from ....files.marks import Location
 from ....files.node_patterns import node_matches
-from ....files.yaml.document import Location
 from ....trees.controls import NODES
 from ....trees.declaration import Resource
 from ....trees.mission import Mission, NodeSpec

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Literal, TypeAlias
 
-from ....files.yaml.document import Mark
+from ....files.marks import Mark
 from ....trees.declaration import POSTCONDITIONS
 from ....world.causes import all_causes, matches
 from ..stage.mission_staging import StubbedMission

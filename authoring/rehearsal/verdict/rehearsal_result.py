@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from ....files.yaml.document import Diagnostic, Mark
+from ....files.marks import Diagnostic, Mark
 from ....world.journal import Plain
 from ..stage.trace import (
     ConditionAnswered,

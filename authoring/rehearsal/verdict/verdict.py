@@ -6,8 +6,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import cast
 
+from ....files.marks import Location, Mark, where
 from ....files.node_patterns import node_matches
-from ....files.yaml.document import Document, Location, Mark, where
+from ....files.yaml.document import Document
 from ....trees.blackboard import Namespace
 from ....trees.running.builder import SubTree
 from ....trees.running.runner import BehaviourTree

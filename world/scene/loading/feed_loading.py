@@ -6,8 +6,8 @@ import math
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
 
+from ....files.marks import Location
 from ....files.value_wording import describe, suggest_name
-from ....files.yaml.document import Location
 from ....files.yaml.document_checker import DocumentChecker
 from ...shapes import Box, Cylinder, Shape, Sphere, extents
 from ...values import Bounds, ObjectId, Pose

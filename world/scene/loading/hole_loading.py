@@ -7,8 +7,8 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 
 from ....files.expressions.expression import Expression
+from ....files.marks import Location
 from ....files.value_wording import listed
-from ....files.yaml.document import Location
 from ....files.yaml.document_checker import DocumentChecker
 from ...belief.hole_matching import tightest_hole
 from ...shapes import Box, Cylinder, Shape, Sphere

@@ -9,7 +9,7 @@ from typing import Any, cast
 
 import numpy as np
 
-from ....files.yaml.document import Location
+from ....files.marks import Location
 from ....files.yaml.document_checker import DocumentChecker
 from ....files.yaml.file_text import Unreadable, read_bytes
 from ...shapes import Box, ConvexMesh, Cylinder, Shape, Sphere

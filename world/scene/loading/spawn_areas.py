@@ -8,8 +8,8 @@ from typing import Protocol
 
 import numpy as np
 
+from ....files.marks import Location
 from ....files.value_wording import describe, suggest_name
-from ....files.yaml.document import Location
 from ....files.yaml.document_checker import DocumentChecker
 from ...shapes import Box, Cylinder, Shape, Sphere, corners
 from ...values import Bounds
