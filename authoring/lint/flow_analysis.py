@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from ...trees.declaration import PRECONDITIONS
-from ...trees.flow import FAILURE, RUNNING, SKIPPED, SUCCESS, AtOnce, ChildFlow, Recovery
+from ...trees.flow import FAILURE, RUNNING, SKIPPED, SUCCESS, AtOnce, ChildFlow
 from ...trees.mission import Mission, NodeSpec, TreeSpec, bottom_up
 from ...trees.values.references import Reference
 from .child_flow import ChildWalk
@@ -13,7 +13,6 @@ from .keys import KeyBits, lay_out
 from .leaf_flow import any_order_outcomes, leaf_outcomes
 from .outcomes import EMPTY, KEPT, OUTER, SHARED, FlowState, Outcomes, States, tidy
 from .parallel_flow import ParallelWalk
-from .recovery_flow import RecoveryWalk
 
 
 class FlowAnalysis(FlowWalk):
@@ -88,8 +87,6 @@ class FlowAnalysis(FlowWalk):
         assert spec.node is not None
         node = spec.node.declaration
         match node.flow:
-            case Recovery() as flow:
-                return RecoveryWalk(spec, flow, self).outcomes(entry)
             case AtOnce() as flow:
                 return ParallelWalk(spec, flow, self, entry).outcomes()
             case ChildFlow() as flow:

@@ -156,10 +156,10 @@ class Outcomes:
 
     __slots__ = ("failure", "missing", "running", "skipped", "success")
 
-    def __init__(self, failure: Failures | None = None) -> None:
-        self.success: States = frozenset()
-        self.skipped: States = frozenset()
-        self.running: States = frozenset()
+    def __init__(self, failure: Failures | None = None, skipped: States = NONE) -> None:
+        self.success: States = NONE
+        self.skipped = skipped
+        self.running: States = NONE
         self.failure: dict[FlowState, FailureReasons] = dict(failure or {})
         self.missing = 0
         """Inputs of the sub-tree that were read although nothing had surely written them, as bits of keys."""
@@ -170,6 +170,15 @@ class Outcomes:
                 yield status, state, None
         for state, reasons in self.failure.items():
             yield FAILURE, state, reasons
+
+    def groups(self) -> Iterator[tuple[NodeStatus, States, FailureReasons | None]]:
+        """The states of each end but RUNNING, those of failures one by one."""
+        if self.skipped:
+            yield SKIPPED, self.skipped, None
+        if self.success:
+            yield SUCCESS, self.success, None
+        for state, reasons in self.failure.items():
+            yield FAILURE, frozenset((state,)), reasons
 
     def add(
         self, status: NodeStatus, states: Iterable[FlowState], reasons: FailureReasons | None = None
