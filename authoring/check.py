@@ -15,9 +15,9 @@ from ..trees.loading.scene_names import SceneNames, load_surroundings
 from ..trees.mission import Mission, reachable
 from ..trees.values.references import ATTRIBUTE_TYPES, ExpressionLocator, Reference
 from ..trees.wiring.circuit import ArrivingValue
-from ..trees.wiring.key_writers import PlacedNode, TreeKeys
+from ..trees.wiring.key_writers import NodeExpression, PlacedNode, TreeKeys, expressions_of
 from ..trees.wiring.value_sources import DEFAULT
-from ..trees.wiring.wiring_faults import MissionExpression, expressions_of
+from ..trees.wiring.wiring_faults import expression_fault
 from ..world.belief.facts import ASIDE
 from .lint import lint
 
@@ -42,9 +42,9 @@ def check_scene_names(reading: MissionReadResult, known: SceneNames) -> Iterator
                 yield from _named(arrival, known)
     for name, keys in circuit.keys.items():
         if name in used or keys.tree.mark.file == own:
-            for placed in keys.nodes:
-                for asked in expressions_of(placed):
-                    yield from _check_expression(asked, keys, attributes, reading.pointer)
+            for placed in keys.places.values():
+                for asked in expressions_of(placed.spec):
+                    yield from _check_expression(placed, asked, keys, attributes, reading.pointer)
                 yield from _check_cases(placed, attributes, known)
 
 
@@ -82,7 +82,11 @@ def _attributes(known: SceneNames) -> Mapping[str, ValueType]:
 
 
 def _check_expression(
-    asked: MissionExpression, keys: TreeKeys, attributes: Mapping[str, ValueType], pointer: ExpressionLocator
+    placed: PlacedNode,
+    asked: NodeExpression,
+    keys: TreeKeys,
+    attributes: Mapping[str, ValueType],
+    pointer: ExpressionLocator,
 ) -> Iterator[Diagnostic]:
     """Check an expression that is valid in general, but may not be with the names of this scene."""
     if not asked.expression.paths:
@@ -94,7 +98,7 @@ def _check_expression(
     try:
         check_types(asked.expression, keys, attributes)
     except ExpressionError as error:
-        yield asked.fault(error, pointer, _CODE)
+        yield expression_fault(placed, asked, error, pointer, _CODE)
 
 
 def _check_cases(
@@ -114,7 +118,7 @@ def _check_cases(
         for label, _ in placed.spec.slots.get(slot.key, ()):
             if label not in valid:
                 message = f"in the scene {known.scene!r} {bound} is never {label!r}"
-                mark = placed.mark(f"{slot.key}/{label}")
+                mark = placed.spec.mark_at(f"{slot.key}/{label}")
                 yield Diagnostic(mark, placed.path, message, suggest_name(label, valid), _CODE)
 
 

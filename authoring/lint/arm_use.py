@@ -84,10 +84,7 @@ Users: TypeAlias = Mapping[Resource, NodeSpec]
 
 def at_the_same_time(survey: LintModel) -> Iterator[Diagnostic]:
     """P331: two children of a Parallel that use the same."""
-    for place in survey.places():
-        spec = place.spec
-        if spec.node is None or not issubclass(spec.node, Parallel):
-            continue
+    for spec in survey.nodes(Parallel):
         said: set[int] = set()
         for first, second in combinations(spec.children, 2):
             mine, others = users(survey, first), users(survey, second)
@@ -101,10 +98,7 @@ def at_the_same_time(survey: LintModel) -> Iterator[Diagnostic]:
 
 def started_anew(survey: LintModel) -> Iterator[Diagnostic]:
     """P332: what a reactive node starts again at each tick takes away what a later child works with."""
-    for place in survey.places():
-        spec = place.spec
-        if spec.node is None or not issubclass(spec.node, ReactiveSequence | ReactiveFallback):
-            continue
+    for spec in survey.nodes(ReactiveSequence, ReactiveFallback):
         for index, part in enumerate(spec.children[:-1]):
             first = _first_user(survey, part)
             if first is None or first.node is None:
@@ -177,5 +171,5 @@ def _first_user(survey: LintModel, spec: NodeSpec) -> NodeSpec | None:
 
 def _passes_by(survey: LintModel, spec: NodeSpec) -> bool:
     """Whether it ends at once and always lets the next begin, as Log does."""
-    summary = survey.summary(spec)
-    return not summary.runs and not summary.fails
+    ends = survey.ends(spec)
+    return not ends.running and not ends.failure

@@ -1,4 +1,4 @@
-"""Outcomes of nodes that tick one child after the other: in order, by choice, in turn, in loops, to recover."""
+"""Outcomes of nodes that tick one child after the other: in order, by choice, in turn, again, to recover."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ class ChildWalk:
         self._spec, self._flow, self._walk = spec, flow, walk
         self._node = spec.node.declaration
         self._ends = Outcomes()
-        self._again = set[FlowState]()
+        self._again: set[FlowState] = set()
         """States in which another pass begins."""
         self._arriving: list[Outcomes] = []
         self._runs_on = False
@@ -199,7 +199,7 @@ class ChildWalk:
             later_branch = isinstance(flow, Branch) and index
             if flow.reactive and not one_of and not later_branch:
                 meanwhile = meanwhile.with_(walk.effect(part, arrival.everywhere))
-            before = before if later_branch or isinstance(flow, Recovery) and index else part.name
+            before = before if later_branch or (isinstance(flow, Recovery) and index) else part.name
         return self._arriving[-1]
 
     def _why_not(self, before: str, index: int) -> str:

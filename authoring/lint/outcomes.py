@@ -229,6 +229,11 @@ class Outcomes:
         return ends.tidied()
 
     @property
+    def fails_surely(self) -> bool:
+        """Whether it fails in a way that some node declares."""
+        return any(not state.doubtful and why.loud for state, why in self.failure.items())
+
+    @property
     def everywhere(self) -> States:
         """Every state that it may leave behind, halted or ended."""
         return self.success | self.skipped | self.running | self.failure.keys()

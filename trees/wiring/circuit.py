@@ -11,7 +11,7 @@ from ...files.yaml.document import Mark
 from ..mission import MAIN, NodeSpec, TreeSpec, bottom_up
 from ..ports import PortDeclaration
 from ..values.references import Constant, Reference
-from .key_writers import PlacedNode, TreeKeys
+from .key_writers import PlacedNode, TreeKeys, ports_of
 from .value_sources import DEFAULT, ValueSource, constant, type_mismatch
 
 MAX_DEMANDS: Final = 60
@@ -84,18 +84,17 @@ class ValueFlow:
             self._demands[name] = {}
             for port in trees[name].ports:
                 keys.sources(port.key)  # now, so that callers need not look through many trees at once
-        self.arrivals = tuple(self._all(trees.get(MAIN)))
+        self.arrivals = tuple(self._all(trees))
         """By input; what stands first at an input came first in the text."""
 
-    def _all(self, main: TreeSpec | None) -> Iterator[tuple[ArrivingValue, ...]]:
+    def _all(self, trees: Mapping[str, TreeSpec]) -> Iterator[tuple[ArrivingValue, ...]]:
         for name, keys in self.keys.items():
-            for placed in keys.nodes:
-                for port in keys.ports(placed.spec):
+            for placed in keys.places.values():
+                for port in ports_of(placed.spec, trees):
                     if port.direction == "in":
                         yield tuple(self._at(name, placed, port))
-        if main is not None:
-            for port in main.ports:
-                yield tuple(self._parameter(main, port))
+        for port in trees[MAIN].ports if MAIN in trees else ():
+            yield tuple(self._parameter(trees[MAIN], port))
 
     def _at(self, tree: str, placed: PlacedNode, port: PortDeclaration) -> Iterator[ArrivingValue]:
         spec = placed.spec
@@ -109,10 +108,10 @@ class ValueFlow:
             text = _shown(bound.text) if isinstance(bound, Constant) else DEFAULT
             # It was converted to the port's own type; whether it names something is another question.
             wanted = [own, *inside] if port.names is not None else inside
-            place = _Place(placed.mark(port.key), placed.path, port, text)
+            place = _Place(spec.mark_at(port.key), placed.path, port, text)
             yield from _literal(place, value, wanted)
             return
-        place = _Place(placed.mark(port.key), placed.path, port, str(bound))
+        place = _Place(spec.mark_at(port.key), placed.path, port, str(bound))
         for source in self.keys[tree].reference(bound):
             for demand in (own, *inside):
                 arrival = place.arrival(source, demand)

@@ -3,49 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator
-from dataclasses import dataclass
 
-from ...files.expressions.expression import Expression, ExpressionError
+from ...files.expressions.expression import ExpressionError
 from ...files.expressions.type_inference import UnknownName, check_types
 from ...files.yaml.document import Diagnostic, Mark, suggest_name
 from ..slots import SlotDeclaration
 from ..values.port_types import show
-from ..values.references import ATTRIBUTE_TYPES, Constant, ExpressionLocator, Reference
+from ..values.references import ATTRIBUTE_TYPES, ExpressionLocator, Reference
 from .circuit import ArrivingValue, ValueFlow
-from .key_writers import KeyWrite, PlacedNode, TreeKeys
+from .key_writers import KeyUse, NodeExpression, PlacedNode, TreeKeys, expressions_of
 from .value_sources import ValueSource, type_mismatch
-
-
-@dataclass(frozen=True, slots=True)
-class MissionExpression:
-    """An expression in a mission, and under which key of its node it stands."""
-
-    placed: PlacedNode
-    key: str
-    what: str
-    expression: Expression
-    before: int = 0
-    """Characters of the text before it."""
-
-    def fault(self, error: ExpressionError, pointer: ExpressionLocator, code: str) -> Diagnostic:
-        """Return the fault of an expression."""
-        start = self.placed.mark(self.key)
-        mark, message = pointer.told(start, self.expression.text, error, self.before)
-        return Diagnostic(mark, self.placed.path, f"{self.what}: {message}", "", code)
-
-
-def expressions_of(placed: PlacedNode) -> Iterator[MissionExpression]:
-    """All expressions of one node."""
-    for name, expression in placed.spec.preconditions.items():
-        yield MissionExpression(placed, name, name, expression)
-    for key, bound in placed.spec.ports.items():
-        if isinstance(bound, Constant) and isinstance(bound.value, Expression):
-            yield MissionExpression(placed, key, f"port {key!r}", bound.value)
-    for name, assignments in placed.spec.postconditions.items():
-        for assignment in assignments:
-            yield MissionExpression(
-                placed, name, f"{name}: {assignment.key!r}", assignment.value, assignment.at
-            )
 
 
 def expression_faults(
@@ -56,21 +23,30 @@ def expression_faults(
     `unfinished`: trees of which not all could be read, so that a name may be written where nobody sees it.
     """
     for name, keys in circuit.keys.items():
-        for placed in keys.nodes:
-            for asked in expressions_of(placed):
+        for placed in keys.places.values():
+            for asked in expressions_of(placed.spec):
                 try:
                     check_types(asked.expression, keys, ATTRIBUTE_TYPES)
                 except UnknownName as error:
                     if name not in unfinished:
-                        yield asked.fault(error, pointer, "P227")
+                        yield expression_fault(placed, asked, error, pointer, "P227")
                 except ExpressionError as error:
-                    yield asked.fault(error, pointer, "P226")
+                    yield expression_fault(placed, asked, error, pointer, "P226")
+
+
+def expression_fault(
+    placed: PlacedNode, asked: NodeExpression, error: ExpressionError, pointer: ExpressionLocator, code: str
+) -> Diagnostic:
+    """Return the fault of an expression."""
+    start = placed.spec.mark_at(asked.key)
+    mark, message = pointer.told(start, asked.expression.text, error, asked.before)
+    return Diagnostic(mark, placed.path, f"{asked.what}: {message}", "", code)
 
 
 def wiring_faults(circuit: ValueFlow) -> Iterator[Diagnostic]:
     """At each input the first thing that does not fit; attributes, cases and writes that cannot be."""
     for keys in circuit.keys.values():
-        for placed in keys.nodes:
+        for placed in keys.places.values():
             yield from _attributes(keys, placed)
             yield from _cases(keys, placed)
         yield from _writes(keys, frozenset(circuit.facts))
@@ -92,7 +68,7 @@ def _attributes(keys: TreeKeys, placed: PlacedNode) -> Iterator[Diagnostic]:
     """References to attributes of what is no object."""
     for key, bound in placed.spec.ports.items():
         if isinstance(bound, Reference) and bound.attributes:
-            mark = placed.mark(key)
+            mark = placed.spec.mark_at(key)
             for message, hint in _no_object(bound, keys.sources(bound.key), mark.file):
                 yield Diagnostic(mark, placed.path, f"port {key!r}: {bound}: {message}", hint, "P238")
 
@@ -126,7 +102,7 @@ def _cases(keys: TreeKeys, placed: PlacedNode) -> Iterator[Diagnostic]:
 def _never(
     placed: PlacedNode, slot: SlotDeclaration, label: str, text: str, sources: tuple[ValueSource, ...]
 ) -> Diagnostic:
-    mark = placed.mark(f"{slot.key}/{label}")
+    mark = placed.spec.mark_at(f"{slot.key}/{label}")
     values = [_as_label(value) for source in sources for value in source.values or ()]
     hint = suggest_name(label, values) if values else sources[0].told(mark.file)
     message = f"{text} is never {label!r}" + ("" if values else f": it is {sources[0].type.words()}")
@@ -181,9 +157,9 @@ def _writes(keys: TreeKeys, facts: frozenset[str]) -> Iterator[Diagnostic]:
             yield from _write(keys, key, write, facts)
 
 
-def _write(keys: TreeKeys, key: str, write: KeyWrite, facts: frozenset[str]) -> Iterator[Diagnostic]:
-    mark, path = write.placed.mark(write.place), write.placed.path
-    what = write.place if write.place.startswith("_") else f"port {write.place!r}"
+def _write(keys: TreeKeys, key: str, write: KeyUse, facts: frozenset[str]) -> Iterator[Diagnostic]:
+    mark, path = write.mark, keys.places[id(write.spec)].path
+    what = write.at if write.at.startswith("_") else f"port {write.at!r}"
     output = keys.output(key)
     if keys.input(key) is not None:
         message = f"{what}: {key!r} is an input of the tree {keys.tree.name!r}; it cannot be written"
