@@ -39,8 +39,7 @@ def left_in_hand(survey: LintModel) -> Iterator[Diagnostic]:
         if not state.doubtful and state.hand >= FIRST_FILLER:
             names = (source.at.name for source in why.sources(survey.file) if source.causes)
             failed.append((state, tuple(dict.fromkeys(names))))
-    for index, filler in enumerate(survey.walk.fillers):
-        bit = FIRST_FILLER << index
+    for bit, filler in survey.walk.fillers.values():
         success = any(_held(state, bit) for state in main.success | main.skipped)
         failures = [names for state, names in failed if _held(state, bit)]
         at = _in_own_file(survey, filler) if success or failures else None

@@ -34,7 +34,7 @@ from ...trees.values.references import Constant
 from ...world.causes import internal
 from .failure_reasons import NO_REPORT, UNREPORTED, FailureReasons, joined
 from .flow_walk import FlowWalk
-from .outcomes import NOTHING, Failures, FlowState, Outcomes, States, decisive, tidy
+from .outcomes import NONE, NOTHING, Failures, FlowState, Outcomes, States, decisive, tidy
 
 
 class ChildWalk:
@@ -84,7 +84,7 @@ class ChildWalk:
             self._walk.unreached(self._parts[0], why)
             return ends
         starts: States = frozenset((entry,))
-        seen = starts if flow.reactive else frozenset[FlowState]()
+        seen = NONE if isinstance(flow, Recovery) else starts
         for run in count(1):
             self._again = set()
             ends.take(self._pass(self._parts, Outcomes(skipped=self._begun(starts)), run))
@@ -135,8 +135,7 @@ class ChildWalk:
             starts = asked.yes
             if not starts:
                 self._walk.unreached(spec.children[0], f"its {flow.guard} never holds")
-        outputs = self._walk.keys_of(spec, (port.key for port in self._node.outputs))
-        return tidy(state.written(outputs) for state in starts)
+        return tidy(state.written(self._walk.outputs(spec)) for state in starts)
 
     @cached_property
     def _chosen(self) -> tuple[NodeSpec, ...]:

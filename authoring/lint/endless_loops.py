@@ -111,8 +111,7 @@ def contexts(survey: LintModel) -> Iterator[tuple[NodeSpec, NodeContext]]:
         spec, around = todo.pop()
         if survey.own(spec.mark) and survey.started(spec):
             yield spec, around
-        inside = around.below(spec, spec, survey)
-        if spec.node is None and (spec.id, inside) not in seen:
+        if spec.node is None and (spec.id, inside := around.below(spec, spec, survey)) not in seen:
             seen.add((spec.id, inside))
             todo.append((survey.mission.trees[spec.id].root, inside))
         todo += [(child, around.below(spec, child, survey)) for child in spec.children]
@@ -128,20 +127,19 @@ def _left_alone(survey: LintModel, *kinds: type[Node]) -> Iterator[tuple[NodeSpe
 
 def endless(survey: LintModel) -> Iterator[Diagnostic]:
     """P321, P322: a loop that nothing ends."""
-    for spec, context in _left_alone(survey, Repeat):
-        yield from _repeat(survey, spec, context)
-    for spec, _ in _left_alone(survey, RetryUntilSuccessful):
-        if survey.walk.number(spec, "num_attempts") == -1:
-            child = survey.ends(spec.children[0])
-            message = f"it never ends: num_attempts is -1, and {spec.children[0].name} never succeeds"
+    for spec, context in _left_alone(survey, Repeat, RetryUntilSuccessful, KeepRunningUntilFailure):
+        name, child = spec.children[0].name, survey.ends(spec.children[0])
+        if spec.node is not None and issubclass(spec.node, Repeat):
+            yield from _repeat(survey, spec, context)
+        elif survey.walk.number(spec, "num_attempts") == -1:
+            message = f"it never ends: num_attempts is -1, and {name} never succeeds"
             if child.success or child.skipped:
                 message = "num_attempts is -1: it ends only when its child succeeds"
             hint = "a number of attempts, or a Timeout"
             yield survey.fault(spec, message, hint, code="P321", at="num_attempts")
-    for spec, _ in _left_alone(survey, KeepRunningUntilFailure):
-        if not survey.ends(spec.children[0]).fails_surely:
-            message = f"it never ends: {spec.children[0].name} cannot fail"
-            yield survey.fault(spec, message, "a Repeat with 'num_cycles' or 'while'", code="P321")
+        elif spec.id == KeepRunningUntilFailure.__name__ and not child.fails_surely:
+            message, hint = f"it never ends: {name} cannot fail", "a Repeat with 'num_cycles' or 'while'"
+            yield survey.fault(spec, message, hint, code="P321")
 
 
 def _repeat(survey: LintModel, spec: NodeSpec, context: NodeContext) -> Iterator[Diagnostic]:

@@ -187,10 +187,10 @@ class Outcomes:
 
     def take(self, other: Outcomes) -> None:
         """Add all ends of a child."""
-        self.success |= other.success
-        self.skipped |= other.skipped
+        self.success, self.skipped = self.success | other.success, self.skipped | other.skipped
         self.running |= other.running
-        self.fail(other.failure)
+        if other.failure:
+            self.fail(other.failure)
 
     def tidied(self) -> Outcomes:
         """Leave out states that others cover, and merge those that are too many; return self."""
