@@ -37,8 +37,8 @@ def check_scene_names(reading: MissionReadResult, known: SceneNames) -> Iterator
     attributes = _attributes(known)
     for arrivals in circuit.arrivals:
         for arrival in arrivals:
-            tree = arrival.trail.split("/")[0]
-            if tree in used or arrival.mark.file == own:
+            tree = arrival.at.trail.split("/")[0]
+            if tree in used or arrival.at.mark.file == own:
                 yield from _named(arrival, known)
     for name, keys in circuit.keys.items():
         if name in used or keys.tree.mark.file == own:
@@ -49,7 +49,7 @@ def check_scene_names(reading: MissionReadResult, known: SceneNames) -> Iterator
 
 
 def _named(arrival: ArrivingValue, known: SceneNames) -> Iterator[Diagnostic]:
-    what, values = arrival.target.names, arrival.source.values or ()
+    at, what, values = arrival.at, arrival.target.names, arrival.source.values or ()
     if what is None or arrival.problem is not None:
         return
     names = known.names.get(what, ())
@@ -57,15 +57,11 @@ def _named(arrival: ArrivingValue, known: SceneNames) -> Iterator[Diagnostic]:
     wrong = [name for name in given if name not in names]
     if wrong and (arrival.source.certain or len(wrong) == len(given)):
         owner = f"robot {known.robot!r}" if what == "pose" else f"scene {known.scene!r}"
-        message = f"port {arrival.key!r}: the {owner} has no {what} {wrong[0]!r}"
-        if arrival.text == DEFAULT:
+        message = f"port {at.port.key!r}: the {owner} has no {what} {wrong[0]!r}"
+        if at.text == DEFAULT:
             message += ", which is the default"
-        hints = [suggest_name(str(wrong[0]), names)]
-        if arrival.via:
-            hints.append(f"it goes to the port {arrival.target.key!r} of {arrival.via}")
-        if arrival.text.startswith("{"):
-            hints.append(arrival.source.told(arrival.mark.file))
-        yield Diagnostic(arrival.mark, arrival.trail, message, "; ".join(filter(None, hints)), _CODE)
+        hints = [suggest_name(str(wrong[0]), names), *arrival.hints()]
+        yield Diagnostic(at.mark, at.trail, message, "; ".join(filter(None, hints)), _CODE)
 
 
 def _attributes(known: SceneNames) -> Mapping[str, ValueType]:

@@ -22,6 +22,7 @@ class LintModel:
         self.known = known
         self.file = mission.document.root.mark.file
         self.walk = FlowAnalysis(mission)
+        self._ends: dict[int, Outcomes] = {}
         if MAIN in mission.trees and not mission.library:
             self.walk.enter(mission.main)
         # The remaining trees are judged by themselves, callers first: from those the others are entered.
@@ -80,13 +81,18 @@ class LintModel:
 
     def ends(self, spec: NodeSpec) -> Outcomes:
         """How the node ends, over all states that it was reached in."""
-        return self._ends.get(id(spec), Outcomes())
+        known = self._ends.get(id(spec))
+        if known is None:
+            known = self._ends[id(spec)] = Outcomes()
+            for ends in self._found.get(id(spec), ()):
+                known.take(ends)
+        return known
 
     @cached_property
-    def _ends(self) -> dict[int, Outcomes]:
-        found: dict[int, Outcomes] = {}
+    def _found(self) -> dict[int, list[Outcomes]]:
+        found: dict[int, list[Outcomes]] = {}
         for name in self.mission.trees:
             for frame in self.walk.frames_of(name):
                 for (spec, _), ends in frame.memo.items():
-                    found.setdefault(spec, Outcomes()).take(ends)
+                    found.setdefault(spec, []).append(ends)
         return found

@@ -128,8 +128,8 @@ class TreeKeys(Mapping[str, ValueType]):
         """By `id` of the spec."""
         self.writes: dict[str, list[KeyUse]] = {}
         self._below, self._facts = below, facts
-        self._inputs = {port.key: port for port in tree.ports if port.direction == "in"}
-        self._outputs = {port.key: port for port in tree.ports if port.direction == "out"}
+        self.inputs = {port.key: port for port in tree.ports if port.direction == "in"}
+        self.outputs = {port.key: port for port in tree.ports if port.direction == "out"}
         self._sources: dict[str, tuple[ValueSource, ...]] = {}
         self._types: dict[str, ValueType] = {}
         self._open: set[str] = set()
@@ -155,7 +155,7 @@ class TreeKeys(Mapping[str, ValueType]):
         return isinstance(name, str) and (self.known(name) or name in self._facts)
 
     def __iter__(self) -> Iterator[str]:
-        return iter(dict.fromkeys((*self._inputs, *self._outputs, *self.writes, *self._facts)))
+        return iter(dict.fromkeys((*self.inputs, *self.outputs, *self.writes, *self._facts)))
 
     def __len__(self) -> int:
         return sum(1 for _ in self)
@@ -164,15 +164,7 @@ class TreeKeys(Mapping[str, ValueType]):
 
     def known(self, key: str) -> bool:
         """Whether the tree has such a key: an input or output of its own, or one that a node writes."""
-        return key in self._inputs or key in self._outputs or key in self.writes
-
-    def input(self, key: str) -> PortDeclaration | None:
-        """The tree's own input of that name."""
-        return self._inputs.get(key)
-
-    def output(self, key: str) -> PortDeclaration | None:
-        """The tree's own output of that name."""
-        return self._outputs.get(key)
+        return key in self.inputs or key in self.outputs or key in self.writes
 
     def sources(self, key: str) -> tuple[ValueSource, ...]:
         """All that may write the key; nothing when nobody in the tree does."""
@@ -196,7 +188,7 @@ class TreeKeys(Mapping[str, ValueType]):
         return tuple(ValueSource(kind, s.mark, s.writer, values=values, names=names) for s in sources[:1])
 
     def _find(self, key: str) -> Iterator[ValueSource]:
-        own = self._inputs.get(key)
+        own = self.inputs.get(key)
         if own is not None:
             yield replace(declared(own, self.tree.places.get(key, self.tree.mark)), port=key)
         for write in self.writes.get(key, ()):

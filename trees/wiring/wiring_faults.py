@@ -57,11 +57,8 @@ def wiring_faults(circuit: ValueFlow) -> Iterator[Diagnostic]:
 
 
 def _misfit(arrival: ArrivingValue) -> Diagnostic:
-    hints = [f"it goes to the port {arrival.target.key!r} of {arrival.via}"] if arrival.via else []
-    if arrival.text.startswith("{"):
-        hints.append(arrival.source.told(arrival.mark.file))
-    message = f"port {arrival.key!r}: {arrival.problem}"
-    return Diagnostic(arrival.mark, arrival.trail, message, "; ".join(hints), "P237")
+    at, message = arrival.at, f"port {arrival.at.port.key!r}: {arrival.problem}"
+    return Diagnostic(at.mark, at.trail, message, "; ".join(arrival.hints()), "P237")
 
 
 def _attributes(keys: TreeKeys, placed: PlacedNode) -> Iterator[Diagnostic]:
@@ -160,8 +157,8 @@ def _writes(keys: TreeKeys, facts: frozenset[str]) -> Iterator[Diagnostic]:
 def _write(keys: TreeKeys, key: str, write: KeyUse, facts: frozenset[str]) -> Iterator[Diagnostic]:
     mark, path = write.mark, keys.places[id(write.spec)].path
     what = write.at if write.at.startswith("_") else f"port {write.at!r}"
-    output = keys.output(key)
-    if keys.input(key) is not None:
+    output = keys.outputs.get(key)
+    if key in keys.inputs:
         message = f"{what}: {key!r} is an input of the tree {keys.tree.name!r}; it cannot be written"
         hint = "declare the port with 'direction: out', or write another key"
         yield Diagnostic(mark, path, message, hint, "P239")
