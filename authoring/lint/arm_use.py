@@ -7,23 +7,9 @@ from itertools import combinations
 from typing import TypeAlias
 
 from ...files.yaml.document import Diagnostic
-from ...trees.controls import (
-    Fallback,
-    ForceFailure,
-    ForceSuccess,
-    IfThenElse,
-    Inverter,
-    KeepRunningUntilFailure,
-    Parallel,
-    ReactiveFallback,
-    ReactiveSequence,
-    Repeat,
-    RetryUntilSuccessful,
-    Sequence,
-    Timeout,
-    WhileDoElse,
-)
+from ...trees.controls import Parallel, ReactiveFallback, ReactiveSequence, Sequence
 from ...trees.declaration import Resource
+from ...trees.flow import IDLE, AtOnce, ChildFlow, Choice, Flow, Loop, Once, Turns
 from ...trees.mission import NodeSpec
 from .mission_survey import LintModel
 from .outcomes import FIRST_FILLER, FlowState
@@ -141,10 +127,15 @@ def users(survey: LintModel, spec: NodeSpec) -> Users:
     return found
 
 
-_STARTS_FIRST = (
-    Sequence, ReactiveSequence, Fallback, ReactiveFallback, IfThenElse, WhileDoElse, Inverter, ForceFailure,
-    ForceSuccess, Timeout, RetryUntilSuccessful, KeepRunningUntilFailure,
-)  # fmt: skip
+def _starts_first(spec: NodeSpec, flow: Flow | None) -> bool:
+    """Whether the node ticks its first child at once, whatever holds."""
+    match flow:
+        case Loop():
+            return not flow.each_of and flow.guard not in spec.ports
+        case ChildFlow():
+            return not (isinstance(flow, AtOnce | Choice | Once | Turns) or IDLE in flow.own)
+        case _:
+            return False
 
 
 def _first_user(survey: LintModel, spec: NodeSpec) -> NodeSpec | None:
@@ -158,14 +149,7 @@ def _first_user(survey: LintModel, spec: NodeSpec) -> NodeSpec | None:
     if issubclass(spec.node, Sequence):
         first = next((part for part in spec.children if not _passes_by(survey, part)), None)
         return _first_user(survey, first) if first is not None else None
-    repeats = issubclass(spec.node, Repeat) and "while" not in spec.ports
-    if (
-        issubclass(spec.node, _STARTS_FIRST)
-        or repeats
-        or any(slot.of == "cause" for slot in spec.node.declaration.slots)
-    ):
-        return _first_user(survey, spec.children[0])
-    return None
+    return _first_user(survey, spec.children[0]) if _starts_first(spec, spec.node.declaration.flow) else None
 
 
 def _passes_by(survey: LintModel, spec: NodeSpec) -> bool:

@@ -17,7 +17,7 @@ from ...trees.controls import (
     RetryUntilSuccessful,
     Timeout,
 )
-from ...trees.flow import ChildFlow, LeafFlow
+from ...trees.flow import AGAIN, ChildFlow, LeafFlow, Loop, Recovery
 from ...trees.mission import MAIN, NodeSpec, TreeSpec
 from ...trees.node import Node
 from ...trees.wiring.key_writers import uses_of
@@ -171,10 +171,12 @@ def unbounded_recovery(survey: LintModel) -> Iterator[Diagnostic]:
         if survey.walk.number(spec, "num_cycles") != -1 or not isinstance(condition, Expression):
             continue
         below = tuple(_everything(spec.children[0], survey))
-        passing = next((s for s in below if _passes_over(survey, s)), None)
+        loops = (s for s in below if s.node is not None and issubclass(s.node, ForEach))
+        passing = next((s for s in loops if survey.walk.literal(s, "on_failure") == "continue"), None)
         if passing is None or not _OF_ITEMS & condition.names:
             continue
-        if not any(_gives_up(s) for s in below):
+        flows = (s.node.declaration.flow for s in below if s.node is not None)
+        if not any(isinstance(flow, LeafFlow) and flow.gives_up for flow in flows):
             message = f"{passing.name} passes over what fails, and '{condition}' still holds: an item that "
             message += "cannot be had keeps the loop going for ever"
             yield survey.fault(spec, message, "a number of cycles, or SetAside", code="P325", at="while")
@@ -186,16 +188,6 @@ _OF_ITEMS = frozenset(("items_left", "items_to_do"))
 def is_steady(node: type[Node]) -> bool:
     """Whether it takes no time of its own, and follows from keys and facts."""
     return node.declaration.flow is not None and node.declaration.flow.steady
-
-
-def _gives_up(spec: NodeSpec) -> bool:
-    flow = spec.node.declaration.flow if spec.node is not None else None
-    return isinstance(flow, LeafFlow) and flow.gives_up
-
-
-def _passes_over(survey: LintModel, spec: NodeSpec) -> bool:
-    continues = spec.node is not None and issubclass(spec.node, ForEach)
-    return continues and survey.walk.literal(spec, "on_failure") == "continue"
 
 
 def _everything(spec: NodeSpec, survey: LintModel) -> Iterator[NodeSpec]:
@@ -228,15 +220,9 @@ def vain_attempts(survey: LintModel) -> Iterator[Diagnostic]:
 
 def _attempts(survey: LintModel, spec: NodeSpec) -> tuple[NodeSpec | None, tuple[NodeSpec, ...]]:
     """Return the child that a node tries several times, and those that it runs in between."""
-    if spec.node is None:
+    flow = spec.node.declaration.flow if spec.node is not None else None
+    if not isinstance(flow, Loop | Recovery) or (isinstance(flow, Loop) and flow.failure is not AGAIN):
         return None, ()
-    if issubclass(spec.node, RetryUntilSuccessful):
-        several = survey.walk.number(spec, "num_attempts") not in (0, 1)
-        return (spec.children[0], ()) if several else (None, ())
-    slots = spec.node.declaration.slots
-    if any(slot.of == "cause" for slot in slots) and survey.walk.number(spec, "attempts") != 1:
-        tried = spec.slots["do"][0][1]
-        return tried, tuple(child for child in spec.children if child is not tried)
-    if spec.node.declaration.port("number_of_retries") and survey.walk.number(spec, "number_of_retries") != 0:
-        return spec.children[0], spec.children[1:]
-    return None, ()
+    runs = survey.walk.number(spec, flow.runs)
+    once = runs is not None and 0 <= runs + (isinstance(flow, Recovery) and flow.first_is_free) <= 1
+    return (None, ()) if once else (spec.children[0], spec.children[1:])

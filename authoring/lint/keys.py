@@ -19,7 +19,7 @@ from ...files.expressions.syntax_tree import (
     walk,
 )
 from ...files.expressions.syntax_tree import children as parts_of
-from ...trees.flow import Flow, Once, Turns
+from ...trees.flow import Once, Turns
 from ...trees.mission import TreeSpec
 from ...trees.wiring.key_writers import KeyUse, uses_of
 
@@ -57,7 +57,6 @@ def lay_out(trees: Mapping[str, TreeSpec], order: tuple[str, ...]) -> dict[str, 
     layouts: dict[str, KeyBits] = {}
     for name in order:
         tree = trees[name]
-        specs = tuple(tree.root.iterate())
         keys: dict[str, int] = {}
         usage = KeyUsage(tree, trees)
         for key in (*(port.key for port in tree.ports), *usage.reads, *usage.writes):
@@ -65,21 +64,18 @@ def lay_out(trees: Mapping[str, TreeSpec], order: tuple[str, ...]) -> dict[str, 
         size = len(keys)
         flags: dict[int, tuple[int, ...]] = {}
         calls: dict[int, tuple[int, KeyBits]] = {}
-        for spec in specs:
+        for spec in tree.root.iterate():
             if spec.node is None:
                 calls[id(spec)] = (size, layouts[spec.id])
                 size += layouts[spec.id].size
-            elif lasting := _lasting(spec.node.declaration.flow):
+            else:
+                flow = spec.node.declaration.flow
+                lasting = 2 if isinstance(flow, Once) else int(isinstance(flow, Turns))
                 flags[id(spec)] = tuple(1 << size + index for index in range(lasting))
                 size += lasting
         inputs = sum(keys[port.key] for port in tree.ports if port.direction == "in")
         layouts[name] = KeyBits(tree, keys, flags, calls, size, inputs, usage)
     return layouts
-
-
-def _lasting(flow: Flow | None) -> int:
-    """Number of facts that a node remembers beyond its end."""
-    return 2 if isinstance(flow, Once) else 1 if isinstance(flow, Turns) else 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,7 +97,12 @@ class ExpressionShape:
 
 
 def shape(expression: Expression) -> ExpressionShape:
-    constant, fails = _constant(expression)
+    constant, fails = None, False
+    if not (expression.names or any(isinstance(part, Attribute) for part in walk(expression.root))):
+        try:
+            constant = bool(expression.evaluate({}))
+        except ExpressionError:
+            fails = True
     names = dict.fromkeys(part.name for part in walk(expression.root) if isinstance(part, Name))
     return ExpressionShape(
         tuple(names),
@@ -156,12 +157,3 @@ def says_of_hand(part: Part, *, answer: bool) -> bool | None:
             return next((said for said in known if said is not None), None)
         case _:
             return None
-
-
-def _constant(expression: Expression) -> tuple[bool | None, bool]:
-    if expression.names or any(isinstance(part, Attribute) for part in walk(expression.root)):
-        return None, False
-    try:
-        return bool(expression.evaluate({})), False
-    except ExpressionError:
-        return None, True

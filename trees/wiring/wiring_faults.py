@@ -73,15 +73,14 @@ def _attributes(keys: TreeKeys, placed: PlacedNode) -> Iterator[Diagnostic]:
 def _no_object(
     reference: Reference, sources: tuple[ValueSource, ...], file: str
 ) -> Iterator[tuple[str, str]]:
-    only = "only an object has attributes, and"
-    for source in sources:
-        if source.type.kind not in ("any", "word", "object"):
-            yield f"{only} {reference.key!r} is {source.type.words()}", source.told(file)
-            return
-    for name in reference.attributes[:-1]:
-        if ATTRIBUTE_TYPES[name].kind != "object":
-            yield f"{only} {name!r} is {ATTRIBUTE_TYPES[name].words()}", ""
-            return
+    wrong = [(reference.key, s.type, s.told(file)) for s in sources if s.type.kind not in _MAY_BE_OBJECTS]
+    attributes = ((name, ATTRIBUTE_TYPES[name]) for name in reference.attributes[:-1])
+    wrong += [(name, kind, "") for name, kind in attributes if kind.kind != "object"]
+    for name, kind, hint in wrong[:1]:
+        yield f"only an object has attributes, and {name!r} is {kind.words()}", hint
+
+
+_MAY_BE_OBJECTS = ("any", "word", "object")
 
 
 def _cases(keys: TreeKeys, placed: PlacedNode) -> Iterator[Diagnostic]:
@@ -114,7 +113,8 @@ def _may_be(source: ValueSource, label: str) -> bool:
     if source.certain:
         return True
     if source.values is not None:
-        return any(_as_label(v) == label or _same_number(v, label) for v in source.values)
+        numbers = [v for v in source.values if isinstance(v, int | float) and not isinstance(v, bool)]
+        return label in map(_as_label, source.values) or _number(label) in numbers
     match source.type.kind:
         case "bool":
             return label in ("true", "false")
@@ -127,10 +127,6 @@ def _may_be(source: ValueSource, label: str) -> bool:
             return False
         case _:
             return True
-
-
-def _same_number(value: object, label: str) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and _number(label) == value
 
 
 def _number(label: str) -> float | None:
