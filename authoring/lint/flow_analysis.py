@@ -197,7 +197,7 @@ class FlowAnalysis(FlowWalk):
     def _assigned(self, spec: NodeSpec, places: tuple[str, ...], states: States, ends: Outcomes) -> States:
         """Return the states after all could be carried out; the others are failures of `ends`."""
         written = self._assigned_keys(spec, *places)
-        for place in places:
+        for place in places if states else ():
             for assignment in spec.postconditions.get(place, ()):
                 bits = self.bits(assignment.key)
                 asked = self.ask(spec, place, assignment.value, states)

@@ -150,8 +150,11 @@ class Outcomes:
         """Inputs of the sub-tree that were read although nothing had surely written them, as bits of keys."""
 
     def __iter__(self) -> Iterator[tuple[NodeStatus, FlowState, FailureReasons | None]]:
-        yield from ((RUNNING, state, None) for state in self.running)
-        yield from ((status, state, why) for status, states, why in self.groups() for state in states)
+        for status, states in ((SUCCESS, self.success), (SKIPPED, self.skipped), (RUNNING, self.running)):
+            for state in states:
+                yield status, state, None
+        for state, reasons in self.failure.items():
+            yield FAILURE, state, reasons
 
     def groups(self) -> Iterator[tuple[NodeStatus, States, FailureReasons | None]]:
         """The states of each end but RUNNING, those of failures one by one."""
