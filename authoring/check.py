@@ -17,9 +17,9 @@ from ..trees.loading.scene_names import SceneNames, load_surroundings
 from ..trees.mission import Mission, reachable
 from ..trees.values.references import ATTRIBUTE_TYPES, ExpressionLocator, Reference
 from ..trees.wiring.circuit import ArrivingValue
-from ..trees.wiring.key_writers import PlacedNode, TreeKeys
+from ..trees.wiring.key_writers import NodeExpression, PlacedNode, TreeKeys, expressions_of
 from ..trees.wiring.value_sources import DEFAULT
-from ..trees.wiring.wiring_faults import MissionExpression, expressions_of
+from ..trees.wiring.wiring_faults import expression_fault
 from ..world.belief.facts import ASIDE
 from .lint import lint
 
@@ -39,19 +39,19 @@ def check_scene_names(reading: MissionReadResult, known: SceneNames) -> Iterator
     attributes = _attributes(known)
     for arrivals in circuit.arrivals:
         for arrival in arrivals:
-            tree = arrival.trail.split("/")[0]
-            if tree in used or arrival.mark.file == own:
+            tree = arrival.at.trail.split("/")[0]
+            if tree in used or arrival.at.mark.file == own:
                 yield from _named(arrival, known)
     for name, keys in circuit.keys.items():
         if name in used or keys.tree.mark.file == own:
-            for placed in keys.nodes:
-                for asked in expressions_of(placed):
-                    yield from _check_expression(asked, keys, attributes, reading.pointer)
+            for placed in keys.places.values():
+                for asked in expressions_of(placed.spec):
+                    yield from _check_expression(placed, asked, keys, attributes, reading.pointer)
                 yield from _check_cases(placed, attributes, known)
 
 
 def _named(arrival: ArrivingValue, known: SceneNames) -> Iterator[Diagnostic]:
-    what, values = arrival.target.names, arrival.source.values or ()
+    at, what, values = arrival.at, arrival.target.names, arrival.source.values or ()
     if what is None or arrival.problem is not None:
         return
     names = known.names.get(what, ())
@@ -59,15 +59,11 @@ def _named(arrival: ArrivingValue, known: SceneNames) -> Iterator[Diagnostic]:
     wrong = [name for name in given if name not in names]
     if wrong and (arrival.source.certain or len(wrong) == len(given)):
         owner = f"robot {known.robot!r}" if what == "pose" else f"scene {known.scene!r}"
-        message = f"port {arrival.key!r}: the {owner} has no {what} {wrong[0]!r}"
-        if arrival.text == DEFAULT:
+        message = f"port {at.port.key!r}: the {owner} has no {what} {wrong[0]!r}"
+        if at.text == DEFAULT:
             message += ", which is the default"
-        hints = [suggest_name(str(wrong[0]), names)]
-        if arrival.via:
-            hints.append(f"it goes to the port {arrival.target.key!r} of {arrival.via}")
-        if arrival.text.startswith("{"):
-            hints.append(arrival.source.told(arrival.mark.file))
-        yield Diagnostic(arrival.mark, arrival.trail, message, "; ".join(filter(None, hints)), _CODE)
+        hints = [suggest_name(str(wrong[0]), names), *arrival.hints()]
+        yield Diagnostic(at.mark, at.trail, message, "; ".join(filter(None, hints)), _CODE)
 
 
 def _attributes(known: SceneNames) -> Mapping[str, ValueType]:
@@ -84,7 +80,11 @@ def _attributes(known: SceneNames) -> Mapping[str, ValueType]:
 
 
 def _check_expression(
-    asked: MissionExpression, keys: TreeKeys, attributes: Mapping[str, ValueType], pointer: ExpressionLocator
+    placed: PlacedNode,
+    asked: NodeExpression,
+    keys: TreeKeys,
+    attributes: Mapping[str, ValueType],
+    pointer: ExpressionLocator,
 ) -> Iterator[Diagnostic]:
     """Check an expression that is valid in general, but may not be with the names of this scene."""
     if not asked.expression.paths:
@@ -96,7 +96,7 @@ def _check_expression(
     try:
         check_types(asked.expression, keys, attributes)
     except ExpressionError as error:
-        yield asked.fault(error, pointer, _CODE)
+        yield expression_fault(placed, asked, error, pointer, _CODE)
 
 
 def _check_cases(
@@ -116,7 +116,7 @@ def _check_cases(
         for label, _ in placed.spec.slots.get(slot.key, ()):
             if label not in valid:
                 message = f"in the scene {known.scene!r} {bound} is never {label!r}"
-                mark = placed.mark(f"{slot.key}/{label}")
+                mark = placed.spec.mark_at(f"{slot.key}/{label}")
                 yield Diagnostic(mark, placed.path, message, suggest_name(label, valid), _CODE)
 
 

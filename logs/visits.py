@@ -119,14 +119,6 @@ class Visit:
         return (self.item, self.path, self.attempt)
 
     @property
-    def about(self) -> str:
-        """Item and attempt in brackets, after a space; empty for the first visit about no item."""
-        said = [self.item] if self.item else []
-        if self.attempt > 1:
-            said.append(f"attempt {self.attempt}")
-        return f" ({', '.join(said)})" if said else ""
-
-    @property
     def duration(self) -> float:
         """Duration, simulated s."""
         return self.end - self.start

@@ -79,15 +79,8 @@ class ChildFlow:
 
     def of(self, status: NodeStatus) -> Lead:
         """Return the consequence of a child's result."""
-        match status:
-            case NodeStatus.SUCCESS:
-                return self.success
-            case NodeStatus.FAILURE:
-                return self.failure
-            case NodeStatus.SKIPPED:
-                return self.skipped
-            case _:
-                return status
+        leads = {SUCCESS: self.success, FAILURE: self.failure, SKIPPED: self.skipped}
+        return leads.get(status, status)
 
 
 @dataclass(frozen=True, slots=True)

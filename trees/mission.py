@@ -138,6 +138,10 @@ class NodeSpec:
     def children(self) -> tuple[NodeSpec, ...]:
         return tuple(node for filled in self.slots.values() for _, node in filled)
 
+    def mark_at(self, key: str) -> Mark:
+        """Return where the value of one of its keys stands; of one that is not given, where the node does."""
+        return self.places.get(key, self.mark)
+
     def iterate(self) -> Iterator[NodeSpec]:
         """Yield this node and its descendants in the same tree, parents first."""
         todo: list[NodeSpec] = [self]

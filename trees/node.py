@@ -374,3 +374,8 @@ class ControlNode(Node, abstract=True):
     """Base class of the nodes that decide which of several children is ticked."""
 
     kind = "control"
+
+    def result_of(self, part: Node) -> NodeStatus:
+        """Tick a child; return its status and take over its failure."""
+        state = part.step()
+        return self.fail_with(part.failure) if state is NodeStatus.FAILURE else state

@@ -7,23 +7,9 @@ from itertools import combinations
 from typing import TypeAlias
 
 from ...files.marks import Diagnostic
-from ...trees.controls import (
-    Fallback,
-    ForceFailure,
-    ForceSuccess,
-    IfThenElse,
-    Inverter,
-    KeepRunningUntilFailure,
-    Parallel,
-    ReactiveFallback,
-    ReactiveSequence,
-    Repeat,
-    RetryUntilSuccessful,
-    Sequence,
-    Timeout,
-    WhileDoElse,
-)
+from ...trees.controls import Parallel, ReactiveFallback, ReactiveSequence, Sequence
 from ...trees.declaration import Resource
+from ...trees.flow import IDLE, AtOnce, ChildFlow, Choice, Flow, Loop, Once, Turns
 from ...trees.mission import NodeSpec
 from .mission_survey import LintModel
 from .outcomes import FIRST_FILLER, FlowState
@@ -39,8 +25,7 @@ def left_in_hand(survey: LintModel) -> Iterator[Diagnostic]:
         if not state.doubtful and state.hand >= FIRST_FILLER:
             names = (source.at.name for source in why.sources(survey.file) if source.causes)
             failed.append((state, tuple(dict.fromkeys(names))))
-    for index, filler in enumerate(survey.walk.fillers):
-        bit = FIRST_FILLER << index
+    for bit, filler in survey.walk.fillers.values():
         success = any(_held(state, bit) for state in main.success | main.skipped)
         failures = [names for state, names in failed if _held(state, bit)]
         at = _in_own_file(survey, filler) if success or failures else None
@@ -84,10 +69,7 @@ Users: TypeAlias = Mapping[Resource, NodeSpec]
 
 def at_the_same_time(survey: LintModel) -> Iterator[Diagnostic]:
     """P331: two children of a Parallel that use the same."""
-    for place in survey.places():
-        spec = place.spec
-        if spec.node is None or not issubclass(spec.node, Parallel):
-            continue
+    for spec in survey.nodes(Parallel):
         said: set[int] = set()
         for first, second in combinations(spec.children, 2):
             mine, others = users(survey, first), users(survey, second)
@@ -101,10 +83,7 @@ def at_the_same_time(survey: LintModel) -> Iterator[Diagnostic]:
 
 def started_anew(survey: LintModel) -> Iterator[Diagnostic]:
     """P332: what a reactive node starts again at each tick takes away what a later child works with."""
-    for place in survey.places():
-        spec = place.spec
-        if spec.node is None or not issubclass(spec.node, ReactiveSequence | ReactiveFallback):
-            continue
+    for spec in survey.nodes(ReactiveSequence, ReactiveFallback):
         for index, part in enumerate(spec.children[:-1]):
             first = _first_user(survey, part)
             if first is None or first.node is None:
@@ -148,10 +127,15 @@ def users(survey: LintModel, spec: NodeSpec) -> Users:
     return found
 
 
-_STARTS_FIRST = (
-    Sequence, ReactiveSequence, Fallback, ReactiveFallback, IfThenElse, WhileDoElse, Inverter, ForceFailure,
-    ForceSuccess, Timeout, RetryUntilSuccessful, KeepRunningUntilFailure,
-)  # fmt: skip
+def _starts_first(spec: NodeSpec, flow: Flow | None) -> bool:
+    """Whether the node ticks its first child at once, whatever holds."""
+    match flow:
+        case Loop():
+            return not flow.each_of and flow.guard not in spec.ports
+        case ChildFlow():
+            return not (isinstance(flow, AtOnce | Choice | Once | Turns) or IDLE in flow.own)
+        case _:
+            return False
 
 
 def _first_user(survey: LintModel, spec: NodeSpec) -> NodeSpec | None:
@@ -165,17 +149,10 @@ def _first_user(survey: LintModel, spec: NodeSpec) -> NodeSpec | None:
     if issubclass(spec.node, Sequence):
         first = next((part for part in spec.children if not _passes_by(survey, part)), None)
         return _first_user(survey, first) if first is not None else None
-    repeats = issubclass(spec.node, Repeat) and "while" not in spec.ports
-    if (
-        issubclass(spec.node, _STARTS_FIRST)
-        or repeats
-        or any(slot.of == "cause" for slot in spec.node.declaration.slots)
-    ):
-        return _first_user(survey, spec.children[0])
-    return None
+    return _first_user(survey, spec.children[0]) if _starts_first(spec, spec.node.declaration.flow) else None
 
 
 def _passes_by(survey: LintModel, spec: NodeSpec) -> bool:
     """Whether it ends at once and always lets the next begin, as Log does."""
-    summary = survey.summary(spec)
-    return not summary.runs and not summary.fails
+    ends = survey.ends(spec)
+    return not ends.running and not ends.failure

@@ -1,9 +1,10 @@
-"""Outcomes of nodes that tick their children one after the other, by choice, in turn, in loops or once."""
+"""Outcomes of nodes that tick one child after the other: in order, by choice, in turn, again, to recover."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Iterable
 from functools import cached_property
+from itertools import count
 from math import inf
 from typing import cast
 
@@ -23,44 +24,50 @@ from ...trees.flow import (
     Lead,
     Loop,
     Once,
+    Recovery,
     Turns,
 )
 from ...trees.mission import NodeSpec
 from ...trees.status import NodeStatus
 from ...trees.values.port_types import show
 from ...trees.values.references import Constant
+from ...world.causes import internal
 from .failure_reasons import NO_REPORT, UNREPORTED, FailureReasons, joined
 from .flow_walk import FlowWalk
-from .outcomes import NOTHING, Failures, FlowState, Outcomes, States, decisive, tidy
-
-
-@dataclass
-class _Pass:
-    """One pass over the children; `over`: where it comes past the last of them."""
-
-    over: Outcomes
-    running: set[FlowState] = field(default_factory=set[FlowState])
-    again: set[FlowState] = field(default_factory=set[FlowState])
-    """States in which the next pass begins."""
+from .outcomes import NONE, NOTHING, Failures, FlowState, Outcomes, States, decisive, tidy
 
 
 class ChildWalk:
-    """Walk over the children of one node that starts in one state."""
+    """Passes over the children of one node that starts in one state.
+
+    `_arriving`: where each child starts, by what came before it; the last: what is past all children.
+    """
 
     def __init__(self, spec: NodeSpec, flow: ChildFlow, walk: FlowWalk) -> None:
         assert spec.node is not None
         self._spec, self._flow, self._walk = spec, flow, walk
         self._node = spec.node.declaration
         self._ends = Outcomes()
-        self._least, self._most = self._runs(flow) if isinstance(flow, Loop) else (1, 1)
+        self._again: set[FlowState] = set()
+        """States in which another pass begins."""
+        self._arriving: list[Outcomes] = []
+        self._runs_on = False
+        self._least, self._most = self._runs()
         self._mark = 0
         """Flags that success sets."""
         never = flow.own_unless and walk.number(spec, flow.own_unless) == 0
         self._own = dict[NodeStatus, NodeStatus]() if never else flow.own
+        self._parts = spec.children
+        self._handlers: dict[int, tuple[str, str]] = {}
+        """Label and pattern of each handler, by its place."""
+        if isinstance(flow, Recovery):
+            self._sort_handlers(flow)
+        if isinstance(flow, Loop | Recovery) and self._node.causes:
+            _ = self._own_reasons
 
     def outcomes(self, entry: FlowState) -> Outcomes:
         """Return the outcomes of the node."""
-        flow, spec, walk, ends = self._flow, self._spec, self._walk, self._ends
+        flow, ends = self._flow, self._ends
         match flow:
             case Once():
                 return self._once(flow, entry)
@@ -68,27 +75,23 @@ class ChildWalk:
                 return self._in_turn(flow, entry)
             case Choice() if self._may_fit_no_case():
                 ends.add(FAILURE, (entry,), self._own_reasons)
+            case Loop() if self._least == 0:
+                ends.add(SUCCESS if flow.success is AGAIN else FAILURE, (entry,), self._missing_reasons)
             case _:
                 pass
-        if isinstance(flow, Loop) and self._node.causes:
-            _ = self._own_reasons
-        if self._least == 0:
-            ends.add(SUCCESS if flow.success is AGAIN else FAILURE, (entry,), self._missing_reasons)
-        if self._most == 0:
-            loop = cast("Loop", flow)
-            why = "there is no element" if loop.each_of else f"{loop.runs} is 0"
-            walk.unreached(spec.children[0], why)
+        if isinstance(flow, Loop) and self._most == 0:
+            why = "there is no element" if flow.each_of else f"{flow.runs} is 0"
+            self._walk.unreached(self._parts[0], why)
             return ends
         starts: States = frozenset((entry,))
-        while True:
-            arriving = Outcomes()
-            arriving.skipped = self._begun(starts)
-            passed = self._pass(spec.children, arriving)
-            ends.take(passed.over)
-            after = tidy(starts | passed.again)
-            if after == starts:
+        seen = NONE if isinstance(flow, Recovery) else starts
+        for run in count(1):
+            self._again = set()
+            ends.take(self._pass(self._parts, Outcomes(skipped=self._begun(starts)), run))
+            starts = tidy(seen | self._again)
+            if starts == seen:
                 break
-            starts = after
+            seen = starts
         if IDLE in self._own:
             ends.add(self._own[IDLE], (entry,), self._own_reasons)
         return ends.tidied()
@@ -104,144 +107,164 @@ class ChildWalk:
         """Reasons in place of a report that no child gives."""
         return self._own_reasons if self._node.causes else NO_REPORT
 
-    def _runs(self, loop: Loop) -> tuple[float, float]:
+    def _runs(self) -> tuple[float, float]:
         """Return the least and the greatest number of runs that are allowed."""
-        least = most = inf
-        if loop.runs:
-            number = self._walk.number(self._spec, loop.runs)
+        flow = self._flow
+        least = most = inf if isinstance(flow, Loop | Recovery) else 1
+        if isinstance(flow, Loop | Recovery) and flow.runs:
+            number = self._walk.number(self._spec, flow.runs)
             least, most = (0, inf) if number is None else (inf, inf) if number < 0 else (number, number)
-        if loop.each_of:
-            items = self._walk.literal(self._spec, loop.each_of)
+        if isinstance(flow, Recovery):
+            return least + flow.first_is_free, most + flow.first_is_free
+        if isinstance(flow, Loop) and flow.each_of:
+            items = self._walk.literal(self._spec, flow.each_of)
             length = len(cast("list[object]", items)) if isinstance(items, list) else None
             least, most = min(least, length or 0), min(most, inf if length is None else length)
         return least, most
 
     def _begun(self, starts: States) -> States:
         """Return the states in which the first child starts."""
-        loop = self._flow
-        if not isinstance(loop, Loop):
+        flow, spec = self._flow, self._spec
+        if not isinstance(flow, Loop | Recovery):
             return starts
-        guard = self._walk.literal(self._spec, loop.guard) if loop.guard else None
-        if isinstance(guard, Expression):
-            asked = self._walk.ask(self._spec, loop.guard, guard, starts)
+        guard = self._walk.literal(spec, flow.guard) if isinstance(flow, Loop) and flow.guard else None
+        if isinstance(flow, Loop) and isinstance(guard, Expression):
+            asked = self._walk.ask(spec, flow.guard, guard, starts)
             self._ends.add(SUCCESS, asked.no)
             self._ends.fail(asked.failed)
             starts = asked.yes
             if not starts:
-                self._walk.unreached(self._spec.children[0], f"its {loop.guard} never holds")
-        outputs = self._walk.keys_of(self._spec, (port.key for port in self._node.outputs))
-        return tidy(state.written(outputs) for state in starts)
+                self._walk.unreached(spec.children[0], f"its {flow.guard} never holds")
+        return tidy(state.written(self._walk.outputs(spec)) for state in starts)
 
     @cached_property
     def _chosen(self) -> tuple[NodeSpec, ...]:
         """Cases, and the default, that the value may lead to; one at most where the text says the value."""
-        key, cases, default = _choice(self._spec)
+        key, cases, default = self._choice
         bound = self._spec.ports[key]
         if not isinstance(bound, Constant):
-            return self._spec.children
+            return self._parts
         case = next((part for name, part in cases if is_case(bound.value, name)), None)
         return default if case is None else (case,)
 
+    @cached_property
+    def _choice(self) -> tuple[str, tuple[tuple[str, NodeSpec], ...], tuple[NodeSpec, ...]]:
+        """The input whose value selects a case, the cases by label, and the default."""
+        slot = next(slot for slot in self._node.slots if slot.matches)
+        cases = self._spec.slots[slot.key]
+        default = tuple(part for part in self._parts if not any(part is case for _, case in cases))
+        return slot.matches or "", cases, default
+
     def _may_fit_no_case(self) -> bool:
-        chosen, (key, _, default) = self._chosen, _choice(self._spec)
-        return not chosen or (not default and self._walk.literal(self._spec, key) is None)
+        key, _, default = self._choice
+        return not self._chosen or (not default and self._walk.literal(self._spec, key) is None)
+
+    def _sort_handlers(self, flow: Recovery) -> None:
+        """Put the handlers behind the first child: those of a cause, those of any, the last resort."""
+        spec, tried = self._spec, self._parts[0]
+        slots = sorted(self._node.slots, key=lambda slot: (slot.key == flow.resort, slot.of))
+        parts = [tried]
+        for slot in slots:
+            for label, part in spec.slots.get(slot.key, ()):
+                if part is tried:
+                    continue
+                if slot.key != flow.resort:
+                    name = label if slot.of == "cause" else slot.key if slot.arity == "one" else part.name
+                    self._handlers[len(parts)] = (name, label if slot.of == "cause" else "*")
+                parts.append(part)
+        self._parts = tuple(parts)
 
     # One pass over children.
 
-    def _pass(self, parts: tuple[NodeSpec, ...], first: Outcomes) -> _Pass:
+    def _pass(self, parts: tuple[NodeSpec, ...], first: Outcomes, run: int = 1) -> Outcomes:
+        """Collect the ends of one pass; return what comes past the last child."""
         flow, walk = self._flow, self._walk
-        arriving = [first, *(Outcomes() for _ in parts)]
-        if isinstance(flow, Choice):
-            chosen = self._chosen
-            none = Outcomes()
-            arriving[:-1] = [first if any(part is one for one in chosen) else none for part in parts]
-        passed = _Pass(arriving[-1])
+        one_of = isinstance(flow, Choice)
+        chosen = self._chosen if isinstance(flow, Choice) else parts[:1]
+        self._arriving = [first if any(part is one for one in chosen) else Outcomes() for part in parts]
+        self._arriving.append(Outcomes())
         meanwhile, before = NOTHING, ""
         for index, part in enumerate(parts):
-            arrival = arriving[index]
+            arrival = self._arriving[index].tidied()
             if not arrival.everywhere:
-                if before or isinstance(flow, Choice):
+                if before or one_of:
                     walk.unreached(part, self._why_not(before, index))
                 continue
-            groups = [(SKIPPED, arrival.skipped, None), (SUCCESS, arrival.success, None)]
-            groups += [(FAILURE, frozenset((state,)), why) for state, why in arrival.failure.items()]
-            if isinstance(flow, Branch):
-                targets = [arriving[min(index + step, len(parts))] for step in (1, 2)]
-            else:
-                targets = [arriving[index + 1]] * 2
-            for came, states, why in groups:
-                if states:
-                    outcomes = walk.child(part, states, meanwhile)
-                    self._lead(index, outcomes, came, why, targets, passed)
-            for target in targets:
-                target.tidied()
-            if flow.reactive and not isinstance(flow, Choice) and not (isinstance(flow, Branch) and index):
+            for came, states, why in arrival.groups():
+                outcomes = walk.child(part, states, meanwhile)
+                if isinstance(flow, Recovery) and index == 0:
+                    self._share(self._failures(states, outcomes), run)
+                self._follow(index, outcomes, came, why)
+            later_branch = isinstance(flow, Branch) and index
+            if flow.reactive and not one_of and not later_branch:
                 meanwhile = meanwhile.with_(walk.effect(part, arrival.everywhere))
-            before = before if isinstance(flow, Branch) and index else part.name
-        return passed
+            before = before if later_branch or (isinstance(flow, Recovery) and index) else part.name
+        return self._arriving[-1]
 
     def _why_not(self, before: str, index: int) -> str:
         flow = self._flow
-        if isinstance(flow, Choice):
-            return f"the value is always {show(self._walk.literal(self._spec, _choice(self._spec)[0]))}"
-        succeeds = index == 1 if isinstance(flow, Branch) else flow.success is NEXT
-        return f"{before} before it never {'succeeds' if succeeds else 'fails'}"
+        match flow:
+            case Choice():
+                return f"the value is always {show(self._walk.literal(self._spec, self._choice[0]))}"
+            case Recovery() if index not in self._handlers:
+                return f"{before} never fails for good"
+            case Recovery() if self._most == 1:
+                return f"{before} may run once only, so there is no run after it"
+            case Recovery():
+                return f"{before} never fails" + (" with another cause" if index > 1 else "")
+            case _:
+                succeeds = index == 1 if isinstance(flow, Branch) else flow.success is NEXT
+                return f"{before} before it never {'succeeds' if succeeds else 'fails'}"
 
-    def _lead(
-        self,
-        index: int,
-        outcomes: Outcomes,
-        came: NodeStatus,
-        before: FailureReasons | None,
-        targets: list[Outcomes],
-        passed: _Pass,
+    def _lead(self, index: int, status: NodeStatus) -> Lead | int:
+        """Return where a result of that child leads; a number: to another child."""
+        match self._flow:
+            case Branch() if index == 0 and status is not SKIPPED:
+                chosen = 1 if status is SUCCESS else 2
+                return chosen if chosen < len(self._parts) else status
+            case Recovery(skipped_handler=skipped) if index in self._handlers:
+                return skipped if status is SKIPPED else AGAIN if status is SUCCESS else FAILURE
+            case Recovery() if index:
+                return FAILURE
+            case flow:
+                lead = flow.of(status)
+                return index + 1 if lead is NEXT else lead
+
+    def _follow(
+        self, index: int, outcomes: Outcomes, came: NodeStatus, before: FailureReasons | None
     ) -> None:
-        """Follow the results of a child: to the next child, to another pass, or to the end of the node."""
-        flow, ends = self._flow, self._ends
+        """Follow the results of a child: to another child, to another pass, or to the end of the node."""
+        recovers = isinstance(self._flow, Recovery)
         for status, state, reasons in outcomes:
+            if status in self._own:
+                self._ends.add(self._own[status], (state,), self._own_reasons)
             if status is RUNNING:
-                ends.add(RUNNING, (state,))
-                passed.running.add(state)
-                if flow.reactive:
-                    self._ticked_anew(state, passed)
+                self._run_on(state)
                 continue
-            if isinstance(flow, Branch) and index == 0 and status is not SKIPPED:
-                target = targets[status is FAILURE]
-                # Only past the last child the failure is the node's.
-                way = status if target is passed.over else SUCCESS
-                target.add(way, (state,), reasons)
-                continue
-            lead = flow.of(status)
-            if lead is not NEXT:
-                self._end(status, lead, state, reasons, passed)
+            if recovers and index == 0 and status is FAILURE:
+                continue  # shared out among the handlers
+            lead = self._lead(index, status)
+            if not isinstance(lead, int):
+                self._end(status, lead, state, before.tried() if recovers and before else reasons)
             elif status is SKIPPED:
-                targets[0].add(came, (state,), before)
+                self._arriving[lead].add(came, (state,), before)
             else:
                 known = reasons if before is None or reasons is None else decisive(before, reasons)
-                targets[0].add(status, (state,), known)
+                self._arriving[lead].add(status, (state,), known)
 
-        for status, state, _ in outcomes:
-            if status in self._own:
-                ends.add(self._own[status], (state,), self._own_reasons)
-
-    def _ticked_anew(self, state: FlowState, passed: _Pass) -> None:
-        if not isinstance(self._flow, Choice):
-            passed.again.add(state)
-        elif len(self._chosen) > 1:
+    def _run_on(self, state: FlowState) -> None:
+        self._runs_on = True
+        self._ends.add(RUNNING, (state,))
+        if self._flow.reactive and not isinstance(self._flow, Choice):
+            self._again.add(state)
+        elif self._flow.reactive and len(self._chosen) > 1:
             # The value seldom changes while a case runs. It may, but nothing is reported of it.
-            passed.again.add(state.in_doubt())
+            self._again.add(state.in_doubt())
 
-    def _end(
-        self,
-        status: NodeStatus,
-        lead: Lead,
-        state: FlowState,
-        reasons: FailureReasons | None,
-        passed: _Pass,
-    ) -> None:
-        ends, unhidable = self._ends, self._walk.unhidable
-        if isinstance(self._flow, Loop) and self._flow.passes_over[0] and reasons is not None:
-            key, value = self._flow.passes_over
+    def _end(self, status: NodeStatus, lead: Lead, state: FlowState, reasons: FailureReasons | None) -> None:
+        flow, ends, unhidable = self._flow, self._ends, self._walk.unhidable
+        if isinstance(flow, Loop) and flow.passes_over[0] and reasons is not None:
+            key, value = flow.passes_over
             given = self._walk.literal(self._spec, key)
             # A failure that may not be hidden is passed over once the operator has acknowledged it.
             ends.add(FAILURE, (state,), reasons.only(unhidable) if given == value else reasons)
@@ -251,8 +274,8 @@ class ChildWalk:
         if lead is AGAIN:
             if self._most != 1:
                 ends.add(RUNNING, (state,))
-                passed.again.add(state)
-            if self._least < inf:
+                self._again.add(state)
+            if self._least < inf and isinstance(flow, Loop):
                 ends.add(status, (state,), reasons and self._used_up(reasons))
                 if status is SKIPPED and self._most != 1:
                     ends.add(SUCCESS, (state,))
@@ -268,6 +291,44 @@ class ChildWalk:
         tried = reasons if self._most == 1 else reasons.tried()
         reported = tried.only(~UNREPORTED)
         return joined((reported, self._missing_reasons.tried())) if tried.any & UNREPORTED else reported
+
+    # Failures that handlers share.
+
+    def _failures(self, states: Iterable[FlowState], outcomes: Outcomes) -> Failures:
+        """Return the failures of a run. A condition that does not hold counts as a cause of the node."""
+        found = dict(outcomes.failure)
+        for state, reasons in found.items():
+            if reasons.any & UNREPORTED:
+                found[state] = joined((reasons.only(~UNREPORTED), self._own_reasons))
+        if any(pattern in (internal.ERROR.name, str(internal.ANY)) for _, pattern in self._handlers.values()):
+            # It may happen in any node, at any time.
+            fault = self._walk.fails(self._spec, 0, self._walk.causes.matching(str(internal.ANY)))
+            for state in tidy(frozenset((*states, *outcomes.everywhere))):
+                at = state.in_doubt()
+                found[at] = joined((found[at], fault)) if at in found else fault
+        return found
+
+    def _share(self, failures: Failures, run: int) -> None:
+        """Lead each failure to the first handler of its cause, and to the end where no run may follow."""
+        for index, (label, pattern) in self._handlers.items():
+            mask = self._walk.causes.matching(pattern)
+            caught, failures = _narrowed(failures, mask), _narrowed(failures, ~mask)
+            if caught and run < self._most:
+                self._walk.handles(self._spec, label)
+                self._arriving[index].fail(_together(caught))
+                self._ends.add(RUNNING, caught)
+            # The first run is by itself: after it nothing is used up yet.
+            if self._most <= 1:
+                self._give_up(caught)
+            elif run > 1 or self._least < self._most:
+                self._give_up({state: reasons.tried() for state, reasons in caught.items()})
+        self._give_up(failures)
+
+    def _give_up(self, failures: Failures) -> None:
+        if len(self._handlers) + 1 < len(self._parts):
+            self._arriving[-2].fail(_together(failures))
+        else:
+            self._ends.fail(failures)
 
     # Nodes that remember something beyond their end.
 
@@ -290,49 +351,41 @@ class ChildWalk:
         return ends.tidied()
 
     def _in_turn(self, flow: Turns, entry: FlowState) -> Outcomes:
-        parts = self._spec.children
+        parts, ends = self._parts, self._ends
         (self._mark,) = self._walk.flags(self._spec)
         wraps = self._walk.literal(self._spec, flow.wraps) is not False
         for turn in range(len(parts) + 1) if entry.maybe & self._mark else range(1):
-            order = (*parts[turn:], *(parts[:turn] if wraps else ()))
-            if order:
-                self._take_turns(order, entry, again=wraps)
-            else:
-                self._ends.add(FAILURE, (entry,), self._own_reasons)
-        return self._ends.tidied()
-
-    def _take_turns(self, order: tuple[NodeSpec, ...], entry: FlowState, *, again: bool) -> None:
-        """Collect the outcomes of one pass in this order.
-
-        `again`: children that were skipped before one ran may get another turn after it.
-        """
-        whole = len(order) == len(self._spec.children)
-        first = Outcomes()
-        first.skipped = frozenset((entry,))
-        passed = self._pass(order, first)
-        skipped, failed = passed.over.skipped, passed.over.failure
-        self._ends.fail(failed)
-        if whole:
-            self._ends.add(SKIPPED, skipped)
-        if passed.running or not whole:
-            self._ends.add(FAILURE, skipped, NO_REPORT)
-        if again and passed.running:
-            self._more_turns(order, {**dict.fromkeys(skipped, NO_REPORT), **failed})
+            order, self._runs_on = (*parts[turn:], *(parts[:turn] if wraps else ())), False
+            if not order:
+                ends.add(FAILURE, (entry,), self._own_reasons)
+                continue
+            over = self._pass(order, Outcomes(skipped=frozenset((entry,))))
+            whole = len(order) == len(parts)
+            ends.fail(over.failure)
+            if whole:
+                ends.add(SKIPPED, over.skipped)
+            if self._runs_on or not whole:
+                ends.add(FAILURE, over.skipped, NO_REPORT)
+            if wraps and self._runs_on:
+                self._more_turns(order, {**dict.fromkeys(over.skipped, NO_REPORT), **over.failure})
+        return ends.tidied()
 
     def _more_turns(self, order: tuple[NodeSpec, ...], failed: Failures) -> None:
+        """Follow the children that were skipped before one ran: they may get another turn after it."""
         seen: set[FlowState] = set()
         while not seen.issuperset(failed):
             seen |= failed.keys()
             for part in order:
-                after = self._pass((part,), Outcomes(failed)).over.failure
+                after = self._pass((part,), Outcomes(failed)).failure
                 self._ends.fail(after)
                 failed = {**failed, **after}
 
 
-def _choice(spec: NodeSpec) -> tuple[str, tuple[tuple[str, NodeSpec], ...], tuple[NodeSpec, ...]]:
-    """Return the input whose value selects a case, the cases by label, and the default."""
-    assert spec.node is not None
-    slot = next(slot for slot in spec.node.declaration.slots if slot.matches)
-    cases = spec.slots[slot.key]
-    default = tuple(part for part in spec.children if not any(part is case for _, case in cases))
-    return slot.matches or "", cases, default
+def _narrowed(failures: Failures, mask: int) -> Failures:
+    """The failures as far as their causes are in the mask."""
+    return {s: reasons.only(mask) for s, reasons in failures.items() if reasons.any & mask}
+
+
+def _together(failures: Failures) -> Failures:
+    """The failures, each with the reasons of all."""
+    return dict.fromkeys(tidy(failures), joined(failures.values())) if failures else failures

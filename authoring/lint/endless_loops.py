@@ -17,13 +17,12 @@ from ...trees.controls import (
     RetryUntilSuccessful,
     Timeout,
 )
-from ...trees.flow import ChildFlow, LeafFlow
+from ...trees.flow import AGAIN, ChildFlow, LeafFlow, Loop, Recovery
 from ...trees.mission import MAIN, NodeSpec, TreeSpec
 from ...trees.node import Node
-from ...trees.values.references import Reference
+from ...trees.wiring.key_writers import uses_of
 from ...world.belief.facts import FACTS
-from .keys import expressions_of
-from .mission_survey import LintModel, ports_of
+from .mission_survey import LintModel
 
 _BY_ITSELF = "time"
 """The fact that changes although nobody does anything."""
@@ -43,54 +42,30 @@ class BranchEffects:
         return by_world or _BY_ITSELF in facts or bool(self.keys & expression.names)
 
 
+NO_EFFECT = BranchEffects(acts=False, keys=frozenset())
+
+
 def changes_of(branches: Iterable[NodeSpec], trees: Mapping[str, TreeSpec]) -> BranchEffects:
     """Return the possible changes by the branches, seen from the tree in which they stand."""
     acts, keys = False, set[str]()
-    for branch in branches:
-        for spec in branch.iterate():
-            keys |= _written(spec, trees)
-            if spec.node is None:
-                acts = acts or changes_of((trees[spec.id].root,), trees).acts
-            elif not (spec.children or is_steady(spec.node) or spec.node.kind == "condition"):
-                acts = True
+    for spec in (spec for branch in branches for spec in branch.iterate()):
+        keys.update(use.key for use in uses_of(spec, trees) if use.writes)
+        if spec.node is None:
+            acts = acts or changes_of((trees[spec.id].root,), trees).acts
+        elif not (spec.children or is_steady(spec.node) or spec.node.kind == "condition"):
+            acts = True
     return BranchEffects(acts, frozenset(keys))
 
 
-def is_constant(branch: NodeSpec, trees: Mapping[str, TreeSpec]) -> bool:
-    """Whether it takes no time and answers alike each time, unless something else changes what it asks."""
-    written: set[str] = set()
-    read: set[str] = set()
+def is_constant(branch: NodeSpec, trees: Mapping[str, TreeSpec], between: BranchEffects = NO_EFFECT) -> bool:
+    """Whether it takes no time and answers alike each time, with these changes between two times."""
+    written, read = set(between.keys), set[str]()
     for spec in branch.iterate():
-        if spec.node is None:
-            if not is_constant(trees[spec.id].root, trees):
-                return False
-        elif not is_steady(spec.node):
+        if not (is_constant(trees[spec.id].root, trees) if spec.node is None else is_steady(spec.node)):
             return False
-        written |= _written(spec, trees)
-        read |= set(_read(spec, trees))
-    return _BY_ITSELF not in read and not written & read
-
-
-def depends_on(branch: NodeSpec, trees: Mapping[str, TreeSpec], changes: BranchEffects) -> bool:
-    """Whether these changes may make it answer otherwise."""
-    if changes.acts:
-        return True
-    return any(changes.keys & set(_read(spec, trees)) for spec in branch.iterate())
-
-
-def _written(spec: NodeSpec, trees: Mapping[str, TreeSpec]) -> set[str]:
-    outputs = {port.key for port in ports_of(spec, trees) if port.direction == "out"}
-    wired = {b.key for key, b in spec.ports.items() if isinstance(b, Reference) and key in outputs}
-    return wired | {a.key for assignments in spec.postconditions.values() for a in assignments}
-
-
-def _read(spec: NodeSpec, trees: Mapping[str, TreeSpec]) -> Iterator[str]:
-    outputs = {port.key for port in ports_of(spec, trees) if port.direction == "out"}
-    for key, bound in spec.ports.items():
-        if isinstance(bound, Reference) and key not in outputs:
-            yield bound.key
-    for _, expression in expressions_of(spec):
-        yield from expression.names
+        for use in uses_of(spec, trees):
+            (written if use.writes else read).add(use.key)
+    return not between.acts and _BY_ITSELF not in read and not written & read
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,85 +96,62 @@ class NodeContext:
 
 def _may_end_early(spec: NodeSpec, child: NodeSpec, survey: LintModel) -> bool:
     """Whether a Parallel may end by what its other children do."""
-    others = [survey.summary(part) for part in spec.children if part is not child]
+    others = [survey.ends(part) for part in spec.children if part is not child]
     wanted = survey.walk.number(spec, "success_count")
-    return any(other.fails for other in others) or wanted not in (-1, len(spec.children))
+    return any(other.failure for other in others) or wanted not in (-1, len(spec.children))
 
 
 def contexts(survey: LintModel) -> Iterator[tuple[NodeSpec, NodeContext]]:
-    """The nodes of the mission in each context in which they stand. Of a library none: who knows where its
-    trees will stand."""
+    """The nodes of the mission's own file that start, in each context in which they stand. Of a library none:
+    who knows where its trees will stand."""
     seen: set[tuple[str, NodeContext]] = set()
-    todo: list[tuple[TreeSpec, NodeContext]] = []
-    if survey.main is not None:
-        todo.append((survey.mission.trees[MAIN], NodeContext()))
-    while todo:
-        tree, context = todo.pop()
-        if (tree.name, context) in seen:
-            continue
-        seen.add((tree.name, context))
-        for spec, around in _inside(tree.root, context, survey):
-            yield spec, around
-            if spec.node is None:
-                todo.append((survey.mission.trees[spec.id], around.below(spec, spec, survey)))
-
-
-def _inside(
-    root: NodeSpec, context: NodeContext, survey: LintModel
-) -> Iterator[tuple[NodeSpec, NodeContext]]:
-    todo = [(root, context)]
+    main = survey.mission.trees[MAIN].root if survey.main is not None else None
+    todo = [(main, NodeContext())] if main is not None else []
     while todo:
         spec, around = todo.pop()
-        yield spec, around
-        todo += [(child, around.below(spec, child, survey)) for child in reversed(spec.children)]
+        if survey.own(spec.mark) and survey.started(spec):
+            yield spec, around
+        if spec.node is None and (spec.id, inside := around.below(spec, spec, survey)) not in seen:
+            seen.add((spec.id, inside))
+            todo.append((survey.mission.trees[spec.id].root, inside))
+        todo += [(child, around.below(spec, child, survey)) for child in spec.children]
+
+
+def _left_alone(survey: LintModel, *kinds: type[Node]) -> Iterator[tuple[NodeSpec, NodeContext]]:
+    """Nodes of these classes that nothing stops while they run."""
+    for spec, context in contexts(survey):
+        stopped = context.stopped or "_while" in spec.preconditions
+        if not stopped and spec.node is not None and issubclass(spec.node, kinds):
+            yield spec, context
 
 
 def endless(survey: LintModel) -> Iterator[Diagnostic]:
     """P321, P322: a loop that nothing ends."""
-    for spec, context in contexts(survey):
-        if (
-            context.stopped
-            or "_while" in spec.preconditions
-            or not _judged(survey, spec)
-            or spec.node is None
-        ):
-            continue
-        if issubclass(spec.node, Repeat):
+    for spec, context in _left_alone(survey, Repeat, RetryUntilSuccessful, KeepRunningUntilFailure):
+        name, child = spec.children[0].name, survey.ends(spec.children[0])
+        if spec.node is not None and issubclass(spec.node, Repeat):
             yield from _repeat(survey, spec, context)
-        elif issubclass(spec.node, RetryUntilSuccessful) and survey.walk.number(spec, "num_attempts") == -1:
-            child = survey.summary(spec.children[0])
-            if child.succeeds or child.skipped:
+        elif survey.walk.number(spec, "num_attempts") == -1:
+            message = f"it never ends: num_attempts is -1, and {name} never succeeds"
+            if child.success or child.skipped:
                 message = "num_attempts is -1: it ends only when its child succeeds"
-            else:
-                message = f"it never ends: num_attempts is -1, and {spec.children[0].name} never succeeds"
-            yield survey.fault(
-                spec, message, "a number of attempts, or a Timeout", code="P321", at="num_attempts"
-            )
-        elif _never_fails(survey, spec):
-            message = f"it never ends: {spec.children[0].name} cannot fail"
-            yield survey.fault(spec, message, "a Repeat with 'num_cycles' or 'while'", code="P321")
-
-
-def _never_fails(survey: LintModel, spec: NodeSpec) -> bool:
-    """Whether it is to run until its child fails, and that cannot be."""
-    until_failure = spec.node is not None and issubclass(spec.node, KeepRunningUntilFailure)
-    return until_failure and not survey.summary(spec.children[0]).certain_failure
-
-
-def _judged(survey: LintModel, spec: NodeSpec) -> bool:
-    return survey.own(spec.mark) and survey.started(spec)
+            hint = "a number of attempts, or a Timeout"
+            yield survey.fault(spec, message, hint, code="P321", at="num_attempts")
+        elif spec.id == KeepRunningUntilFailure.__name__ and not child.fails_surely:
+            message, hint = f"it never ends: {name} cannot fail", "a Repeat with 'num_cycles' or 'while'"
+            yield survey.fault(spec, message, hint, code="P321")
 
 
 def _repeat(survey: LintModel, spec: NodeSpec, context: NodeContext) -> Iterator[Diagnostic]:
     if survey.walk.number(spec, "num_cycles") != -1:
         return
-    part, child = spec.children[0], survey.summary(spec.children[0])
+    part, child = spec.children[0], survey.ends(spec.children[0])
     condition = survey.walk.literal(spec, "while")
     constant = isinstance(condition, Expression) and survey.walk.shape(condition).constant
     if condition is None or constant:
         at = "while" if constant else "num_cycles"
         given = "'while' always holds" if constant else "num_cycles is -1 and there is no 'while'"
-        if child.certain_failure or child.skipped:
+        if child.fails_surely or child.skipped:
             message = f"it ends only when {part.name} fails: {given}"
         else:
             message = f"it never ends: {given}, and {part.name} cannot fail"
@@ -214,19 +166,17 @@ def _repeat(survey: LintModel, spec: NodeSpec, context: NodeContext) -> Iterator
 
 def unbounded_recovery(survey: LintModel) -> Iterator[Diagnostic]:
     """P325: a loop goes on while items are left, and passes over what fails with them."""
-    for spec, context in contexts(survey):
-        if context.stopped or "_while" in spec.preconditions or not _judged(survey, spec):
-            continue
-        if spec.node is None or not issubclass(spec.node, Repeat):
-            continue
+    for spec, _ in _left_alone(survey, Repeat):
         condition = survey.walk.literal(spec, "while")
         if survey.walk.number(spec, "num_cycles") != -1 or not isinstance(condition, Expression):
             continue
         below = tuple(_everything(spec.children[0], survey))
-        passing = next((s for s in below if _passes_over(survey, s)), None)
+        loops = (s for s in below if s.node is not None and issubclass(s.node, ForEach))
+        passing = next((s for s in loops if survey.walk.literal(s, "on_failure") == "continue"), None)
         if passing is None or not _OF_ITEMS & condition.names:
             continue
-        if not any(_gives_up(s) for s in below):
+        flows = (s.node.declaration.flow for s in below if s.node is not None)
+        if not any(isinstance(flow, LeafFlow) and flow.gives_up for flow in flows):
             message = f"{passing.name} passes over what fails, and '{condition}' still holds: an item that "
             message += "cannot be had keeps the loop going for ever"
             yield survey.fault(spec, message, "a number of cycles, or SetAside", code="P325", at="while")
@@ -238,16 +188,6 @@ _OF_ITEMS = frozenset(("items_left", "items_to_do"))
 def is_steady(node: type[Node]) -> bool:
     """Whether it takes no time of its own, and follows from keys and facts."""
     return node.declaration.flow is not None and node.declaration.flow.steady
-
-
-def _gives_up(spec: NodeSpec) -> bool:
-    flow = spec.node.declaration.flow if spec.node is not None else None
-    return isinstance(flow, LeafFlow) and flow.gives_up
-
-
-def _passes_over(survey: LintModel, spec: NodeSpec) -> bool:
-    continues = spec.node is not None and issubclass(spec.node, ForEach)
-    return continues and survey.walk.literal(spec, "on_failure") == "continue"
 
 
 def _everything(spec: NodeSpec, survey: LintModel) -> Iterator[NodeSpec]:
@@ -266,13 +206,12 @@ def vain_attempts(survey: LintModel) -> Iterator[Diagnostic]:
     """P323: what fails once fails each time."""
     trees, found = survey.mission.trees, set[int]()
     for spec, context in contexts(survey):
-        if context.beside or id(spec) in found or not _judged(survey, spec):
+        if context.beside or id(spec) in found:
             continue
         tried, cures = _attempts(survey, spec)
-        if tried is None or not survey.summary(tried).certain_failure:
+        if tried is None or not survey.ends(tried).fails_surely:
             continue
-        changed = changes_of(cures, trees)
-        if is_constant(tried, trees) and not depends_on(tried, trees, changed):
+        if is_constant(tried, trees, changes_of(cures, trees)):
             found.add(id(spec))
             message = f"trying again changes nothing: {tried.name} answers alike each time"
             hint = "something must act, or time pass, between two attempts"
@@ -281,15 +220,9 @@ def vain_attempts(survey: LintModel) -> Iterator[Diagnostic]:
 
 def _attempts(survey: LintModel, spec: NodeSpec) -> tuple[NodeSpec | None, tuple[NodeSpec, ...]]:
     """Return the child that a node tries several times, and those that it runs in between."""
-    if spec.node is None:
+    flow = spec.node.declaration.flow if spec.node is not None else None
+    if not isinstance(flow, Loop | Recovery) or (isinstance(flow, Loop) and flow.failure is not AGAIN):
         return None, ()
-    if issubclass(spec.node, RetryUntilSuccessful):
-        several = survey.walk.number(spec, "num_attempts") not in (0, 1)
-        return (spec.children[0], ()) if several else (None, ())
-    slots = spec.node.declaration.slots
-    if any(slot.of == "cause" for slot in slots) and survey.walk.number(spec, "attempts") != 1:
-        tried = spec.slots["do"][0][1]
-        return tried, tuple(child for child in spec.children if child is not tried)
-    if spec.node.declaration.port("number_of_retries") and survey.walk.number(spec, "number_of_retries") != 0:
-        return spec.children[0], spec.children[1:]
-    return None, ()
+    runs = survey.walk.number(spec, flow.runs)
+    once = runs is not None and 0 <= runs + (isinstance(flow, Recovery) and flow.first_is_free) <= 1
+    return (None, ()) if once else (spec.children[0], spec.children[1:])

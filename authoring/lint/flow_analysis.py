@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from ...trees.declaration import PRECONDITIONS
-from ...trees.flow import FAILURE, RUNNING, SKIPPED, SUCCESS, AtOnce, ChildFlow, Recovery
+from ...trees.flow import FAILURE, RUNNING, SKIPPED, SUCCESS, AtOnce, ChildFlow
 from ...trees.mission import Mission, NodeSpec, TreeSpec, bottom_up
 from ...trees.values.references import Reference
 from .child_flow import ChildWalk
@@ -13,7 +13,6 @@ from .keys import KeyBits, lay_out
 from .leaf_flow import any_order_outcomes, leaf_outcomes
 from .outcomes import EMPTY, KEPT, OUTER, SHARED, FlowState, Outcomes, States, tidy
 from .parallel_flow import ParallelWalk
-from .recovery_flow import RecoveryWalk
 
 
 class FlowAnalysis(FlowWalk):
@@ -79,17 +78,13 @@ class FlowAnalysis(FlowWalk):
             return self._call(spec, state)
         after, reasons = self.inputs(spec, state)
         flow = self._outcomes(spec, after)
-        if reasons is not None:
-            flow.add(FAILURE, (state,), reasons)
-            flow.tidied()
-        return flow
+        flow.add(FAILURE, (state,), reasons)
+        return flow.tidied() if reasons.any else flow
 
     def _outcomes(self, spec: NodeSpec, entry: FlowState) -> Outcomes:
         assert spec.node is not None
         node = spec.node.declaration
         match node.flow:
-            case Recovery() as flow:
-                return RecoveryWalk(spec, flow, self).outcomes(entry)
             case AtOnce() as flow:
                 return ParallelWalk(spec, flow, self, entry).outcomes()
             case ChildFlow() as flow:
@@ -176,7 +171,7 @@ class FlowAnalysis(FlowWalk):
             ends.take(flow)
             if "_while" in spec.preconditions:
                 # Where it no longer holds, the node is halted first.
-                halted = self._assigned_keys(spec, ("_onHalted",))
+                halted = self._assigned_keys(spec, "_onHalted")
                 running = frozenset(state.perhaps(halted) for state in flow.running)
                 asked = self.ask(spec, "_while", spec.preconditions["_while"], running)
                 ends.fail(asked.failed)
@@ -185,44 +180,34 @@ class FlowAnalysis(FlowWalk):
 
     def _concluded(self, spec: NodeSpec, flow: Outcomes) -> Outcomes:
         """Return the ends after the assignments; one that has no value makes a success a failure."""
-        ends = Outcomes()
+        ends = Outcomes(skipped=flow.skipped)
         ends.add(SUCCESS, self._assigned(spec, ("_onSuccess", "_post"), flow.success, ends))
-        ends.add(SKIPPED, flow.skipped)
         for state, reasons in flow.failure.items():
             problems = Outcomes()
             after = self._assigned(spec, ("_onFailure", "_post"), frozenset((state,)), problems)
             ends.add(FAILURE, after, reasons)
             for at, missing in problems.tidied().failure.items():
                 ends.add(FAILURE, (at,), joined((reasons.only(~UNREPORTED), missing)))
-        halted = self._assigned_keys(spec, ("_onHalted",))
+        halted = self._assigned_keys(spec, "_onHalted")
         ends.add(RUNNING, (state.perhaps(halted) for state in flow.running))
-        for state in flow.running:  # no end comes of them, but the names are read
-            self._assigned(spec, ("_onHalted",), frozenset((state,)), Outcomes())
+        # No end comes of a halt, but the names are read.
+        self._assigned(spec, ("_onHalted",), flow.running, Outcomes())
         return ends.tidied()
 
     def _assigned(self, spec: NodeSpec, places: tuple[str, ...], states: States, ends: Outcomes) -> States:
         """Return the states after all could be carried out; the others are failures of `ends`."""
-        written = self._assigned_keys(spec, places)
-        for place in places:
+        written = self._assigned_keys(spec, *places)
+        for place in places if states else ():
             for assignment in spec.postconditions.get(place, ()):
                 bits = self.bits(assignment.key)
                 asked = self.ask(spec, place, assignment.value, states)
-                for state, reasons in asked.failed.items():
-                    ends.add(FAILURE, (state.perhaps(written),), reasons)
-                after: list[FlowState] = []
-                for state in (*asked.yes, *asked.no):
-                    if not assignment.new:
-                        _, missing = self.read(spec, place, assignment.key, bits, state)
-                        ends.add(
-                            FAILURE, (state.perhaps(written),), self.fails(spec, missing) if missing else None
-                        )
-                    after.append(state.written(bits))
-                states = tidy(after)
+                states = asked.yes | asked.no
+                ends.fail({state.perhaps(written): reasons for state, reasons in asked.failed.items()})
+                for state in states if not assignment.new else ():
+                    _, missing = self.read(spec, place, assignment.key, bits, state)
+                    ends.add(FAILURE, (state.perhaps(written),), self.fails(spec, missing))
+                states = tidy(state.written(bits) for state in states)
         return states
 
-    def _assigned_keys(self, spec: NodeSpec, places: tuple[str, ...]) -> int:
-        bits = 0
-        for place in places:
-            for assignment in spec.postconditions.get(place, ()):
-                bits |= self.bits(assignment.key)
-        return bits
+    def _assigned_keys(self, spec: NodeSpec, *places: str) -> int:
+        return self.all_bits(a.key for place in places for a in spec.postconditions.get(place, ()))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from functools import reduce
 
 from ...files.expressions.expression import Expression
 from ...trees.flow import FAILURE
@@ -90,7 +91,8 @@ class FlowWalk(ABC):
         """Why a node was not reached, by `id` of its spec; it may have been from elsewhere."""
         self.handled: set[tuple[int, str]] = set()
         """Handlers that were used, by `id` of the spec and label."""
-        self.fillers: list[NodeSpec] = []
+        self.fillers: dict[int, tuple[int, NodeSpec]] = {}
+        """Bits of `FlowState.hand` with the node that took what is held, by `id` of its spec."""
         self.unhidable = self.causes.matching("safety.*")
         """What no node may turn into a success; faults of the program are not walked through."""
         self._remembered: dict[int, FailureReasons] = {}
@@ -123,23 +125,24 @@ class FlowWalk(ABC):
         value = self.literal(spec, key)
         return value if isinstance(value, int | float) else None
 
-    def keys_of(self, spec: NodeSpec, ports: Iterable[str]) -> int:
-        """Return the bits of the keys to which the ports are wired."""
-        bits = 0
-        for port in ports:
-            bound = spec.ports.get(port)
-            bits |= self.bits(bound.key) if isinstance(bound, Reference) else 0
-        return bits
+    def outputs(self, spec: NodeSpec) -> int:
+        """Return the bits of the keys to which the node's outputs are wired."""
+        ports = spec.node.declaration.outputs if spec.node is not None else ()
+        wired = (spec.ports.get(port.key) for port in ports)
+        return self.all_bits(bound.key for bound in wired if isinstance(bound, Reference))
+
+    def all_bits(self, keys: Iterable[str]) -> int:
+        """Return the bits that stand for the keys."""
+        return reduce(int.__or__, map(self.bits, keys), 0)
 
     def flags(self, spec: NodeSpec) -> tuple[int, ...]:
         """The bits of a node that is `lasting`."""
         return self._frame.layout.flags[id(spec)]
 
     def shape(self, expression: Expression) -> ExpressionShape:
-        found = self._shapes.get(id(expression))
-        if found is None:
-            found = self._shapes[id(expression)] = shape(expression)
-        return found
+        if id(expression) not in self._shapes:
+            self._shapes[id(expression)] = shape(expression)
+        return self._shapes[id(expression)]
 
     def ask(
         self, spec: NodeSpec, place: str, expression: Expression, states: Iterable[FlowState]
@@ -151,8 +154,7 @@ class FlowWalk(ABC):
         failed = Outcomes()
         for state in states:
             after, reasons = self._names(spec, place, found, state)
-            if reasons is not None:
-                failed.add(FAILURE, (state,), reasons)
+            failed.add(FAILURE, (state,), reasons)
             if found.fails:
                 continue
             if found.constant is not False:
@@ -177,7 +179,7 @@ class FlowWalk(ABC):
         bit = self._frame.layout.keys[key]
         return self._frame.same.get(bit, bit)
 
-    def inputs(self, spec: NodeSpec, state: FlowState) -> tuple[FlowState, FailureReasons | None]:
+    def inputs(self, spec: NodeSpec, state: FlowState) -> tuple[FlowState, FailureReasons]:
         """After the inputs were read as the node starts; and why that may fail."""
         assert spec.node is not None
         loud = quiet = 0
@@ -194,13 +196,13 @@ class FlowWalk(ABC):
                 loud, quiet = loud | self._unknown_object, quiet | self._missing_input
             if port.type.name != "any" or port.type.many:
                 quiet |= self._missing_input
-        return state, self.fails(spec, loud, quiet) if loud or quiet else None
+        return state, self.fails(spec, loud, quiet)
 
     def _names(
         self, spec: NodeSpec, place: str, found: ExpressionShape, state: FlowState
-    ) -> tuple[FlowState, FailureReasons | None]:
+    ) -> tuple[FlowState, FailureReasons]:
         """After the names of an expression were read; and why it may have no value."""
-        loud = quiet = 0
+        loud, quiet, owned = 0, 0, found.attributes
         for name in found.names:
             bits = self.bits(name)
             if name in FACTS and not state.sure & bits:
@@ -208,15 +210,14 @@ class FlowWalk(ABC):
             after, missing = self.read(spec, place, name, bits, state)
             loud |= missing
             state = after if name in found.certain else state
-            if bits & self._frame.owned:
-                loud, quiet = loud | self._unknown_object, quiet | self._missing_input
-        if found.attributes:
+            owned = owned or bits & self._frame.owned != 0
+        if owned:
             loud, quiet = loud | self._unknown_object, quiet | self._missing_input
         if found.fails:
             loud |= self._missing_input
         elif not found.total:
             quiet |= self._missing_input
-        return state, self.fails(spec, loud, quiet) if loud or quiet else None
+        return state, self.fails(spec, loud, quiet)
 
     def read(
         self, spec: NodeSpec, place: str, key: str, bits: int, state: FlowState
@@ -257,8 +258,8 @@ class FlowWalk(ABC):
             shared = any(state.hand & SHARED for state in states)
             return flow if shared or not meanwhile.hand else flow.mapped(FlowState.alone)
         flows = [self.node_outcomes(spec, state) for state in states]
-        if len(flows) < 2:
-            return flows[0] if flows else Outcomes()
+        if len(flows) == 1:
+            return flows[0]
         ends = Outcomes()
         for flow in flows:
             ends.take(flow)
@@ -266,10 +267,8 @@ class FlowWalk(ABC):
 
     def effect(self, spec: NodeSpec, states: Iterable[FlowState]) -> ConcurrentEffect:
         """Return the possible effect of a child that starts in any of these states."""
-        found = NOTHING
-        for state in states:
-            found = found.with_(self.node_outcomes(spec, state).effect(state))
-        return found
+        effects = (self.node_outcomes(spec, state).effect(state) for state in states)
+        return reduce(ConcurrentEffect.with_, effects, NOTHING)
 
     def remember(self, spec: NodeSpec, reasons: FailureReasons) -> None:
         """Remember how the node may have failed in an earlier activation."""
@@ -286,10 +285,8 @@ class FlowWalk(ABC):
 
     def filler(self, spec: NodeSpec) -> int:
         """The bit of `FlowState.hand` that says that this node took what is held."""
-        if not any(spec is known for known in self.fillers):
-            self.fillers.append(spec)
-        index = next(i for i, known in enumerate(self.fillers) if known is spec)
-        return FIRST_FILLER << index
+        self.fillers.setdefault(id(spec), (FIRST_FILLER << len(self.fillers), spec))
+        return self.fillers[id(spec)][0]
 
     def unreached(self, spec: NodeSpec, why: str) -> None:
         """The child is not ticked this time; `why` completes `it is never reached: …`."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from ...files.expressions.expression import Expression, ExpressionError
@@ -19,9 +19,20 @@ from ...files.expressions.syntax_tree import (
     walk,
 )
 from ...files.expressions.syntax_tree import children as parts_of
-from ...trees.flow import Flow, Once, Turns
-from ...trees.mission import NodeSpec, TreeSpec
-from ...trees.values.references import Constant, Reference
+from ...trees.flow import Once, Turns
+from ...trees.mission import TreeSpec
+from ...trees.wiring.key_writers import KeyUse, uses_of
+
+
+class KeyUsage:
+    """The keys of one tree, with the places of the text that read and write them."""
+
+    def __init__(self, tree: TreeSpec, trees: Mapping[str, TreeSpec]) -> None:
+        self.reads: dict[str, list[KeyUse]] = {}
+        self.writes: dict[str, list[KeyUse]] = {}
+        for spec in tree.root.iterate():
+            for use in uses_of(spec, trees):
+                (self.writes if use.writes else self.reads).setdefault(use.key, []).append(use)
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,6 +49,7 @@ class KeyBits:
     size: int
     inputs: int
     """The bits of its input ports."""
+    usage: KeyUsage
 
 
 def lay_out(trees: Mapping[str, TreeSpec], order: tuple[str, ...]) -> dict[str, KeyBits]:
@@ -45,58 +57,25 @@ def lay_out(trees: Mapping[str, TreeSpec], order: tuple[str, ...]) -> dict[str, 
     layouts: dict[str, KeyBits] = {}
     for name in order:
         tree = trees[name]
-        specs = tuple(tree.root.iterate())
         keys: dict[str, int] = {}
-        for key in (*(port.key for port in tree.ports), *(key for spec in specs for key in _keys(spec))):
+        usage = KeyUsage(tree, trees)
+        for key in (*(port.key for port in tree.ports), *usage.reads, *usage.writes):
             keys.setdefault(key, 1 << len(keys))
         size = len(keys)
         flags: dict[int, tuple[int, ...]] = {}
         calls: dict[int, tuple[int, KeyBits]] = {}
-        for spec in specs:
+        for spec in tree.root.iterate():
             if spec.node is None:
                 calls[id(spec)] = (size, layouts[spec.id])
                 size += layouts[spec.id].size
-            elif lasting := _lasting(spec.node.declaration.flow):
+            else:
+                flow = spec.node.declaration.flow
+                lasting = 2 if isinstance(flow, Once) else int(isinstance(flow, Turns))
                 flags[id(spec)] = tuple(1 << size + index for index in range(lasting))
                 size += lasting
         inputs = sum(keys[port.key] for port in tree.ports if port.direction == "in")
-        layouts[name] = KeyBits(tree, keys, flags, calls, size, inputs)
+        layouts[name] = KeyBits(tree, keys, flags, calls, size, inputs, usage)
     return layouts
-
-
-def _lasting(flow: Flow | None) -> int:
-    """Number of facts that a node remembers beyond its end."""
-    return 2 if isinstance(flow, Once) else 1 if isinstance(flow, Turns) else 0
-
-
-def _keys(spec: NodeSpec) -> Iterator[str]:
-    """The keys that a node's ports and conditions name, in the order of the file."""
-    for bound in spec.ports.values():
-        if isinstance(bound, Reference):
-            yield bound.key
-        elif isinstance(bound.value, Expression):
-            yield from _names(bound.value)
-    for condition in spec.preconditions.values():
-        yield from _names(condition)
-    for assignments in spec.postconditions.values():
-        for assignment in assignments:
-            yield assignment.key
-            yield from _names(assignment.value)
-
-
-def _names(expression: Expression) -> Iterator[str]:
-    return (part.name for part in walk(expression.root) if isinstance(part, Name))
-
-
-def expressions_of(spec: NodeSpec) -> Iterator[tuple[str, Expression]]:
-    """The expressions of a node, with the key under which each stands."""
-    for key, bound in spec.ports.items():
-        if isinstance(bound, Constant) and isinstance(bound.value, Expression):
-            yield key, bound.value
-    yield from spec.preconditions.items()
-    for key, assignments in spec.postconditions.items():
-        for assignment in assignments:
-            yield key, assignment.value
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,7 +97,12 @@ class ExpressionShape:
 
 
 def shape(expression: Expression) -> ExpressionShape:
-    constant, fails = _constant(expression)
+    constant, fails = None, False
+    if not (expression.names or any(isinstance(part, Attribute) for part in walk(expression.root))):
+        try:
+            constant = bool(expression.evaluate({}))
+        except ExpressionError:
+            fails = True
     names = dict.fromkeys(part.name for part in walk(expression.root) if isinstance(part, Name))
     return ExpressionShape(
         tuple(names),
@@ -173,12 +157,3 @@ def says_of_hand(part: Part, *, answer: bool) -> bool | None:
             return next((said for said in known if said is not None), None)
         case _:
             return None
-
-
-def _constant(expression: Expression) -> tuple[bool | None, bool]:
-    if expression.names or any(isinstance(part, Attribute) for part in walk(expression.root)):
-        return None, False
-    try:
-        return bool(expression.evaluate({})), False
-    except ExpressionError:
-        return None, True

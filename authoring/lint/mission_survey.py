@@ -2,75 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator
 from functools import cached_property
 
 from ...files.marks import Diagnostic, Mark
 from ...trees.loading.scene_names import SceneNames
 from ...trees.mission import MAIN, Mission, NodeSpec, TreeSpec, bottom_up, reachable
-from ...trees.ports import PortDeclaration
-from ...trees.values.references import Reference
-from .failure_reasons import joined
+from ...trees.node import Node
+from ...trees.wiring.key_writers import PlacedNode, placed_nodes
 from .flow_analysis import FlowAnalysis
-from .keys import expressions_of
 from .outcomes import EMPTY, KEPT, Outcomes
-
-
-@dataclass(frozen=True, slots=True)
-class KeyAccess:
-    """One place of the text that reads or writes a key: under the key `at` of a node."""
-
-    spec: NodeSpec
-    at: str
-
-
-class KeyUsage:
-    """The keys of one tree. A wire to a port of a sub-tree reads or writes as the port's direction says."""
-
-    def __init__(self, tree: TreeSpec, trees: Mapping[str, TreeSpec]) -> None:
-        self.reads: dict[str, list[KeyAccess]] = {}
-        self.writes: dict[str, list[KeyAccess]] = {}
-        for spec in tree.root.iterate():
-            outputs = {port.key for port in ports_of(spec, trees) if port.direction == "out"}
-            for key, bound in spec.ports.items():
-                if isinstance(bound, Reference):
-                    touched = self.writes if key in outputs else self.reads
-                    touched.setdefault(bound.key, []).append(KeyAccess(spec, key))
-            for at, expression in expressions_of(spec):
-                for name in sorted(expression.names):
-                    self.reads.setdefault(name, []).append(KeyAccess(spec, at))
-            for at, assignments in spec.postconditions.items():
-                for assignment in assignments:
-                    self.writes.setdefault(assignment.key, []).append(KeyAccess(spec, at))
-
-
-def ports_of(spec: NodeSpec, trees: Mapping[str, TreeSpec]) -> tuple[PortDeclaration, ...]:
-    """Return the ports of the node, or of the sub-tree that it stands for."""
-    return trees[spec.id].ports if spec.node is None else spec.node.declaration.ports
-
-
-@dataclass(frozen=True, slots=True)
-class NodeLocation:
-    """Where a node stands in the text: its tree, its path in it, and the nodes above it."""
-
-    spec: NodeSpec
-    path: str
-    tree: TreeSpec
-    above: tuple[NodeSpec, ...]
-
-
-@dataclass(frozen=True, slots=True)
-class OutcomeSummary:
-    """Ends of a node over all states that it was reached in. `certain`: only those ways that
-    some node declares."""
-
-    succeeds: bool
-    fails: bool
-    skipped: bool
-    runs: bool
-    certain_failure: bool
-    causes: int
 
 
 class LintModel:
@@ -81,14 +22,15 @@ class LintModel:
         self.known = known
         self.file = mission.document.root.mark.file
         self.walk = FlowAnalysis(mission)
+        self._ends: dict[int, Outcomes] = {}
         if MAIN in mission.trees and not mission.library:
             self.walk.enter(mission.main)
         # The remaining trees are judged by themselves, callers first: from those the others are entered.
         for name in reversed(bottom_up(mission.trees)):
             if name not in self.walk.entered and self.own(mission.trees[name].mark):
                 self.walk.enter(mission.trees[name], EMPTY | KEPT)
-        self._places = {id(place.spec): place for tree in mission.trees.values() for place in _placed(tree)}
-        self.usage = {name: KeyUsage(tree, mission.trees) for name, tree in mission.trees.items()}
+        self._places = {id(p.spec): p for tree in mission.trees.values() for p in placed_nodes(tree)}
+        self.usage = {name: self.walk.layout_of(name).usage for name in mission.trees}
 
     def own(self, mark: Mark) -> bool:
         """Whether it stands in the mission's own file; others are judged when they are checked."""
@@ -103,22 +45,24 @@ class LintModel:
         """Those of the mission's own file, in its order."""
         return (tree for tree in self.mission.trees.values() if self.own(tree.mark))
 
-    def places(self) -> Iterator[NodeLocation]:
+    def places(self) -> Iterator[PlacedNode]:
         """The nodes of the mission's own file, parents first."""
         for tree in self.trees():
             for spec in tree.root.iterate():
                 yield self._places[id(spec)]
 
-    def place(self, spec: NodeSpec) -> NodeLocation:
-        return self._places[id(spec)]
+    def nodes(self, *kinds: type[Node]) -> Iterator[NodeSpec]:
+        """Those of these classes, or all but sub-trees."""
+        for place in self.places():
+            if place.spec.node is not None and issubclass(place.spec.node, kinds or Node):
+                yield place.spec
 
     def fault(
         self, spec: NodeSpec, message: str, hint: str = "", *, code: str, at: str = "", error: bool = False
     ) -> Diagnostic:
         """A finding at a node, or at the value under its key `at`."""
-        mark = spec.places.get(at, spec.mark) if at else spec.mark
         path = self._places[id(spec)].path
-        return Diagnostic(mark, path, message, hint, code, "error" if error else "warning")
+        return Diagnostic(spec.mark_at(at), path, message, hint, code, "error" if error else "warning")
 
     # How the mission and its nodes may go.
 
@@ -135,34 +79,20 @@ class LintModel:
         """Whether it is, and its preconditions let it start."""
         return id(spec) in self.walk.started
 
-    def summary(self, spec: NodeSpec) -> OutcomeSummary:
-        """How the node ends, of all that was found."""
-        flows = self._flows.get(id(spec), [])
-        failures = [pair for flow in flows for pair in flow.failure.items()]
-        reasons = joined(why for _, why in failures) if failures else None
-        return OutcomeSummary(
-            any(flow.success for flow in flows),
-            bool(failures),
-            any(flow.skipped for flow in flows),
-            any(flow.running for flow in flows),
-            any(not state.doubtful and why.loud for state, why in failures),
-            reasons.any if reasons else 0,
-        )
+    def ends(self, spec: NodeSpec) -> Outcomes:
+        """How the node ends, over all states that it was reached in."""
+        known = self._ends.get(id(spec))
+        if known is None:
+            known = self._ends[id(spec)] = Outcomes()
+            for ends in self._found.get(id(spec), ()):
+                known.take(ends)
+        return known
 
     @cached_property
-    def _flows(self) -> dict[int, list[Outcomes]]:
+    def _found(self) -> dict[int, list[Outcomes]]:
         found: dict[int, list[Outcomes]] = {}
         for name in self.mission.trees:
             for frame in self.walk.frames_of(name):
-                for (spec, _), flow in frame.memo.items():
-                    found.setdefault(spec, []).append(flow)
+                for (spec, _), ends in frame.memo.items():
+                    found.setdefault(spec, []).append(ends)
         return found
-
-
-def _placed(tree: TreeSpec) -> Iterator[NodeLocation]:
-    todo: list[tuple[NodeSpec, str, tuple[NodeSpec, ...]]] = [(tree.root, tree.name, ())]
-    while todo:
-        spec, above, parents = todo.pop()
-        path = f"{above}/{spec.name}"
-        yield NodeLocation(spec, path, tree, parents)
-        todo += [(child, path, (*parents, spec)) for child in reversed(spec.children)]

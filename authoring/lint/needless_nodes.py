@@ -6,12 +6,14 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from ...files.marks import Diagnostic
-from ...trees.controls import Delay, ForceFailure, ForceSuccess, RetryUntilSuccessful, Switch, Timeout
+from ...trees.controls import Switch
+from ...trees.controls.decorator import Decorator
 from ...trees.mission import NodeSpec
 from ...trees.values.references import ATTRIBUTE_TYPES, Reference
+from ...trees.wiring.key_writers import PlacedNode
 from ...world.causes import internal, tree
-from .failure_reasons import UNREPORTED
-from .mission_survey import LintModel, NodeLocation
+from .failure_reasons import UNREPORTED, joined
+from .mission_survey import LintModel
 
 
 @dataclass(slots=True)
@@ -67,23 +69,18 @@ def _nothing_handled(survey: LintModel, places: list[_Unmet]) -> Diagnostic:
 
 def needless_handlers(survey: LintModel) -> Iterator[Diagnostic]:
     """P311, P312: a handler whose causes the child does not fail with, or an earlier pattern takes."""
-    for place in survey.places():
-        spec = place.spec
-        if spec.node is None or not survey.started(spec):
+    for spec in survey.nodes():
+        # In a single run no handler is ever needed; that has a finding of its own.
+        if spec.node is None or not survey.started(spec) or survey.walk.number(spec, "attempts") == 1:
             continue
         for slot in spec.node.declaration.slots:
-            if slot.of == "cause" and not _runs_once(survey, spec):
+            if slot.of == "cause":
                 yield from _table(survey, spec, slot.key)
-
-
-def _runs_once(survey: LintModel, spec: NodeSpec) -> bool:
-    """No handler is ever needed then; that has a finding of its own."""
-    return survey.walk.number(spec, "attempts") == 1
 
 
 def _table(survey: LintModel, spec: NodeSpec, slot: str) -> Iterator[Diagnostic]:
     tried = spec.slots["do"][0][1]
-    causes = survey.summary(tried).causes & ~UNREPORTED
+    causes = joined(survey.ends(tried).failure.values()).any & ~UNREPORTED
     earlier: list[str] = []
     for pattern, _ in spec.slots.get(slot, ()):
         used = (id(spec), pattern) in survey.walk.handled
@@ -137,7 +134,7 @@ def unreachable(survey: LintModel) -> Iterator[Diagnostic]:
         yield survey.fault(spec, message, hint, code="P320")
 
 
-def _is_handler(place: NodeLocation) -> bool:
+def _is_handler(place: PlacedNode) -> bool:
     """Whether the place is a handler by cause after which its node may run again: other rules judge those."""
     parent = place.above[-1]
     for slot in parent.node.declaration.slots if parent.node is not None else ():
@@ -147,7 +144,7 @@ def _is_handler(place: NodeLocation) -> bool:
     return False
 
 
-def _following(place: NodeLocation, survey: LintModel) -> list[str] | None:
+def _following(place: PlacedNode, survey: LintModel) -> list[str] | None:
     """The names of what is not reached either, behind it in the same list; None: it is itself such a one."""
     parent = place.above[-1]
     slots = parent.node.declaration.slots if parent.node is not None else ()
@@ -164,27 +161,30 @@ def _following(place: NodeLocation, survey: LintModel) -> list[str] | None:
 
 def without_effect(survey: LintModel) -> Iterator[Diagnostic]:
     """P324: a decorator that changes nothing about its child."""
-    for place in survey.places():
-        spec = place.spec
-        if spec.node is None or not survey.started(spec) or spec.node.kind != "decorator":
+    for spec in survey.nodes(Decorator):
+        if not survey.started(spec):
             continue
         part = spec.children[0]
-        child, message, at = survey.summary(part), "", ""
-        if issubclass(spec.node, ForceSuccess) and not child.fails:
-            message = f"{part.name} never fails"
-        elif issubclass(spec.node, ForceFailure) and not child.succeeds:
-            message = f"{part.name} never succeeds"
-        elif issubclass(spec.node, Timeout) and survey.walk.number(spec, "msec") == 0:
-            message, at = "a time of 0 is without limit", "msec"
-        elif issubclass(spec.node, Timeout) and not child.runs:
-            message = f"{part.name} always ends at once"
-        elif issubclass(spec.node, Delay) and survey.walk.number(spec, "delay_msec") == 0:
-            message, at = "it waits no time", "delay_msec"
-        elif issubclass(spec.node, RetryUntilSuccessful):
-            if survey.walk.number(spec, "num_attempts") == 1:
+        ends, number = survey.ends(part), survey.walk.number
+        never_fails = f"{part.name} never fails" if survey.reached(part) and not ends.failure else ""
+        message, at = "", ""
+        match spec.id:
+            case "ForceSuccess":
+                message = never_fails
+            case "ForceFailure" if not ends.success:
+                message = f"{part.name} never succeeds"
+            case "Timeout" if number(spec, "msec") == 0:
+                message, at = "a time of 0 is without limit", "msec"
+            case "Timeout" if not ends.running:
+                message = f"{part.name} always ends at once"
+            case "Delay" if number(spec, "delay_msec") == 0:
+                message, at = "it waits no time", "delay_msec"
+            case "RetryUntilSuccessful" if number(spec, "num_attempts") == 1:
                 message, at = "one attempt is no retry", "num_attempts"
-            elif survey.reached(part) and not child.fails:
-                message = f"{part.name} never fails"
+            case "RetryUntilSuccessful":
+                message = never_fails
+            case _:
+                pass
         if message:
             yield survey.fault(spec, f"{spec.id} has no effect: {message}", code="P324", at=at)
 
@@ -202,7 +202,7 @@ def needless_defaults(survey: LintModel) -> Iterator[Diagnostic]:
             yield survey.fault(spec, message, "each of them has a case", code="P326", at="default")
 
 
-def _values(place: NodeLocation) -> tuple[str, ...]:
+def _values(place: PlacedNode) -> tuple[str, ...]:
     """All values that the variable of a Switch may have, as its cases would write them; empty: not known."""
     bound = place.spec.ports.get("variable")
     if not isinstance(bound, Reference):

@@ -41,15 +41,13 @@ class FlowState(NamedTuple):
 
     def written(self, bits: int) -> FlowState:
         """After these keys were written."""
-        if self.sure & bits == bits:
-            return self
-        return FlowState(self.sure | bits, self.maybe | bits, self.hand, self.doubtful)
+        done = self.sure & bits == bits
+        return self if done else FlowState(self.sure | bits, self.maybe | bits, self.hand, self.doubtful)
 
     def perhaps(self, bits: int) -> FlowState:
         """After these keys were written, or not."""
-        if self.maybe & bits == bits:
-            return self
-        return FlowState(self.sure, self.maybe | bits, self.hand, self.doubtful)
+        done = self.maybe & bits == bits
+        return self if done else FlowState(self.sure, self.maybe | bits, self.hand, self.doubtful)
 
     def holding(self, hand: int) -> FlowState:
         return self if hand == self.hand else FlowState(self.sure, self.maybe, hand, self.doubtful)
@@ -60,15 +58,6 @@ class FlowState(NamedTuple):
 
     def in_doubt(self) -> FlowState:
         return self if self.doubtful else FlowState(self.sure, self.maybe, self.hand, True)
-
-    def covers(self, other: FlowState) -> bool:
-        """Whether all that may be so in the other may be so here."""
-        return (
-            self.sure & ~other.sure == 0
-            and other.maybe & ~self.maybe == 0
-            and other.hand & ~self.hand == 0
-            and (other.doubtful or not self.doubtful)
-        )
 
 
 class ConcurrentEffect(NamedTuple):
@@ -103,18 +92,21 @@ def merged(states: Iterable[FlowState]) -> FlowState:
 
 
 def tidy(states: Iterable[FlowState], limit: int = LIMIT) -> States:
-    """The same with what others cover left out, and merged where there are too many."""
+    """The same with what others cover left out, and merged where there are too many: by the hand first."""
     found = states if isinstance(states, frozenset) else frozenset(states)
-    if len(found) < 2:
-        return found
-    if len(found) > 3 * limit:  # to compare each with each would cost too much
-        found = _merged_by(found, with_hand=True)
-    found = uncovered(found)
-    if len(found) > limit:
-        found = uncovered(_merged_by(found, with_hand=True))
-    if len(found) > limit:
-        found = uncovered(_merged_by(found, with_hand=False))
+    if 1 < len(found) <= 3 * limit:  # to compare more, each with each, would cost too much
+        found = uncovered(found)
+    for with_hand in (True, False):
+        if len(found) > limit:
+            found = uncovered(frozenset(map(merged, _alike(found, with_hand=with_hand))))
     return found
+
+
+def _alike(states: Iterable[FlowState], *, with_hand: bool) -> Iterable[list[FlowState]]:
+    groups: dict[tuple[int, bool], list[FlowState]] = {}
+    for state in states:
+        groups.setdefault((state.hand if with_hand else 0, state.doubtful), []).append(state)
+    return groups.values()
 
 
 def uncovered(states: States) -> States:
@@ -137,13 +129,6 @@ def uncovered(states: States) -> States:
     return states if len(left) == len(states) else frozenset(left)
 
 
-def _merged_by(states: States, *, with_hand: bool) -> States:
-    groups: dict[tuple[int, bool], list[FlowState]] = {}
-    for state in states:
-        groups.setdefault((state.hand if with_hand else 0, state.doubtful), []).append(state)
-    return frozenset(merged(group) for group in groups.values())
-
-
 Failures: TypeAlias = Mapping[FlowState, FailureReasons]
 """States in which a node may have failed, and for which reasons."""
 
@@ -156,10 +141,10 @@ class Outcomes:
 
     __slots__ = ("failure", "missing", "running", "skipped", "success")
 
-    def __init__(self, failure: Failures | None = None) -> None:
-        self.success: States = frozenset()
-        self.skipped: States = frozenset()
-        self.running: States = frozenset()
+    def __init__(self, failure: Failures | None = None, skipped: States = NONE) -> None:
+        self.success: States = NONE
+        self.skipped = skipped
+        self.running: States = NONE
         self.failure: dict[FlowState, FailureReasons] = dict(failure or {})
         self.missing = 0
         """Inputs of the sub-tree that were read although nothing had surely written them, as bits of keys."""
@@ -171,6 +156,15 @@ class Outcomes:
         for state, reasons in self.failure.items():
             yield FAILURE, state, reasons
 
+    def groups(self) -> Iterator[tuple[NodeStatus, States, FailureReasons | None]]:
+        """The states of each end but RUNNING, those of failures one by one."""
+        if self.skipped:
+            yield SKIPPED, self.skipped, None
+        if self.success:
+            yield SUCCESS, self.success, None
+        for state, reasons in self.failure.items():
+            yield FAILURE, frozenset((state,)), reasons
+
     def add(
         self, status: NodeStatus, states: Iterable[FlowState], reasons: FailureReasons | None = None
     ) -> None:
@@ -180,27 +174,26 @@ class Outcomes:
                 self.success = self.success.union(states)
             case NodeStatus.SKIPPED:
                 self.skipped = self.skipped.union(states)
+            case NodeStatus.FAILURE if reasons is not None and reasons.any:
+                self.fail(dict.fromkeys(states, reasons))
             case NodeStatus.FAILURE:
-                if reasons is None or not reasons.any:
-                    return
-                for state in states:
-                    at = state if reasons.loud else state.in_doubt()
-                    known = self.failure.get(at)
-                    self.failure[at] = reasons if known is None else joined((known, reasons))
+                pass
             case _:
                 self.running = self.running.union(states)
 
     def fail(self, failures: Failures) -> None:
         """Add failures."""
         for state, reasons in failures.items():
-            self.add(FAILURE, (state,), reasons)
+            at = state if reasons.loud else state.in_doubt()
+            known = self.failure.get(at)
+            self.failure[at] = reasons if known is None else joined((known, reasons))
 
     def take(self, other: Outcomes) -> None:
         """Add all ends of a child."""
-        self.success |= other.success
-        self.skipped |= other.skipped
+        self.success, self.skipped = self.success | other.success, self.skipped | other.skipped
         self.running |= other.running
-        self.fail(other.failure)
+        if other.failure:
+            self.fail(other.failure)
 
     def tidied(self) -> Outcomes:
         """Leave out states that others cover, and merge those that are too many; return self."""
@@ -220,6 +213,11 @@ class Outcomes:
         return ends.tidied()
 
     @property
+    def fails_surely(self) -> bool:
+        """Whether it fails in a way that some node declares."""
+        return any(not state.doubtful and why.loud for state, why in self.failure.items())
+
+    @property
     def everywhere(self) -> States:
         """Every state that it may leave behind, halted or ended."""
         return self.success | self.skipped | self.running | self.failure.keys()
@@ -234,17 +232,12 @@ class Outcomes:
 
 
 def _tidy_failures(failures: dict[FlowState, FailureReasons]) -> dict[FlowState, FailureReasons]:
-    """Merged where there are too many states; by the hand first, as `tidy`."""
-    if len(failures) <= LIMIT:
-        return failures
-    groups: dict[tuple[int, bool], list[FlowState]] = {}
-    for state in failures:
-        groups.setdefault((state.hand, state.doubtful), []).append(state)
-    if len(groups) > LIMIT:
-        groups.clear()
-        for state in failures:
-            groups.setdefault((0, state.doubtful), []).append(state)
-    return {merged(group): joined(failures[state] for state in group) for group in groups.values()}
+    """Merged where there are too many states, as `tidy` does."""
+    for with_hand in (True, False):
+        if len(failures) > LIMIT:
+            groups = _alike(failures, with_hand=with_hand)
+            failures = {merged(group): joined(failures[state] for state in group) for group in groups}
+    return failures
 
 
 def decisive(before: FailureReasons, now: FailureReasons) -> FailureReasons:

@@ -9,8 +9,10 @@ from ...files.marks import Diagnostic
 from ...files.value_wording import suggest_name
 from ...files.yaml.document import Document
 from ...trees.mission import IN_LIBRARY, MAIN, TreeSpec, called_by
+from ...trees.wiring.key_writers import KeyUse
 from .flow_walk import KeyRead
-from .mission_survey import KeyAccess, KeyUsage, LintModel
+from .keys import KeyUsage
+from .mission_survey import LintModel
 
 
 def read_before_written(survey: LintModel) -> Iterator[Diagnostic]:
@@ -31,14 +33,14 @@ def read_before_written(survey: LintModel) -> Iterator[Diagnostic]:
             yield survey.fault(read.spec, message, hint, code="P301", at=read.place, error=True)
 
 
-def _writer(read: KeyRead, writers: Iterable[KeyAccess]) -> str:
+def _writer(read: KeyRead, writers: Iterable[KeyUse]) -> str:
     spec = next(iter(writers)).spec
     where = f"{spec.name}, line {spec.mark.line}, writes it"
     before = spec.mark < read.spec.places.get(read.place, read.spec.mark)
     return f"{where}, but may fail or be passed by" if before else f"{where}, further down"
 
 
-def _remedy(survey: LintModel, read: KeyRead, usage: KeyUsage, writers: list[KeyAccess]) -> str:
+def _remedy(survey: LintModel, read: KeyRead, usage: KeyUsage, writers: list[KeyUse]) -> str:
     if writers:
         return _writer(read, writers)
     inputs = (port.key for port in survey.mission.trees[read.tree].ports)

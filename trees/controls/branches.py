@@ -2,16 +2,44 @@
 
 from __future__ import annotations
 
+from typing import cast
+
 from ...world.causes import Failure, tree
 from ..flow import Branch, Choice
-from ..node import ControlNode, Node
+from ..node import ControlNode
 from ..ports import In, port
 from ..slots import children, optional_child, table
 from ..status import NodeStatus
 from ..values.port_types import PortProblem, PortValues, show
 
 
-class IfThenElse(ControlNode):
+class BranchNode(ControlNode, abstract=True):
+    """Node whose first child's answer selects the one that is ticked; reactive: anew at each tick."""
+
+    parts = children("the condition, what is done if it holds, what otherwise", least=2, most=3)
+    remembers = ("_chosen",)
+    positions = ("_chosen",)
+    _chosen: int = 0
+
+    def on_start(self) -> None:
+        self._chosen = 0
+
+    def on_tick(self) -> NodeStatus:
+        condition = self.parts[0]
+        if self._chosen == 0 or cast("Branch", self.flow).reactive:
+            answer = condition.step()
+            if answer not in (NodeStatus.SUCCESS, NodeStatus.FAILURE):
+                return answer
+            self._chosen = 1 if answer is NodeStatus.SUCCESS else 2
+            for index, part in enumerate(self.parts):
+                if index not in (0, self._chosen):
+                    part.halt()
+        if self._chosen == len(self.parts):
+            return self.fail_with(condition.failure)
+        return self.result_of(self.parts[self._chosen])
+
+
+class IfThenElse(BranchNode):
     """Asks its first child once; then ticks the second (yes) or the third (no) until it ends.
 
     Without a third child a no is FAILURE. SKIPPED when the condition is skipped.
@@ -31,30 +59,9 @@ class IfThenElse(ControlNode):
         most=3,
         labels=("if", "then", "else"),
     )
-    remembers = ("_chosen",)
-    positions = ("_chosen",)
-    _chosen: int = 0
-
-    def on_start(self) -> None:
-        self._chosen = 0
-
-    def on_tick(self) -> NodeStatus:
-        if self._chosen == 0:
-            match self.parts[0].step():
-                case NodeStatus.SUCCESS:
-                    self._chosen = 1
-                case NodeStatus.FAILURE:
-                    if len(self.parts) == 2:
-                        return self.fail_with(self.parts[0].failure)
-                    self._chosen = 2
-                case other:
-                    return other
-        chosen = self.parts[self._chosen]
-        state = chosen.step()
-        return self.fail_with(chosen.failure) if state is NodeStatus.FAILURE else state
 
 
-class WhileDoElse(ControlNode):
+class WhileDoElse(BranchNode):
     """Asks its first child at every tick, and ticks the second while it holds, the third while not.
 
     It is not a loop: it ends when the ticked child ends. As in BT.CPP the branch that is left is halted
@@ -75,24 +82,7 @@ class WhileDoElse(ControlNode):
         most=3,
         labels=("while", "do", "else"),
     )
-
-    def on_tick(self) -> NodeStatus:
-        condition, yes = self.parts[0], self.parts[1]
-        no: Node | None = self.parts[2] if len(self.parts) == 3 else None
-        match condition.step():
-            case NodeStatus.SUCCESS:
-                if no is not None:
-                    no.halt()
-                chosen = yes
-            case NodeStatus.FAILURE:
-                yes.halt()
-                if no is None:
-                    return self.fail_with(condition.failure)
-                chosen = no
-            case other:
-                return other
-        state = chosen.step()
-        return self.fail_with(chosen.failure) if state is NodeStatus.FAILURE else state
+    remembers = positions = ()
 
 
 class Switch(ControlNode):
@@ -141,14 +131,10 @@ class Switch(ControlNode):
                 value=str(self.variable),
                 cases=list(self.cases),
             )
-        self._leave_others(chosen)
-        state = chosen.step()
-        return self.fail_with(chosen.failure) if state is NodeStatus.FAILURE else state
-
-    def _leave_others(self, chosen: Node) -> None:
-        for node in self.below:
-            if node is not chosen:
-                node.halt()
+        for other in self.below:
+            if other is not chosen:
+                other.halt()
+        return self.result_of(chosen)
 
 
 def _value_of(name: str) -> object:

@@ -6,14 +6,14 @@ from typing import cast
 
 from ...world.causes import Failure, FailureReport, tree
 from ..flow import FAILURE, IDLE, RUNNING, SUCCESS, ChildFlow, Once
-from ..node import Node
+from ..node import ControlNode
 from ..ports import In, port
 from ..slots import child
 from ..status import NodeStatus
 from ..values.failure_reports import cannot_be_hidden
 
 
-class Decorator(Node, abstract=True):
+class Decorator(ControlNode, abstract=True):
     """Node that changes when its one child is ticked, or how the child's status is reported."""
 
     kind = "decorator"
@@ -21,8 +21,7 @@ class Decorator(Node, abstract=True):
 
     def relay(self) -> NodeStatus:
         """Tick the child; return its status and take over its failure."""
-        state = self.body.step()
-        return self.fail_with(self.body.failure) if state is NodeStatus.FAILURE else state
+        return self.result_of(self.body)
 
 
 class StatusDecorator(Decorator, abstract=True):

@@ -11,30 +11,11 @@ from ...files.marks import Mark
 from ..mission import MAIN, NodeSpec, TreeSpec, bottom_up
 from ..ports import PortDeclaration
 from ..values.references import Constant, Reference
-from .key_writers import PlacedNode, TreeKeys
+from .key_writers import PlacedNode, TreeKeys, ports_of
 from .value_sources import DEFAULT, ValueSource, constant, type_mismatch
 
 MAX_DEMANDS: Final = 60
 """Greatest number of demands on one input of a tree; more are not followed."""
-
-
-@dataclass(frozen=True, slots=True)
-class ArrivingValue:
-    """A value that reaches an input, and the place of the text where it is wired so."""
-
-    mark: Mark
-    trail: str
-    key: str
-    """Key of the input at that place, which may be that of a sub-tree."""
-    text: str
-    """Text at that place: `{item.colour}`, or a literal."""
-    source: ValueSource
-    target: PortDeclaration
-    """Where it ends up: the same input, or that of a node in the sub-tree;"""
-    via: str
-    """then that node in words, else empty."""
-    problem: str | None
-    """Why it does not fit there."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,27 +27,43 @@ class _Demand:
     depth: int
     strict: bool
 
-    def told(self, file: str) -> str:
-        """The node in words, for a reader of that file."""
-        return f"{self.node.id}, {self.node.mark.told(file)}"
-
 
 @dataclass(frozen=True, slots=True)
-class _Place:
-    """An input and what stands there."""
+class WiredInput:
+    """An input, which may be that of a sub-tree, and the place of the text where it is wired."""
 
     mark: Mark
     trail: str
     port: PortDeclaration
     text: str
+    """Text at that place: `{item.colour}`, or a literal."""
 
-    def arrival(self, source: ValueSource, demand: _Demand) -> ArrivingValue:
-        for _ in range(demand.depth):
-            source = source.elements()
-        target = demand.target
-        problem = type_mismatch(source, target, self.text, strict=demand.strict)
-        via = "" if target is self.port else demand.told(self.mark.file)
-        return ArrivingValue(self.mark, self.trail, self.port.key, self.text, source, target, via, problem)
+
+@dataclass(frozen=True, slots=True)
+class ArrivingValue:
+    """A value that reaches an input."""
+
+    at: WiredInput
+    source: ValueSource
+    target: PortDeclaration
+    """Where it ends up: the same input, or that of a node in the sub-tree."""
+    node: NodeSpec
+    problem: str | None
+    """Why it does not fit there."""
+
+    def hints(self) -> list[str]:
+        """Where it goes, and where it comes from."""
+        file = self.at.mark.file
+        goes = f"it goes to the port {self.target.key!r} of {self.node.id}, {self.node.mark.told(file)}"
+        comes = [self.source.told(file)] if self.at.text.startswith("{") else []
+        return comes if self.target is self.at.port else [goes, *comes]
+
+
+def _arrival(at: WiredInput, source: ValueSource, demand: _Demand) -> ArrivingValue:
+    for _ in range(demand.depth):
+        source = source.elements()
+    problem = type_mismatch(source, demand.target, at.text, strict=demand.strict)
+    return ArrivingValue(at, source, demand.target, demand.node, problem)
 
 
 class ValueFlow:
@@ -84,18 +81,17 @@ class ValueFlow:
             self._demands[name] = {}
             for port in trees[name].ports:
                 keys.sources(port.key)  # now, so that callers need not look through many trees at once
-        self.arrivals = tuple(self._all(trees.get(MAIN)))
+        self.arrivals = tuple(self._all(trees))
         """By input; what stands first at an input came first in the text."""
 
-    def _all(self, main: TreeSpec | None) -> Iterator[tuple[ArrivingValue, ...]]:
+    def _all(self, trees: Mapping[str, TreeSpec]) -> Iterator[tuple[ArrivingValue, ...]]:
         for name, keys in self.keys.items():
-            for placed in keys.nodes:
-                for port in keys.ports(placed.spec):
+            for placed in keys.places.values():
+                for port in ports_of(placed.spec, trees):
                     if port.direction == "in":
                         yield tuple(self._at(name, placed, port))
-        if main is not None:
-            for port in main.ports:
-                yield tuple(self._parameter(main, port))
+        for port in trees[MAIN].ports if MAIN in trees else ():
+            yield tuple(self._parameter(trees[MAIN], port))
 
     def _at(self, tree: str, placed: PlacedNode, port: PortDeclaration) -> Iterator[ArrivingValue]:
         spec = placed.spec
@@ -109,13 +105,13 @@ class ValueFlow:
             text = _shown(bound.text) if isinstance(bound, Constant) else DEFAULT
             # It was converted to the port's own type; whether it names something is another question.
             wanted = [own, *inside] if port.names is not None else inside
-            place = _Place(placed.mark(port.key), placed.path, port, text)
+            place = WiredInput(spec.mark_at(port.key), placed.path, port, text)
             yield from _literal(place, value, wanted)
             return
-        place = _Place(placed.mark(port.key), placed.path, port, str(bound))
+        place = WiredInput(spec.mark_at(port.key), placed.path, port, str(bound))
         for source in self.keys[tree].reference(bound):
             for demand in (own, *inside):
-                arrival = place.arrival(source, demand)
+                arrival = _arrival(place, source, demand)
                 yield arrival
                 if source.port is not None and arrival.problem is None:
                     self._add(tree, source, demand)
@@ -124,7 +120,7 @@ class ValueFlow:
         """The default of a parameter of the mission, as far as it goes on to nodes."""
         if port.direction == "in" and not port.required and port.default != "":
             mark = main.places.get(port.key, main.mark)
-            place = _Place(mark, main.name, port, DEFAULT)
+            place = WiredInput(mark, main.name, port, DEFAULT)
             yield from _literal(place, port.default, self._demands[MAIN].get(port.key, []))
 
     def _add(self, tree: str, source: ValueSource, demand: _Demand) -> None:
@@ -136,10 +132,10 @@ class ValueFlow:
             found.append(_Demand(demand.target, demand.node, depth, demand.strict))
 
 
-def _literal(place: _Place, value: object, wanted: list[_Demand]) -> Iterator[ArrivingValue]:
+def _literal(place: WiredInput, value: object, wanted: list[_Demand]) -> Iterator[ArrivingValue]:
     source = constant(value, place.mark)
     for demand in wanted:
-        yield place.arrival(source, demand)
+        yield _arrival(place, source, demand)
 
 
 def _shown(text: object) -> str:

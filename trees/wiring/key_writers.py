@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Final
 
-from ...files.expressions.expression import ExpressionError
+from ...files.expressions.expression import Expression, ExpressionError
 from ...files.expressions.type_inference import ANY, BOOL, FLOAT, INT, WORD, ValueType, check_types, join
 from ...files.marks import Mark
 from ...world.belief.facts import FACTS
@@ -28,33 +28,88 @@ _NAMING: Mapping[str, NameKind] = {"kind": "kind", "colour": "colour", "destinat
 
 @dataclass(frozen=True, slots=True)
 class PlacedNode:
-    """A node with its path in the tree."""
+    """A node with its tree, its path in it, and the nodes above it."""
 
-    path: str
     spec: NodeSpec
-
-    def mark(self, key: str) -> Mark:
-        """Where the value of one of its keys stands; of one that is not given, where the node does."""
-        return self.spec.places.get(key, self.spec.mark)
-
-
-@dataclass(frozen=True, slots=True)
-class KeyWrite:
-    """One place of the text that writes a key."""
-
-    placed: PlacedNode
-    place: str
-    """Under which key of the node it stands."""
-    what: PortDeclaration | Assignment
+    path: str
+    tree: TreeSpec
+    above: tuple[NodeSpec, ...] = ()
 
 
-def placed_below(spec: NodeSpec, above: str) -> Iterator[PlacedNode]:
-    """The node and all below it in the same tree, with their paths."""
-    todo = [PlacedNode(f"{above}/{spec.name}", spec)]
+def placed_nodes(tree: TreeSpec) -> Iterator[PlacedNode]:
+    """The nodes of a tree, parents first."""
+    todo = [PlacedNode(tree.root, f"{tree.name}/{tree.root.name}", tree)]
     while todo:
         placed = todo.pop()
         yield placed
-        todo += [PlacedNode(f"{placed.path}/{child.name}", child) for child in reversed(placed.spec.children)]
+        path, above = placed.path, (*placed.above, placed.spec)
+        todo += [PlacedNode(n, f"{path}/{n.name}", tree, above) for n in reversed(placed.spec.children)]
+
+
+@dataclass(frozen=True, slots=True)
+class NodeExpression:
+    """An expression of a node, and the key under which it stands."""
+
+    key: str
+    expression: Expression
+    assigned: str = ""
+    """Key that gets its value; empty: none."""
+    before: int = 0
+    """Characters of the text before it."""
+
+    @property
+    def what(self) -> str:
+        if self.assigned:
+            return f"{self.key}: {self.assigned!r}"
+        return self.key if self.key.startswith("_") else f"port {self.key!r}"
+
+
+def expressions_of(spec: NodeSpec) -> Iterator[NodeExpression]:
+    """All expressions of one node."""
+    for name, expression in spec.preconditions.items():
+        yield NodeExpression(name, expression)
+    for key, bound in spec.ports.items():
+        if isinstance(bound, Constant) and isinstance(bound.value, Expression):
+            yield NodeExpression(key, bound.value)
+    for name, assignments in spec.postconditions.items():
+        for set_ in assignments:
+            yield NodeExpression(name, set_.value, set_.key, set_.at)
+
+
+@dataclass(frozen=True, slots=True)
+class KeyUse:
+    """One place of the text that reads or writes a key: under the key `at` of a node."""
+
+    spec: NodeSpec
+    at: str
+    key: str
+    what: PortDeclaration | Assignment | Expression
+    writes: bool
+
+    @property
+    def mark(self) -> Mark:
+        return self.spec.mark_at(self.at)
+
+
+def ports_of(spec: NodeSpec, trees: Mapping[str, TreeSpec]) -> tuple[PortDeclaration, ...]:
+    """Return the ports of the node, or of the sub-tree that it stands for."""
+    if spec.node is not None:
+        return spec.node.declaration.ports
+    return trees[spec.id].ports if spec.id in trees else ()
+
+
+def uses_of(spec: NodeSpec, trees: Mapping[str, TreeSpec]) -> Iterator[KeyUse]:
+    """The keys of one node. A wire to a port of a sub-tree reads or writes as the port's direction says."""
+    for port in ports_of(spec, trees):
+        bound = spec.ports.get(port.key)
+        if isinstance(bound, Reference):
+            yield KeyUse(spec, port.key, bound.key, port, port.direction == "out")
+    for asked in expressions_of(spec):
+        for name in sorted(asked.expression.names):
+            yield KeyUse(spec, asked.key, name, asked.expression, writes=False)
+    for name, assignments in spec.postconditions.items():
+        for assignment in assignments:
+            yield KeyUse(spec, name, assignment.key, assignment, writes=True)
 
 
 class TreeKeys(Mapping[str, ValueType]):
@@ -69,18 +124,20 @@ class TreeKeys(Mapping[str, ValueType]):
     ) -> None:
         """`below` are the keys of the trees that this one uses."""
         self.tree = tree
-        self.nodes = tuple(placed_below(tree.root, tree.name))
-        self.writes: dict[str, list[KeyWrite]] = {}
-        self._trees, self._below, self._facts = trees, below, facts
-        self._inputs = {port.key: port for port in tree.ports if port.direction == "in"}
-        self._outputs = {port.key: port for port in tree.ports if port.direction == "out"}
+        self.places = {id(placed.spec): placed for placed in placed_nodes(tree)}
+        """By `id` of the spec."""
+        self.writes: dict[str, list[KeyUse]] = {}
+        self._below, self._facts = below, facts
+        self.inputs = {port.key: port for port in tree.ports if port.direction == "in"}
+        self.outputs = {port.key: port for port in tree.ports if port.direction == "out"}
         self._sources: dict[str, tuple[ValueSource, ...]] = {}
         self._types: dict[str, ValueType] = {}
         self._open: set[str] = set()
         """Keys that are being looked up; a value that depends on itself is not known."""
-        for placed in self.nodes:
-            for write in self._written_by(placed):
-                self.writes.setdefault(_key_of(write), []).append(write)
+        for spec in tree.root.iterate():
+            for use in uses_of(spec, trees):
+                if use.writes:
+                    self.writes.setdefault(use.key, []).append(use)
 
     # As a mapping: what an expression may name.
 
@@ -98,7 +155,7 @@ class TreeKeys(Mapping[str, ValueType]):
         return isinstance(name, str) and (self.known(name) or name in self._facts)
 
     def __iter__(self) -> Iterator[str]:
-        return iter(dict.fromkeys((*self._inputs, *self._outputs, *self.writes, *self._facts)))
+        return iter(dict.fromkeys((*self.inputs, *self.outputs, *self.writes, *self._facts)))
 
     def __len__(self) -> int:
         return sum(1 for _ in self)
@@ -107,15 +164,7 @@ class TreeKeys(Mapping[str, ValueType]):
 
     def known(self, key: str) -> bool:
         """Whether the tree has such a key: an input or output of its own, or one that a node writes."""
-        return key in self._inputs or key in self._outputs or key in self.writes
-
-    def input(self, key: str) -> PortDeclaration | None:
-        """The tree's own input of that name."""
-        return self._inputs.get(key)
-
-    def output(self, key: str) -> PortDeclaration | None:
-        """The tree's own output of that name."""
-        return self._outputs.get(key)
+        return key in self.inputs or key in self.outputs or key in self.writes
 
     def sources(self, key: str) -> tuple[ValueSource, ...]:
         """All that may write the key; nothing when nobody in the tree does."""
@@ -139,70 +188,38 @@ class TreeKeys(Mapping[str, ValueType]):
         return tuple(ValueSource(kind, s.mark, s.writer, values=values, names=names) for s in sources[:1])
 
     def _find(self, key: str) -> Iterator[ValueSource]:
-        own = self._inputs.get(key)
+        own = self.inputs.get(key)
         if own is not None:
             yield replace(declared(own, self.tree.places.get(key, self.tree.mark)), port=key)
         for write in self.writes.get(key, ()):
             yield from self.written(write)
 
-    def _written_by(self, placed: PlacedNode) -> Iterator[KeyWrite]:
-        spec = placed.spec
-        for port in self.ports(spec):
-            bound = spec.ports.get(port.key)
-            if port.direction == "out" and isinstance(bound, Reference):
-                yield KeyWrite(placed, port.key, port)
-        for name, assignments in spec.postconditions.items():
-            for assignment in assignments:
-                yield KeyWrite(placed, name, assignment)
-
-    def ports(self, spec: NodeSpec) -> tuple[PortDeclaration, ...]:
-        """Return the ports of a node, or of the tree that it stands for."""
-        if spec.node is not None:
-            return spec.node.declaration.ports
-        called = self._trees.get(spec.id)
-        return called.ports if called is not None else ()
-
-    def written(self, write: KeyWrite) -> Iterator[ValueSource]:
+    def written(self, write: KeyUse) -> Iterator[ValueSource]:
         """Yield the sources that one place of the text writes."""
-        mark, path = write.placed.mark(write.place), write.placed.path
-        if isinstance(write.what, Assignment):
-            yield self._assigned(write.what, mark, path)
-        elif write.what.like is not None:
-            yield from self._passed(write, write.what.like, lambda source: source)
-        elif write.what.each_of is not None:
-            yield from self._passed(write, write.what.each_of, ValueSource.elements)
-        elif write.placed.spec.node is None and write.what.type.name == "any":
+        mark, path, what = write.mark, self.places[id(write.spec)].path, write.what
+        if isinstance(what, Assignment):
+            try:
+                found = check_types(what.value, self, ATTRIBUTE_TYPES)
+            except ExpressionError:
+                found = ANY
+            yield ValueSource(found, mark, path)
+            return
+        assert isinstance(what, PortDeclaration)
+        if what.like is not None or what.each_of is not None:
+            for source in self._input_of(write.spec, what.like or what.each_of or "", mark):
+                yield replace(source if what.like else source.elements(), mark=mark, writer=path)
+        elif write.spec.node is None and what.type.name == "any":
             # An output whose type nobody declared: what the sub-tree writes there.
-            inner = self._below[write.placed.spec.id].sources(write.what.key)
-            yield from (replace(s, mark=mark, writer=path, port=None, depth=0) for s in inner)
+            for source in self._below[write.spec.id].sources(what.key):
+                yield replace(source, mark=mark, writer=path, port=None, depth=0)
         else:
-            yield declared(write.what, mark, path)
+            yield declared(what, mark, path)
 
-    def _passed(
-        self, write: KeyWrite, key: str, change: Callable[[ValueSource], ValueSource]
-    ) -> Iterator[ValueSource]:
-        spec, mark, path = write.placed.spec, write.placed.mark(write.place), write.placed.path
+    def _input_of(self, spec: NodeSpec, key: str, mark: Mark) -> tuple[ValueSource, ...]:
         bound = spec.ports.get(key)
-        port = spec.node.declaration.port(key) if spec.node is not None else None
         if isinstance(bound, Reference):
-            found = self.reference(bound)
-        elif isinstance(bound, Constant):
-            found = (constant(bound.value, mark),)
-        else:
-            found = (constant(port.default, mark),) if port is not None and not port.required else ()
-        for source in found:
-            yield replace(change(source), mark=mark, writer=path)
-
-    def _assigned(self, assignment: Assignment, mark: Mark, path: str) -> ValueSource:
-        try:
-            return ValueSource(check_types(assignment.value, self, ATTRIBUTE_TYPES), mark, path)
-        except ExpressionError:
-            return ValueSource(ANY, mark, path)
-
-
-def _key_of(write: KeyWrite) -> str:
-    if isinstance(write.what, Assignment):
-        return write.what.key
-    bound = write.placed.spec.ports[write.what.key]
-    assert isinstance(bound, Reference)
-    return bound.key
+            return self.reference(bound)
+        port = spec.node.declaration.port(key) if spec.node is not None else None
+        if isinstance(bound, Constant):
+            return (constant(bound.value, mark),)
+        return (constant(port.default, mark),) if port is not None and not port.required else ()

@@ -80,21 +80,14 @@ def declared(port: PortDeclaration, mark: Mark, writer: str = "") -> ValueSource
     return ValueSource(type_of_port(port), mark, writer, port.unit, values, names=port.names)
 
 
+_TYPES: Mapping[str, ValueType] = {
+    "string": TEXT, "int": INT, "float": FLOAT, "bool": BOOL, "object": OBJECT,
+}  # fmt: skip
+
+
 def type_of_port(port: PortDeclaration) -> ValueType:
     """The type of the values that come out of the port."""
-    match port.type.name:
-        case "string":
-            one = TEXT
-        case "int":
-            one = INT
-        case "float":
-            one = FLOAT
-        case "bool":
-            one = BOOL
-        case "object":
-            one = OBJECT
-        case "any" | "expression":
-            one = ANY
+    one = _TYPES.get(port.type.name, ANY)
     found = list_of(one) if port.type.many else one
     return replace(found, optional=port.type.optional)
 

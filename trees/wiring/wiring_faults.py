@@ -3,50 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator
-from dataclasses import dataclass
 
-from ...files.expressions.expression import Expression, ExpressionError
+from ...files.expressions.expression import ExpressionError
 from ...files.expressions.type_inference import UnknownName, check_types
 from ...files.marks import Diagnostic, Mark
 from ...files.value_wording import suggest_name
 from ..slots import SlotDeclaration
 from ..values.port_types import show
-from ..values.references import ATTRIBUTE_TYPES, Constant, ExpressionLocator, Reference
+from ..values.references import ATTRIBUTE_TYPES, ExpressionLocator, Reference
 from .circuit import ArrivingValue, ValueFlow
-from .key_writers import KeyWrite, PlacedNode, TreeKeys
+from .key_writers import KeyUse, NodeExpression, PlacedNode, TreeKeys, expressions_of
 from .value_sources import ValueSource, type_mismatch
-
-
-@dataclass(frozen=True, slots=True)
-class MissionExpression:
-    """An expression in a mission, and under which key of its node it stands."""
-
-    placed: PlacedNode
-    key: str
-    what: str
-    expression: Expression
-    before: int = 0
-    """Characters of the text before it."""
-
-    def fault(self, error: ExpressionError, pointer: ExpressionLocator, code: str) -> Diagnostic:
-        """Return the fault of an expression."""
-        start = self.placed.mark(self.key)
-        mark, message = pointer.told(start, self.expression.text, error, self.before)
-        return Diagnostic(mark, self.placed.path, f"{self.what}: {message}", "", code)
-
-
-def expressions_of(placed: PlacedNode) -> Iterator[MissionExpression]:
-    """All expressions of one node."""
-    for name, expression in placed.spec.preconditions.items():
-        yield MissionExpression(placed, name, name, expression)
-    for key, bound in placed.spec.ports.items():
-        if isinstance(bound, Constant) and isinstance(bound.value, Expression):
-            yield MissionExpression(placed, key, f"port {key!r}", bound.value)
-    for name, assignments in placed.spec.postconditions.items():
-        for assignment in assignments:
-            yield MissionExpression(
-                placed, name, f"{name}: {assignment.key!r}", assignment.value, assignment.at
-            )
 
 
 def expression_faults(
@@ -57,21 +24,30 @@ def expression_faults(
     `unfinished`: trees of which not all could be read, so that a name may be written where nobody sees it.
     """
     for name, keys in circuit.keys.items():
-        for placed in keys.nodes:
-            for asked in expressions_of(placed):
+        for placed in keys.places.values():
+            for asked in expressions_of(placed.spec):
                 try:
                     check_types(asked.expression, keys, ATTRIBUTE_TYPES)
                 except UnknownName as error:
                     if name not in unfinished:
-                        yield asked.fault(error, pointer, "P227")
+                        yield expression_fault(placed, asked, error, pointer, "P227")
                 except ExpressionError as error:
-                    yield asked.fault(error, pointer, "P226")
+                    yield expression_fault(placed, asked, error, pointer, "P226")
+
+
+def expression_fault(
+    placed: PlacedNode, asked: NodeExpression, error: ExpressionError, pointer: ExpressionLocator, code: str
+) -> Diagnostic:
+    """Return the fault of an expression."""
+    start = placed.spec.mark_at(asked.key)
+    mark, message = pointer.told(start, asked.expression.text, error, asked.before)
+    return Diagnostic(mark, placed.path, f"{asked.what}: {message}", "", code)
 
 
 def wiring_faults(circuit: ValueFlow) -> Iterator[Diagnostic]:
     """At each input the first thing that does not fit; attributes, cases and writes that cannot be."""
     for keys in circuit.keys.values():
-        for placed in keys.nodes:
+        for placed in keys.places.values():
             yield from _attributes(keys, placed)
             yield from _cases(keys, placed)
         yield from _writes(keys, frozenset(circuit.facts))
@@ -82,18 +58,15 @@ def wiring_faults(circuit: ValueFlow) -> Iterator[Diagnostic]:
 
 
 def _misfit(arrival: ArrivingValue) -> Diagnostic:
-    hints = [f"it goes to the port {arrival.target.key!r} of {arrival.via}"] if arrival.via else []
-    if arrival.text.startswith("{"):
-        hints.append(arrival.source.told(arrival.mark.file))
-    message = f"port {arrival.key!r}: {arrival.problem}"
-    return Diagnostic(arrival.mark, arrival.trail, message, "; ".join(hints), "P237")
+    at, message = arrival.at, f"port {arrival.at.port.key!r}: {arrival.problem}"
+    return Diagnostic(at.mark, at.trail, message, "; ".join(arrival.hints()), "P237")
 
 
 def _attributes(keys: TreeKeys, placed: PlacedNode) -> Iterator[Diagnostic]:
     """References to attributes of what is no object."""
     for key, bound in placed.spec.ports.items():
         if isinstance(bound, Reference) and bound.attributes:
-            mark = placed.mark(key)
+            mark = placed.spec.mark_at(key)
             for message, hint in _no_object(bound, keys.sources(bound.key), mark.file):
                 yield Diagnostic(mark, placed.path, f"port {key!r}: {bound}: {message}", hint, "P238")
 
@@ -101,15 +74,14 @@ def _attributes(keys: TreeKeys, placed: PlacedNode) -> Iterator[Diagnostic]:
 def _no_object(
     reference: Reference, sources: tuple[ValueSource, ...], file: str
 ) -> Iterator[tuple[str, str]]:
-    only = "only an object has attributes, and"
-    for source in sources:
-        if source.type.kind not in ("any", "word", "object"):
-            yield f"{only} {reference.key!r} is {source.type.words()}", source.told(file)
-            return
-    for name in reference.attributes[:-1]:
-        if ATTRIBUTE_TYPES[name].kind != "object":
-            yield f"{only} {name!r} is {ATTRIBUTE_TYPES[name].words()}", ""
-            return
+    wrong = [(reference.key, s.type, s.told(file)) for s in sources if s.type.kind not in _MAY_BE_OBJECTS]
+    attributes = ((name, ATTRIBUTE_TYPES[name]) for name in reference.attributes[:-1])
+    wrong += [(name, kind, "") for name, kind in attributes if kind.kind != "object"]
+    for name, kind, hint in wrong[:1]:
+        yield f"only an object has attributes, and {name!r} is {kind.words()}", hint
+
+
+_MAY_BE_OBJECTS = ("any", "word", "object")
 
 
 def _cases(keys: TreeKeys, placed: PlacedNode) -> Iterator[Diagnostic]:
@@ -127,7 +99,7 @@ def _cases(keys: TreeKeys, placed: PlacedNode) -> Iterator[Diagnostic]:
 def _never(
     placed: PlacedNode, slot: SlotDeclaration, label: str, text: str, sources: tuple[ValueSource, ...]
 ) -> Diagnostic:
-    mark = placed.mark(f"{slot.key}/{label}")
+    mark = placed.spec.mark_at(f"{slot.key}/{label}")
     values = [_as_label(value) for source in sources for value in source.values or ()]
     hint = suggest_name(label, values) if values else sources[0].told(mark.file)
     message = f"{text} is never {label!r}" + ("" if values else f": it is {sources[0].type.words()}")
@@ -142,7 +114,8 @@ def _may_be(source: ValueSource, label: str) -> bool:
     if source.certain:
         return True
     if source.values is not None:
-        return any(_as_label(v) == label or _same_number(v, label) for v in source.values)
+        numbers = [v for v in source.values if isinstance(v, int | float) and not isinstance(v, bool)]
+        return label in map(_as_label, source.values) or _number(label) in numbers
     match source.type.kind:
         case "bool":
             return label in ("true", "false")
@@ -155,10 +128,6 @@ def _may_be(source: ValueSource, label: str) -> bool:
             return False
         case _:
             return True
-
-
-def _same_number(value: object, label: str) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and _number(label) == value
 
 
 def _number(label: str) -> float | None:
@@ -182,11 +151,11 @@ def _writes(keys: TreeKeys, facts: frozenset[str]) -> Iterator[Diagnostic]:
             yield from _write(keys, key, write, facts)
 
 
-def _write(keys: TreeKeys, key: str, write: KeyWrite, facts: frozenset[str]) -> Iterator[Diagnostic]:
-    mark, path = write.placed.mark(write.place), write.placed.path
-    what = write.place if write.place.startswith("_") else f"port {write.place!r}"
-    output = keys.output(key)
-    if keys.input(key) is not None:
+def _write(keys: TreeKeys, key: str, write: KeyUse, facts: frozenset[str]) -> Iterator[Diagnostic]:
+    mark, path = write.mark, keys.places[id(write.spec)].path
+    what = write.at if write.at.startswith("_") else f"port {write.at!r}"
+    output = keys.outputs.get(key)
+    if key in keys.inputs:
         message = f"{what}: {key!r} is an input of the tree {keys.tree.name!r}; it cannot be written"
         hint = "declare the port with 'direction: out', or write another key"
         yield Diagnostic(mark, path, message, hint, "P239")
