@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from ..files.library_parts import library_part
 from .values import Array, Pose, Vector3
 
 if TYPE_CHECKING:
@@ -49,6 +50,8 @@ class ConvexMesh:
     source: str = field(compare=False)
 
 
+OBSTACLE_VOLUME = "volume"
+"""Source of a convex mesh that stands for cells of an unknown obstacle, which changes with each view."""
 Shape: TypeAlias = Box | Cylinder | Sphere | ConvexMesh
 
 
@@ -170,9 +173,8 @@ def _quadratic(a: Array, b: Array, c: float) -> tuple[Array, Array]:
 
 def convex_hull(points: Array) -> ConvexHull:
     """The convex hull of points (n, 2) or (n, 3), by qhull."""
-    from scipy.spatial import ConvexHull  # slow to import
-
-    return ConvexHull(points)
+    kind = library_part("scipy.spatial._qhull", "scipy.spatial.ConvexHull", "scipy.linalg", "scipy._lib")
+    return kind(points)
 
 
 @lru_cache(maxsize=256)
