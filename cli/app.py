@@ -7,11 +7,13 @@ from __future__ import annotations
 
 import sys
 import traceback
-from collections.abc import Callable, Sequence
-from functools import cache
-from typing import Annotated
+from collections.abc import Callable, Mapping, Sequence
+from functools import lru_cache
+from inspect import cleandoc
+from typing import Annotated, Any, cast
 
 import typer
+from typer.core import TyperCommand, TyperGroup
 
 from ..errors import PicktreeError
 from ..files.marks import FileError
@@ -20,40 +22,78 @@ from .analyse.resim import resim, whatif
 from .author.commands import check, convert, explain_code, nodes, rehearse, render, schema
 from .author.new import new
 from .batch.commands import batch
+from .cache import cache
 from .commission import calibrate, plan, robot
 from .run.run import run
 from .terminal.output import painter
 
-app = typer.Typer(
+COMMANDS: Mapping[str, Callable[..., None] | typer.Typer] = {
+    "calibrate": calibrate,
+    "check": check,
+    "convert": convert,
+    "diff": diff,
+    "explain": explain,
+    "explain-code": explain_code,
+    "export": export,
+    "layout": layout,
+    "new": new,
+    "nodes": nodes,
+    "plan": plan,
+    "rehearse": rehearse,
+    "render": render,
+    "replay": replay,
+    "report": report,
+    "resim": resim,
+    "run": run,
+    "schema": schema,
+    "snapshot": snapshot,
+    "video": video,
+    "whatif": whatif,
+    "batch": batch,
+    "robot": robot,
+    "cache": cache,
+}
+"""Commands and groups of commands by name, in the order of the help."""
+
+
+class _Group(TyperGroup):
+    """Group that builds the command that is called, and no other: all of them would take as long as the
+    rest of the start. For its help, and to find the nearest name, it has commands without options."""
+
+    def __init__(self, **options: Any) -> None:
+        super().__init__(**options)
+        for name, made in COMMANDS.items():
+            text = made.info.help if isinstance(made, typer.Typer) else made.__doc__
+            self.add_command(TyperCommand(name, help=cleandoc(text or "")))
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> tuple[str | None, Any, list[str]]:
+        name, command, rest = super().resolve_command(ctx, args)
+        return name, command if name is None else _built(name), rest
+
+
+def _built(name: str) -> Callable[..., Any]:
+    alone, made = _typer(), COMMANDS[name]
+    if isinstance(made, typer.Typer):
+        alone.add_typer(made, name=name)
+        return cast("TyperGroup", typer.main.get_command(alone)).commands[name]
+    alone.command(name)(made)
+    return typer.main.get_command(alone)
+
+
+def _typer(**options: Any) -> typer.Typer:
+    return typer.Typer(
+        add_completion=False,
+        rich_markup_mode=None,  # importing rich would triple the time of --help
+        pretty_exceptions_enable=False,
+        **options,
+    )
+
+
+app = _typer(
     help="Behaviour-tree missions for robot arms: run them in simulation, look into their logs.",
-    add_completion=False,
     no_args_is_help=True,
-    rich_markup_mode=None,  # importing rich would triple the time of --help
-    pretty_exceptions_enable=False,
+    cls=_Group,
 )
-app.add_typer(batch, name="batch")
-app.command()(calibrate)
-app.command()(check)
-app.command()(convert)
-app.command()(diff)
-app.command()(explain)
-app.command()(explain_code)
-app.command()(export)
-app.command()(layout)
-app.command()(new)
-app.command()(nodes)
-app.command()(plan)
-app.command()(rehearse)
-app.command()(render)
-app.command()(replay)
-app.command()(report)
-app.command()(resim)
-app.add_typer(robot, name="robot")
-app.command()(run)
-app.command()(schema)
-app.command()(snapshot)
-app.command()(video)
-app.command()(whatif)
 
 
 def _show_version(wanted: bool) -> None:
@@ -72,9 +112,9 @@ def _picktree(  # pyright: ignore[reportUnusedFunction] - typer calls it
 ) -> None: ...
 
 
-@cache
+@lru_cache
 def _command() -> Callable[..., object]:
-    """Build the commands with all their options, once in a process."""
+    """Build the application, once in a process."""
     return typer.main.get_command(app)
 
 

@@ -6,15 +6,20 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import TypeAlias
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
+from ..files.library_parts import library_part
 from ..world.belief.planning_scene import BeliefObject, PlanningScene
 from ..world.values import ObjectId, Pose
 from .fitting.view import Detection, PerceivedView, UnexplainedPatch
 from .voxels.obstacle_volumes import update_volumes
+
+if TYPE_CHECKING:
+    from scipy.optimize import linear_sum_assignment
+else:
+    linear_sum_assignment = library_part("scipy.optimize._lsap", "scipy.optimize.linear_sum_assignment")
 
 MATCH_DISTANCE = 0.04
 """Distance within which a detection is matched to a believed object of its colour, m. Uncertain positions

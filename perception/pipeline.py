@@ -40,7 +40,7 @@ from .fitting.item_fitting import (
 from .fitting.known_object_fitting import NEAR_DEPTH_SIGMA, TrackedSighting, track_objects
 from .fitting.view import Detection, PerceivedView, UnexplainedPatch, bin_height_map
 from .geometry.camera_geometry import PosedCamera, register_hand_camera
-from .geometry.resting_poses import HoleMouths, stable_poses
+from .geometry.resting_poses import HoleMouths, catalogue_poses
 from .segmentation import (
     Blob,
     PixelPatch,
@@ -95,7 +95,7 @@ class Perception:
         self._table_z = (
             table_z if table_z is not None else 0.0 if table is None else top(table.shape, table.pose)
         )
-        self.rests = tuple(rest for entry in description.catalogue for rest in stable_poses(entry))
+        self.rests = catalogue_poses(description.catalogue)
         self.tallest = max((rest.height for rest in self.rests), default=0.0)
         """Height of the tallest item in its tallest stable pose, m."""
         self._floors = SupportSurfaces(description.fixtures, description.bins)

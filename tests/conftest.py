@@ -1,14 +1,17 @@
 """What holds for all tests."""
 
 import gc
+import os
 import signal
 import sys
 from collections.abc import Generator, Iterator
+from pathlib import Path
 
 import pytest
 from hypothesis import HealthCheck, settings
 
 from picktree.arithmetic import restart  # picktree before numpy: it chooses numpy's kernels
+from picktree.files.disk_cache import VARIABLE
 
 from .needs import left_out
 from .other_process import OtherProcess
@@ -25,6 +28,9 @@ settings.register_profile(
     suppress_health_check=[HealthCheck.too_slow],
 )
 settings.load_profile("picktree")
+
+# Tests neither fill the user's cache nor depend on it; their processes share one.
+os.environ[VARIABLE] = str(Path(__file__).parents[1] / ".pytest_cache" / "picktree")
 
 
 @pytest.fixture(scope="session")

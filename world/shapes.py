@@ -7,13 +7,16 @@ import itertools
 import math
 from dataclasses import dataclass, field
 from functools import lru_cache
-from typing import TypeAlias
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import ConvexHull
 
+from ..files.library_parts import library_part
 from .values import Array, Pose, Vector3
+
+if TYPE_CHECKING:
+    from scipy.spatial import ConvexHull
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,6 +50,8 @@ class ConvexMesh:
     source: str = field(compare=False)
 
 
+OBSTACLE_VOLUME = "volume"
+"""Source of a convex mesh that stands for cells of an unknown obstacle, which changes with each view."""
 Shape: TypeAlias = Box | Cylinder | Sphere | ConvexMesh
 
 
@@ -166,10 +171,16 @@ def _quadratic(a: Array, b: Array, c: float) -> tuple[Array, Array]:
     return np.where(hit, (-b - reach) / a, np.inf), np.where(hit, (-b + reach) / a, -np.inf)
 
 
+def convex_hull(points: Array) -> ConvexHull:
+    """The convex hull of points (n, 2) or (n, 3), by qhull."""
+    kind = library_part("scipy.spatial._qhull", "scipy.spatial.ConvexHull", "scipy.linalg", "scipy._lib")
+    return kind(points)
+
+
 @lru_cache(maxsize=256)
 def half_spaces(mesh: ConvexMesh) -> tuple[Array, Array]:
     """Outward unit normals (m, 3) and offsets (m,) of the faces: inside is n·x ≤ offset."""
-    equations = np.unique(np.round(ConvexHull(np.array(mesh.vertices)).equations, 9), axis=0)
+    equations = np.unique(np.round(convex_hull(np.array(mesh.vertices)).equations, 9), axis=0)
     return equations[:, :3].copy(), -equations[:, 3]
 
 

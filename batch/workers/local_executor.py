@@ -26,6 +26,8 @@ READY = "ready"
 
 _MODULES = (
     "pybullet",
+    "scipy.optimize",  # the search out of contacts
+    "trimesh",  # hulls of unknown obstacles
     "picktree.recovery",
     "picktree.skills",
     "picktree.simulation.kinematic.backend",

@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
+import os
+import sys
 import time
 from collections.abc import Collection, Generator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING, Protocol
-
-from rich.console import Console, Group
-from rich.live import Live
-from rich.text import Text
+from typing import TYPE_CHECKING, Protocol, TextIO
 
 from ...session.observer import Observer
 
+# The libraries of the live view are imported where one is drawn.
 if TYPE_CHECKING:
+    from rich.console import Console
+    from rich.text import Text
+
     from ...logs.run_result import RunResult
     from ...session.execution import Execution
     from ...trees.running.runner import NodeInfo, NodeReport, TickReport
@@ -48,8 +50,8 @@ class RunDisplay(Observer, AbstractContextManager["RunDisplay"]):
 class LinesDisplay(RunDisplay):
     """Display with a line for each finished item and each failed leaf, and one after a long time without."""
 
-    def __init__(self, console: Console) -> None:
-        self._console = console
+    def __init__(self, stream: TextIO) -> None:
+        self._stream = stream
         self._leaves: frozenset[str] = frozenset()
         self._done = 0
         self._said_at = 0.0
@@ -79,7 +81,7 @@ class LinesDisplay(RunDisplay):
         self._line(f"{now:8.2f} s  {text}")
 
     def _line(self, text: str) -> None:
-        self._console.print(text, markup=False, soft_wrap=True)
+        print(text, file=self._stream, flush=True)
 
 
 class LiveDisplay(RunDisplay):
@@ -87,6 +89,8 @@ class LiveDisplay(RunDisplay):
     end."""
 
     def __init__(self, console: Console) -> None:
+        from rich.live import Live
+
         self._live = Live(console=console, auto_refresh=False, transient=True)
         self._structure: tuple[NodeInfo, ...] = ()
         self._began = self._drawn_at = time.monotonic()
@@ -102,6 +106,9 @@ class LiveDisplay(RunDisplay):
         self._live.start()
 
     def ticked(self, now: float, report: TickReport, items_done: int, items_total: int) -> None:
+        from rich.console import Group
+        from rich.text import Text
+
         wall = time.monotonic()
         if wall - self._drawn_at < _REDRAW_PERIOD:
             return
@@ -137,8 +144,17 @@ class LiveDisplay(RunDisplay):
 
 def run_display(*, to_stderr: bool = True, lines: bool = False) -> RunDisplay:
     """Return the display of a run. `lines`: no live tree on any terminal, because the user types into it."""
+    stream = sys.stderr if to_stderr else sys.stdout
+    if lines or not (stream.isatty() or any(map(os.environ.get, _TERMINAL_VARIABLES))):
+        return LinesDisplay(stream)
+    from rich.console import Console
+
     console = Console(stderr=to_stderr, highlight=False)
-    return LiveDisplay(console) if console.is_terminal and not lines else LinesDisplay(console)
+    return LiveDisplay(console) if console.is_terminal else LinesDisplay(stream)
+
+
+_TERMINAL_VARIABLES = ("FORCE_COLOR", "TTY_COMPATIBLE", "TTY_INTERACTIVE")
+"""Environment variables by which rich takes another stream for a terminal."""
 
 
 def deepest_running(nodes: Sequence[NodeReport]) -> str:
@@ -209,6 +225,8 @@ def _depths(structure: Sequence[ShownNode]) -> Mapping[str, int]:
 
 
 def _row(info: ShownNode, report: Status, depth: int) -> Text:
+    from rich.text import Text
+
     mark, style = STYLED_STATUS_MARKS[report.status]
     row = Text("  " * depth, no_wrap=True)
     row.append(f"{mark} {info.id}", style=style)

@@ -3,19 +3,27 @@
 from __future__ import annotations
 
 import struct
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from functools import lru_cache
 from importlib.util import find_spec
+from pathlib import Path
 from typing import TypedDict
 
 import numpy as np
 import orjson
+from numpy.typing import NDArray
 
 from ...errors import PicktreeError
+from ...files.disk_cache import cached_arrays
+from ...robots import urdf_tree
 from ...robots.urdf_tree import UrdfMesh as MeshFile
 from ...robots.urdf_tree import UrdfPrimitive, link_geometry
+from ...world import shapes, values
 from ...world.shapes import Box, Shape
 from ...world.values import Pose
 from ..schema.records import BodyRecord, LinkMesh
+from . import triangle_meshes
 from .triangle_meshes import Indices, Mesh, join_meshes, load_mesh, shape_mesh
 
 _HEADER = struct.Struct("<4sII")
@@ -233,11 +241,40 @@ def _is_readable(path: str) -> bool:
 def link_meshes(urdf: str) -> tuple[LinkMesh, ...]:
     """Return a mesh for each link that has a visual element. Raises PicktreeError for an unreadable mesh.
 
-    A link whose meshes only an absent library reads gets its collision geometry.
+    A link whose meshes only an absent library reads gets its collision geometry. Meshes that were made
+    before come from the disk cache.
     """
+    geometry = _visible_geometry(urdf)
+    files = cached_arrays("link-meshes", _inputs(geometry), _MAKERS, lambda: _encoded_links(geometry))
+    return tuple(LinkMesh(link, glb.tobytes()) for link, glb in files.items())
+
+
+_MAKERS = (
+    *(urdf_tree, shapes, values, triangle_meshes, Path(__file__)),
+    *("fast-simplification", "numpy", "pycollada", "scipy", "trimesh"),
+)
+"""Code that `link_meshes` depends on."""
+
+
+def _inputs(geometry: Sequence[MeshFile | UrdfPrimitive]) -> Iterator[str | bytes | Path]:
+    """Yield all that the meshes of this geometry are made from."""
+    yield str(MAX_LINK_FACES)
+    for element in geometry:
+        if isinstance(element, MeshFile):
+            path = Path(element.path)
+            yield f"{replace(element, path='')} {path.suffix}"
+            yield path
+            library = triangle_meshes.material_library(path)
+            yield library if library is not None and library.is_file() else ""
+        else:
+            yield str(element)
+
+
+def _encoded_links(geometry: Sequence[MeshFile | UrdfPrimitive]) -> dict[str, NDArray[np.uint8]]:
+    """Return the glTF file of each link's geometry."""
     parts: dict[str, list[Mesh]] = {}
     files: dict[str, Mesh] = {}
-    for element in _visible_geometry(urdf):
+    for element in geometry:
         if isinstance(element, MeshFile):
             if element.path not in files:
                 try:
@@ -248,4 +285,4 @@ def link_meshes(urdf: str) -> tuple[LinkMesh, ...]:
         else:
             mesh = shape_mesh(element.shape).placed(element.pose_in_link)
         parts.setdefault(element.link, []).append(mesh)
-    return tuple(LinkMesh(link, write_glb(join_meshes(meshes))) for link, meshes in parts.items())
+    return {link: np.frombuffer(write_glb(join_meshes(m)), np.uint8) for link, m in parts.items()}

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...world.scene.description import Hole
-from ...world.shapes import Box, ConvexMesh, Cylinder, Shape, Sphere
+from ...world.shapes import Box, ConvexMesh, Cylinder, Shape, Sphere, convex_hull
 from ...world.values import Array, Pose, Vector3
 
 Indices = NDArray[np.int64]
@@ -179,7 +179,7 @@ def _read_obj(path: Path) -> tuple[Array, Indices, Array]:
     if len(faces) == 0 or faces.min() < 0 or faces.max() >= len(vertices):
         raise ValueError("its faces name vertices that it does not have")
 
-    palette = _materials(path, data[:4096])
+    palette = _materials(path)
     colours = np.tile(np.array(WHITE), (len(faces), 1))
     for line in np.flatnonzero(kinds == ord("u") * 256 + ord("s")):
         name = data[starts[line] + 7 : ends[line]].strip().decode(errors="replace")
@@ -187,12 +187,18 @@ def _read_obj(path: Path) -> tuple[Array, Indices, Array]:
     return vertices, faces, colours
 
 
-def _materials(path: Path, head: bytes) -> dict[str, tuple[float, float, float]]:
+def material_library(path: Path) -> Path | None:
+    """Return the file of materials that a mesh file names at its beginning; it need not exist."""
+    with path.open("rb") as mesh:
+        library = _LIBRARY.search(mesh.read(4096))
+    return path.parent / library[1].strip().decode(errors="replace") if library else None
+
+
+def _materials(path: Path) -> dict[str, tuple[float, float, float]]:
     """Return diffuse colours by material name; empty when the file has no library beside it."""
     palette: dict[str, tuple[float, float, float]] = {}
-    library = _LIBRARY.search(head)
-    file = path.parent / library[1].strip().decode(errors="replace") if library else path
-    if library is None or not file.is_file():
+    file = material_library(path)
+    if file is None or not file.is_file():
         return palette
     name = ""
     for line in file.read_text(errors="replace").splitlines():
@@ -231,10 +237,8 @@ def shape_mesh(shape: Shape, colour: tuple[float, float, float] = WHITE) -> Mesh
             vertices, faces = _surface_of_revolution([(0.0, -1.0), *rings, (0.0, 1.0)], 48)
             vertices = vertices * radius
         case ConvexMesh(points):
-            from scipy.spatial import ConvexHull
-
             vertices = np.array(points)
-            faces = ConvexHull(vertices).simplices.astype(np.int64)
+            faces = convex_hull(vertices).simplices.astype(np.int64)
             corners = vertices[faces]
             outward = np.einsum("fi,fi->f", _areas(corners), corners.mean(axis=1) - vertices.mean(axis=0))
             faces = np.where(outward[:, None] > 0, faces, faces[:, ::-1])

@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
-from functools import lru_cache
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
 from pathlib import Path
-from typing import Protocol, cast
+from typing import Any, Final, Protocol, cast
 
 import cv2
 import numpy as np
-import trimesh
 from numpy.typing import NDArray
-from scipy.spatial import ConvexHull
 
+from ...files.disk_cache import cached_arrays
+from ...robots import urdf_tree
 from ...robots.urdf_tree import UrdfMesh, UrdfPrimitive
-from ...world.shapes import Shape, corners, inside
+from ...world import shapes, values
+from ...world.shapes import Shape, convex_hull, corners, inside
 from ...world.values import Array, Pose, Vector3
 from ..geometry.camera_geometry import ConvexFacets, PosedCamera
 
@@ -49,8 +49,7 @@ class RobotShape(Protocol):
 class _Hull:
     """Hull of a link in the link's frame: points (n, 3), and inside is `normals @ x <= offsets`."""
 
-    def __init__(self, points: Array) -> None:
-        equations = ConvexHull(points).equations
+    def __init__(self, points: Array, equations: Array) -> None:
         self.points = points
         self.normals: Array = equations[:, :3].copy()
         self.offsets: Array = -equations[:, 3]
@@ -70,15 +69,13 @@ class RobotMask:
 
     def __init__(self, robot: RobotShape) -> None:
         self._robot = robot
+        parts = (*robot.collision_meshes(), *robot.collision_shapes())
+        kept = cached_arrays("link-hulls", _inputs(parts), _MAKERS, lambda: _link_hulls(parts))
         self._hulls: list[tuple[str, _Hull]] = [
-            (mesh.link, _Hull(mesh.pose_in_link.apply(_outline(mesh).points)))
-            for mesh in robot.collision_meshes()
-        ]
-        self._hulls += [
-            (s.link, _Hull(s.pose_in_link.apply(corners(s.shape)))) for s in robot.collision_shapes()
+            (part.link, _Hull(kept[f"{n} points"], kept[f"{n} equations"])) for n, part in enumerate(parts)
         ]
         names = robot.finger_links
-        convex = all(_outline(mesh).convex for mesh in robot.collision_meshes() if mesh.link in names)
+        convex = all(kept[f"{n} convex"] for n, part in enumerate(parts) if part.link in names)
         self._fingers = [(link, hull) for link, hull in self._hulls if link in names and convex]
 
     def paint(
@@ -179,35 +176,56 @@ def add_attached_parts(
     return touched[marks] & near
 
 
-@dataclass(frozen=True)
-class _Outline:
-    """Outside of a mesh file, scaled."""
-
-    points: Array
-    """Few vertices (k, 3) whose hull is nearly that of all, m; read-only."""
-    convex: bool
-    """Whether the mesh fills nearly all of its hull."""
+_MAKERS: Final = (
+    *(shapes, urdf_tree, values, Path(__file__)),
+    *("numpy", "scipy", "trimesh"),
+)
+"""Code that the hulls depend on."""
 
 
-def _outline(mesh: UrdfMesh) -> _Outline:
-    """Return the outline of the file's present content. A process reads each file once, unless it has
-    changed."""
-    file = Path(mesh.path).stat()
-    return _read(mesh.path, mesh.scale, file.st_mtime_ns, file.st_size)
+def _inputs(parts: Iterable[UrdfMesh | UrdfPrimitive]) -> Iterator[str | Path]:
+    """Yield all that the hulls of these parts are made from."""
+    for part in parts:
+        if isinstance(part, UrdfMesh):
+            path = Path(part.path)
+            yield f"{replace(part, path='')} {path.suffix}"
+            yield path
+        else:
+            yield str(part)
 
 
-@lru_cache(maxsize=256)
-def _read(path: str, scale: Vector3, changed: int, size: int) -> _Outline:
+def _link_hulls(parts: Iterable[UrdfMesh | UrdfPrimitive]) -> dict[str, NDArray[Any]]:
+    """Return points and equations of each part's hull, and whether the part is convex."""
+    arrays: dict[str, NDArray[Any]] = {}
+    read: dict[tuple[str, Vector3], tuple[Array, bool]] = {}
+    for n, part in enumerate(parts):
+        if isinstance(part, UrdfMesh):
+            key = (part.path, part.scale)
+            read[key] = points, convex = read.get(key) or _outline(*key)
+        else:
+            points, convex = corners(part.shape), True
+        points = part.pose_in_link.apply(points)
+        arrays[f"{n} points"] = points
+        arrays[f"{n} equations"] = convex_hull(points).equations
+        arrays[f"{n} convex"] = np.array(convex)
+    return arrays
+
+
+def _outline(path: str, scale: Vector3) -> tuple[Array, bool]:
+    """Return a few vertices (k, 3) of a mesh file, and whether the mesh fills nearly all of its hull.
+
+    The hull of the vertices is nearly that of the mesh.
+    """
+    import trimesh  # slow to import
+
     loaded = cast(
         "trimesh.Trimesh",
         trimesh.load(path, force="mesh", skip_materials=True),  # pyright: ignore[reportUnknownMemberType]
     )
     vertices: Array = np.asarray(loaded.vertices, dtype=np.float64) * np.array(scale)
-    hull = ConvexHull(vertices)
-    points = _furthest(vertices[hull.vertices])
-    points.flags.writeable = False
+    hull = convex_hull(vertices)
     convex = abs(float(loaded.volume) * float(np.prod(scale))) > MIN_CONVEX_SHARE * float(hull.volume)
-    return _Outline(points, convex)
+    return _furthest(vertices[hull.vertices]), convex
 
 
 def _furthest(points: Array) -> Array:

@@ -13,7 +13,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
 
 from ...world.protocols import RgbdImage
 from ...world.scene.description import Hole
@@ -153,6 +152,8 @@ class _Fit:
 
     def solved(self, off: float) -> Array | None:
         """Return (x, y, yaw), or None when that is further from the belief than allowed."""
+        from scipy.optimize import least_squares  # slow to import
+
         inside = self._below > 0.5
         first = np.array([*((self._upper + self._lower) / 2)[inside].mean(axis=0), 0.0])
         place = first

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Final
 
 import numpy as np
-from scipy.spatial import ConvexHull
 
+from ...files.disk_cache import cached_arrays
+from ...world import shapes
 from ...world.belief.hole_matching import fits_hole
 from ...world.scene.description import CatalogueEntry, Fixture, Hole
-from ...world.shapes import Box, ConvexMesh, Cylinder, Shape, Sphere, half_spaces, top
+from ...world.shapes import Box, ConvexMesh, Cylinder, Shape, Sphere, convex_hull, half_spaces, top
 from ...world.values import Array, ObjectId
 
 CORNER_TOLERANCE = 2e-4
@@ -43,6 +46,34 @@ class StablePose:
     """Addition to the misfit, for faces on which items are seldom found."""
 
 
+def catalogue_poses(catalogue: Iterable[CatalogueEntry]) -> tuple[StablePose, ...]:
+    """Return the stable poses of all entries. Those that were found before come from the disk cache."""
+    entries = tuple(catalogue)
+    bodies = (e.shape for e in entries)
+    inputs = (str(replace(b, source="") if isinstance(b, ConvexMesh) else b) for b in bodies)
+    kept = cached_arrays("stable-poses", inputs, _MAKERS, lambda: _encoded(entries))
+    poses: list[StablePose] = []
+    for n, (number, *values) in enumerate(kept["values"].tolist()):
+        rotation, outline = kept[f"{n} rotation"], kept[f"{n} outline"]
+        poses.append(StablePose(entries[int(number)], rotation, outline, *values))
+    return tuple(poses)
+
+
+_MAKERS: Final = (Path(__file__), shapes, "numpy", "scipy")
+"""Code that the stable poses depend on."""
+
+
+def _encoded(entries: Sequence[CatalogueEntry]) -> dict[str, Array]:
+    """Return rotation and outline of each stable pose by its number, and a row with all other values."""
+    arrays: dict[str, Array] = {}
+    rows: list[tuple[float, ...]] = []
+    for number, entry in enumerate(entries):
+        for p in stable_poses(entry):
+            arrays[f"{len(rows)} rotation"], arrays[f"{len(rows)} outline"] = p.rotation, p.outline
+            rows.append((number, p.below, p.height, p.turn, p.reach, p.footprint, p.unlikely))
+    return {**arrays, "values": np.array(rows).reshape(-1, 7)}
+
+
 def stable_poses(entry: CatalogueEntry) -> tuple[StablePose, ...]:
     """Return all stable ways in which the entry can lie on a level support, up to a turn about the
     vertical."""
@@ -72,7 +103,7 @@ def _stable_pose(entry: CatalogueEntry, rotation: Array, turn: float, unlikely: 
     if isinstance(entry.shape, Cylinder) and turn:
         low, high = -entry.shape.radius, entry.shape.radius
     reach = float(np.hypot(outline[:, 0], outline[:, 1]).max())
-    footprint = float(ConvexHull(outline[:, :2]).volume)
+    footprint = float(convex_hull(outline[:, :2]).volume)
     return StablePose(entry, rotation, outline, -low, high - low, turn, reach, footprint, unlikely)
 
 
@@ -95,7 +126,7 @@ def body_points(shape: Shape) -> Array:
             return np.zeros((0, 3))
         case ConvexMesh(vertices):
             points = np.array(vertices)
-            return points[ConvexHull(points).vertices]
+            return points[convex_hull(points).vertices]
 
 
 def _box_poses(entry: CatalogueEntry, size: tuple[float, float, float]) -> list[StablePose]:
@@ -173,7 +204,7 @@ def _rotation_face_down(normal: Array) -> Array:
 
 def _is_stable_on(face: Array) -> bool:
     """Whether the vertical through the origin meets the polygon of face (n, 3), 1 mm inside."""
-    hull = ConvexHull(face[:, :2])
+    hull = convex_hull(face[:, :2])
     return bool((hull.equations[:, 2] < -1e-3).all())
 
 

@@ -11,10 +11,9 @@ from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import ConvexHull
 
 from ...world.belief.planning_scene import BeliefObject, ObstacleBlock
-from ...world.shapes import Box, ConvexMesh, Shape, extents, inside
+from ...world.shapes import OBSTACLE_VOLUME, Box, ConvexMesh, Shape, convex_hull, extents, inside
 from ...world.values import Array, Pose
 
 CELL_SIZE: Array = np.array([0.01, 0.01, 0.02])
@@ -108,11 +107,11 @@ def _enclosing_shape(blocks: Sequence[ObstacleBlock]) -> Shape:
         return Box(_vector(high - low))
     spans = [_cells(block, -low) for block in blocks]
     volume = len(cell_keys(np.concatenate(spans))) * float(np.prod(CELL_SIZE))
-    hull = ConvexHull(corners)
+    hull = convex_hull(corners)
     if float(hull.volume) > MAX_HULL_VOLUME_RATIO * volume:
         return Box(_vector(high - low))
     vertices = np.unique(corners[hull.vertices], axis=0)
-    return ConvexMesh(tuple(_vector(vertex) for vertex in vertices), "volume")
+    return ConvexMesh(tuple(_vector(vertex) for vertex in vertices), OBSTACLE_VOLUME)
 
 
 def _span(first: Indices, last: Indices) -> Indices:

@@ -5,18 +5,22 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
 from typing import Final
 
-import coal
 import numpy as np
 import pinocchio as pin
 
+from ...files.disk_cache import cached_arrays
+from ...robots import urdf_tree
 from ...robots.model import TCP_FRAME, RobotModel
-from ...robots.urdf_tree import resolved_urdf
+from ...robots.urdf_tree import UrdfMesh, link_geometry, resolved_urdf
 from ...world.belief.planning_scene import BeliefObject, PlanningScene
 from ...world.scene.description import Bin, Fixture
 from ...world.values import Array, Bounds, Vector3
 from ..requests import ContactPair
+from . import collision_bodies
 from .collision_bodies import (
     GRIPPER_OWNERS,
     CoalShapes,
@@ -258,17 +262,36 @@ class CollisionChecker:
         return self._full_q
 
 
-_MESHES: Final = coal.CachedMeshLoader()
-"""Meshes of links as last read; a file that has changed since is read again."""
-
-
 def robot_geometry(model: RobotModel) -> tuple[pin.GeometryObject, ...]:
-    """Return the URDF's collision geometry on the joints of `model.full`; meshes as their convex hulls."""
+    """Return the URDF's collision geometry on the joints of `model.full`; meshes as their convex hulls.
+
+    Hulls that were made before come from the disk cache.
+    """
+    urdf = model.description.urdf
+    meshes = (Path(each.path) for each in link_geometry(urdf, "collision") if isinstance(each, UrdfMesh))
+    inputs = (resolved_urdf(urdf), model.full.saveToString(), *meshes)
+    kept = cached_arrays("robot-hulls", inputs, _MAKERS, lambda: {"archive": _hulls(model)})
+    return tuple(o.copy() for o in _unpacked(kept["archive"].tobytes()).geometryObjects)
+
+
+_MAKERS: Final = (Path(__file__), collision_bodies, urdf_tree, "coal", "pin")
+"""Code that `robot_geometry` depends on."""
+
+
+def _hulls(model: RobotModel) -> np.typing.NDArray[np.uint8]:
+    """Return the geometry of the robot as pinocchio's archive, in which numbers are exact."""
     urdf = resolved_urdf(model.description.urdf)
-    loaded = pin.buildGeomFromUrdfString(model.full, urdf, pin.COLLISION, mesh_loader=_MESHES)
+    loaded = pin.buildGeomFromUrdfString(model.full, urdf, pin.COLLISION)
     for o in loaded.geometryObjects:
         o.geometry = hull(o.geometry)
-    return tuple(loaded.geometryObjects)
+    return np.frombuffer(loaded.saveToString().encode(), np.uint8)
+
+
+@lru_cache(maxsize=4)
+def _unpacked(archive: bytes) -> pin.GeometryModel:
+    loaded = pin.GeometryModel()
+    loaded.loadFromString(archive.decode())
+    return loaded
 
 
 def _robot_piece(model: RobotModel, o: pin.GeometryObject) -> CollisionGeometry:

@@ -7,14 +7,18 @@ from __future__ import annotations
 
 from collections.abc import Collection
 from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
 
 import coal
 import fcl
 import numpy as np
+from numpy.typing import NDArray
 
+from ...files.disk_cache import cached_arrays
 from ...robots.model import RobotModel
 from ...world.belief.planning_scene import BeliefObject, PlanningScene
-from ...world.shapes import Box, ConvexMesh, Cylinder, Shape, Sphere, corners
+from ...world.shapes import OBSTACLE_VOLUME, Box, ConvexMesh, Cylinder, Shape, Sphere, corners
 from ...world.values import Array, Pose, Vector3
 from ..requests import ContactPair
 from .collision_bodies import CoalShapes, CollisionBody, CollisionMargins, fixed_bodies, movable_bodies
@@ -61,23 +65,32 @@ def solid(shape: Shape) -> FclSolid:
             geometry = fcl.Cylinder(radius, height)
         case Sphere(radius):
             geometry = fcl.Sphere(radius)
-        case ConvexMesh(vertices):
-            return hull(np.array(vertices))
+        case ConvexMesh(vertices, source):
+            return hull(np.array(vertices), keep=source != OBSTACLE_VOLUME)
     return FclSolid(geometry, corners(shape), shape)
 
 
-def hull(points: Array) -> FclSolid:
-    """Return the convex hull of points (m, 3)."""
-    # Imported here: it takes 0.3 s, and a check of a mission needs no hulls.
-    import trimesh
-
-    mesh = trimesh.Trimesh(points, process=False).convex_hull
-    vertices: Array = np.array(mesh.vertices, dtype=np.float64)
-    faces = np.array(mesh.faces, dtype=np.int64)
+def hull(points: Array, *, keep: bool = True) -> FclSolid:
+    """Return the convex hull of points (m, 3). `keep`: for later processes, in the disk cache."""
+    makers = (Path(__file__), "numpy", "scipy", "trimesh")
+    found = (
+        cached_arrays("solid-hull", (points.tobytes(),), makers, lambda: _hull(points))
+        if keep
+        else _hull(points)
+    )
+    vertices, faces = found["vertices"], found["faces"]
     flat = np.column_stack([np.full(len(faces), 3, dtype=np.int64), faces]).ravel()
     x, y, z = vertices.T
     shape = ConvexMesh(tuple(zip(x.tolist(), y.tolist(), z.tolist(), strict=True)), "")
     return FclSolid(fcl.Convex(vertices, len(faces), flat), vertices, shape)
+
+
+def _hull(points: Array) -> dict[str, NDArray[Any]]:
+    import trimesh  # slow to import
+
+    mesh = trimesh.Trimesh(points, process=False).convex_hull
+    vertices = np.array(mesh.vertices, dtype=np.float64)
+    return {"vertices": vertices, "faces": np.array(mesh.faces, dtype=np.int64)}
 
 
 def place(shape: FclSolid, pose: Pose) -> FclPlacedSolid:

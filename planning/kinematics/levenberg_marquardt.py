@@ -8,13 +8,19 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pinocchio as pin
-from scipy.linalg.lapack import dposv
 
+from ...files.library_parts import library_part
 from ...robots.model import RobotModel
 from ...world.values import Array, Pose
+
+if TYPE_CHECKING:
+    from scipy.linalg.lapack import dposv
+else:
+    dposv = library_part("scipy.linalg._flapack", "scipy.linalg.lapack.dposv")
 
 POSITION_ACCURACY = 1e-5
 """Accuracy of the position, m."""

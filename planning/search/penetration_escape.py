@@ -7,7 +7,6 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import nnls
 
 from ...robots.model import RobotModel
 from ...world.values import Array
@@ -219,6 +218,8 @@ class EscapeSearch:
 
 def least_distance(bounds: StepConstraints, wanted: Array) -> Array | None:
     """Return the x nearest to `wanted` (n,) with G x ≥ h; None when there is none."""
+    from scipy.optimize import nnls  # slow to import
+
     h = bounds.h - bounds.g @ wanted
     if float(h.max(initial=0.0)) <= 1e-12:
         return wanted

@@ -8,7 +8,7 @@ import math
 from collections.abc import Callable, Generator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from typing import TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
@@ -22,7 +22,6 @@ from ...world.random_streams import RandomStreams
 from ...world.trajectory import Trajectory
 from ...world.values import Array, Bounds, Pose
 from ..collision.scene_queries import SceneQueries
-from ..collision.trajectory_judge import TrajectoryVerifier
 from ..failures import planning_failures
 from ..requests import (
     DEFAULT_CHECK_BUDGET,
@@ -41,6 +40,9 @@ from .lookahead_planning import LookaheadPlanner, LookaheadResult, PlanProvenanc
 from .motion_chain import DEFAULT_LINE_ROUNDING, MotionChain, split_into_legs
 from .plan_quality import PlanQuality, PlanQualityMeter, combine_qualities, length, smallest_singular_values
 from .solver import CostMeter, MeasuredCost, ReachResult, RequestSolver, check_reach
+
+if TYPE_CHECKING:
+    from ..collision.trajectory_judge import TrajectoryVerifier
 
 _log = logging.getLogger(__name__)
 T = TypeVar("T")
@@ -95,7 +97,7 @@ class PlanService:
         )
         self._meter = CostMeter(self.solver.collision, self.solver.ik, thinking, cost)
         self._ahead = LookaheadPlanner(thinking, now)
-        self._judge = TrajectoryVerifier(model) if verify else None
+        self._judge = _verifier(model) if verify else None
         self._disagreements: list[VerifierDisagreement] = []
         self.made = PlanProvenanceStore(scene, width)
         self.finds_nothing: Callable[[], bool] | None = None
@@ -360,3 +362,9 @@ class PlanService:
                 singular=float(smallest_singular_values(self._model, picked).min()),
             )
         )
+
+
+def _verifier(model: RobotModel) -> TrajectoryVerifier:
+    from ..collision.trajectory_judge import TrajectoryVerifier  # slow to import, with trimesh
+
+    return TrajectoryVerifier(model)

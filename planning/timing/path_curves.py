@@ -9,12 +9,18 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.linalg import solve_banded
 
+from ...files.library_parts import library_part
 from ...world.trajectory import quintic
 from ...world.values import Array
+
+if TYPE_CHECKING:
+    from scipy.linalg.lapack import dgtsv
+else:
+    dgtsv = library_part("scipy.linalg._flapack", "scipy.linalg.lapack.dgtsv")
 
 POLYNOMIAL_DEGREE = 5
 SAME_WAYPOINT_DISTANCE = 1e-6
@@ -105,17 +111,25 @@ def rounded_polyline(points: Array, radius: float) -> JointCurve:
     return JointCurve(np.concatenate([[0.0], np.cumsum(spans)]), np.array(coefficients))
 
 
+def tridiagonal_solution(lower: Array, diagonal: Array, upper: Array, right: Array) -> Array:
+    """Solve the system (n, n) with these three diagonals, (n - 1,), (n,), (n - 1,), for right sides (n, k).
+
+    The matrix must not be singular; it is a spline's, whose diagonal dominates.
+    """
+    if len(diagonal) == 1:
+        return right / diagonal[0]
+    return dgtsv(lower, diagonal, upper, right)[3]
+
+
 def spline_through(points: Array) -> JointCurve:
     """Return the natural cubic spline through points (m, n), m > 2, no two in a row the same."""
     along = np.diff(points, axis=0)
     h: Array = np.linalg.norm(along, axis=1)[:, None]
     slopes = along / h
     # Second derivatives: 0 at both ends, and such that the first ones agree between.
-    bands = np.zeros((3, len(h) - 1))
-    bands[0, 1:] = bands[2, :-1] = h[1:-1, 0]
-    bands[1] = 2.0 * (h[:-1, 0] + h[1:, 0])
+    diagonal, beside = 2.0 * (h[:-1, 0] + h[1:, 0]), h[1:-1, 0]
     bend = np.zeros_like(points)
-    bend[1:-1] = solve_banded((1, 1), bands, 6.0 * np.diff(slopes, axis=0))
+    bend[1:-1] = tridiagonal_solution(beside, diagonal, beside, 6.0 * np.diff(slopes, axis=0))
     coefficients = np.zeros((len(h), POLYNOMIAL_DEGREE + 1, points.shape[1]))
     coefficients[:, 0] = points[:-1]
     coefficients[:, 1] = slopes - h * (2.0 * bend[:-1] + bend[1:]) / 6.0

@@ -4,51 +4,32 @@ it."""
 from __future__ import annotations
 
 import sys
-from collections.abc import Generator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import dataclass
-from importlib import import_module
-from types import ModuleType
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pinocchio as pin
 
+from ...files.library_parts import bare_packages
 from ...robots.model import RobotModel
 from ...world.values import Array
 from ..requests import Scaling
 
-_PACKAGE = "matplotlib"
-_PYPLOT = "matplotlib.pyplot"
+if TYPE_CHECKING:
+    from toppra.constraint import LinearConstraint
+    from toppra.solverwrapper.cy_seidel_solverwrapper import seidelWrapper
+else:
+    # Its solver alone: the package also interpolates and draws, with scipy and matplotlib.
+    with bare_packages(
+        *("toppra", "toppra.constraint", "toppra.solverwrapper", "toppra.interpolator"),
+        toppra_interpolator={"AbstractGeometricPath": object},
+    ):
+        from toppra.constraint.constraint import ConstraintType
 
-
-class _Pyplot(ModuleType):
-    """Name `plt` of a module that was imported in `lazy_pyplot`: any attribute is the real pyplot's."""
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(import_module(_PYPLOT), name)
-
-
-@contextmanager
-def lazy_pyplot() -> Generator[None]:
-    """Let `import matplotlib.pyplot as plt` bind a module that imports pyplot on first use.
-
-    toppra imports it for three methods that draw, and none of them is called here. It takes 0.6 s of CPU.
-
-    Only modules that are first imported in the block are affected; afterwards `sys.modules` is as it was.
-    Where matplotlib is loaded already, the block imports as usual.
-    """
-    if _PACKAGE in sys.modules:
-        yield
-        return
-    package, pyplot = ModuleType(_PACKAGE), _Pyplot(_PYPLOT)
-    setattr(package, "pyplot", pyplot)  # noqa: B010 - a module declares no such attribute
-    sys.modules[_PACKAGE], sys.modules[_PYPLOT] = package, pyplot
-    try:
-        yield
-    finally:
-        del sys.modules[_PACKAGE], sys.modules[_PYPLOT]
-
+        sys.modules["toppra.constraint"].ConstraintType = ConstraintType
+        from toppra.constraint.linear_constraint import LinearConstraint
+        from toppra.solverwrapper.cy_seidel_solverwrapper import seidelWrapper
 
 TORQUE_LIMIT_SHARE = 0.7
 """Share of the torque limits in the plan: the servo and a held object need the rest."""
@@ -162,10 +143,6 @@ def least_ratio(limit: Array, each: Array) -> Array:
     """Return the greatest factor (m,) with which all joints of each row (m, n) stay within their limits."""
     return (limit / np.maximum(np.abs(each), 1e-9)).min(axis=1)
 
-
-with lazy_pyplot():
-    from toppra.constraint import LinearConstraint
-    from toppra.solverwrapper.cy_seidel_solverwrapper import seidelWrapper
 
 SPEED_ROUNDING = 0.9999
 """Share of the squared speed that a step keeps, so that rounding leaves it controllable."""

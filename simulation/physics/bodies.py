@@ -11,11 +11,12 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from functools import cache
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
 
 from ...errors import PicktreeError
+from ...files.disk_cache import cached_arrays
 from ...world.colours import COLOURS
 from ...world.scene.calibration_results import TILE_HEIGHT, tile_body
 from ...world.scene.description import Bin, Fixture, SceneDescription
@@ -25,9 +26,6 @@ from ...world.values import Array, ObjectId, Pose, Vector3
 from ..engine import pb
 from ..footprints import floor_height
 from ..spawning.spawn import SpawnedItem
-
-if TYPE_CHECKING:
-    from trimesh import Trimesh
 
 
 def add_holed_fixture(fixture: Fixture, client: int) -> tuple[int, ...]:
@@ -198,7 +196,7 @@ def inertia(shape: Shape, mass: float) -> Vector3:
             return moment, moment, moment
         case ConvexMesh(vertices):
             hull = _hull(vertices)
-            ixx, iyy, izz = (float(m) for m in np.diag(np.asarray(hull.moment_inertia)) * mass / hull.volume)
+            ixx, iyy, izz = (float(m) for m in np.diag(hull["inertia"]) * mass / float(hull["volume"]))
             return ixx, iyy, izz
 
 
@@ -283,15 +281,27 @@ def _faces(vertices: tuple[Vector3, ...]) -> tuple[list[list[float]], list[int],
     """Return corners, order and normals of the hull's triangles. They are made once: pybullet never frees the
     lists."""
     hull = _hull(vertices)
-    corners: Array = np.asarray(hull.triangles, dtype=np.float64).reshape(-1, 3)
-    normals: Array = np.repeat(np.asarray(hull.face_normals, dtype=np.float64), 3, axis=0)
+    corners: Array = hull["triangles"].reshape(-1, 3)
+    normals: Array = np.repeat(hull["normals"], 3, axis=0)
     return corners.tolist(), list(range(len(corners))), normals.tolist()
 
 
-def _hull(vertices: tuple[Vector3, ...]) -> Trimesh:
-    from trimesh import Trimesh  # slow to import, and few scenes have meshes
+def _hull(vertices: tuple[Vector3, ...]) -> dict[str, Array]:
+    """Return the triangles (m, 3, 3) of a hull, their normals (m, 3), its volume and its moment of inertia.
 
-    return Trimesh(np.array(vertices)).convex_hull
+    Hulls that were made before come from the disk cache.
+    """
+
+    def compute() -> dict[str, Array]:
+        from trimesh import Trimesh  # slow to import
+
+        hull = Trimesh(np.array(vertices)).convex_hull
+        values = (hull.triangles, hull.face_normals, hull.volume, hull.moment_inertia)
+        names = ("triangles", "normals", "volume", "inertia")
+        return {name: np.asarray(v, dtype=np.float64) for name, v in zip(names, values, strict=True)}
+
+    makers = (Path(__file__), "numpy", "scipy", "trimesh")
+    return cached_arrays("body-hull", (repr(vertices),), makers, compute)
 
 
 def _halves(size: Vector3) -> Sequence[float]:

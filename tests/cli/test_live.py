@@ -93,7 +93,7 @@ def test_rows_of_a_tree_that_does_not_run() -> None:
 def test_lines_tell_of_items_failed_leaves_and_long_silence(result: RunResult) -> None:
     file = io.StringIO()
     quiet = report("RUNNING", "SUCCESS", "RUNNING", "RUNNING", "IDLE", "IDLE", "IDLE")
-    with LinesDisplay(Console(file=file, width=40)) as view:
+    with LinesDisplay(file) as view:
         view.started(executing(STRUCTURE), Path("runs/1"))
         view.ticked(0.05, quiet, 0, 4)
         view.ticked(3.0, RETREATING, 0, 4)
@@ -114,7 +114,7 @@ recording to runs/1
 
 def test_lines_tell_a_failure_once() -> None:
     file = io.StringIO()
-    with LinesDisplay(Console(file=file)) as view:
+    with LinesDisplay(file) as view:
         view.started(executing(STRUCTURE), Path("runs/1"))
         view.ticked(3.0, RETREATING, 0, 4)
         kept = report(*[n.status for n in RETREATING.nodes], cause="grasp.missed", ticked=False)
@@ -124,7 +124,7 @@ def test_lines_tell_a_failure_once() -> None:
 
 def test_lines_tell_of_edits_and_follow_the_edited_tree() -> None:
     file = io.StringIO()
-    with LinesDisplay(Console(file=file, width=40)) as view:
+    with LinesDisplay(file) as view:
         view.started(executing(STRUCTURE), Path("runs/1"))
         view.told(1.0, "the edit is not taken over:\nm.yaml:3:1: error P207: [no markup]")
         other = (*STRUCTURE[:2], replace(STRUCTURE[2], children=()))  # Main/2 is a leaf now

@@ -14,9 +14,8 @@ from functools import cache
 from typing import TypeAlias
 
 import numpy as np
-from scipy.spatial import ConvexHull
 
-from ..shapes import Box, ConvexMesh
+from ..shapes import Box, ConvexMesh, convex_hull
 from ..values import Array, Pose
 from .description import Fixture, Hole
 
@@ -233,10 +232,8 @@ class Surface:
 @cache
 def surface(box: Box, holes: tuple[Hole, ...]) -> Surface:
     """Return the visible surface of a box with holes, their insides included."""
-    hulls: list[tuple[Array, ConvexHull]] = []
-    for piece, piece_in_fixture in layered_pieces(box, holes):
-        points = piece_in_fixture.apply(np.array(piece.vertices))
-        hulls.append((points, ConvexHull(points)))
+    solids = [at.apply(np.array(piece.vertices)) for piece, at in layered_pieces(box, holes)]
+    hulls = [(points, convex_hull(points)) for points in solids]
     corners: list[Array] = []
     normals: list[Array] = []
     for n, (points, hull) in enumerate(hulls):

@@ -9,6 +9,7 @@ from typing import Any, cast
 
 import numpy as np
 
+from ....files.disk_cache import cached_arrays
 from ....files.marks import Location
 from ....files.yaml.document_checker import DocumentChecker
 from ....files.yaml.file_text import Unreadable, read_bytes
@@ -41,9 +42,6 @@ class MeshError(ValueError):
 
 def load_convex(path: Path, scale: float) -> ConvexMesh:
     """The convex hull of a mesh file, scaled to m and moved to its centre of mass. Raises MeshError."""
-    # Imported here: trimesh costs 0.3 s, and few scenes have meshes.
-    import trimesh
-
     suffix = path.suffix.lower().removeprefix(".")
     if suffix not in MESH_FORMATS:
         raise MeshError(f"{path.name} is no mesh file", f"known: {', '.join(MESH_FORMATS)}")
@@ -51,6 +49,16 @@ def load_convex(path: Path, scale: float) -> ConvexMesh:
         raw = read_bytes(path, MAX_MESH_BYTES)
     except Unreadable as error:
         raise MeshError(f"{path}: {error.message}") from None
+    makers = (Path(__file__), "numpy", "scipy", "trimesh")
+    inputs = (raw, suffix, repr(scale))
+    points = cached_arrays("convex-mesh", inputs, makers, lambda: {"points": _corners(raw, suffix, scale)})
+    return ConvexMesh(tuple((float(x), float(y), float(z)) for x, y, z in points["points"]), str(path))
+
+
+def _corners(raw: bytes, suffix: str, scale: float) -> Array:
+    """The corners (n, 3) of the hull of a mesh file's content. Raises MeshError."""
+    import trimesh  # slow to import
+
     # Handed over as bytes: nothing beside the file is looked for, such as materials and textures.
     options: dict[str, Any] = {"skip_materials": True} if suffix == "obj" else {}
     try:
@@ -89,7 +97,7 @@ def load_convex(path: Path, scale: float) -> ConvexMesh:
         raise MeshError(f"the mesh is not convex: its hull is {share:.0f} % larger", "convex parts only")
     if len(points) > MAX_VERTICES:
         raise MeshError(f"the hull has {len(points)} vertices", f"{MAX_VERTICES} at most; simplify the mesh")
-    return ConvexMesh(tuple((float(x), float(y), float(z)) for x, y, z in points), str(path))
+    return points
 
 
 RESERVED_NAMES = ("arm", "gripper", "hand", "aside")
