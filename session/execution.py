@@ -184,7 +184,8 @@ class Execution:
 
         The call does not change the simulation.
         """
-        faults: list[Any] = _fault_adapter().dump_python(self.injector.state(), mode="json")
+        state = self.injector.state()
+        faults: list[Any] = _fault_adapter().dump_python(state, mode="json") if state else []
         bias = list(self.world.control.wrist.learnt)
         return {**self.hardware.snapshot().to_plain(), "faults": faults, "wrist_bias": bias}
 

@@ -7,10 +7,12 @@ answer, edit and stop.
 
 from __future__ import annotations
 
+import gc
 import os
 import signal
 import time
-from collections.abc import Sequence
+from collections.abc import Generator, Sequence
+from contextlib import contextmanager
 
 from .. import arithmetic
 from ..errors import PicktreeError
@@ -88,7 +90,10 @@ class Session:
         `interrupted`.
         """
         execution, log = self.execution, self.folder / LOG_FILE_NAME
-        with SessionRecorder(log, execution, self._rotation, self._observers) as recorder:
+        with (
+            _without_old_garbage(),
+            SessionRecorder(log, execution, self._rotation, self._observers) as recorder,
+        ):
             for observer in self._observers:
                 observer.started(execution, self.folder)
             try:
@@ -193,6 +198,19 @@ class Session:
     def _tell(self, text: str) -> None:
         for observer in self._observers:
             observer.told(self.execution.world.clock.now, text)
+
+
+@contextmanager
+def _without_old_garbage() -> Generator[None]:
+    """Keep the garbage collector off the objects that exist before: libraries, world and tree outlive a
+    run."""
+    frozen = gc.get_freeze_count()
+    gc.freeze()
+    try:
+        yield
+    finally:
+        if not frozen:
+            gc.unfreeze()
 
 
 def _kill() -> None:

@@ -17,7 +17,7 @@ from ..logs.schema import records
 from ..logs.schema.topics import Topic
 from ..trees.blackboard import BlackboardWrite
 from ..trees.mission import Mission
-from ..trees.running.runner import NodeInfo, TickReport
+from ..trees.running.runner import NodeInfo, NodeReport, TickReport
 from ..world.events.run_events import BeltStopsEvent, BinExchangedEvent, DeliveryEvent, FaultEvent
 from ..world.journal import Entry, JournalEvent
 from ..world.values import Array, Pose
@@ -50,6 +50,8 @@ class SessionRecorder:
         self._checkpoints = self._edits = self._refused = 0
         self._there = {body.id for body in run.hardware.truth() if body.present}
         """Ids of the items in the last message about the ground truth."""
+        self._nodes: dict[str, tuple[NodeReport, records.NodeStatusRecord]] = {}
+        """Last report and record of each node, by path."""
         recipe = run.recipe
         start = recipe.start
         self._files = list(recipe_files(recipe))
@@ -145,7 +147,7 @@ class SessionRecorder:
         recorder.rotate_if_due(now)
         for entry in entries:
             recorder.entry(now, entry)
-        recorder.tick(now, _tick(report))
+        recorder.tick(now, _tick(report, self._node_records(report.nodes)))
         robot = world.robot.description
         state, gripper = world.control.state, self._gripper.read()
         fingers_at = world.robot.fingers.positions(gripper.width)
@@ -161,6 +163,21 @@ class SessionRecorder:
             self._truth(now)
         if recorder.state_due(now):
             recorder.true_state(now, self._run.true_state())
+
+    def _node_records(self, reports: Sequence[NodeReport]) -> tuple[records.NodeStatusRecord, ...]:
+        """Return the records of the nodes; an unchanged report has the record of the last tick."""
+        known = self._nodes
+        for n in reports:
+            last = known.get(n.path)
+            if last is None or last[0] is not n:
+                evidence = dict(n.evidence or {})
+                known[n.path] = (
+                    n,
+                    records.NodeStatusRecord(
+                        n.path, n.id, str(n.status), n.ticked, n.message, n.cause or "", evidence
+                    ),
+                )
+        return tuple([known[n.path][1] for n in reports])
 
     def _on_hand(self, tcp: Pose) -> dict[str, Pose]:
         """Return the optical frames in the world of the cameras that move with the tool, by camera name."""
@@ -257,17 +274,12 @@ def _control(controller: str, reference: Array | None, position: Array) -> recor
     return records.Control(controller, tuple(reference.tolist()), tuple((reference - position).tolist()))
 
 
-def _tick(report: TickReport) -> records.Tick:
+def _tick(report: TickReport, nodes: tuple[records.NodeStatusRecord, ...]) -> records.Tick:
     running = [n.path for n in report.nodes if n.status == "RUNNING"]
     return records.Tick(
         root_status=str(report.nodes[0].status),
         tip=max(running, key=lambda p: p.count("/"), default=""),
-        nodes=tuple(
-            records.NodeStatusRecord(
-                n.path, n.id, str(n.status), n.ticked, n.message, n.cause or "", dict(n.evidence or {})
-            )
-            for n in report.nodes
-        ),
+        nodes=nodes,
         writes=tuple(records.WriteRecord(w.key, w.value, w.node) for w in report.writes),
         transitions=tuple(
             records.TransitionRecord(

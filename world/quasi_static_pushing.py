@@ -16,6 +16,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TypeAlias
 
 from .planar_geometry import PlanarOutline, PlanarPose
@@ -48,16 +49,20 @@ class _Slider:
         self.radius = shape.radius
         self.fixed = fixed
         self.reach = shape.reach
-        self._square = max(shape.inertia(), 1e-9)
-        self._local = [(float(x), float(y)) for x, y in shape.corners]
+        self._shape = shape
         self._points: list[Point] | None = None
+
+    @cached_property
+    def _square(self) -> float:
+        """Mean square of the distance of the points from the origin, m²."""
+        return max(self._shape.inertia(), 1e-9)
 
     @property
     def points(self) -> list[Point]:
         """Corners in the world, counter-clockwise."""
         if self._points is None:
             c, s, x, y = math.cos(self.at.yaw), math.sin(self.at.yaw), self.at.x, self.at.y
-            self._points = [(x + c * a - s * b, y + s * a + c * b) for a, b in self._local]
+            self._points = [(x + c * a - s * b, y + s * a + c * b) for a, b in self._shape.corners.tolist()]
         return self._points
 
     def give(self, contact: _Contact) -> float:

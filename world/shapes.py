@@ -68,8 +68,18 @@ def scaled(shape: Shape, factor: float) -> Shape:
             return ConvexMesh(tuple((x * factor, y * factor, z * factor) for x, y, z in vertices), source)
 
 
+@lru_cache(maxsize=256)
 def corners(shape: Shape) -> Array:
-    """Points (n, 3) whose convex hull contains the shape (a circle by its circumscribed octagon), m."""
+    """Points (n, 3) whose convex hull contains the shape (a circle by its circumscribed octagon), m.
+
+    The array is read-only.
+    """
+    points = _corners(shape)
+    points.flags.writeable = False
+    return points
+
+
+def _corners(shape: Shape) -> Array:
     match shape:
         case Box(size):
             return np.array(list(itertools.product(*((-s / 2, s / 2) for s in size))))

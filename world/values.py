@@ -22,7 +22,7 @@ GRAVITY = 9.81
 
 def vector3(numbers: Iterable[float]) -> Vector3:
     """Return three numbers as a tuple of Python's floats."""
-    x, y, z = map(float, numbers)
+    x, y, z = numbers.tolist() if isinstance(numbers, np.ndarray) else map(float, numbers)
     return x, y, z
 
 
@@ -61,13 +61,11 @@ class Pose:
     def rotation(self) -> Array:
         """Rotation matrix (3, 3)."""
         x, y, z, w = self.orientation
-        return np.array(
-            [
-                [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-                [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-                [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-            ]
-        )
+        row_1 = 1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)
+        row_2 = 2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)
+        row_3 = 2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)
+        # numpy takes four times as long for a list of lists.
+        return np.array((*row_1, *row_2, *row_3)).reshape(3, 3)
 
     def rpy(self) -> Vector3:
         """Roll, pitch and yaw about the fixed x, y, z axes, rad: the inverse of `from_rpy`."""

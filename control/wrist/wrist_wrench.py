@@ -47,6 +47,7 @@ class WristWrench:
         self._bias: Array | None = None
         self._bias_in_world: Vector3 = (0.0, 0.0, 0.0)
         self._sensor_in_tool = _sensor_in_tool(model)
+        self._hand_com = np.array(model.hand_com)
         self._changed = -1.0
         self.noisy = False
         """Whether all readings differed from each other at the last `zero`."""
@@ -74,7 +75,7 @@ class WristWrench:
         """Learnt bias of the sensor in TCP axes, N and Nm."""
         if self._bias is None:
             return Wrench()
-        fx, fy, fz, tx, ty, tz = (float(c) for c in self._bias)
+        fx, fy, fz, tx, ty, tz = self._bias.tolist()
         return Wrench((fx, fy, fz), (tx, ty, tz))
 
     @property
@@ -101,7 +102,7 @@ class WristWrench:
     def turned(self, tool: Pose) -> None:
         """Turn the bias with the tool, which is now at `tool`."""
         if self._bias is not None:
-            x, y, z = (tool.rotation() @ self._bias[:3]).tolist()
+            x, y, z = tool.rotation().dot(self._bias[:3]).tolist()
             self._bias_in_world = (x, y, z)
 
     def since(self, time: float) -> tuple[ForceSample, ...]:
@@ -114,16 +115,15 @@ class WristWrench:
         recent = self._last(window)
         if not recent:
             return np.zeros(6)
-        mean = np.array([(*w.force, *w.torque) for w in recent]).mean(axis=0)
-        rotation = self._model.flange(q).rotation()
-        lever = rotation @ np.array(self._model.hand_com)
+        mean = np.add.reduce(np.array([w.force + w.torque for w in recent])) / len(recent)
+        across, along, _ = self._model.flange(q).rotation().dot(self._hand_com).tolist()
         mean[2] += self._weight
-        mean[3] += lever[1] * self._weight
-        mean[4] -= lever[0] * self._weight
+        mean[3] += along * self._weight
+        mean[4] -= across * self._weight
         if self._bias is not None:
             turn = self._model.tcp(q).rotation()
-            mean[:3] -= turn @ self._bias[:3]
-            mean[3:] -= turn @ self._bias[3:]
+            mean[:3] -= turn.dot(self._bias[:3])
+            mean[3:] -= turn.dot(self._bias[3:])
         return mean
 
     def tare(self, window: float, q: Array) -> None:
@@ -261,11 +261,17 @@ class WristWrench:
         if not self._readings:
             return []
         begin = self._readings[-1][0] - window + 1e-4
-        return [reading for at, reading in self._readings if at > begin]
+        recent: list[Wrench] = []
+        for at, reading in reversed(self._readings):
+            if at <= begin:
+                break
+            recent.append(reading)
+        recent.reverse()
+        return recent
 
 
 def _wrench(six: Array) -> Wrench:
-    fx, fy, fz, tx, ty, tz = (float(c) for c in six)
+    fx, fy, fz, tx, ty, tz = six.tolist()
     return Wrench((fx, fy, fz), (tx, ty, tz))
 
 

@@ -83,7 +83,7 @@ class McapFile:
         self._chunk_bytes = chunk_bytes
         self._wall = wall
         self._crc = 0
-        self._compressor = zstandard.ZstdCompressor(level=3)
+        self._compressor = zstandard.ZstdCompressor(level=1)
 
         self._chunk = bytearray()
         self._index: dict[int, list[tuple[int, int]]] = {}

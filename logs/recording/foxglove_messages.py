@@ -10,6 +10,7 @@ from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
 from foxglove_schemas_protobuf.CubePrimitive_pb2 import CubePrimitive
 from foxglove_schemas_protobuf.CylinderPrimitive_pb2 import CylinderPrimitive
 from foxglove_schemas_protobuf.FrameTransforms_pb2 import FrameTransforms
+from foxglove_schemas_protobuf.JointState_pb2 import JointState
 from foxglove_schemas_protobuf.JointStates_pb2 import JointStates
 from foxglove_schemas_protobuf.KeyValuePair_pb2 import KeyValuePair
 from foxglove_schemas_protobuf.Log_pb2 import Log
@@ -101,13 +102,27 @@ def read_transforms(data: bytes) -> tuple[Transform, ...]:
     )
 
 
-def encode_joints(time: int, joints: Joints) -> bytes:
-    message = JointStates(timestamp=stamp(time))
-    for name, position, velocity, effort in zip(
-        joints.names, joints.position, joints.velocity, joints.effort, strict=True
-    ):
-        message.joints.add(name=name, position=position, velocity=velocity, effort=effort)
-    return message.SerializeToString(deterministic=True)
+class JointMessages:
+    """Encoder of `/joint_states`. The names stay the same from tick to tick, so only numbers are set."""
+
+    def __init__(self) -> None:
+        self._message = JointStates()
+        self._names: tuple[str, ...] = ()
+        self._joints: list[JointState] = []
+
+    def encode(self, time: int, joints: Joints) -> bytes:
+        message = self._message
+        if joints.names != self._names:
+            self._names = joints.names
+            self._message = message = JointStates()
+            self._joints = [message.joints.add(name=name) for name in joints.names]
+        stamp = message.timestamp
+        stamp.seconds, stamp.nanos = divmod(time, 1_000_000_000)
+        for slot, position, velocity, effort in zip(
+            self._joints, joints.position, joints.velocity, joints.effort, strict=True
+        ):
+            slot.position, slot.velocity, slot.effort = position, velocity, effort
+        return message.SerializeToString(deterministic=True)
 
 
 def read_joints(data: bytes) -> Joints:

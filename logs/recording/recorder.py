@@ -101,6 +101,7 @@ class Recorder:
         self._listener = listener
         self._preamble = False
         self._digest = Digest(bytes.fromhex(resumed.digest)) if resumed else Digest()
+        self._joints = foxglove_messages.JointMessages()
         self._transforms = foxglove_messages.TransformMessages()
         self._beliefs = foxglove_messages.SceneMessages(locked=True)
         self._truths = foxglove_messages.SceneMessages(locked=False)
@@ -273,7 +274,7 @@ class Recorder:
     ) -> None:
         """Write the joints of arm and fingers; see `joints_record`."""
         joints = journal_records.joints_record(names, state, fingers, gripper, fingers_at)
-        self._write(topics.JOINTS, now, foxglove_messages.encode_joints(_ns(now), joints))
+        self._write(topics.JOINTS, now, self._joints.encode(_ns(now), joints))
 
     def transforms(
         self,

@@ -130,10 +130,15 @@ class Digest:
 
     def add(self, topic: str, time: int, payload: bytes) -> None:
         """Add a message; `time` in simulated ns."""
-        name = topic.encode()
-        head = len(name).to_bytes(2, "little") + name + time.to_bytes(8, "little")
-        self._link = hashlib.sha256(self._link + head + payload).digest()
+        content = b"".join((self._link, _name_field(topic), time.to_bytes(8, "little"), payload))
+        self._link = hashlib.sha256(content).digest()
 
     @property
     def hex(self) -> str:
         return self._link.hex()
+
+
+@cache
+def _name_field(topic: str) -> bytes:
+    name = topic.encode()
+    return len(name).to_bytes(2, "little") + name

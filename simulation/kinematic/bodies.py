@@ -3,9 +3,12 @@ them."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable
+from collections.abc import Callable, Collection, Iterable
 from dataclasses import dataclass, replace
+from functools import cache
+from typing import TypeAlias
 
+from ...world.planar_geometry import PlanarOutline, PlanarPose, outline, planar
 from ...world.scene.description import CatalogueEntry, Fixture, SceneDescription
 from ...world.shapes import Shape, extents
 from ...world.values import ObjectId, Pose, Vector3
@@ -30,40 +33,56 @@ class KinematicBody:
     scale: float = 1.0
     """Scale by faults, as a multiple of the catalogue's size; `entry` includes it."""
 
+    def at(self, pose: Pose) -> KinematicBody:
+        """Return the body at another pose in the world."""
+        return KinematicBody(self.id, self.entry, self.colour, pose, self.friction, self.present, self.scale)
 
-@dataclass(frozen=True, slots=True)
+
+CERTAIN_OVERLAP = 1e-6
+"""Depth inside an outline from which an overlap needs no test of edges, m: more than corners are rounded."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Prism:
     """Vertical prism of a body: an outline from above and a level top, as support for other bodies."""
 
     id: str
-    outline: Footprint
-    low: tuple[float, float, float]
-    high: tuple[float, float, float]
+    low: Vector3
+    high: Vector3
+    _centre: tuple[float, float]
+    _outline: Callable[[], Footprint]
+    """Outline about the origin; it is computed when it is first needed."""
 
     @classmethod
     def of(cls, name: str, shape: Shape, pose: Pose) -> Prism:
-        lowest, highest = extents(shape, pose.rotation())
+        lowest, highest = (bound.tolist() for bound in extents(shape, pose.rotation()))
         x, y, z = pose.position
         return cls(
             name,
-            footprint(shape, pose.orientation).at(pose.position[:2]),
-            (x + float(lowest[0]), y + float(lowest[1]), z + float(lowest[2])),
-            (x + float(highest[0]), y + float(highest[1]), z + float(highest[2])),
+            (x + lowest[0], y + lowest[1], z + lowest[2]),
+            (x + highest[0], y + highest[1], z + highest[2]),
+            (x, y),
+            cache(lambda: footprint(shape, pose.orientation)),
         )
+
+    @property
+    def outline(self) -> Footprint:
+        return self._outline().at(self._centre)
 
     def shifted(self, way: Vector3) -> Prism:
         dx, dy, dz = way
-        cx, cy = self.outline.centre
+        cx, cy = self._centre
         (x0, y0, z0), (x1, y1, z1) = self.low, self.high
-        outline = self.outline.at((cx + dx, cy + dy))
-        return Prism(self.id, outline, (x0 + dx, y0 + dy, z0 + dz), (x1 + dx, y1 + dy, z1 + dz))
+        low, high = (x0 + dx, y0 + dy, z0 + dz), (x1 + dx, y1 + dy, z1 + dz)
+        return Prism(self.id, low, high, (cx + dx, cy + dy), self._outline)
 
     def covers(self, x: float, y: float) -> bool:
         """Return whether the point lies inside the outline."""
         if not (self.low[0] <= x <= self.high[0] and self.low[1] <= y <= self.high[1]):
             return False
-        cx, cy = self.outline.centre
-        polygon, r = self.outline.polygon, self.outline.radius
+        cx, cy = self._centre
+        outline = self._outline()
+        polygon, r = outline.polygon, outline.radius
         if len(polygon) == 1:
             return (x - cx) ** 2 + (y - cy) ** 2 <= r * r
         dx, dy = x - cx, y - cy
@@ -81,8 +100,34 @@ class Prism:
             and other.low[0] < self.high[0]
             and self.low[1] < other.high[1]
             and other.low[1] < self.high[1]
-            and distance(self.outline, other.outline) <= 0.0
+            and (
+                self._surrounds(other)
+                or other._surrounds(self)
+                or distance(self.outline, other.outline) <= 0.0
+            )
         )
+
+    def _surrounds(self, other: Prism) -> bool:
+        """Return whether the outline is a box along the axes around that of `other`."""
+        (x0, y0, _), (x1, y1, _), room = self.low, self.high, CERTAIN_OVERLAP
+        return (
+            x0 + room < other.low[0]
+            and other.high[0] < x1 - room
+            and y0 + room < other.low[1]
+            and other.high[1] < y1 - room
+            and self._fills_box()
+        )
+
+    def _fills_box(self) -> bool:
+        (cx, cy), (x0, y0, _), (x1, y1, _) = self._centre, self.low, self.high
+        xs, ys = (round(x0 - cx, 9), round(x1 - cx, 9)), (round(y0 - cy, 9), round(y1 - cy, 9))
+        return set(self._outline().polygon) == {(x, y) for x in xs for y in ys}
+
+
+Placed: TypeAlias = tuple[PlanarOutline, PlanarPose]
+"""Outline from above in its own frame, and its pose in the plane."""
+Top: TypeAlias = tuple[float, float, float, float, float, Prism]
+"""Box around a level top: low x and y, high x and y, height, m; and its body."""
 
 
 class KinematicBodies:
@@ -96,6 +141,9 @@ class KinematicBodies:
         self._mouths = KinematicHoles(scene.fixtures)
         self._items: dict[ObjectId, KinematicBody] = {}
         self._prisms: dict[ObjectId, Prism] = {}
+        self._outlines: dict[ObjectId, tuple[KinematicBody, Placed]] = {}
+        self._tops: tuple[Top, ...] | None = None
+        """Tops of all bodies that are not held; None: to be collected anew."""
         self.held: ObjectId | None = None
         self.highest = 0.0
         """Height of the highest top of all bodies that are not held, m."""
@@ -138,12 +186,21 @@ class KinematicBodies:
         """Return the items that are present and not held, with their prisms."""
         return tuple((self._items[name], prism) for name, prism in self._prisms.items())
 
+    def outline(self, item: ObjectId) -> Placed:
+        """Return the item's outline from above."""
+        body, known = self._items[item], self._outlines.get(item)
+        if known is None or known[0] is not body:
+            shape, pose = body.entry.shape, body.pose
+            known = self._outlines[item] = body, (outline(shape, pose), planar(shape, pose))
+        return known[1]
+
     def shift(self, items: Iterable[ObjectId], way: Vector3) -> None:
         """Move items horizontally by `way`, m, whatever is in the way."""
         for name in items:
             body = self._items[name]
-            self._items[name] = replace(body, pose=body.pose.shifted(way))
+            self._items[name] = body.at(body.pose.shifted(way))
             self._prisms[name] = self._prisms[name].shifted(way)
+        self._tops = None
 
     def stand(self, obstacles: Iterable[Fixture]) -> None:
         """Replace the obstacles among the static bodies. Items on an obstacle that is gone come down."""
@@ -157,12 +214,12 @@ class KinematicBodies:
         if any(p.overlaps(prism) and p.high[2] <= prism.low[2] + MAX_SUPPORT_RISE for p in self._fixed):
             self.drop(item)
         else:
-            self.put(replace(body, pose=body.pose.shifted((0.0, 0.0, floor - prism.low[2]))))
+            self.put(body.at(body.pose.shifted((0.0, 0.0, floor - prism.low[2]))))
 
     def carry(self, pose: Pose) -> None:
         """Move the held item to a pose in the world."""
         assert self.held is not None
-        self._items[self.held] = replace(self._items[self.held], pose=pose)
+        self._items[self.held] = self._items[self.held].at(pose)
 
     def take(self, item: ObjectId, pose: Pose) -> None:
         """Take an item into the fingers; items on it come down."""
@@ -195,6 +252,7 @@ class KinematicBodies:
 
     def settle(self) -> None:
         """Let all unsupported items come down, the lowest first."""
+        self._tops = None
         for prism in sorted(self._prisms.values(), key=lambda p: p.low[2]):
             self.drop(ObjectId(prism.id))
         self._measure()
@@ -206,10 +264,10 @@ class KinematicBodies:
         surface = self.below(prism)
         hole = self._mouths.under(body.entry.shape, body.pose)
         if hole is not None and surface == hole.floor:
-            body = replace(body, pose=hole.pose)
+            body = body.at(hole.pose)
             prism = Prism.of(item, body.entry.shape, body.pose)
         if surface is not None:
-            body = replace(body, pose=body.pose.shifted((0.0, 0.0, surface - prism.low[2])))
+            body = body.at(body.pose.shifted((0.0, 0.0, surface - prism.low[2])))
         self.put(body)
 
     def in_hole(self, body: KinematicBody) -> HoleBelow | None:
@@ -225,12 +283,17 @@ class KinematicBodies:
         """Return names and heights, m, of the tops under the outline. A fixture with a hole there counts with
         the hole's bottom."""
         limit = prism.low[2] + MAX_SUPPORT_RISE
+        (x0, y0, _), (x1, y1, _) = prism.low, prism.high
         body = self._items.get(ObjectId(prism.id))
         hole = None if body is None else self._mouths.under(body.entry.shape, body.pose)
         tops = [
-            (p.id, p.high[2])
-            for p in (*self._fixed, *self._prisms.values())
-            if p.high[2] <= limit
+            (p.id, top)
+            for low_x, low_y, high_x, high_y, top, p in self._level_tops()
+            if top <= limit
+            and low_x < x1
+            and x0 < high_x
+            and low_y < y1
+            and y0 < high_y
             and p.id != prism.id
             and (hole is None or p.id != hole.fixture)
             and p.overlaps(prism)
@@ -240,10 +303,17 @@ class KinematicBodies:
     def tops(self, x: float, y: float, limit: float) -> list[tuple[str, float]]:
         """Return names and heights, m, of the tops at (x, y) that are no higher than `limit`."""
         return [
-            (p.id, p.high[2])
-            for p in (*self._fixed, *self._prisms.values())
-            if p.high[2] <= limit and p.covers(x, y)
+            (p.id, top)
+            for low_x, low_y, high_x, high_y, top, p in self._level_tops()
+            if top <= limit and low_x <= x <= high_x and low_y <= y <= high_y and p.covers(x, y)
         ]
 
+    def _level_tops(self) -> tuple[Top, ...]:
+        if self._tops is None:
+            bodies = (*self._fixed, *self._prisms.values())
+            self._tops = tuple((*p.low[:2], *p.high[:2], p.high[2], p) for p in bodies)
+        return self._tops
+
     def _measure(self) -> None:
+        self._tops = None
         self.highest = max((p.high[2] for p in (*self._fixed, *self._prisms.values())), default=0.0)

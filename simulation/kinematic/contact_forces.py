@@ -8,18 +8,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import replace
 
 import numpy as np
 import pinocchio as pin
 
 from ...robots.description import GripperDescription, tool_outline
 from ...robots.model import RobotModel, pose_of
-from ...world.planar_geometry import PlanarOutline, PlanarPose, moved, outline, planar
+from ...world.planar_geometry import PlanarOutline, PlanarPose, moved
 from ...world.quasi_static_pushing import PlanarPushModel
-from ...world.shapes import bottom
 from ...world.values import GRAVITY, Array, ObjectId, Wrench
-from .bodies import KinematicBodies, Prism
+from .bodies import KinematicBodies, KinematicBody, Prism
 from .devices import KinematicArm, KinematicWrench
 from .gripper import KinematicGripper
 
@@ -53,8 +51,13 @@ class KinematicContacts:
         entered = height + MAX_FIRST_CONTACT_DEPTH if before is None else before + MAX_ENTRY_DEPTH
         carrying = {name: top for name, top in tops if top <= max(height, entered) or name in upon}
         self._height[foot] = height
-        self._upon[foot] = frozenset(name for name, top in carrying.items() if top > height)
+        self._upon[foot] = frozenset([name for name, top in carrying.items() if top > height])
         return max(carrying.values(), default=None)
+
+    def hover(self, foot: str, height: float) -> None:
+        """Note the height of a foot that is above all tops."""
+        self._height[foot] = height
+        self._upon[foot] = frozenset()
 
 
 MAX_STANDING_TIP_DEPTH = 0.0015
@@ -99,36 +102,41 @@ class KinematicPushing:
         self, rotation: Array, position: Array, width: float, low: float, along: tuple[float, float]
     ) -> tuple[float, float]:
         here = [
-            (body, prism)
+            body
             for body, prism in self._bodies.standing()
             if prism.high[2] > low + MAX_STANDING_TIP_DEPTH
             and prism.low[2] < low + self._high
             and self._bodies.in_hole(body) is None
         ]
-        reach = width + 0.2
-        if not any(math.dist(b.pose.position[:2], position[:2].tolist()) < reach for b, _ in here):
-            return 0.0, 0.0
         at = PlanarPose(
             float(position[0]), float(position[1]), math.atan2(float(rotation[1, 0]), float(rotation[0, 0]))
         )
+        fingers = [(finger, at) for finger in tool_outline(self._gripper, width)]
+        if not any(self._in_reach(body, at, fingers[0][0].reach) for body in here):
+            return 0.0, 0.0
         sliding = PlanarPushModel(
-            {b.id: (outline(b.entry.shape, b.pose), planar(b.entry.shape, b.pose)) for b, _ in here},
+            {body.id: self._bodies.outline(body.id) for body in here},
             [
                 _static_outline(prism)
                 for prism in self._bodies.fixed
                 if low < prism.high[2] - MAX_STANDING_TIP_DEPTH
             ],
         )
-        pushed = sliding.press([(finger, at) for finger in tool_outline(self._gripper, width)])
+        pushed = sliding.press(fingers)
         force = 0.0
-        for body, _ in here:
+        for body in here:
             if body.id in pushed:
                 there = moved(body.entry.shape, body.pose, sliding.where(body.id))
-                self._bodies.put(replace(body, pose=there))
+                self._bodies.put(body.at(there))
                 force += body.friction * body.entry.mass * GRAVITY
         if pushed:
             self._settle(pushed)
         return -force * along[0], -force * along[1]
+
+    def _in_reach(self, body: KinematicBody, at: PlanarPose, reach: float) -> bool:
+        """Return whether the circles around body and fingers meet. The fingers are at `at`."""
+        away = math.dist(body.pose.position[:2], (at.x, at.y))
+        return away <= reach + self._bodies.outline(body.id)[0].reach + 1e-9
 
     def _settle(self, pushed: frozenset[str]) -> None:
         """Let items come down that were pushed over an edge, with those on them."""
@@ -214,14 +222,13 @@ class KinematicContactForces:
         if not still and (bodies.held is not None or gripper.moves):
             gripper.step(pose_of(placement), self._period)
         weight = self._model.hand_mass * GRAVITY
-        lever = rotation @ self._hand_in_flange
-        lever_x, lever_y, _ = lever.tolist()
+        offset, lever = rotation.dot(self._flange_in_tcp), rotation.dot(self._hand_in_flange)
+        lever_x, lever_y, lever_z = lever.tolist()
         reading = [0.0, 0.0, -weight, -lever_y * weight, lever_x * weight, 0.0]
-        accelerated = self._accelerated(position + rotation @ self._flange_in_tcp + lever)
+        accelerated = self._accelerated(position + offset + lever)
         if accelerated is not None:
             carried = 0.0 if bodies.held is None else bodies[bodies.held].entry.mass
             x, y, up = (-(self._model.hand_mass + carried) * accelerated).tolist()
-            lever_z = float(lever[2])
             reading[0], reading[1], reading[2] = x, y, reading[2] + up
             reading[3] += lever_y * up - lever_z * y
             reading[4] += lever_z * x - lever_x * up
@@ -236,10 +243,10 @@ class KinematicContactForces:
                 self._touching = True
                 arm_x, arm_y, _ = point - position
                 self.on_tcp += (0.0, 0.0, upward, arm_y * upward, -arm_x * upward, 0.0)
-                arm_x, arm_y, _ = point - position - rotation @ self._flange_in_tcp
+                arm_x, arm_y, _ = (point - position - offset).tolist()
                 reading[2] += upward
-                reading[3] += float(arm_y) * upward
-                reading[4] -= float(arm_x) * upward
+                reading[3] += arm_y * upward
+                reading[4] -= arm_x * upward
             across = self._walls(position)
             if bodies.held is None and not gripper.moves:
                 reach = self._model.fingers.reach(gripper.width)
@@ -249,7 +256,7 @@ class KinematicContactForces:
                 self.on_tcp[:2] += across
                 reading[0] += across[0]
                 reading[1] += across[1]
-                lever_x, lever_y, lever_z = (-rotation @ self._flange_in_tcp).tolist()
+                lever_x, lever_y, lever_z = (-offset).tolist()
                 reading[3] -= lever_z * across[1]
                 reading[4] += lever_z * across[0]
                 reading[5] += lever_x * across[1] - lever_y * across[0]
@@ -295,8 +302,11 @@ class KinematicContactForces:
         aside = self._gripper.width / 2 + self._pad / 2
         reach = self._model.fingers.reach(self._gripper.width)
         for foot, side in (("one tip", aside), ("other tip", -aside)):
-            tip = position + rotation @ np.array([0.0, side, reach])
-            x, y, z = (float(c) for c in tip)
+            tip = position + rotation.dot(np.array([0.0, side, reach]))
+            x, y, z = tip.tolist()
+            if z >= self._bodies.highest:
+                self._feet.hover(foot, z)
+                continue
             surface = self._feet.top(foot, z, self._bodies.tops(x, y, z + MAX_TIP_DEPTH))
             if surface is not None and surface > z:
                 force = CONTACT_STIFFNESS / 2 * (surface - z) - CONTACT_DAMPING / 2 * rate
@@ -308,10 +318,10 @@ class KinematicContactForces:
         body = self._bodies[held]
         weight = body.entry.mass * GRAVITY
         upward = -weight
-        lowest = bottom(body.entry.shape, body.pose)
+        prism = Prism.of(held, body.entry.shape, body.pose)
+        lowest = prism.low[2]
         if lowest < self._bodies.highest + SUPPORT_HEIGHT:
-            tops = self._bodies.tops_below(Prism.of(held, body.entry.shape, body.pose))
-            surface = self._feet.top(HELD_FOOT, lowest, tops)
+            surface = self._feet.top(HELD_FOOT, lowest, self._bodies.tops_below(prism))
             if surface is not None:
                 gap = lowest - surface
                 upward += weight * min(max(1.0 - gap / SUPPORT_HEIGHT, 0.0), 1.0)

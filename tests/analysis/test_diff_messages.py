@@ -55,7 +55,9 @@ def test_a_field_of_a_json_topic_is_named(tmp_path: Path) -> None:
 
 def test_a_field_of_a_protobuf_topic_is_named() -> None:
     a, b = (
-        foxglove_messages.encode_joints(50_000_000, Joints(("j1", "j2"), (0.5, x), (0.0, 0.0), (0.0, 0.0)))
+        foxglove_messages.JointMessages().encode(
+            50_000_000, Joints(("j1", "j2"), (0.5, x), (0.0, 0.0), (0.0, 0.0))
+        )
         for x in (1.0, 1.5)
     )
     assert first_differing_field("foxglove.JointStates", a, b) == FieldDifference(

@@ -64,6 +64,7 @@ class BehaviourTree:
         self._nodes = tuple(_parents_first(root))
         self._by_path = {node.path: node for node in self._nodes}
         self._leaves = frozenset(node.path for node in self._nodes if not node.children)
+        self._reported: tuple[NodeReport | None, ...] = (None,) * len(self._nodes)
 
     @property
     def root(self) -> Node:
@@ -226,21 +227,25 @@ class BehaviourTree:
         return self._report()
 
     def _report(self) -> TickReport:
-        nodes = tuple(_report(node) for node in self._nodes)
+        self._reported = nodes = tuple(map(_report, self._nodes, self._reported))
         return TickReport(nodes, self.blackboard.take_writes(), self._runtime.transitions.take())
 
 
-def _report(node: Node) -> NodeReport:
-    failure = node.failure
-    return NodeReport(
-        node.path,
-        node.wiring.id,
-        node.state,
-        node.ticked,
-        failure.message if failure else node.feedback_message,
-        failure.cause.name if failure else None,
-        failure.evidence if failure else None,
-    )
+def _report(node: Node, before: NodeReport | None) -> NodeReport:
+    """Return the report of the node, which is `before` while nothing has changed."""
+    failure, state, ticked, message = node.failure, node.state, node.ticked, node.feedback_message
+    if failure is None:
+        if (
+            before is not None
+            and before.status is state
+            and before.ticked is ticked
+            and before.cause is None
+            and before.message == message
+        ):
+            return before
+        return NodeReport(node.path, node.wiring.id, state, ticked, message, None, None)
+    cause, evidence = failure.cause.name, failure.evidence
+    return NodeReport(node.path, node.wiring.id, state, ticked, failure.message, cause, evidence)
 
 
 def _parents_first(node: Node) -> Iterator[Node]:
