@@ -18,6 +18,7 @@ from ..terminal.output import end_with, keep_stdout, print_answer, program
 if TYPE_CHECKING:
     from ...session.debugger import Debugger
     from ...session.observer import Observer
+    from ...session.profiling.profiler import Profiler
     from ...session.resume.resumption import ResumeRequest
     from ...session.session import RunRequest, Session
 
@@ -76,6 +77,13 @@ AsItStands: TypeAlias = Annotated[
         help="With --resume: as things stood last, knowing what was known at the checkpoint; look first.",
     ),
 ]
+ProfileFile: TypeAlias = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="FILE",
+        help="Say where CPU and simulated time go, by node and by part; FILE is for speedscope.app.",
+    ),
+]
 Answers: TypeAlias = Annotated[
     list[str] | None,
     typer.Option("--answer", metavar="TEXT", help="What is answered when the mission asks for help."),
@@ -104,6 +112,7 @@ def run(
     resume: ResumedLog = None,
     as_it_stands: AsItStands = False,
     answers: Answers = None,
+    profile: ProfileFile = None,
     json: JsonResult = False,
 ) -> None:
     """Run a mission in simulation, or go on with a run that did not come to its end. Exit code 0: the goal is
@@ -111,8 +120,10 @@ def run(
     refuse_contradictions(context)
     answer = keep_stdout() if json else None
     parameters = parse_parameters(set_ or ())
-    watchers = _Watchers(debug, live_port if live else None, parse_pace(pace), to_stderr=json)
+    pace = parse_pace(pace)
     seconds = None if limit is None else parse_limit(limit)
+    profiler = None if profile is None else _profiler(profile)
+    watchers = _Watchers(debug, live_port if live else None, pace, profiler, to_stderr=json)
 
     from ...logs.recording.rotated_log import Rotation
 
@@ -145,6 +156,9 @@ def run(
     with assembly as session_for, watchers.observers() as observers:
         result = session_for(observers).run()
     print_answer(answer, lambda: result.to_text(program()), result.to_json_text)
+    if profile is not None and profiler is not None:
+        profiler.profile.write(profile)
+        print(f"\n{profiler.profile.to_text()}", file=sys.stderr if json else sys.stdout)
     end_with(result.reached, result.status)
 
 
@@ -176,6 +190,8 @@ class _Watchers:
     """Port of the live view; None: there is none."""
     pace: float | None
     """Upper bound of simulated seconds per wall second; None: as fast as possible."""
+    profiler: Profiler | None
+    """Profiler of the run; None: there is none."""
     to_stderr: bool
     """Whether stdout belongs to the result alone."""
 
@@ -188,6 +204,7 @@ class _Watchers:
 
         with run_display(to_stderr=self.to_stderr, lines=self.debug) as view, self._live_view() as live:
             yield (
+                *([self.profiler] if self.profiler is not None else ()),
                 view,
                 *live,
                 *([WallClockPacer(self.pace)] if self.pace is not None else ()),
@@ -243,6 +260,15 @@ def refuse_contradictions(context: typer.Context) -> None:
                 f"--resume and {shown} exclude each other: mission, scene, robot, seed, parameters, faults "
                 "and backend are those of the run that goes on (`picktree whatif` changes some of them)"
             )
+
+
+def _profiler(file: Path) -> Profiler:
+    """Return the profiler of a whole program. Raises PicktreeError when its file cannot be written."""
+    from ...session.profiling.profiler import Profiler
+    from ...session.profiling.run_profile import require_writable
+
+    require_writable(file)
+    return Profiler(whole_program=True)
 
 
 def parse_parameters(settings: list[str] | tuple[str, ...]) -> dict[str, str]:
