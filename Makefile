@@ -1,4 +1,4 @@
-# The verbs: setup, demo, dev, packages, test, check, docs, page, golden, bench, campaign, atlas, mutants, house.
+# The verbs: setup, demo, dev, packages, test, check, docs, page, golden, calls, bench, campaign, atlas, mutants, house.
 # Each does what it depends on.
 
 VENV ?= .venv
@@ -18,7 +18,7 @@ version_of = $(shell "$(1)" -c 'import sys; print(*sys.version_info[:2], sep="."
 PYTHON ?= $(firstword $(foreach p,python3.11 python3 python,$(if $(filter 3.11,$(call version_of,$(p))),$(p))) python3.11)
 WRONG_PYTHON = picktree needs Python 3.11; '$(PYTHON)' is $(or $(patsubst %,Python %,$(call version_of,$(PYTHON))),missing or no Python) (name another: make PYTHON=/path/to/python3.11)
 
-.PHONY: setup demo dev packages test check docs page pictures golden bench campaign atlas mutants house clean
+.PHONY: setup demo dev packages test check docs page pictures golden calls bench campaign atlas mutants house clean
 .NOTPARALLEL:
 
 setup: $(RUN)
@@ -106,6 +106,10 @@ pictures: $(DEV)
 # The digests of the golden runs, recorded again after a change of the simulation that is meant.
 golden: $(RUN)
 	@"$(BIN)/python" tests/golden/runs.py --write
+
+# The function calls of fixed runs and commands, recorded again after a change of their effort.
+calls: $(RUN)
+	@"$(BIN)/python" tests/golden/calls.py --write
 
 bench: $(DEV)
 	@set -e; for program in benchmarks/*.py; do \
