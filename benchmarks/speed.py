@@ -3,10 +3,10 @@
     python benchmarks/speed.py --runs 5                          # make bench
     python benchmarks/speed.py --only "sort_by_colour,check" --against ../before
 
-Each round measures the reference before each command: a fixed computation of pybullet and Python without
-picktree. The ratio to it says more than seconds, which vary with machine and load. `--against CHECKOUT`
-alternates with another checkout, which has an environment of its own in .venv; the last column is the ratio
-to it. Rounds are kept by commit, and a program that was interrupted goes on where it stopped.
+Each round measures the reference before and after each command: a fixed computation of pybullet and Python
+without picktree. The ratio to it says more than seconds, which vary with machine and load. `--against`
+measures another checkout in alternation, which has an environment of its own in .venv; the last column is
+the ratio to it. Rounds are kept by commit, and a program that was interrupted goes on where it stopped.
 """
 
 from __future__ import annotations
@@ -139,13 +139,16 @@ def one(job: Round) -> Row:
     with TemporaryDirectory(prefix="speed-") as folder:
         for checkout in checkouts:
             Path(folder, checkout).mkdir()
+        before = reference()
         for command in (command for command in MEASURED if command.name in job.names):
-            row: Row = {"reference": reference()}
+            row: Row = {}
             for checkout, path in checkouts.items():
                 values = {"seed": job.seed, "out": f"{folder}/{checkout}", "log": logs[checkout]}
                 row[checkout] = measure(command, path, values)
                 logs[checkout] = logs[checkout] or row[checkout].get("log", "")
-            measured[command.name] = row
+            after = reference()
+            measured[command.name] = {**row, "reference": (before + after) / 2}
+            before = after
     return {"seed": job.seed, "measured": measured}
 
 

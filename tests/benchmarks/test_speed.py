@@ -58,7 +58,9 @@ def test_checkouts_alternate_and_each_reads_its_own_log(
 
     monkeypatch.setattr(speed, "ROOT", tmp_path / "after")
     monkeypatch.setattr(speed, "measure", measure)
-    monkeypatch.setattr(speed, "reference", lambda: done.append("reference") or 1.0)
+    monkeypatch.setattr(
+        speed, "reference", lambda: done.append("reference") or float(done.count("reference"))
+    )
     names = ("sort_by_colour", "explain")
     found = speed.one(speed.Round(7, names, str(tmp_path / "before")))
     assert done == [
@@ -68,8 +70,10 @@ def test_checkouts_alternate_and_each_reads_its_own_log(
         "reference",
         "explain in after with 7 log of after",
         "explain in before with 7 log of before",
+        "reference",
     ]
-    assert speed.cpu_of(found) == 6.0
+    assert [each["reference"] for each in found["measured"].values()] == [1.5, 2.5]
+    assert speed.cpu_of(found) == 8.0
 
 
 def test_a_command_that_breaks_off_is_no_measurement(speed: ModuleType) -> None:
