@@ -1,4 +1,4 @@
-# The verbs: setup, demo, dev, packages, test, check, docs, page, golden, bench, campaign, atlas, mutants, house.
+# The verbs: setup, demo, dev, packages, test, check, docs, page, golden, calls, bench, campaign, atlas, mutants, house.
 # Each does what it depends on.
 
 VENV ?= .venv
@@ -18,7 +18,7 @@ version_of = $(shell "$(1)" -c 'import sys; print(*sys.version_info[:2], sep="."
 PYTHON ?= $(firstword $(foreach p,python3.11 python3 python,$(if $(filter 3.11,$(call version_of,$(p))),$(p))) python3.11)
 WRONG_PYTHON = picktree needs Python 3.11; '$(PYTHON)' is $(or $(patsubst %,Python %,$(call version_of,$(PYTHON))),missing or no Python) (name another: make PYTHON=/path/to/python3.11)
 
-.PHONY: setup demo dev packages test check docs page pictures golden bench campaign atlas mutants house clean
+.PHONY: setup demo dev packages test check docs page pictures golden calls bench campaign atlas mutants house clean
 .NOTPARALLEL:
 
 setup: $(RUN)
@@ -107,10 +107,15 @@ pictures: $(DEV)
 golden: $(RUN)
 	@"$(BIN)/python" tests/golden/runs.py --write
 
-bench: $(DEV)
-	@set -e; for program in benchmarks/*.py; do \
-		case "$$program" in benchmarks/_*|benchmarks/failure_atlas.py|benchmarks/mutants.py|'benchmarks/*.py') continue;; esac; \
-		echo "== $$program"; "$(BIN)/python" "$$program"; done
+# The function calls of fixed runs and commands, recorded again after a change of their effort.
+calls: $(RUN)
+	@"$(BIN)/python" tests/golden/calls.py --write
+
+# CPU time of commands and runs beside a reference, as a table. It says first what it costs. RUNS is the number of
+# rounds; each program in benchmarks/ measures something else.
+RUNS ?= 5
+bench: $(RUN)
+	@"$(BIN)/python" benchmarks/speed.py --runs $(RUNS)
 
 # Each kind of fault on 20 seeds, with recovery and without, as a batch that goes on where it stopped; the table.
 # It says first what it costs. Exit code 1 is the campaign's answer "a target is missed".

@@ -47,6 +47,7 @@ _FILES_WITHOUT_EFFECT: Final = (
     "moved.py",
     "session/debugger.py",
     "session/live_view.py",
+    "session/profiling",
     "session/resume",
 )
 """Modules and folders that do not affect a run: commands, batches, and readers of logs."""

@@ -32,14 +32,15 @@ MEASURING = {
     "commissioning/calibration_job.py",
     "session/live_view.py",
     "session/observer.py",
+    "session/profiling/profiler.py",
     "api/batches.py",
     "analysis/report/report.py",
     "analysis/resim/resim.py",
     "analysis/render/film.py",
 }
-"""Who may look at a clock of this machine, to put what it says into the record or a folder's name; of a run
-that is watched, not to look at the mission's files at every tick, to pace it and to wait for viewers; once a
-run is over, to say how long a report, a film or a comparison took."""
+"""Who may look at a clock of this machine, to put what it says into the record, a profile or a folder's
+name; of a run that is watched, not to look at the mission's files at every tick, to pace it and to wait for
+viewers; once a run is over, to say how long a report, a film or a comparison took."""
 CLOCKS = {"time", "datetime", "sched", "timeit", "asyncio"}
 
 

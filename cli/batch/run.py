@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from datetime import datetime
 from pathlib import Path
 from types import FrameType
-from typing import TYPE_CHECKING, Annotated, Literal, TextIO
+from typing import TYPE_CHECKING, Annotated, Literal, TextIO, TypeAlias
 
 import typer
 
@@ -33,66 +33,81 @@ _PLAN_OPTIONS = (
 """Options that a plan file replaces."""
 
 
+PlanArgument: TypeAlias = Annotated[Path | None, typer.Argument(metavar="[PLAN]", help="Plan file.")]
+Missions: TypeAlias = Annotated[
+    list[Path] | None,
+    typer.Option(metavar="FILE", help="Instead of a plan: missions to be tried."),
+]
+Seeds: TypeAlias = Annotated[str, typer.Option(metavar="SEEDS", help="0:100 is half open; 3,7 is good, too.")]
+Scenes: TypeAlias = Annotated[
+    list[str] | None,
+    typer.Option(metavar="SCENE", help="Scenes to be tried, for the missions' own."),
+]
+FaultsFiles: TypeAlias = Annotated[
+    list[str] | None, typer.Option(metavar="FILE", help="Faults file, or none; several are tried.")
+]
+TriedSettings: TypeAlias = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="NAME=A,B", help="Values to be tried, as SortOne/Grasp.force=15,30."),
+]
+TimeLimit: TypeAlias = Annotated[str, typer.Option(metavar="TIME", help="Simulated time of a job.")]
+WallLimit: TypeAlias = Annotated[str, typer.Option(metavar="TIME", help="Wall time of a job.")]
+MemoryLimit: TypeAlias = Annotated[str, typer.Option(metavar="SIZE", help="Memory of a job.")]
+DiskLimit: TypeAlias = Annotated[str, typer.Option(metavar="SIZE", help="What a job writes.")]
+KeptLogs: TypeAlias = Annotated[
+    Literal["all", "failures", "none"], typer.Option(help="Whose logs stay on the disk.")
+]
+Workers: TypeAlias = Annotated[
+    int | None, typer.Option(min=1, help="Jobs at once, at most.", show_default="one a core")
+]
+ExecutorName: TypeAlias = Annotated[
+    Literal["local", "ray"], typer.Option(help="Who runs them: this machine, or a Ray cluster.")
+]
+ClusterAddress: TypeAlias = Annotated[
+    str | None,
+    typer.Option(
+        metavar="HOST:PORT",
+        help="Running Ray cluster with this machine in it, or auto.",
+        show_default="one of this machine, for this batch",
+    ),
+]
+NewFolder: TypeAlias = Annotated[
+    Path | None, typer.Option(metavar="DIR", help="The batch's folder.", show_default="in runs/")
+]
+ResumedFolder: TypeAlias = Annotated[
+    Path | None, typer.Option(metavar="DIR", help="Go on with the batch in this folder.")
+]
+JsonEvents: TypeAlias = Annotated[bool, typer.Option("--json", help="Print an event a line, as JSON.")]
+
+
 def run(
     context: typer.Context,
-    plan: Annotated[Path | None, typer.Argument(metavar="[PLAN]", help="Plan file.")] = None,
-    mission: Annotated[
-        list[Path] | None,
-        typer.Option(metavar="FILE", help="Instead of a plan: missions to be tried."),
-    ] = None,
-    seeds: Annotated[str, typer.Option(metavar="SEEDS", help="0:100 is half open; 3,7 is good, too.")] = "0",
-    scene: Annotated[
-        list[str] | None,
-        typer.Option(metavar="SCENE", help="Scenes to be tried, for the missions' own."),
-    ] = None,
-    faults: Annotated[
-        list[str] | None, typer.Option(metavar="FILE", help="Faults file, or none; several are tried.")
-    ] = None,
-    set_: Annotated[
-        list[str] | None,
-        typer.Option("--set", metavar="NAME=A,B", help="Values to be tried, as SortOne/Grasp.force=15,30."),
-    ] = None,
+    plan: PlanArgument = None,
+    mission: Missions = None,
+    seeds: Seeds = "0",
+    scene: Scenes = None,
+    faults: FaultsFiles = None,
+    set_: TriedSettings = None,
     backend: Backend = "physics",
     verify: Verify = False,
-    limit: Annotated[str, typer.Option(metavar="TIME", help="Simulated time of a job.")] = "3600 s",
-    wall_limit: Annotated[str, typer.Option(metavar="TIME", help="Wall time of a job.")] = "3600 s",
-    memory: Annotated[str, typer.Option(metavar="SIZE", help="Memory of a job.")] = "4 GB",
-    disk: Annotated[str, typer.Option(metavar="SIZE", help="What a job writes.")] = "10 GB",
-    keep: Annotated[
-        Literal["all", "failures", "none"], typer.Option(help="Whose logs stay on the disk.")
-    ] = "failures",
-    workers: Annotated[
-        int | None, typer.Option(min=1, help="Jobs at once, at most.", show_default="one a core")
-    ] = None,
-    executor: Annotated[
-        Literal["local", "ray"], typer.Option(help="Who runs them: this machine, or a Ray cluster.")
-    ] = "local",
-    address: Annotated[
-        str | None,
-        typer.Option(
-            metavar="HOST:PORT",
-            help="Running Ray cluster with this machine in it, or auto.",
-            show_default="one of this machine, for this batch",
-        ),
-    ] = None,
-    out: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="The batch's folder.", show_default="in runs/")
-    ] = None,
-    resume: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Go on with the batch in this folder.")
-    ] = None,
-    json: Annotated[bool, typer.Option("--json", help="Print an event a line, as JSON.")] = False,
+    limit: TimeLimit = "3600 s",
+    wall_limit: WallLimit = "3600 s",
+    memory: MemoryLimit = "4 GB",
+    disk: DiskLimit = "10 GB",
+    keep: KeptLogs = "failures",
+    workers: Workers = None,
+    executor: ExecutorName = "local",
+    address: ClusterAddress = None,
+    out: NewFolder = None,
+    resume: ResumedFolder = None,
+    json: JsonEvents = False,
 ) -> None:
     """Run every combination of missions, scenes, faults and settings with every seed.
 
     Ctrl-C once finishes what runs, twice stops at once; --resume goes on. Exit code 0: every job reached its
     goal; 1: one did not.
     """
-    given = [plan is not None, bool(mission), resume is not None]
-    if sum(given) != 1:
-        raise PicktreeError("give one of: a plan file, --mission FILE, --resume DIR")
-    if not mission:
-        _refuse_what_a_plan_says(context, also=("out",) if resume is not None else ())
+    _require_one_source(context, plan, mission, resume)
     if address is not None and executor == "local":
         raise PicktreeError("--address is of a Ray cluster: add --executor ray")
     answer = keep_stdout() if json else None
@@ -100,27 +115,38 @@ def run(
     from ...batch.plan_loading import load_plan, plan_of
     from ...batch.workers.batch import Batch
 
-    options = {
-        "scenes": scene,
-        "seeds": seeds,
-        "backend": backend,
-        "verify": verify,
-        "limit": limit,
-        "wall_limit": wall_limit,
-        "memory": memory,
-        "disk": disk,
-        "keep": keep,
-    }
-    resumed = Batch.resume(resume) if resume is not None else None
-    if resumed is not None:
-        asked = resumed.plan
-    elif plan is not None:
+    if resume is not None:
+        resumed = Batch.resume(resume)
+        with _executor(executor, workers, address) as hands:
+            _carry_out(resumed, hands, answer)
+        return
+    if plan is not None:
         asked = load_plan(plan)
     else:
+        options = {
+            "scenes": scene,
+            "seeds": seeds,
+            "backend": backend,
+            "verify": verify,
+            "limit": limit,
+            "wall_limit": wall_limit,
+            "memory": memory,
+            "disk": disk,
+            "keep": keep,
+        }
         asked = plan_of(_matrix(mission or [], faults or [], set_ or [], options))
     with _executor(executor, workers, address) as hands:
-        made = resumed or Batch.create(out or _new_folder(asked), asked)
-        _carry_out(made, hands, answer)
+        _carry_out(Batch.create(out or _new_folder(asked), asked), hands, answer)
+
+
+def _require_one_source(
+    context: typer.Context, plan: Path | None, missions: list[Path] | None, resume: Path | None
+) -> None:
+    """Raise PicktreeError unless plan, missions or a batch to resume is given, without options of its own."""
+    if sum([plan is not None, bool(missions), resume is not None]) != 1:
+        raise PicktreeError("give one of: a plan file, --mission FILE, --resume DIR")
+    if not missions:
+        _refuse_what_a_plan_says(context, also=("out",) if resume is not None else ())
 
 
 def _refuse_what_a_plan_says(context: typer.Context, also: Sequence[str]) -> None:

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Generator
-from contextlib import ExitStack, contextmanager
+from collections.abc import Callable, Generator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, TextIO, TypeAlias
 
 import typer
 
@@ -17,133 +18,223 @@ from ..terminal.output import end_with, keep_stdout, print_answer, program
 if TYPE_CHECKING:
     from ...session.debugger import Debugger
     from ...session.observer import Observer
+    from ...session.profiling.profiler import Profiler
+    from ...session.resume.resumption import ResumeRequest
+    from ...session.session import RunRequest, Session
+
+    Assembly: TypeAlias = Callable[[Sequence[Observer]], Session]
+    """Function that builds the session for its observers."""
+
+MissionFile: TypeAlias = Annotated[
+    Path | None, typer.Argument(metavar="MISSION", help="Mission file; not with --resume.")
+]
+OtherScene: TypeAlias = Annotated[
+    str | None, typer.Option(metavar="SCENE", help="Shipped scene or scene file, for the mission's own.")
+]
+Settings: TypeAlias = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="NAME=VALUE", help="Parameter, or port as SortOne/Grasp.force."),
+]
+FaultsFile: TypeAlias = Annotated[Path | None, typer.Option(metavar="FILE", help="Faults to inject.")]
+Debug: TypeAlias = Annotated[
+    bool, typer.Option("--debug", help="Stop at the mission's breakpoints, and before the first node.")
+]
+Watch: TypeAlias = Annotated[
+    bool, typer.Option("--watch", help="Take over an edited mission between two items.")
+]
+TimeLimit: TypeAlias = Annotated[
+    str | None,
+    typer.Option(
+        metavar="TIME",
+        help="Simulated time after which the run is ended, as 90 min.",
+        show_default="1 h; with --resume as before",
+    ),
+]
+RotateMegabytes: TypeAlias = Annotated[
+    float, typer.Option(min=0.0, metavar="MB", help="Go on in a further file of the log at this size.")
+]
+RotateMinutes: TypeAlias = Annotated[
+    float, typer.Option(min=0.0, metavar="MIN", help="The same after so many simulated minutes.")
+]
+Live: TypeAlias = Annotated[
+    bool, typer.Option("--live", help="Serve the log as it grows to Foxglove or Lichtblick, on this machine.")
+]
+LivePort: TypeAlias = Annotated[
+    int, typer.Option(min=0, max=65535, metavar="PORT", help="Of --live; 0: any that is free.")
+]
+Pace: TypeAlias = Annotated[
+    float | None,
+    typer.Option(metavar="FACTOR", help="Simulated time no faster than so many times the clock's."),
+]
+ResumedLog: TypeAlias = Annotated[
+    str | None,
+    typer.Option(metavar="LOG", help="Go on with this run: a log file, a run's folder, or 'last'."),
+]
+AsItStands: TypeAlias = Annotated[
+    bool,
+    typer.Option(
+        "--as-it-stands",
+        help="With --resume: as things stood last, knowing what was known at the checkpoint; look first.",
+    ),
+]
+ProfileFile: TypeAlias = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="FILE",
+        help="Say where CPU and simulated time go, by node and by part; FILE is for speedscope.app.",
+    ),
+]
+Answers: TypeAlias = Annotated[
+    list[str] | None,
+    typer.Option("--answer", metavar="TEXT", help="What is answered when the mission asks for help."),
+]
 
 
 def run(
     context: typer.Context,
-    mission: Annotated[
-        Path | None, typer.Argument(metavar="MISSION", help="Mission file; not with --resume.")
-    ] = None,
-    scene: Annotated[
-        str | None, typer.Option(metavar="SCENE", help="Shipped scene or scene file, for the mission's own.")
-    ] = None,
+    mission: MissionFile = None,
+    scene: OtherScene = None,
     robot: OtherRobot = None,
     seed: Seed = 0,
-    set_: Annotated[
-        list[str] | None,
-        typer.Option("--set", metavar="NAME=VALUE", help="Parameter, or port as SortOne/Grasp.force."),
-    ] = None,
-    faults: Annotated[Path | None, typer.Option(metavar="FILE", help="Faults to inject.")] = None,
+    set_: Settings = None,
+    faults: FaultsFile = None,
     out: RunsFolder = None,
     backend: Backend = "physics",
     verify: Verify = False,
-    debug: Annotated[
-        bool, typer.Option("--debug", help="Stop at the mission's breakpoints, and before the first node.")
-    ] = False,
-    watch: Annotated[
-        bool, typer.Option("--watch", help="Take over an edited mission between two items.")
-    ] = False,
-    limit: Annotated[
-        str | None,
-        typer.Option(
-            metavar="TIME",
-            help="Simulated time after which the run is ended, as 90 min.",
-            show_default="1 h; with --resume as before",
-        ),
-    ] = None,
-    rotate_mb: Annotated[
-        float, typer.Option(min=0.0, metavar="MB", help="Go on in a further file of the log at this size.")
-    ] = 0.0,
-    rotate_minutes: Annotated[
-        float, typer.Option(min=0.0, metavar="MIN", help="The same after so many simulated minutes.")
-    ] = 0.0,
-    live: Annotated[
-        bool,
-        typer.Option("--live", help="Serve the log as it grows to Foxglove or Lichtblick, on this machine."),
-    ] = False,
-    live_port: Annotated[
-        int, typer.Option(min=0, max=65535, metavar="PORT", help="Of --live; 0: any that is free.")
-    ] = 8765,
-    pace: Annotated[
-        float | None,
-        typer.Option(metavar="FACTOR", help="Simulated time no faster than so many times the clock's."),
-    ] = None,
-    resume: Annotated[
-        str | None,
-        typer.Option(metavar="LOG", help="Go on with this run: a log file, a run's folder, or 'last'."),
-    ] = None,
-    as_it_stands: Annotated[
-        bool,
-        typer.Option(
-            "--as-it-stands",
-            help="With --resume: as things stood last, knowing what was known at the checkpoint; look first.",
-        ),
-    ] = False,
-    answers: Annotated[
-        list[str] | None,
-        typer.Option("--answer", metavar="TEXT", help="What is answered when the mission asks for help."),
-    ] = None,
+    debug: Debug = False,
+    watch: Watch = False,
+    limit: TimeLimit = None,
+    rotate_mb: RotateMegabytes = 0.0,
+    rotate_minutes: RotateMinutes = 0.0,
+    live: Live = False,
+    live_port: LivePort = 8765,
+    pace: Pace = None,
+    resume: ResumedLog = None,
+    as_it_stands: AsItStands = False,
+    answers: Answers = None,
+    profile: ProfileFile = None,
     json: JsonResult = False,
 ) -> None:
     """Run a mission in simulation, or go on with a run that did not come to its end. Exit code 0: the goal is
     reached; 1: it is missed, or the run is paused because the mission asks for help."""
-    if resume is not None:
-        refuse_contradictions(context)
-    elif as_it_stands:
-        raise PicktreeError("--as-it-stands is said of a run that goes on: give --resume LOG, too")
-    elif mission is None:
-        context.fail("Missing argument 'MISSION'.")
+    refuse_contradictions(context)
     answer = keep_stdout() if json else None
     parameters = parse_parameters(set_ or ())
-    if pace is not None and pace <= 0:
-        raise PicktreeError(f"--pace {pace:g}: write a number above 0, as in --pace 1 for real time")
+    pace = parse_pace(pace)
     seconds = None if limit is None else parse_limit(limit)
+    profiler = None if profile is None else _profiler(profile)
+    watchers = _Watchers(debug, live_port if live else None, pace, profiler, to_stderr=json)
 
     from ...logs.recording.rotated_log import Rotation
-    from ...session.observer import PresetAnswers, WallClockPacer
-    from ...session.recipe import DEFAULT_TIME_LIMIT
-    from ...session.session import RunRequest, Session
-    from ..terminal.progress import run_display
-    from .operator_prompt import operators
 
     rotation = Rotation(round(rotate_mb * 1e6), rotate_minutes * 60.0)
-    with ExitStack() as stack:
-        resumption = None
-        if resume is not None:
-            from ...session.resume.resumption import ResumeRequest, Resumption
+    if resume is not None:
+        from ...session.resume.resumption import ResumeRequest
 
-            asked = ResumeRequest(resume, out, seconds, rotation, as_it_stands, tuple(answers or ()))
-            resumption = stack.enter_context(Resumption(asked))
-            print(resumption.told, file=sys.stderr, flush=True)
-        view = stack.enter_context(run_display(to_stderr=json, lines=debug))
-        observers: list[Observer] = [view, *stack.enter_context(_live_view(live, live_port))]
-        if pace is not None:
-            observers.append(WallClockPacer(pace))
-        if debug:
-            observers.append(_debugger(to_stderr=json))
-        people = operators(sys.stderr if json else sys.stdout, view.aside)
-        if resumption is not None:
-            session = resumption.session((*observers, *people))
-        else:
-            assert mission is not None
-            request = RunRequest(
-                mission=mission,
-                scene=scene,
-                robot=robot,
-                seed=seed,
-                parameters=parameters,
-                faults=faults,
-                out=out,
-                backend=backend,
-                verify=verify,
-                watch=watch,
-                limit=DEFAULT_TIME_LIMIT if seconds is None else seconds,
-                rotation=rotation,
-            )
-            session = Session(request, observers=(*observers, PresetAnswers(answers or ()), *people))
-        result = session.run()
+        request = ResumeRequest(resume, out, seconds, rotation, as_it_stands, tuple(answers or ()))
+        assembly = _resumed_run(request)
+    else:
+        from ...session.recipe import DEFAULT_TIME_LIMIT
+        from ...session.session import RunRequest
+
+        assert mission is not None
+        first = RunRequest(
+            mission=mission,
+            scene=scene,
+            robot=robot,
+            seed=seed,
+            parameters=parameters,
+            faults=faults,
+            out=out,
+            backend=backend,
+            verify=verify,
+            watch=watch,
+            limit=DEFAULT_TIME_LIMIT if seconds is None else seconds,
+            rotation=rotation,
+        )
+        assembly = _new_run(first, answers or ())
+    with assembly as session_for, watchers.observers() as observers:
+        result = session_for(observers).run()
     print_answer(answer, lambda: result.to_text(program()), result.to_json_text)
+    if profile is not None and profiler is not None:
+        profiler.profile.write(profile)
+        print(f"\n{profiler.profile.to_text()}", file=sys.stderr if json else sys.stdout)
     end_with(result.reached, result.status)
+
+
+@contextmanager
+def _new_run(request: RunRequest, answers: Sequence[str]) -> Generator[Assembly]:
+    """Assemble the session of a run from its beginning."""
+    from ...session.observer import PresetAnswers
+    from ...session.session import Session
+
+    yield lambda observers: Session(request, observers=(PresetAnswers(answers), *observers))
+
+
+@contextmanager
+def _resumed_run(request: ResumeRequest) -> Generator[Assembly]:
+    """Assemble the session that resumes a run; print where it resumes."""
+    from ...session.resume.resumption import Resumption
+
+    with Resumption(request) as resumption:
+        print(resumption.told, file=sys.stderr, flush=True)
+        yield resumption.session
+
+
+@dataclass(frozen=True)
+class _Watchers:
+    """Options for the observers of a run at the command line."""
+
+    debug: bool
+    live_port: int | None
+    """Port of the live view; None: there is none."""
+    pace: float | None
+    """Upper bound of simulated seconds per wall second; None: as fast as possible."""
+    profiler: Profiler | None
+    """Profiler of the run; None: there is none."""
+    to_stderr: bool
+    """Whether stdout belongs to the result alone."""
+
+    @contextmanager
+    def observers(self) -> Generator[tuple[Observer, ...]]:
+        """Return the observers; displays and servers are open in the block."""
+        from ...session.observer import WallClockPacer
+        from ..terminal.progress import run_display
+        from .operator_prompt import operators
+
+        with run_display(to_stderr=self.to_stderr, lines=self.debug) as view, self._live_view() as live:
+            yield (
+                *([self.profiler] if self.profiler is not None else ()),
+                view,
+                *live,
+                *([WallClockPacer(self.pace)] if self.pace is not None else ()),
+                *([self._debugger()] if self.debug else ()),
+                *operators(self._stream, view.aside),
+            )
+
+    @contextmanager
+    def _live_view(self) -> Generator[tuple[Observer, ...]]:
+        """Serve the live view in the block, if it is wanted; its address goes to stderr."""
+        if self.live_port is None:
+            yield ()
+            return
+        from ...logs.optional_libraries import optional_import
+
+        with optional_import("live", "foxglove", "A live view"):
+            from ...session.live_view import LiveServer
+        with LiveServer(self.live_port) as live_view:
+            print(f"live view at {live_view.url}", file=sys.stderr, flush=True)
+            yield (live_view,)
+
+    def _debugger(self) -> Debugger:
+        from ...session.debugger import Debugger
+        from .operator_prompt import debug_prompt
+
+        return Debugger(debug_prompt(self._stream))
+
+    @property
+    def _stream(self) -> TextIO:
+        return sys.stderr if self.to_stderr else sys.stdout
 
 
 _RECORDED_OPTIONS = ("mission", "scene", "robot", "seed", "set_", "faults", "backend", "verify", "watch")
@@ -151,7 +242,16 @@ _RECORDED_OPTIONS = ("mission", "scene", "robot", "seed", "set_", "faults", "bac
 
 
 def refuse_contradictions(context: typer.Context) -> None:
-    """Raise PicktreeError for an option that the run's log already determines."""
+    """Raise for options that do not go together: PicktreeError; a usage error when the mission is missing.
+
+    An option that the resumed run's log determines excludes --resume.
+    """
+    if context.params["resume"] is None:
+        if context.params["as_it_stands"]:
+            raise PicktreeError("--as-it-stands is said of a run that goes on: give --resume LOG, too")
+        if context.params["mission"] is None:
+            context.fail("Missing argument 'MISSION'.")
+        return
     for name in _RECORDED_OPTIONS:
         source = context.get_parameter_source(name)
         if source is not None and source.name == "COMMANDLINE":
@@ -160,6 +260,15 @@ def refuse_contradictions(context: typer.Context) -> None:
                 f"--resume and {shown} exclude each other: mission, scene, robot, seed, parameters, faults "
                 "and backend are those of the run that goes on (`picktree whatif` changes some of them)"
             )
+
+
+def _profiler(file: Path) -> Profiler:
+    """Return the profiler of a whole program. Raises PicktreeError when its file cannot be written."""
+    from ...session.profiling.profiler import Profiler
+    from ...session.profiling.run_profile import require_writable
+
+    require_writable(file)
+    return Profiler(whole_program=True)
 
 
 def parse_parameters(settings: list[str] | tuple[str, ...]) -> dict[str, str]:
@@ -180,6 +289,13 @@ def parse_parameters(settings: list[str] | tuple[str, ...]) -> dict[str, str]:
     return parameters
 
 
+def parse_pace(factor: float | None) -> float | None:
+    """Return the factor. Raises PicktreeError unless it is above 0."""
+    if factor is not None and factor <= 0:
+        raise PicktreeError(f"--pace {factor:g}: write a number above 0, as in --pace 1 for real time")
+    return factor
+
+
 def parse_limit(text: str) -> float:
     """Simulated s. Raises PicktreeError for what is no time, or none at all.
 
@@ -195,25 +311,3 @@ def parse_limit(text: str) -> float:
     if seconds <= 0:
         raise PicktreeError(f"--limit {text}: write a time above 0, as in --limit '90 min'")
     return seconds
-
-
-@contextmanager
-def _live_view(wanted: bool, port: int) -> Generator[tuple[Observer, ...]]:
-    """Serve the live view in the block, if it is wanted; its address goes to stderr."""
-    if not wanted:
-        yield ()
-        return
-    from ...logs.optional_libraries import optional_import
-
-    with optional_import("live", "foxglove", "A live view"):
-        from ...session.live_view import LiveServer
-    with LiveServer(port) as live_view:
-        print(f"live view at {live_view.url}", file=sys.stderr, flush=True)
-        yield (live_view,)
-
-
-def _debugger(*, to_stderr: bool) -> Debugger:
-    from ...session.debugger import Debugger
-    from .operator_prompt import debug_prompt
-
-    return Debugger(debug_prompt(sys.stderr if to_stderr else sys.stdout))

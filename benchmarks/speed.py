@@ -1,0 +1,232 @@
+"""Speed: CPU time of commands and runs, beside a reference that is measured in the same moments.
+
+    python benchmarks/speed.py --runs 5                          # make bench
+    python benchmarks/speed.py --only "sort_by_colour,check" --against ../before
+
+Each round measures the reference before and after each command: a fixed computation of pybullet and Python
+without picktree. The ratio to it says more than seconds, which vary with machine and load. `--against`
+measures another checkout in alternation, which has an environment of its own in .venv; the last column is
+the ratio to it. Rounds are kept by commit, and a program that was interrupted goes on where it stopped.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from statistics import median
+from tempfile import TemporaryDirectory
+
+from _campaign import ROOT, Row, campaign
+from picktree.session.environment import revision
+
+REFERENCE_COST = 0.26
+"""CPU seconds of the reference where the costs of the commands were measured."""
+
+
+@dataclass(frozen=True)
+class Measured:
+    """A command whose CPU time is measured, in a process of its own."""
+
+    name: str
+    words: tuple[str, ...]
+    """Words of the command; {seed}, {out} and {log}, the log of the round's first run, are replaced."""
+    cost: float
+    """Its CPU time for the forecast, s."""
+
+    @property
+    def runs(self) -> bool:
+        """Whether it is a run with a result."""
+        return self.words[0] == "run"
+
+
+def _run(name: str, mission: str, cost: float, *words: str) -> Measured:
+    line = ("run", f"examples/{mission}.yaml", "--seed", "{seed}", "--out", "{out}", "--json", *words)
+    return Measured(name, line, cost)
+
+
+MEASURED = (
+    _run("sort_by_colour", "sort_by_colour", 7.5, "--scene", "three_bins"),
+    _run("dense", "sort_by_colour", 11.0, "--scene", "dense"),
+    _run("kinematic", "sort_by_colour", 6.0, "--scene", "three_bins", "--backend", "kinematic"),
+    _run("sort_tirelessly", "sort_tirelessly", 12.0),
+    _run("sort_past_obstacles", "sort_past_obstacles", 12.0),
+    _run("first tick", "one_pick", 3.0, "--limit", "50 ms"),
+    Measured("help", ("--help",), 0.3),
+    Measured("check", ("check", "examples/one_pick.yaml"), 1.5),
+    Measured("explain", ("explain", "{log}"), 1.7),
+    Measured("report", ("report", "{log}", "-o", "{out}/report.html"), 3.0),
+    Measured("export", ("export", "{log}", "--to", "csv", "-o", "{out}/tables"), 3.0),
+)
+
+
+@dataclass(frozen=True)
+class Round:
+    """One measurement of each command."""
+
+    seed: int
+    names: tuple[str, ...]
+    against: str | None
+    """Another checkout; None: there is none."""
+
+
+def reference() -> float:
+    """Return the CPU time of the reference, s: physics of a heap of balls, then arithmetic in Python."""
+    import pybullet
+
+    began = time.thread_time()
+    client = pybullet.connect(pybullet.DIRECT)
+    try:
+        plane = pybullet.createCollisionShape(
+            pybullet.GEOM_BOX, halfExtents=[1.0, 1.0, 0.01], physicsClientId=client
+        )
+        ball = pybullet.createCollisionShape(pybullet.GEOM_SPHERE, radius=0.03, physicsClientId=client)
+        pybullet.createMultiBody(0.0, plane, physicsClientId=client)
+        pybullet.setGravity(0.0, 0.0, -9.81, physicsClientId=client)
+        for k in range(12):
+            at = [0.05 * (k % 3), 0.05 * (k // 3 % 2), 0.05 + 0.07 * (k // 6)]
+            pybullet.createMultiBody(0.1, ball, basePosition=at, physicsClientId=client)
+        for _ in range(4000):
+            pybullet.stepSimulation(physicsClientId=client)
+    finally:
+        pybullet.disconnect(client)
+    numbers: dict[int, float] = {}
+    for k in range(1_000_000):
+        numbers[k % 997] = numbers.get(k % 991, 0.0) * 0.5 + k
+    return time.thread_time() - began
+
+
+def measure(command: Measured, checkout: Path, values: Mapping[str, object]) -> Row:
+    """Run a command of a checkout once: its CPU time, and for a run what its result says.
+
+    Raises RuntimeError for a command that was not carried out.
+    """
+    words = [word.format(**values) for word in command.words]
+    before = os.times()
+    done = subprocess.run(
+        [str(checkout / ".venv" / "bin" / "python"), "-m", "picktree", *words],
+        cwd=checkout,
+        capture_output=True,
+        text=True,
+        env={**os.environ, "PYTHONHASHSEED": "0"},
+    )
+    after = os.times()
+    if done.returncode not in (0, 1):
+        raise RuntimeError(f"picktree {' '.join(words)}: exit code {done.returncode}\n{done.stderr}")
+    used = after.children_user + after.children_system - before.children_user - before.children_system
+    if not command.runs:
+        return {"cpu": used}
+    result = json.loads(done.stdout)
+    return {
+        "cpu": used,
+        "log": result["log"],
+        "simulated": result["sim_seconds"],
+        "run_cpu": result["cpu_seconds"],
+    }
+
+
+def one(job: Round) -> Row:
+    """Measure each command once, here and in the other checkout in turn."""
+    checkouts = {"here": ROOT, **({"there": Path(job.against).absolute()} if job.against else {})}
+    logs = dict.fromkeys(checkouts, "")
+    measured: dict[str, Row] = {}
+    with TemporaryDirectory(prefix="speed-") as folder:
+        for checkout in checkouts:
+            Path(folder, checkout).mkdir()
+        before = reference()
+        for command in (command for command in MEASURED if command.name in job.names):
+            row: Row = {}
+            for checkout, path in checkouts.items():
+                values = {"seed": job.seed, "out": f"{folder}/{checkout}", "log": logs[checkout]}
+                row[checkout] = measure(command, path, values)
+                logs[checkout] = logs[checkout] or row[checkout].get("log", "")
+            after = reference()
+            measured[command.name] = {**row, "reference": (before + after) / 2}
+            before = after
+    return {"seed": job.seed, "measured": measured}
+
+
+def table(rows: Sequence[Row], names: Sequence[str], *, against: bool) -> str:
+    """Return the table in Markdown, with medians and the range of all rounds."""
+    head = ["", "CPU s", "range", "× reference", "simulated s a CPU s"] + ["× other checkout"] * against
+    lines = ["| " + " | ".join(head) + " |", "|---" * len(head) + "|"]
+    for name in names:
+        each = [row["measured"][name] for row in rows]
+        cpu = [row["here"]["cpu"] for row in each]
+        speeds = [
+            row["here"]["simulated"] / row["here"]["run_cpu"] for row in each if "simulated" in row["here"]
+        ]
+        cells = [
+            name,
+            f"{median(cpu):.2f}",
+            f"{min(cpu):.2f} … {max(cpu):.2f}",
+            f"{median(row['here']['cpu'] / row['reference'] for row in each):.2f}",
+            f"{median(speeds):.1f}" if speeds and name != "first tick" else "",
+        ]
+        if against:
+            cells.append(f"{median(row['here']['cpu'] / row['there']['cpu'] for row in each):.3f}")
+        lines.append("| " + " | ".join(cells) + " |")
+    return "\n".join(lines)
+
+
+def needed(only: Sequence[str]) -> tuple[str, ...]:
+    """Return the commands to be measured, in order. The first run is among them where others read its log.
+
+    Raises ValueError for an unknown name.
+    """
+    known = [command.name for command in MEASURED]
+    if unknown := [name for name in only if name not in known]:
+        raise ValueError(f"there is no {', '.join(unknown)}; known: {', '.join(known)}")
+    chosen = {name for name in known if name in only} or set(known)
+    if any("{log}" in command.words for command in MEASURED if command.name in chosen):
+        chosen.add(known[0])
+    return tuple(name for name in known if name in chosen)
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--runs", type=int, default=5, help="rounds; round N has seed N")
+    parser.add_argument("--only", default="", metavar="NAMES", help="these commands, with commas between")
+    parser.add_argument("--against", metavar="CHECKOUT", help="another checkout to compare with")
+    parser.add_argument("--out", type=Path, default=ROOT / "runs" / "speed", help="folder of the results")
+    given = parser.parse_args()
+    try:
+        names = needed([name.strip() for name in given.only.split(",") if name.strip()])
+    except ValueError as error:
+        parser.error(str(error))
+    state = "-".join(filter(None, (revision(), "against" * bool(given.against), given.only)))
+    results = given.out / f"{state.replace(' ', '_').replace(',', '-') or 'installed'}.jsonl"
+    if "dirty" in state or given.against:  # what is measured may have changed since
+        results.unlink(missing_ok=True)
+    slow = reference() / REFERENCE_COST
+    cost = slow * sum(
+        REFERENCE_COST + (2 if given.against else 1) * command.cost
+        for command in MEASURED
+        if command.name in names
+    )
+    rounds = [Round(seed, names, given.against) for seed in range(given.runs)]
+    rows = campaign(results, rounds, one, cost=cost, workers=1, short=lambda row: f"{cpu_of(row):.0f} CPU s")
+    text = table(rows, names, against=given.against is not None)
+    print(f"{revision()}, {len(rows)} rounds\n\n{text}")
+    results.with_suffix(".md").write_text(f"{text}\n", encoding="utf-8")
+    return 0
+
+
+def cpu_of(row: Row) -> float:
+    """Return the CPU time of a round, s."""
+    return sum(
+        each["reference"] + sum(each[checkout]["cpu"] for checkout in ("here", "there") if checkout in each)
+        for each in row["measured"].values()
+    )
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,1 @@
+"""Profile of a run: CPU and simulated time by node of the tree and by part of the work."""
