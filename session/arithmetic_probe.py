@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..arithmetic import blas_kernels, numpy_kernels
+from ..files.library_parts import library_part
 from ..logs.schema.arithmetic_record import Arithmetic
 
 _PACKAGES: Final = {
@@ -137,15 +138,19 @@ def _blas(x: _Numbers) -> _Results:
     ]
 
 
-def _scipy(x: _Numbers) -> _Results:
-    linalg: Any = import_module("scipy.linalg")
-    turned: Any = import_module("scipy.spatial.transform").Rotation.from_rotvec(x[:300].reshape(100, 3))
+def _lapack(x: _Numbers) -> _Results:
+    """Compute with scipy's copy of LAPACK; planning uses the last two of these functions."""
+    names = ("dgesv", "dgetrf", "dposv", "dgtsv")
+    solve, factorise, descend, curve = (
+        library_part("scipy.linalg._flapack", f"scipy.linalg.lapack.{name}") for name in names
+    )
     matrix = x.reshape(64, 64)
+    definite = matrix[:6] @ matrix[:6].T + np.eye(6)
     return [
-        linalg.solve(matrix, x[:64]),
-        linalg.lu_factor(matrix)[0],
-        turned.as_quat(),
-        turned.apply(x[300:303]),
+        solve(matrix, x[:64])[2],
+        factorise(matrix)[0],
+        descend(definite, x[:6])[1],
+        curve(x[:9] / 4, x[9:19] + 4, x[19:28] / 4, x[28:98].reshape(10, 7))[3],
     ]
 
 
@@ -193,7 +198,7 @@ _PROBES: Final[Mapping[str, Callable[[_Numbers], _Results]]] = {
     "glibc": _libm,
     "numpy": _numpy,
     "OpenBLAS": _blas,
-    "scipy": _scipy,
+    "LAPACK in scipy": _lapack,
     "OpenCV": _opencv,
     "pinocchio": _pinocchio,
     "coal": _coal,

@@ -55,7 +55,8 @@ def arithmetic_difference(recorded: Arithmetic, now: Arithmetic, where: str = "h
     if not recorded or not now:
         return "arithmetic not recorded: the log is of an older version"
     differing = _pairs(recorded.versions, now.versions, where)
-    probes = [name for name, digest in recorded.probe.items() if now.probe.get(name) != digest]
+    # A computation that only another version of picktree probes with says nothing.
+    probes = [name for name, digest in recorded.probe.items() if now.probe.get(name, digest) != digest]
     if probes:
         differing += _pairs(recorded.kernels, now.kernels, where)
         if not differing:
