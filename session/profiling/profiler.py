@@ -109,7 +109,8 @@ class Profiler(Observer, PartFollower):
                 self._mark(getattr(run.world, attribute), method, activity)
         self.edited(run)
         self._leaves = tuple(self._running_leaves(run.tree))
-        self._passing = ((), self._leaves)
+        running = tuple(node.path for node in run.tree.nodes if node.state is NodeStatus.RUNNING)
+        self._passing = (running, self._leaves)
 
     def edited(self, run: Execution) -> None:
         for node in run.tree.nodes:

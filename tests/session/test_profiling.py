@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections import Counter
 from collections.abc import Iterator
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -16,7 +17,8 @@ from picktree.cli.app import answer
 from picktree.logs.run_log import RunLog
 from picktree.session.profiling.profiler import Profiler
 from picktree.session.profiling.run_profile import NodeCost, RunProfile
-from picktree.session.session import RunRequest, Session
+from picktree.session.resume.resumption import ResumeRequest, Resumption
+from picktree.session.session import DEFAULT_TIME_LIMIT, RunRequest, Session
 from picktree.simulation.backends import Backend
 from picktree.simulation.kinematic.backend import KinematicHardware
 
@@ -233,6 +235,23 @@ def test_a_run_is_the_same_with_and_without_a_profile(backend: Backend, tmp_path
         ticks = [at.record for at in log.ticks()]
     starts = Counter(t.path for tick in ticks for t in tick.transitions if t.status == "RUNNING")
     assert {cost.path: cost.starts for cost in profile.nodes()} == starts
+
+
+def test_a_resumed_run_is_profiled_from_where_it_goes_on(tmp_path: Path) -> None:
+    request = RunRequest(MISSION.with_name("all_items.yaml"), backend="kinematic", out=tmp_path)
+    whole = Session(request).run()
+    begun = Session(replace(request, limit=3.5)).run()
+    profiler = Profiler()
+    with Resumption(ResumeRequest(begun.folder, out=tmp_path, limit=DEFAULT_TIME_LIMIT)) as resumption:
+        since = resumption.since
+        result = resumption.session([profiler]).run()
+    assert result.digest == whole.digest
+    assert since > 0.0
+    profile = profiler.profile
+    assert profile.simulated[0].end == pytest.approx(result.sim_seconds - since)
+    (main, *_) = profile.nodes()
+    assert (main.path, main.starts) == ("Main", 0)  # it has started before
+    assert main.simulated == pytest.approx(result.sim_seconds - since)
 
 
 @pytest.fixture(scope="module")
