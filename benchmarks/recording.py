@@ -28,6 +28,7 @@ from picktree.logs.schema.records import (
     TransitionRecord,
     WriteRecord,
 )
+from picktree.robots.description import RobotDescription
 from picktree.robots.loading import load_robot
 from picktree.robots.model import RobotModel
 from picktree.session.session import RunRequest, Session
@@ -56,19 +57,8 @@ def main() -> None:
 
 def made_up(seconds: float, rotation: Rotation) -> None:
     """The cost of each kind of message, in CPU time, which other work on the machine hardly changes."""
-    robot = load_robot("panda")
-    model = RobotModel(robot)
-    scene = load_scene("three_bins")
-    rng = np.random.default_rng(1)
-    costs: dict[str, list[float]] = {}
-
-    def timed(name: str, action: Callable[..., None], *values: object) -> None:
-        began = time.process_time()
-        action(*values)
-        costs.setdefault(name, []).append(time.process_time() - began)
-
-    objects = [_object(k, rng) for k in range(OBJECTS)]
-    home = np.array(robot.named["home"])
+    robot, scene = load_robot("panda"), load_scene("three_bins")
+    costs = Costs()
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "log.mcap"
         began = time.process_time()
@@ -79,29 +69,9 @@ def made_up(seconds: float, rotation: Rotation) -> None:
             recorder.robot_model(meshes)
             recorder.fixed(scene.fixtures, scene.bins)
             memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+            run = MadeUpRun(recorder, robot, costs)
             for k in range(round(seconds / TICK)):
-                now = k * TICK
-                timed("rotation", recorder.rotate_if_due, now)
-                q = home + 0.3 * np.sin(now * 0.7 + np.arange(len(home))) + rng.normal(0, 2e-5, len(home))
-                links = model.link_poses(q, 0.04)
-                state = JointState(q, rng.normal(0, 0.1, len(home)), rng.normal(0, 5, len(home)))
-                objects[0] = replace(objects[0], pose=model.tcp(q))
-                tick, timing = _tick(k), _timing(rng)
-                force = rng.normal(0, 0.15, 3).tolist()
-                timed("tick", recorder.tick, now, tick)
-                gripper = GripperState(0.04, 0.0, 30.0)
-                timed("joints", recorder.joints, now, robot.joints, state, robot.gripper.joints, gripper)
-                timed("transforms", recorder.transforms, now, links, objects)
-                timed("wrench", recorder.wrench, now, Wrench((force[0], force[1], force[2])))
-                control = Control("position", tuple(q.tolist()), tuple((q * 1e-4).tolist()))
-                timed("control", recorder.control, now, control)
-                timed("belief", recorder.belief, now, objects)
-                if recorder.truth_due(now):
-                    timed("truth", recorder.truth, now, objects)
-                timed("timing", recorder.timing, now, timing)
-                if k % 92 == 0:
-                    image = _image(now, rng)
-                    timed("image", recorder.image, now, image)
+                run.record(k)
         memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - memory
         sizes = [part.stat().st_size for part in Path(folder).iterdir()]
         began = time.process_time()
@@ -109,22 +79,75 @@ def made_up(seconds: float, rotation: Rotation) -> None:
             ticks = sum(1 for _ in log.ticks())
         reading = time.process_time() - began
 
-    print(f"{'':12}{'calls':>8}{'mean µs':>10}{'p99 µs':>10}{'µs a tick':>12}")
-    total = 0.0
-    for name, values in costs.items():
-        share = sum(values) / ticks * 1e6
-        total += share
-        print(
-            f"{name:12}{len(values):8}{np.mean(values) * 1e6:10.0f}"
-            f"{np.percentile(values, 99) * 1e6:10.0f}{share:12.0f}"
-        )
-    print(f"{'all':12}{'':8}{'':10}{'':10}{total:12.0f}")
+    costs.print(ticks)
     print(f"\nmodels of the robot: {models:.2f} s")
     files = f" in {len(sizes)} files" if len(sizes) > 1 else ""
     print(
         f"log of {seconds:.0f} s: {sum(sizes) / 1e6:.1f} MB{files}; its {ticks} ticks are read in "
         f"{reading:.2f} s; memory of the process grew by {memory / 1024:.1f} MB"
     )
+
+
+class Costs:
+    """CPU seconds of each call by kind of message."""
+
+    def __init__(self) -> None:
+        self._seconds: dict[str, list[float]] = {}
+
+    def timed(self, name: str, action: Callable[..., None], *values: object) -> None:
+        """Call the action with these values, and keep its CPU time."""
+        began = time.process_time()
+        action(*values)
+        self._seconds.setdefault(name, []).append(time.process_time() - began)
+
+    def print(self, ticks: int) -> None:
+        """Print a line for each kind, and one for all of them."""
+        print(f"{'':12}{'calls':>8}{'mean µs':>10}{'p99 µs':>10}{'µs a tick':>12}")
+        total = 0.0
+        for name, values in self._seconds.items():
+            share = sum(values) / ticks * 1e6
+            total += share
+            print(
+                f"{name:12}{len(values):8}{np.mean(values) * 1e6:10.0f}"
+                f"{np.percentile(values, 99) * 1e6:10.0f}{share:12.0f}"
+            )
+        print(f"{'all':12}{'':8}{'':10}{'':10}{total:12.0f}")
+
+
+class MadeUpRun:
+    """Run of a robot that sways over objects, tick by tick."""
+
+    def __init__(self, recorder: Recorder, robot: RobotDescription, costs: Costs) -> None:
+        self._recorder, self._robot, self._timed = recorder, robot, costs.timed
+        self._model = RobotModel(robot)
+        self._rng = np.random.default_rng(1)
+        self._objects = [_object(k, self._rng) for k in range(OBJECTS)]
+        self._home = np.array(robot.named["home"])
+
+    def record(self, k: int) -> None:
+        """Record everything about tick `k`."""
+        recorder, timed, rng, now = self._recorder, self._timed, self._rng, k * TICK
+        timed("rotation", recorder.rotate_if_due, now)
+        n = len(self._home)
+        q = self._home + 0.3 * np.sin(now * 0.7 + np.arange(n)) + rng.normal(0, 2e-5, n)
+        links = self._model.link_poses(q, 0.04)
+        state = JointState(q, rng.normal(0, 0.1, n), rng.normal(0, 5, n))
+        self._objects[0] = replace(self._objects[0], pose=self._model.tcp(q))
+        tick, timing = _tick(k), _timing(rng)
+        force = rng.normal(0, 0.15, 3).tolist()
+        timed("tick", recorder.tick, now, tick)
+        names, fingers = self._robot.joints, self._robot.gripper.joints
+        timed("joints", recorder.joints, now, names, state, fingers, GripperState(0.04, 0.0, 30.0))
+        timed("transforms", recorder.transforms, now, links, self._objects)
+        timed("wrench", recorder.wrench, now, Wrench((force[0], force[1], force[2])))
+        control = Control("position", tuple(q.tolist()), tuple((q * 1e-4).tolist()))
+        timed("control", recorder.control, now, control)
+        timed("belief", recorder.belief, now, self._objects)
+        if recorder.truth_due(now):
+            timed("truth", recorder.truth, now, self._objects)
+        timed("timing", recorder.timing, now, timing)
+        if k % 92 == 0:
+            timed("image", recorder.image, now, _image(now, rng))
 
 
 def real() -> None:

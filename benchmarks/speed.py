@@ -5,8 +5,8 @@
 
 Each round measures the reference before and after each command: a fixed computation of pybullet and Python
 without picktree. The ratio to it says more than seconds, which vary with machine and load. `--against`
-measures another checkout in alternation, which has an environment of its own in .venv; the last column is
-the ratio to it. Rounds are kept by commit, and a program that was interrupted goes on where it stopped.
+measures another checkout in alternation, which has an environment of its own in .venv; the last columns are
+the ratios to it. Rounds are kept by commit, and a program that was interrupted goes on where it stopped.
 """
 
 from __future__ import annotations
@@ -153,26 +153,36 @@ def one(job: Round) -> Row:
 
 
 def table(rows: Sequence[Row], names: Sequence[str], *, against: bool) -> str:
-    """Return the table in Markdown, with medians and the range of all rounds."""
-    head = ["", "CPU s", "range", "× reference", "simulated s a CPU s"] + ["× other checkout"] * against
+    """Return the table in Markdown: medians of all rounds, and medians of the ratios in each round.
+
+    Ratios to the other checkout are of the CPU time, then of the simulated time.
+    """
+    head = ["", "CPU s", "range", "× reference", "simulated s", "simulated s a CPU s"]
+    head += ["CPU × other", "simulated × other"] if against else []
     lines = ["| " + " | ".join(head) + " |", "|---" * len(head) + "|"]
     for name in names:
-        each = [row["measured"][name] for row in rows]
+        each: list[Row] = [row["measured"][name] for row in rows]
         cpu = [row["here"]["cpu"] for row in each]
-        speeds = [
-            row["here"]["simulated"] / row["here"]["run_cpu"] for row in each if "simulated" in row["here"]
-        ]
         cells = [
             name,
             f"{median(cpu):.2f}",
             f"{min(cpu):.2f} … {max(cpu):.2f}",
             f"{median(row['here']['cpu'] / row['reference'] for row in each):.2f}",
-            f"{median(speeds):.1f}" if speeds and name != "first tick" else "",
         ]
+        runs = [row for row in each if "simulated" in row["here"]]
+        speeds = [row["here"]["simulated"] / row["here"]["run_cpu"] for row in runs]
+        cells.append(f"{median(row['here']['simulated'] for row in runs):.2f}" if runs else "")
+        cells.append(f"{median(speeds):.1f}" if runs else "")
         if against:
-            cells.append(f"{median(row['here']['cpu'] / row['there']['cpu'] for row in each):.3f}")
+            cells.append(_ratio(each, "cpu"))
+            cells.append(_ratio(runs, "simulated") if runs else "")
         lines.append("| " + " | ".join(cells) + " |")
     return "\n".join(lines)
+
+
+def _ratio(rows: Sequence[Row], figure: str) -> str:
+    """Return the median ratio of a figure here to that in the other checkout."""
+    return f"{median(row['here'][figure] / row['there'][figure] for row in rows):.3f}"
 
 
 def needed(only: Sequence[str]) -> tuple[str, ...]:

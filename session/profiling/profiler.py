@@ -109,7 +109,9 @@ class Profiler(Observer, PartFollower):
                 self._mark(getattr(run.world, attribute), method, activity)
         self.edited(run)
         self._leaves = tuple(self._running_leaves(run.tree))
-        self._passing = ((), self._leaves)
+        running = tuple(node.path for node in run.tree.nodes if node.state is NodeStatus.RUNNING)
+        self._passing = (running, self._leaves)
+        self._end_segment(self._ticked)
 
     def edited(self, run: Execution) -> None:
         for node in run.tree.nodes:
@@ -261,9 +263,8 @@ class _OtherThreads:
         """Count the CPU time since the last call for the stack of the thread's name."""
         names = {each.native_id: each.name for each in threading.enumerate()}
         for thread, seconds in self._clocks():
-            name = names.get(thread) or "of a library"
-            line = self._lines.setdefault(thread, TimeLine(f"thread {name}"))
-            line.spend(stack_of(f"thread {name}"), seconds - self._read.get(thread, 0.0))
+            line = self._lines.setdefault(thread, TimeLine(f"thread {names.get(thread, 'of a library')}"))
+            line.spend(stack_of(line.name), seconds - self._read.get(thread, 0.0))
             line.end_segment()
             self._read[thread] = seconds
 

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import json
+import threading
+import time
 from collections import Counter
 from collections.abc import Iterator
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -14,11 +17,15 @@ import pytest
 
 from picktree.cli.app import answer
 from picktree.logs.run_log import RunLog
+from picktree.session.assembly import TICK_LENGTH
+from picktree.session.observer import Observer
 from picktree.session.profiling.profiler import Profiler
 from picktree.session.profiling.run_profile import NodeCost, RunProfile
-from picktree.session.session import RunRequest, Session
+from picktree.session.resume.resumption import ResumeRequest, Resumption
+from picktree.session.session import DEFAULT_TIME_LIMIT, RunRequest, Session
 from picktree.simulation.backends import Backend
 from picktree.simulation.kinematic.backend import KinematicHardware
+from picktree.trees.running.runner import TickReport
 
 MISSION = Path(__file__).parents[1] / "golden" / "one_item.yaml"
 WORKING = '''\
@@ -233,6 +240,57 @@ def test_a_run_is_the_same_with_and_without_a_profile(backend: Backend, tmp_path
         ticks = [at.record for at in log.ticks()]
     starts = Counter(t.path for tick in ticks for t in tick.transitions if t.status == "RUNNING")
     assert {cost.path: cost.starts for cost in profile.nodes()} == starts
+
+
+def test_a_resumed_run_is_profiled_from_where_it_goes_on(tmp_path: Path) -> None:
+    request = RunRequest(MISSION.with_name("all_items.yaml"), backend="kinematic", out=tmp_path)
+    whole = Session(request).run()
+    begun = Session(replace(request, limit=3.5)).run()
+    profiler = Profiler()
+    with Resumption(ResumeRequest(begun.folder, out=tmp_path, limit=DEFAULT_TIME_LIMIT)) as resumption:
+        since = resumption.since
+        result = resumption.session([profiler]).run()
+    assert result.digest == whole.digest
+    assert since > 0.0
+    profile = profiler.profile
+    assert profile.simulated[0].end == pytest.approx(result.sim_seconds - since)
+    (main, *_) = profile.nodes()
+    assert (main.path, main.starts) == ("Main", 0)  # it has started before
+    assert main.simulated == pytest.approx(result.sim_seconds - since)
+
+
+class Spinning(Observer):
+    """Observer with a thread that computes until it has taken 20 CPU ms."""
+
+    def ticked(self, now: float, report: TickReport, items_done: int, items_total: int) -> None:
+        if round(now / TICK_LENGTH) == 10:
+            self.thread = threading.Thread(target=self._spin, name="spinner")
+            self.thread.start()
+            self.done.wait()
+        elif round(now / TICK_LENGTH) == 60:
+            self.stop.set()
+            self.thread.join()
+
+    def __init__(self) -> None:
+        self.done, self.stop = threading.Event(), threading.Event()
+
+    def _spin(self) -> None:
+        while time.thread_time() < 0.02:
+            pass
+        self.done.set()
+        self.stop.wait()
+
+
+def test_another_thread_has_a_time_line_of_its_own_nested_by_what_ran(tmp_path: Path) -> None:
+    profiler = Profiler()
+    request = RunRequest(MISSION, backend="kinematic", out=tmp_path)
+    Session(request, observers=[profiler, Spinning()]).run()
+    profile = profiler.profile
+    (line,) = (each for each in profile.threads if each.name == "thread spinner")
+    names = [[profile.frames[frame].name for frame in stack] for stack in line.totals]
+    assert all(stack[0] == "Main" and stack[-1] == "thread spinner" for stack in names)
+    assert line.end == pytest.approx(sum(line.totals.values()))
+    assert "\n  thread spinner " in profile.to_text()
 
 
 @pytest.fixture(scope="module")
