@@ -86,6 +86,8 @@ class GripperDescription:
     """Box that encloses the +y finger at opening 0, in the TCP frame; mirrored for the other."""
     linkage: Linkage | None = None
     """Finger linkage; None: two sliders."""
+    finger_bodies: tuple[tuple[Box, Pose], ...] = ()
+    """Box of the rest of each finger behind its pad, with its pose in its finger link; empty: unknown."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -81,6 +81,7 @@ def _described(
             max_force=gripper.max_force,
             speed=gripper.speed,
             pads=(first.placed(), second.placed()),
+            finger_bodies=tuple(box.placed() for box in gripper.finger_bodies or ()),
             pad_contact=PadContact(**gripper.pad_contact.model_dump()),
             gear=gripper.gear,
             tip=gripper.tip,

@@ -109,6 +109,9 @@ class GripperFile(FileModel):
     """Distance from the TCP back to the palm."""
     pads: tuple[BoxFile, BoxFile]
     """The pads, each in the frame of its finger link, with edges along the x, y and z of the TCP."""
+    finger_bodies: tuple[BoxFile, BoxFile] | None = None
+    """The rest of each finger between its pad and the palm, in the frame of its link. It collides without
+    gripping: it stands back behind the pad's face."""
     pad_contact: PadContactFile = PadContactFile()
     """How the pads touch in simulation."""
     hand: tuple[BoxFile, ...]

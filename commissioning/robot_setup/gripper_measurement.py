@@ -34,6 +34,12 @@ MAX_GRIP_FORCE, MAX_FINGER_SPEED = 60.0, 0.15
 """Greatest plausible grip force, N, and finger speed, m/s; higher values of the URDF are replaced."""
 MIN_SNAP_COSINE = np.cos(np.radians(8.0))
 """Least cosine to an axis of the hand's frame from which a direction is set to that axis."""
+EDGE_SAMPLES = 30
+"""Number of points on each edge of a mesh when the rest of a finger is measured."""
+FINGER_BODY_SETBACK = 0.003
+"""Distance of the rest of a finger behind the face of its pad, m: the pads alone grip what reaches deep."""
+MIN_FINGER_BODY_SIZE = 0.004
+"""Least size of the rest of a finger, m; less is left out."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,6 +65,7 @@ class MeasuredGripper:
     pads: tuple[tuple[Box, Pose], tuple[Box, Pose]]
     hand: tuple[tuple[Box, Pose], ...]
     finger: tuple[Box, Pose]
+    finger_bodies: tuple[tuple[Box, Pose], ...]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -241,6 +248,7 @@ class GripperMeter:
             pads=(self._pad(0, axes, opened, 1.0), self._pad(1, axes, opened, -1.0)),
             hand=hand_boxes(static, swept, palm_top, widths[-1]),
             finger=finger_box(fingers, widths),
+            finger_bodies=self._bodies(axes, opened),
         )
 
     def _sliders(self, closed: float, opened: float, widths: list[float]) -> tuple[str, str] | None:
@@ -290,10 +298,33 @@ class GripperMeter:
         low, high = level.low, level.high
         size = (max(float(high[0] - low[0]), 0.004), depth, max(top - float(low[2]), 0.004))
         centre = np.array([(low[0] + high[0]) / 2, level.y + side * depth / 2, (low[2] + top) / 2])
+        return Box(size), self._in_finger(n, centre, axes, opened)
+
+    def _bodies(self, axes: Array, opened: float) -> tuple[tuple[Box, Pose], ...]:
+        """Return a box of each finger between pad and palm, in its link's frame; none where all is pad."""
+        found = [self._body(n, axes, opened, side) for n, side in enumerate((1.0, -1.0))]
+        bodies = tuple(each for each in found if each is not None)
+        return bodies if len(bodies) == len(found) else ()
+
+    def _body(self, n: int, axes: Array, opened: float, side: float) -> tuple[Box, Pose] | None:
+        level = self._level(n, opened, axes, side)
+        corners = self._motion.finger(n, opened, axes)[self._solids[self.links[n]].triangles]
+        along = np.linspace(0.0, 1.0, EDGE_SAMPLES)[:, None, None]
+        edges = [corners[:, k] * (1 - along) + corners[:, k - 1] * along for k in range(3)]
+        points = np.concatenate([edge.reshape(-1, 3) for edge in edges])
+        behind = side * points[:, 1] >= side * level.y + FINGER_BODY_SETBACK
+        points = points[behind & (points[:, 2] <= level.low[2])]
+        if not len(points) or (np.ptp(points, axis=0) < MIN_FINGER_BODY_SIZE).any():
+            return None
+        low, high = points.min(axis=0), points.max(axis=0)
+        size: Vector3 = tuple((high - low).tolist())
+        return Box(size), self._in_finger(n, (low + high) / 2, axes, opened)
+
+    def _in_finger(self, n: int, centre: Array, axes: Array, opened: float) -> Pose:
+        """Return a place in the TCP's axes, with these axes, in the frame of a finger link."""
         palm = self._skeleton.pose(self._hand.palm, {})
         finger = palm.inverse() @ self._skeleton.pose(self.links[n], self._motion.positions(opened))
-        placed = Pose.from_rotation(_clean(axes @ centre), axes)
-        return Box(size), finger.inverse() @ placed
+        return finger.inverse() @ Pose.from_rotation(_clean(axes @ centre), axes)
 
 
 def _unit(vector: Array) -> Array:

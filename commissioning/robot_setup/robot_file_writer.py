@@ -166,6 +166,10 @@ def _gripper(draft: RobotDraft) -> Iterator[str]:
     yield "  pads:                    # Measured on the meshes: the level faces that look at each other."
     for box, pose in g.pads:
         yield f"    - {_box(box, pose)}"
+    if g.finger_bodies:
+        yield "  finger_bodies:           # The rest of the fingers, from the palm to the pads."
+        for box, pose in g.finger_bodies:
+            yield f"    - {_box(box, pose)}"
     yield "  hand:                    # From the palm up."
     for box, pose in g.hand:
         yield f"    - {_box(box, pose)}"

@@ -20,6 +20,7 @@ from ...world.shapes import Shape
 from ...world.values import GRAVITY, ObjectId, Pose, Vector3
 from ..checkpoints import Checkpoint, RobotReading
 from ..engine import (
+    CONTACT_DISTANCE,
     EVERYDAY_STEP_RATE,
     RESIDUAL_THRESHOLD,
     RESOLUTION,
@@ -51,7 +52,7 @@ from .items import PhysicsItems
 from .rgbd_camera import PhysicsCamera, StaticScene
 from .robot.devices import IdealSensors, PhysicsArm, PhysicsGripper, PhysicsWrench
 from .robot.robot_body import RobotBody
-from .sleeping_items import MIN_REST_CHECKS, SLEEP_CHECK_INTERVAL
+from .sleeping_items import REST, SLEEP_CHECK_INTERVAL
 from .static_bodies import StaticBodies
 
 
@@ -175,8 +176,9 @@ class PhysicsHardware:
             "step": f"{1 / EVERYDAY_STEP_RATE:.9f} s",
             "solver_iterations": str(SOLVER_ITERATIONS),
             "solver_residual_threshold": str(RESIDUAL_THRESHOLD),
+            "contact_distance": f"{CONTACT_DISTANCE} m",
             "gravity": f"{GRAVITY} m/s²",
-            "sleep_after": f"{SLEEP_CHECK_INTERVAL * MIN_REST_CHECKS / EVERYDAY_STEP_RATE:.2f} s",
+            "sleep_after": f"{SLEEP_CHECK_INTERVAL * REST.checks / EVERYDAY_STEP_RATE:.2f} s",
         }
 
     def step(self) -> None:

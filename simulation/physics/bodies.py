@@ -35,7 +35,9 @@ def add_holed_fixture(fixture: Fixture, client: int) -> tuple[int, ...]:
     for piece, piece_in_fixture in convex_pieces(fixture):
         pose = fixture.pose @ piece_in_fixture
         shape = pb.createCollisionShape(pb.GEOM_MESH, vertices=piece.vertices, physicsClientId=client)
-        number = pb.createMultiBody(0.0, shape, -1, pose.position, pose.orientation, physicsClientId=client)
+        number = pb.createMultiBody(
+            0.0, shape, -1, pose.position, pose.orientation, useMaximalCoordinates=1, physicsClientId=client
+        )
         # pybullet enlarges hulls by 1 mm all round, which would take 2 mm from every hole.
         pb.changeDynamics(number, -1, collisionMargin=0.0, physicsClientId=client)
         numbers.append(number)
@@ -131,7 +133,15 @@ def add_scenery(scene: SceneDescription, client: int) -> None:
 
 
 def _fixed(collision: int, visual: int, pose: Pose, client: int) -> int:
-    return pb.createMultiBody(0.0, collision, visual, pose.position, pose.orientation, physicsClientId=client)
+    return pb.createMultiBody(
+        0.0,
+        collision,
+        visual,
+        pose.position,
+        pose.orientation,
+        useMaximalCoordinates=1,
+        physicsClientId=client,
+    )
 
 
 def add_item(item: SpawnedItem, pose: Pose, client: int) -> int:
@@ -146,6 +156,7 @@ def add_item(item: SpawnedItem, pose: Pose, client: int) -> int:
         _visual(item.entry.shape, item.colour, client),
         pose.position,
         pose.orientation,
+        useMaximalCoordinates=1,
         physicsClientId=client,
     )
     set_friction(body, item.entry.friction, client)

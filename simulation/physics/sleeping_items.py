@@ -8,19 +8,35 @@ items in motion, such as a removed body, has to call `wake_all`.
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Mapping
+from dataclasses import dataclass
+from typing import NamedTuple
 
 from ...world.values import ObjectId, Quaternion, Vector3
-from ..engine import pb
+from ..engine import CONTACT_DISTANCE, pb
 
 SLEEP_CHECK_INTERVAL = 12
 """Number of steps between two checks of the items."""
-MIN_REST_CHECKS = 5
-"""Number of consecutive checks at which an item at rest has kept its place: 0.25 s.
 
-A body off balance falls e-fold faster in each fifth of that, so it does not count as resting.
+
+class Rest(NamedTuple):
+    """Test of rest: an item keeps its place within bounds at a number of consecutive checks."""
+
+    displacement: float
+    """Greatest displacement, m."""
+    rotation: float
+    """Greatest change of a component of the quaternion."""
+    checks: int
+
+
+REST, HEAP_REST = Rest(5e-5, 5e-4, 5), Rest(1e-3, 0.02, 10)
+"""Tests of rest: of any item, within 0.25 s at 240 Hz; and of items in a heap, within 0.5 s.
+
+A body off balance falls e-fold faster in each 0.05 s, so it passes neither. In a heap the solver lets items
+tremble and creep, by up to 2 mm/s, and the first test would never let them sleep. Only the robot and belts
+move a heap so slowly, and these keep it awake.
 """
-MAX_REST_DISPLACEMENT, MAX_REST_ROTATION = 5e-5, 5e-4
-"""Greatest displacement of an item at rest: m, and a component of its quaternion."""
+MIN_HEAP = 3
+"""Least number of items near each other that are a heap."""
 AWAKE_SLEEP_THRESHOLD = 1e-10
 """Sleep threshold of awake bodies, (m/s)² + (rad/s)²: a slower body may fall asleep again at once.
 
@@ -29,13 +45,30 @@ The engine's own threshold of 0.05 would freeze an item in the middle of sliding
 DOZING_SLEEP_THRESHOLD, DOZE_STEPS = 1e-4, 3
 """Sleep threshold, (m/s)² + (rad/s)², of an item that falls asleep, and its duration in steps. Resting
 contacts tremble by up to 7 mrad/s."""
-ISLAND_QUERY_MARGIN = 0.021
+ISLAND_QUERY_MARGIN = CONTACT_DISTANCE + 0.001
 """Enlargement of a query box, m.
 
-The engine enlarges bounding boxes by its contact distance, 20 mm; bodies whose boxes overlap wake each other.
-It enlarges the boxes of bodies that it returns, but not the query box.
+The engine enlarges bounding boxes by its contact distance; bodies whose boxes overlap wake each other. It
+enlarges the boxes of bodies that it returns, but not the query box.
 """
 ZERO_VELOCITY = (0.0, 0.0, 0.0)
+
+
+@dataclass(slots=True)
+class _Place:
+    """Pose of an item when a test of rest began, and the number of checks that it passed since."""
+
+    position: Vector3
+    orientation: Quaternion
+    checks: int = 0
+
+
+def _turn(one: Quaternion, other: Quaternion) -> float:
+    """Return the greatest change of a component; a quaternion and its negative are one orientation."""
+    return min(
+        max(abs(a - b) for a, b in zip(one, other, strict=True)),
+        max(abs(a + b) for a, b in zip(one, other, strict=True)),
+    )
 
 
 class SleepingItems:
@@ -47,7 +80,8 @@ class SleepingItems:
         self._running = running
         self._numbers: Mapping[ObjectId, int] = {}
         self._fixed: Collection[int] = ()
-        self._places: dict[ObjectId, tuple[Vector3, Quaternion, int]] = {}
+        self._places: dict[ObjectId, list[_Place]] = {}
+        """Where each awake item was when each test of rest began anew."""
         self._asleep: set[ObjectId] = set()
         self._dozing: dict[ObjectId, int] = {}
         self._steps = 0
@@ -60,12 +94,12 @@ class SleepingItems:
         for body in fixed:
             self._set(body, pb.ACTIVATION_STATE_SLEEP, AWAKE_SLEEP_THRESHOLD)
         self._asleep, self._dozing, self._steps = set(), {}, 0
-        self._places = {name: (*self._pose(name), 0) for name in numbers}
+        self._places = {name: self._place(name) for name in numbers}
 
     def add(self, name: ObjectId) -> None:
         """Add an awake item, whose body is in the watched mapping."""
         self._set(self._numbers[name], pb.ACTIVATION_STATE_ENABLE_SLEEPING, AWAKE_SLEEP_THRESHOLD)
-        self._places[name] = (*self._pose(name), 0)
+        self._places[name] = self._place(name)
 
     def stand(self, body: int) -> None:
         """Add a static body, which is in the collection given as `fixed`."""
@@ -83,11 +117,15 @@ class SleepingItems:
 
     def _look(self) -> None:
         self._notice_woken()
-        resting = {name for name in self._places if self._rests(name)}
+        resting, creeping = set(self._asleep), set(self._asleep)
+        for name in self._places:
+            rests, creeps = self._rests(name)
+            resting |= {name} if rests else set()
+            creeping |= {name} if creeps else set()
         for name in list(self._places):
-            if name in resting and name not in self._asleep:
+            if name in creeping and name not in self._asleep:
                 island = self._island(name)
-                if island is not None and island <= resting | self._asleep:
+                if island is not None and island <= (creeping if len(island) >= MIN_HEAP else resting):
                     self.sleep(sorted(island - self._asleep))
 
     def sleep(self, names: Iterable[ObjectId]) -> None:
@@ -107,7 +145,7 @@ class SleepingItems:
         for body in self._numbers.values():
             self._set(body, pb.ACTIVATION_STATE_WAKE_UP, AWAKE_SLEEP_THRESHOLD)
         self._asleep, self._dozing = set(), {}
-        self._places = {name: (*self._pose(name), 0) for name in self._numbers}
+        self._places = {name: self._place(name) for name in self._numbers}
 
     @property
     def quiet(self) -> bool:
@@ -140,18 +178,23 @@ class SleepingItems:
                 velocity, spin = pb.getBaseVelocity(body, self._client)
                 if any(velocity) or any(spin):
                     self._asleep.discard(name)
-                    self._places[name] = (*self._pose(name), 0)
+                    self._places[name] = self._place(name)
 
-    def _rests(self, name: ObjectId) -> bool:
-        at, turn, looks = self._places[name]
+    def _rests(self, name: ObjectId) -> tuple[bool, bool]:
+        """Check an item; return whether it passes the test of any item, or at least that of a heap."""
         position, orientation = self._pose(name)
-        moved = max(abs(a - b) for a, b in zip(at, position, strict=True))
-        turned = max(abs(a - b) for a, b in zip(turn, orientation, strict=True))
-        if moved > MAX_REST_DISPLACEMENT or turned > MAX_REST_ROTATION:
-            self._places[name] = (position, orientation, 0)
-            return False
-        self._places[name] = (at, turn, looks + 1)
-        return looks + 1 >= MIN_REST_CHECKS
+        passed = list[bool]()
+        for place, rest in zip(self._places[name], (REST, HEAP_REST), strict=True):
+            moved = max(abs(a - b) for a, b in zip(place.position, position, strict=True))
+            if moved > rest.displacement or _turn(place.orientation, orientation) > rest.rotation:
+                place.position, place.orientation, place.checks = position, orientation, 0
+            else:
+                place.checks += 1
+            passed.append(place.checks >= rest.checks)
+        return passed[0], any(passed)
+
+    def _place(self, name: ObjectId) -> list[_Place]:
+        return [_Place(*self._pose(name)) for _ in (REST, HEAP_REST)]
 
     def _island(self, name: ObjectId) -> set[ObjectId] | None:
         """Return the item and all items that the engine would wake with it; None when the robot or a running

@@ -14,6 +14,7 @@ import trimesh
 from picktree.errors import PicktreeError
 from picktree.files.marks import FileError
 from picktree.robots.loading import load_robot, parse_robot, robot_names
+from picktree.simulation.physics.robot.robot_urdf import patched_urdf
 
 URDF = """\
 <robot name="arm">
@@ -201,3 +202,17 @@ def test_reading_the_panda_imports_no_simulator() -> None:
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout == "[]\n"
+
+
+def test_a_finger_collides_along_its_whole_length() -> None:
+    urdf = ElementTree.fromstring(patched_urdf(load_robot("panda")))
+    for name in ("panda_leftfinger", "panda_rightfinger"):
+        finger = next(link for link in urdf.findall("link") if link.get("name") == name)
+        spans = list[tuple[float, float]]()
+        for collision in finger.findall("collision"):
+            size, origin = collision.find("geometry/box"), collision.find("origin")
+            assert size is not None and origin is not None
+            height, middle = float(size.get("size", "").split()[2]), float(origin.get("xyz", "").split()[2])
+            spans.append((middle - height / 2, middle + height / 2))
+        pad, body = spans
+        assert body[0] == pytest.approx(0.0) and body[1] == pytest.approx(pad[0]) and pad[1] > 0.053

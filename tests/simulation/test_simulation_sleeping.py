@@ -12,7 +12,7 @@ from picktree.robots.model import RobotModel
 from picktree.simulation.physics.backend import PhysicsHardware
 from picktree.world.scene.description import CatalogueEntry, Form, SceneDescription, Spawn
 from picktree.world.shapes import Box, Cylinder, Shape, Sphere
-from picktree.world.values import Pose, Quaternion, Vector3
+from picktree.world.values import Pose, Quaternion, Vector3, vector3
 
 from .simulated_cell import cell, panda
 from .test_simulation_physics import SILENT, down_at, go, held_block, lifted
@@ -168,6 +168,20 @@ def test_what_slides_slowly_is_not_frozen(speed: float):
     hardware = standing(ice, Pose((0.5, 0.0, 0.02)), velocities={0: (speed, 0.0, 0.0)})
     wait(hardware, 3.0)
     assert hardware.truth()[0].pose.position[0] - 0.5 == pytest.approx(3.0 * speed, rel=0.1)
+
+
+def test_a_heap_in_a_bin_comes_to_sleep_though_its_items_tremble():
+    random = np.random.default_rng(0)
+    heap = [
+        Pose.from_rpy(
+            (0.35 + random.uniform(-0.02, 0.02), 0.55 + random.uniform(-0.02, 0.02), 0.05 + 0.06 * k),
+            vector3(random.uniform(-3.0, 3.0, 3)),
+        )
+        for k in range(16)
+    ]
+    hardware = standing(scene_of(*[CUBE] * 16), *heap)
+    wait(hardware, 6.0)
+    assert all(state.asleep for state in hardware.snapshot().items)
 
 
 @pytest.mark.parametrize("off", [1e-5, 1e-2])

@@ -50,6 +50,7 @@ def setPhysicsEngineParameter(
     jointFeedbackMode: int = ...,
     enableFileCaching: int = ...,
     contactERP: float = ...,
+    contactBreakingThreshold: float = ...,
     erp: float = ...,
     physicsClientId: int = ...,
 ) -> None: ...
@@ -214,6 +215,7 @@ def createMultiBody(
     linkJointTypes: Sequence[int] = ...,
     linkJointAxis: Sequence[Vec3] = ...,
     flags: int = ...,
+    useMaximalCoordinates: int = ...,
     physicsClientId: int = ...,
 ) -> int: ...
 def rayTest(

@@ -1,4 +1,4 @@
-"""URDF for the simulation: pads on the fingers, absolute mesh paths, grey and cheap to draw."""
+"""URDF for the simulation: boxes for the fingers, absolute mesh paths, grey and cheap to draw."""
 
 from __future__ import annotations
 
@@ -11,8 +11,6 @@ from ....robots.description import GripperDescription, RobotDescription
 from ....robots.gripper_mounting import mount_tool, numbers_text
 from ....robots.urdf_tree import mesh_file
 from ....world.colours import COLOURS
-from ....world.shapes import Box
-from ....world.values import Pose
 
 
 def patched_urdf(robot: RobotDescription) -> str:
@@ -32,10 +30,10 @@ def patched_urdf(robot: RobotDescription) -> str:
     links = {link.get("name"): link for link in root.findall("link")}
     for link in links.values():
         _show_what_collides(link)
-    for name, pad in zip(robot.gripper.fingers, robot.gripper.pads, strict=True):
+    for n, name in enumerate(robot.gripper.fingers):
         if name not in links:
             raise PicktreeError(f"{robot.source or robot.name}: finger link {name!r} is not in {robot.urdf}")
-        _put_pad(links[name], *pad, robot.gripper)
+        _put_finger(links[name], n, robot.gripper)
     return ElementTree.tostring(root, encoding="unicode")
 
 
@@ -62,13 +60,16 @@ def _show_what_collides(link: ElementTree.Element) -> None:
         link.append(visual)
 
 
-def _put_pad(link: ElementTree.Element, box: Box, pad_in_link: Pose, gripper: GripperDescription) -> None:
+def _put_finger(link: ElementTree.Element, n: int, gripper: GripperDescription) -> None:
+    """Replace the collision geometry of a finger link by the pad of finger `n` and the body behind it."""
     for old in [*link.findall("collision"), *link.findall("contact")]:
         link.remove(old)
-    collision = ElementTree.SubElement(link, "collision")
-    origin = {"xyz": numbers_text(pad_in_link.position), "rpy": numbers_text(pad_in_link.rpy())}
-    ElementTree.SubElement(collision, "origin", origin)
-    ElementTree.SubElement(ElementTree.SubElement(collision, "geometry"), "box", size=numbers_text(box.size))
+    for box, pose in (gripper.pads[n], *gripper.finger_bodies[n : n + 1]):
+        collision = ElementTree.SubElement(link, "collision")
+        origin = {"xyz": numbers_text(pose.position), "rpy": numbers_text(pose.rpy())}
+        ElementTree.SubElement(collision, "origin", origin)
+        geometry = ElementTree.SubElement(collision, "geometry")
+        ElementTree.SubElement(geometry, "box", size=numbers_text(box.size))
     contact = ElementTree.SubElement(link, "contact")
     ElementTree.SubElement(contact, "friction_anchor")
     for tag, value in (
