@@ -47,7 +47,7 @@ def __getattr__(name: str) -> type:
     if name.startswith("_"):
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     if name == "SubTree":
-        from .trees.running.builder import SubTree
+        from .trees.running.runner import SubTree
 
         return SubTree
     found = _registry().find(name)

@@ -11,9 +11,8 @@ from ..files.expressions.type_inference import ValueType, check_types
 from ..files.marks import Diagnostic, FileError
 from ..files.value_wording import suggest_name
 from ..files.yaml.document import Document
-from ..trees.loading.loader import MissionReadResult, examine
+from ..trees.loading.loader import MissionReadResult, SceneNames, examine, load_surroundings
 from ..trees.loading.registry import NodeRegistry
-from ..trees.loading.scene_names import SceneNames, load_surroundings
 from ..trees.mission import Mission, reachable
 from ..trees.values.references import ATTRIBUTE_TYPES, ExpressionLocator, Reference
 from ..trees.wiring.circuit import ArrivingValue

@@ -17,7 +17,7 @@ from ..files.yaml.document import Document, read_document
 from ..files.yaml.document_checker import DocumentChecker
 from ..files.yaml.file_models import FileModel, Flag, InvalidValue, quantity
 from ..simulation.fault_files.fault_loading import load_faults
-from ..trees.loading.scene_names import SceneNames, load_surroundings
+from ..trees.loading.loader import SceneNames, load_surroundings
 from ..trees.running.run_settings import read_settings
 from ..world.scene.loading.scene_loading import scene_names
 from .plan import BatchPlan, JobLimits

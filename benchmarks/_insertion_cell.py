@@ -174,7 +174,7 @@ class _Cell:
     def _mission(self, text: str) -> None:
         from picktree.trees.loading.loader import parse_mission
         from picktree.trees.loading.registry import NodeRegistry
-        from picktree.trees.running.builder import build
+        from picktree.trees.running.runner import build
         from picktree.trees.status import NodeStatus
 
         self.tree = tree = build(parse_mission(text, Path("insertion.yaml"), NodeRegistry()), self.world)

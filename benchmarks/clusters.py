@@ -28,8 +28,8 @@ from picktree.batch.plan import BatchPlan, Job
 from picktree.batch.results.tables import JobRow
 from picktree.batch.workers.batch import Batch, RecordedJob
 from picktree.batch.workers.executor import Executor
+from picktree.batch.workers.job_process import children
 from picktree.batch.workers.local_executor import LocalExecutor
-from picktree.batch.workers.process_tree import children
 
 COST = {"physics": 7.0, "kinematic": 2.0}
 """CPU seconds that a run of `sort_small` takes, for the forecast."""

@@ -28,9 +28,9 @@ from _file_mutants import mutant
 from picktree.authoring.rehearsal.checking.case_checks import load_cases
 from picktree.authoring.rehearsal.rehearse import rehearse_case
 from picktree.authoring.rehearsal.stage.mission_staging import scene_of, stub_mission
-from picktree.authoring.rehearsal.stage.node_roles import is_stubbed
-from picktree.authoring.rehearsal.verdict.coverage import CoverageRecord
-from picktree.cli.author.file_kinds import CHECKS
+from picktree.authoring.rehearsal.stage.trace import is_stubbed
+from picktree.authoring.rehearsal.verdict.rehearsal_result import CoverageRecord
+from picktree.cli.author.file_schemas import CHECKS
 from picktree.errors import PicktreeError
 from picktree.files.diagnostics.file_checks import check_files
 from picktree.files.yaml.document import read_document

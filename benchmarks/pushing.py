@@ -66,7 +66,7 @@ def _push(job: Job, kind: str, extra: str) -> dict[str, Any]:
     from picktree.simulation.backends import build_hardware
     from picktree.trees.loading.loader import parse_mission
     from picktree.trees.loading.registry import NodeRegistry
-    from picktree.trees.running.builder import build
+    from picktree.trees.running.runner import build
     from picktree.trees.status import NodeStatus
     from picktree.world.planar_geometry import outline, planar, wrap_angle
 

@@ -19,9 +19,8 @@ from .recording import foxglove_messages
 from .recording.images import decode_colour, decode_depth
 from .recording.rotated_log import JoinedLog, part_paths
 from .schema import topics
-from .schema.arithmetic_record import Arithmetic
 from .schema.event_records import decode_event
-from .schema.json_records import decode
+from .schema.json_records import Arithmetic, decode
 from .schema.records import (
     FORMAT,
     Candidates,

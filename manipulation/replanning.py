@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, TypeVar
 
 from ..planning.requests import MotionPlan
-from ..skill_world.handover import PlaceCandidate
+from ..skill_world.world import PlaceCandidate
 from ..world.belief.planning_scene import BeliefObject
 from ..world.causes import Cause, Failure, place, planning
 from ..world.causes import world as world_causes

@@ -15,7 +15,7 @@ from ..manipulation.carry.hold_check import GripCheck
 from ..manipulation.grasp.straight_lines import DOWNWARDS
 from ..trees.loading.loader import parse_mission
 from ..trees.loading.registry import NodeRegistry
-from ..trees.running.builder import build
+from ..trees.running.runner import build
 from ..trees.status import NodeStatus
 from ..world.belief.planning_scene import BeliefObject
 from ..world.causes import Failure

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from ..arithmetic import blas_kernels, numpy_kernels
 from ..files.library_parts import library_part
-from ..logs.schema.arithmetic_record import Arithmetic
+from ..logs.schema.json_records import Arithmetic
 
 _PACKAGES: Final = {
     "numpy": "numpy",

@@ -17,7 +17,7 @@ from ..robots.description import RobotDescription
 from ..robots.model import RobotModel
 from ..skill_world.vision import Vision
 from ..skill_world.world import HandlingParameters, World
-from ..world.belief.attempts import AttemptMemory
+from ..world.belief.facts import AttemptMemory
 from ..world.belief.planning_scene import PlanningScene
 from ..world.computing_time import ComputeTimeAccount, Stopwatch
 from ..world.journal import Journal

@@ -22,8 +22,8 @@ from ..simulation.backends import Backend
 from ..simulation.fault_files.fault_loading import load_faults
 from ..skill_world.world import World
 from ..trees.controls.leaves import AlwaysSuccess
+from ..trees.loading.loader import scene_names
 from ..trees.loading.registry import NodeRegistry
-from ..trees.loading.scene_names import scene_names
 from ..trees.mission import Mission
 from ..trees.node import Node
 from ..trees.status import NodeStatus

@@ -19,8 +19,7 @@ from ..simulation.backends import Simulation, build_hardware
 from ..simulation.faults.injector import FaultInjector, FaultState
 from ..simulation.scoring.truth import TrueBody
 from ..trees.mission import MAIN, Mission
-from ..trees.running.builder import build
-from ..trees.running.runner import TickReport
+from ..trees.running.runner import TickReport, build
 from ..trees.running.tree_adoption import StateTransfer
 from ..trees.status import NodeStatus
 from ..world.causes import Failure

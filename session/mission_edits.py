@@ -16,7 +16,7 @@ from ..files.diagnostics.fault_rendering import fault_lines
 from ..files.marks import FileError
 from ..files.yaml.document import Document, read_document
 from ..files.yaml.file_text import read_text
-from ..trees.loading.scene_names import SceneNames, scene_names
+from ..trees.loading.loader import SceneNames, scene_names
 from ..trees.mission import IN_LIBRARY, Mission
 from ..trees.ports import PortDeclaration
 from ..trees.running.tree_adoption import StateTransfer

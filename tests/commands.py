@@ -34,8 +34,8 @@ from typing import NoReturn
 from picktree.__main__ import main
 from picktree.batch.workers import local_executor
 from picktree.batch.workers.job_output import flush
+from picktree.batch.workers.job_process import die_with_parent
 from picktree.batch.workers.local_executor import load, serve
-from picktree.batch.workers.process_tree import die_with_parent
 
 PATIENCE = 120.0
 """Wall s after which an event counts as one that never comes."""

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from picktree.cli.run.debugger_prompt import DebugPrompt
+from picktree.cli.run.operator_prompt import DebugPrompt
 from picktree.logs.run_result import RunResult
 from picktree.robots.loading import load_robot
 from picktree.session.debugger import Debugger, DebuggerStop

@@ -18,8 +18,7 @@ from py_trees.common import Status
 from ..errors import PicktreeError
 from ..world.causes import Cause, Family
 from .flow import ChildFlow, Flow, Hand, LeafFlow
-from .ports import In, Out, PortDeclaration, PortSpec, Required
-from .slots import Slot, SlotDeclaration
+from .ports import In, Out, PortDeclaration, PortSpec, Required, Slot, SlotDeclaration
 from .values.port_types import PortType, convert_literal
 from .values.references import Binding, Constant
 

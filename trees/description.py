@@ -12,8 +12,7 @@ from typing import Final, Protocol, TypeAlias, cast
 from ..files.value_wording import suggest_name
 from ..files.yaml.reader import Value
 from .declaration import NodeDeclaration
-from .ports import PortDeclaration
-from .slots import SlotDeclaration
+from .ports import PortDeclaration, SlotDeclaration
 from .values.port_types import show
 
 

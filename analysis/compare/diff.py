@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
 from ...logs.schema import topics
-from ...logs.schema.arithmetic_record import arithmetic_difference
+from ...logs.schema.json_records import arithmetic_difference
 from ...logs.schema.records import RunInfo
 from ...session.environment import SOURCES_ATTACHMENT, source_changes, sources_from_text
 from ..run import Run

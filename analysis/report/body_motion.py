@@ -15,7 +15,7 @@ from ...logs.schema.records import BodyRecord
 from ...world.events.run_events import FaultEvent
 from ...world.values import Array
 from ..run import Run
-from .poses import between, composed, filled, inverse, row
+from .packing import between, composed, filled, inverse, row
 
 Flags = NDArray[np.bool_]
 Span = tuple[int, int]

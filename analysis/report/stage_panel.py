@@ -18,8 +18,7 @@ from ...world.shapes import Box, ConvexMesh, Cylinder, Shape, Sphere
 from ...world.values import Array, Pose
 from ..run import Run
 from .body_motion import BelievedBody, Frames, TrueBodySamples, motion_of, spans, true_poses
-from .packing import Packable, Quantised, Section, quantise
-from .poses import composed, continuous, filled, inverse, row
+from .packing import Packable, Quantised, Section, composed, continuous, filled, inverse, quantise, row
 
 MAX_LINK_FACES = 3000
 """Maximum number of faces of one link."""

@@ -17,7 +17,7 @@ from ...robots.loading import load_robot
 from ...session.recipe import Recipe, mission_files
 from ...simulation.fault_files.fault_entries import FaultFile
 from ...simulation.fault_files.fault_loading import load_faults
-from ...trees.loading.scene_names import scene_names
+from ...trees.loading.loader import scene_names
 from ...trees.mission import Mission
 from ...world.scene.loading.scene_loading import load_scene
 from ..run import Run

@@ -23,7 +23,7 @@ from ...errors import PicktreeError
 from ...files.diagnostics.fault_rendering import fault_lines
 from ...files.marks import FileError
 from ...logs.run_result import RunResult
-from ...logs.schema.arithmetic_record import Arithmetic
+from ...logs.schema.json_records import Arithmetic
 from ...session.arithmetic_probe import arithmetic
 from ...session.observer import Observer
 from ...session.recipe import Recording

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from ...errors import PicktreeError
-from ...logs.schema.arithmetic_record import Arithmetic, arithmetic_difference
+from ...logs.schema.json_records import Arithmetic, arithmetic_difference
 from ...session import environment
 from ...session.recipe import ROBOT_MESHES
 from ...world.scene.loading.scene_loading import load_scene

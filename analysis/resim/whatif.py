@@ -11,7 +11,7 @@ from typing import Any
 from ...errors import PicktreeError
 from ...files.marks import Diagnostic
 from ...logs.run_result import RunResult, RunStatus
-from ...logs.schema.arithmetic_record import arithmetic_difference
+from ...logs.schema.json_records import arithmetic_difference
 from ...session.arithmetic_probe import arithmetic
 from ...session.observer import Observer
 from ...session.recipe import Recipe, Recording

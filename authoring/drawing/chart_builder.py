@@ -11,8 +11,7 @@ from ...files.marks import FileError, Mark
 from ...files.yaml.document import read_document
 from ...trees.loading.loader import examine
 from ...trees.mission import MAIN, Mission, NodeSpec, TreeSpec, name_of
-from ...trees.ports import PortDeclaration
-from ...trees.slots import SlotDeclaration
+from ...trees.ports import PortDeclaration, SlotDeclaration
 from ...trees.values.references import Binding, Reference
 from ...world.journal import Plain
 from .chart import (

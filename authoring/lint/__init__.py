@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 
 from ...files.marks import Diagnostic
-from ...trees.loading.scene_names import SceneNames
+from ...trees.loading.loader import SceneNames
 from ...trees.mission import Mission
 from .arm_use import at_the_same_time, left_in_hand, started_anew
 from .endless_loops import endless, unbounded_recovery, vain_attempts

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from functools import cached_property
 
 from ...files.marks import Diagnostic, Mark
-from ...trees.loading.scene_names import SceneNames
+from ...trees.loading.loader import SceneNames
 from ...trees.mission import MAIN, Mission, NodeSpec, TreeSpec, bottom_up, reachable
 from ...trees.node import Node
 from ...trees.wiring.key_writers import PlacedNode, placed_nodes

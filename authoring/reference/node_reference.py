@@ -10,9 +10,8 @@ from typing import Final
 
 from ...trees.declaration import Kind, NodeDeclaration
 from ...trees.node import Node
-from ...trees.ports import PortDeclaration, Required
+from ...trees.ports import PortDeclaration, Required, SlotDeclaration
 from ...trees.skill import Skill
-from ...trees.slots import SlotDeclaration
 from ...trees.values.port_types import PortValues
 from ...world.causes import Cause
 from ...world.journal import Plain

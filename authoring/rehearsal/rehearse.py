@@ -15,17 +15,15 @@ from ...files.value_wording import suggest_name
 from ...files.yaml.document import Document, read_document
 from ...trees.loading.loader import load_mission
 from ...trees.mission import Mission
-from ...trees.running.builder import build
+from ...trees.running.runner import build
 from ...trees.status import NodeStatus
 from ...world.journal import Plain
-from .cases.case import CaseFile, RehearsalCase
+from .cases.cases_schema import CaseFile, RehearsalCase
 from .checking.case_checks import examine_cases
 from .stage.mission_staging import StubbedMission, scene_of, stub_mission
-from .stage.node_roles import ScriptedAnswers
 from .stage.rehearsal_world import TICK_PERIOD, RehearsalWorld
-from .stage.trace import Trace
-from .verdict.coverage import CoverageRecord, coverage
-from .verdict.rehearsal_result import CaseResult, Rehearsal
+from .stage.trace import ScriptedAnswers, Trace
+from .verdict.rehearsal_result import CaseResult, CoverageRecord, Rehearsal, coverage
 from .verdict.verdict import CaseOutcome, differences
 
 DEFAULT_MAX_TICKS = 10_000

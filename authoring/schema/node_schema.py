@@ -6,8 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from ...trees.declaration import BREAKPOINT, COMMON_KEYS, POSTCONDITIONS, PRECONDITIONS, NodeDeclaration
-from ...trees.ports import PortDeclaration
-from ...trees.slots import SlotDeclaration
+from ...trees.ports import PortDeclaration, SlotDeclaration
 from ...world.causes import Cause
 from ..reference.node_reference import RequiredOneOf
 from ..reference.port_wording import COMMON_DOCS, hand_words, unwrapped, uses_words

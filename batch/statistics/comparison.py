@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from typing import Literal, TypeAlias
 
-from ...logs.schema.arithmetic_record import arithmetic_difference
+from ...logs.schema.json_records import arithmetic_difference
 from .differences import (
     JobOutcome,
     MeanDifference,

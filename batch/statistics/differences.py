@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from ...errors import PicktreeError
-from ...logs.schema.arithmetic_record import Arithmetic
+from ...logs.schema.json_records import Arithmetic
 from ..results.store import RESULTS_FILE, Store, choose_label, split
 from .rates import CONFIDENCE, Interval
 

@@ -4,11 +4,11 @@ The process is forked from a worker that has loaded everything, which costs mill
 would cost seconds. Whatever a job changes in its process ends with it: working directory, environment,
 locale, random numbers, globals, memory, threads. It has a separate session, so that no Ctrl-C reaches it. It
 prints into a file, and its temporary files are in a folder that is deleted with it. Processes that it leaves
-behind are ended.
-"""
+behind are ended."""
 
 from __future__ import annotations
 
+import ctypes
 import os
 import re
 import resource
@@ -33,8 +33,72 @@ from ...session.resume.recipe_archive import RecipeFile
 from ...session.session import Recording, Session
 from . import job_output
 from .executor import Event, JobFailed, JobFinished, JobOrder, JobStopped
-from .process_tree import die_with_parent, end_children, exit_code_words, resident
-from .result_rows import collect_run_rows
+from .job_output import collect_run_rows
+
+_PR_SET_PDEATHSIG = 1
+_PR_SET_CHILD_SUBREAPER = 36
+_PAGE_BYTES = os.sysconf("SC_PAGE_SIZE")
+_MAX_END_ROUNDS = 100
+"""Maximum number of rounds of ending children, each of which may leave children."""
+
+
+def die_with_parent(number: signal.Signals) -> None:
+    """Make this process receive the signal when its parent ends, in whatever way."""
+    _prctl(_PR_SET_PDEATHSIG, number)
+
+
+def adopt_orphans() -> None:
+    """Adopt orphaned descendants as children of this process, which can then end them."""
+    _prctl(_PR_SET_CHILD_SUBREAPER, 1)
+
+
+def children(pid: int) -> list[int]:
+    found: list[int] = []
+    with suppress(OSError):
+        for thread in Path(f"/proc/{pid}/task").iterdir():
+            with suppress(OSError):
+                found += map(int, (thread / "children").read_text().split())
+    return found
+
+
+def resident(pid: int) -> int:
+    """Return the resident memory of a process and its descendants, bytes; 0 after its end."""
+    try:
+        own = int(Path(f"/proc/{pid}/statm").read_text().split()[1]) * _PAGE_BYTES
+    except (OSError, IndexError, ValueError):
+        return 0
+    return own + sum(resident(child) for child in children(pid))
+
+
+def end_children(expected: int) -> int:
+    """End every child of this process with its descendants; return their number besides the expected."""
+    count = 0
+    for _ in range(_MAX_END_ROUNDS):
+        found = children(os.getpid())
+        if not found:
+            break
+        for child in found:
+            with suppress(OSError):
+                os.kill(child, signal.SIGKILL)
+            with suppress(OSError):
+                os.waitpid(child, 0)
+            count += child != expected
+    return count
+
+
+def exit_code_words(code: int) -> str:
+    """Return the end in words for an exit code of `subprocess` or `multiprocessing`: `was ended by
+    SIGSEGV`."""
+    if code >= 0:
+        return f"ended with exit code {code}"
+    try:
+        return f"was ended by {signal.Signals(-code).name}"
+    except ValueError:
+        return f"was ended by signal {-code}"
+
+
+def _prctl(option: int, value: int) -> None:
+    ctypes.CDLL(None).prctl(option, value)
 
 
 def run_attempt(order: JobOrder) -> Event:

@@ -19,7 +19,7 @@ from typing import NoReturn
 
 from .executor import Event, JobFailed, JobOrder, JobStopped
 from .job_output import silence
-from .process_tree import adopt_orphans, die_with_parent, exit_code_words
+from .job_process import adopt_orphans, die_with_parent, exit_code_words
 
 READY = "ready"
 """Message of a worker that has loaded everything."""

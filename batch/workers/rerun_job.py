@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from ...errors import PicktreeError
-from ...logs.schema.arithmetic_record import PREFIXES, Arithmetic, arithmetic_difference
+from ...logs.schema.json_records import PREFIXES, Arithmetic, arithmetic_difference
 from ...session.session import LOG_FILE_NAME
 from ..plan import Job, read_plan
 from ..results.store import RESULTS_FILE, Store, find_job, split

@@ -13,7 +13,7 @@ from ...files.node_patterns import find_node, find_nodes, short_names
 from ..terminal.command_prompt import Command, CommandPrompt
 from ..terminal.progress import tree_rows
 from ..terminal.state_text import blackboard_lines, tree_lines, where_lines
-from . import replay_changes, replay_views
+from . import replay_views
 
 MAX_TREE_LINES = 18
 """Maximum number of tree lines shown after a move."""
@@ -78,7 +78,7 @@ class ReplayPrompt(CommandPrompt):
             cursor.tree.nodes, replay_views.statuses(cursor), rows, replay_views.changed_paths(cursor)
         )
         self._show(f"  {row.plain}" for row in shown)
-        self._show(replay_changes.change_lines(cursor, cursor.changes(self.since), news))
+        self._show(replay_views.change_lines(cursor, cursor.changes(self.since), news))
 
     def arguments(self, command: str) -> Iterable[str]:
         match command:
@@ -207,13 +207,13 @@ class ReplayPrompt(CommandPrompt):
         return self._show(replay_views.node_lines(self.cursor, path))
 
     def _show_changes(self, _: str) -> bool:
-        return self._show(replay_changes.change_lines(self.cursor, self.cursor.changes(self.since)))
+        return self._show(replay_views.change_lines(self.cursor, self.cursor.changes(self.since)))
 
     def _show_failures(self, _: str) -> bool:
-        return self._show(replay_changes.failure_list(self.cursor))
+        return self._show(replay_views.failure_list(self.cursor))
 
     def _show_evidence(self, _: str) -> bool:
-        return self._show(replay_changes.evidence_lines(self.cursor))
+        return self._show(replay_views.evidence_lines(self.cursor))
 
     def _show_blackboard(self, key: str) -> bool:
         return self._show(blackboard_lines(self.cursor.blackboard, key))

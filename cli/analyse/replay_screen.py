@@ -15,7 +15,7 @@ from rich.console import Console
 from rich.text import Text
 
 from ..terminal.progress import tree_rows
-from . import replay_changes, replay_views
+from . import replay_views
 from .replay_prompt import ReplayPrompt
 
 KEYS: Mapping[str, str] = {
@@ -132,7 +132,7 @@ class Screen:
             return page
         cursor = self._prompt.cursor
         news = max(room * 2 // _CHANGES_DIVISOR, 3)
-        lines = [*replay_changes.change_lines(cursor, cursor.changes(self._prompt.since), news), ""]
+        lines = [*replay_views.change_lines(cursor, cursor.changes(self._prompt.since), news), ""]
         return [*lines, *[*replay_views.believed_lines(cursor, "")][: max(room - len(lines), 0)]]
 
     def _hint(self) -> str:

@@ -68,7 +68,7 @@ def check(
     """Check files of any kind: all faults of all files at once. Exit code 2: there are errors."""
     from ...files.diagnostics.file_checks import UnsavedText, check_files
     from ...files.yaml.file_text import MAX_BYTES
-    from .file_kinds import CHECKS
+    from .file_schemas import CHECKS
 
     def given(name: str) -> Path | UnsavedText:
         if name != "-":

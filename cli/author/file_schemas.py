@@ -2,18 +2,74 @@
 
 from __future__ import annotations
 
-from typing import Literal, TypeAlias
+from collections.abc import Iterable, Mapping
+from typing import TYPE_CHECKING, Literal, TypeAlias
 
 from ...authoring.rehearsal.cases.cases_schema import CasesFile
-from ...authoring.schema.patch_schema import patch, patched
+from ...authoring.schema.mission_context import patch, patched
 from ...authoring.schema.pydantic_schema import model_schema
 from ...authoring.schema.schema_parts import Schema, belonging, by_value, schema, schemas
-from ...robots.loading import robot_names
+from ...files.marks import Diagnostic, FileError
+from ...files.yaml.document import Document, read_document
+from ...robots.loading import check_robot, robot_names
 from ...robots.robot_schema import RobotFile
 from ...simulation.fault_files.fault_schema import ALLOWED_KEYS, REQUIRED_KEYS, FaultsFile
 from ...world.causes import OUR_PREFIXES, Cause, all_causes
-from ...world.scene.loading.scene_loading import scene_names
+from ...world.scene.loading.scene_loading import check_scene, scene_names
 from ...world.scene.scene_schema import SceneFile
+
+if TYPE_CHECKING:
+    from ...files.diagnostics.file_checks import Check
+
+
+def check_cell(document: Document) -> tuple[Diagnostic, ...]:
+    """Check a document of kind `scene`, and the robot file that it names."""
+    scene = check_scene(document)
+    if scene.robot is None:
+        return scene.faults
+    try:
+        return (*scene.faults, *check_robot(read_document(scene.robot, "robot")).faults)
+    except FileError as error:
+        return (*scene.faults, *error.faults)
+
+
+def _mission(document: Document) -> Iterable[Diagnostic]:
+    from ...authoring.check import check_mission
+
+    return check_mission(document).faults
+
+
+def _robot(document: Document) -> Iterable[Diagnostic]:
+    return check_robot(document).faults
+
+
+def _check_faults(document: Document) -> Iterable[Diagnostic]:
+    from ...simulation.fault_files.fault_loading import check_faults
+
+    return check_faults(document).faults
+
+
+def _check_cases(document: Document) -> Iterable[Diagnostic]:
+    from ...authoring.rehearsal.checking.case_checks import check_cases
+
+    return check_cases(document)
+
+
+def _plan(document: Document) -> Iterable[Diagnostic]:
+    from ...batch.plan_loading import check_plan
+
+    return check_plan(document).faults
+
+
+CHECKS: Mapping[str, Check] = {
+    "mission": _mission,
+    "scene": check_cell,
+    "robot": _robot,
+    "faults": _check_faults,
+    "cases": _check_cases,
+    "plan": _plan,
+}
+
 
 FileKind: TypeAlias = Literal["scene", "robot", "faults", "cases"]
 

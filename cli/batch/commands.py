@@ -2,15 +2,250 @@
 
 from __future__ import annotations
 
+import shlex
+import signal
+import sys
+from collections.abc import Generator, Mapping, Sequence
+from contextlib import contextmanager
+from datetime import datetime
 from pathlib import Path
-from typing import Annotated, Literal
+from types import FrameType
+from typing import TYPE_CHECKING, Annotated, Literal, TextIO, TypeAlias
 
 import typer
 
 from ...errors import PicktreeError
-from ..options import JsonWritten
+from ..options import Backend, JsonWritten, Verify
 from ..terminal.output import StatusLine, end_with, keep_stdout, print_answer, program
-from .run import run
+
+if TYPE_CHECKING:
+    from ...batch.cluster.ray_executor import RayExecutor
+    from ...batch.plan import BatchPlan
+    from ...batch.statistics.summary import BatchSummary
+    from ...batch.workers.batch import Batch
+    from ...batch.workers.executor import Executor
+    from ...batch.workers.local_executor import LocalExecutor
+
+
+_PLAN_OPTIONS = (
+    *("seeds", "scene", "faults", "set_", "backend", "verify"),
+    *("limit", "wall_limit", "memory", "disk", "keep"),
+)
+"""Options that a plan file replaces."""
+
+
+PlanArgument: TypeAlias = Annotated[Path | None, typer.Argument(metavar="[PLAN]", help="Plan file.")]
+Missions: TypeAlias = Annotated[
+    list[Path] | None,
+    typer.Option(metavar="FILE", help="Instead of a plan: missions to be tried."),
+]
+Seeds: TypeAlias = Annotated[str, typer.Option(metavar="SEEDS", help="0:100 is half open; 3,7 is good, too.")]
+Scenes: TypeAlias = Annotated[
+    list[str] | None,
+    typer.Option(metavar="SCENE", help="Scenes to be tried, for the missions' own."),
+]
+FaultsFiles: TypeAlias = Annotated[
+    list[str] | None, typer.Option(metavar="FILE", help="Faults file, or none; several are tried.")
+]
+TriedSettings: TypeAlias = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="NAME=A,B", help="Values to be tried, as SortOne/Grasp.force=15,30."),
+]
+TimeLimit: TypeAlias = Annotated[str, typer.Option(metavar="TIME", help="Simulated time of a job.")]
+WallLimit: TypeAlias = Annotated[str, typer.Option(metavar="TIME", help="Wall time of a job.")]
+MemoryLimit: TypeAlias = Annotated[str, typer.Option(metavar="SIZE", help="Memory of a job.")]
+DiskLimit: TypeAlias = Annotated[str, typer.Option(metavar="SIZE", help="What a job writes.")]
+KeptLogs: TypeAlias = Annotated[
+    Literal["all", "failures", "none"], typer.Option(help="Whose logs stay on the disk.")
+]
+Workers: TypeAlias = Annotated[
+    int | None, typer.Option(min=1, help="Jobs at once, at most.", show_default="one a core")
+]
+ExecutorName: TypeAlias = Annotated[
+    Literal["local", "ray"], typer.Option(help="Who runs them: this machine, or a Ray cluster.")
+]
+ClusterAddress: TypeAlias = Annotated[
+    str | None,
+    typer.Option(
+        metavar="HOST:PORT",
+        help="Running Ray cluster with this machine in it, or auto.",
+        show_default="one of this machine, for this batch",
+    ),
+]
+NewFolder: TypeAlias = Annotated[
+    Path | None, typer.Option(metavar="DIR", help="The batch's folder.", show_default="in runs/")
+]
+ResumedFolder: TypeAlias = Annotated[
+    Path | None, typer.Option(metavar="DIR", help="Go on with the batch in this folder.")
+]
+JsonEvents: TypeAlias = Annotated[bool, typer.Option("--json", help="Print an event a line, as JSON.")]
+
+
+def run(
+    context: typer.Context,
+    plan: PlanArgument = None,
+    mission: Missions = None,
+    seeds: Seeds = "0",
+    scene: Scenes = None,
+    faults: FaultsFiles = None,
+    set_: TriedSettings = None,
+    backend: Backend = "physics",
+    verify: Verify = False,
+    limit: TimeLimit = "3600 s",
+    wall_limit: WallLimit = "3600 s",
+    memory: MemoryLimit = "4 GB",
+    disk: DiskLimit = "10 GB",
+    keep: KeptLogs = "failures",
+    workers: Workers = None,
+    executor: ExecutorName = "local",
+    address: ClusterAddress = None,
+    out: NewFolder = None,
+    resume: ResumedFolder = None,
+    json: JsonEvents = False,
+) -> None:
+    """Run every combination of missions, scenes, faults and settings with every seed.
+
+    Ctrl-C once finishes what runs, twice stops at once; --resume goes on. Exit code 0: every job reached its
+    goal; 1: one did not.
+    """
+    _require_one_source(context, plan, mission, resume)
+    if address is not None and executor == "local":
+        raise PicktreeError("--address is of a Ray cluster: add --executor ray")
+    answer = keep_stdout() if json else None
+
+    from ...batch.plan_loading import load_plan, plan_of
+    from ...batch.workers.batch import Batch
+
+    if resume is not None:
+        resumed = Batch.resume(resume)
+        with _executor(executor, workers, address) as hands:
+            _carry_out(resumed, hands, answer)
+        return
+    if plan is not None:
+        asked = load_plan(plan)
+    else:
+        options = {
+            "scenes": scene,
+            "seeds": seeds,
+            "backend": backend,
+            "verify": verify,
+            "limit": limit,
+            "wall_limit": wall_limit,
+            "memory": memory,
+            "disk": disk,
+            "keep": keep,
+        }
+        asked = plan_of(_matrix(mission or [], faults or [], set_ or [], options))
+    with _executor(executor, workers, address) as hands:
+        _carry_out(Batch.create(out or _new_folder(asked), asked), hands, answer)
+
+
+def _require_one_source(
+    context: typer.Context, plan: Path | None, missions: list[Path] | None, resume: Path | None
+) -> None:
+    """Raise PicktreeError unless plan, missions or a batch to resume is given, without options of its own."""
+    if sum([plan is not None, bool(missions), resume is not None]) != 1:
+        raise PicktreeError("give one of: a plan file, --mission FILE, --resume DIR")
+    if not missions:
+        _refuse_what_a_plan_says(context, also=("out",) if resume is not None else ())
+
+
+def _refuse_what_a_plan_says(context: typer.Context, also: Sequence[str]) -> None:
+    """Raise PicktreeError for an option that would have no effect."""
+    for name in (*_PLAN_OPTIONS, *also):
+        source = context.get_parameter_source(name)
+        if source is not None and source.name == "COMMANDLINE":
+            option = f"--{name.strip('_').replace('_', '-')}"
+            whose = "the batch has its own" if also else "the plan file says its own"
+            raise PicktreeError(f"{option} goes with --mission: {whose}")
+
+
+def _executor(
+    executor: Literal["local", "ray"], workers: int | None, address: str | None
+) -> LocalExecutor | RayExecutor:
+    """Return the executor. A cluster is connected before the batch is created."""
+    if executor == "ray":
+        from ...batch.cluster.ray_executor import RayExecutor
+
+        return RayExecutor(workers, address)
+
+    from ...batch.workers.local_executor import LocalExecutor
+
+    return LocalExecutor(workers)
+
+
+def _matrix(
+    missions: list[Path], faults: list[str], settings: list[str], options: Mapping[str, object]
+) -> Mapping[str, object]:
+    """Return the keys of a plan file that correspond to the options."""
+    from ..run.run import parse_parameters
+
+    return {
+        "name": missions[0].stem,
+        "missions": [str(file.absolute()) for file in missions],
+        "faults": [name if name == "none" else str(Path(name).absolute()) for name in faults],
+        "set": {name: value.split(",") for name, value in parse_parameters(settings).items()},
+        **options,
+    }
+
+
+def _carry_out(made: Batch, executor: Executor, answer: TextIO | None) -> None:
+    """Run all jobs that are to do, show the progress, and end with the exit code."""
+    from ...batch.statistics.summary import summarise
+    from .progress import EventLines, discard, progress
+
+    with made, _stopped_by_signals(made), progress(made.folder, answer) as seen:
+        complete = made.run(executor, seen)
+        summary = summarise(made.store)
+    try:
+        if answer is not None:
+            EventLines(answer).summary(summary)
+        else:
+            _show(made.folder, summary, complete)
+    except OSError:  # nobody reads it
+        discard(answer or sys.stdout)
+    if not complete:
+        raise typer.Exit(130)
+    if not summary.reached:
+        raise typer.Exit(1)
+
+
+def _show(folder: Path, summary: BatchSummary, complete: bool) -> None:
+    quoted = shlex.quote(str(folder))
+    print(summary.to_text())
+    print(f"\nresults       {folder.absolute()}")
+    print(f"look at them  {program()} batch query {quoted} 'SELECT * FROM worst'")
+    if not complete:
+        print(f"go on         {program()} batch run --resume {quoted}")
+    sys.stdout.flush()
+
+
+def _new_folder(plan: BatchPlan) -> Path:
+    stamp = datetime.now().strftime("%Y%m%d-%H%M%S")
+    return Path("runs") / f"batch-{plan.name.replace('/', '-')}-{stamp}"
+
+
+@contextmanager
+def _stopped_by_signals(made: Batch) -> Generator[None]:
+    """Handle signals: Ctrl-C finishes running jobs, a second one and SIGTERM break them off.
+
+    The loss of the terminal finishes running jobs, too; under nohup it has no effect.
+    """
+    heard = {signal.SIGINT: made.stop, signal.SIGTERM: made.break_off, signal.SIGHUP: made.finish}
+
+    def hear(number: int, frame: FrameType | None) -> None:
+        heard[signal.Signals(number)]()
+
+    before = {number: signal.getsignal(number) for number in heard}
+    for number, handler in before.items():
+        if number != signal.SIGHUP or handler != signal.SIG_IGN:
+            signal.signal(number, hear)
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
 
 batch = typer.Typer(help="Run many jobs, and ask what came of them.", no_args_is_help=True)
 batch.command()(run)

@@ -10,8 +10,7 @@ import numpy as np
 from ...robots.urdf_tree import MOVING, UrdfTree
 from ...world.values import Array
 from .joint_groups import HandGroup
-from .link_geometry import LinkGeometry
-from .urdf_source import UnsuitableUrdf
+from .link_geometry import LinkGeometry, UnsuitableUrdf
 
 
 class FingerMotion:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from ...files.value_wording import suggest_name
 from ...robots.urdf_tree import MOVING, UrdfJoint, UrdfTree
-from .urdf_source import UnsuitableUrdf
+from .link_geometry import UnsuitableUrdf
 
 MIN_ARM_JOINTS = 5
 """Least number of joints of an arm that puts its tool upright at any place and turns it: three, one and

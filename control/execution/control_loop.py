@@ -23,11 +23,9 @@ from ..cartesian.impedance import CartesianImpedance
 from ..commands import Controller
 from ..joints.joint_controllers import HoldController
 from ..safety.bias_estimation import WRIST_WINDOW, BiasEstimator
-from ..safety.contact_guard import ContactGuard, ForceGuard
-from ..safety.motion_lease import Lease
+from ..safety.motion_lease import ContactGuard, ForceGuard, Lease
 from ..safety.safety_monitor import MonitorState, SafetyMonitor
-from .arm_drive import TOUCH_FORCE, ArmDrive
-from .arm_sampling import ArmSampler
+from .arm_drive import TOUCH_FORCE, ArmDrive, ArmSampler
 from .supervision import REST_TIME, Supervision, Watchdog
 
 CONTACT_RATE = 500

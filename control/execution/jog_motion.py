@@ -13,8 +13,7 @@ from ...world.causes import Cause, Failure, control, planning, safety, world
 from ...world.values import Array, Pose
 from ..cartesian.twist import MAX_TWIST_ANGULAR_SPEED, MAX_TWIST_SPEED, Twist
 from ..cartesian.velocity_controller import JogController
-from ..safety.contact_guard import ForceGuard
-from ..safety.motion_lease import Lease
+from ..safety.motion_lease import ForceGuard, Lease
 from .control_loop import ControlLoop
 
 StoppedBy: TypeAlias = Literal["done", "contact", "collision", "joint_limit", "singularity", "workspace"]

@@ -12,7 +12,7 @@ from ..joints.external_torque import MIN_EXPLAINED_SHARE
 from ..safety.bias_estimation import WRIST_WINDOW, BiasEstimator
 from ..safety.safety_monitor import SafetyMonitor
 from ..wrist.wrist_wrench import MAX_QUIET_DEVIATION
-from .arm_sampling import ArmSampler
+from .arm_drive import ArmSampler
 
 TOOL_CHECK_PERIODS = 4
 """Control periods between two checks of the TCP against the workspace."""

@@ -16,8 +16,7 @@ from ...world.protocols import Clock
 from ...world.trajectory import Trajectory
 from ...world.values import Array, Vector3
 from ..joints.joint_controllers import TrajectoryController, reversed_trajectory
-from ..safety.contact_guard import ForceGuard
-from ..safety.motion_lease import Lease
+from ..safety.motion_lease import ForceGuard, Lease
 from .contact_motion import ZERO_TIME
 from .control_loop import ControlLoop
 

@@ -16,11 +16,13 @@ from typing import Never, TypeAlias, cast
 from ..value_wording import suggest_name
 from .parser import FUNCTIONS, parse
 from .syntax_tree import (
+    MAX_INTEGER,
     Arithmetic,
     Attribute,
     Call,
     ComparisonChain,
     Conditional,
+    ExpressionError,
     ListOf,
     LiteralValue,
     Logic,
@@ -32,7 +34,6 @@ from .syntax_tree import (
     Symbol,
     walk,
 )
-from .tokens import MAX_INTEGER, ExpressionError
 
 __all__ = ["FUNCTIONS", "Attributes", "Expression", "ExpressionError"]
 

@@ -18,6 +18,7 @@ from .syntax_tree import (
     ComparisonChain,
     ComparisonLink,
     Conditional,
+    ExpressionError,
     ListOf,
     LiteralValue,
     Logic,
@@ -27,9 +28,14 @@ from .syntax_tree import (
     Relation,
     Sign,
     Symbol,
+    Token,
     children,
+    number_of,
+    short,
+    syntax_error,
+    text_of,
+    tokens,
 )
-from .tokens import ExpressionError, Token, number_of, short, syntax_error, text_of, tokens
 
 MAX_LENGTH: Final = 1000
 MAX_PARTS: Final = 250

@@ -15,6 +15,7 @@ from .syntax_tree import (
     ComparisonChain,
     ComparisonLink,
     Conditional,
+    ExpressionError,
     ListOf,
     LiteralValue,
     Logic,
@@ -23,7 +24,6 @@ from .syntax_tree import (
     Part,
     Sign,
 )
-from .tokens import ExpressionError
 
 Kind: TypeAlias = Literal[
     "any", "null", "bool", "int", "float", "number", "text", "word", "object", "place", "list", "mapping"

@@ -1,7 +1,15 @@
-"""MCAP reader for whole and damaged files. A file that is neither gives one error."""
+"""MCAP reader for whole and damaged files. A file that is neither gives one error.
+
+Salvage of a damaged MCAP file: its readable content and its losses.
+
+A file whose summary is whole is checked record by record when the check sum of its data is wrong. A file
+without a summary is read from its beginning. Behind a record that is not whole, the search goes on to the
+next chunk.
+"""
 
 from __future__ import annotations
 
+import zlib
 from collections.abc import Collection, Generator, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -9,12 +17,231 @@ from functools import lru_cache
 from pathlib import Path
 
 from mcap.opcode import Opcode
-from mcap.records import Attachment, Metadata
+from mcap.records import Attachment, Channel, Metadata, Schema
 
 from ...errors import PicktreeError
-from .chunks import DAMAGE_ERRORS, ChunkContent, Contents, RecordFile, chunk_content, contents_of, stream
-from .salvage import Loss, attachment, losses_of, salvaged
+from .chunks import (
+    DAMAGE_ERRORS,
+    DATA_END,
+    ChunkAt,
+    ChunkContent,
+    Contents,
+    NamedAt,
+    RecordFile,
+    chunk_content,
+    contents_of,
+    stream,
+)
 from .writer import MAGIC
+
+_KNOWN_OPCODES = frozenset(range(Opcode.HEADER, Opcode.DATA_END + 1))
+_CHUNK_SIGN = b"\x04\x00\x00\x00zstd"
+_CHUNK_SIGN_OFFSET = 9 + 28
+"""Offset of the sign in a chunk's record, bytes."""
+
+
+@dataclass(frozen=True, slots=True)
+class Loss:
+    """Damage: its offset, and the content that it makes unreadable."""
+
+    offset: int
+    what: str
+
+    def text(self) -> str:
+        return f"byte {self.offset} ({self.what})"
+
+
+@dataclass(frozen=True, slots=True)
+class Salvaged:
+    contents: Contents
+    losses: tuple[Loss, ...]
+    stop: int
+    """Offset up to which the file was read: the end of the data, or of the first record that is not whole."""
+    problem: str
+    """Problem at `stop`; empty at the end of the data."""
+
+
+def losses_of(file: RecordFile, contents: Contents) -> tuple[Loss, ...]:
+    """Return the damage in a file with a whole summary.
+
+    Unreadable chunks and metadata are removed from `contents`; attachments stay.
+    """
+    if file.read(0, len(MAGIC)) == MAGIC and _has_right_sum(file, contents.data_end):
+        return ()
+    losses: list[Loss] = []
+    chunks: list[ChunkAt] = []
+    contents.counts.clear()
+    for chunk in contents.chunks:
+        try:
+            contents.counts.update(chunk_content(_body(file, chunk.offset, Opcode.CHUNK)).counts())
+            chunks.append(chunk)
+        except DAMAGE_ERRORS:
+            losses.append(Loss(chunk.offset, _lost_span(chunk, contents)))
+    metadata: list[NamedAt] = []
+    for entry in contents.metadata:
+        try:
+            Metadata.read(stream(_body(file, entry.offset, Opcode.METADATA)))
+            metadata.append(entry)
+        except DAMAGE_ERRORS:
+            losses.append(Loss(entry.offset, f"metadata {entry.name} lost"))
+    for entry in contents.attachments:
+        try:
+            attachment(file, entry.offset)
+        except DAMAGE_ERRORS:
+            losses.append(Loss(entry.offset, f"file {entry.name} lost"))
+    contents.chunks[:], contents.metadata[:] = chunks, metadata
+    if not losses:
+        losses.append(Loss(0, "or later, outside of messages and files"))
+    return tuple(sorted(losses, key=lambda loss: loss.offset))
+
+
+def salvaged(file: RecordFile) -> Salvaged:
+    """Return everything readable of a file without a whole summary; without chunks when nothing is
+    readable."""
+    return _Walk(file).result()
+
+
+def attachment(file: RecordFile, offset: int) -> Attachment:
+    """Return an attachment. Raises one of `DAMAGE_ERRORS` when it is not as it was written."""
+    body = _body(file, offset, Opcode.ATTACHMENT)
+    if zlib.crc32(body[:-4]) != int.from_bytes(body[-4:], "little"):
+        raise ValueError("wrong check sum of a file")
+    return Attachment.read(stream(body))
+
+
+class _Walk:
+    """Pass through the records from the beginning to the end."""
+
+    def __init__(self, file: RecordFile) -> None:
+        self._file = file
+        self._contents = Contents()
+        self._losses: list[Loss] = []
+
+    def result(self) -> Salvaged:
+        file, offset = self._file, len(MAGIC)
+        problem = "the file ends without its summary"
+        while offset < file.size:
+            try:
+                offset, ended = self._take(offset)
+            except DAMAGE_ERRORS as error:
+                after = self._next(offset)
+                if after is None:
+                    problem = str(error) or type(error).__name__
+                    break
+                self._lose(offset, after)
+                offset = after
+                continue
+            if ended:
+                self._take_definitions(offset)
+                problem = ""
+                break
+        return Salvaged(self._contents, tuple(self._losses), offset, problem)
+
+    def _take(self, offset: int) -> tuple[int, bool]:
+        """Read the record at `offset`. Return the offset of the next one, and whether this one ended the
+        data."""
+        contents = self._contents
+        opcode, body = self._file.record(offset)
+        if opcode not in _KNOWN_OPCODES:
+            raise ValueError(f"a record of the unknown kind {opcode}")
+        if opcode == Opcode.CHUNK:
+            content = chunk_content(body)
+            contents.schemas.update((schema.id, schema) for schema in content.schemas)
+            contents.channels.update((channel.id, channel) for channel in content.channels)
+            counts = content.counts()
+            contents.counts.update(counts)
+            contents.chunks.append(ChunkAt(offset, content.start, content.end, frozenset(counts)))
+        elif opcode == Opcode.ATTACHMENT:
+            contents.attachments.append(NamedAt(offset, attachment(self._file, offset).name))
+        elif opcode == Opcode.METADATA:
+            contents.metadata.append(NamedAt(offset, Metadata.read(stream(body)).name))
+        return offset + 9 + len(body), opcode == Opcode.DATA_END
+
+    def _take_definitions(self, offset: int) -> None:
+        """Read schemas and channels in a damaged summary; they replace those of a lost first chunk."""
+        contents = self._contents
+        while offset < self._file.size:
+            try:
+                opcode, body = self._file.record(offset)
+                if opcode == Opcode.SCHEMA:
+                    schema = Schema.read(stream(body))
+                    contents.schemas.setdefault(schema.id, schema)
+                elif opcode == Opcode.CHANNEL:
+                    channel = Channel.read(stream(body))
+                    contents.channels.setdefault(channel.id, channel)
+                else:
+                    return
+            except DAMAGE_ERRORS:
+                return
+            offset += 9 + len(body)
+
+    def _next(self, offset: int) -> int | None:
+        """Return the offset of a whole record behind the damaged one at `offset`; None when there is none."""
+        after = self._behind(offset)
+        if after is not None:
+            return after
+        for sign in self._file.places(_CHUNK_SIGN, offset + 1):
+            place = sign - _CHUNK_SIGN_OFFSET
+            if place <= offset:
+                continue
+            try:
+                chunk_content(_body(self._file, place, Opcode.CHUNK))
+            except DAMAGE_ERRORS:
+                continue
+            return place
+        return None
+
+    def _behind(self, offset: int) -> int | None:
+        """Return the offset behind the record when its length is right: a known and whole record follows
+        there."""
+        try:
+            opcode, body = self._file.record(offset)
+            after = offset + 9 + len(body)
+            following, content = self._file.record(after)
+        except DAMAGE_ERRORS:
+            return None
+        if opcode not in _KNOWN_OPCODES or following not in _KNOWN_OPCODES or not body or not content:
+            return None
+        return after
+
+    def _lose(self, offset: int, after: int) -> None:
+        """Note a loss between two offsets."""
+        try:
+            opcode, _ = self._file.record(offset)
+        except DAMAGE_ERRORS:
+            opcode = None
+        if opcode == Opcode.ATTACHMENT:
+            what = "a file lost"
+        elif opcode == Opcode.METADATA:
+            what = "metadata lost"
+        elif opcode == Opcode.MESSAGE_INDEX:
+            return  # an index only: the messages are all there
+        else:
+            before = self._contents.chunks[-1].end / 1e9 if self._contents.chunks else 0.0
+            what = f"messages after {before:.2f} s lost"
+        self._losses.append(Loss(offset, what))
+
+
+def _has_right_sum(file: RecordFile, data_end: int) -> bool:
+    written = file.read(data_end, DATA_END.size)
+    if len(written) < DATA_END.size:
+        return False
+    opcode, length, crc = DATA_END.unpack(written)
+    return opcode == Opcode.DATA_END and length == 4 and crc == file.crc(0, data_end)
+
+
+def _body(file: RecordFile, offset: int, expected: int) -> bytes:
+    opcode, body = file.record(offset)
+    if opcode != expected:
+        raise ValueError(f"a record of the kind {opcode} instead of {expected}")
+    return body
+
+
+def _lost_span(chunk: ChunkAt, contents: Contents) -> str:
+    topics = [channel.topic for n, channel in contents.channels.items() if n in chunk.channels]
+    of = f" of {topics[0]}" if len(topics) == 1 else ""
+    return f"{chunk.start / 1e9:.2f} s to {chunk.end / 1e9:.2f} s{of} lost"
+
 
 _MAX_UNPACKED_CHUNKS = 128
 """Number of chunks that are kept unpacked for random access."""

@@ -1,18 +1,89 @@
-"""JSON encoding of records, and the JSON Schemas with which a viewer offers their fields."""
+"""JSON encoding of records, and the JSON Schemas with which a viewer offers their fields.
+
+Record of the arithmetic that a run was computed with: libraries, their kernels, and a probe computation.
+
+Processes whose records agree give the same run for the same seed, as far as a probe can show it. It
+is metadata of the log, outside of the digest. `arithmetic_probe` makes the one of this process.
+"""
 
 from __future__ import annotations
 
 import dataclasses
 import types
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, TypeVar, Union, cast, get_args, get_origin, get_type_hints
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Final, TypeVar, Union, cast, get_args, get_origin, get_type_hints
 
 import orjson
 
-R = TypeVar("R")
-
 if TYPE_CHECKING:
     from pydantic import TypeAdapter
+
+
+PREFIXES: Final = ("version of ", "kernels of ", "probe of ")
+"""Prefixes of a flat table's entries, in the order of the fields."""
+
+
+def _no_words() -> dict[str, str]:
+    return {}
+
+
+@dataclass(frozen=True)
+class Arithmetic:
+    """Properties that decide about the last bit of a floating-point number; empty where they were not
+    recorded."""
+
+    versions: Mapping[str, str] = field(default_factory=_no_words)
+    """Version of each library that computes, of glibc and of Python."""
+    kernels: Mapping[str, str] = field(default_factory=_no_words)
+    """Kernels in use by library."""
+    probe: Mapping[str, str] = field(default_factory=_no_words)
+    """Fingerprint of a small computation with each library."""
+
+    def __bool__(self) -> bool:
+        return bool(self.versions)
+
+    def words(self) -> dict[str, str]:
+        """Return the record as a flat table, for metadata and tables of results."""
+        return {
+            prefix + name: value
+            for prefix, part in zip(PREFIXES, (self.versions, self.kernels, self.probe), strict=True)
+            for name, value in part.items()
+        }
+
+    @classmethod
+    def from_words(cls, words: Mapping[str, str]) -> Arithmetic:
+        """Parse a flat table made by `words`; other entries of the table are ignored."""
+        return cls(*({k.removeprefix(p): v for k, v in words.items() if k.startswith(p)} for p in PREFIXES))
+
+
+def arithmetic_difference(recorded: Arithmetic, now: Arithmetic, where: str = "here") -> str:
+    """Return a sentence that names what differs between two arithmetics, empty when nothing does.
+
+    `where` says where the second one computes. Other kernels count only where the probe differs, too.
+    """
+    if not recorded or not now:
+        return "arithmetic not recorded: the log is of an older version"
+    differing = _pairs(recorded.versions, now.versions, where)
+    # A computation that only another version of picktree probes with says nothing.
+    probes = [name for name, digest in recorded.probe.items() if now.probe.get(name, digest) != digest]
+    if probes:
+        differing += _pairs(recorded.kernels, now.kernels, where)
+        if not differing:
+            differing = [f"other results of {' and '.join(probes)} {where}"]
+    return f"recorded with other arithmetic ({'; '.join(differing)}): the runs may part" if differing else ""
+
+
+def _pairs(recorded: Mapping[str, str], now: Mapping[str, str], where: str) -> list[str]:
+    return [
+        f"{name} {value}, {where} {now.get(name, 'none')}"
+        for name, value in recorded.items()
+        if now.get(name) != value
+    ]
+
+
+R = TypeVar("R")
+
 
 # Adapters are slow to make, so there is one for each kind of record.
 _adapters: dict[type, TypeAdapter[Any]] = {}

@@ -14,7 +14,7 @@ from ...simulation.scoring.truth import HoleSeating
 from ...world.scene.description import Hole
 from ...world.shapes import Shape
 from ...world.values import Pose, Vector3
-from .arithmetic_record import Arithmetic
+from .json_records import Arithmetic
 
 FORMAT = 2
 """Version of the log's format. It is raised when an older reader could no longer interpret a log."""

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from ...skill_world.handover import Handover
+from ...skill_world.world import Handover
 from ...world.causes import Failure, grasp, planning
 from ...world.events.skill_events import PickEvent, RegraspEvent
 from ..carry.hold_check import GripCheck

@@ -22,8 +22,7 @@ from .transfer_requests import lower_request
 
 if TYPE_CHECKING:
     from ...control.execution.trajectory_motion import Doing
-    from ...skill_world.handover import Handover, PlaceCandidate
-    from ...skill_world.world import World
+    from ...skill_world.world import Handover, PlaceCandidate, World
     from ...world.trajectory import Trajectory
 
 PLACE_DEPENDENT_CAUSES = (planning.NO_IK, planning.GOAL_IN_COLLISION, planning.NO_PATH, planning.BUDGET)

@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from ...planning.kinematics.configuration_cost import configuration_cost
+from ...planning.kinematics.cartesian_lines import configuration_cost
 from ...planning.requests import ContactPair, MotionPlan
-from ...skill_world.handover import PlaceCandidate
+from ...skill_world.world import PlaceCandidate
 from ...world.causes import Failure
 from ...world.journal import CandidateEntry, CandidateSearchEntry
 from ...world.values import Array, ObjectId, Pose

@@ -16,7 +16,7 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 from ...planning.requests import HeldObject, PoseGoal, Request
-from ...skill_world.handover import PlaceCandidate
+from ...skill_world.world import PlaceCandidate
 from ...world.belief.hole_matching import fitting_hole
 from ...world.belief.planning_scene import BeliefObject
 from ...world.causes import Failure, planning

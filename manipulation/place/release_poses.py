@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...skill_world.handover import PlaceCandidate
+from ...skill_world.world import PlaceCandidate
 from ...world.belief.planning_scene import BeliefObject
 from ...world.scene.description import Bin
 from ...world.shapes import Shape, extents, top

@@ -18,8 +18,7 @@ from ...world.belief.planning_scene import BeliefObject, PlanningScene
 from ...world.shapes import inside
 from ...world.values import ObjectId
 from ..fitting.view import PerceivedView, UnexplainedPatch
-from .space_carving import occupied_cells, retained_cells, surface_of
-from .voxel_grid import (
+from .space_carving import (
     CELL_SIZE,
     NO_CELLS,
     Indices,
@@ -29,6 +28,9 @@ from .voxel_grid import (
     cell_indices,
     cells_of,
     obstacle_from_cells,
+    occupied_cells,
+    retained_cells,
+    surface_of,
 )
 
 MAX_BOXES = 24

@@ -23,8 +23,7 @@ from ..collision.trajectory_check import StartTolerance, is_trajectory_free
 from ..failures import planning_failures
 from ..failures.line_failures import explain_line_stop
 from ..failures.obstructions import GoalInspection, ObstructionSearch
-from ..kinematics.cartesian_lines import LineResult, plan_line
-from ..kinematics.configuration_cost import configuration_cost
+from ..kinematics.cartesian_lines import LineResult, configuration_cost, plan_line
 from ..kinematics.inverse_kinematics import InverseKinematics
 from ..path_constraints import PathConstraints
 from ..requests import ContactPair, Goal, LineGoal, MotionPlan, OffsetGoal, PoseGoal, Request, check_request

@@ -18,7 +18,7 @@ from ...logs.recording.rotated_log import NO_ROTATION, Rotation
 from ...logs.recording.true_state import WHOLE_STATE_PERIOD, fold_states, read_state
 from ...logs.run_record import RunRecord
 from ...logs.schema import topics
-from ...logs.schema.arithmetic_record import arithmetic_difference
+from ...logs.schema.json_records import arithmetic_difference
 from ...logs.schema.records import ResumedFrom
 from ...logs.schema.topics import Digest
 from ...simulation.checkpoints import snapshot_at_rest

@@ -40,8 +40,7 @@ from .belts import KinematicBelts, KinematicCell, body_of, true_body
 from .bodies import KinematicBodies, KinematicBody
 from .camera import KinematicCamera, Posture, RenderStage
 from .contact_forces import CONTACT_STIFFNESS, KinematicContactForces
-from .devices import KinematicArm, KinematicClock, KinematicWrench
-from .gripper import KinematicGripper
+from .devices import KinematicArm, KinematicClock, KinematicGripper, KinematicWrench
 
 
 class KinematicHardware:

@@ -18,8 +18,7 @@ from ...world.planar_geometry import PlanarOutline, PlanarPose, moved
 from ...world.quasi_static_pushing import PlanarPushModel
 from ...world.values import GRAVITY, Array, ObjectId, Wrench
 from .bodies import KinematicBodies, KinematicBody, Prism
-from .devices import KinematicArm, KinematicWrench
-from .gripper import KinematicGripper
+from .devices import KinematicArm, KinematicGripper, KinematicWrench
 
 MAX_FIRST_CONTACT_DEPTH = 0.005
 """Depth below a top up to which a foot of unknown origin counts as standing on it, m."""

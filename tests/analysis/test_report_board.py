@@ -19,8 +19,8 @@ from picktree.analysis.report.body_motion import (
     deviations,
     motion_of,
 )
-from picktree.analysis.report.events_panel import pack_failures, plain_value, plan_line, report_events
 from picktree.analysis.report.packing import Section
+from picktree.analysis.report.report import pack_failures, plain_value, plan_line, report_events
 from picktree.logs.schema.records import BodyRecord, Plan, WriteRecord
 from picktree.world.shapes import Box
 from picktree.world.values import Pose

@@ -17,8 +17,7 @@ from picktree.analysis.report.body_motion import (
     spans,
     true_poses,
 )
-from picktree.analysis.report.packing import Quantised
-from picktree.analysis.report.poses import between, composed, continuous, filled, inverse, row
+from picktree.analysis.report.packing import Quantised, between, composed, continuous, filled, inverse, row
 from picktree.analysis.report.stage_panel import MAX_LINK_FACES, pack_stage, packed_link
 from picktree.analysis.run import Run
 from picktree.logs.meshes.binary_gltf import write_glb

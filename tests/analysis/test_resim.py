@@ -17,7 +17,7 @@ from picktree.analysis.run import Run
 from picktree.errors import PicktreeError
 from picktree.logs.run_log import RunLog
 from picktree.logs.run_result import RunResult
-from picktree.logs.schema.arithmetic_record import Arithmetic
+from picktree.logs.schema.json_records import Arithmetic
 from picktree.session import environment
 from picktree.session.mission_edits import MissionReload
 from picktree.session.observer import Observer

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from picktree.authoring.rehearsal.cases.case import ExpectedStart
+from picktree.authoring.rehearsal.cases.cases_schema import ExpectedStart
 from picktree.authoring.rehearsal.stage.trace import LeafRun
 from picktree.authoring.rehearsal.verdict.verdict import compare_order
 

@@ -19,8 +19,7 @@ from picktree.authoring.schema.mission_schema import mission_schema
 from picktree.authoring.schema.schema_parts import Schema, to_text
 from picktree.batch.plan_loading import plan_schema
 from picktree.cli.author.commands import Kind
-from picktree.cli.author.file_kinds import CHECKS
-from picktree.cli.author.file_schemas import FileKind, file_schema
+from picktree.cli.author.file_schemas import CHECKS, FileKind, file_schema
 from picktree.cli.terminal.node_registries import registry
 from picktree.files.diagnostics.fault_codes import pages
 from picktree.files.marks import FileError

@@ -11,14 +11,12 @@ from picktree.authoring.lint.failure_reasons import UNREPORTED
 from picktree.authoring.lint.flow_analysis import FlowAnalysis
 from picktree.authoring.lint.keys import KeyBits
 from picktree.authoring.lint.outcomes import EMPTY, OUTER, FlowState
-from picktree.recovery.recover import Recover
-from picktree.recovery.recovery_base import RecoveryControl
+from picktree.recovery.recover import Recover, RecoveryControl
 from picktree.trees.controls import Fallback, ReactiveFallback, RetryUntilSuccessful, RoundRobin, RunOnce
 from picktree.trees.loading.loader import parse_mission
 from picktree.trees.mission import Mission, NodeSpec
 from picktree.trees.node import Node
-from picktree.trees.running.builder import SubTree, build
-from picktree.trees.running.runner import BehaviourTree
+from picktree.trees.running.runner import BehaviourTree, SubTree, build
 from picktree.trees.status import NodeStatus
 from picktree.trees.values.references import Reference
 from picktree.world.journal import JournalEvent

@@ -11,9 +11,8 @@ from picktree.recovery.recover import Recover, RecoveryNode
 from picktree.trees.controls.leaves import ConditionNode
 from picktree.trees.loading.registry import NodeRegistry
 from picktree.trees.node import ControlNode, Node
-from picktree.trees.ports import In, Out, port
+from picktree.trees.ports import In, Out, children, port
 from picktree.trees.skill import ARM, Skill, Steps
-from picktree.trees.slots import children
 from picktree.trees.status import NodeStatus
 from picktree.world.belief.facts import FACTS
 from picktree.world.causes import Failure, cause_named, control, grasp, safety

@@ -15,7 +15,7 @@ from picktree.batch.statistics.comparison import RecipeComparison, compare, comp
 from picktree.batch.statistics.comparison_text import json_text_of, text_of
 from picktree.batch.statistics.differences import JobOutcome, RecipeOutcomes, read_recipe
 from picktree.errors import PicktreeError
-from picktree.logs.schema.arithmetic_record import Arithmetic
+from picktree.logs.schema.json_records import Arithmetic
 
 from .test_store import MISSED, SUCCESS, store
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from picktree.authoring.xml.conversion import convert_text
-from picktree.cli.author.file_kinds import CHECKS
+from picktree.cli.author.file_schemas import CHECKS
 from picktree.errors import PicktreeError
 from picktree.files.diagnostics.fault_codes import CodeExample, index, page, pages
 from picktree.files.diagnostics.file_checks import UnsavedText, check_files

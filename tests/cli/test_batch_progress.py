@@ -14,8 +14,7 @@ from rich.console import Console
 from picktree.batch.plan import Job, Variant
 from picktree.batch.results.tables import JobRow
 from picktree.batch.workers.batch import RecordedJob
-from picktree.cli.batch.progress import Lines, LiveTable
-from picktree.cli.batch.progress_text import BatchCount, span
+from picktree.cli.batch.progress import BatchCount, Lines, LiveTable, span
 
 NOON = datetime(2026, 3, 4, 12, 0).timestamp()
 REACHED = JobRow(

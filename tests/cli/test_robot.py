@@ -11,7 +11,7 @@ import pytest
 from picktree.analysis.resim import resim
 from picktree.analysis.resim import resim as child
 from picktree.cli.app import answer
-from picktree.cli.author.file_kinds import CHECKS
+from picktree.cli.author.file_schemas import CHECKS
 from picktree.commissioning.robot_setup.proposal import ProposalRequest, propose
 from picktree.files.diagnostics.file_checks import check_files
 from picktree.robots.loading import load_robot

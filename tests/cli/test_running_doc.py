@@ -10,7 +10,7 @@ import pytest
 from typer.testing import CliRunner
 
 from picktree.cli.app import answer, app
-from picktree.cli.run.debugger_prompt import DebugPrompt
+from picktree.cli.run.operator_prompt import DebugPrompt
 
 ROOT = Path(__file__).parents[2]
 PROMPT = DebugPrompt.text

@@ -11,8 +11,7 @@ import pytest
 from picktree.control.execution.control_loop import ControlLoop
 from picktree.control.joints.external_torque import EffortCheck
 from picktree.control.joints.joint_controllers import HoldController, TrajectoryController
-from picktree.control.safety.contact_guard import ForceGuard
-from picktree.control.safety.motion_lease import Lease
+from picktree.control.safety.motion_lease import ForceGuard, Lease
 from picktree.control.wrist.payload_estimate import Payload
 from picktree.simulation.kinematic.backend import KinematicHardware
 from picktree.world.protocols import Hardware

@@ -11,12 +11,11 @@ import pytest
 
 from picktree.control.cartesian.impedance import ContactReflex
 from picktree.control.commands import JointCommand
-from picktree.control.execution.arm_drive import ArmDrive
-from picktree.control.execution.arm_sampling import ArmSampler
+from picktree.control.execution.arm_drive import ArmDrive, ArmSampler
 from picktree.control.execution.supervision import Supervision, Watchdog
 from picktree.control.joints.joint_controllers import BrakeController, HoldController, TrajectoryController
 from picktree.control.safety.bias_estimation import BiasEstimator
-from picktree.control.safety.contact_guard import ContactGuard, ForceGuard
+from picktree.control.safety.motion_lease import ContactGuard, ForceGuard
 from picktree.control.safety.safety_monitor import SafetyMonitor
 from picktree.control.wrist.wrist_wrench import WristWrench
 from picktree.world.causes import safety

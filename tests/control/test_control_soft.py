@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from picktree.control.commands import ContactThresholds
-from picktree.control.execution.soft_motion import slowed_trajectory
+from picktree.control.execution.motions import slowed_trajectory
 from picktree.control.joints.external_torque import ExternalTorqueObserver
 from picktree.world.values import JointState
 

@@ -13,7 +13,7 @@ from picktree.logs.recording.journal_records import belief_record, truth_record
 from picktree.logs.schema.json_records import decode, encode
 from picktree.logs.schema.records import BodyRecord, Scene
 from picktree.perception.voxels.obstacle_volumes import merge_cells
-from picktree.perception.voxels.voxel_grid import cells_in_body, cells_of, obstacle_from_cells
+from picktree.perception.voxels.space_carving import cells_in_body, cells_of, obstacle_from_cells
 from picktree.simulation.scoring.truth import TrueObstacle
 from picktree.world.belief.planning_scene import BeliefObject, PlanningScene, SceneSnapshot
 from picktree.world.scene.description import Fixture

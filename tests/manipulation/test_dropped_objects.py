@@ -16,7 +16,7 @@ from picktree.manipulation.place.dropped_objects import (
     release_object,
     support_height_at,
 )
-from picktree.world.belief.attempts import AttemptMemory
+from picktree.world.belief.facts import AttemptMemory
 from picktree.world.belief.planning_scene import BeliefObject, PlanningScene
 from picktree.world.journal import Journal, JournalEvent
 from picktree.world.scene.description import Bin, Fixture

@@ -10,7 +10,7 @@ import numpy as np
 from picktree.perception.data_association import update_belief
 from picktree.perception.pipeline import Perception
 from picktree.perception.voxels.obstacle_volumes import merge_cells
-from picktree.perception.voxels.voxel_grid import (
+from picktree.perception.voxels.space_carving import (
     CELL_SIZE,
     cell_centres,
     cell_keys,

@@ -14,12 +14,14 @@ from picktree.perception.fitting.view import PerceivedView
 from picktree.perception.segmentation import Pixels, SegmentationInput
 from picktree.perception.voxels.space_carving import (
     bounding_box_of,
+    cell_centres,
+    cell_indices,
+    cell_keys,
     occupied_cells,
     retained_cells,
     surface_of,
     unexplained_patches,
 )
-from picktree.perception.voxels.voxel_grid import cell_centres, cell_indices, cell_keys
 from picktree.world.values import Array
 
 from .synthetic_view import HEIGHT, HIGH, SIGHT, WIDE, patch_of, synthetic_view

@@ -7,7 +7,7 @@ import pytest
 
 from picktree.perception.fitting.view import PerceivedView, UnexplainedPatch
 from picktree.perception.voxels.obstacle_volumes import merge_cells, update_volumes
-from picktree.perception.voxels.voxel_grid import cell_indices, cell_keys, cells_of, obstacle_from_cells
+from picktree.perception.voxels.space_carving import cell_indices, cell_keys, cells_of, obstacle_from_cells
 from picktree.world.belief.planning_scene import BeliefObject, PlanningScene
 from picktree.world.shapes import Box
 from picktree.world.values import Array, ObjectId, Pose

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from picktree.perception.voxels.obstacle_volumes import merge_cells
-from picktree.perception.voxels.voxel_grid import Keys, cells_in_body, obstacle_from_cells
+from picktree.perception.voxels.space_carving import Keys, cells_in_body, obstacle_from_cells
 from picktree.planning.collision.collision_checker import CollisionChecker
 from picktree.planning.collision.trajectory_judge import TrajectoryVerifier
 from picktree.planning.requests import JointGoal

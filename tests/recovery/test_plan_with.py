@@ -13,7 +13,7 @@ from picktree.recovery import NODES as RECOVERY
 from picktree.skill_world.world import World
 from picktree.trees.loading.loader import parse_mission
 from picktree.trees.loading.registry import NodeRegistry
-from picktree.trees.running.builder import build
+from picktree.trees.running.runner import build
 from picktree.trees.skill import Skill, Steps
 from picktree.world.causes import Failure, planning
 

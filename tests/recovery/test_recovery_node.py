@@ -8,7 +8,7 @@ from picktree.recovery import RecoveryNode
 from picktree.skill_world.world import World
 from picktree.trees.loading.loader import parse_mission
 from picktree.trees.loading.registry import NodeRegistry
-from picktree.trees.running.builder import build
+from picktree.trees.running.runner import build
 from picktree.trees.status import NodeStatus
 from picktree.world.causes import FailureReport
 

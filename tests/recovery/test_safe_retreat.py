@@ -140,8 +140,7 @@ def test_what_is_touched_on_the_way_home_is_left_and_gone_around(monkeypatch: py
     """The first motion home meets something that nobody knows of: the arm goes back, and home afterwards."""
     from dataclasses import replace
 
-    from picktree.control.execution.motions import ArmMotion
-    from picktree.control.execution.soft_motion import JointImpedanceResult
+    from picktree.control.execution.motions import ArmMotion, JointImpedanceResult
 
     made = cell()
     assert do(made, "GoTo: {pose: rest}") == ("SUCCESS", "")

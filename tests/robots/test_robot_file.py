@@ -14,7 +14,7 @@ import trimesh
 from picktree.errors import PicktreeError
 from picktree.files.marks import FileError
 from picktree.robots.loading import load_robot, parse_robot, robot_names
-from picktree.simulation.physics.robot.robot_urdf import patched_urdf
+from picktree.simulation.physics.robot.robot_body import patched_urdf
 
 URDF = """\
 <robot name="arm">

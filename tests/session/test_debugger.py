@@ -11,8 +11,7 @@ import pytest
 from picktree.session.debugger import Breakpoint, Debugger, DebuggerStop
 from picktree.skill_world.world import World
 from picktree.trees.loading.loader import parse_mission
-from picktree.trees.running.builder import build
-from picktree.trees.running.runner import BehaviourTree
+from picktree.trees.running.runner import BehaviourTree, build
 from picktree.trees.status import NodeStatus
 
 from ..trees.scripted import FakeWorld, Run, registry, start

@@ -22,8 +22,7 @@ from picktree.simulation.scoring.scorer import Score, score
 from picktree.trees.loading.loader import load_mission, parse_mission
 from picktree.trees.loading.registry import NodeRegistry
 from picktree.trees.mission import Mission
-from picktree.trees.running.builder import build
-from picktree.trees.running.runner import TickReport
+from picktree.trees.running.runner import TickReport, build
 from picktree.trees.status import NodeStatus
 from picktree.world.journal import JournalEvent
 from picktree.world.scene.description import SceneDescription

@@ -13,7 +13,7 @@ from picktree.manipulation.place.release_poses import place_candidates
 from picktree.perception.fitting.view import BinView
 from picktree.planning.requests import LegFailure, MotionPlan, Request
 from picktree.simulation.kinematic.backend import KinematicHardware
-from picktree.skill_world.handover import PlaceCandidate
+from picktree.skill_world.world import PlaceCandidate
 from picktree.trees.skill import Doing, Steps
 from picktree.world.causes import Cause, Failure, planning
 from picktree.world.events.skill_events import ItemDoneEvent

@@ -16,7 +16,7 @@ from picktree.skills import NODES as SKILLS
 from picktree.trees.loading.loader import parse_mission
 from picktree.trees.loading.registry import NodeRegistry
 from picktree.trees.node import Node
-from picktree.trees.running.builder import build
+from picktree.trees.running.runner import build
 
 from .cell import Cell, items, mission
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from textwrap import dedent, indent
 from typing import cast
 
-from picktree.authoring.rehearsal.cases.case import CaseFile
+from picktree.authoring.rehearsal.cases.cases_schema import CaseFile
 from picktree.authoring.rehearsal.checking.case_checks import examine_cases
 from picktree.authoring.rehearsal.rehearse import rehearse
 from picktree.authoring.rehearsal.verdict.rehearsal_result import CaseResult, Rehearsal

@@ -14,11 +14,10 @@ from picktree.trees.loading.registry import NodeRegistry
 from picktree.trees.mission import Mission
 from picktree.trees.node import Node
 from picktree.trees.ports import In, Out, port
-from picktree.trees.running.builder import build
-from picktree.trees.running.runner import BehaviourTree, TickReport
+from picktree.trees.running.runner import BehaviourTree, TickReport, build
 from picktree.trees.skill import ARM, Skill, Steps
 from picktree.trees.status import NodeStatus
-from picktree.world.belief.attempts import AttemptMemory
+from picktree.world.belief.facts import AttemptMemory
 from picktree.world.belief.planning_scene import BeliefObject, PlanningScene
 from picktree.world.causes import Failure, cause_named, control, grasp, perception, safety
 from picktree.world.journal import Entry, Journal, JournalEvent, Plain

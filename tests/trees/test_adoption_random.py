@@ -19,7 +19,7 @@ from picktree.trees.loading.loader import examine
 from picktree.trees.loading.registry import NodeRegistry
 from picktree.trees.mission import Mission
 from picktree.trees.node import Node
-from picktree.trees.running.builder import build
+from picktree.trees.running.runner import build
 from picktree.trees.skill import Steps
 from picktree.trees.status import NodeStatus
 from picktree.world.causes import Failure, grasp, perception, place, safety

@@ -10,7 +10,7 @@ import pytest
 
 from picktree.trees.loading.loader import load_mission
 from picktree.trees.loading.registry import NodeRegistry
-from picktree.trees.running.builder import build
+from picktree.trees.running.runner import build
 from picktree.trees.status import NodeStatus
 
 from .scripted import FakeWorld, start

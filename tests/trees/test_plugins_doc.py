@@ -18,7 +18,7 @@ from picktree.files.diagnostics.fault_codes import page
 from picktree.skill_world.world import World
 from picktree.trees.loading.loader import load_mission
 from picktree.trees.loading.registry import NodeRegistry
-from picktree.trees.running.builder import build
+from picktree.trees.running.runner import build
 
 from .scripted import FakeWorld, Run, letters
 from .waving import forgotten

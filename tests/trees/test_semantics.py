@@ -19,7 +19,7 @@ from picktree.trees import controls
 from picktree.trees.loading.loader import parse_mission
 from picktree.trees.loading.registry import NodeRegistry
 from picktree.trees.node import Node
-from picktree.trees.running.builder import build
+from picktree.trees.running.runner import build
 from picktree.trees.status import NodeStatus
 
 from .scripted import FILE, AnyFacts, FakeWorld, Run

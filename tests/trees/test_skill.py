@@ -11,7 +11,7 @@ from picktree.trees.loading.loader import parse_mission
 from picktree.trees.loading.registry import NodeRegistry
 from picktree.trees.node import Node
 from picktree.trees.ports import In, Out, port
-from picktree.trees.running.builder import build
+from picktree.trees.running.runner import build
 from picktree.trees.skill import Skill, Steps
 from picktree.trees.status import NodeStatus
 from picktree.world.events.run_events import InternalErrorEvent

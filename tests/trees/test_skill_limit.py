@@ -8,7 +8,7 @@ from picktree.skills.await_items import AwaitItems
 from picktree.trees.loading.loader import parse_mission
 from picktree.trees.loading.registry import NodeRegistry
 from picktree.trees.ports import In, port
-from picktree.trees.running.builder import build
+from picktree.trees.running.runner import build
 from picktree.trees.skill import Skill, Steps
 from picktree.trees.status import NodeStatus
 

@@ -6,7 +6,7 @@ import pytest
 
 from picktree.errors import PicktreeError
 from picktree.manipulation.place.dropped_objects import release_object
-from picktree.world.belief.attempts import AttemptMemory
+from picktree.world.belief.facts import AttemptMemory
 from picktree.world.belief.planning_scene import BeliefObject, PlanningScene
 from picktree.world.causes import (
     Cause,

@@ -7,8 +7,7 @@ from typing import cast
 from ...world.causes import Failure, tree
 from ..flow import Branch, Choice
 from ..node import ControlNode
-from ..ports import In, port
-from ..slots import children, optional_child, table
+from ..ports import In, children, optional_child, port, table
 from ..status import NodeStatus
 from ..values.port_types import PortProblem, PortValues, show
 

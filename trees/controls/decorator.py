@@ -7,8 +7,7 @@ from typing import cast
 from ...world.causes import Failure, FailureReport, tree
 from ..flow import FAILURE, IDLE, RUNNING, SUCCESS, ChildFlow, Once
 from ..node import ControlNode
-from ..ports import In, port
-from ..slots import child
+from ..ports import In, child, port
 from ..status import NodeStatus
 from ..values.failure_reports import cannot_be_hidden
 

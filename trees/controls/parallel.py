@@ -5,8 +5,7 @@ from __future__ import annotations
 from ...world.causes import Failure, FailureReport, tree
 from ..flow import AtOnce
 from ..node import ControlNode
-from ..ports import In, port
-from ..slots import children
+from ..ports import In, children, port
 from ..status import NodeStatus
 from ..values.failure_reports import with_attached
 from ..values.port_types import PortProblem, PortValues

@@ -7,8 +7,7 @@ from typing import cast
 from ...world.causes import tree
 from ..flow import NEXT, ChildFlow, Turns
 from ..node import ControlNode
-from ..ports import In, port
-from ..slots import children
+from ..ports import In, children, port
 from ..status import NodeStatus
 from ..values.failure_reports import decisive_report
 

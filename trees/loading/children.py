@@ -13,7 +13,7 @@ from ...files.yaml.reader import Value
 from ..controls import Sequence
 from ..declaration import NodeDeclaration
 from ..mission import NodeSpec
-from ..slots import SlotDeclaration
+from ..ports import SlotDeclaration
 from ..values.fault_collector import MissionDiagnostics
 from ..values.port_types import show
 from .registry import NodeRegistry

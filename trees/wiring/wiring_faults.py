@@ -8,7 +8,7 @@ from ...files.expressions.expression import ExpressionError
 from ...files.expressions.type_inference import UnknownName, check_types
 from ...files.marks import Diagnostic, Mark
 from ...files.value_wording import suggest_name
-from ..slots import SlotDeclaration
+from ..ports import SlotDeclaration
 from ..values.port_types import show
 from ..values.references import ATTRIBUTE_TYPES, ExpressionLocator, Reference
 from .circuit import ArrivingValue, ValueFlow

@@ -10,27 +10,25 @@ from ....files.value_wording import describe, suggest_name
 from ....files.yaml.document_checker import DocumentChecker
 from ....files.yaml.file_models import UnreadPart
 from ....files.yaml.reader import Value
-from .case import (
+from .cases_schema import (
     ANY_LEAVES,
     STATUSES,
+    AnswerFile,
     AnswerStatus,
+    CaseEntry,
     CaseFile,
+    CasesFile,
     Effects,
+    EffectsFile,
     Expectation,
     ExpectedHandling,
     ExpectedStart,
+    ExpectFile,
+    HandledFile,
     LeafAnswer,
     LeafScript,
     Objects,
     RehearsalCase,
-)
-from .cases_schema import (
-    AnswerFile,
-    CaseEntry,
-    CasesFile,
-    EffectsFile,
-    ExpectFile,
-    HandledFile,
     TurnsFile,
     entries,
     or_else,

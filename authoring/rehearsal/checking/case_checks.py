@@ -18,10 +18,10 @@ from ....trees.skill import Skill
 from ....trees.values.port_types import convert_literal
 from ....world.causes import Cause, internal, matches, tree, world
 from ....world.scene.description import SceneDescription
-from ..cases.case import CaseFile, LeafAnswer, RehearsalCase
 from ..cases.case_loading import read_cases
+from ..cases.cases_schema import CaseFile, LeafAnswer, RehearsalCase
 from ..stage.mission_staging import scene_of
-from ..stage.node_roles import NodeRole, may_fail_with
+from ..stage.trace import NodeRole, may_fail_with
 from .expect_checks import ExpectChecks, WorldChecks
 from .known_names import CaseNames
 

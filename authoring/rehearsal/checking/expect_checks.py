@@ -15,7 +15,7 @@ from ....trees.values.references import Reference
 from ....world.belief.facts import FACTS
 from ....world.causes import Cause, matches
 from ....world.journal import Plain
-from ..cases.case import (
+from ..cases.cases_schema import (
     ANY_LEAVES,
     EMPTY_HAND,
     OUTCOMES,
@@ -23,11 +23,12 @@ from ..cases.case import (
     Expectation,
     ExpectedHandling,
     ExpectedStart,
+    ObjectFile,
     Objects,
     RehearsalCase,
+    or_else,
 )
-from ..cases.cases_schema import ObjectFile, or_else
-from ..stage.node_roles import NodeRole, may_fail_with
+from ..stage.trace import NodeRole, may_fail_with
 from .known_names import CaseNames
 
 _SET_BY_CLOCK = "time"

@@ -13,8 +13,8 @@ from ....world.belief.facts import ASIDE
 from ....world.causes import Cause, all_causes, matches
 from ....world.colours import ITEM_COLOURS
 from ....world.scene.description import Form, SceneDescription
-from ..stage.node_roles import NodeRole, roles_of
 from ..stage.rehearsal_world import HAND, TABLE, UNKNOWN
+from ..stage.trace import NodeRole, roles_of
 
 
 class CaseNames:

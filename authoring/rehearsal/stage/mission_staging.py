@@ -20,9 +20,9 @@ from ....trees.values.references import Assignment, Binding, Constant
 from ....world.causes import Failure, cause_named
 from ....world.scene.description import SceneDescription
 from ....world.scene.loading.scene_loading import load_scene
-from ..cases.case import LeafAnswer
-from .node_roles import NodeRoles, follows_from_belief, is_stubbed, roles_of
+from ..cases.cases_schema import LeafAnswer
 from .rehearsal_world import Contradiction, RehearsalWorld
+from .trace import NodeRoles, follows_from_belief, is_stubbed, roles_of
 
 
 class LeafStub(Node, abstract=True):

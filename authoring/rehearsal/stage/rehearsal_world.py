@@ -12,8 +12,7 @@ from dataclasses import replace
 from typing import Any, NoReturn
 
 from ....trees.declaration import Hand, NodeDeclaration, Resource
-from ....world.belief.attempts import AttemptMemory
-from ....world.belief.facts import TAKEN_AWAY, facts, items_to_do
+from ....world.belief.facts import TAKEN_AWAY, AttemptMemory, facts, items_to_do
 from ....world.belief.hole_matching import fitting_hole, named_holes
 from ....world.belief.planning_scene import BeliefObject, PlanningScene
 from ....world.causes import Cause, Failure, matches, safety, world
@@ -23,10 +22,8 @@ from ....world.scene.description import CatalogueEntry, SceneDescription
 from ....world.scene.destinations import destination_rule
 from ....world.shapes import Box
 from ....world.values import ObjectId, Pose
-from ..cases.case import EMPTY_HAND, Effects, Objects
-from ..cases.cases_schema import ObjectFile
-from .node_roles import ScriptedAnswers
-from .trace import Trace
+from ..cases.cases_schema import EMPTY_HAND, Effects, ObjectFile, Objects
+from .trace import ScriptedAnswers, Trace
 
 TABLE = "table"
 HAND = "hand"

@@ -16,8 +16,7 @@ from ..stage.trace import (
     LeafRun,
     LeafStarted,
 )
-from .coverage import CauseRaised, Coverage, CoveragePoint
-from .rehearsal_result import CaseResult, Rehearsal
+from .rehearsal_result import CaseResult, CauseRaised, Coverage, CoveragePoint, Rehearsal
 
 _MAX_NAME_WIDTH = 44
 """Maximum column width for node names; a longer name moves the rest of its line."""

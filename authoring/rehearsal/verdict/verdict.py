@@ -10,13 +10,19 @@ from ....files.marks import Location, Mark, where
 from ....files.node_patterns import node_matches
 from ....files.yaml.document import Document
 from ....trees.blackboard import Namespace
-from ....trees.running.builder import SubTree
-from ....trees.running.runner import BehaviourTree
+from ....trees.running.runner import BehaviourTree, SubTree
 from ....trees.status import NodeStatus
 from ....trees.values.port_types import show
 from ....trees.values.references import Reference, attribute
 from ....world.causes import FailureReport, cause_named, matches
-from ..cases.case import ANY_LEAVES, OUTCOMES, Expectation, ExpectedHandling, ExpectedStart, RehearsalCase
+from ..cases.cases_schema import (
+    ANY_LEAVES,
+    OUTCOMES,
+    Expectation,
+    ExpectedHandling,
+    ExpectedStart,
+    RehearsalCase,
+)
 from ..stage.rehearsal_world import RehearsalWorld
 from ..stage.trace import LeafRun
 

@@ -3,25 +3,198 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import cast
 
 from ....errors import PicktreeError
 from ....files.marks import Diagnostic, FileError
+from ....files.value_wording import suggest_name
 from ....files.yaml.document import Document, read_document
 from ....files.yaml.reader import Value
 from ....files.yaml.writer import MarkedValue, mission_text
+from ....trees.declaration import NodeDeclaration
 from ....trees.loading.loader import examine
 from ....trees.loading.registry import NodeRegistry
 from ....trees.mission import MAIN, Mission
+from ....trees.ports import SlotDeclaration
 from ..export.mission_export import XmlExporter
 from ..format import btcpp_vocabulary
+from ..format.btcpp_vocabulary import SlotRow, read_indexes, read_table
 from ..format.element import Element
-from .attributes import NodeDraft
-from .node_import import XmlNodeReader
+from .attributes import COMMON, ElementReader, NodeDraft
 from .port_import import PortsOfTrees, TreePort
 from .source import XmlSource, read_source
+from .translations import Translations
+
+
+class XmlNodeReader(ElementReader):
+    """Reader of elements; `trees` are the ports of the sub-trees, `called` their names in the mission."""
+
+    def __init__(
+        self, registry: NodeRegistry, trees: Mapping[str, tuple[TreePort, ...]], called: Callable[[str], str]
+    ) -> None:
+        super().__init__()
+        self._registry = registry
+        self._trees = trees
+        self._called = called
+        self._translations = Translations(self)
+
+    def node(self, element: Element, above: str) -> NodeDraft:
+        """Read one element and its descendants."""
+        identity = element.identity
+        if not identity:
+            message = f"<{element.name}> needs the attribute 'ID'"
+            hint = 'as <ScriptCondition code="…"/>' if element.name == "Condition" else ""
+            self.fault(element.mark, above, message, hint, code="P905")
+            return NodeDraft.of("AlwaysSuccess", element.mark)
+        trail = f"{above}/{element.get('name') or identity}"
+        if element.text:
+            message = f"the text {element.text[:30]!r} has no meaning here"
+            self.fault(element.mark, trail, message, "a comment stands in <!-- -->", code="P905")
+        if element.name not in btcpp_vocabulary.ELEMENTS and "ID" in element.attributes:
+            message = f"<{element.name}> has no attribute 'ID'"
+            hint = "the ID is the element's name, or stands in <Action>, <Condition>, <Control>, <Decorator>"
+            self.fault(element.place("ID"), trail, message, hint, code="P908")
+        draft = self._draft(element, identity, trail)
+        self.common(element, draft, trail)
+        return draft
+
+    def _draft(self, element: Element, identity: str, trail: str) -> NodeDraft:
+        if element.name == "SubTree":
+            return self._subtree(element, identity, trail)
+        node = self._registry.find(identity)
+        if identity == btcpp_vocabulary.REPEAT_WHILE:
+            node = self._registry.find("Repeat")
+        translation = self._translations.of(identity)
+        # The ID is BehaviorTree.CPP's own: those names are refused for other nodes.
+        if translation is not None and (node is None or identity == "SetBlackboard"):
+            return translation(element, trail)
+        if node is not None:
+            return self._declared(element, node.declaration, trail)
+        self._unknown(element, identity, trail)
+        for child in element.children:
+            self.node(child, trail)
+        return NodeDraft.of("AlwaysSuccess", element.mark)
+
+    def _unknown(self, element: Element, identity: str, trail: str) -> None:
+        mark = element.place("ID")
+        if identity in btcpp_vocabulary.FOREIGN:
+            message = f"{identity!r} has no counterpart"
+            self.fault(mark, trail, message, btcpp_vocabulary.FOREIGN[identity], code="P907")
+        elif identity in self._trees:
+            hint = f'a sub-tree is called by <SubTree ID="{identity}"/>'
+            self.fault(mark, trail, f"unknown node {identity!r}", hint, code="P906")
+        else:
+            known = (*self._registry.ids(), *btcpp_vocabulary.TRANSLATED)
+            hint = suggest_name(identity, known)
+            self.fault(mark, trail, f"unknown node {identity!r}", hint, code="P906")
+
+    def _declared(self, element: Element, declaration: NodeDeclaration, trail: str) -> NodeDraft:
+        draft = NodeDraft.of(declaration.id, element.mark, declaration.keys)
+        slots = [slot for slot in declaration.slots if slot.key != "do"]
+        for key in element.attributes:
+            port = declaration.port(key)
+            if port is not None:
+                self.port(draft, port.key, port.type, element, key, trail)
+            elif key not in (*COMMON, "ID", *(slot.key for slot in slots)):
+                known = (*(p.key for p in declaration.ports), *(slot.key for slot in slots), "name")
+                self.no_port(element, key, declaration.id, known, trail)
+        self._children(draft, element, declaration, slots, trail)
+        return draft
+
+    def _children(
+        self,
+        draft: NodeDraft,
+        element: Element,
+        declaration: NodeDeclaration,
+        slots: list[SlotDeclaration],
+        trail: str,
+    ) -> None:
+        main = declaration.slot("do")
+        if main is None and not slots:
+            self.count(element, declaration.id, 0, 0, trail)
+            return
+        children = list(element.children)
+        rows = {slot.key: self._rows(element, slot, trail) for slot in slots}
+        taken = [row.child for found in rows.values() for row in found]
+        if slots and not self._fits(element, taken, len(children), trail):
+            return
+        free = [child for index, child in enumerate(children) if index not in taken]
+        if main is not None and main.arity == "one":
+            self.count(element, declaration.id, 1 if main.required else 0, 1, trail, len(free))
+            if free:
+                draft.put("do", self.node(free[0], trail).written())
+        elif main is not None and free:
+            items = [self.node(child, trail).written() for child in free]
+            draft.put("do", MarkedValue(element.mark, items=items))
+        elif free:
+            message = "no slot is given for some of the children"
+            self.fault(free[0].mark, trail, message, f"'{slots[0].key}' names them", code="P915")
+        for slot in slots:
+            if rows[slot.key]:
+                self._slot(draft, slot, rows[slot.key], element, trail)
+
+    def _rows(self, element: Element, slot: SlotDeclaration, trail: str) -> tuple[SlotRow, ...]:
+        """Return the children in the slot, by label and index."""
+        if slot.key not in element.attributes:
+            return ()
+        text = element.get(slot.key)
+        try:
+            if slot.arity == "table":
+                return read_table(text)
+            return tuple(SlotRow("", child) for child in read_indexes(text))
+        except ValueError as error:
+            hint = "as 'grasp.*=1; control.*=2'" if slot.arity == "table" else "children are counted from 0"
+            self.fault(element.place(slot.key), trail, f"{slot.key!r}: {error}", hint, code="P915")
+            return ()
+
+    def _fits(self, element: Element, taken: list[int], children: int, trail: str) -> bool:
+        wrong = [child for child in taken if child >= children or taken.count(child) > 1]
+        if wrong:
+            what = "is named twice" if wrong[0] < children else f"is not there; there are {children}"
+            message = f"the child {wrong[0]} {what}"
+            self.fault(element.mark, trail, message, "children are counted from 0", code="P915")
+        return not wrong
+
+    def _slot(
+        self, draft: NodeDraft, slot: SlotDeclaration, rows: tuple[SlotRow, ...], element: Element, trail: str
+    ) -> None:
+        mark = element.place(slot.key)
+        if slot.arity == "one":
+            draft.put(slot.key, self.slot_value(element.children[rows[0].child], slot.key, trail), mark)
+        elif slot.arity == "many":
+            items = [self.node(element.children[row.child], trail).written() for row in rows]
+            draft.put(slot.key, MarkedValue(mark, items=items), mark)
+        else:
+            table = MarkedValue.mapping(mark)
+            for row in rows:
+                if table.get(row.label) is not None:
+                    self.fault(mark, trail, f"{slot.key!r} names {row.label!r} twice", code="P915")
+                child = element.children[row.child]
+                table.put(row.label, self.slot_value(child, row.label, trail), child.mark)
+            draft.put(slot.key, table, mark)
+
+    def _subtree(self, element: Element, identity: str, trail: str) -> NodeDraft:
+        self.count(element, "SubTree", 0, 0, trail)
+        if identity not in self._trees:
+            hint = suggest_name(identity, self._trees)
+            self.fault(element.place("ID"), trail, f"there is no tree {identity!r}", hint, code="P913")
+            return NodeDraft.of("AlwaysSuccess", element.mark)
+        ports = {port.key: port for port in self._trees[identity]}
+        left_out = element.get(btcpp_vocabulary.LEFT_OUT).split()
+        draft = NodeDraft.of(self._called(identity), element.mark)
+        for key in element.attributes:
+            if key in ports and key not in left_out:
+                self.port(draft, key, ports[key].kind, element, key, trail)
+            elif key not in (*COMMON, *ports, "ID", "_autoremap", btcpp_vocabulary.LEFT_OUT):
+                self.no_port(element, key, f"the tree {identity!r}", (*ports, "name"), trail)
+        remapping = element.get("_autoremap") in ("true", "1")
+        for key, port in ports.items():
+            if key not in element.attributes and (remapping or port.remapped):
+                draft.put(key, f"{{{key}}}" if remapping else port.remapped, element.mark)
+        return draft
+
 
 _ONE = ("name", "scene", "goal")
 _MANY = ("include", "plugins")
