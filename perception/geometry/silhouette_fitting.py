@@ -146,7 +146,7 @@ def _distances(
     away = points @ out.T - (corners[:, 0] * out[:, 0] + corners[:, 1] * out[:, 1])
     nearest = away.argmax(axis=1)
     distance = away[np.arange(len(points)), nearest]
-    out = out.take(nearest, axis=0)
+    out = out[nearest]
     centre = (stand.centre - sight.origin) @ sight.projection.T
     middle = centre[:2] / centre[2]
     by_place = (sight.projection[:2] - middle[:, None] * sight.projection[2])[:, :2] / centre[2]
