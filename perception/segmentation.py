@@ -39,7 +39,7 @@ def labels(colour: NDArray[np.uint8]) -> NDArray[np.uint8]:
     """Return the index into NAMES of each pixel (h, w) of an RGB picture (h, w, 3)."""
     hsv = np.asarray(cv2.cvtColor(colour, cv2.COLOR_RGB2HSV_FULL), dtype=np.uint8)
     coloured = (hsv[:, :, 1] > MIN_SATURATION) & (hsv[:, :, 2] > MIN_BRIGHTNESS)
-    return np.where(coloured, _LABEL_OF_HUE[hsv[:, :, 0]], 0).astype(np.uint8)
+    return np.asarray(cv2.LUT(hsv[:, :, 0], _LABEL_OF_HUE), np.uint8) * coloured
 
 
 def label_of(name: str) -> int:

@@ -6,6 +6,7 @@ None of it is part of a run. The log holds it to explain why a run differs on an
 from __future__ import annotations
 
 import hashlib
+import os
 import platform
 import subprocess
 from collections import Counter
@@ -147,12 +148,15 @@ def _moves(
 
 
 def _run_files() -> Iterator[Path]:
-    left_out = [ROOT / name for name in _FILES_WITHOUT_EFFECT]
-    packages = (file for room in rooms() for file in (ROOT / room).rglob("*"))
-    for file in sorted([*ROOT.glob("*.py"), *packages]):
-        counts = file.suffix in (".py", ".yaml") and not any(file.is_relative_to(name) for name in left_out)
-        if counts and file.is_file():
-            yield file
+    left_out = tuple(f"{name}/" for name in _FILES_WITHOUT_EFFECT)
+    found = [name for name in os.listdir(ROOT) if name.endswith(".py")]
+    for room in rooms():
+        for folder, _, names in os.walk(ROOT / room):
+            place = Path(folder).relative_to(ROOT).as_posix()
+            found += [f"{place}/{name}" for name in names if name.endswith((".py", ".yaml"))]
+    for path in sorted(found, key=lambda path: path.split("/")):
+        if not f"{path}/".startswith(left_out):
+            yield ROOT / path
 
 
 def _version(library: str) -> str:

@@ -6,6 +6,7 @@ import colorsys
 import math
 from collections.abc import Mapping, Sequence
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -214,4 +215,4 @@ def noisy_colour(
     errors = rng.integers(-MAX_COLOUR_ERROR, MAX_COLOUR_ERROR + 1, colour.shape, dtype=np.int8)
     if times != 1.0:
         errors = np.round(errors * times).astype(np.int16)
-    return np.clip(colour.astype(np.int16) + errors, 0, 255).astype(np.uint8)
+    return np.asarray(cv2.add(colour, errors, dtype=cv2.CV_8U), np.uint8)  # saturated

@@ -121,7 +121,8 @@ class PlanarPushModel:
         """Separate moved bodies from the bodies that they have entered, which then count as moved too.
         Returns the greatest depth, m."""
         worst = 0.0
-        for name in list(moved):
+        # The order of a set of names is that of their hashes, which each process draws anew.
+        for name in [name for name in self._bodies if name in moved]:
             body = self._bodies[name]
             for other_name, other in self._bodies.items():
                 if other_name != name and not (other_name in moved and other_name < name):

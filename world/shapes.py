@@ -6,7 +6,7 @@ from __future__ import annotations
 import itertools
 import math
 from dataclasses import dataclass, field
-from functools import lru_cache
+from functools import lru_cache, reduce
 from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
@@ -167,9 +167,13 @@ def ray_span(
 
 
 def _slabs(local: Array, d: Array, half: Array) -> tuple[Array, Array]:
-    d = np.where(np.abs(d) < MIN_DIRECTION, MIN_DIRECTION, d)
+    flat = np.abs(d) < MIN_DIRECTION
+    if np.count_nonzero(flat):
+        d = np.where(flat, MIN_DIRECTION, d)
     middle, reach = -local / d, np.abs(half / d)
-    return (middle - reach).max(axis=1), (middle + reach).min(axis=1)
+    # Column by column: numpy is slow along an axis of three.
+    near, far = (middle - reach).T, (middle + reach).T
+    return reduce(np.maximum, near), reduce(np.minimum, far)
 
 
 def _quadratic(a: Array, b: Array, c: float) -> tuple[Array, Array]:

@@ -122,6 +122,12 @@ def rotated(turn: Quaternion, vector: Vector3) -> Vector3:
     )
 
 
+def cross(a: Array, b: Array) -> Array:
+    """Return the cross product of two vectors (3,). numpy's takes ten times as long for two."""
+    (ax, ay, az), (bx, by, bz) = a.tolist(), b.tolist()
+    return np.array((ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx))
+
+
 def quaternion_product(a: Quaternion, b: Quaternion) -> Quaternion:
     """Hamilton product of two xyzw quaternions, renormalised."""
     ax, ay, az, aw = a

@@ -10,7 +10,7 @@ import numpy as np
 
 from ...errors import PicktreeError
 from ...robots.model import RobotModel
-from ...world.values import Array, JointState, Vector3
+from ...world.values import Array, JointState, Vector3, cross
 from ..commands import Controller
 from ..wrist.wrist_wrench import WristWrench
 
@@ -69,7 +69,7 @@ class ContactGuard:
         arm = flange.rotation() @ np.array(self._model.hand_com)
         arm += np.array(flange.position) - np.array(tcp.position)
         linear, angular = np.split(jacobian @ acceleration, 2)
-        x, y, z = (np.array(force) + mass * (linear + np.cross(angular, arm))).tolist()
+        x, y, z = (np.array(force) + mass * (linear + cross(angular, arm))).tolist()
         return (x, y, z)
 
 

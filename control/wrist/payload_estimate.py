@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...world.values import GRAVITY, Array, Vector3
+from ...world.values import GRAVITY, Array, Vector3, cross
 
 if TYPE_CHECKING:
     from ...robots.model import RobotModel
@@ -49,7 +49,7 @@ class Payload:
         """
         weight = np.array([0.0, 0.0, -self.mass * GRAVITY])
         lever = rotation @ (np.array(self.centre) - sensor_in_tool)
-        return np.concatenate([weight, np.cross(lever, weight)])
+        return np.concatenate([weight, cross(lever, weight)])
 
     def __str__(self) -> str:
         """`118 ± 4 g`"""
@@ -83,7 +83,7 @@ class PayloadEstimator:
         rows[:3, 0] = -GRAVITY * up
         # (m c) × up and (m s) × up, in the tool's axes.
         rows[3:, 1:] = GRAVITY * _cross(up)
-        rows[3:, 0] = GRAVITY * np.cross(self._sensor, up)
+        rows[3:, 0] = GRAVITY * cross(self._sensor, up)
         turned = np.concatenate([rotation.T @ wrench[:3], rotation.T @ wrench[3:]])
         weight = np.array([FORCE_SIGMA] * 3 + [TORQUE_SIGMA] * 3) ** -2.0
         self._information += (rows.T * weight) @ rows
@@ -202,4 +202,4 @@ class SlipDetector:
 
 def _at(twist: Array, lever: Array) -> Array:
     """Return the velocity (3,) of a point that is `lever` (3,) away from the TCP, m/s."""
-    return np.asarray(twist[:3] + np.cross(twist[3:], lever), np.float64)
+    return np.asarray(twist[:3] + cross(twist[3:], lever), np.float64)

@@ -25,7 +25,7 @@ from ...control.wrist.payload_estimate import (
 from ...world.causes import Failure, grasp
 from ...world.events.skill_events import SlipEvent
 from ...world.scene.description import CatalogueEntry
-from ...world.values import GRAVITY, Array, Pose
+from ...world.values import GRAVITY, Array, Pose, cross
 from ..grasp.compliant_closing import MAX_TRANSFER_ACCELERATION, SLIP_GRIP_FACTOR, GripForce, required_force
 from .hold_check import MAX_EMPTY_WIDTH, MIN_HELD_LOAD, GripCheck
 
@@ -289,4 +289,4 @@ class LiftWeighing:
 
 def _at(twist: Array, lever: Array) -> Array:
     """Return the velocity (3,) of a point of the hand, `lever` (3,) away from the TCP, m/s."""
-    return np.asarray(twist[:3] + np.cross(twist[3:], lever), np.float64)
+    return np.asarray(twist[:3] + cross(twist[3:], lever), np.float64)

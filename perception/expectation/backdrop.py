@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ...world.scene.description import NO_UNCERTAINTY, Bin, Fixture, SceneDescription
 from ...world.shapes import Box, Shape, corners, ray_hits, top
-from ...world.values import Array, Pose
+from ...world.values import Array, Pose, cross
 from .. import segmentation
 from ..geometry.camera_geometry import PosedCamera
 from ..geometry.resting_poses import spread
@@ -250,13 +250,12 @@ def level_camera(
     they shift every height above the table. Without enough table, or beyond the limits, the camera is
     returned unchanged.
     """
-    picked = np.zeros(depth.shape, dtype=np.bool_)
     every = max(1, min(LEVEL_STRIDE, depth.shape[1] // (LEVEL_WIDTH // LEVEL_STRIDE)))
-    picked[::every, ::every] = True
-    picked &= backdrop.table & (depth > 0)
+    grid = slice(None, None, every), slice(None, None, every)
+    picked = backdrop.table[grid] & (depth[grid] > 0)
     if clutter is not None:
-        picked &= ~clutter
-    rows, columns = np.nonzero(picked)
+        picked &= ~clutter[grid]
+    rows, columns = (every * index for index in np.nonzero(picked))
     points = sight.directions(np.stack([columns, rows], axis=1).astype(np.float64))
     points *= depth[rows, columns][:, None]
     off = points[:, 2] + sight.origin[2] - table_z
@@ -282,6 +281,6 @@ def level_camera(
 
 def _turning(a: Array, b: Array) -> Array:
     """Compute the smallest rotation (3, 3) that takes the unit vector a to b (not opposite)."""
-    axis = np.cross(a, b)
+    axis = cross(a, b)
     skew = np.array([[0, -axis[2], axis[1]], [axis[2], 0, -axis[0]], [-axis[1], axis[0], 0]])
     return np.eye(3) + skew + skew @ skew / (1.0 + float(a @ b))

@@ -112,14 +112,15 @@ class ItemFitter:
 
     def _fits(self, blob: Blob, support: float, supported: bool, hover: float) -> list[Hypothesis]:
         starts: list[tuple[float, StandingPose]] = []
+        origin, ray = self.sight.origin, self.sight.directions(blob.middle[None])[0]
         for rest in self.rests:
             below = support if supported else blob.top - rest.height
             if supported and abs(support + rest.height - blob.top) > HEIGHT_GATE:
                 continue
             if not supported and not support - HEIGHT_GATE <= below <= support + hover:
                 continue
-            x, y = self.sight.at_height(blob.middle, below + rest.height / 2)
-            stand = StandingPose(rest, np.array([x, y, below + rest.below]), 0.0)
+            x, y = (origin + ray * ((below + rest.height / 2 - origin[2]) / ray[2]))[:2].tolist()
+            stand = StandingPose(rest, np.array((x, y, below + rest.below)), 0.0)
             if self._fits_in_size(blob, stand):
                 starts += self._starts(blob, stand)
         return self._best(blob, starts, supported)
@@ -197,7 +198,7 @@ class ItemFitter:
         model = ray_hits(stand.rest.entry.shape, stand.turned, stand.centre, self.sight.origin, rays)
         off = model - depths
         sigma = self.noise * (float(depths[0]) / 0.7) ** 2 + self.model
-        square = np.minimum((off / sigma) ** 2, OUTLIER_SIGMAS**2).sum() / len(depths)
+        square = np.add.reduce(np.minimum((off / sigma) ** 2, OUTLIER_SIGMAS**2)) / len(depths)
         return float(square), off[np.isfinite(model)]
 
 

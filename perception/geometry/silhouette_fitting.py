@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ...world.values import Array
+from ...world.values import Array, cross
 from .camera_geometry import PosedCamera
 from .resting_poses import CIRCLE_CORNERS, StablePose
 
@@ -44,8 +44,8 @@ class StandingPose:
     @property
     def turned(self) -> Array:
         """Orientation of the body in the world (3, 3)."""
-        c, s = np.cos(self.yaw), np.sin(self.yaw)
-        return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]) @ self.rest.rotation
+        c, s = float(np.cos(self.yaw)), float(np.sin(self.yaw))
+        return np.array((c, -s, 0.0, s, c, 0.0, 0.0, 0.0, 1.0)).reshape(3, 3) @ self.rest.rotation
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,8 +71,8 @@ def silhouette(sight: PosedCamera, stand: StandingPose) -> Array:
 def _body(sight: PosedCamera, stand: StandingPose) -> Array:
     if not len(stand.rest.outline):
         return _tangent_circle(sight, stand)
-    c, s = np.cos(stand.yaw), np.sin(stand.yaw)
-    turn = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
+    c, s = float(np.cos(stand.yaw)), float(np.sin(stand.yaw))
+    turn = np.array((c, s, 0.0, -s, c, 0.0, 0.0, 0.0, 1.0)).reshape(3, 3)
     return stand.rest.outline @ turn + stand.centre
 
 
@@ -84,8 +84,8 @@ def _tangent_circle(sight: PosedCamera, stand: StandingPose) -> Array:
     share = radius**2 / squared
     axis = away / np.sqrt(squared)
     side = np.array([1.0, 0.0, 0.0]) - axis * axis[0]
-    side /= np.linalg.norm(side)
-    across = np.stack([side, np.cross(axis, side)])
+    side /= np.sqrt(side.dot(side))
+    across = np.array((side, cross(axis, side)))
     return (
         stand.centre - away * share + _CIRCLE @ across * (radius * np.sqrt(1 - share) * _CIRCLE_RADIUS_FACTOR)
     )
@@ -100,11 +100,13 @@ def fit_outline(
     """
     stand = start
     free = 3 if start.rest.turn else 2
+    whole, pull = bool(outline.real.all()), np.ones(1)
     while True:
         corners = silhouette(sight, stand)
         distance, slope = _distances(sight, stand, corners, outline.points, free)
         rounds -= 1
-        pull = outline.real | (distance > 0)
+        if not whole:
+            pull = (outline.real | (distance > 0)).astype(np.float64)
         scaled = np.abs(distance) * (pull / PIXEL_SIGMA)
         weighted = slope * (pull / np.maximum(1.0, scaled / 2.0))[:, None]
         inverse = np.linalg.inv(weighted.T @ slope + _DAMPING[:free, :free])
@@ -137,11 +139,11 @@ def _distances(
     The derivatives are by x, y and, if `free` is 3, yaw (m, free). For them only, the image is taken as
     affine about the centre.
     """
-    edge = _next(corners) - corners
-    out = np.empty_like(edge)
-    out[:, 0], out[:, 1] = edge[:, 1], -edge[:, 0]
-    out /= np.sqrt((edge * edge).sum(axis=1))[:, None] + 1e-9
-    away = points @ out.T - (corners * out).sum(axis=1)
+    along, up = (_next(corners) - corners).T
+    length = np.sqrt(along * along + up * up) + 1e-9
+    out = np.empty_like(corners)
+    out[:, 0], out[:, 1] = up / length, -along / length
+    away = points @ out.T - (corners[:, 0] * out[:, 0] + corners[:, 1] * out[:, 1])
     nearest = away.argmax(axis=1)
     distance = away[np.arange(len(points)), nearest]
     out = out[nearest]
@@ -151,7 +153,8 @@ def _distances(
     slope = np.empty((len(points), free))
     slope[:, :2] = -out @ by_place
     if free == 3:
-        slope[:, 2] = -(out * ((points - middle) @ _turning(by_place))).sum(axis=1)
+        turned = (points - middle) @ _turning(by_place)
+        slope[:, 2] = -(out[:, 0] * turned[:, 0] + out[:, 1] * turned[:, 1])
     return distance, slope
 
 
@@ -163,7 +166,8 @@ def _turning(by_place: Array) -> Array:
     """
     (a, b), (c, d) = by_place.tolist()
     determinant = a * d - b * c
-    return np.array([[b * d + a * c, d * d + c * c], [-a * a - b * b, -a * c - b * d]]) / determinant
+    both = np.array((b * d + a * c, d * d + c * c, -a * a - b * b, -a * c - b * d))
+    return both.reshape(2, 2) / determinant
 
 
 def support(points: Array) -> tuple[Array, Array]:

@@ -300,12 +300,13 @@ class KinematicBodies:
         ]
         return tops if hole is None else [*tops, (hole.fixture, hole.floor)]
 
-    def tops(self, x: float, y: float, limit: float) -> list[tuple[str, float]]:
-        """Return names and heights, m, of the tops at (x, y) that are no higher than `limit`."""
+    def tops(self, x: float, y: float, limits: tuple[float, float]) -> list[tuple[str, float]]:
+        """Return names and heights, m, of the tops at (x, y) above the first limit, up to the second one."""
+        low, high = limits
         return [
             (p.id, top)
             for low_x, low_y, high_x, high_y, top, p in self._level_tops()
-            if top <= limit and low_x <= x <= high_x and low_y <= y <= high_y and p.covers(x, y)
+            if low < top <= high and low_x <= x <= high_x and low_y <= y <= high_y and p.covers(x, y)
         ]
 
     def _level_tops(self) -> tuple[Top, ...]:

@@ -54,7 +54,7 @@ class KinematicContacts:
         return max(carrying.values(), default=None)
 
     def hover(self, foot: str, height: float) -> None:
-        """Note the height of a foot that is above all tops."""
+        """Note the height of a foot that is above all tops at its place."""
         self._height[foot] = height
         self._upon[foot] = frozenset()
 
@@ -306,7 +306,11 @@ class KinematicContactForces:
             if z >= self._bodies.highest:
                 self._feet.hover(foot, z)
                 continue
-            surface = self._feet.top(foot, z, self._bodies.tops(x, y, z + MAX_TIP_DEPTH))
+            above = self._bodies.tops(x, y, (z, z + MAX_TIP_DEPTH))
+            if not above:
+                self._feet.hover(foot, z)
+                continue
+            surface = self._feet.top(foot, z, above)
             if surface is not None and surface > z:
                 force = CONTACT_STIFFNESS / 2 * (surface - z) - CONTACT_DAMPING / 2 * rate
                 found.append((tip, max(0.0, force)))

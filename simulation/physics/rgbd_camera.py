@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -85,11 +86,14 @@ class CameraRenderer:
             physicsClientId=client,
         )
         near, far = self._clip, self.camera.far
-        z = far * near / (far - (far - near) * buffer.reshape(height, width).astype(np.float64))
+        z = buffer.reshape(height, width).astype(np.float64)
+        z *= far - near
+        np.divide(far * near, np.subtract(far, z, z), z)
         depth = np.where(z < 0.999 * far, z, np.inf).astype(np.float32)
         if near < self.camera.near:
             depth[depth < self.camera.near] = 0.0
-        return RenderedImage(colour.reshape(height, width, 4)[:, :, :3].copy(), depth)
+        rgb = cv2.cvtColor(colour.reshape(height, width, 4), cv2.COLOR_RGBA2RGB)
+        return RenderedImage(np.asarray(rgb, np.uint8), depth)
 
 
 class StaticScene:
@@ -125,10 +129,9 @@ def _still(view: CameraRenderer, client: int) -> RenderedImage:
 def in_front(front: RenderedImage, behind: RenderedImage) -> RenderedImage:
     """Merge two images from the same place: the nearer surface wins at each pixel."""
     nearer = front.depth < behind.depth
-    return RenderedImage(
-        np.where(nearer[:, :, None], front.colour, behind.colour),
-        np.where(nearer, front.depth, behind.depth),
-    )
+    colour, depth = behind.colour.copy(), np.where(nearer, front.depth, behind.depth)
+    cv2.copyTo(front.colour, nearer.view(np.uint8), colour)
+    return RenderedImage(colour, depth)
 
 
 class PhysicsCamera:

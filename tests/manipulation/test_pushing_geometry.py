@@ -160,3 +160,17 @@ def test_fingers_that_come_down_into_something_do_not_push_it() -> None:
     sliding = PlanarPushModel({"block": (BLOCK, PlanarPose(0.0, 0.0))})
     assert not sliding.press([(finger, PlanarPose(0.0, 0.0)) for finger in tool_outline(GRIPPER, 0.0)])
     assert np.allclose((sliding.where("block").x, sliding.where("block").y), 0.0)
+
+
+def test_the_order_of_contacts_does_not_depend_on_the_hashes_of_names() -> None:
+    found: set[tuple[PlanarPose, ...]] = set()
+    for run in range(20):
+        names = [f"{run}-{k}" for k in range(6)]
+        heap = {
+            name: (BLOCK, PlanarPose(0.034 * (k % 3), 0.035 * (k // 3) + 0.002 * k, 0.1 * k))
+            for k, name in enumerate(names)
+        }
+        sliding = PlanarPushModel(heap)
+        drive(sliding, 0.0, -0.06, 0.05, y=0.01)
+        found.add(tuple(sliding.where(name) for name in names))
+    assert len(found) == 1
