@@ -43,6 +43,7 @@ _FILES_WITHOUT_EFFECT: Final = (
     "batch",
     "cli",
     "commissioning",
+    "dataclass_methods.py",
     "logs/episodes",
     "logs/failure_courses.py",
     "logs/run_account.py",
