@@ -2,8 +2,9 @@
 
 Each round runs every row once, so that a machine that is busy is busy for all of them; medians count. The
 first round, which compiles modules and fills the cache, does not. Warm: results of earlier processes are in
-the cache. Cold: the cache is empty. A job's overhead is the CPU that each further job adds to a batch whose
-mission ends in its first tick, everything included: its process, its cell, its log, its row in the results.
+the cache. Cold: the cache is empty. With --jobs: the CPU that each further job adds to a batch whose mission
+ends in its first tick, everything included, beside that of the same run in a process that has loaded
+everything. The difference is the job's overhead: its process, its recipe, its row in the results.
 
     python benchmarks/startup.py --runs 9
     python benchmarks/startup.py --runs 5 --jobs 200
@@ -112,6 +113,30 @@ def batch(jobs: int, folder: Path, kind: str) -> float:
         return cpu(row, (sys.executable, *row.arguments, *more), environment)
 
 
+ALONE = """
+import statistics, sys, time
+from pathlib import Path
+from picktree.batch.workers.local_executor import load
+from picktree.session.session import RunRequest, Session
+load()
+took = []
+for seed in range(12):
+    began = time.process_time()
+    Session(RunRequest(Path(sys.argv[1]), seed=seed, backend=sys.argv[2], out=Path(sys.argv[3]))).run()
+    took.append(time.process_time() - began)
+print(statistics.median(took[2:]), file=sys.stderr)
+"""
+"""Program that repeats the job's run in one process that has loaded everything."""
+
+
+def alone(folder: Path, kind: str) -> float:
+    """CPU time of the job's run in a process that has loaded everything, s."""
+    row = Row(kind, (), to_first_tick=True)
+    environment = {**os.environ, "PICKTREE_CACHE": str(folder / "cache")}
+    command = (sys.executable, "-c", ALONE, str(folder / "at_once.yaml"), kind, str(folder / "alone"))
+    return cpu(row, command, environment)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("--runs", type=int, default=7, help="rounds that count, at least 1")
@@ -133,8 +158,11 @@ def main() -> None:
         if arguments.jobs:
             for kind in ("kinematic", "physics"):
                 few, many = arguments.jobs // 10, arguments.jobs
-                overhead = (batch(many, folder, kind) - batch(few, folder, kind)) / (many - few)
-                print(f"overhead of a {kind} job, of {many}: {1000 * overhead:.0f} ms of CPU")
+                whole = (batch(many, folder, kind) - batch(few, folder, kind)) / (many - few)
+                run = alone(folder, kind)
+                print(
+                    f"a {kind} job, of {many}: {1000 * whole:.0f} ms of CPU, its run alone {1000 * run:.0f}"
+                )
 
 
 if __name__ == "__main__":

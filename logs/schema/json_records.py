@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import types
 from collections.abc import Mapping
+from functools import cache
 from typing import TYPE_CHECKING, Any, TypeVar, Union, cast, get_args, get_origin, get_type_hints
 
 import orjson
@@ -13,9 +14,6 @@ R = TypeVar("R")
 
 if TYPE_CHECKING:
     from pydantic import TypeAdapter
-
-# Adapters are slow to make, so there is one for each kind of record.
-_adapters: dict[type, TypeAdapter[Any]] = {}
 
 _SCALARS: dict[object, str] = {str: "string", int: "integer", float: "number", bool: "boolean"}
 
@@ -30,13 +28,16 @@ def decode(kind: type[R], data: bytes) -> R:
 
     Raises ValueError when a field is missing or has another type.
     """
+    record: R = record_adapter(kind).validate_json(data)
+    return record
+
+
+@cache
+def record_adapter(kind: type) -> TypeAdapter[Any]:
+    """Build the reader of a kind of record, once in a process: it takes milliseconds."""
     from pydantic import TypeAdapter  # needed for reading only, and slow to import
 
-    adapter = _adapters.get(kind)
-    if adapter is None:
-        adapter = _adapters[kind] = TypeAdapter(kind)
-    record: R = adapter.validate_json(data)
-    return record
+    return TypeAdapter(kind)
 
 
 def schema(kind: type) -> dict[str, object]:
