@@ -1,4 +1,4 @@
-"""Parts of libraries, imported without the packages around them, and versions of libraries.
+"""Parts and versions of libraries. A part is imported without the packages around it.
 
 `scipy.linalg.lapack.dposv` and `toppra.solverwrapper.cy_seidel_solverwrapper` are extension modules that need
 numpy alone. Importing them the usual way also runs the `__init__` of every package above them: 0.5 s of CPU
