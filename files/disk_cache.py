@@ -15,12 +15,12 @@ from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
 from ..errors import PicktreeError
+from .library_parts import library_version
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -144,10 +144,7 @@ def _maker(source: Maker) -> bytes:
     if not isinstance(source, str):
         file = source if isinstance(source, Path) else Path(source.__file__ or "")
         return hashlib.sha256(file.read_bytes()).digest()
-    try:
-        return f"{source} {version(source)}".encode()
-    except PackageNotFoundError:
-        return source.encode()
+    return f"{source} {library_version(source)}".encode()
 
 
 def _read(entry: Path) -> bytes | None:

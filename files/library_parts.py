@@ -1,4 +1,4 @@
-"""Parts of libraries, imported without the packages around them.
+"""Parts and versions of libraries. A part is imported without the packages around it.
 
 `scipy.linalg.lapack.dposv` and `toppra.solverwrapper.cy_seidel_solverwrapper` are extension modules that need
 numpy alone. Importing them the usual way also runs the `__init__` of every package above them: 0.5 s of CPU
@@ -11,7 +11,7 @@ import sys
 from collections.abc import Generator, Mapping
 from contextlib import contextmanager
 from functools import cache
-from importlib import import_module
+from importlib import import_module, metadata
 from importlib.util import find_spec
 from pathlib import Path
 from types import MappingProxyType, ModuleType
@@ -36,13 +36,25 @@ def library_part(module: str, public: str, *needed: str) -> Any:
         return getattr(import_module(place), name)
 
 
+@cache
+def library_version(distribution: str) -> str:
+    """Return the version of an installed distribution; "unknown" when there is none."""
+    try:
+        text = metadata.distribution(distribution).read_text("METADATA") or ""
+    except metadata.PackageNotFoundError:
+        return "unknown"
+    # The whole file, with its licences, takes a millisecond to parse.
+    return next((line[9:].strip() for line in text.splitlines() if line.startswith("Version: ")), "unknown")
+
+
 @contextmanager
 def bare_packages(*names: str, **contents: Mapping[str, Any]) -> Generator[None]:
     """Let packages that are not loaded be empty in the block, so that a module in them loads alone.
 
     `names`: packages from the outermost on. `contents`: what a package or module has all the same, by its
     name with underscores for dots. Modules that are loaded in the block stay loaded. The empty packages do
-    not, and are imported as usual later on. Raises ImportError when the outermost one is not installed.
+    not, and are imported as usual later on; they import from these modules, but have no attributes for them.
+    Raises ImportError when the outermost one is not installed.
     """
     root = find_spec(names[0])
     if root is None or root.origin is None:

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+import sys
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Literal
@@ -315,6 +317,12 @@ def package_folder(package: str) -> Path | None:
 
     Located, not imported: an import may run anything.
     """
+    return _package_folder(package, tuple(sys.path))
+
+
+@lru_cache(maxsize=64)
+def _package_folder(package: str, path: tuple[str, ...]) -> Path | None:
+    """Return the folder of a package; each mesh of a URDF names it again. `path`: where Python searches."""
     try:
         spec = find_spec(package) if package.isidentifier() else None
     except ValueError:

@@ -9,14 +9,13 @@ import platform
 from collections.abc import Callable, Mapping
 from functools import cache
 from importlib import import_module
-from importlib.metadata import PackageNotFoundError, version
 from typing import Any, Final, TypeAlias, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..arithmetic import blas_kernels, numpy_kernels
-from ..files.library_parts import library_part
+from ..files.library_parts import library_part, library_version
 from ..logs.schema.json_records import Arithmetic
 
 _PACKAGES: Final = {
@@ -48,18 +47,11 @@ def _versions() -> dict[str, str]:
         .get("blas", {})
     )
     return {
-        **{name: _version(package) for name, package in _PACKAGES.items()},
+        **{name: library_version(package) for name, package in _PACKAGES.items()},
         "OpenBLAS": str(blas.get("version", "unknown")),
         "glibc": (os.confstr("CS_GNU_LIBC_VERSION") or "unknown").removeprefix("glibc "),
         "Python": platform.python_version(),
     }
-
-
-def _version(package: str) -> str:
-    try:
-        return version(package)
-    except PackageNotFoundError:
-        return "unknown"
 
 
 def _fingerprint(results: _Results) -> str:

@@ -12,10 +12,10 @@ import subprocess
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from functools import cache
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Final
 
+from ..files.library_parts import library_version
 from ..files.shipped_files import ROOT, rooms
 
 LIBRARIES: Final = (
@@ -43,6 +43,7 @@ _FILES_WITHOUT_EFFECT: Final = (
     "batch",
     "cli",
     "commissioning",
+    "dataclass_methods.py",
     "logs/episodes",
     "logs/run_account.py",
     "moved.py",
@@ -58,7 +59,7 @@ _SIMD_PREFIXES: Final = ("sse", "ssse", "avx", "fma", "f16c", "bmi", "asimd", "n
 
 
 def versions(libraries: Iterable[str] = LIBRARIES) -> dict[str, str]:
-    return {library: _version(library) for library in libraries}
+    return {library: library_version(library) for library in libraries}
 
 
 @cache
@@ -92,8 +93,8 @@ def sources() -> Mapping[str, str]:
 
 def hashes(files: Iterable[Path]) -> dict[str, str]:
     """Return the first 12 digits of each file's SHA-256 by its path in the package."""
-    found = {file.relative_to(ROOT).as_posix(): hashlib.sha256(file.read_bytes()) for file in files}
-    return {path: digest.hexdigest()[:12] for path, digest in found.items()}
+    start = len(str(ROOT)) + 1
+    return {str(file)[start:]: hashlib.sha256(file.read_bytes()).hexdigest()[:12] for file in files}
 
 
 def sources_to_text(hashes: Mapping[str, str]) -> str:
@@ -148,22 +149,15 @@ def _moves(
 
 
 def _run_files() -> Iterator[Path]:
-    left_out = tuple(f"{name}/" for name in _FILES_WITHOUT_EFFECT)
-    found = [name for name in os.listdir(ROOT) if name.endswith(".py")]
+    left_out = {str(ROOT / name) for name in _FILES_WITHOUT_EFFECT}
+    found = [str(file) for file in ROOT.glob("*.py")]
     for room in rooms():
-        for folder, _, names in os.walk(ROOT / room):
-            place = Path(folder).relative_to(ROOT).as_posix()
-            found += [f"{place}/{name}" for name in names if name.endswith((".py", ".yaml"))]
-    for path in sorted(found, key=lambda path: path.split("/")):
-        if not f"{path}/".startswith(left_out):
-            yield ROOT / path
-
-
-def _version(library: str) -> str:
-    try:
-        return version(library)
-    except PackageNotFoundError:
-        return "unknown"
+        for folder, folders, files in os.walk(ROOT / room):
+            if folder in left_out:
+                folders.clear()
+            else:
+                found += [os.path.join(folder, name) for name in files if name.endswith((".py", ".yaml"))]
+    yield from sorted(Path(path) for path in found if path not in left_out and os.path.isfile(path))
 
 
 def _processor() -> tuple[str, str]:

@@ -10,7 +10,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Final, Protocol
 
-from ..authoring.check import check_mission
 from ..errors import PicktreeError
 from ..files.diagnostics.fault_rendering import fault_lines
 from ..files.marks import FileError
@@ -34,6 +33,8 @@ def read_edited(current: Mission, known: SceneNames, *, own_scene: bool) -> Miss
     Raises FileError with the checker's errors, and PicktreeError for an edit that needs a new run.
     `own_scene`: the run has the scene that the mission names, not another.
     """
+    from ..authoring.check import check_mission  # with the linter, which no other run needs
+
     check = check_mission(read_document(current.document.path, "mission"), known=known)
     errors = [fault for fault in check.faults if fault.severity == "error"]
     if errors or check.mission is None:

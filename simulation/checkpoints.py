@@ -141,6 +141,12 @@ class Checkpoint:
             raise PicktreeError(f"no checkpoint of the simulation: {where}: {first['msg']}") from None
 
 
+def build_adapters() -> None:
+    """Build what reads and writes checkpoints, once in a process; a run needs it in its first tick."""
+    _adapter()
+    _kinematic_adapter()
+
+
 @cache  # built on first use: a run needs that of its own backend only
 def _adapter() -> TypeAdapter[Checkpoint]:
     return TypeAdapter(Checkpoint)

@@ -84,16 +84,24 @@ def load() -> None:
     for module in _MODULES:
         import_module(module)
     from ...logs.meshes.binary_gltf import link_meshes
+    from ...logs.schema import records
+    from ...logs.schema.json_records import record_adapter
     from ...perception.expectation.robot_mask import RobotMask
+    from ...perception.geometry.resting_poses import catalogue_poses
     from ...planning.collision.collision_checker import robot_geometry
     from ...robots.loading import load_robot
     from ...robots.model import RobotModel
     from ...session.arithmetic_probe import arithmetic
     from ...session.environment import revision, sources
     from ...session.recipe import installed_meshes
+    from ...simulation.checkpoints import build_adapters
+    from ...skills import NODES  # each skill is imported when it is asked for: here, all of them are
+    from ...world.scene.loading.scene_loading import load_scene
 
+    assert NODES
     # The robot of the shipped scenes; with another one, each job loads that itself.
     robot = load_robot("panda")
+    catalogue_poses(load_scene("three_bins").catalogue)
     link_meshes(robot.urdf)
     installed_meshes(robot)
     model = RobotModel(robot)
@@ -102,7 +110,9 @@ def load() -> None:
     arithmetic()
     revision()
     sources()
-    arithmetic()
+    build_adapters()
+    for kind in (records.BodyRecord, records.Event, records.PartRecord, records.Tick, records.Tree):
+        record_adapter(kind)
     gc.collect()
     gc.freeze()  # what is shared with the jobs' processes stays shared
 

@@ -12,6 +12,7 @@ import dataclasses
 import types
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cache
 from typing import TYPE_CHECKING, Any, Final, TypeVar, Union, cast, get_args, get_origin, get_type_hints
 
 import orjson
@@ -84,17 +85,7 @@ def _pairs(recorded: Mapping[str, str], now: Mapping[str, str], where: str) -> l
 
 R = TypeVar("R")
 
-
-# Adapters are slow to make, so there is one for each kind of record.
-_adapters: dict[type, TypeAdapter[Any]] = {}
-
-_SCALARS: dict[object, str] = {
-    str: "string",
-    int: "integer",
-    float: "number",
-    bool: "boolean",
-    types.NoneType: "null",
-}
+_SCALARS: dict[object, str] = {str: "string", int: "integer", float: "number", bool: "boolean"}
 
 
 def encode(record: object) -> bytes:
@@ -107,13 +98,16 @@ def decode(kind: type[R], data: bytes) -> R:
 
     Raises ValueError when a field is missing or has another type.
     """
+    record: R = record_adapter(kind).validate_json(data)
+    return record
+
+
+@cache
+def record_adapter(kind: type) -> TypeAdapter[Any]:
+    """Build the reader of a kind of record, once in a process: it takes milliseconds."""
     from pydantic import TypeAdapter  # needed for reading only, and slow to import
 
-    adapter = _adapters.get(kind)
-    if adapter is None:
-        adapter = _adapters[kind] = TypeAdapter(kind)
-    record: R = adapter.validate_json(data)
-    return record
+    return TypeAdapter(kind)
 
 
 def schema(kind: type) -> dict[str, object]:

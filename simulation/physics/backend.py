@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
-from importlib.metadata import version
 from types import MappingProxyType
 
 import numpy as np
 
 from ...errors import PicktreeError
+from ...files.library_parts import library_version
 from ...robots.description import RobotDescription
 from ...robots.model import RobotModel
 from ...world.journal import JournalEvent
@@ -172,7 +172,7 @@ class PhysicsHardware:
         """Return the settings of the physics for the record."""
         return {
             "backend": "physics",
-            "engine": f"pybullet {version('pybullet')}",
+            "engine": f"pybullet {library_version('pybullet')}",
             "step": f"{1 / EVERYDAY_STEP_RATE:.9f} s",
             "solver_iterations": str(SOLVER_ITERATIONS),
             "solver_residual_threshold": str(RESIDUAL_THRESHOLD),
