@@ -25,11 +25,11 @@ PicktreeError with a sentence for people, a wrong argument of a node TypeError. 
 
 from __future__ import annotations
 
-from . import arithmetic, dataclass_methods, moved
+from .arithmetic import pin
+from .moved import install
 
-arithmetic.pin()  # before any library that computes is loaded
-moved.install()
-dataclass_methods.install()
+pin()  # before any library that computes is loaded
+install()
 
 __all__ = [
     "Batch",

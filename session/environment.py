@@ -43,7 +43,6 @@ _FILES_WITHOUT_EFFECT: Final = (
     "batch",
     "cli",
     "commissioning",
-    "dataclass_methods.py",
     "logs/episodes",
     "logs/run_account.py",
     "moved.py",
