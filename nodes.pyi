@@ -1108,8 +1108,8 @@ class WatchScene(Node):
 
     The belief learns of each picture when the camera's time of thinking is over; the child does not wait for
     it. What the arm or what it holds hides stays believed. So a motion notices what comes into its way, and
-    `Grasp` that its object was moved. While something is taken or let go, and for half a second after it, no
-    picture is taken.
+    `Grasp` that its object was moved. While something is taken or let go, for 0.25 s after a grasp and 0.5 s
+    after a release, no picture is taken.
 
     Ports:
         camera: the camera to look through; default overhead.

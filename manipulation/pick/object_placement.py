@@ -201,9 +201,9 @@ def _plan_down(world: World, task: PlaceTask, over: Sequence[PlaceCandidate]) ->
     goal, drop = PoseGoal(tuple(landing.above for landing in over)), over[0].drop
     scaling = world.handling.scaling(task.speed)
     if drop > 0.0:
-        legs = (Request(goal, scaling=scaling), lower_request(world, drop))
+        legs = (Request(goal, scaling=scaling), lower_request(world, drop, task.speed))
         try:
-            return (yield from world.plan.through(legs, node=task.node))
+            return (yield from world.plan.through(legs, node=task.node, rounded=world.handling.rounded))
         except LegFailure as failure:
             if failure.leg != 1:
                 raise

@@ -106,7 +106,7 @@ def test_what_was_lost_on_the_last_centimetres_leaves_doubt() -> None:
 
 
 def test_a_hand_that_turns_is_not_weighed() -> None:
-    weighing, doubt = Lift(0.1, turns=0.5).weigh()
+    weighing, doubt = Lift(0.1, turns=0.6).weigh()
     assert (weighing.load(), weighing.hold) == (None, None)
     assert doubt is not None and doubt.cause is grasp.SLIPPED
 
