@@ -775,7 +775,8 @@ class SetAside(Node):
 class Observe(Node):
     """Look through a camera; list the items that are to be taken somewhere.
 
-    What the hand holds comes first: nothing else can be grasped before. Then the nearest to the robot.
+    What the hand holds comes first: nothing else can be grasped before. The others follow in an order that
+    keeps the travel of the empty hand short.
 
     Ports:
         camera: the camera to look through; default overhead.
