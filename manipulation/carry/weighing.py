@@ -196,6 +196,7 @@ class GripMonitor:
 
     def __init__(self, world: World, above: float = -1e9) -> None:
         """`above`: height of the TCP above which the object is lifted off its support, m."""
+        self._world = world
         self._grip = world.gripper
         self._width = world.gripper.width
         self._slip = SlipWatch(world, above)
@@ -211,6 +212,14 @@ class GripMonitor:
         if width <= MAX_EMPTY_WIDTH or abs(width - self._width) > MAX_OPENING_CHANGE:
             return Failure(grasp.SLIPPED, "the fingers move")
         return Failure(grasp.SLIPPED, "less is felt than was taken up") if self._slip.watch() else None
+
+    @property
+    def weight(self) -> float | None:
+        """Weight of the payload, N, where the last tick shows that it is held; None: measure it at rest."""
+        payload, felt = self._world.control.wrist.payload, self.felt
+        if payload is None or felt is None or (felt.mass - felt.unsure) * GRAVITY < MIN_HELD_LOAD:
+            return None
+        return payload.mass * GRAVITY
 
 
 class LiftWeighing:
