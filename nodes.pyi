@@ -775,7 +775,8 @@ class SetAside(Node):
 class Observe(Node):
     """Look through a camera; list the items that are to be taken somewhere.
 
-    What the hand holds comes first: nothing else can be grasped before. Then the nearest to the robot.
+    What the hand holds comes first: nothing else can be grasped before. The others follow in an order that
+    keeps the travel of the empty hand short.
 
     Ports:
         camera: the camera to look through; default overhead.
@@ -1108,8 +1109,8 @@ class WatchScene(Node):
 
     The belief learns of each picture when the camera's time of thinking is over; the child does not wait for
     it. What the arm or what it holds hides stays believed. So a motion notices what comes into its way, and
-    `Grasp` that its object was moved. While something is taken or let go, and for half a second after it, no
-    picture is taken.
+    `Grasp` that its object was moved. While something is taken or let go, for 0.25 s after a grasp and 0.5 s
+    after a release, no picture is taken.
 
     Ports:
         camera: the camera to look through; default overhead.

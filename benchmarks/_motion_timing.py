@@ -66,7 +66,7 @@ class _Path(AbstractGeometricPath):
         return None
 
 
-def _bare(model: RobotModel, curve: JointCurve) -> Trajectory | None:
+def bare_profile(model: RobotModel, curve: JointCurve) -> Trajectory | None:
     """TOPP-RA with 100 grid points, sampled."""
     v, a = model.velocity_limit, model.acceleration_limit
     limits: list[Constraint] = [
@@ -148,7 +148,7 @@ def _row(name: str, kind: str, model: RobotModel, runs: int, seed: int) -> tuple
             curve = rounded_polyline(_inside(model, rng, count), 0.1)
         stretches = (ScaledStretch(curve.length, Scaling()),)
         cost, timed_curve = _cpu(lambda c=curve, of=stretches: time_curve(model, c, of))
-        bare_cost, reference = _cpu(lambda c=curve: _bare(model, c))
+        bare_cost, reference = _cpu(lambda c=curve: bare_profile(model, c))
         if timed_curve is None:
             continue
         t = timed_curve.trajectory

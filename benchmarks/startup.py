@@ -93,7 +93,9 @@ def seconds(row: Row, folder: Path) -> float:
 
 def cpu(row: Row, command: tuple[str, ...], environment: dict[str, str]) -> float:
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
-    ran = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, check=True)
+    ran = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, check=False)
+    if ran.returncode > 1:  # 1: the goal is missed, as it is by a mission that ends at once
+        sys.exit(f"{' '.join(command)}\n{ran.stderr}")
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
     if row.to_first_tick:
         return float(ran.stderr.split()[-1])

@@ -53,7 +53,8 @@ def bare_packages(*names: str, **contents: Mapping[str, Any]) -> Generator[None]
 
     `names`: packages from the outermost on. `contents`: what a package or module has all the same, by its
     name with underscores for dots. Modules that are loaded in the block stay loaded. The empty packages do
-    not, and are imported as usual later on. Raises ImportError when the outermost one is not installed.
+    not, and are imported as usual later on; they import from these modules, but have no attributes for them.
+    Raises ImportError when the outermost one is not installed.
     """
     root = find_spec(names[0])
     if root is None or root.origin is None:

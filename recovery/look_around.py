@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from ..manipulation.pick.travel_order import travel_order
 from ..manipulation.place.dropped_objects import open_gripper
 from ..planning.requests import NamedGoal
 from ..trees.ports import In, Out, port
@@ -61,8 +62,7 @@ class LookAround(Skill):
                 f"{self.expect or 'nothing'} is not in the view of any camera",
                 object=self.expect,
             )
-        items = sorted(world.to_do(), key=lambda o: (not o.attached, o.pose.position[0], o.id))
-        self.objects = [o.id for o in items]
+        self.objects = [o.id for o in travel_order(world, world.to_do())]
 
     def _look(
         self, world: World, cameras: list[CameraDescription]

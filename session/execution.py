@@ -17,6 +17,7 @@ from ..logs.schema.records import ResumedFrom
 from ..recovery.belief_restart import ResyncReport, resync_belief
 from ..simulation.backends import Simulation, build_hardware
 from ..simulation.faults.injector import FaultInjector, FaultState
+from ..simulation.scoring.scorer import rocks_in
 from ..simulation.scoring.truth import TrueBody
 from ..trees.mission import MAIN, Mission
 from ..trees.running.runner import TickReport, build
@@ -34,6 +35,9 @@ from .run_tally import RunCounters
 
 _MAX_BRAKING_TICKS = 40
 """Upper bound of the number of ticks in which any motion comes to rest."""
+_MAX_ROCKING_TICKS = 40
+"""Greatest number of ticks after the end of a run in which items in bins may come to rest. An upright can
+rocks for 1.2 s."""
 
 
 class Execution:
@@ -136,6 +140,14 @@ class Execution:
         for _ in range(_MAX_BRAKING_TICKS):
             if self.world.control.at_rest:
                 break
+            self.pass_time()
+
+    def let_items_rest(self) -> None:
+        """Pass time until no item rocks in a bin: the score of an ended run is that of items at rest."""
+        bins = self.recipe.scene.bins
+        for _ in range(_MAX_ROCKING_TICKS):
+            if not any(rocks_in(each, body) for body in self.hardware.truth() for each in bins):
+                return
             self.pass_time()
 
     @property

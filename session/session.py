@@ -98,6 +98,8 @@ class Session:
                 observer.started(execution, self.folder)
             try:
                 status = self._loop(recorder)
+                if status in ("success", "failure"):
+                    execution.let_items_rest()
             except KeyboardInterrupt:
                 recorder.settle()
                 status = "interrupted"

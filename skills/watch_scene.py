@@ -19,6 +19,9 @@ if TYPE_CHECKING:
 
 SETTLE_TIME = 0.5
 """Time without images after a release, s: released objects fall and roll."""
+TAKING_TIME = 0.25
+"""Time without images after a grasp, s: neighbours may have been touched. The fast transfer begins soon
+after."""
 MIN_FINGER_MOTION = 0.001
 """Finger motion in a tick above which an object in the hand is released or lost, m."""
 _TIME_TOLERANCE = 1e-9
@@ -29,8 +32,8 @@ class WatchScene(Decorator):
 
     The belief learns of each picture when the camera's time of thinking is over; the child does not wait for
     it. What the arm or what it holds hides stays believed. So a motion notices what comes into its way, and
-    `Grasp` that its object was moved. While something is taken or let go, and for half a second after it, no
-    picture is taken.
+    `Grasp` that its object was moved. While something is taken or let go, for 0.25 s after a grasp and 0.5 s
+    after a release, no picture is taken.
     """
 
     flow = ChildFlow(own={IDLE: FAILURE, RUNNING: FAILURE})
@@ -86,7 +89,8 @@ class WatchScene(Decorator):
         if held != self._held or (held and abs(width - self._width) > MIN_FINGER_MOTION):
             # Old positions say nothing of the present ones: the objects may be falling.
             self._pending = None
-            self._next = max(self._next, now + SETTLE_TIME)
+            taken = bool(held) and not self._held
+            self._next = max(self._next, now + (TAKING_TIME if taken else SETTLE_TIME))
         self._held, self._width = held, width
         pending = self._pending
         if pending is not None and now >= pending.stamp + world.vision.cost - _TIME_TOLERANCE:

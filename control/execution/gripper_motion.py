@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Generator
 from typing import TypeAlias, TypeVar
 
@@ -138,18 +139,21 @@ class GripperControl:
         something holds the fingers."""
         yield from self._open(self._description.max_width if width is None else width, MAX_OPENING_SHORTFALL)
 
-    def release(self, by: float) -> Doing[None]:
+    def release(self, by: float, share: float = 1.0) -> Doing[None]:
         """Open by `by` m to let go of the held object; neighbours may stop the fingers after a quarter of it.
 
-        Raises Failure(control.gripper) when something holds the fingers.
+        Returns once that `share` of it is open, and the fingers go on. Raises Failure(control.gripper) when
+        something holds the fingers.
         """
-        yield from self._open(self.width + by, max(MAX_OPENING_SHORTFALL, (1.0 - MIN_RELEASE_SHARE) * by))
+        begun = self.width
+        short = max(MAX_OPENING_SHORTFALL, (1.0 - MIN_RELEASE_SHARE) * by)
+        yield from self._open(begun + by, short, begun + max(share, MIN_RELEASE_SHARE) * by)
 
-    def _open(self, width: float, short: float) -> Doing[None]:
+    def _open(self, width: float, short: float, enough: float = math.inf) -> Doing[None]:
         target = min(width, self._description.max_width)
         # A finger that alone pushes at something exerts the force of both drives.
         force, self.bound = min(self._opening, self.bound / 2), self._description.max_force
-        reached = yield from self.move(target, force)
+        reached = yield from self.move(target, force, enough=enough)
         if reached < target - short:
             raise self._not_open(reached, target)
 
@@ -172,10 +176,12 @@ class GripperControl:
         yield from self.sound(begun)
         return self.width
 
-    def move(self, width: float, force: float, speed: float | None = None) -> Doing[float]:
+    def move(
+        self, width: float, force: float, speed: float | None = None, *, enough: float = math.inf
+    ) -> Doing[float]:
         """Move towards an opening until it is reached or the fingers stand, and return the opening, m.
 
-        Each finger moves with at most `speed` m/s.
+        Each finger moves with at most `speed` m/s. From an opening of `enough` m on they are not waited for.
         """
         self.start(width, force, speed)
         way = abs(self.width - width)
@@ -186,7 +192,7 @@ class GripperControl:
         while self._clock.now < limit:
             now = self.width
             still = still + 1 if abs(now - before) < STANDING_OPENING_CHANGE else 0
-            if abs(now - width) < OPENING_TOLERANCE or still >= 2:
+            if abs(now - width) < OPENING_TOLERANCE or now >= enough or still >= 2:
                 break
             before = now
             yield

@@ -25,6 +25,10 @@ MIN_HELD_LOAD = 0.012 * GRAVITY
 """Least load that counts as held, N: the weight of 12 g."""
 MIN_RELEASED_SHARE = 0.5
 """Share of the load that must be gone after a release."""
+RELEASED_OPENING_SHARE = 0.33
+"""Share of a release's opening from which an object in the air falls."""
+MAX_FALL_TICKS = 3
+"""Ticks in which the load of a falling object leaves the hand."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,19 +123,34 @@ def fail_as_slipped(world: World, object_id: ObjectId, hold: GripCheck, what: st
 
 
 def release_held_object(
-    world: World, held: BeliefObject, resting: Pose, place: str, reason: str
+    world: World, held: BeliefObject, resting: Pose, place: str, reason: str, *, share: float = 1.0
 ) -> Doing[None]:
     """Open the fingers around the held object, and believe it at `resting` in the world, in `place`.
 
-    A halt does the same: the fingers go on opening.
+    It ends when that `share` of the opening is reached. A halt does the same: the fingers go on opening.
     """
     try:
-        yield from world.gripper.release(world.handling.release)
+        yield from world.gripper.release(world.handling.release, share)
     except GeneratorExit:
         world.scene.detach(held.id, resting, place, "let go")
         raise
     world.control.wrist.carry(None)
     world.scene.detach(held.id, resting, place, reason)
+
+
+def drop_held_object(
+    world: World, held: BeliefObject, resting: Pose, before: float, place: str
+) -> Doing[bool]:
+    """Let the held object fall, and return whether its load, `before` N, has left the hand.
+
+    The arm is at rest. The fingers go on opening.
+    """
+    yield from release_held_object(world, held, resting, place, "placed", share=RELEASED_OPENING_SHARE)
+    for _ in range(MAX_FALL_TICKS):
+        if is_released(before, world.control.load(world.tick)):
+            return True
+        yield
+    return False
 
 
 def is_released(before: float, after: float) -> bool:

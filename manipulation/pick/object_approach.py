@@ -83,7 +83,9 @@ def _approach_or_stop(world: World, task: PickTask, replans: ReplanBudget) -> Do
         candidate, watch = found, TargetWatch(world, belief)
         try:
             if task.servo and world.vision.hand is not None:
-                candidate = yield from servo_to_grasp(world, found, task.node, first=first, watch=watch)
+                candidate = yield from servo_to_grasp(
+                    world, found, task.node, task.speed, first=first, watch=watch
+                )
                 # Detections of the hand camera count; another camera may err by its mounting.
                 watch = None
             transfer = plan_transfer_ahead(world, candidate, task.speed, task.node) if task.onward else None

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -25,12 +24,9 @@ if TYPE_CHECKING:
     from ...planning.service.lookahead_planning import LookaheadResult
     from ...skill_world.world import World
     from ...world.belief.planning_scene import BeliefObject
-    from ...world.values import Vector3
 
 CLEAR_LIFT_SHARE = 0.5
 """Share of the lift height above which an object is clear of its neighbours."""
-MAX_LOST_DISTANCE = 0.03
-"""Distance from the place of the grasp within which a lost object is grasped again, m."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -55,8 +51,8 @@ class LostGrasp:
 
     failure: Failure
     """Failure grasp.missed or grasp.slipped."""
-    gripped_at: Vector3 | None
-    """Place of the object between the fingers, m in the world. None: the fingers met."""
+    gripped: bool
+    """Whether the object was between the fingers. Otherwise they met."""
 
 
 def close_on_object(
@@ -106,7 +102,8 @@ def lift_object(world: World, task: PickTask, grip: ClosedGrip) -> Doing[LostGra
         return None
     world.attempts.failed(task.node, task.object, name)
     world.handover.drop()
-    release_object(world.scene, "not felt in the hand")
+    # Too little was felt during the whole lift: the object stayed behind, and the hand has moved on.
+    release_object(world.scene, "not felt in the hand", left_at=grip.belief.pose)
     yield from world.gripper.open()
     cause, what = (
         (grasp.MISSED, "the fingers met and hold nothing")
@@ -122,7 +119,7 @@ def lift_object(world: World, task: PickTask, grip: ClosedGrip) -> Doing[LostGra
         load=hold.load,
         expected_width=grip.candidate.grasp.expected_width,
     )
-    return LostGrasp(failure, None if grip.felt.empty else grip.belief.pose.position)
+    return LostGrasp(failure, gripped=not grip.felt.empty)
 
 
 def _lift(world: World, task: PickTask, grip: ClosedGrip) -> Doing[GripCheck]:
@@ -195,7 +192,7 @@ def relocate_object(world: World, task: PickTask, lost: LostGrasp) -> Doing[bool
     """Look for the object from the present pose, and return whether it can be grasped again at once.
 
     This costs no motion; cameras on the hand come first. They may see an object that the hand hides from the
-    others. An object that slipped near the place of the grasp counts as found there.
+    others. An object that slipped counts as found where it was gripped, unless it is seen not to be there.
     """
     yield from world.control.settle()
     cameras = sorted(world.description.cameras, key=lambda camera: camera.on != "hand")
@@ -205,9 +202,7 @@ def relocate_object(world: World, task: PickTask, lost: LostGrasp) -> Doing[bool
             _note_regrasp(world, task, lost, f"seen by {camera.name}")
             return True
     believed = world.scene.find(task.object)
-    if lost.failure.cause is not grasp.SLIPPED or lost.gripped_at is None or believed is None:
-        return False
-    if math.dist(believed.pose.position[:2], lost.gripped_at[:2]) > MAX_LOST_DISTANCE:
+    if lost.failure.cause is not grasp.SLIPPED or believed is None:
         return False
     _note_regrasp(world, task, lost, "it was lost where it was gripped")
     return True

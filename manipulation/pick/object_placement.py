@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from ...planning.requests import LegFailure, MotionPlan, PoseGoal, Request
@@ -13,7 +13,12 @@ from ...world.causes import world as world_causes
 from ...world.scene.description import Bin
 from ...world.shapes import bottom
 from ...world.values import ObjectId, Pose
-from ..carry.hold_check import check_held_object, confirm_release, release_held_object
+from ..carry.hold_check import (
+    check_held_object,
+    confirm_release,
+    drop_held_object,
+    release_held_object,
+)
 from ..carry.weighing import GripMonitor, is_fragile, payload_force, update_payload_mass
 from ..grasp.straight_lines import lower, withdraw
 from ..place.release_poses import bin_target, blocked, levels, place_candidates, put_down_poses
@@ -62,6 +67,8 @@ class ReleaseSpot:
     name: str
     floor: float = 0.0
     """Height of the heap above the bin's floor, m."""
+    weight: float | None = None
+    """Weight of the object as felt on arrival, N. None: it has to be measured at rest."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -100,12 +107,11 @@ def carry_to_place(world: World, task: PlaceTask) -> Doing[ReleaseSpot]:
             return _plan_to_point(world, task, held) if task.at else _plan_to_bin(world, task, held)
 
         plan = yield from plan_after_stop(world, ask, task.node, after=replans.made)
-        guard, watch = (
-            world.handling.guard + payload_force(world),
-            _CarryMonitor(GripMonitor(world), plan.room),
-        )
+        guard = world.handling.guard + payload_force(world)
+        watch = _CarryMonitor(GripMonitor(world), plan.room)
         motion = world.move.along(plan.motion.trajectory, guard=guard, watch=watch, node=task.node)
-        spot = plan.spot if (yield from _arrives(motion, replans)) else None
+        if (yield from _arrives(motion, replans)):
+            spot = replace(plan.spot, weight=watch.grip.weight)
     return spot
 
 
@@ -132,7 +138,7 @@ def _finish_handover(world: World, task: PlaceTask, replans: ReplanBudget) -> Do
     guard = world.handling.guard + payload_force(world)
     watch = _CarryMonitor(GripMonitor(world), room)
     arrived = yield from _arrives(world.move.finish(guard=guard, watch=watch, node=task.node), replans)
-    return ReleaseSpot(left.landing.spot, left.landing.height) if arrived else None
+    return ReleaseSpot(left.landing.spot, left.landing.height, watch.grip.weight) if arrived else None
 
 
 def _fits(world: World, task: PlaceTask, left: Handover, going: Trajectory) -> bool:
@@ -200,9 +206,9 @@ def _plan_down(world: World, task: PlaceTask, over: Sequence[PlaceCandidate]) ->
     goal, drop = PoseGoal(tuple(landing.above for landing in over)), over[0].drop
     scaling = world.handling.scaling(task.speed)
     if drop > 0.0:
-        legs = (Request(goal, scaling=scaling), lower_request(world, drop))
+        legs = (Request(goal, scaling=scaling), lower_request(world, drop, task.speed))
         try:
-            return (yield from world.plan.through(legs, node=task.node))
+            return (yield from world.plan.through(legs, node=task.node, rounded=world.handling.rounded))
         except LegFailure as failure:
             if failure.leg != 1:
                 raise
@@ -235,15 +241,23 @@ def lower_and_release(world: World, task: PlaceTask, spot: ReleaseSpot) -> Doing
 
     Raises grasp.slipped when it is not held before, and place.missed when it still hangs on the open hand.
     """
-    held = yield from measure_held_object(world, task.object)
-    hanging = world.control.load()
+    hanging = spot.weight
+    if hanging is None:
+        yield from measure_held_object(world, task.object)
+        hanging = world.control.load()
+    held = world.scene.get(task.object)
     yield from lower(world, held, None if task.at else task.bin(world), task.node)
     held = world.scene.get(held.id)
     resting = held.pose if task.at else _resting_pose(task.bin(world), held, spot)
-    yield from release_held_object(world, held, resting, task.into or "table", "placed")
+    fragile = is_fragile(world, held.kind)
+    if not task.at and not fragile:
+        if (yield from drop_held_object(world, held, resting, hanging, task.into)):
+            return held
+    else:
+        yield from release_held_object(world, held, resting, task.into or "table", "placed")
     if task.at:
         yield from withdraw(world, task.node)
-    elif is_fragile(world, held.kind):
+    elif fragile:
         yield from _withdraw_if_free(world, task.node)
     yield from confirm_release(world, held, hanging, place.MISSED)
     return held

@@ -337,7 +337,7 @@ class CandidateSearch:
         world, grasp = self._world, branch.grasp
         legs = approach(world, self._belief.id, grasp, branch.over, speed)
         try:
-            plan = yield from world.plan.through(legs, node=self._node)
+            plan = yield from world.plan.through(legs, node=self._node, rounded=world.handling.rounded)
         except Failure as failure:
             if failure.cause is planning.START_IN_COLLISION:
                 raise

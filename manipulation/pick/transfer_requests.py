@@ -34,18 +34,17 @@ def approach(
     """
     return (
         Request(JointGoal(over), scaling=world.handling.scaling(speed)),
-        descend_requests(world, object_id, grasp),
+        descend_requests(world, object_id, grasp, speed),
     )
 
 
-def descend_requests(world: World, object_id: ObjectId, grasp: GraspCandidate) -> Request:
+def descend_requests(world: World, object_id: ObjectId, grasp: GraspCandidate, speed: float) -> Request:
     """Return the request from the pre-grasp straight down. For a flat object it ends early; the rest is a
     guarded move."""
     felt = world.handling.felt_way / 2 if grasp.flat else 0.0
     down = LineGoal(grasp.tcp_in_world.shifted((0.0, 0.0, felt)))
-    return Request(
-        down, width=grasp.opening, allowed=(("gripper", object_id),), scaling=world.handling.slowly
-    )
+    scaling = world.handling.scaling(speed)
+    return Request(down, width=grasp.opening, allowed=(("gripper", object_id),), scaling=scaling)
 
 
 def transfer_requests(
@@ -61,27 +60,27 @@ def transfer_requests(
 
     `over`: configuration (n,) over the place, or TCP poses of which one is reached.
     """
-    handling = world.handling
+    handling, scaling = world.handling, world.handling.scaling(speed)
     tcp = world.robot.tcp(start)
     near = world.queries.hand_contacts(tcp, width, ignore=(holding.object,), margin=NEIGHBOUR_DISTANCE)
     neighbours = tuple(("gripper", name) for name in sorted({contact.b for contact in near}))
     goal = PoseGoal(over) if isinstance(over, tuple) else JointGoal(over)
     up = OffsetGoal((0.0, 0.0, handling.approach), least_fraction=MIN_LIFT_SHARE)
     legs = [
-        Request(up, start, width, holding, neighbours, scaling=handling.slowly),
-        Request(goal, width=width, holding=holding, scaling=handling.scaling(speed)),
+        Request(up, start, width, holding, neighbours, scaling=scaling),
+        Request(goal, width=width, holding=holding, scaling=scaling),
     ]
     if drop > 0.0:
-        legs.append(lower_request(world, drop, width, holding))
+        legs.append(lower_request(world, drop, speed, width, holding))
     return tuple(legs)
 
 
 def lower_request(
-    world: World, drop: float, width: float | None = None, holding: HeldObject | None = None
+    world: World, drop: float, speed: float, width: float | None = None, holding: HeldObject | None = None
 ) -> Request:
     """Return the request straight down with a held object, where no contact is expected."""
     down = OffsetGoal((0.0, 0.0, -drop), least_fraction=MIN_LIFT_SHARE)
-    return Request(down, width=width, holding=holding, scaling=world.handling.slowly)
+    return Request(down, width=width, holding=holding, scaling=world.handling.scaling(speed))
 
 
 def plan_transfer_ahead(
@@ -96,7 +95,7 @@ def plan_transfer_ahead(
     holding = HeldObject(candidate.object, candidate.object_in_tcp)
     width, drop = candidate.grasp.expected_width, candidate.landing.drop
     legs = transfer_requests(world, holding, candidate.at, width, candidate.above, drop, speed)
-    return world.plan.ahead(world.plan.through(legs, node=node))
+    return world.plan.ahead(world.plan.through(legs, node=node, rounded=world.handling.rounded))
 
 
 def plan_transfer_from_here(
@@ -112,7 +111,7 @@ def plan_transfer_from_here(
     start = world.control.held_position
     width, drop = candidate.grasp.expected_width, candidate.landing.drop
     legs = transfer_requests(world, holding, start, width, (above,), drop, speed)
-    return world.plan.ahead(world.plan.through(legs, node=node))
+    return world.plan.ahead(world.plan.through(legs, node=node, rounded=world.handling.rounded))
 
 
 def take_transfer(world: World, transfer: LookaheadResult[MotionPlan]) -> Doing[MotionPlan | None]:

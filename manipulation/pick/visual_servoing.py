@@ -147,7 +147,13 @@ class ServoCorrection:
 
 
 def servo_to_grasp(
-    world: World, pick: PickPlaceCandidate, node: str, *, first: bool = True, watch: Watch | None = None
+    world: World,
+    pick: PickPlaceCandidate,
+    node: str,
+    speed: float,
+    *,
+    first: bool = True,
+    watch: Watch | None = None,
 ) -> Doing[PickPlaceCandidate]:
     """Move the hand over a grasp, look, and correct the grasp; the arm then stands over it.
 
@@ -164,7 +170,8 @@ def servo_to_grasp(
     over = pick.approach.legs[0].trajectory
     yield from world.move.along(over, guard=world.handling.guard, watch=watch, node=node)
     grasp = yield from _corrected(world, pick, camera, node, first=first)
-    plan = yield from world.plan.through((descend_requests(world, pick.object, grasp),), node=node)
+    down = descend_requests(world, pick.object, grasp, speed)
+    plan = yield from world.plan.through((down,), node=node)
     return replace(pick, grasp=grasp, at=plan.trajectory.end, approach=plan)
 
 

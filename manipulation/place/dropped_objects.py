@@ -97,11 +97,16 @@ def open_gripper(world: World, reason: str, width: float | None = None) -> Doing
     release_object(world.scene, reason)
 
 
-def release_object(scene: PlanningScene, reason: str) -> None:
-    """Detach the held object, and believe it straight below, on the highest fixture or bin floor there."""
+def release_object(scene: PlanningScene, reason: str, *, left_at: Pose | None = None) -> None:
+    """Detach the held object, and believe it at `left_at` in the world.
+
+    By default it is straight below the hand, on the highest fixture or bin floor there.
+    """
     held = scene.held
     if held is None:
         return
+    if left_at is not None:
+        held = replace(held, pose=left_at)
     x, y, z = held.pose.position
     support, place = support_height_at(scene, x, y) or 0.0, "table"
     for bin_ in scene.bins.values():

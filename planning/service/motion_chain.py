@@ -36,6 +36,8 @@ CORNER_CUTS = (0.4, 0.2, 0.1, 0.05, 0.02)
 """Distances at which the corner between two legs is cut on either side, tried in this order, rad."""
 MAX_CORNER_SHARE = 0.45
 """Share of a leg that may be rounded at each of its ends."""
+MAX_LONE_CORNER_SHARE = 0.7
+"""Share of the first or the last leg that may be rounded: it has one corner."""
 MIN_CORNER_COSINE = -0.9
 """Cosine of the turn between two legs below which the arm stops: the path goes back on itself."""
 CORNER_CHECK_STEP = 0.02
@@ -89,7 +91,7 @@ class MotionChain:
         if not moving:
             trajectory, ends = stationary_trajectory(plans[-1].path[-1]), [0.0] * len(plans)
         else:
-            corners = [self._corner(a, b) for a, b in itertools.pairwise(moving)]
+            corners = self._corners(moving)
             timed = self._timed(moving, corners)
             if timed is None and any(corners):
                 timed = self._timed(moving, [None] * len(corners))
@@ -136,11 +138,21 @@ class MotionChain:
                     return curve
         return spline_through(distinct(plan.trajectory.position[:: max(1, len(plan.trajectory.times) // 60)]))
 
-    def _corner(self, before: _Leg, after: _Leg) -> float | None:
-        """Return the distance at which the corner between two legs is cut, rad; None: the arm stops there."""
+    def _corners(self, legs: Sequence[_Leg]) -> list[float | None]:
+        """Return the distance at which the corner after each leg but the last is cut, rad; None: the arm
+        stops there."""
+        shares = [MAX_LONE_CORNER_SHARE, *[MAX_CORNER_SHARE] * (len(legs) - 2), MAX_LONE_CORNER_SHARE]
+        room = [
+            min(self._room(before, share, at_end=True), self._room(after, other, at_end=False))
+            for (before, share), (after, other) in itertools.pairwise(zip(legs, shares, strict=False))
+        ]
+        return [self._corner(*pair, each) for pair, each in zip(itertools.pairwise(legs), room, strict=True)]
+
+    def _corner(self, before: _Leg, after: _Leg, room: float) -> float | None:
+        """Return the distance at which the corner between two legs is cut, at most `room` rad; None: the arm
+        stops there."""
         if float(_end_direction(before.curve) @ after.curve.at(0.0, 1)) < MIN_CORNER_COSINE:
             return None
-        room = min(self._room(before, at_end=True), self._room(after, at_end=False))
         tried = sorted(
             {min(radius, room) for radius in CORNER_CUTS if min(radius, room) > 1e-3}, reverse=True
         )
@@ -156,16 +168,16 @@ class MotionChain:
         way = self._way(leg.request)
         return all(way.free(q) for q in configurations) and all(constraints.hold(q) for q in configurations)
 
-    def _room(self, leg: _Leg, *, at_end: bool) -> float:
-        """Return how far a corner may reach into a leg, rad."""
+    def _room(self, leg: _Leg, most: float, *, at_end: bool) -> float:
+        """Return how far a corner may reach into a leg, rad: at most that share of it."""
         whole = leg.curve.length
         if not leg.line:
-            return MAX_CORNER_SHARE * whole
+            return most * whole
         begin = np.array(self._solver.model.tcp(leg.plan.path[0]).position)
         end = np.array(self._solver.model.tcp(leg.plan.path[-1]).position)
         length = float(np.linalg.norm(end - begin))
         # The joints' travel along a line is uneven: the part near the corner is measured by itself.
-        share = MAX_CORNER_SHARE if length < 1e-6 else min(MAX_CORNER_SHARE, self._rounded / length)
+        share = most if length < 1e-6 else min(most, self._rounded / length)
         index = round(share * (len(leg.plan.path) - 1))
         part = leg.plan.path[-1 - index :] if at_end else leg.plan.path[: index + 1]
         return float(np.linalg.norm(np.diff(part, axis=0), axis=1).sum())

@@ -170,7 +170,17 @@ def _rests(body: TrueBody) -> bool:
 def lies_in(each: Bin, body: TrueBody) -> bool:
     """Return whether the item rests with its centre in the bin's inside and its lowest point below the
     rim."""
-    if not body.present or not _rests(body):
+    return is_inside(each, body) and _rests(body)
+
+
+def rocks_in(each: Bin, body: TrueBody) -> bool:
+    """Return whether the item is in the bin's inside, and still moves there."""
+    return is_inside(each, body) and not _rests(body)
+
+
+def is_inside(each: Bin, body: TrueBody) -> bool:
+    """Return whether the item's centre is in the bin's inside, and its lowest point below the rim."""
+    if not body.present:
         return False
     item_in_bin = each.pose.inverse() @ body.pose
     (x_low, y_low, _), (x_high, y_high, rim) = each.inside()

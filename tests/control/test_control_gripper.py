@@ -103,3 +103,21 @@ def test_fingers_that_cannot_open_say_so() -> None:
     with pytest.raises(Failure, match=r"^control.gripper: the fingers opened 30 mm of 80 mm$"):
         for _ in doing:
             fingers.tick()
+
+
+def released(fingers: Fingers, share: float) -> tuple[float, float]:
+    """Release by 30 mm; the opening when the call ends, and the one that is commanded."""
+    for _ in GripperControl(fingers, fingers, ROBOT.gripper).release(0.03, share):
+        fingers.tick()
+    return fingers.width, fingers.target
+
+
+def test_a_release_ends_at_its_share_while_the_fingers_go_on() -> None:
+    width, target = released(Fingers(width=0.04), 0.33)
+    assert (0.05 <= width <= 0.051, target) == (True, pytest.approx(0.07))
+    assert released(Fingers(width=0.04), 1.0) == (pytest.approx(0.07), pytest.approx(0.07))
+
+
+def test_a_release_in_part_fails_where_the_fingers_are_held() -> None:
+    with pytest.raises(Failure, match=r"^control.gripper: the fingers opened 30 mm of 60 mm$"):
+        released(Fingers(jammed=True, width=0.03), 0.33)

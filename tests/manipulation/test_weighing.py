@@ -9,6 +9,7 @@ from typing import cast
 import numpy as np
 import pytest
 
+from picktree.control.wrist.payload_estimate import MassEstimate, Payload
 from picktree.manipulation.carry.weighing import GripMonitor, LiftWeighing
 from picktree.robots.loading import load_robot
 from picktree.robots.model import RobotModel
@@ -106,7 +107,7 @@ def test_what_was_lost_on_the_last_centimetres_leaves_doubt() -> None:
 
 
 def test_a_hand_that_turns_is_not_weighed() -> None:
-    weighing, doubt = Lift(0.1, turns=0.5).weigh()
+    weighing, doubt = Lift(0.1, turns=0.6).weigh()
     assert (weighing.load(), weighing.hold) == (None, None)
     assert doubt is not None and doubt.cause is grasp.SLIPPED
 
@@ -119,3 +120,16 @@ def test_fingers_that_move_leave_doubt(width: float) -> None:
     world.gripper.__dict__["width"] = width
     doubt = kept.watch()
     assert doubt is not None and doubt.cause is grasp.SLIPPED
+
+
+@pytest.mark.parametrize(
+    ("felt", "weight"), [((0.09, 0.02), 0.1 * G), ((0.09, 0.08), None), ((0.01, 0.015), None), (None, None)]
+)
+def test_what_is_surely_felt_on_arrival_need_not_be_weighed_at_rest(
+    felt: tuple[float, float] | None, weight: float | None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    world = Lift(0.1).world()
+    world.control.wrist.__dict__["payload"] = Payload(0.1, 0.005)
+    kept = GripMonitor(world)
+    monkeypatch.setattr(GripMonitor, "felt", None if felt is None else MassEstimate(*felt))
+    assert kept.weight == (None if weight is None else pytest.approx(weight))

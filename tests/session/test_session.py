@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import signal
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -16,7 +17,9 @@ from picktree.session.assembly import TICK_LENGTH
 from picktree.session.checkpoints import RunState
 from picktree.session.observer import Observer
 from picktree.session.session import RunRequest, Session
+from picktree.simulation.scoring.truth import TrueBody
 from picktree.trees.running.runner import TickReport
+from picktree.trees.status import NodeStatus
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 TOPICS = {
@@ -45,6 +48,32 @@ class Interrupting(Observer):
     def ticked(self, now: float, report: TickReport, items_done: int, items_total: int) -> None:
         if round(now / TICK_LENGTH) == 6:
             os.kill(os.getpid(), signal.SIGINT)
+
+
+@pytest.mark.parametrize(
+    ("rocks", "height", "waited"), [(0.0, 0.0, 0), (0.6, 0.0, 12), (0.6, 0.3, 0), (9.0, 0.0, 40)]
+)
+def test_what_still_rocks_in_its_bin_comes_to_rest_before_it_is_scored(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, rocks: float, height: float, waited: int
+) -> None:
+    """At most two seconds are waited; an item that moves above its bin is not waited for."""
+    (tmp_path / "one.yaml").write_text(ONE_ITEM)
+    session = Session(request(tmp_path, "sort_by_colour", scene=str(tmp_path / "one.yaml")))
+    hardware, tree = session.execution.hardware, session.execution.tree
+    truth, ended = hardware.truth, list[float]()
+
+    def rocking() -> tuple[TrueBody, ...]:
+        (body,) = truth()
+        if tree.status is not NodeStatus.SUCCESS:
+            return (body,)
+        ended[:] = ended or [hardware.clock.now]
+        spin = 2.0 if hardware.clock.now < ended[0] + rocks - 1e-9 else 0.0
+        return (replace(body, spin=(0.0, spin, 0.0), pose=body.pose.shifted((0.0, 0.0, height))),)
+
+    monkeypatch.setattr(hardware, "truth", rocking)
+    result = session.run()
+    assert result.sim_seconds == pytest.approx(ended[0] + waited * TICK_LENGTH)
+    assert result.items.sorted == (rocks < 2.0 and height == 0.0)
 
 
 def test_a_run_leaves_a_log_a_result_and_the_files_it_was_made_from(picked: RunResult) -> None:

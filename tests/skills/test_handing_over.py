@@ -226,7 +226,7 @@ def test_a_transfer_is_made_only_from_where_the_arm_stands(
     assert cell.world.control.monitor.stops == 0
 
 
-@pytest.mark.parametrize(("risen", "lifted"), [(0.01, True), (0.06, False)])
+@pytest.mark.parametrize(("risen", "lifted"), [(0.002, True), (0.06, False)])
 def test_a_transfer_that_is_blocked_low_is_lifted_clear_first(risen: float, lifted: bool) -> None:
     """Stopped among its neighbours the object is lifted straight up; above them it stays where it is."""
     cell, (block,) = looked(block=1)
