@@ -89,6 +89,11 @@ class GripperDescription:
     finger_bodies: tuple[tuple[Box, Pose], ...] = ()
     """Box of the rest of each finger behind its pad, with its pose in its finger link; empty: unknown."""
 
+    def finger_depth(self, *, whole: bool) -> float:
+        """Return half of a finger's size along the TCP's x axis, m. `whole`: with the body behind the pad."""
+        bodies = self.finger_bodies[:1] if whole else ()
+        return max(box.size[0] for box, _ in (self.pads[0], *bodies)) / 2
+
 
 @dataclass(frozen=True, slots=True)
 class RobotDescription:
@@ -120,9 +125,9 @@ class RobotDescription:
 
 
 def tool_outline(gripper: GripperDescription, opening: float) -> tuple[PlanarOutline, PlanarOutline]:
-    """Return the outlines of the two finger pads from above, the +y pad first. `opening` in m; frame: the
+    """Return the outlines of the two fingers from above, the +y finger first. `opening` in m; frame: the
     TCP's planar frame, with y across the fingers."""
-    depth, thick = gripper.pads[0][0].size[0] / 2, gripper.pads[0][0].size[1]
+    depth, thick = gripper.finger_depth(whole=True), gripper.pads[0][0].size[1]
     near, far = opening / 2, opening / 2 + thick
     one = np.array([[-depth, near], [depth, near], [depth, far], [-depth, far]])
     other = np.array([[-depth, -far], [depth, -far], [depth, -near], [-depth, -near]])

@@ -63,12 +63,23 @@ def push_sides(belief: BeliefObject, gripper: GripperDescription, towards: float
     `towards`: wanted direction in its planar frame, rad. A round object has a side for each direction.
     """
     shape = outline(belief.shape, belief.pose)
+    depth = _touching_depth(belief, gripper)
     if shape.round:
-        return tuple(_cradle(shape.radius, towards + turn, gripper) for turn in ROUND_PUSH_TURNS)
+        return tuple(_cradle(shape.radius, towards + turn, depth, gripper) for turn in ROUND_PUSH_TURNS)
     lies = curved(belief)  # A cylinder's planar frame has its axis along x: pushed across it, it rolls.
     return tuple(
-        replace(side, rolls=lies and abs(math.cos(side.heading)) < 0.5) for side in _flats(shape, gripper)
+        replace(side, rolls=lies and abs(math.cos(side.heading)) < 0.5)
+        for side in _flats(shape, depth, gripper)
     )
+
+
+def _touching_depth(belief: BeliefObject, gripper: GripperDescription) -> float:
+    """Return the distance from the TCP to the part of the fingers that touches the object, m.
+
+    An object that reaches above the pads is touched by the bodies of the fingers, where these are wider.
+    """
+    pads_end = bottom(belief.shape, belief.pose) + TIP_SUPPORT_CLEARANCE + gripper.pads[0][0].size[2]
+    return gripper.finger_depth(whole=not curved(belief) and top(belief.shape, belief.pose) > pads_end)
 
 
 def height(belief: BeliefObject, gripper: GripperDescription, tip: float) -> float:
@@ -96,8 +107,8 @@ def curved(belief: BeliefObject) -> bool:
             return False
 
 
-def _flats(shape: PlanarOutline, gripper: GripperDescription) -> Sequence[PushSide]:
-    depth, thick = gripper.pads[0][0].size[0] / 2, gripper.pads[0][0].size[1]
+def _flats(shape: PlanarOutline, depth: float, gripper: GripperDescription) -> Sequence[PushSide]:
+    thick = gripper.pads[0][0].size[1]
     found: list[PushSide] = []
     for k, (a, b) in enumerate(zip(shape.corners, np.roll(shape.corners, -1, axis=0), strict=True)):
         edge = b - a
@@ -118,8 +129,7 @@ def _flats(shape: PlanarOutline, gripper: GripperDescription) -> Sequence[PushSi
     return found
 
 
-def _cradle(radius: float, yaw: float, gripper: GripperDescription) -> PushSide:
-    depth = gripper.pads[0][0].size[0] / 2
+def _cradle(radius: float, yaw: float, depth: float, gripper: GripperDescription) -> PushSide:
     opening = min(CRADLE_OPENING_RATIO * radius, gripper.max_width)
     away = (
         math.sqrt((radius + FINGER_EDGE_RADIUS) ** 2 - (opening / 2 + FINGER_EDGE_RADIUS) ** 2)
