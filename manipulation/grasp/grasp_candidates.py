@@ -16,7 +16,7 @@ import numpy as np
 from ...robots.description import GripperDescription
 from ...world.belief.planning_scene import BeliefObject
 from ...world.shapes import Box, ConvexMesh, Cylinder, Sphere, corners, extents
-from ...world.values import Array, Pose
+from ...world.values import Array, Pose, cross
 
 ROOMY_EXCESS, TIGHT_EXCESS = 0.020, 0.010
 """Greatest and least excess of the opening over the object's width, m, for the two tiers."""
@@ -116,7 +116,7 @@ def _from_above(position: tuple[float, float, float], yaw: float) -> Pose:
     """Return the TCP pose with z down and its y axis at `yaw` from the world's x axis, rad."""
     closing = np.array([math.cos(yaw), math.sin(yaw), 0.0])
     down = np.array([0.0, 0.0, -1.0])
-    rotation = np.column_stack([np.cross(closing, down), closing, down])
+    rotation = np.column_stack([cross(closing, down), closing, down])
     return Pose.from_rotation(position, rotation)
 
 

@@ -63,23 +63,23 @@ def test_an_item_snatched_away_between_observation_and_grasp(backend: Backend, t
         (GRASP, "world.unknown_object"),
     }
     told = story(result, "fault", "pick", "recovery", "handled", "item_done")
-    assert told[:4] == ["pick blue_plate_1", "item_done blue_plate_1", "fault item_01", "pick green_can_1"]
+    assert told[:4] == ["pick blue_plate_1", "item_done blue_plate_1", "fault item_02", "pick red_ball_1"]
     assert told[4] == "recovery grasp.missed"
     assert told[-5:] == [
         "handled world.unknown_object",
         "pick red_block_1",
         "item_done red_block_1",
-        "pick red_ball_1",
-        "item_done red_ball_1",
+        "pick green_can_1",
+        "item_done green_can_1",
     ]
     with RunLog(result.log) as log:
         lines = [at.record for at in log.lines()]
         last = log.belief_at(result.sim_seconds)
-    assert ("WARNING", "item_01 is snatched away") in {(line.level, line.message) for line in lines}
+    assert ("WARNING", "item_02 is snatched away") in {(line.level, line.message) for line in lines}
     errors = [line.message for line in lines if line.level == "ERROR" and line.name == GRASP]
-    assert errors[0].startswith("grasp.missed: green_can_1: the fingers met and hold nothing (opening ")
+    assert errors[0].startswith("grasp.missed: red_ball_1: the fingers met and hold nothing (opening ")
     assert last is not None
-    assert "green_can_1" not in {body.id for body in last.record.bodies}
+    assert "red_ball_1" not in {body.id for body in last.record.bodies}
 
 
 def test_a_slippery_heavy_item_in_physics(tmp_path: Path) -> None:
@@ -91,7 +91,7 @@ def test_a_slippery_heavy_item_in_physics(tmp_path: Path) -> None:
     assert set(result.recoveries) == {"grasp.slipped"}
     assert failed_nodes(result) == {(GRASP, "grasp.slipped")}
     told = story(result, "fault", "pick", "recovery", "handled", "item_done")
-    assert told[2:6] == ["fault item_01", *["pick green_can_1"] * 2, "recovery grasp.slipped"]
+    assert told[2:6] == ["fault item_02", *["pick red_ball_1"] * 2, "recovery grasp.slipped"]
     assert told.count("recovery grasp.slipped") == 2
     assert told[-5:-3] == ["handled grasp.slipped", "pick red_block_1"]
-    assert told[-1] == "item_done red_ball_1"
+    assert told[-1] == "item_done green_can_1"
