@@ -19,7 +19,7 @@ from ...world.scene.description import Bin, Fixture
 from ...world.values import GripperState, JointState, Pose, Wrench
 from ..schema import topics
 from ..schema.event_records import ImageEvent, event_record
-from ..schema.json_records import TickMessages, encode
+from ..schema.json_records import encode
 from ..schema.records import (
     Control,
     LinkMesh,
@@ -101,7 +101,7 @@ class Recorder:
         self._listener = listener
         self._preamble = False
         self._digest = Digest(bytes.fromhex(resumed.digest)) if resumed else Digest()
-        self._ticks = TickMessages()
+        self._ticks = journal_records.TickMessages()
         self._joints = foxglove_messages.JointMessages()
         self._transforms = foxglove_messages.TransformMessages()
         self._beliefs = foxglove_messages.SceneMessages(locked=True)

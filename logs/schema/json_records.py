@@ -5,18 +5,14 @@ from __future__ import annotations
 import dataclasses
 import types
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, Final, TypeVar, Union, cast, get_args, get_origin, get_type_hints
+from typing import TYPE_CHECKING, Any, TypeVar, Union, cast, get_args, get_origin, get_type_hints
 
 import orjson
-
-from .records import NodeStatusRecord, Tick
 
 R = TypeVar("R")
 
 if TYPE_CHECKING:
     from pydantic import TypeAdapter
-
-_TICK_FIELDS: Final = tuple(field.name for field in dataclasses.fields(Tick))
 
 # Adapters are slow to make, so there is one for each kind of record.
 _adapters: dict[type, TypeAdapter[Any]] = {}
@@ -27,27 +23,6 @@ _SCALARS: dict[object, str] = {str: "string", int: "integer", float: "number", b
 def encode(record: object) -> bytes:
     """Encode a record as one line of JSON. Raises TypeError for values that JSON cannot express."""
     return orjson.dumps(record, option=orjson.OPT_SERIALIZE_NUMPY | orjson.OPT_NON_STR_KEYS)
-
-
-class TickMessages:
-    """Encoder of `/bt/tick`. Most nodes are the same from tick to tick, so only changed ones are encoded."""
-
-    def __init__(self) -> None:
-        self._nodes: tuple[NodeStatusRecord, ...] = ()
-        self._json: list[orjson.Fragment] = []
-
-    def encode(self, tick: Tick) -> bytes:
-        """Encode a tick as `encode` does. A node's record counts as changed when it is another object."""
-        known, self._nodes = self._nodes, tick.nodes
-        if len(known) != len(tick.nodes):
-            self._json = [orjson.Fragment(encode(node)) for node in tick.nodes]
-        else:
-            last = zip(tick.nodes, known, self._json, strict=True)
-            self._json = [
-                json if node is before else orjson.Fragment(encode(node)) for node, before, json in last
-            ]
-        fields = {field: getattr(tick, field) for field in _TICK_FIELDS}
-        return encode(fields | {"nodes": self._json})
 
 
 def decode(kind: type[R], data: bytes) -> R:
