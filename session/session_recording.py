@@ -18,6 +18,7 @@ from ..logs.schema.topics import Topic
 from ..trees.blackboard import BlackboardWrite
 from ..trees.mission import Mission
 from ..trees.running.runner import NodeInfo, NodeReport, TickReport
+from ..trees.status import NodeStatus
 from ..world.events.run_events import BeltStopsEvent, BinExchangedEvent, DeliveryEvent, FaultEvent
 from ..world.journal import Entry, JournalEvent
 from ..world.values import Array, Pose
@@ -50,8 +51,9 @@ class SessionRecorder:
         self._checkpoints = self._edits = self._refused = 0
         self._there = {body.id for body in run.hardware.truth() if body.present}
         """Ids of the items in the last message about the ground truth."""
-        self._nodes: dict[str, tuple[NodeReport, records.NodeStatusRecord]] = {}
-        """Last report and record of each node, by path."""
+        self._reports: tuple[NodeReport, ...] = ()
+        self._nodes: tuple[records.NodeStatusRecord, ...] = ()
+        """Reports and records of the nodes in the last tick."""
         recipe = run.recipe
         start = recipe.start
         self._files = list(recipe_files(recipe))
@@ -166,18 +168,15 @@ class SessionRecorder:
 
     def _node_records(self, reports: Sequence[NodeReport]) -> tuple[records.NodeStatusRecord, ...]:
         """Return the records of the nodes; an unchanged report has the record of the last tick."""
-        known = self._nodes
-        for n in reports:
-            last = known.get(n.path)
-            if last is None or last[0] is not n:
-                evidence = dict(n.evidence or {})
-                known[n.path] = (
-                    n,
-                    records.NodeStatusRecord(
-                        n.path, n.id, str(n.status), n.ticked, n.message, n.cause or "", evidence
-                    ),
-                )
-        return tuple([known[n.path][1] for n in reports])
+        if len(reports) != len(self._reports):
+            self._nodes = tuple(map(_node_record, reports))
+        else:
+            last = zip(reports, self._reports, self._nodes, strict=True)
+            self._nodes = tuple(
+                [known if report is before else _node_record(report) for report, before, known in last]
+            )
+        self._reports = tuple(reports)
+        return self._nodes
 
     def _on_hand(self, tcp: Pose) -> dict[str, Pose]:
         """Return the optical frames in the world of the cameras that move with the tool, by camera name."""
@@ -274,8 +273,13 @@ def _control(controller: str, reference: Array | None, position: Array) -> recor
     return records.Control(controller, tuple(reference.tolist()), tuple((reference - position).tolist()))
 
 
+def _node_record(n: NodeReport) -> records.NodeStatusRecord:
+    evidence = dict(n.evidence or {})
+    return records.NodeStatusRecord(n.path, n.id, str(n.status), n.ticked, n.message, n.cause or "", evidence)
+
+
 def _tick(report: TickReport, nodes: tuple[records.NodeStatusRecord, ...]) -> records.Tick:
-    running = [n.path for n in report.nodes if n.status == "RUNNING"]
+    running = [n.path for n in report.nodes if n.status is NodeStatus.RUNNING]
     return records.Tick(
         root_status=str(report.nodes[0].status),
         tip=max(running, key=lambda p: p.count("/"), default=""),

@@ -1,11 +1,14 @@
-"""Conversion of journal entries, bodies, joints, fixtures and settings into records of the log."""
+"""Conversion of journal entries, bodies, joints, fixtures and settings into records of the log, and of ticks
+into messages."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
-from typing import Protocol
+from typing import Final, Protocol
+
+import orjson
 
 from ...simulation.scoring.truth import TrueBody as SimulatedBody
 from ...world.belief.planning_scene import BeliefChange, BeliefObject
@@ -15,6 +18,7 @@ from ...world.scene.description import Bin, Fixture
 from ...world.shapes import ConvexMesh, Shape
 from ...world.values import GripperState, JointState, ObjectId, Pose
 from ..schema.event_records import BeliefEvent
+from ..schema.json_records import encode
 from ..schema.records import (
     FORMAT,
     BlockRecord,
@@ -27,7 +31,33 @@ from ..schema.records import (
     Plan,
     RunInfo,
     StageCount,
+    Tick,
 )
+
+_TICK_FIELDS: Final = tuple(field.name for field in fields(Tick))
+
+
+class TickMessages:
+    """Encoder of `/bt/tick`. Most nodes are the same from tick to tick, so only changed ones are encoded."""
+
+    def __init__(self) -> None:
+        self._nodes: tuple[NodeStatusRecord, ...] = ()
+        self._json: list[orjson.Fragment] = []
+
+    def encode(self, tick: Tick) -> bytes:
+        """Encode a tick as `json_records.encode` does. A node's record counts as changed when it is another
+        object."""
+        known, self._nodes = self._nodes, tick.nodes
+        if len(known) != len(tick.nodes):
+            self._json = [orjson.Fragment(encode(node)) for node in tick.nodes]
+        else:
+            last = zip(tick.nodes, known, self._json, strict=True)
+            self._json = [
+                json if node is before else orjson.Fragment(encode(node)) for node, before, json in last
+            ]
+        values = {name: getattr(tick, name) for name in _TICK_FIELDS}
+        return encode(values | {"nodes": self._json})
+
 
 TILE_THICKNESS = 0.001
 """Thickness of the tiles of a calibration target in pictures, m."""

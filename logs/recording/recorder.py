@@ -101,6 +101,7 @@ class Recorder:
         self._listener = listener
         self._preamble = False
         self._digest = Digest(bytes.fromhex(resumed.digest)) if resumed else Digest()
+        self._ticks = journal_records.TickMessages()
         self._joints = foxglove_messages.JointMessages()
         self._transforms = foxglove_messages.TransformMessages()
         self._beliefs = foxglove_messages.SceneMessages(locked=True)
@@ -252,7 +253,7 @@ class Recorder:
 
     def tick(self, now: float, tick: Tick) -> None:
         """Write the whole tree after a tick. A failure that begins in this tick also becomes a log line."""
-        self._write(topics.TICK, now, encode(tick))
+        self._write(topics.TICK, now, self._ticks.encode(tick))
         self._file.tick(_ns(now), tick)
         failing = [n for n in tick.nodes if n.status == "FAILURE" and n.cause and n.ticked]
         for node in journal_records.failure_origins(failing):

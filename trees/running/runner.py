@@ -233,25 +233,34 @@ class BehaviourTree:
         return self._report()
 
     def _report(self) -> TickReport:
-        self._reported = nodes = tuple(map(_report, self._nodes, self._reported))
+        # A node without a failure that has not changed keeps its report.
+        self._reported = nodes = tuple(
+            [
+                before
+                if before is not None
+                and before.ticked is node.ticked
+                and before.status is node.state
+                and before.message == node.feedback_message
+                and before.cause is None
+                and node.failure is None
+                else _report(node)
+                for node, before in zip(self._nodes, self._reported, strict=True)
+            ]
+        )
         return TickReport(nodes, self.blackboard.take_writes(), self._runtime.transitions.take())
 
 
-def _report(node: Node, before: NodeReport | None) -> NodeReport:
-    """Return the report of the node, which is `before` while nothing has changed."""
-    failure, state, ticked, message = node.failure, node.state, node.ticked, node.feedback_message
-    if failure is None:
-        if (
-            before is not None
-            and before.status is state
-            and before.ticked is ticked
-            and before.cause is None
-            and before.message == message
-        ):
-            return before
-        return NodeReport(node.path, node.wiring.id, state, ticked, message, None, None)
-    cause, evidence = failure.cause.name, failure.evidence
-    return NodeReport(node.path, node.wiring.id, state, ticked, failure.message, cause, evidence)
+def _report(node: Node) -> NodeReport:
+    failure = node.failure
+    return NodeReport(
+        node.path,
+        node.wiring.id,
+        node.state,
+        node.ticked,
+        failure.message if failure else node.feedback_message,
+        failure.cause.name if failure else None,
+        failure.evidence if failure else None,
+    )
 
 
 def _parents_first(node: Node) -> Iterator[Node]:
