@@ -178,7 +178,7 @@ def test_picktree_commands_of_the_readme_run_in_their_order(block: str, tmp_path
         ran = call(shortened(words), tmp_path)
         told = f"{shlex.join(words)}\n{ran.stdout}\n{ran.stderr}"
         if any(word in BEGINNINGS for word in words):
-            assert (ran.returncode, ran.stdout.count(" items done")) == (1, 2), told
+            assert (ran.returncode, ran.stdout.count(" items done") >= 2) == (1, True), told
             assert "timeout: " in ran.stdout, told
             continue
         answers = (0, 1, -signal.SIGKILL) if "--faults" in words else (0,)  # what is planted may well cost it
