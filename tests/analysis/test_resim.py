@@ -351,7 +351,7 @@ def test_edits_are_taken_over_at_the_same_ticks(tmp_path: Path) -> None:
 def test_a_killed_run_is_the_same_up_to_its_last_tick(greeting: RunResult, tmp_path: Path) -> None:
     cut = tmp_path / "log.mcap"
     content = greeting.log.read_bytes()
-    cut.write_bytes(content[: len(content) * 9 // 10])
+    cut.write_bytes(content[: len(content) * 97 // 100])
     with Run(cut) as run:
         assert run.recovered
         last = run.ticks.times[-1]

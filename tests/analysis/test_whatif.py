@@ -79,7 +79,7 @@ def failed(tmp_path_factory: pytest.TempPathFactory) -> RunResult:
 
 def test_the_same_mission_goes_on_identically(failed: RunResult, tmp_path: Path) -> None:
     assert (failed.status, failed.items.sorted) == ("failure", 2)
-    found = what_if(failed.log, "6 s", out=tmp_path)
+    found = what_if(failed.log, "4 s", out=tmp_path)
     assert (found.checkpoint, found.items_done) == ("checkpoint-0001.json", 1)
     assert (found.identical, found.exact, found.nodes) == (True, True, None)
     assert found.ticks == found.recorded_ticks > 50
@@ -87,7 +87,7 @@ def test_the_same_mission_goes_on_identically(failed: RunResult, tmp_path: Path)
     lines = found.to_text().splitlines()
     assert lines[:4] == [
         f"what if     {failed.log}",
-        f"goes on     from checkpoint-0001, the last checkpoint before tick 120 (6.00 s): "
+        f"goes on     from checkpoint-0001, the last checkpoint before tick 80 (4.00 s): "
         f"tick {found.start_tick}, {found.start:.2f} s, 1 items done",
         "changed     nothing",
         f"identical continuation: {found.ticks} ticks, byte for byte",
@@ -131,7 +131,7 @@ def test_what_is_said_of_it(turned: Continuation) -> None:
     assert "nodes       6 go on as they were, 7 begin anew, 3 are gone\n" in text
     assert "\nstatus                   failure   success\n" in text
     assert "\nitems sorted             2 of 4    4 of 4\n" in text
-    assert "they part at 8.65 s (A: recorded, B: what if): Grasp takes another time" in text
+    assert "they part at 6.65 s (A: recorded, B: what if): SortOne ends otherwise" in text
     said = json.loads(found.to_json_text())
     assert said["start"]["checkpoint"] == "checkpoint-0002.json"
     assert (said["recorded"]["status"], said["now"]["status"]) == ("failure", "success")
@@ -139,13 +139,13 @@ def test_what_is_said_of_it(turned: Continuation) -> None:
 
 
 def test_without_the_fault_it_would_have_gone_well(failed: RunResult, tmp_path: Path) -> None:
-    found = what_if(failed.log, "160", changes=RunChanges(no_faults=True), out=tmp_path)
+    found = what_if(failed.log, "130", changes=RunChanges(no_faults=True), out=tmp_path)
     assert found.changes == ("faults: none instead of 1",)
     assert (found.now.status, found.now.items_sorted, found.now.failures) == ("success", 4, {})
 
 
 def test_a_parameter_counts_for_what_runs_at_the_checkpoint(failed: RunResult, tmp_path: Path) -> None:
-    found = what_if(failed.log, "160", changes=RunChanges(settings={"policy": "continue"}), out=tmp_path)
+    found = what_if(failed.log, "130", changes=RunChanges(settings={"policy": "continue"}), out=tmp_path)
     assert found.changes == ("set policy: continue",)
     assert (found.now.status, found.now.items_sorted) == ("incomplete", 3)
     with Run(found.new_log) as run:
@@ -170,7 +170,7 @@ def test_a_what_if_of_a_what_if(turned: Continuation, tmp_path: Path) -> None:
 
 def test_seed_and_scene_stay_as_they_were(failed: RunResult) -> None:
     with pytest.raises(PicktreeError) as caught:
-        what_if(failed.log, "160", changes=RunChanges(seed=4))
+        what_if(failed.log, "130", changes=RunChanges(seed=4))
     assert (
         str(caught.value) == "a what-if goes on with the seed and the scene of the run; `resim` takes others"
     )
@@ -180,5 +180,5 @@ def test_a_faulty_mission_is_refused_before_anything_runs(failed: RunResult, tmp
     faulty = tmp_path / "faulty.yaml"
     faulty.write_text(MISSION.replace("Place", "Plaice"))
     with pytest.raises(PicktreeError, match=r"faulty\.yaml:16:9: .*unknown node 'Plaice'"):
-        what_if(failed.log, "160", changes=RunChanges(mission=faulty), out=tmp_path / "runs")
+        what_if(failed.log, "130", changes=RunChanges(mission=faulty), out=tmp_path / "runs")
     assert not (tmp_path / "runs").exists()
