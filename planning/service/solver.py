@@ -21,8 +21,8 @@ from ..collision.collision_bodies import CollisionMargins
 from ..collision.collision_checker import CollisionChecker
 from ..collision.trajectory_check import StartTolerance, is_trajectory_free
 from ..failures import planning_failures
-from ..failures.line_failures import explain_line_stop
 from ..failures.obstructions import GoalInspection, ObstructionSearch
+from ..failures.planning_failures import explain_line_stop
 from ..kinematics.cartesian_lines import LineResult, configuration_cost, plan_line
 from ..kinematics.inverse_kinematics import InverseKinematics
 from ..path_constraints import PathConstraints
