@@ -90,18 +90,10 @@ class PhysicsHardware:
         self.arm = PhysicsArm(senses, self._body, self.ailments)
         self._model: RobotModel | None = None
         scenery = StaticScene(self._real)
+        tcps = self._body.tcp, self._believed_tcp
         self._cameras = MappingProxyType(
             {
-                c.name: PhysicsCamera(
-                    c,
-                    scenery,
-                    self._streams,
-                    client,
-                    senses,
-                    self._body.tcp,
-                    self._believed_tcp,
-                    self.ailments,
-                )
+                c.name: PhysicsCamera(c, scenery, self._streams, client, senses, *tcps, self.ailments)
                 for c in scene.cameras
             }
         )
