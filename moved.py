@@ -21,7 +21,7 @@ MODULES: Final[Mapping[str, str]] = {
     "analysis.replay.cursor": "analysis.cursor",
     "batch.batch": "batch.workers.batch",
     "batch.cluster.executor": "batch.cluster.ray_executor",
-    "cell.handover": "skill_world.handover",
+    "cell.handover": "skill_world.world",
     "cell.operator_desk": "skill_world.operator_desk",
     "cell.vision": "skill_world.vision",
     "cell.world": "skill_world.world",

@@ -56,7 +56,7 @@ ROOMS: dict[str, dict[str, tuple[str, ...]]] = {
         "control/safety/*.py": (),
         "control/joints/external_torque.py": (),
         "control/execution/control_loop.py": tuple(f"ControlLoop.{name}" for name in LOOP),
-        "control/execution/arm_drive.py": ("ArmSampler", *(f"ArmDrive.{name}" for name in DRIVE)),
+        "control/execution/arm_drive.py": (),
         "control/execution/supervision.py": (),
         "planning/service/trajectory_gate.py": (),
     },

@@ -34,6 +34,8 @@ LEAN_ANGLE = math.radians(30.0)
 """Tilt of the hand for touches with the tip ahead, rad."""
 SIDE_TOUCH_HEIGHT = 0.4
 """Height of the fingers' lowest corner at a side face, as a share of the target's height."""
+MAX_PAD_SHARE = 0.8
+"""Greatest depth of a touch at a side face, as a share of the pads' length: behind them fingers are wider."""
 TOP_TOUCH_DISTANCE = 0.35
 """Distance of touches on the top from its middle, as a share of the edges."""
 CONTACT_TOLERANCE = 1e-4
@@ -73,8 +75,10 @@ def touch_points(target: Pose, size: Vector3, at_tips: Array, turned: float) -> 
     `turned`: of the hand's x axis against the target's when it is upright, rad, a multiple of a right angle.
     It makes no difference but to what the arm can reach.
     """
+    deepest = size[2] / 2 - MAX_PAD_SHARE * float(np.ptp(at_tips[:, 2]))
+    low = max((SIDE_TOUCH_HEIGHT - 0.5) * size[2], deepest)
     return tuple(
-        _contact(target, name, face, point, hands, at_tips, (SIDE_TOUCH_HEIGHT - 0.5) * size[2])
+        _contact(target, name, face, point, hands, at_tips, low)
         for name, face, point, hands in _wanted(size, turned)
     )
 

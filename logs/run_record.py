@@ -182,7 +182,8 @@ class RunRecord:
     def joint_names(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
         """Recorded joints of the arm, and those of the gripper as the robot file in the log names them.
 
-        Without a robot file, joints with "finger" in their names are the gripper's.
+        Without a robot file, joints with "finger" in their names are the gripper's, else those that no
+        waypoint of a plan has.
         """
         first = next(self.log.joints(), None)
         names = first.record.names if first is not None else ()
@@ -195,6 +196,9 @@ class RunRecord:
                 fingers = {str(name) for name in robot["gripper"]["joints"]}
             except (yaml.YAMLError, KeyError, TypeError):
                 pass
+        elif not fingers:
+            arm = next((len(at.record.path[0]) for at in self.plans if at.record.path), len(names))
+            fingers = set(names[arm:])
         return (
             tuple(name for name in names if name not in fingers),
             tuple(name for name in names if name in fingers),

@@ -85,7 +85,13 @@ def _pairs(recorded: Mapping[str, str], now: Mapping[str, str], where: str) -> l
 
 R = TypeVar("R")
 
-_SCALARS: dict[object, str] = {str: "string", int: "integer", float: "number", bool: "boolean"}
+_SCALARS: dict[object, str] = {
+    str: "string",
+    int: "integer",
+    float: "number",
+    bool: "boolean",
+    types.NoneType: "null",
+}
 
 
 def encode(record: object) -> bytes:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from ...planning.kinematics.cartesian_lines import configuration_cost
+from ...planning.kinematics.configuration_cost import configuration_cost
 from ...planning.requests import ContactPair, MotionPlan
 from ...skill_world.world import PlaceCandidate
 from ...world.causes import Failure

@@ -12,25 +12,6 @@ from ...world.values import Array, Pose, Quaternion
 from ..collision.trajectory_check import StartTolerance
 from .inverse_kinematics import InverseKinematics
 
-LIMIT_DISTANCE = 0.5
-"""Distance to a joint's limit below which a configuration becomes uncomfortable, rad."""
-SINGULAR_VALUE_BOUND = 0.12
-"""Smallest singular value of the Jacobian (m and rad mixed) below which a configuration becomes
-uncomfortable."""
-COST_WEIGHT = 2.0
-"""Cost of being at one limit, or in a singularity, as a detour, rad."""
-
-
-def configuration_cost(model: RobotModel, q: Array) -> float:
-    """Return 0 for a comfortable configuration (n,), growing towards limits and singularities; in rad of
-    detour."""
-    room = np.minimum(q - model.lower, model.upper - q)
-    limits = np.clip(1.0 - room / LIMIT_DISTANCE, 0.0, 1.0)
-    least = float(np.linalg.svd(model.jacobian(q), compute_uv=False)[-1])
-    singular = max(0.0, 1.0 - least / SINGULAR_VALUE_BOUND)
-    return COST_WEIGHT * (float(limits @ limits) + singular * singular)
-
-
 MAX_LINE_STEP = 0.005
 """Greatest travel of the TCP in a step, m."""
 MAX_LINE_TURN = 0.05

@@ -16,7 +16,7 @@ from ...world.trajectory import Trajectory
 from ...world.values import Array
 from ..collision.collision_checker import CollisionChecker
 from ..collision.trajectory_check import EDGE_RESOLUTION, StartTolerance, edge_free, is_trajectory_free
-from ..kinematics.cartesian_lines import configuration_cost
+from ..kinematics.configuration_cost import configuration_cost
 from ..path_constraints import PROJECTION_RESERVE, PathConstraints
 from ..requests import Scaling
 from ..timing.time_parameterization import time_corners, time_smooth

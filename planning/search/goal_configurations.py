@@ -17,7 +17,7 @@ from ...world.values import Array, Pose
 from ..collision.trajectory_check import StartTolerance
 from ..failures import planning_failures
 from ..failures.obstructions import GoalInspection
-from ..kinematics.cartesian_lines import configuration_cost
+from ..kinematics.configuration_cost import configuration_cost
 from ..kinematics.inverse_kinematics import InverseKinematics
 from ..path_constraints import PathConstraints
 from ..requests import Goal, JointGoal, NamedGoal, PoseGoal, RegionGoal

