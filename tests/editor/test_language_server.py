@@ -209,7 +209,8 @@ def test_hover_over_a_node(mission: Editor) -> None:
     assert mission.hover(MISSION.replace("Observe", "Obs|erve")) == (
         "#### Observe\n\n"
         "Look through a camera; list the items that are to be taken somewhere.\n\n"
-        "What the hand holds comes first: nothing else can be grasped before. Then the nearest to the robot."
+        "What the hand holds comes first: nothing else can be grasped before. The others follow in an order "
+        "that keeps the travel of the empty hand short."
         "\n\nFails with `perception.not_found`, `perception.no_image`.\n\nUses camera."
     )
 
