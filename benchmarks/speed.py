@@ -108,9 +108,10 @@ def measure(command: Measured, checkout: Path, values: Mapping[str, object]) -> 
     Raises RuntimeError for a command that was not carried out.
     """
     words = [word.format(**values) for word in command.words]
+    python = sys.executable if checkout == ROOT else str(checkout / ".venv" / "bin" / "python")
     before = os.times()
     done = subprocess.run(
-        [str(checkout / ".venv" / "bin" / "python"), "-m", "picktree", *words],
+        [python, "-m", "picktree", *words],
         cwd=checkout,
         capture_output=True,
         text=True,

@@ -55,6 +55,8 @@ def test_a_log_without_references_has_no_plot_of_the_tracking(sample: ModuleType
         "velocity",
         "force",
         "torque",
+        "width",
+        "grip",
     ]
 
 
