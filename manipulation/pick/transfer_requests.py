@@ -23,6 +23,9 @@ MIN_LIFT_SHARE = 0.3
 MAX_START_ERROR = 0.005
 """Start error above which a plan belongs to another configuration, rad in any joint."""
 
+DESCENT_SPEED = 0.5
+"""Speed onto a grasp, as a share of that of travel: at full speed a misplaced object is hit too hard."""
+
 
 def approach(
     world: World, object_id: ObjectId, grasp: GraspCandidate, over: Array, speed: float
@@ -43,7 +46,7 @@ def descend_requests(world: World, object_id: ObjectId, grasp: GraspCandidate, s
     guarded move."""
     felt = world.handling.felt_way / 2 if grasp.flat else 0.0
     down = LineGoal(grasp.tcp_in_world.shifted((0.0, 0.0, felt)))
-    scaling = world.handling.scaling(speed)
+    scaling = world.handling.scaling(DESCENT_SPEED * speed)
     return Request(down, width=grasp.opening, allowed=(("gripper", object_id),), scaling=scaling)
 
 

@@ -131,7 +131,7 @@ def test_what_is_said_of_it(turned: Continuation) -> None:
     assert "nodes       6 go on as they were, 7 begin anew, 3 are gone\n" in text
     assert "\nstatus                   failure   success\n" in text
     assert "\nitems sorted             2 of 4    4 of 4\n" in text
-    assert "they part at 6.65 s (A: recorded, B: what if): SortOne ends otherwise" in text
+    assert "they part at 7.10 s (A: recorded, B: what if): SortOne ends otherwise" in text
     said = json.loads(found.to_json_text())
     assert said["start"]["checkpoint"] == "checkpoint-0002.json"
     assert (said["recorded"]["status"], said["now"]["status"]) == ("failure", "success")
