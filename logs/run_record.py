@@ -175,34 +175,46 @@ class RunRecord:
 
     @cached_property
     def gripper(self) -> GripperSeries:
-        """Gripper readings, one a tick; empty for a robot without fingers."""
+        """Gripper readings, one a tick; empty for a robot without sliding fingers."""
         return gripper_series(self.joints, self.joint_names[1])
 
     @cached_property
     def joint_names(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
-        """Recorded joints of the arm, and those of the gripper as the robot file in the log names them.
+        """Recorded joints of the arm, and those of the fingers, whose positions add up to the opening.
 
-        Without a robot file, joints with "finger" in their names are the gripper's, else those that no
-        waypoint of a plan has.
+        Both are those of the robot file in the log; the hinges of a linkage are neither. Where it does not tell,
+        names with "finger" in them do, and without such names the waypoints of a plan.
         """
         first = next(self.log.joints(), None)
         names = first.record.names if first is not None else ()
-        fingers = {name for name in names if "finger" in name}
-        if "robot.yaml" in self.log.attachments:
-            import yaml  # most readers of a log do without
-
-            try:
-                robot: Any = yaml.safe_load(self.log.attachment("robot.yaml"))
-                fingers = {str(name) for name in robot["gripper"]["joints"]}
-            except (yaml.YAMLError, KeyError, TypeError):
-                pass
-        elif not fingers:
-            arm = next((len(at.record.path[0]) for at in self.plans if at.record.path), len(names))
-            fingers = set(names[arm:])
+        arm, fingers, linked = self._robot_joints()
+        if not fingers and not linked:
+            fingers = {name for name in names if "finger" in name}
+        if not fingers and not linked and "robot.yaml" not in self.log.attachments:
+            count = next((len(at.record.path[0]) for at in self.plans if at.record.path), len(names))
+            fingers = set(names[count:])
         return (
-            tuple(name for name in names if name not in fingers),
+            tuple(name for name in names if name not in fingers and (not arm or name in arm)),
             tuple(name for name in names if name in fingers),
         )
+
+    def _robot_joints(self) -> tuple[set[str], set[str], bool]:
+        """Return the arm's joints and the gripper's sliders in the log's robot file, and whether it has a linkage.
+
+        Empty for what the file does not tell.
+        """
+        if "robot.yaml" not in self.log.attachments:
+            return set(), set(), False
+        import yaml  # most readers of a log do without
+
+        try:
+            robot: Any = yaml.safe_load(self.log.attachment("robot.yaml"))
+            gripper: Any = robot.get("gripper") or {}
+            arm: Any = robot.get("joints") or ()
+            sliders: Any = gripper.get("joints") or ()
+            return {str(name) for name in arm}, {str(name) for name in sliders}, "linkage" in gripper
+        except (yaml.YAMLError, AttributeError, TypeError):
+            return set(), set(), False
 
     @cached_property
     def wrenches(self) -> WrenchSeries:

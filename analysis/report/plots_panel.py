@@ -51,10 +51,10 @@ def pack_plots(run: Run) -> Section:
 
 def plots_of(run: Run) -> tuple[CurvePlot, ...]:
     """Return all plots in full; without data in the log, a plot has no curves."""
-    fingers = run.joint_names[1]
+    arm, fingers = run.joint_names
     joints, told = run.joints, run.controls
     return (
-        *_joint_plots(joints, fingers),
+        *_joint_plots(joints, arm),
         _tracking(joints, told),
         *_wrench_plots(run.wrenches),
         *_gripper_plots(joints, fingers),
@@ -96,9 +96,9 @@ def _extremes(values: Floats, size: int) -> Floats:
     ).ravel()
 
 
-def _joint_plots(joints: JointSeries, fingers: Sequence[str]) -> tuple[CurvePlot, ...]:
-    arm = [k for k, name in enumerate(joints.names) if name not in fingers]
-    labels = _without_common_prefix([joints.names[k] for k in arm])
+def _joint_plots(joints: JointSeries, names: Sequence[str]) -> tuple[CurvePlot, ...]:
+    arm = [joints.column(name) for name in names]
+    labels = _without_common_prefix(names)
 
     def plot(name: str, title: str, unit: str, step: float, values: Floats) -> CurvePlot:
         curves = tuple(PlotCurve(label, values[:, k]) for label, k in zip(labels, arm, strict=True))

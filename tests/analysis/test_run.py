@@ -168,3 +168,13 @@ def test_the_joints_of_arm_and_gripper_are_those_of_the_robot_file(
         assert {*arm, *gripper} == set(run.joints.names)
         columns = [run.joints.column(name) for name in fingers]
         np.testing.assert_array_equal(run.gripper.widths, run.joints.positions[:, columns].sum(axis=1))
+
+
+def test_the_hinges_of_a_linkage_are_no_joints_of_the_arm_and_no_opening(
+    sorted_run: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    robot = b"joints: {panda_joint1: {}, panda_joint2: {}}\ngripper: {linkage: {drive: panda_finger_joint1}}"
+    with Run(sorted_run) as run:
+        monkeypatch.setattr(run.log, "attachment", {"robot.yaml": robot}.__getitem__)
+        assert run.joint_names == (("panda_joint1", "panda_joint2"), ())
+        assert len(run.gripper.times) == 0
