@@ -202,7 +202,7 @@ class _Cell:
                     pass
 
     def judged(self) -> Row:
-        """What is so in the simulation; nothing here is believed."""
+        """Return the outcome by the ground truth of the simulation, without anything believed."""
         from picktree.simulation.scoring.scorer import score
 
         for _ in range(REST):

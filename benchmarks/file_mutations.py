@@ -96,7 +96,7 @@ def _copy_corpus(folder: Path) -> None:
 
 
 def _outcome(file: Path) -> tuple[str, str]:
-    """What became of one file, and what is wrong with that, if anything."""
+    """Return the outcome of one file, and what is wrong with it, if anything."""
     try:
         report = check_files([file], CHECKS)
         report.to_text()

@@ -253,8 +253,10 @@ class Run:
         return digest(self._sources, *tests, *(stamp(ROOT, file) for file in files))
 
     def _known(self, mutant: Mutant) -> dict[str, str] | None:
-        """What came of the mutant, if it was run with these sources and these tests. Of one that was noticed
-        the test that noticed it must be the same, and sound."""
+        """Return the outcome of the mutant, if it was run with these sources and these tests.
+
+        The test that noticed a mutant must be the same as then, and sound.
+        """
         row = self._kept.get(mutant.identity)
         if row is None:
             return None

@@ -48,7 +48,7 @@ Array = NDArray[np.float64]
 
 @dataclass
 class Found:
-    """Of one representation, over the things."""
+    """Results of one representation, over all things."""
 
     near: list[float]
     anywhere: list[float]

@@ -182,8 +182,8 @@ class RunRecord:
     def joint_names(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
         """Recorded joints of the arm, and those of the fingers, whose positions add up to the opening.
 
-        Both are those of the robot file in the log; the hinges of a linkage are neither. Where it does not tell,
-        names with "finger" in them do, and without such names the waypoints of a plan.
+        Both are those of the robot file in the log; the hinges of a linkage are neither. Where the file does
+        not tell, names with "finger" in them do, and without such names the waypoints of a plan.
         """
         first = next(self.log.joints(), None)
         names = first.record.names if first is not None else ()
@@ -199,7 +199,7 @@ class RunRecord:
         )
 
     def _robot_joints(self) -> tuple[set[str], set[str], bool]:
-        """Return the arm's joints and the gripper's sliders in the log's robot file, and whether it has a linkage.
+        """Return the arm's joints, the gripper's sliders, and whether it has a linkage, by the robot file.
 
         Empty for what the file does not tell.
         """
