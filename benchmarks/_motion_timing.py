@@ -206,7 +206,8 @@ def _chains(model: RobotModel, name: str, runs: int, seed: int) -> tuple[str | f
         found += 1
         speed: Array = np.linalg.norm(plan.trajectory.velocity, axis=1)
         costs.append(cost * 1000)
-        gained.append(plan.trajectory.duration / sum(leg.trajectory.duration for leg in plan.legs))
+        alone = [solver.solve(leg.request, 1) for leg in plan.legs if leg.request is not None]
+        gained.append(plan.trajectory.duration / sum(leg.trajectory.duration for leg in alone))
         slowest += [float(v) for v in np.interp(plan.passes[:-1], plan.trajectory.times, speed)]
     through = len([each for each in slowest if each > 1e-3])
     return (

@@ -148,10 +148,9 @@ class Request:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class MotionPlan:
-    """Executable motion plan. `path` (m, n) rad has the corners before time parameterisation."""
+class PlannedPath:
+    """Path of one motion, without time: (m, n) rad, its corners not yet rounded."""
 
-    trajectory: Trajectory
     path: Array
     planner: str
     """Planner that found it: `direct`, `RRTConnect`, `CBiRRT`, `line` or `chain`."""
@@ -161,14 +160,21 @@ class MotionPlan:
     """Index of the goal's pose that was reached."""
     fraction: float = 1.0
     """Share of a straight line that is free and reachable, 0 … 1."""
-    passes: tuple[float, ...] = ()
-    """Times at which a chain's trajectory passes the end of each leg, s; () without a chain."""
-    legs: tuple[MotionPlan, ...] = ()
-    """Plans of a chain's legs, each from rest to rest; () without a chain."""
     request: Request | None = None
     """Request that was planned for, with its start filled in. The legs of a chain have one each."""
     version: int = 0
     """Belief version that was planned in."""
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class MotionPlan(PlannedPath):
+    """Executable motion plan: a path with its trajectory."""
+
+    trajectory: Trajectory
+    passes: tuple[float, ...] = ()
+    """Times at which a chain's trajectory passes the end of each leg, s; () without a chain."""
+    legs: tuple[PlannedPath, ...] = ()
+    """Paths of a chain's legs; () without a chain."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -167,8 +167,10 @@ def servo_to_grasp(
         return pick
     yield from world.control.settle()
     world.gripper.start(pick.grasp.opening)
-    over = pick.approach.legs[0].trajectory
-    yield from world.move.along(over, guard=world.handling.guard, watch=watch, node=node)
+    there = pick.approach.legs[0].request
+    assert there is not None
+    over = yield from world.plan.solve(there, node=node)
+    yield from world.move.along(over.trajectory, guard=world.handling.guard, watch=watch, node=node)
     grasp = yield from _corrected(world, pick, camera, node, first=first)
     down = descend_requests(world, pick.object, grasp, speed)
     plan = yield from world.plan.through((down,), node=node)

@@ -20,7 +20,7 @@ from ..kinematics.configuration_cost import configuration_cost
 from ..path_constraints import PROJECTION_RESERVE, PathConstraints
 from ..requests import Scaling
 from ..timing.time_parameterization import time_corners, time_smooth
-from .joint_planner import CORNER_RADII, TimedPath
+from .joint_planner import CORNER_RADII, FoundPath
 
 PLANNER_NAME = "CBiRRT"
 MAX_TREE_STEP = 0.3
@@ -42,7 +42,7 @@ SEARCH_ATTEMPTS = 3
 
 
 class ConstrainedPlanner:
-    """Constrained search of one request, with the interface of `JointPlanner`.
+    """Constrained search of one request, with the interface of `JointPlanner`. Paths are always timed.
 
     The trees' projections count against the budget together with the collision checks.
     """
@@ -66,7 +66,7 @@ class ConstrainedPlanner:
         self._constraints = constraints
         self._end = collision.checks + constraints.projections + checks
 
-    def direct(self, goals: Sequence[Array]) -> TimedPath | None:
+    def direct(self, goals: Sequence[Array]) -> FoundPath | None:
         """Plan a straight edge in joint space to one of the goals, where the constraints hold on it; None: no
         edge is free."""
 
@@ -78,10 +78,10 @@ class ConstrainedPlanner:
                 path = np.array([self._start, goals[k]])
                 trajectory = self._timed(path)
                 if trajectory is not None:
-                    return TimedPath(trajectory, path, "direct", k)
+                    return FoundPath(path, "direct", k, trajectory)
         return None
 
-    def around(self, goals: Sequence[Array], seed: int) -> TimedPath | None:
+    def around(self, goals: Sequence[Array], seed: int) -> FoundPath | None:
         """Plan by projected trees to any of the goals. None: the budget is spent, or no timing keeps margins
         and constraints."""
         lower: Array = np.min([self._model.planned_lower, self._start, *goals], axis=0)
@@ -97,7 +97,7 @@ class ConstrainedPlanner:
             trajectory = self._timed(path)
             if trajectory is not None:
                 nearest = [float(np.abs(goal - path[-1]).max()) for goal in goals]
-                return TimedPath(trajectory, path, PLANNER_NAME, int(np.argmin(nearest)))
+                return FoundPath(path, PLANNER_NAME, int(np.argmin(nearest)), trajectory)
         return None
 
     def project(

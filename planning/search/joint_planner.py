@@ -40,20 +40,29 @@ class CheckBudget:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class TimedPath:
-    """Timed answer: its corners (m, n) rad, its planner, and the index of the reached goal."""
+class FoundPath:
+    """Path of a search: its corners (m, n) rad, its planner, and the index of the reached goal."""
 
-    trajectory: Trajectory
     path: Array
     planner: str
     goal: int
+    trajectory: Trajectory | None
+    """Trajectory on the path with its corners cut; None: the path was not to be timed."""
 
 
 class JointPlanner:
-    """Search of one request from the start of `way` (n,) to goals; edges and budget are shared."""
+    """Search of one request from the start of `way` (n,) to goals; edges and budget are shared.
+
+    A path counts when its trajectory is free. Without a scaling it is not timed, and free edges are enough.
+    """
 
     def __init__(
-        self, model: RobotModel, way: StartTolerance, start: Array, scaling: Scaling, budget: CheckBudget
+        self,
+        model: RobotModel,
+        way: StartTolerance,
+        start: Array,
+        scaling: Scaling | None,
+        budget: CheckBudget,
     ) -> None:
         self._model = model
         self._way = way
@@ -62,7 +71,7 @@ class JointPlanner:
         self._budget = budget
         self._strides = EdgeSteps(model)
 
-    def direct(self, goals: Sequence[Array]) -> TimedPath | None:
+    def direct(self, goals: Sequence[Array]) -> FoundPath | None:
         """Plan a straight edge in joint space to one of the goals: the nearest first, with discomfort as a
         detour.
 
@@ -74,13 +83,12 @@ class JointPlanner:
 
         for k in sorted(range(len(goals)), key=effort):
             if self._edge(self._start, goals[k]):
-                path = np.array([self._start, goals[k]])
-                trajectory = self._timed(path)
-                if trajectory is not None:
-                    return TimedPath(trajectory, path, "direct", k)
+                found = self._timed(np.array([self._start, goals[k]]), "direct", k)
+                if found is not None:
+                    return found
         return None
 
-    def around(self, goals: Sequence[Array], seed: int) -> TimedPath | None:
+    def around(self, goals: Sequence[Array], seed: int) -> FoundPath | None:
         """Plan by RRT-Connect to any of the goals. None: the budget is spent, or no timing keeps the
         margins."""
         # Start and goals may be nearer to the limits than the planned configurations between them.
@@ -105,10 +113,10 @@ class JointPlanner:
             if path is None:
                 return None
             corners = np.array(shortcut_path(path, between, rng))
-            trajectory = self._timed(corners)
-            if trajectory is not None:
-                missed = [float(np.abs(goal - corners[-1]).max()) for goal in goals]
-                return TimedPath(trajectory, corners, "RRTConnect", int(np.argmin(missed)))
+            missed = [float(np.abs(goal - corners[-1]).max()) for goal in goals]
+            found = self._timed(corners, "RRTConnect", int(np.argmin(missed)))
+            if found is not None:
+                return found
         return None
 
     def _near_first(self, goals: Sequence[Array], rooted: Callable[[Array], Rooted]) -> list[Rooted]:
@@ -123,14 +131,17 @@ class JointPlanner:
     def _edge(self, a: Array, b: Array) -> bool:
         return self._strides.free(self._free, a, b)
 
-    def _timed(self, path: Array) -> Trajectory | None:
+    def _timed(self, path: Array, planner: str, goal: int) -> FoundPath | None:
+        """Time a path. None: no trajectory on it is free."""
+        if self._scaling is None:
+            return FoundPath(path, planner, goal, None)
         for radius in CORNER_RADII if len(path) > 2 else CORNER_RADII[:1]:
             trajectory = time_corners(self._model, path, self._scaling, radius)
             if trajectory is None:
                 continue
             hit = first_collision(self._way, trajectory)
             if hit is None:
-                return trajectory
+                return FoundPath(path, planner, goal, trajectory)
             if _distance_to_path(path, hit) < ON_PATH_DISTANCE:
                 # On a straight part, cutting less of the corners helps nothing.
                 return None

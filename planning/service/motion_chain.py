@@ -4,7 +4,7 @@ between."""
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -13,10 +13,10 @@ import numpy as np
 from ...world.causes import Failure, planning
 from ...world.trajectory import Trajectory
 from ...world.values import Array
-from ..collision.trajectory_check import StartTolerance, is_trajectory_free
+from ..collision.trajectory_check import ConfigurationCheck, StartTolerance, is_trajectory_free
 from ..failures import planning_failures
 from ..path_constraints import PathConstraints
-from ..requests import LegFailure, LineGoal, MotionPlan, OffsetGoal, Request
+from ..requests import LegFailure, LineGoal, MotionPlan, OffsetGoal, PlannedPath, Request
 from ..search.joint_planner import CORNER_RADII
 from ..timing.path_curves import (
     JointCurve,
@@ -46,11 +46,11 @@ CORNER_CHECK_STEP = 0.02
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Leg:
-    """Planned leg with its path, if it moves at all."""
+    """Planned leg with its curve, if it moves at all."""
 
     index: int
     request: Request
-    plan: MotionPlan
+    path: Array
     curve: JointCurve
 
     @property
@@ -58,63 +58,117 @@ class _Leg:
         return isinstance(self.request.target, LineGoal | OffsetGoal)
 
 
+class _RoundedEnds:
+    """Collision check of a leg that keeps the full margins where an end is rounded."""
+
+    def __init__(self, way: StartTolerance, ends: Sequence[tuple[Array, float | None]]) -> None:
+        """`ends`: configuration (n,) of each end, and how far from it the corner is cut, rad."""
+        self.model = way.model
+        self.free = way.free
+        self._way = way
+        self._ends = [(q, cut) for q, cut in ends if cut is not None]
+
+    def nearly_free(self, q: Array) -> bool:
+        """Whether q is not in a corner, and keeps halved margins."""
+        return self._way.nearly_free(q) and all(
+            float(np.linalg.norm(q - end)) > cut for end, cut in self._ends
+        )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Refusal:
+    """Failure of the leg that begins at `start` (n,), rad; None: the start of the chain."""
+
+    start: Array | None
+    failure: LegFailure
+
+
 class MotionChain:
-    """Solution of the legs of one request to `PlanService.through`."""
+    """Solution of the legs of one request to `PlanService.through`.
+
+    At first no leg is timed or checked by itself, and corners are cut as far as they may be. Nearly always
+    the chain's one trajectory is then free, corners with full margins. Otherwise each leg and each corner is
+    checked.
+    """
 
     def __init__(self, solver: RequestSolver, rounded: float = DEFAULT_LINE_ROUNDING) -> None:
         """Set the length of a straight line that may be rounded at each of its ends, m."""
         self._solver = solver
         self._rounded = rounded
+        self._checked = False
+        """Whether legs and corners are checked before they are timed as one."""
 
     def solve(self, legs: Sequence[Request], seeds: Sequence[int]) -> MotionPlan:
         """Plan the chain. Fails as the leg that fails does, and names that leg."""
-        plans: list[MotionPlan] = []
-        requests: list[Request] = []
+        begun = self._solver.collision.checks
+        planned = self._planned(legs, seeds, self._solver.path)
+        timed = None if isinstance(planned, _Refusal) else self._as_one(planned)
+        if timed is None:
+            self._checked = True
+            refused = planned if isinstance(planned, _Refusal) else None
+            planned = self._planned(legs, seeds, self._solver.solve, refused)
+            if isinstance(planned, _Refusal):
+                raise planned.failure
+            timed = self._as_one(planned)
+        assert not isinstance(planned, _Refusal)
+        if timed is None:
+            raise Failure(
+                planning.NO_PATH,
+                "each of the motions is free, but not all of them as one, stops between them included",
+                motions=len(planned),
+            )
+        trajectory, ends = timed
+        return MotionPlan(
+            np.concatenate([planned[0].path[:1], *(leg.path[1:] for leg in planned)]),
+            "chain",
+            self._solver.collision.checks - begun,
+            planned[-1].goal_index,
+            planned[-1].fraction,
+            trajectory=trajectory,
+            passes=tuple(ends),
+            legs=tuple(planned),
+        )
+
+    def _planned(
+        self,
+        legs: Sequence[Request],
+        seeds: Sequence[int],
+        plan: Callable[[Request, int], PlannedPath],
+        refused: _Refusal | None = None,
+    ) -> list[PlannedPath] | _Refusal:
+        """Plan each leg from the end of the one before, unless the leg that was `refused` begins there
+        again."""
+        planned: list[PlannedPath] = []
         for k, (leg, seed) in enumerate(zip(legs, seeds, strict=True)):
-            request = replace(leg, start=plans[-1].path[-1]) if plans else leg
+            start = planned[-1].path[-1] if planned else None
+            if refused is not None and refused.failure.leg == k and _same(start, refused.start):
+                return refused
             try:
-                plans.append(self._solver.solve(request, seed))
+                planned.append(plan(leg if start is None else replace(leg, start=start), seed))
             except Failure as failure:
                 where = f"motion {k + 1} of {len(legs)} ({planning_failures.describe_goal(leg.target)})"
                 message = f"{where}: {failure.message}"
-                raise LegFailure(failure.cause, message, k, failure.evidence) from None
-            requests.append(replace(request, start=plans[-1].path[0]))
-        return self._as_one(requests, plans)
+                return _Refusal(start, LegFailure(failure.cause, message, k, failure.evidence))
+        return planned
 
-    def _as_one(self, requests: Sequence[Request], plans: Sequence[MotionPlan]) -> MotionPlan:
-        begun = self._solver.collision.checks
-        moving = [
-            _Leg(k, request, plan, curve)
-            for k, (request, plan) in enumerate(zip(requests, plans, strict=True))
-            if (curve := self._curve(request, plan)) is not None
-        ]
+    def _as_one(self, planned: Sequence[PlannedPath]) -> tuple[Trajectory, list[float]] | None:
+        """Return one trajectory through these paths, and the end time of each leg; None: none is free."""
+        moving: list[_Leg] = []
+        for k, leg in enumerate(planned):
+            assert leg.request is not None
+            curve = self._curve(leg.request, leg)
+            if curve is not None:
+                moving.append(_Leg(k, leg.request, leg.path, curve))
         if not moving:
-            trajectory, ends = stationary_trajectory(plans[-1].path[-1]), [0.0] * len(plans)
-        else:
-            corners = self._corners(moving)
-            timed = self._timed(moving, corners)
-            if timed is None and any(corners):
-                timed = self._timed(moving, [None] * len(corners))
-            if timed is None:
-                raise Failure(
-                    planning.NO_PATH,
-                    "each of the motions is free, but not all of them as one, stops between them included",
-                    motions=len(plans),
-                )
-            trajectory, passed = timed
-            ends = _leg_end_times([leg.index for leg in moving], passed, len(plans))
-        checks = sum(plan.checks for plan in plans) + self._solver.collision.checks - begun
-        path = np.concatenate([plans[0].path[:1], *(plan.path[1:] for plan in plans)])
-        return MotionPlan(
-            trajectory,
-            path,
-            "chain",
-            checks,
-            plans[-1].goal_index,
-            plans[-1].fraction,
-            passes=tuple(ends),
-            legs=tuple(plans),
-        )
+            return stationary_trajectory(planned[-1].path[-1]), [0.0] * len(planned)
+        corners = self._corners(moving)
+        timed = self._timed(moving, corners)
+        if timed is None and self._checked and any(corners):
+            timed = self._timed(moving, [None] * len(corners))
+        if timed is None:
+            return None
+        trajectory, passed = timed
+        return trajectory, _leg_end_times([leg.index for leg in moving], passed, len(planned))
 
     def _way(self, request: Request) -> StartTolerance:
         """Return the leg's start tolerance. The checker follows the leg's suppositions from this call on."""
@@ -122,21 +176,24 @@ class MotionChain:
         assert request.start is not None
         return StartTolerance(self._solver.collision, request.start)
 
-    def _curve(self, request: Request, plan: MotionPlan) -> JointCurve | None:
-        points = distinct(plan.path)
+    def _curve(self, request: Request, planned: PlannedPath) -> JointCurve | None:
+        points = distinct(planned.path)
         if len(points) < 2:
             return None
         if len(points) == 2:
             return rounded_polyline(points, 0.0)
         if isinstance(request.target, LineGoal | OffsetGoal):
             return spline_through(points)
+        if not isinstance(planned, MotionPlan):
+            return rounded_polyline(points, CORNER_RADII[0])
         if not request.constraints:
             way = self._way(request)
             for radius in CORNER_RADII:
                 curve = rounded_polyline(points, radius)
                 if all(way.nearly_free(q) for q in curve.at(_check_parameters(0.0, curve.length))):
                     return curve
-        return spline_through(distinct(plan.trajectory.position[:: max(1, len(plan.trajectory.times) // 60)]))
+        timed = planned.trajectory
+        return spline_through(distinct(timed.position[:: max(1, len(timed.times) // 60)]))
 
     def _corners(self, legs: Sequence[_Leg]) -> list[float | None]:
         """Return the distance at which the corner after each leg but the last is cut, rad; None: the arm
@@ -156,6 +213,8 @@ class MotionChain:
         tried = sorted(
             {min(radius, room) for radius in CORNER_CUTS if min(radius, room) > 1e-3}, reverse=True
         )
+        if not self._checked:
+            return next(iter(tried), None)
         for radius in tried:
             blend = blend_curves(before.curve, after.curve, radius)
             first, second = _check_parameters(0.0, radius), _check_parameters(radius, 2.0 * radius)
@@ -173,13 +232,13 @@ class MotionChain:
         whole = leg.curve.length
         if not leg.line:
             return most * whole
-        begin = np.array(self._solver.model.tcp(leg.plan.path[0]).position)
-        end = np.array(self._solver.model.tcp(leg.plan.path[-1]).position)
+        begin = np.array(self._solver.model.tcp(leg.path[0]).position)
+        end = np.array(self._solver.model.tcp(leg.path[-1]).position)
         length = float(np.linalg.norm(end - begin))
         # The joints' travel along a line is uneven: the part near the corner is measured by itself.
         share = most if length < 1e-6 else min(most, self._rounded / length)
-        index = round(share * (len(leg.plan.path) - 1))
-        part = leg.plan.path[-1 - index :] if at_end else leg.plan.path[: index + 1]
+        index = round(share * (len(leg.path) - 1))
+        part = leg.path[-1 - index :] if at_end else leg.path[: index + 1]
         return float(np.linalg.norm(np.diff(part, axis=0), axis=1).sum())
 
     def _timed(
@@ -204,14 +263,23 @@ class MotionChain:
             elapsed += timed.trajectory.duration
             passed.append(elapsed)
         trajectory = _concatenate_trajectories([part.trajectory for part in parts])
-        return (trajectory, passed) if self._stay_free(legs, trajectory, passed) else None
+        return (trajectory, passed) if self._stay_free(legs, corners, trajectory, passed) else None
 
-    def _stay_free(self, legs: Sequence[_Leg], trajectory: Trajectory, passed: Sequence[float]) -> bool:
+    def _stay_free(
+        self,
+        legs: Sequence[_Leg],
+        corners: Sequence[float | None],
+        trajectory: Trajectory,
+        passed: Sequence[float],
+    ) -> bool:
         begin = 0.0
-        for leg, end in zip(legs, passed, strict=True):
+        for leg, cuts, end in zip(legs, itertools.pairwise([None, *corners, None]), passed, strict=True):
             part = slice_trajectory(trajectory, begin, end)
             constraints = PathConstraints(self._solver.model, leg.request.constraints)
-            if not is_trajectory_free(self._way(leg.request), part):
+            way: ConfigurationCheck = self._way(leg.request)
+            if not self._checked:
+                way = _RoundedEnds(way, tuple(zip((leg.path[0], leg.path[-1]), cuts, strict=True)))
+            if not is_trajectory_free(way, part):
                 return False
             if not all(constraints.hold(q) for q in part.position):
                 return False
@@ -239,6 +307,10 @@ def slice_trajectory(trajectory: Trajectory, begin: float, end: float) -> Trajec
         trajectory.velocity[part],
         trajectory.acceleration[part],
     )
+
+
+def _same(a: Array | None, b: Array | None) -> bool:
+    return a is b if a is None or b is None else np.array_equal(a, b)
 
 
 def _leg_end_times(indices: Sequence[int], passed: Sequence[float], count: int) -> list[float]:

@@ -27,7 +27,17 @@ from ..kinematics.cartesian_lines import LineResult, plan_line
 from ..kinematics.configuration_cost import configuration_cost
 from ..kinematics.inverse_kinematics import InverseKinematics
 from ..path_constraints import PathConstraints
-from ..requests import ContactPair, Goal, LineGoal, MotionPlan, OffsetGoal, PoseGoal, Request, check_request
+from ..requests import (
+    ContactPair,
+    Goal,
+    LineGoal,
+    MotionPlan,
+    OffsetGoal,
+    PlannedPath,
+    PoseGoal,
+    Request,
+    check_request,
+)
 from ..search.constrained_rrt import ConstrainedPlanner
 from ..search.goal_configurations import (
     HOME_CONFIGURATION,
@@ -36,7 +46,7 @@ from ..search.goal_configurations import (
     GoalConfiguration,
     GoalSet,
 )
-from ..search.joint_planner import CheckBudget, JointPlanner, TimedPath
+from ..search.joint_planner import CheckBudget, FoundPath, JointPlanner
 from ..timing.time_parameterization import time_smooth
 
 
@@ -69,14 +79,26 @@ class RequestSolver:
 
     def solve(self, request: Request, seed: int) -> MotionPlan:
         """Plan a request. Fails with planning.*, see `PlanService.solve`."""
+        found = self._solved(request, seed, timed=True)
+        assert isinstance(found, MotionPlan)
+        return found
+
+    def path(self, request: Request, seed: int) -> PlannedPath:
+        """Plan the path of a request, free at the steps of its search, and fail as `solve`.
+
+        Without constraints it has no time, and the steps are coarser than those of a trajectory's check.
+        """
+        return self._solved(request, seed, timed=bool(request.constraints))
+
+    def _solved(self, request: Request, seed: int, *, timed: bool) -> PlannedPath:
         check_request(self.model, request)
         self.look(request)
         begun = self._begun(request)
         if isinstance(request.target, LineGoal | OffsetGoal):
-            plan = self._line(begun, request.target)
+            found = self._line(begun, request.target, timed=timed)
         else:
-            plan = self._plan(begun, request.target, seed)
-        return replace(plan, request=replace(request, start=begun.start), version=self._scene.version)
+            found = self._plan(begun, request.target, seed, timed=timed)
+        return replace(found, request=replace(request, start=begun.start), version=self._scene.version)
 
     def start(self, request: Request) -> Array:
         """Return the start of a request (n,), rad; a copy."""
@@ -111,9 +133,9 @@ class RequestSolver:
             raise planning_failures.constraint_violated("where the motion starts", broken)
         return _Begun(request, start, way, constraints, self.collision.checks)
 
-    def _plan(self, begun: _Begun, goal: Goal, seed: int) -> MotionPlan:
+    def _plan(self, begun: _Begun, goal: Goal, seed: int, *, timed: bool) -> PlannedPath:
         constraints = begun.constraints
-        planner = self._planner(begun)
+        planner = self._planner(begun, timed=timed)
         inspection = GoalInspection(self.model, self.collision, constraints, self._workspace)
         goals = GoalSet(self.model, self.ik, inspection, begun.way, begun.start, constraints, goal)
         try:
@@ -122,22 +144,21 @@ class RequestSolver:
                 raise self._not_found(begun, [target.q for target in reached])
         finally:
             self.ik.solves += constraints.projections
-        checks = self.collision.checks - begun.checks
-        return MotionPlan(found.trajectory, found.path, found.planner, checks, reached[found.goal].index)
+        checks, index = self.collision.checks - begun.checks, reached[found.goal].index
+        return _planned(found.trajectory, PlannedPath(found.path, found.planner, checks, index))
 
-    def _planner(self, begun: _Begun) -> JointPlanner | ConstrainedPlanner:
+    def _planner(self, begun: _Begun, *, timed: bool) -> JointPlanner | ConstrainedPlanner:
         way, start, request = begun.way, begun.start, begun.request
         if request.constraints:
             return ConstrainedPlanner(
                 self.model, way, start, request.scaling, self.collision, request.budget, begun.constraints
             )
-        return JointPlanner(
-            self.model, way, start, request.scaling, CheckBudget(self.collision, request.budget)
-        )
+        budget = CheckBudget(self.collision, request.budget)
+        return JointPlanner(self.model, way, start, request.scaling if timed else None, budget)
 
     def _found(
         self, planner: JointPlanner | ConstrainedPlanner, goals: GoalSet, seed: int
-    ) -> tuple[TimedPath | None, list[GoalConfiguration]]:
+    ) -> tuple[FoundPath | None, list[GoalConfiguration]]:
         """Return the planner's path, and the goal configurations that it planned for."""
         for near in goals.near():
             found = planner.direct([target.q for target in near])
@@ -162,7 +183,7 @@ class RequestSolver:
         between = looked.between(begun.start, ends)
         return planning_failures.not_found(spent, begun.request.budget, ends, way.excused, between, enclosed)
 
-    def _line(self, begun: _Begun, line: LineGoal | OffsetGoal) -> MotionPlan:
+    def _line(self, begun: _Begun, line: LineGoal | OffsetGoal, *, timed: bool) -> PlannedPath:
         start, way = begun.start, begun.way
         target = line.tcp_in_world if isinstance(line, LineGoal) else self.model.tcp(start).shifted(line.by)
         found = plan_line(self.model, self.ik, way, start, target)
@@ -170,6 +191,12 @@ class RequestSolver:
             found = LineResult(found.path[:1], 0.0, "reach", ended_at=target)
         if found.fraction < line.least_fraction:
             raise self._line_ended(found, line.least_fraction, target)
+        trajectory = self._timed_line(begun, found) if timed else None
+        checks = self.collision.checks - begun.checks
+        return _planned(trajectory, PlannedPath(found.path, "line", checks, fraction=found.fraction))
+
+    def _timed_line(self, begun: _Begun, found: LineResult) -> Trajectory:
+        way = begun.way
         trajectory = time_smooth(self.model, found.path, begun.request.scaling)
         if trajectory is None or not is_trajectory_free(way, trajectory):
             graze = () if trajectory is None else self._first_contacts(way, trajectory)
@@ -177,8 +204,7 @@ class RequestSolver:
         for k, q in enumerate(trajectory.position):
             if broken := begun.constraints.broken(q):
                 raise planning_failures.line_breaks(broken, k / (len(trajectory.position) - 1))
-        checks = self.collision.checks - begun.checks
-        return MotionPlan(trajectory, found.path, "line", checks, fraction=found.fraction)
+        return trajectory
 
     def _line_ended(self, found: LineResult, least: float, target: Pose) -> Failure:
         begin, last = self.model.tcp(found.path[0]), self.model.tcp(found.path[-1])
@@ -213,6 +239,15 @@ class _Begun:
     way: StartTolerance
     constraints: PathConstraints
     checks: int
+
+
+def _planned(trajectory: Trajectory | None, path: PlannedPath) -> PlannedPath:
+    """Return a path with its trajectory; the path alone where it has none."""
+    if trajectory is None:
+        return path
+    return MotionPlan(
+        path.path, path.planner, path.checks, path.goal_index, path.fraction, trajectory=trajectory
+    )
 
 
 @dataclass(slots=True)

@@ -21,11 +21,11 @@ from picktree.planning.service.motion_chain import split_into_legs
 from picktree.planning.timing.toppra_profile import ACCELERATION_RISE_TIME
 from picktree.world.causes import Failure, planning
 from picktree.world.journal import PlanEntry
-from picktree.world.shapes import Box
+from picktree.world.shapes import Box, Sphere
 from picktree.world.trajectory import Trajectory
 from picktree.world.values import Array, ObjectId, Pose
 
-from .motion_cell import HOME, MODEL, Cell, down, item, littered, run, table_scene
+from .motion_cell import HOME, MODEL, Cell, down, item, littered, run, shelf_scene, table_scene
 
 BLOCK = item("block", Box((0.04, 0.04, 0.04)), Pose((0.5, 0.0, 0.02)))
 TOUCHING = (("gripper", "block"),)
@@ -61,6 +61,11 @@ def respects(trajectory: Trajectory, scaling: Scaling) -> None:
     ).all()
 
 
+def requests_of(plan: MotionPlan) -> list[Request]:
+    """Requests of a chain's legs, each with its start."""
+    return [leg.request for leg in plan.legs if leg.request is not None]
+
+
 def inner(plan: MotionPlan, slack: int = 3) -> list[Trajectory]:
     """Each leg's part, without the samples beside its ends, where the slower neighbour's limits hold."""
     cut = [
@@ -88,7 +93,9 @@ def test_pick_and_carry_are_one_motion_each_without_a_stop() -> None:
     speed = np.linalg.norm(plan.trajectory.velocity, axis=1)
     moving = (plan.trajectory.times > 0.1) & (plan.trajectory.times < plan.trajectory.duration - 0.1)
     assert speed[moving].min() > 0.1
-    assert plan.trajectory.duration < sum(leg.trajectory.duration for leg in plan.legs) - 0.05
+    with cell.scene.allow(*TOUCHING):
+        alone = [run(cell.plan.solve(leg))[0].trajectory for leg in requests_of(plan)]
+    assert plan.trajectory.duration < sum(leg.duration for leg in alone) - 0.05
     assert MODEL.tcp(plan.trajectory.end).distance(down(0.35, 0.4, 0.22)) < 2e-5
     assert cell.plan.disagreements == ()
 
@@ -240,3 +247,33 @@ def test_a_leg_with_one_corner_gives_up_more_of_it_than_one_with_two() -> None:
         assert np.linalg.norm(plan.trajectory.velocity, axis=1)[5:-5].min() > 0.05
         assert cell.plan.disagreements == ()
     assert nearest[0] > 1.3 * nearest[1]
+
+
+def test_a_leg_that_touches_something_between_the_steps_of_its_search_is_planned_again() -> None:
+    """A bead that the straight edge's steps miss, and its trajectory does not."""
+    cell = Cell(table_scene(item("bead", Sphere(0.002), Pose((0.417, 0.165, 0.442)))))
+    over = cell.plan.reachable(down(0.5, 0.3, 0.3), near=HOME)
+    assert over is not None
+    legs = [Request(JointGoal(over)), Request(OffsetGoal((0.0, 0.0, -0.1)))]
+    assert cell.plan.solver.path(legs[0], 1).planner == "direct"
+    plan, _ = run(cell.plan.through(legs))
+    assert plan.legs[0].planner == "RRTConnect"
+    assert np.array_equal(plan.legs[0].path[-1], over)
+    assert cell.plan.disagreements == ()
+
+
+def test_a_leg_that_is_refused_is_not_searched_twice() -> None:
+    """The leg before it is checked by itself, and ends where it did."""
+    cell = Cell(shelf_scene())
+    before = HOME + 0.05
+    inside = cell.plan.reachable(Pose.from_rpy((0.6, 0.15, 0.4), (0.0, np.pi / 2, 0.0)), near=HOME)
+    assert inside is not None
+    into = Request(JointGoal(inside), budget=150)
+    with pytest.raises(Failure) as caught:
+        run(cell.plan.through([Request(JointGoal(before)), into]))
+    assert caught.value.cause == planning.BUDGET and caught.value.evidence["leg"] == 1
+    cell.at = before
+    with pytest.raises(Failure):
+        run(cell.plan.solve(into))
+    chain, alone = (entry.checks for entry in cell.journal.take() if isinstance(entry, PlanEntry))
+    assert alone < chain < 1.5 * alone
