@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import pinocchio as pin
@@ -44,11 +45,15 @@ class PathConstraints:
         self.constraints = tuple(constraints)
         self._model = model
         self._arm = model.arm
-        self._data = model.arm.createData()
         self._frame = model.tcp_frame
         self._rows = [_Tilt(c) if isinstance(c, UprightConstraint) else _Box(c) for c in self.constraints]
         self.projections = 0
         """Number of configurations that had to be moved; each costs about as much as an IK descent."""
+
+    @cached_property
+    def _data(self) -> pin.Data:
+        """Scratch memory; an empty set needs none."""
+        return self._arm.createData()
 
     @property
     def room(self) -> float:
@@ -65,11 +70,13 @@ class PathConstraints:
 
     def broken(self, q: Array) -> tuple[ConstraintViolation, ...]:
         """Return the constraints that do not hold at q (n,)."""
-        return self.broken_by(self._model.tcp(q))
+        return self.broken_by(self._model.tcp(q)) if self._rows else ()
 
     def broken_by(self, tcp_in_world: Pose) -> tuple[ConstraintViolation, ...]:
         """Return the constraints that do not hold with the TCP at a pose, whatever the arm's
         configuration."""
+        if not self._rows:
+            return ()
         pose = pin.SE3(tcp_in_world.rotation(), np.array(tcp_in_world.position))
         told: list[ConstraintViolation] = []
         for row, constraint in zip(self._rows, self.constraints, strict=True):

@@ -59,6 +59,8 @@ class RobotModel:
         self._full_data = self.full.createData()
         self._neutral: Array = pin.neutral(self.full)
         self._arm_q = [_q_index(self.full, name) for name in description.joints]
+        self._tool_at_zero: Array = np.array(self.tcp(np.zeros(self.n)).position)
+        self._screws = _screws(self.arm)
         self._finger_q = [_q_index(self.full, name) for name in description.gripper.joints]
         self._links = tuple(
             (frame.name, index)
@@ -84,6 +86,22 @@ class RobotModel:
         """Return the pose of the tool centre point in the world."""
         pin.forwardKinematics(self.arm, self._data, q)
         return pose_of(pin.updateFramePlacement(self.arm, self._data, self.tcp_frame))
+
+    def tcp_positions(self, path: Array) -> Array:
+        """Return the positions (m, 3) of the tool centre point in the world at configurations (m, n), m.
+
+        Product of exponentials: each joint, the last first, turns or moves the points by its axis at q = 0.
+        """
+        points = np.tile(self._tool_at_zero, (len(path), 1))
+        sines, cosines = np.sin(path), np.cos(path)
+        for k, (turn, point, slide) in reversed(list(enumerate(self._screws))):
+            if turn is None:
+                points = points + path[:, k : k + 1] * slide
+                continue
+            parts = (points - point) @ turn
+            points = parts[:, :3] + cosines[:, k : k + 1] * parts[:, 3:6] + sines[:, k : k + 1] * parts[:, 6:]
+            points += point
+        return points
 
     def flange(self, q: Array) -> Pose:
         """Return the frame of the flange joint in the world: the origin of the wrist's force/torque
@@ -225,6 +243,23 @@ def _arm_only(full: pin.Model, description: RobotDescription) -> pin.Model:
 
 def _q_index(model: pin.Model, joint: str) -> int:
     return model.joints[model.getJointId(joint)].idx_q
+
+
+def _screws(arm: pin.Model) -> list[tuple[Array | None, Array, Array]]:
+    """Return turn (3, 9), a point on the axis (3,), and direction (3,) of each joint in the world at q = 0.
+
+    The turn's columns give the parts of a vector along and across the axis, and the axis × the vector. A
+    joint that slides has none.
+    """
+    screws: list[tuple[Array | None, Array, Array]] = []
+    for twist in pin.computeJointJacobians(arm, arm.createData(), np.zeros(arm.nq)).T.copy():
+        slide: Array = twist[:3]
+        axis: Array = twist[3:]
+        along = np.outer(axis, axis)
+        turn: Array = np.hstack([along, np.eye(3) - along, np.cross(axis, np.eye(3))])
+        point: Array = np.cross(axis, slide)
+        screws.append((turn if axis.any() else None, point, slide))
+    return screws
 
 
 def _beyond_flange(model: pin.Model, flange_joint: str) -> tuple[float, Vector3]:

@@ -60,6 +60,10 @@ class _Seen:
     allowed: frozenset[frozenset[str]]
     clearance: float
 
+    def same(self, other: _Seen) -> bool:
+        """Whether a geometry model of the other is one of this, with all poses."""
+        return self.same_room(other) and self.same_belief(other)
+
     def same_room(self, other: _Seen) -> bool:
         """Whether fixtures and bins are the same. They are never changed in place; a supposed scene shares
         them."""
@@ -110,8 +114,10 @@ class CollisionChecker:
         self._arm_q = _run([_q_index(model.full, joint) for joint in model.description.joints])
         self._seen: _Seen | None = None
         self._still: tuple[CollisionBody, ...] = ()
-        self._kept: list[CollisionModel] = []
-        self._now = self._built(CollisionModelKey((), None, frozenset(), 0.0))
+        self._kept: list[tuple[_Seen, CollisionModel]] = []
+        """Geometry models with what each was placed for last, the one used last first."""
+        nothing = _Seen({}, {}, (), frozenset(), 0.0)
+        self._now = self._built(CollisionModelKey((), None, frozenset(), 0.0), nothing)
 
     # ---- following the scene
 
@@ -128,6 +134,11 @@ class CollisionChecker:
         elif seen.same_belief(self._seen):
             return
         self._seen = seen
+        for index, (known, built) in enumerate(self._kept):
+            if seen.same(known):
+                self._kept.insert(0, self._kept.pop(index))
+                self._now = built
+                return
         bodies = (*self._still, *movable_bodies(snapshot.objects))
         held = next((o for o in snapshot.objects if o.attached), None)
         self._now = self._built(
@@ -136,20 +147,22 @@ class CollisionChecker:
                 None if held is None else (held.id, held.shape),
                 snapshot.allowed,
                 clearance,
-            )
+            ),
+            seen,
         )
         self._now.place(bodies, None if held is None else held.object_in_tcp)
 
-    def _built(self, content: CollisionModelKey) -> CollisionModel:
+    def _built(self, content: CollisionModelKey, seen: _Seen) -> CollisionModel:
         """Return the geometry model of that content: a remembered one, or a new one. Both give the same
         answers."""
-        for index, built in enumerate(self._kept):
-            if built.content == content:
-                self._kept.insert(0, self._kept.pop(index))
-                return built
-        self._kept.insert(0, CollisionModel(self._robot, content, self._shapes))
+        index = next((k for k, (_, built) in enumerate(self._kept) if built.content == content), None)
+        if index is None:
+            built = CollisionModel(self._robot, content, self._shapes)
+        else:
+            built = self._kept.pop(index)[1]
+        self._kept.insert(0, (seen, built))
         del self._kept[MAX_CACHED_MODELS:]
-        return self._kept[0]
+        return built
 
     # ---- questions
 

@@ -11,7 +11,6 @@ from functools import lru_cache
 from typing import Protocol
 
 import numpy as np
-import pinocchio as pin
 
 from ...robots.model import RobotModel
 from ...world.trajectory import Trajectory
@@ -151,7 +150,7 @@ def sampled_configurations(model: RobotModel, trajectory: Trajectory) -> Array:
     """Sample configurations (m, n) along a trajectory, start and end included, at most STEP and TURN
     apart."""
     q = trajectory.position
-    tool = _tool_positions(model, q)
+    tool = model.tcp_positions(q)
     moved: Array = np.linalg.norm(np.diff(tool, axis=0), axis=1) / MAX_TCP_STEP
     turned: Array = np.linalg.norm(np.diff(q, axis=0), axis=1) / MAX_JOINT_STEP
     along: Array = np.concatenate([[0.0], np.cumsum(np.maximum(moved, turned))])
@@ -159,16 +158,6 @@ def sampled_configurations(model: RobotModel, trajectory: Trajectory) -> Array:
     marks: Array = np.linspace(0.0, float(along[-1]), count + 1)
     joints: list[Array] = [np.interp(marks, along, joint) for joint in q.T]
     return np.stack(joints, axis=1)
-
-
-def _tool_positions(model: RobotModel, q: Array) -> Array:
-    """Return the TCP's positions in the world (m, 3), m, at configurations (m, n)."""
-    arm, data, frame = model.arm, model.arm.createData(), model.tcp_frame
-    points = np.empty((len(q), 3))
-    for k, at in enumerate(q):
-        pin.forwardKinematics(arm, data, at)
-        points[k] = pin.updateFramePlacement(arm, data, frame).translation
-    return points
 
 
 def _bisected(checked: Array) -> Iterator[Array]:

@@ -92,7 +92,7 @@ class PlanQualityMeter:
         return nearest
 
     def _way(self, trajectory: Trajectory) -> float:
-        return length(np.array([self._model.tcp(q).position for q in trajectory.position]))
+        return length(self._model.tcp_positions(trajectory.position))
 
     def _joint(self, trajectory: Trajectory) -> JointMargin:
         q = trajectory.position

@@ -282,7 +282,7 @@ class PlanService:
         the thinking account owes the cost.
         """
         with self.checking():
-            return check_reach(self.solver, self._manner.of(request), self._streams.at("ik", 0))
+            return check_reach(self.solver, self._manner.of(request), lambda: self._streams.at("ik", 0))
 
     def quality(self, plan: MotionPlan) -> PlanQuality:
         """Measure a plan's length, clearance, and distance to singularities and joint limits. Not charged: it
@@ -349,7 +349,7 @@ class PlanService:
             return
         q = answer.trajectory.position
         picked = q[np.unique(np.linspace(0, len(q) - 1, min(len(q), 25)).astype(int))]
-        tool_path = tuple(self._model.tcp(one).position for one in picked)
+        tool_path = tuple((x, y, z) for x, y, z in self._model.tcp_positions(picked).tolist())
         self._journal.note(
             replace(
                 noted,

@@ -304,10 +304,13 @@ class ReachResult:
         return f"{self.contact.a} would be {near} {self.contact.b}"
 
 
-def check_reach(solver: RequestSolver, request: Request, rng: np.random.Generator) -> ReachResult:
+def check_reach(
+    solver: RequestSolver, request: Request, rng: Callable[[], np.random.Generator]
+) -> ReachResult:
     """Find a free configuration for the first pose of a request's goal, near the request's start.
 
-    The scene is as the request supposes it. The path in between is not checked.
+    The scene is as the request supposes it. The path in between is not checked. `rng` is called where
+    solutions from random seeds are needed.
     """
     assert isinstance(request.target, PoseGoal), "a pose is asked for"
     pose = request.target.tcp_in_world[0]
@@ -324,7 +327,7 @@ def check_reach(solver: RequestSolver, request: Request, rng: np.random.Generato
         blocked = next((c for q in solutions[:1] for c in solver.collision.contacts(q)), None)
         if blocked is not None and _is_hand_contact(solver, request, blocked):
             return ReachResult(None, len(solutions), blocked)
-        solutions += solver.ik.solutions(pose, rng, near, SOLUTIONS_PER_POSE)
+        solutions += solver.ik.solutions(pose, rng(), near, SOLUTIONS_PER_POSE)
     free = [q for q in solutions if solver.collision.free(q)]
     if free:
         best = min(free, key=lambda q: float(np.linalg.norm(q - near)) + configuration_cost(solver.model, q))

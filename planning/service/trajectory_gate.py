@@ -120,7 +120,7 @@ class TrajectoryGate:
     def _stays_inside(self, trajectory: Trajectory) -> None:
         low, high = np.array(self._workspace.min), np.array(self._workspace.max)
         path = sampled_configurations(self._model, trajectory)
-        tool = np.array([self._model.tcp(q).position for q in path])
+        tool = self._model.tcp_positions(path)
         outside = np.maximum(low - tool, tool - high).max(axis=1)
         # From outside the tool may come back, but not go further out.
         beyond = outside - max(0.0, float(outside[0])) - LIMIT_ROUNDING

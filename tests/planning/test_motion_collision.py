@@ -156,6 +156,18 @@ def test_follows_what_the_scene_allows_moves_and_removes() -> None:
     assert collision.free(at(down(0.4, 0.15, 0.02)))
 
 
+def test_scenes_that_take_turns_are_each_seen_as_they_are_now() -> None:
+    """A block goes to and fro while the checker looks at the belief and at a supposition in turn."""
+    q, scene = at(down(0.5, 0.0, 0.03)), table_scene()
+    collision = looking_at(scene)
+    for k, x in enumerate((0.5, 0.7, 0.5, 0.5, 0.7, 0.7, 0.5)):
+        scene.put(item("block", Box((0.04, 0.1, 0.06)), Pose((x, 0.0, 0.03))), "test")
+        for each, free in ((scene, x > 0.6), (scene.supposing(allowed=[("gripper", "block")]), True)):
+            if k != 3 or each is scene:
+                collision.update(each, 0.04)
+                assert collision.free(q) == free, (k, x)
+
+
 def test_fingers_follow_the_opening() -> None:
     scene = table_scene(item("post", Box((0.03, 0.03, 0.06)), Pose((0.5, 0.0, 0.03))))
     collision = looking_at(scene, 0.08)

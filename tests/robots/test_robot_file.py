@@ -14,6 +14,7 @@ import trimesh
 from picktree.errors import PicktreeError
 from picktree.files.marks import FileError
 from picktree.robots.loading import load_robot, parse_robot, robot_names
+from picktree.robots.model import RobotModel
 from picktree.simulation.physics.robot.robot_body import patched_urdf
 
 URDF = """\
@@ -216,3 +217,18 @@ def test_a_finger_collides_along_its_whole_length() -> None:
             spans.append((middle - height / 2, middle + height / 2))
         pad, body = spans
         assert body[0] == pytest.approx(0.0) and body[1] == pytest.approx(pad[0]) and pad[1] > 0.053
+
+
+def test_positions_of_an_arm_that_slides_are_those_of_its_tcp(robot_file: Path) -> None:
+    slide = '<joint name="slide" type="prismatic"><axis xyz="0.6 0 0.8"/><parent link="upper"/>'
+    limits = '<child link="rod"/><limit lower="-1" upper="1" effort="50" velocity="2"/></joint>'
+    fixed = '<joint name="wrist" type="fixed"><parent link="'
+    urdf = URDF.replace(f"{fixed}upper", f'<link name="rod"/>{slide}{limits}{fixed}rod')
+    (robot_file.parent / "arm.urdf").write_text(urdf)
+    joint = "  slide: {lower: -0.5, upper: 0.5, velocity: 2, acceleration: 10, torque: 50}"
+    robot_file.write_text(ROBOT.replace("poses: {home: [0.5]}", f"{joint}\nposes: {{home: [0.5, 0.1]}}"))
+    model = RobotModel(load_robot(str(robot_file)))
+    path = np.random.default_rng(0).uniform(model.lower, model.upper, (20, 2))
+    positions = [model.tcp(q).position for q in path]
+    np.testing.assert_allclose(model.tcp_positions(path), positions, rtol=0, atol=1e-12)
+    assert np.ptp(np.array(positions), axis=0).min() > 0.1

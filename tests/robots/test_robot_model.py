@@ -40,6 +40,14 @@ def test_jacobian_is_the_derivative_of_the_tcp(q: Array) -> None:
         np.testing.assert_allclose(jacobian[:, joint], [*linear, *angular], atol=1e-6)
 
 
+@pytest.mark.parametrize("name", ["panda", "xarm6", "iiwa"])
+def test_positions_along_a_path_are_those_of_the_tcp(name: str) -> None:
+    model = RobotModel(replace(load_robot(name), base_in_world=BASE))
+    path = np.random.default_rng(0).uniform(model.lower, model.upper, (50, model.n))
+    positions = [model.tcp(q).position for q in path]
+    np.testing.assert_allclose(model.tcp_positions(path), positions, rtol=0, atol=1e-12)
+
+
 @settings(max_examples=25)
 @given(configurations)
 def test_gravity_is_the_slope_of_the_energy(q: Array) -> None:
