@@ -138,7 +138,7 @@ class ControlLoop:
     @property
     def tcp(self) -> Pose:
         """TCP pose in the world, by the encoders."""
-        return self.model.tcp(self.state.position)
+        return self._sampler.tcp
 
     @property
     def at_rest(self) -> bool:
