@@ -17,6 +17,7 @@ from ..logs.recording.recorder import RecordingState
 from ..logs.schema.topics import Digest
 from ..perception.fitting.view import BinView
 from ..simulation.backends import Simulation
+from ..simulation.checkpoints import json_bytes, json_values
 from ..simulation.faults.injector import FaultInjector, FaultState
 from ..skill_world.world import World
 from ..trees.running.runner import BehaviourTree
@@ -70,7 +71,7 @@ class RunState:
     """Events of the feed that the robot has received so far."""
 
     def to_json(self) -> bytes:
-        return _state_adapter().dump_json(self)
+        return json_bytes(self)
 
     @classmethod
     def from_json(cls, data: bytes) -> RunState:
@@ -81,7 +82,7 @@ class RunState:
             raise PicktreeError(f"this is no checkpoint: {error.errors()[0]['msg']}") from None
 
 
-# Built on first use: most runs end without a checkpoint.
+# Built on first use: most runs read no checkpoint.
 @cache
 def _state_adapter() -> TypeAdapter[RunState]:
     return TypeAdapter(RunState)
@@ -105,7 +106,7 @@ def take_checkpoint(
 
     Only at a quiescent moment: no skill runs, the arm is held at rest. Raises PicktreeError otherwise.
     """
-    control = _control_adapter().dump_python(world.control.save(), mode="json")
+    control = json_values(world.control.save())
     world.plan.forget()
     saved = hardware.checkpoint()
     snapshot, numbers = world.scene.state()

@@ -10,7 +10,7 @@ import os
 import platform
 import subprocess
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from functools import cache
 from pathlib import Path
 from typing import Final
@@ -90,10 +90,13 @@ def sources() -> Mapping[str, str]:
     return hashes(_run_files())
 
 
-def hashes(files: Iterable[Path]) -> dict[str, str]:
+def hashes(files: Iterable[str | Path]) -> dict[str, str]:
     """Return the first 12 digits of each file's SHA-256 by its path in the package."""
-    start = len(str(ROOT)) + 1
-    return {str(file)[start:]: hashlib.sha256(file.read_bytes()).hexdigest()[:12] for file in files}
+    start, found = len(str(ROOT)) + 1, dict[str, str]()
+    for path in map(str, files):
+        with open(path, "rb", buffering=0) as file:
+            found[path[start:]] = hashlib.sha256(file.read()).hexdigest()[:12]
+    return found
 
 
 def sources_to_text(hashes: Mapping[str, str]) -> str:
@@ -147,7 +150,7 @@ def _moves(
     return gone, new, same, edited if edited > _MAX_NAMED_FILES else 0
 
 
-def _run_files() -> Iterator[Path]:
+def _run_files() -> list[str]:
     left_out = {str(ROOT / name) for name in _FILES_WITHOUT_EFFECT}
     found = [str(file) for file in ROOT.glob("*.py")]
     for room in rooms():
@@ -156,7 +159,8 @@ def _run_files() -> Iterator[Path]:
                 folders.clear()
             else:
                 found += [os.path.join(folder, name) for name in files if name.endswith((".py", ".yaml"))]
-    yield from sorted(Path(path) for path in found if path not in left_out and os.path.isfile(path))
+    present = [path for path in found if path not in left_out and os.path.isfile(path)]
+    return sorted(present, key=lambda path: path.split(os.sep))
 
 
 def _processor() -> tuple[str, str]:

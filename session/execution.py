@@ -5,10 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import replace
-from functools import cache
 from typing import Any
-
-from pydantic import TypeAdapter
 
 from ..errors import PicktreeError
 from ..logs.recording.recorder import RecordingState
@@ -16,7 +13,8 @@ from ..logs.run_result import RunStatus
 from ..logs.schema.records import ResumedFrom
 from ..recovery.belief_restart import ResyncReport, resync_belief
 from ..simulation.backends import Simulation, build_hardware
-from ..simulation.faults.injector import FaultInjector, FaultState
+from ..simulation.checkpoints import json_values
+from ..simulation.faults.injector import FaultInjector
 from ..simulation.scoring.scorer import rocks_in
 from ..simulation.scoring.truth import TrueBody
 from ..trees.mission import MAIN, Mission
@@ -195,9 +193,8 @@ class Execution:
 
         The call does not change the simulation.
         """
-        state = self.injector.state()
-        faults: list[Any] = _fault_adapter().dump_python(state, mode="json") if state else []
         bias = list(self.world.control.wrist.learnt)
+        faults = json_values(self.injector.state())
         return {**self.hardware.snapshot().to_plain(), "faults": faults, "wrist_bias": bias}
 
     @property
@@ -271,8 +268,3 @@ def items_expected(scene: SceneDescription, truth: Iterable[TrueBody]) -> int:
     if not totals or len(known) < len(totals):
         return len(tuple(truth))
     return sum(known) + sum(count for spawn in scene.spawn for _, count in spawn.counts)
-
-
-@cache
-def _fault_adapter() -> TypeAdapter[tuple[FaultState, ...]]:
-    return TypeAdapter(tuple[FaultState, ...])

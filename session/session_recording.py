@@ -54,6 +54,8 @@ class SessionRecorder:
         self._reports: tuple[NodeReport, ...] = ()
         self._nodes: tuple[records.NodeStatusRecord, ...] = ()
         """Reports and records of the nodes in the last tick."""
+        self._tip = ""
+        """Path of the deepest running node in the last tick."""
         recipe = run.recipe
         start = recipe.start
         self._files = list(recipe_files(recipe))
@@ -149,7 +151,9 @@ class SessionRecorder:
         recorder.rotate_if_due(now)
         for entry in entries:
             recorder.entry(now, entry)
-        recorder.tick(now, _tick(report, self._node_records(report.nodes)))
+        if report.nodes is not self._reports:
+            self._follow(report.nodes)
+        recorder.tick(now, _tick(report, self._nodes, self._tip))
         robot = world.robot.description
         state, gripper = world.control.state, self._gripper.read()
         fingers_at = world.robot.fingers.positions(gripper.width)
@@ -166,8 +170,8 @@ class SessionRecorder:
         if recorder.state_due(now):
             recorder.true_state(now, self._run.true_state())
 
-    def _node_records(self, reports: Sequence[NodeReport]) -> tuple[records.NodeStatusRecord, ...]:
-        """Return the records of the nodes; an unchanged report has the record of the last tick."""
+    def _follow(self, reports: tuple[NodeReport, ...]) -> None:
+        """Make the records of a tick with changed reports; an unchanged report keeps its record."""
         if len(reports) != len(self._reports):
             self._nodes = tuple(map(_node_record, reports))
         else:
@@ -175,8 +179,9 @@ class SessionRecorder:
             self._nodes = tuple(
                 [known if report is before else _node_record(report) for report, before, known in last]
             )
-        self._reports = tuple(reports)
-        return self._nodes
+        self._reports = reports
+        running = [n.path for n in reports if n.status is NodeStatus.RUNNING]
+        self._tip = max(running, key=lambda p: p.count("/"), default="")
 
     def _on_hand(self, tcp: Pose) -> dict[str, Pose]:
         """Return the optical frames in the world of the cameras that move with the tool, by camera name."""
@@ -278,11 +283,10 @@ def _node_record(n: NodeReport) -> records.NodeStatusRecord:
     return records.NodeStatusRecord(n.path, n.id, str(n.status), n.ticked, n.message, n.cause or "", evidence)
 
 
-def _tick(report: TickReport, nodes: tuple[records.NodeStatusRecord, ...]) -> records.Tick:
-    running = [n.path for n in report.nodes if n.status is NodeStatus.RUNNING]
+def _tick(report: TickReport, nodes: tuple[records.NodeStatusRecord, ...], tip: str) -> records.Tick:
     return records.Tick(
-        root_status=str(report.nodes[0].status),
-        tip=max(running, key=lambda p: p.count("/"), default=""),
+        root_status=nodes[0].status,
+        tip=tip,
         nodes=nodes,
         writes=tuple(records.WriteRecord(w.key, w.value, w.node) for w in report.writes),
         transitions=tuple(

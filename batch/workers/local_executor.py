@@ -94,7 +94,6 @@ def load() -> None:
     from ...session.arithmetic_probe import arithmetic
     from ...session.environment import revision, sources
     from ...session.recipe import installed_meshes
-    from ...simulation.checkpoints import build_adapters
     from ...skills import NODES  # each skill is imported when it is asked for: here, all of them are
     from ...world.scene.loading.scene_loading import load_scene
 
@@ -110,7 +109,6 @@ def load() -> None:
     arithmetic()
     revision()
     sources()
-    build_adapters()
     for kind in (records.BodyRecord, records.Event, records.PartRecord, records.Tick, records.Tree):
         record_adapter(kind)
     gc.collect()

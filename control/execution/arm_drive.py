@@ -8,7 +8,7 @@ import numpy as np
 
 from ...robots.model import RobotModel
 from ...world.protocols import Hardware
-from ...world.values import Array, JointState, Vector3
+from ...world.values import Array, JointState, Pose, Vector3
 from ..cartesian.impedance import ContactReflex
 from ..commands import Controller, JointCommand
 from ..joints.joint_controllers import BrakeController, HoldController
@@ -24,12 +24,14 @@ class ArmSampler:
     def __init__(self, hardware: Hardware, model: RobotModel) -> None:
         self._hardware = hardware
         self._arm = hardware.arm
+        self._model = model
         self.wrist = WristWrench(hardware.wrench, model, hardware.clock)
         self.state: JointState = self._arm.read()
         """Last encoder reading."""
         self.standing = 0
         """Number of control periods for which the held arm has stood still."""
         self._velocity: Array = self.state.velocity
+        self._placed: tuple[JointState, Pose] | None = None
 
     def sample(self, held: bool) -> JointState:
         """Read all sensors, and return the encoder reading. `held`: no motion runs."""
@@ -49,6 +51,13 @@ class ArmSampler:
     def acceleration(self) -> Array:
         """Joint accelerations (n,) over the last control period, rad/s²."""
         return (self.state.velocity - self._velocity) / self._hardware.period
+
+    @property
+    def tcp(self) -> Pose:
+        """TCP pose in the world by the last encoder reading, computed once for each."""
+        if self._placed is None or self._placed[0] is not self.state:
+            self._placed = (self.state, self._model.tcp(self.state.position))
+        return self._placed[1]
 
     def restore(self, standing: int) -> None:
         """Read the encoders of restored hardware; the arm has stood still for `standing` periods."""

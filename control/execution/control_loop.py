@@ -138,7 +138,7 @@ class ControlLoop:
     @property
     def tcp(self) -> Pose:
         """TCP pose in the world, by the encoders."""
-        return self.model.tcp(self.state.position)
+        return self._sampler.tcp
 
     @property
     def at_rest(self) -> bool:
@@ -228,7 +228,7 @@ class ControlLoop:
         force = self.wrist.force
         if sampler.standing == self._rest_periods:
             self._bias.come_to_rest(state)
-        touched = guard.guard is not None and guard.touched(state, sampler.acceleration, force)
+        touched = guard.exceeded(force) and guard.touched(state, sampler.acceleration, force)
         self._reference = reference = drive.setpoint.position if drive.servo else None
         stopped = self._supervision.check(state, reference, force, period)
         if touched or (stopped and self._supervision.off_its_way()):

@@ -87,7 +87,7 @@ class Supervision:
     def _check_rarely(self, state: JointState) -> bool:
         """Run the checks that are not needed in each period, and return whether a stop was latched."""
         monitor, wrist, now = self._monitor, self._wrist, self._clock.now
-        tool = self._model.tcp(state.position)
+        tool = self._sampler.tcp
         wrist.turned(tool)
         stopped = monitor.check_tool(tool.position)
         stopped = monitor.check_sensors(now, self._hardware.stamps, wrist.repeats_since) or stopped
@@ -115,7 +115,7 @@ class Supervision:
             # A retreat is slow: the hand's inertial force is small against the limit.
             left = self._without_wrist(state, acceleration)
             return monitor.check_efforts(monitor.explained(left, elapsed))
-        turn = self._model.tcp(state.position).rotation()
+        turn = self._sampler.tcp.rotation()
         left = bias.efforts.unexplained(state, acceleration, self._wrist.unbiased(turn))
         explained = monitor.explained(left, elapsed)
         if not explained and self._fits_without_wrist(state, acceleration, left):

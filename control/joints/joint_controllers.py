@@ -120,8 +120,6 @@ class TrajectoryController:
         self._limit = PATH_BRAKING_SHARE * model.acceleration_limit
         self._times: list[float] = trajectory.times.tolist()
         self._coefficients = trajectory.polynomials()
-        self._powers = np.zeros((2, 6))
-        self._powers[0, 0] = 1.0
         self._segment = 0
         self._rate = 1.0
         self._braking = False
@@ -178,13 +176,14 @@ class TrajectoryController:
         while k < last and times[k + 1] <= s:
             k += 1
         self._segment = k
-        p = self._powers
-        power, t = 1.0, s - times[k]
-        for degree in range(1, 6):
-            p[1, degree] = degree * power
-            power *= t
-            p[0, degree] = power
-        both = p @ self._coefficients[k]
+        t = s - times[k]
+        t2 = t * t
+        t3 = t2 * t
+        t4 = t3 * t
+        powers = (1.0, t, t2, t3, t4, t4 * t)
+        derivatives = (0.0, 1.0, 2.0 * t, 3.0 * t2, 4.0 * t3, 5.0 * t4)
+        # For so few numbers `dot` takes half the time of `@`.
+        both = np.array(powers + derivatives).reshape(2, 6).dot(self._coefficients[k])
         return both[0], both[1]
 
     def _slow_down(self) -> None:

@@ -48,13 +48,19 @@ class ContactGuard:
         self.guard: ForceGuard | None = None
         """Guard of the present motion; None: the motion has none."""
 
+    def exceeded(self, force: Vector3) -> bool:
+        """Return whether the wrist force, N, with all inertia in it, is above the limit of the present
+        motion."""
+        guard = self.guard
+        return guard is not None and guard.size(force) > guard.limit
+
     def touched(self, state: JointState, acceleration: Array, force: Vector3) -> bool:
         """Return whether the present motion has met a contact; `force` is the wrist force, N.
 
         Drives that stop abruptly are no contact.
         """
         guard = self.guard
-        if guard is None or guard.size(force) <= guard.limit:
+        if guard is None or not self.exceeded(force):
             return False
         return guard.touched(
             self._without_inertia(state, acceleration, force) if self._feels_effort else force

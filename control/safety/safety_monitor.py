@@ -176,9 +176,9 @@ class SafetyMonitor:
             self._latch.within(safety.FORCE_LIMIT.name, self._limits.force - size, FORCE_SLACK)
         level, (position, velocity, deviation, effort) = self._level, self._rows
         np.subtract(state.position, self._middle, position)
-        np.copyto(velocity, state.velocity)
+        velocity[:] = state.velocity
         np.subtract(state.position, state.position if commanded is None else commanded, deviation)
-        np.copyto(effort, state.effort)
+        effort[:] = state.effort
         np.abs(level, level)
         if np.count_nonzero(np.greater(level, self._allowed, self._beyond)) or self._latch.busy:
             self._check_joints(level - self._allowed, state, period)

@@ -43,20 +43,27 @@ class TickMessages:
     def __init__(self) -> None:
         self._nodes: tuple[NodeStatusRecord, ...] = ()
         self._json: list[orjson.Fragment] = []
+        self._whole = orjson.Fragment(b"[]")
+        """All nodes as one list, for a tick in which none has changed."""
 
     def encode(self, tick: Tick) -> bytes:
         """Encode a tick as `json_records.encode` does. A node's record counts as changed when it is another
         object."""
-        known, self._nodes = self._nodes, tick.nodes
-        if len(known) != len(tick.nodes):
-            self._json = [orjson.Fragment(encode(node)) for node in tick.nodes]
+        if tick.nodes is not self._nodes:
+            self._follow(tick.nodes)
+        values = {name: getattr(tick, name) for name in _TICK_FIELDS}
+        return encode(values | {"nodes": self._whole})
+
+    def _follow(self, nodes: tuple[NodeStatusRecord, ...]) -> None:
+        known, self._nodes = self._nodes, nodes
+        if len(known) != len(nodes):
+            self._json = [orjson.Fragment(encode(node)) for node in nodes]
         else:
-            last = zip(tick.nodes, known, self._json, strict=True)
+            last = zip(nodes, known, self._json, strict=True)
             self._json = [
                 json if node is before else orjson.Fragment(encode(node)) for node, before, json in last
             ]
-        values = {name: getattr(tick, name) for name in _TICK_FIELDS}
-        return encode(values | {"nodes": self._json})
+        self._whole = orjson.Fragment(encode(self._json))
 
 
 TILE_THICKNESS = 0.001

@@ -77,7 +77,9 @@ class PhysicsHardware:
         self._client = client.id
         self._body = RobotBody(robot, client, 1 / EVERYDAY_STEP_RATE)
         noise = RobotSensorNoise(scene.noise, self._streams, len(robot.joints))
-        self._senses = senses = IdealSensors(noise, 0, RobotReading((), (), (), ()))
+        self._senses = senses = IdealSensors(noise, RobotReading((), (), (), ()))
+        self.clock: Clock = senses
+        self.period = senses.period
         self._belts = PhysicsBelts(scene, client.id)
         self._items = PhysicsItems(scene, spawn_items(scene, seed), client.id, self._belts.running)
         self._boards = HoledFixtures(self._real.fixtures)
@@ -126,14 +128,6 @@ class PhysicsHardware:
         return cls(scene, robot, seed, checkpoint)
 
     @property
-    def clock(self) -> Clock:
-        return self._senses
-
-    @property
-    def period(self) -> float:
-        return self._senses.period
-
-    @property
     def feels_effort(self) -> bool:
         return True
 
@@ -147,7 +141,8 @@ class PhysicsHardware:
         settings. Raises PicktreeError for an impossible rate."""
         rate = EVERYDAY_STEP_RATE if rate is None else check_step_rate(rate)
         if rate != self._senses.rate:
-            self._senses.rate = rate
+            self._senses.pace(rate)
+            self.period = self._senses.period
             set_step_rate(rate, self._client)
             self._body.pace(1 / rate)
 
@@ -212,11 +207,8 @@ class PhysicsHardware:
         self._body.restore(saved.robot, saved.arm, saved.gripper)
         if self.ailments.any:
             self._ail()
-        self._senses.reading = saved.robot
-        self._senses.step = saved.step
-        self._senses.time = (
-            saved.step * RESOLUTION // EVERYDAY_STEP_RATE if saved.time is None else saved.time
-        )
+        time = saved.step * RESOLUTION // EVERYDAY_STEP_RATE if saved.time is None else saved.time
+        self._senses.start(saved.step, time, saved.robot)
         self._initial = saved.initial
         self.crushing.restore(saved.pressed)
         for name, camera in self._cameras.items():
@@ -387,8 +379,8 @@ class PhysicsHardware:
     def _empty(self, obstacles: Iterable[Fixture]) -> None:
         """Reset the simulation to one without items and belts; everything else is added in a fixed order."""
         reset(self._client)
-        self._senses.rate = EVERYDAY_STEP_RATE
-        self._body.period = 1 / EVERYDAY_STEP_RATE
+        self._senses.pace(EVERYDAY_STEP_RATE)
+        self.period = self._body.period = self._senses.period
         self._static.load()
         self._body.load()
         self._static.obstacles.renew(obstacles)

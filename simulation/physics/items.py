@@ -119,7 +119,7 @@ class PhysicsItems:
     def states(self) -> tuple[BodyState, ...]:
         """Return the states of all items that did not leave with a bin, in the order of their numbers."""
         asleep = self.sleepers.asleep()
-        return tuple(replace(self._state(name), asleep=name in asleep) for name in self.inventory.here)
+        return tuple(self._state(name, asleep=name in asleep) for name in self.inventory.here)
 
     def truth(self) -> tuple[TrueBody, ...]:
         """Return the ground truth of every item that ever was there."""
@@ -243,13 +243,13 @@ class PhysicsItems:
             shape = self.inventory.here[change.item].entry.shape
             set_mass(number, shape, change.mass, self._client)
 
-    def _state(self, name: ObjectId) -> BodyState:
+    def _state(self, name: ObjectId, *, asleep: bool = False) -> BodyState:
         if name in self._gone:
             return self._gone[name]
         number = self._numbers[name]
         position, orientation = pb.getBasePositionAndOrientation(number, self._client)
         velocity, spin = self._bumps.get(name) or pb.getBaseVelocity(number, self._client)
-        return BodyState(name, position, orientation, velocity, spin, present=True)
+        return BodyState(name, position, orientation, velocity, spin, present=True, asleep=asleep)
 
     def _known(self, item: str) -> ObjectId:
         name = ObjectId(item)

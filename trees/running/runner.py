@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Generator, Iterator, Mapping
 from dataclasses import dataclass, replace
+from operator import is_
 from typing import Any, cast
 
 from py_trees.behaviour import Behaviour
@@ -70,7 +71,8 @@ class BehaviourTree:
         self._nodes = tuple(_parents_first(root))
         self._by_path = {node.path: node for node in self._nodes}
         self._leaves = frozenset(node.path for node in self._nodes if not node.children)
-        self._reported: tuple[NodeReport | None, ...] = (None,) * len(self._nodes)
+        self._reported = tuple(map(_report, self._nodes))
+        """Reports of the last tick. The same tuple is reported again while nothing in it changes."""
 
     @property
     def root(self) -> Node:
@@ -234,11 +236,10 @@ class BehaviourTree:
 
     def _report(self) -> TickReport:
         # A node without a failure that has not changed keeps its report.
-        self._reported = nodes = tuple(
+        nodes = tuple(
             [
                 before
-                if before is not None
-                and before.ticked is node.ticked
+                if before.ticked is node.ticked
                 and before.status is node.state
                 and before.message == node.feedback_message
                 and before.cause is None
@@ -247,7 +248,9 @@ class BehaviourTree:
                 for node, before in zip(self._nodes, self._reported, strict=True)
             ]
         )
-        return TickReport(nodes, self.blackboard.take_writes(), self._runtime.transitions.take())
+        if not all(map(is_, nodes, self._reported)):
+            self._reported = nodes
+        return TickReport(self._reported, self.blackboard.take_writes(), self._runtime.transitions.take())
 
 
 def _report(node: Node) -> NodeReport:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -19,37 +18,43 @@ EVERYDAY_PERIOD = 1 / EVERYDAY_STEP_RATE
 """Everyday physics step and control period, s; in contact both are shorter."""
 
 
-@dataclass(slots=True)
+EVERYDAY_UNITS = RESOLUTION // EVERYDAY_STEP_RATE
+"""Everyday step in units of 1/`engine.RESOLUTION` s."""
+
+
 class IdealSensors:
     """Ideal sensor readings of the last step; `protocols.Clock` as well."""
 
-    noise: RobotSensorNoise
-    step: int
-    """Number of steps so far, of whatever length."""
-    reading: RobotReading
-    time: int = 0
-    """Time since time 0, in units of 1/`engine.RESOLUTION` s."""
-    rate: int = EVERYDAY_STEP_RATE
-    """Step rate, Hz."""
+    def __init__(self, noise: RobotSensorNoise, reading: RobotReading) -> None:
+        self.noise = noise
+        self.pace(EVERYDAY_STEP_RATE)
+        self.start(0, 0, reading)
 
-    @property
-    def now(self) -> float:
-        """Simulated time since time 0, s."""
-        return self.time / RESOLUTION
-
-    @property
-    def period(self) -> float:
+    def pace(self, rate: int) -> None:
+        """Set the step rate, Hz."""
+        self.rate = rate
+        self.period = 1 / rate
         """Length of a step, s."""
-        return 1 / self.rate
+        self._units = RESOLUTION // rate
+
+    def start(self, step: int, time: int, reading: RobotReading) -> None:
+        """Continue after that number of steps, at a time in units of 1/`engine.RESOLUTION` s."""
+        self.step = step
+        """Number of steps so far, of whatever length."""
+        self.time = time
+        """Time since time 0, in units of 1/`engine.RESOLUTION` s."""
+        self.now = time / RESOLUTION
+        """Simulated time since time 0, s."""
+        self.reading = reading
 
     def stepped(self, reading: RobotReading) -> bool:
         """Record a step; return whether an everyday step has ended with it."""
-        everyday = RESOLUTION // EVERYDAY_STEP_RATE
-        before = self.time // everyday
+        before = self.time
         self.step += 1
-        self.time += RESOLUTION // self.rate
+        self.time = time = before + self._units
+        self.now = time / RESOLUTION
         self.reading = reading
-        return self.time // everyday > before
+        return time // EVERYDAY_UNITS > before // EVERYDAY_UNITS
 
     @property
     def everyday_steps(self) -> int:

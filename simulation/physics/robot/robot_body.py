@@ -358,7 +358,7 @@ def finite(numbers: Array, what: str, shape: tuple[int, ...]) -> tuple[float, ..
     """Return a copy of an array as plain floats. Raises PicktreeError for another shape, NaN or infinity."""
     if numbers.shape != shape:
         raise PicktreeError(f"{what}: shape {numbers.shape}, but {shape} is needed")
-    values = tuple(map(float, numbers.tolist()))
+    values: tuple[float, ...] = tuple(numbers.tolist())
     if not isfinite(sum(values)):
         raise PicktreeError(f"{what}: not finite: {values}")
     return values
