@@ -152,10 +152,10 @@ def known_object(
     floor: SupportSurface,
     known: Sequence[BeliefObject],
 ) -> tuple[BeliefObject, Hypothesis] | None:
-    """Return the one of the `known` objects that explains the whole blob at its believed pose or near it, and
-    the fit.
+    """Return the one of the `known` objects that explains the blob at its believed pose or near it, and the
+    fit.
 
-    None where no other explanation could be excluded: the blob is hidden in part, the fit is not good, the
+    None where no other explanation could be excluded: most of the object is hidden, the fit is not good, the
     object moved, turned or is uncertain. `floor` is the support under the blob.
     """
     for one in known:
@@ -167,13 +167,14 @@ def known_object(
         if math.hypot(float(x) - one.pose.position[0], float(y) - one.pose.position[1]) > 2 * KNOWN_DISTANCE:
             continue
         stand = _believed_standing_pose(fitter.rests, one)
-        if stand is None or not blob.whole:
+        if stand is None:
             continue
         supported = abs(float(stand.centre[2]) - stand.rest.below - floor.height) < SUPPORTED_TOLERANCE
         found = fitter.refined(blob, stand, supported)
         moved = math.dist(found.stand.centre, one.pose.position)
         turned = abs(found.stand.yaw - stand.yaw) if stand.rest.turn else 0.0
-        if found.misfit < GOOD_MISFIT and moved < KNOWN_DISTANCE and turned < MAX_HEADING_CHANGE:
+        clear = found.misfit < GOOD_MISFIT and found.shown > MIN_TRACKING_SHOWN
+        if clear and moved < KNOWN_DISTANCE and turned < MAX_HEADING_CHANGE:
             return one, found
     return None
 

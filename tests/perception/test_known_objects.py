@@ -8,8 +8,10 @@ import pytest
 
 from picktree.perception.fitting.item_fitting import ItemFitter
 from picktree.perception.fitting.view import Detection
+from picktree.perception.segmentation import Blob, label_of
 from picktree.world.belief.planning_scene import BeliefObject
-from picktree.world.values import ObjectId
+from picktree.world.shapes import Box
+from picktree.world.values import ObjectId, Pose
 
 from .perception_pictures import BALL, BLOCK, BRICK, CAN, PLATE, Thing, standing, view_of
 
@@ -35,12 +37,12 @@ def _belief(n: int, d: Detection) -> BeliefObject:
 
 @pytest.fixture
 def recognised(monkeypatch: pytest.MonkeyPatch) -> list[int]:
-    """Number of blobs that were compared with the whole catalogue."""
+    """Number of comparisons of a blue blob with the whole catalogue."""
     counted, explain = [0], ItemFitter.explain
 
-    def counting(self: ItemFitter, *arguments: object) -> object:
-        counted[0] += 1
-        return explain(self, *arguments)  # type: ignore[arg-type]
+    def counting(self: ItemFitter, blob: Blob, *arguments: object) -> object:
+        counted[0] += blob.patch.label == label_of("blue")
+        return explain(self, blob, *arguments)  # type: ignore[arg-type]
 
     monkeypatch.setattr(ItemFitter, "explain", counting)
     return counted
@@ -73,6 +75,22 @@ def test_a_small_displacement_of_a_known_object_is_measured(recognised: list[int
     assert recognised[0] == 0
     (afresh,) = view_of([moved]).detections
     assert seen.pose.distance(afresh.pose) < 2e-4
+
+
+@pytest.mark.parametrize(("share", "compared"), [(0.3, False), (0.7, True)])
+def test_a_known_object_is_confirmed_while_most_of_it_is_in_sight(
+    recognised: list[int], share: float, compared: bool
+) -> None:
+    known = believed([THINGS[0]])
+    recognised[0] = 0
+    x, y, z = THINGS[0].pose.position
+    lid = Thing(Box((0.04, 0.06, 0.01)), Pose((x + 0.04 * (1.0 - share), y, z + 0.04)), "red")
+    view = view_of([THINGS[0], lid], known=known)
+    assert (recognised[0] > 0) is compared
+    if not compared:
+        (seen,) = (d for d in view.detections if d.colour == "blue")
+        assert seen.kind == "block"
+        assert seen.pose.distance(known[0].pose) < 2e-3
 
 
 @pytest.mark.parametrize(
