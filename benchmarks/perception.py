@@ -19,7 +19,6 @@ from picktree.robots.loading import load_robot
 from picktree.robots.model import RobotModel
 from picktree.simulation.physics.backend import PhysicsHardware
 from picktree.simulation.scoring.truth import TrueBody
-from picktree.world.belief.planning_scene import PlanningScene
 from picktree.world.scene.loading.scene_loading import load_scene
 from picktree.world.shapes import Box, Cylinder, Sphere
 from picktree.world.values import Array, Pose
@@ -166,11 +165,10 @@ def main() -> None:
         hardware = PhysicsHardware(scene, robot, seed)
         image = hardware.cameras[options.camera].capture()
         joints, width = hardware.arm.read().position, hardware.gripper.read().width
-        belief = PlanningScene(scene.fixtures, scene.bins)
         if not milliseconds:
-            perception.detect(image, joints, width, belief)
+            perception.detect(image, joints, width, None)
         began = time.process_time()
-        view = perception.detect(image, joints, width, belief)
+        view = perception.detect(image, joints, width, None)
         milliseconds.append(1e3 * (time.process_time() - began))
         there = tuple(body for body in hardware.truth() if body.present)
         more, boxed = judge(there, view, tallies, f"seed {seed}" if options.verbose else "")

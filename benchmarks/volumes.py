@@ -85,7 +85,7 @@ def seen(scene: SceneDescription, thing: Fixture, model: RobotModel, seed: int) 
         image = hardware.cameras["overhead"].capture()
         noise = rng.standard_normal(image.depth.shape) * 0.002 * (image.depth / 0.7) ** 2
         noisy = replace(image, depth=np.where(image.depth > 0, image.depth + noise, 0.0).astype(np.float32))
-        update_belief(belief, perceive.detect(noisy, home, 0.08, belief), float(n))
+        update_belief(belief, perceive.detect(noisy, home, 0.08, belief.held), float(n))
     return belief
 
 

@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ..world.belief.planning_scene import BeliefObject, PlanningScene
+from ..world.belief.planning_scene import BeliefObject
 from ..world.protocols import RgbdImage
 from ..world.scene.description import SceneDescription
 from ..world.shapes import top
@@ -37,7 +37,7 @@ from .fitting.item_fitting import (
     detection_from,
     is_clear,
 )
-from .fitting.known_object_fitting import NEAR_DEPTH_SIGMA, TrackedSighting, track_objects
+from .fitting.known_object_fitting import NEAR_DEPTH_SIGMA, TrackedSighting, known_object, track_objects
 from .fitting.view import Detection, PerceivedView, UnexplainedPatch, bin_height_map
 from .geometry.camera_geometry import PosedCamera, register_hand_camera
 from .geometry.resting_poses import HoleMouths, catalogue_poses
@@ -105,15 +105,23 @@ class Perception:
         """Names of the cameras on the hand."""
         self._backdrops: dict[tuple[object, Pose], BackgroundModel] = {}
 
-    def detect(self, image: RgbdImage, joints: Array, width: float, scene: PlanningScene) -> PerceivedView:
+    def detect(
+        self,
+        image: RgbdImage,
+        joints: Array,
+        width: float,
+        held: BeliefObject | None,
+        known: Sequence[BeliefObject] = (),
+    ) -> PerceivedView:
         """Return what the picture shows, taken with the arm at `joints` (n,) rad and the fingers `width` m
         open.
 
-        The belief in `scene` serves only to know the held object; it is not changed.
+        A patch that one of the `known` objects fits near its believed pose is that object. All others are
+        recognised.
         """
-        shot = self._shot(image, joints, width, scene)
+        shot = self._shot(image, joints, width, held)
         picture = shot.picture
-        finding = _Finding(self, shot)
+        finding = _Finding(self, shot, known)
         finding.items()
         finding.things()
         bins = {b.id: bin_height_map(picture, shot.robot, b, shot.noise) for b in self._description.bins}
@@ -136,16 +144,16 @@ class Perception:
         image: RgbdImage,
         joints: Array,
         width: float,
-        scene: PlanningScene,
+        held: BeliefObject | None,
         objects: Sequence[BeliefObject],
     ) -> tuple[TrackedSighting, ...]:
         """Locate objects that are believed to be in the picture; see `known_object_fitting`. It is cheaper
         and surer than `detect`, because nothing has to be recognised."""
-        shot = self._shot(image, joints, width, scene)
+        shot = self._shot(image, joints, width, held)
         fitter = ItemFitter(self.rests, shot.picture.sight, shot.noise, shot.rough)
         return track_objects(shot.picture, fitter, objects)
 
-    def _shot(self, image: RgbdImage, joints: Array, width: float, scene: PlanningScene) -> _Shot:
+    def _shot(self, image: RgbdImage, joints: Array, width: float, held: BeliefObject | None) -> _Shot:
         moving = image.camera in self.moving
         whole = image
         if moving:
@@ -154,7 +162,6 @@ class Perception:
         believed = PosedCamera.at(image.intrinsics, image.camera_in_world)
         backdrop = self._backdrop(believed, image)
         label = segmentation.labels(image.colour)
-        held = scene.held
         in_hand = None if held is None or held.object_in_tcp is None else (held.shape, held.object_in_tcp)
         if moving:
             # From near, items and fingers may fill more of the picture than the table does.
@@ -229,8 +236,9 @@ class _Shot:
 class _Finding:
     """Recognition of items and unexplained patches in one picture."""
 
-    def __init__(self, perception: Perception, shot: _Shot) -> None:
+    def __init__(self, perception: Perception, shot: _Shot, known: Sequence[BeliefObject]) -> None:
         self.perception = perception
+        self.known = known
         self.picture = shot.picture
         self.fitter = ItemFitter(perception.rests, shot.picture.sight, shot.noise, shot.rough)
         self.backdrop = shot.backdrop
@@ -299,6 +307,8 @@ class _Finding:
             return
         blob = outline_patch(self.picture, patch)
         heaped = (0.0, math.inf) if floor.in_bin else (GOOD_MISFIT, MAX_HOVER_HEIGHT)
+        if self._is_known(blob, floor):
+            return
         hypotheses = self.fitter.explain(blob, floor.height, *heaped)
         seated = self._seated(blob)
         if seated is not None and (
@@ -321,6 +331,17 @@ class _Finding:
                     self._settle(part.blob, part.hypotheses, floor)
                 return
         self._settle(blob, hypotheses, floor)
+
+    def _is_known(self, blob: Blob, floor: SupportSurface) -> bool:
+        """Whether a known object explains the blob. It is then detected, with at most its believed
+        confidence: other kinds were not compared."""
+        found = known_object(self.picture, self.fitter, blob, floor, self.known)
+        if found is None:
+            return False
+        one, hypothesis = found
+        detection = detection_from(self.picture.sight, blob, [hypothesis], floor)
+        self.detections.append(replace(detection, confidence=min(detection.confidence, one.confidence)))
+        return True
 
     def _seated(self, blob: Blob) -> _Seated | None:
         """Return the item whose protruding part the blob is. None when no hole is near, or no item fits

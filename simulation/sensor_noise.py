@@ -182,13 +182,11 @@ def noisy_depth(
     noisy = rng.standard_normal(depth.shape, dtype=np.float32)
     share = np.float32(camera.depth_noise * times / 0.7**2)
     floor = MIN_DEPTH_DEVIATION * times
-    # At short range the quadratic model gives less noise than any real sensor has.
-    near = np.nonzero((depth * depth * share < floor) & (depth > 0)) if share > 0 else ()
-    least = noisy[near] * np.float32(floor) if near else None
-    noisy *= depth
-    noisy *= depth * share
-    if near and least is not None:
-        noisy[near] = least
+    deviation = cv2.multiply(depth, depth, scale=float(share))
+    if share > 0:
+        # At short range the quadratic model gives less noise than any real sensor has.
+        deviation[(deviation < floor) & (depth > 0)] = floor
+    noisy *= deviation
     noisy += depth
     edges = np.nonzero(_edges(depth))
     lost = rng.random(len(edges[0])) < camera.edge_dropout
@@ -199,8 +197,8 @@ def noisy_depth(
 def _edges(depth: NDArray[np.float32]) -> NDArray[np.bool_]:
     """Return a mask (h, w) of pixels with a step of depth towards one of the four neighbours."""
     edge = np.zeros(depth.shape, dtype=np.bool_)
-    down = np.abs(np.diff(depth, axis=0)) > MIN_EDGE_DEPTH_STEP
-    right = np.abs(np.diff(depth, axis=1)) > MIN_EDGE_DEPTH_STEP
+    down = cv2.absdiff(depth[1:], depth[:-1]) > MIN_EDGE_DEPTH_STEP
+    right = cv2.absdiff(depth[:, 1:], depth[:, :-1]) > MIN_EDGE_DEPTH_STEP
     edge[1:] |= down
     edge[:-1] |= down
     edge[:, 1:] |= right
@@ -208,11 +206,16 @@ def _edges(depth: NDArray[np.float32]) -> NDArray[np.bool_]:
     return edge
 
 
+_COLOUR_ERRORS = (np.arange(256) * (2 * MAX_COLOUR_ERROR + 1) // 256 - MAX_COLOUR_ERROR).astype(np.int8)
+"""Colour error for each value of a random byte."""
+
+
 def noisy_colour(
     colour: NDArray[np.uint8], rng: np.random.Generator, times: float = 1.0
 ) -> NDArray[np.uint8]:
     """Return colour (h, w, 3) with evenly distributed noise on each channel; `times` multiplies it."""
-    errors = rng.integers(-MAX_COLOUR_ERROR, MAX_COLOUR_ERROR + 1, colour.shape, dtype=np.int8)
+    random = rng.bit_generator.random_raw(-(-colour.size // 8)).view(np.uint8)[: colour.size]
+    errors = cv2.LUT(random.reshape(len(colour), -1), _COLOUR_ERRORS).reshape(colour.shape)
     if times != 1.0:
         errors = np.round(errors * times).astype(np.int16)
     return np.asarray(cv2.add(colour, errors, dtype=cv2.CV_8U), np.uint8)  # saturated

@@ -9,7 +9,7 @@ from typing import TypeVar
 
 from ..perception.data_association import ObservationSummary, update_belief
 from ..perception.fitting.known_object_fitting import TrackedSighting
-from ..perception.fitting.view import BinView, PerceivedView
+from ..perception.fitting.view import BinView
 from ..perception.pipeline import Perception
 from ..world.belief.planning_scene import BeliefObject, PlanningScene
 from ..world.causes import Failure, perception
@@ -17,7 +17,7 @@ from ..world.computing_time import ComputeTimeAccount, Stopwatch
 from ..world.events.skill_events import FramesMissedEvent
 from ..world.journal import ImageEntry, Journal
 from ..world.protocols import Camera, Clock, NoImage, RgbdImage
-from ..world.values import Array, Pose
+from ..world.values import Array
 
 T = TypeVar("T")
 
@@ -37,18 +37,10 @@ class CapturedImage:
     image: RgbdImage
     joints: Array
     width: float
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class PendingView:
-    """Image with the result of perception, not yet merged into the belief."""
-
-    image: RgbdImage
-    view: PerceivedView
     stamp: float
     """Simulated time of capture, s."""
-    held: Pose | None
-    """Pose of the held object in the world at the time of capture; None: the hand was empty."""
+    held: BeliefObject | None
+    """Held object as it was believed at the time of capture; None: the hand was empty."""
 
 
 class Vision:
@@ -98,7 +90,7 @@ class Vision:
     def shoot(self, camera: str) -> Generator[None, None, CapturedImage]:
         """Capture one image with `camera`, at the cost of an observation. Perception does not run and the
         belief does not change."""
-        shot = yield from self._patiently(lambda: self._shot(camera))
+        shot = yield from self._patiently(lambda: self.glance(camera))
         yield from self._charge()
         self._journal.note(ImageEntry(shot.image, ()))
         return shot
@@ -108,9 +100,9 @@ class Vision:
     ) -> Generator[None, None, tuple[TrackedSighting, ...]]:
         """Capture an image with `camera` and locate objects that are believed to be in it. The cost is
         that of an observation; the belief does not change."""
-        shot = yield from self._patiently(lambda: self._shot(camera))
+        shot = yield from self._patiently(lambda: self.glance(camera))
         with self._stopwatch.measure("perception"):
-            found = self._perceive.follow(shot.image, shot.joints, shot.width, self._scene, objects)
+            found = self._perceive.follow(shot.image, shot.joints, shot.width, shot.held, objects)
         yield from self._charge()
         seen = sorted({str(s.object) for s in found if math.isfinite(s.misfit)})
         self._journal.note(ImageEntry(shot.image, tuple(seen)))
@@ -122,38 +114,17 @@ class Vision:
         Raises Failure: perception.not_found when there is no such camera, perception.no_image when none comes
         within a few frames, or only old ones.
         """
-        glance = yield from self._patiently(lambda: self.glance(camera))
+        shot = yield from self._patiently(lambda: self.glance(camera))
         yield from self._charge()
-        return self.take_in(glance)
+        return self.take_in(shot)
 
-    def glance(self, camera: str) -> PendingView:
-        """Capture an image with `camera` and run perception on it. Nothing is charged, and the belief does
-        not change before `take_in`; the caller defers that until the charged time has passed.
+    def glance(self, camera: str) -> CapturedImage:
+        """Capture an image with `camera`. Nothing is charged, and the belief does not change before
+        `take_in`; the caller defers that until the charged time has passed.
 
         Raises Failure: perception.not_found when there is no such camera, perception.no_image when this frame
         does not come, or is old.
         """
-        stamp = self._clock.now
-        shot = self._shot(camera)
-        with self._stopwatch.measure("perception"):
-            view = self._perceive.detect(shot.image, shot.joints, shot.width, self._scene)
-        held = self._scene.held
-        return PendingView(shot.image, view, stamp, None if held is None else held.pose)
-
-    def take_in(self, glance: PendingView) -> ObservationSummary:
-        """Merge an image into the belief, for the time at which it was captured."""
-        view, image = glance.view, glance.image
-        summary = update_belief(self._scene, view, glance.stamp, glance.held)
-        for name, seen in view.bins.items():
-            still = image.camera in self._still
-            self.bins[str(name)] = seen if still else seen.over(self.bins.get(str(name)))
-        self.looks += 1
-        self.newest = max(self.newest, glance.stamp)
-        findings = tuple(f"{d.colour} {d.kind}" for d in view.detections)
-        self._journal.note(ImageEntry(image, findings))
-        return summary
-
-    def _shot(self, camera: str) -> CapturedImage:
         if camera not in self._cameras:
             raise Failure(
                 perception.NOT_FOUND, f"there is no camera {camera!r}", known=[str(c) for c in self._cameras]
@@ -163,11 +134,32 @@ class Vision:
                 image = self._cameras[camera].capture()
         except NoImage:
             raise Failure(perception.NO_IMAGE, f"{camera} gives no image", camera=camera) from None
-        age = self._clock.now - image.stamp
+        now = self._clock.now
+        age = now - image.stamp
         if age > OLDEST:
             message = f"{camera} gives no new image: the last one is {age:.2f} s old"
             raise Failure(perception.NO_IMAGE, message, camera=camera, age=round(age, 3))
-        return CapturedImage(image, self._joints(), self._width())
+        return CapturedImage(image, self._joints(), self._width(), now, self._scene.held)
+
+    def take_in(self, shot: CapturedImage, known: Sequence[BeliefObject] = ()) -> ObservationSummary:
+        """Run perception on an image and merge the result into the belief, for the time of its capture.
+
+        Objects that are `known` are looked for where they are believed, and recognised only where they do
+        not fit.
+        """
+        image = shot.image
+        with self._stopwatch.measure("perception"):
+            view = self._perceive.detect(image, shot.joints, shot.width, shot.held, known)
+            held = None if shot.held is None else shot.held.pose
+            summary = update_belief(self._scene, view, shot.stamp, held)
+        for name, seen in view.bins.items():
+            still = image.camera in self._still
+            self.bins[str(name)] = seen if still else seen.over(self.bins.get(str(name)))
+        self.looks += 1
+        self.newest = max(self.newest, shot.stamp)
+        findings = tuple(f"{d.colour} {d.kind}" for d in view.detections)
+        self._journal.note(ImageEntry(image, findings))
+        return summary
 
     def _patiently(self, take: Callable[[], T]) -> Generator[None, None, T]:
         """Run `take`, which captures an image, and return its result; repeat it for the next frames when

@@ -14,7 +14,7 @@ from ..world.causes import Failure, perception
 from ..world.journal import Plain
 
 if TYPE_CHECKING:
-    from ..skill_world.vision import PendingView
+    from ..skill_world.vision import CapturedImage
     from ..trees.runtime import TreeWorld
 
 SETTLE_TIME = 0.5
@@ -60,7 +60,7 @@ class WatchScene(Decorator):
     _held: str = ""
     _width: float = 0.0
     _seen: float = 0.0
-    _pending: PendingView | None = None
+    _pending: CapturedImage | None = None
 
     def on_start(self) -> None:
         self._next = self._seen = self.world.clock.now
@@ -96,7 +96,7 @@ class WatchScene(Decorator):
         if pending is not None and now >= pending.stamp + world.vision.cost - _TIME_TOLERANCE:
             self._pending = None
             if pending.stamp > world.vision.newest:
-                for gone in world.vision.take_in(pending).removed:
+                for gone in world.vision.take_in(pending, world.scene.objects).removed:
                     world.attempts.forget(gone)
         if self._pending is None and now >= self._next - _TIME_TOLERANCE:
             self._next = now + self.every

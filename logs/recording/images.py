@@ -1,4 +1,7 @@
-"""Image files of the log: colour as JPEG, because the sensor's noise is not worth its size; depth as PNG."""
+"""Image files of the log: colour as JPEG, because the sensor's noise is not worth its size; depth as PNG.
+
+The depth is not compressed here: the log compresses it together with all other messages, faster and smaller.
+"""
 
 from __future__ import annotations
 
@@ -6,7 +9,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-_PNG_SETTINGS = (cv2.IMWRITE_PNG_COMPRESSION, 1)
+_PNG_SETTINGS = (
+    *(cv2.IMWRITE_PNG_COMPRESSION, 0),
+    *(cv2.IMWRITE_PNG_FILTER, cv2.IMWRITE_PNG_FILTER_UP),
+)
 _JPEG_SETTINGS = (
     cv2.IMWRITE_JPEG_QUALITY,
     92,

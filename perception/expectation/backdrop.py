@@ -12,7 +12,7 @@ from ...world.scene.description import NO_UNCERTAINTY, Bin, Fixture, SceneDescri
 from ...world.shapes import Box, Shape, corners, ray_hits, top
 from ...world.values import Array, Pose, cross
 from .. import segmentation
-from ..geometry.camera_geometry import PosedCamera
+from ..geometry.camera_geometry import PosedCamera, rays_of
 from ..geometry.resting_poses import spread
 
 WALL_MARGIN = 0.012
@@ -255,9 +255,8 @@ def level_camera(
     picked = backdrop.table[grid] & (depth[grid] > 0)
     if clutter is not None:
         picked &= ~clutter[grid]
-    rows, columns = (every * index for index in np.nonzero(picked))
-    points = sight.directions(np.stack([columns, rows], axis=1).astype(np.float64))
-    points *= depth[rows, columns][:, None]
+    points = rays_of(sight.intrinsics)[grid][picked] @ sight.rotation.T
+    points *= depth[grid][picked][:, None]
     off = points[:, 2] + sight.origin[2] - table_z
     design = np.column_stack([points[:, :2], np.ones(len(points))])
     near = np.abs(off) < 2 * MAX_LEVEL_SHIFT

@@ -30,6 +30,8 @@ MAX_STARTS = 12
 """Number of starts whose depth is compared; the fit begins with the best of them."""
 RANKING_STRIDE = 3
 """Step between the depths that rank the starts."""
+FIT_ROUNDS = 5
+"""Greatest number of steps of a fit."""
 MIN_HEIGHT_CORRECTION = 0.002
 """Median depth error above which the believed height is corrected, m."""
 MODEL_DEPTH_SIGMA = 0.0004
@@ -103,6 +105,11 @@ class ItemFitter:
         moved = self._judge(blob, known.stand, False, rounds)
         return moved if moved.misfit < known.misfit else known
 
+    def refined(self, blob: Blob, start: StandingPose, supported: bool) -> Hypothesis:
+        """Fit one body to the blob from a start near its pose. Its height changes only when it is not
+        `supported`."""
+        return self._judge(blob, start, supported, FIT_ROUNDS)
+
     def at_most(self, blob: Blob) -> int:
         """Return the greatest number of items that may make up the blob, by its area and that of the smallest
         stable pose."""
@@ -150,7 +157,7 @@ class ItemFitter:
         for score, stand in ranked:
             if found and min(f.misfit for f in found) < GOOD_MISFIT and score > 1.5 * ranked[0][0] + 0.7:
                 break
-            found.append(self._judge(blob, stand, supported, 5))
+            found.append(self._judge(blob, stand, supported, FIT_ROUNDS))
         return found
 
     def _starts(self, blob: Blob, stand: StandingPose) -> list[tuple[float, StandingPose]]:

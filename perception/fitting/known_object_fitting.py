@@ -16,10 +16,11 @@ from numpy.typing import NDArray
 
 from ...world.belief.planning_scene import BeliefObject
 from ...world.values import Array, ObjectId, Pose
+from ..expectation.backdrop import SupportSurface
 from ..geometry.resting_poses import StablePose
 from ..geometry.silhouette_fitting import StandingPose, polygon_area, silhouette
 from ..segmentation import Blob, Pixels, SegmentationInput, connected_patches, label_of, outline_patch
-from .item_fitting import Hypothesis, ItemFitter
+from .item_fitting import GOOD_MISFIT, Hypothesis, ItemFitter
 
 DEPTH_STEP = 0.008
 """Difference in depth of neighbouring pixels from which they belong to two bodies, m."""
@@ -126,17 +127,61 @@ def track_objects(
     blobs = {p.number: outline_patch(picture, p) for p in patches if p.measured >= 4}
     found: list[TrackedSighting] = []
     for one in objects:
-        rest = _believed_stable_pose(fitter.rests, one)
-        if rest is None:
+        believed = _believed_standing_pose(fitter.rests, one)
+        if believed is None:
             continue
         for number, blob in blobs.items():
             if blob.patch.label == label_of(one.colour) and _is_within_reach(picture, blob, one):
-                found.append(_sighting(picture, fitter, blob, one, rest, number))
+                found.append(_sighting(picture, fitter, blob, one, believed, number))
     return tuple(found)
 
 
-def _believed_stable_pose(rests: Sequence[StablePose], one: BeliefObject) -> StablePose | None:
-    """Return the stable pose in which the object is believed to lie; None when it leans too much."""
+KNOWN_DISTANCE = 0.01
+"""Greatest distance from its believed pose at which a known object is confirmed, m. A fit that starts so near
+converges."""
+SUPPORTED_TOLERANCE = 5e-4
+"""Distance from its support below which an object is believed to stand on it, m."""
+MIN_KNOWN_CONFIDENCE = 0.6
+"""Least believed confidence of a known object; a less certain one is recognised again."""
+
+
+def known_object(
+    picture: SegmentationInput,
+    fitter: ItemFitter,
+    blob: Blob,
+    floor: SupportSurface,
+    known: Sequence[BeliefObject],
+) -> tuple[BeliefObject, Hypothesis] | None:
+    """Return the one of the `known` objects that explains the blob at its believed pose or near it, and the
+    fit.
+
+    None where no other explanation could be excluded: most of the object is hidden, the fit is not good, the
+    object moved, turned or is uncertain. `floor` is the support under the blob.
+    """
+    for one in known:
+        if label_of(one.colour) != blob.patch.label or one.attached or one.place != floor.place:
+            continue
+        if one.confidence < MIN_KNOWN_CONFIDENCE:
+            continue
+        x, y = picture.sight.at_height(blob.middle, one.pose.position[2])
+        if math.hypot(float(x) - one.pose.position[0], float(y) - one.pose.position[1]) > 2 * KNOWN_DISTANCE:
+            continue
+        stand = _believed_standing_pose(fitter.rests, one)
+        if stand is None:
+            continue
+        supported = abs(float(stand.centre[2]) - stand.rest.below - floor.height) < SUPPORTED_TOLERANCE
+        found = fitter.refined(blob, stand, supported)
+        moved = math.dist(found.stand.centre, one.pose.position)
+        turned = abs(found.stand.yaw - stand.yaw) if stand.rest.turn else 0.0
+        clear = found.misfit < GOOD_MISFIT and found.shown > MIN_TRACKING_SHOWN
+        if clear and moved < KNOWN_DISTANCE and turned < MAX_HEADING_CHANGE:
+            return one, found
+    return None
+
+
+def _believed_standing_pose(rests: Sequence[StablePose], one: BeliefObject) -> StandingPose | None:
+    """Return the stable pose in which the object is believed to lie, at its pose; None when it leans too
+    much."""
     rotation = one.pose.rotation()
     leaning = [
         (float((rotation @ rest.rotation.T)[2, 2]), -n) for n, rest in enumerate(rests) if _is_of(rest, one)
@@ -144,7 +189,11 @@ def _believed_stable_pose(rests: Sequence[StablePose], one: BeliefObject) -> Sta
     if not leaning:
         return None
     upright, n = max(leaning)
-    return rests[-n] if upright > math.cos(MAX_LEAN) else None
+    if upright <= math.cos(MAX_LEAN):
+        return None
+    heading = rotation @ rests[-n].rotation.T
+    yaw = math.atan2(float(heading[1, 0]), float(heading[0, 0]))
+    return StandingPose(rests[-n], np.array(one.pose.position), yaw)
 
 
 def _is_of(rest: StablePose, one: BeliefObject) -> bool:
@@ -161,12 +210,10 @@ def _sighting(
     fitter: ItemFitter,
     blob: Blob,
     one: BeliefObject,
-    rest: StablePose,
+    believed: StandingPose,
     number: int,
 ) -> TrackedSighting:
-    z = one.pose.position[2]
-    heading = one.pose.rotation() @ rest.rotation.T
-    yaw = math.atan2(float(heading[1, 0]), float(heading[0, 0]))
+    rest, yaw, z = believed.rest, believed.yaw, one.pose.position[2]
     at = picture.sight.at_height(blob.middle, z)
     stand = StandingPose(rest, np.array([at[0], at[1], z]), yaw)
     best = fitter.judged(blob, stand, MAX_FIT_ROUNDS)

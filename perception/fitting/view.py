@@ -18,7 +18,7 @@ from ...world.shapes import Box, Shape, Sphere, ray_hits
 from ...world.values import Array, ObjectId, Pose
 from .. import segmentation
 from ..expectation.robot_mask import fill
-from ..geometry.camera_geometry import PosedCamera
+from ..geometry.camera_geometry import PosedCamera, rays_of
 from ..geometry.resting_poses import body_points
 from ..segmentation import SegmentationInput
 
@@ -212,11 +212,11 @@ def bin_height_map(
     x0, y0 = int(np.clip(u0, 0, w)), int(np.clip(v0, 0, h))
     x1, y1 = int(np.clip(u1, 0, w)), int(np.clip(v1, 0, h))
     depth = picture.depth[y0:y1:PIXEL_STRIDE, x0:x1:PIXEL_STRIDE]
-    rows, columns = np.nonzero((depth > 0) & ~blocked[y0:y1:PIXEL_STRIDE, x0:x1:PIXEL_STRIDE])
-    depths = depth[rows, columns]
-    pixels = np.stack([columns * PIXEL_STRIDE + x0, rows * PIXEL_STRIDE + y0], axis=1).astype(np.float64)
-    rays = picture.sight.directions(pixels)
-    points = bin_.pose.inverse().apply(picture.sight.origin + rays * depths[:, None])
+    used = (depth > 0) & ~blocked[y0:y1:PIXEL_STRIDE, x0:x1:PIXEL_STRIDE]
+    depths = depth[used]
+    rays = rays_of(picture.sight.intrinsics)[y0:y1:PIXEL_STRIDE, x0:x1:PIXEL_STRIDE][used]
+    camera_in_bin = bin_.pose.rotation().T @ picture.sight.rotation
+    points = (rays * depths[:, None]) @ camera_in_bin.T + bin_.pose.inverse().apply(picture.sight.origin)
     inside = (
         (points[:, 0] > low[0] + WALL_MARGIN)
         & (points[:, 0] < high[0] - WALL_MARGIN)
@@ -229,13 +229,11 @@ def bin_height_map(
     for axis in (0, 1):
         share = (points[:, axis] - low[axis]) / (high[axis] - low[axis])
         index = index * cells + np.clip((share * cells).astype(np.intp), 0, cells - 1)
-    order = np.lexsort((points[:, 2], index))
-    ends = np.searchsorted(index[order], np.arange(cells * cells + 1))
-    ordered = points[order, 2]
     spread = noise * (float(depths.mean()) / 0.7) ** 2 if len(depths) else 0.0
     for k in range(cells * cells):
-        count = int(ends[k + 1] - ends[k])
-        if count >= MIN_CELL_PIXELS:
-            top = float(ordered[ends[k] + int(CELL_HEIGHT_QUANTILE * count)]) - QUANTILE_SIGMAS * spread
+        own = points[index == k, 2]
+        if len(own) >= MIN_CELL_PIXELS:
+            rank = int(CELL_HEIGHT_QUANTILE * len(own))
+            top = float(np.partition(own, rank)[rank]) - QUANTILE_SIGMAS * spread
             heights[k // cells, k % cells] = max(0.0, top - low[2])
     return BinView(heights)

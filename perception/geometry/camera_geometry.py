@@ -96,8 +96,11 @@ class PosedCamera:
 
     def heights(self, depth: Array) -> Array:
         """Return the height in the world (h, w) of what is seen at `depth` (h, w), m."""
-        rays = rays_of(self.intrinsics)
-        return self.origin[2] + depth * rays.reshape(-1, 3).dot(self.rotation[2]).reshape(depth.shape)
+        rays, (right, down, ahead) = rays_of(self.intrinsics), self.rotation[2].tolist()
+        found: Array = rays[0, :, 0] * right + (rays[:, :1, 1] * down + ahead)
+        found *= depth
+        found += self.origin[2]
+        return found
 
     def at_height(self, pixel: Array, height: float) -> Array:
         """Return world x, y (2,) where the ray of a pixel (2,) crosses the horizontal plane at `height`."""

@@ -86,10 +86,9 @@ class CameraRenderer:
             physicsClientId=client,
         )
         near, far = self._clip, self.camera.far
-        z = buffer.reshape(height, width).astype(np.float64)
-        z *= far - near
-        np.divide(far * near, np.subtract(far, z, z), z)
-        depth = np.where(z < 0.999 * far, z, np.inf).astype(np.float32)
+        depth = np.float32(far) - buffer.reshape(height, width) * np.float32(far - near)
+        np.divide(np.float32(far * near), depth, out=depth)
+        depth[depth >= 0.999 * far] = np.inf
         if near < self.camera.near:
             depth[depth < self.camera.near] = 0.0
         rgb = cv2.cvtColor(colour.reshape(height, width, 4), cv2.COLOR_RGBA2RGB)

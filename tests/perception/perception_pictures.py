@@ -13,7 +13,7 @@ import numpy as np
 from picktree.perception.fitting.view import PerceivedView
 from picktree.perception.pipeline import Perception
 from picktree.robots.urdf_tree import UrdfMesh, UrdfPrimitive
-from picktree.world.belief.planning_scene import PlanningScene
+from picktree.world.belief.planning_scene import BeliefObject, PlanningScene
 from picktree.world.colours import COLOURS
 from picktree.world.protocols import Intrinsics, RgbdImage
 from picktree.world.scene.description import (
@@ -192,8 +192,11 @@ def view_of(
     scene: PlanningScene | None = None,
     seed: int = 0,
     description: SceneDescription = SCENE,
+    known: Sequence[BeliefObject] = (),
 ) -> PerceivedView:
-    """What perception makes of a picture of the things."""
+    """What perception makes of a picture of the things, with objects that are known before."""
     robot = robot or Robot()
     image = photograph(things, seed=seed, camera=description.cameras[0], scene=description)
-    return Perception(description, robot).detect(image, np.zeros(7), 0.08, scene or empty_scene())
+    return Perception(description, robot).detect(
+        image, np.zeros(7), 0.08, None if scene is None else scene.held, known
+    )

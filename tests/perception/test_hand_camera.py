@@ -19,7 +19,7 @@ from picktree.simulation.kinematic.backend import KinematicHardware
 from picktree.simulation.physics.backend import PhysicsHardware
 from picktree.simulation.scoring.truth import TrueBody
 from picktree.simulation.sensor_noise import MIN_DEPTH_DEVIATION, noisy_depth
-from picktree.world.belief.planning_scene import BeliefObject, PlanningScene
+from picktree.world.belief.planning_scene import BeliefObject
 from picktree.world.protocols import RgbdImage
 from picktree.world.scene.description import CatalogueEntry, SceneDescription
 from picktree.world.scene.loading.scene_loading import load_scene, parse_scene
@@ -160,9 +160,8 @@ def test_known_items_are_followed_to_where_they_truly_are(error: Pose) -> None:
     hardware = posed(error)
     image = shot(hardware)
     perception = Perception(scene(error), MODEL)
-    belief = PlanningScene(scene().fixtures, scene().bins)
     objects = believed(hardware.truth(), (0.006, -0.005))
-    found = perception.follow(image, OVER, hardware.gripper.width, belief, objects)
+    found = perception.follow(image, OVER, hardware.gripper.width, None, objects)
     true = {body.id: body.pose for body in hardware.truth()}
     seen = [s for s in found if math.isfinite(s.misfit)]
     assert len({s.object for s in seen}) >= 3
@@ -174,8 +173,7 @@ def test_known_items_are_followed_to_where_they_truly_are(error: Pose) -> None:
 def test_the_hand_is_nothing_that_stands_in_the_way() -> None:
     hardware = posed(OFF)
     perception = Perception(scene(OFF), MODEL)
-    belief = PlanningScene(scene().fixtures, scene().bins)
-    view = perception.detect(shot(hardware), OVER, hardware.gripper.width, belief)
+    view = perception.detect(shot(hardware), OVER, hardware.gripper.width, None)
     true = [body.pose for body in hardware.truth()]
     assert view.detections
     for found in view.detections:
@@ -186,13 +184,12 @@ def test_the_hand_is_nothing_that_stands_in_the_way() -> None:
 
 def test_an_answer_does_not_depend_on_what_was_asked_before() -> None:
     hardware = posed(OFF)
-    belief = PlanningScene(scene().fixtures, scene().bins)
     image, width = shot(hardware), hardware.gripper.width
-    fresh = Perception(scene(OFF), MODEL).detect(image, OVER, width, belief)
+    fresh = Perception(scene(OFF), MODEL).detect(image, OVER, width, None)
     hardware.arm.set(HOME, np.zeros(7))
     used = Perception(scene(OFF), MODEL)
-    used.detect(shot(hardware), HOME, width, belief)
-    again = used.detect(image, OVER, width, belief)
+    used.detect(shot(hardware), HOME, width, None)
+    again = used.detect(image, OVER, width, None)
     assert again.detections == fresh.detections
     assert np.array_equal(again.reach, fresh.reach)
 
@@ -215,7 +212,6 @@ def test_items_that_fill_the_picture_do_not_tilt_it() -> None:
     low = InverseKinematics(MODEL).descend(down(0.5, 0.0, 0.12), OVER)
     assert low is not None
     hardware.arm.set(low, np.zeros(7))
-    belief = PlanningScene(crowded.fixtures, crowded.bins)
-    view = Perception(crowded, MODEL).detect(shot(hardware), low, hardware.gripper.width, belief)
+    view = Perception(crowded, MODEL).detect(shot(hardware), low, hardware.gripper.width, None)
     true = MODEL.tcp(low) @ crowded.cameras[1].pose @ OFF
     assert view.sight.apart(PosedCamera.at(view.sight.intrinsics, true), 0.2) < 1.5e-3

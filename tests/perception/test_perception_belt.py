@@ -20,7 +20,7 @@ KINDS = ("plate", "block", "ball", "can")
 
 def observe(hardware: PhysicsHardware, perception: Perception, scene: PlanningScene) -> None:
     joints, width = hardware.arm.read().position, hardware.gripper.read().width
-    view = perception.detect(hardware.cameras["overhead"].capture(), joints, width, scene)
+    view = perception.detect(hardware.cameras["overhead"].capture(), joints, width, scene.held)
     assert view.unexplained == ()
     update_belief(scene, view, hardware.clock.now)
 

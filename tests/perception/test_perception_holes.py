@@ -39,7 +39,7 @@ def filled(seed: int) -> KinematicHardware:
 def seen(hardware: KinematicHardware, belief: PlanningScene) -> PerceivedView:
     image = hardware.cameras["overhead"].capture()
     perception = Perception(SCENE, RobotModel(ROBOT))
-    return perception.detect(image, hardware.arm.read().position, hardware.gripper.width, belief)
+    return perception.detect(image, hardware.arm.read().position, hardware.gripper.width, belief.held)
 
 
 def empty_belief() -> PlanningScene:

@@ -24,7 +24,7 @@ MODEL = RobotModel(PANDA)
 
 def observe(hardware: Simulation, perception: Perception, scene: PlanningScene) -> None:
     joints, width = hardware.arm.read().position, hardware.gripper.read().width
-    view = perception.detect(hardware.cameras["overhead"].capture(), joints, width, scene)
+    view = perception.detect(hardware.cameras["overhead"].capture(), joints, width, scene.held)
     assert view.unexplained == ()
     update_belief(scene, view, hardware.clock.now)
 
@@ -66,7 +66,7 @@ def test_the_arm_over_the_items_neither_adds_nor_removes_any() -> None:
         hardware.arm.follow(start + (over - start) * share, np.zeros(7))
         hardware.step()
     joints, width = hardware.arm.read().position, hardware.gripper.read().width
-    view = perception.detect(hardware.cameras["overhead"].capture(), joints, width, scene)
+    view = perception.detect(hardware.cameras["overhead"].capture(), joints, width, scene.held)
     summary = update_belief(scene, view, hardware.clock.now)
     assert len(summary.hidden) >= 3, "else the arm is not in the way"
     assert view.unexplained == ()

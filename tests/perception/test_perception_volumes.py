@@ -184,7 +184,7 @@ def test_noise_and_flying_pixels_leave_no_specks() -> None:
         flying = jump & (depth > 0) & (rng.random(depth.shape) < 0.5)
         depth[flying] = depth[flying] - rng.uniform(0.02, 0.25, int(flying.sum())).astype(np.float32)
         spoilt = replace(image, depth=depth)
-        update_belief(scene, Perception(SCENE, Robot()).detect(spoilt, np.zeros(7), 0.08, scene), 1.0)
+        update_belief(scene, Perception(SCENE, Robot()).detect(spoilt, np.zeros(7), 0.08, None), 1.0)
         (one,) = obstacles(scene)
         assert np.hypot(one.pose.position[0] - 0.5, one.pose.position[1] - 0.15) < 0.03
 

@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 
+from picktree.perception.pipeline import Perception
 from picktree.simulation.kinematic.backend import KinematicHardware
 from picktree.world.causes import Failure, FailureReport, perception
 from picktree.world.values import ObjectId, Pose
@@ -43,7 +44,7 @@ class Watched:
             raise self.refuse
         return SimpleNamespace(stamp=self.cell.world.clock.now)
 
-    def _take_in(self, picture: Any) -> Any:
+    def _take_in(self, picture: Any, known: Any) -> Any:
         self.known.append(self.now)
         self.cell.world.vision.newest = picture.stamp
         return SimpleNamespace(removed=self.removed)
@@ -88,6 +89,34 @@ def test_one_picture_is_thought_about_at_a_time() -> None:
     watched.until(0.7)
     assert watched.taken == pytest.approx([0.0, 0.3, 0.6])
     assert watched.known == pytest.approx([0.3, 0.6])
+
+
+def test_perception_runs_when_the_picture_is_taken_in_and_not_for_a_dropped_one(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    cell = Cell(mission("Observe: {camera: overhead}"), items(block=1))
+    cell.finish()
+    cell.world.vision.cost = 0.2
+    perceived, detect = list[Any](), Perception.detect
+
+    def counting(self: Perception, *arguments: Any) -> Any:
+        perceived.append(arguments)
+        return detect(self, *arguments)
+
+    monkeypatch.setattr(Perception, "detect", counting)
+    cell.start(mission(f"WatchScene: {{every: 500 ms, do: {WAIT}}}"))
+    began = cell.world.clock.now
+    while cell.world.clock.now < began + 0.15:
+        cell.tick()
+    assert not perceived
+    while cell.world.clock.now < began + 0.6:
+        cell.tick()
+    (block,) = (o for o in cell.world.scene.objects if o.role == "item")
+    assert [o.id for o in perceived[0][-1]] == [block.id]
+    cell.world.scene.attach(block.id, Pose())
+    while cell.world.clock.now < began + 0.8:
+        cell.tick()
+    assert len(perceived) == 1
 
 
 def test_a_picture_older_than_what_is_known_says_nothing() -> None:

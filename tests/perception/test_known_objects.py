@@ -1,0 +1,128 @@
+"""Known objects in a picture: confirmed near their believed poses, recognised anew where they do not fit."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from picktree.perception.fitting.item_fitting import ItemFitter
+from picktree.perception.fitting.view import Detection
+from picktree.perception.segmentation import Blob, label_of
+from picktree.world.belief.planning_scene import BeliefObject
+from picktree.world.shapes import Box
+from picktree.world.values import ObjectId, Pose
+
+from .perception_pictures import BALL, BLOCK, BRICK, CAN, PLATE, Thing, standing, view_of
+
+THINGS = [
+    standing(shape, 0.36 + 0.07 * n, 0.15 * (-1) ** n, 0.4 * n, "blue", n == 3)
+    for n, shape in enumerate((BLOCK, BRICK, PLATE, CAN, BALL))
+]
+"""One item of each shape, the can lying."""
+
+
+def believed(things: list[Thing], **changes: object) -> list[BeliefObject]:
+    """Beliefs after another picture of the things, with some values changed."""
+    seen = view_of(things, seed=3).detections
+    return [replace(_belief(n, d), **changes) for n, d in enumerate(seen)]  # type: ignore[arg-type]
+
+
+def _belief(n: int, d: Detection) -> BeliefObject:
+    return BeliefObject(
+        ObjectId(f"{d.kind}_{n}"), "item", d.kind, d.form, d.shape, d.colour, d.pose, d.sigma_position,
+        d.sigma_angle, d.confidence, 0.0, place=d.place,
+    )  # fmt: skip
+
+
+@pytest.fixture
+def recognised(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """Number of comparisons of a blue blob with the whole catalogue."""
+    counted, explain = [0], ItemFitter.explain
+
+    def counting(self: ItemFitter, blob: Blob, *arguments: object) -> object:
+        counted[0] += blob.patch.label == label_of("blue")
+        return explain(self, blob, *arguments)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(ItemFitter, "explain", counting)
+    return counted
+
+
+def by_place(detections: tuple[Detection, ...]) -> list[Detection]:
+    return sorted(detections, key=lambda d: d.pose.position)
+
+
+def test_known_objects_are_confirmed_as_precisely_as_they_are_recognised(recognised: list[int]) -> None:
+    known = believed(THINGS)
+    afresh = by_place(view_of(THINGS).detections)
+    recognised[0] = 0
+    confirmed = by_place(view_of(THINGS, known=known).detections)
+    assert recognised[0] == 0
+    assert (
+        [d.kind for d in confirmed] == [d.kind for d in afresh] == ["block", "brick", "plate", "can", "ball"]
+    )
+    for one, other in zip(confirmed, afresh, strict=True):
+        assert one.pose.distance(other.pose) < 2e-4
+        assert one.sigma_position == pytest.approx(other.sigma_position, rel=0.1)
+        assert one.confidence <= max(b.confidence for b in known if b.kind == one.kind)
+
+
+def test_a_small_displacement_of_a_known_object_is_measured(recognised: list[int]) -> None:
+    known = believed([THINGS[0]])
+    recognised[0] = 0
+    moved = replace(THINGS[0], pose=THINGS[0].pose.shifted((0.004, -0.003, 0.0)))
+    (seen,) = view_of([moved], known=known).detections
+    assert recognised[0] == 0
+    (afresh,) = view_of([moved]).detections
+    assert seen.pose.distance(afresh.pose) < 2e-4
+
+
+@pytest.mark.parametrize(("share", "compared"), [(0.3, False), (0.7, True)])
+def test_a_known_object_is_confirmed_while_most_of_it_is_in_sight(
+    recognised: list[int], share: float, compared: bool
+) -> None:
+    known = believed([THINGS[0]])
+    recognised[0] = 0
+    x, y, z = THINGS[0].pose.position
+    lid = Thing(Box((0.04, 0.06, 0.01)), Pose((x + 0.04 * (1.0 - share), y, z + 0.04)), "red")
+    view = view_of([THINGS[0], lid], known=known)
+    assert (recognised[0] > 0) is compared
+    if not compared:
+        (seen,) = (d for d in view.detections if d.colour == "blue")
+        assert seen.kind == "block"
+        assert seen.pose.distance(known[0].pose) < 2e-3
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [{"confidence": 0.4}, {"colour": "red"}, {"place": "red_bin"}],
+    ids=["uncertain", "of another colour", "elsewhere"],
+)
+def test_what_is_not_clearly_the_known_object_is_recognised(
+    recognised: list[int], changes: dict[str, object]
+) -> None:
+    known = believed([THINGS[0]], **changes)
+    recognised[0] = 0
+    (seen,) = view_of([THINGS[0]], known=known).detections
+    assert recognised[0] == 1
+    assert (seen.kind, seen.colour) == ("block", "blue")
+    assert seen == view_of([THINGS[0]]).detections[0]
+
+
+def test_another_item_at_the_place_of_a_known_one_is_recognised_for_what_it_is() -> None:
+    known = believed([THINGS[0]])
+    x, y, _ = THINGS[0].pose.position
+    for shape, kind in ((CAN, "can"), (BALL, "ball"), (BRICK, "brick"), (PLATE, "plate")):
+        other = standing(shape, x, y, 0.2, "blue")
+        (seen,) = view_of([other], known=known).detections
+        assert seen.kind == kind
+        assert seen == view_of([other]).detections[0]
+
+
+def test_a_known_object_that_is_far_from_its_place_is_recognised_there(recognised: list[int]) -> None:
+    known = believed([THINGS[0]])
+    recognised[0] = 0
+    moved = replace(THINGS[0], pose=THINGS[0].pose.shifted((0.03, 0.0, 0.0)))
+    (seen,) = view_of([moved], known=known).detections
+    assert recognised[0] == 1
+    assert seen == view_of([moved]).detections[0]
