@@ -214,8 +214,8 @@ def noisy_colour(
     colour: NDArray[np.uint8], rng: np.random.Generator, times: float = 1.0
 ) -> NDArray[np.uint8]:
     """Return colour (h, w, 3) with evenly distributed noise on each channel; `times` multiplies it."""
-    random = rng.bit_generator.random_raw(-(-colour.size // 8)).view(np.uint8)[: colour.size]
-    errors = cv2.LUT(random.reshape(len(colour), -1), _COLOUR_ERRORS).reshape(colour.shape)
+    raw = rng.bit_generator.random_raw(-(-colour.size // 8)).view(np.uint8)[: colour.size]
+    errors = cv2.LUT(raw.reshape(len(colour), -1), _COLOUR_ERRORS).reshape(colour.shape)
     if times != 1.0:
         errors = np.round(errors * times).astype(np.int16)
     return np.asarray(cv2.add(colour, errors, dtype=cv2.CV_8U), np.uint8)  # saturated
