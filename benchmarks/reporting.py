@@ -1,7 +1,8 @@
 """What pages and tools cost: CPU and peak memory of report, explain, export, a film and a batch's page.
 
-The log is of 300 simulated s of `continuous_sort` with faults drawn at random; with `--deep` of a mission with
-five times its nodes and twenty times its images, for which no figures are wanted. The batch has 1,000 jobs: results of a few real runs, repeated with other seeds. Both are made once and kept.
+The log is of 300 simulated s of `continuous_sort` with faults drawn at random. `--deep` takes a mission with
+five times its nodes and twenty times its images, for which no figures are wanted. The batch has 1,000 jobs:
+results of a few real runs, repeated with other seeds. Both are made once and kept.
 Each command is a process of its own, start included; the rounds take turns, and medians count.
 
     python benchmarks/reporting.py --rounds 5
