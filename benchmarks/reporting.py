@@ -3,7 +3,8 @@
 The log is of 300 simulated s of `continuous_sort` with faults drawn at random. `--deep` takes a mission with
 five times its nodes and twenty times its images, for which no figures are wanted. The batch has 1,000 jobs:
 results of a few real runs, repeated with other seeds. Both are made once and kept.
-Each command is a process of its own, start included; the rounds take turns, and medians count.
+Each command is a process of its own, start included; the rounds take turns, and medians count. This process
+imports little: the peak memory of another begins with that of the one that starts it.
 
     python benchmarks/reporting.py --rounds 5
     python benchmarks/reporting.py --deep --only export
@@ -25,15 +26,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from _campaign import ROOT
-from picktree.analysis.report.packing import pack
-from picktree.analysis.report.report import PACKERS
-from picktree.analysis.run import Run
-from picktree.batch.plan import BatchPlan
-from picktree.batch.workers.batch import Batch
 from picktree.batch.workers.executor import Event, JobFinished, JobOrder
-from picktree.batch.workers.local_executor import LocalExecutor
-from picktree.cli.batch.progress import progress
-from picktree.session.session import RunRequest, Session
 
 SOAK = ROOT / "benchmarks" / "soak"
 SECONDS, SEED = 300.0, 7
@@ -104,6 +97,8 @@ def long_run(folder: Path, *, deep: bool) -> Path:
     """Return the folder of the long run; make it where it is missing."""
     kept = folder / ("deep" if deep else "log")
     if not kept.exists():
+        from picktree.session.session import RunRequest, Session
+
         print(f"a run of {SECONDS:g} simulated s: about {SECONDS / 4:.0f} CPU s", flush=True)
         mission = SOAK / "sort_on.yaml" if deep else ROOT / "examples" / "continuous_sort.yaml"
         with tempfile.TemporaryDirectory(dir=folder) as scratch:
@@ -116,6 +111,13 @@ def long_run(folder: Path, *, deep: bool) -> Path:
 
 def many_jobs(folder: Path) -> Path:
     """Return the folder of the batch; make it where it is missing."""
+    if (folder / "batch" / "done").exists():
+        return folder / "batch"
+    from picktree.batch.plan import BatchPlan
+    from picktree.batch.workers.batch import Batch
+    from picktree.batch.workers.local_executor import LocalExecutor
+    from picktree.cli.batch.progress import progress
+
     faults = tuple(ROOT / "examples" / "faults" / f"{name}.yaml" for name in ("slip", "camera_mislabel"))
     missions = (ROOT / "examples" / "sort_tirelessly.yaml",)
     real, kept = folder / "real", folder / "batch"
@@ -126,12 +128,11 @@ def many_jobs(folder: Path) -> Path:
         with made as batch, LocalExecutor(2) as executor, progress(real, None) as seen:
             batch.run(executor, seen)
         (real / "done").touch()
-    if not (kept / "done").exists():
-        plan = BatchPlan("a thousand", missions, tuple(range(JOBS // 2)), faults=faults)
-        made = Batch.resume(kept) if (kept / "plan.json").exists() else Batch.create(kept, plan)
-        with made as batch, progress(kept, None) as seen:
-            batch.run(Repetition(sorted(real.glob("jobs/*/rows.json"))), seen)
-        (kept / "done").touch()
+    plan = BatchPlan("a thousand", missions, tuple(range(JOBS // 2)), faults=faults)
+    made = Batch.resume(kept) if (kept / "plan.json").exists() else Batch.create(kept, plan)
+    with made as batch, progress(kept, None) as seen:
+        batch.run(Repetition(sorted(real.glob("jobs/*/rows.json"))), seen)
+    (kept / "done").touch()
     return kept
 
 
@@ -155,6 +156,10 @@ def measure(command: Command, log: Path, batch: Path) -> Cost:
 
 
 def show_sections(log: Path) -> None:
+    from picktree.analysis.report.packing import pack
+    from picktree.analysis.report.report import PACKERS
+    from picktree.analysis.run import Run
+
     with Run(log) as run:
         for packer in PACKERS:
             began = time.process_time()

@@ -269,6 +269,10 @@ class RunLog:
     ) -> Iterator[Stamped[tuple[Transform, ...]]]:
         return self._records(topics.TF.name, foxglove_messages.read_transforms, start, end)
 
+    def frame_rows(self) -> Iterator[Stamped[list[tuple[str, tuple[float, ...]]]]]:
+        """Yield each frame's name, and its pose in the world as position (m) and quaternion xyzw."""
+        return self._records(topics.TF.name, foxglove_messages.read_rows, None, None)
+
     def wrenches(
         self, start: float | None = None, end: float | None = None
     ) -> Iterator[Stamped[WrenchReading]]:

@@ -79,15 +79,15 @@ class TrueBodySamples:
 def frames_of(run: Run) -> Frames:
     number = {time: k for k, time in enumerate(run.ticks.times)}
     tracks: dict[str, Array] = {}
-    for at in run.log.transforms():
+    for at in run.log.frame_rows():
         tick = number.get(at.time)
         if tick is None:
             continue
-        for transform in at.record:
-            track = tracks.get(transform.child)
+        for name, pose in at.record:
+            track = tracks.get(name)
             if track is None:
-                track = tracks[transform.child] = np.full((len(number), 7), np.nan)
-            track[tick] = row(transform.pose)
+                track = tracks[name] = np.full((len(number), 7), np.nan)
+            track[tick] = pose
     return Frames(tracks, len(number))
 
 

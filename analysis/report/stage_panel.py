@@ -111,11 +111,8 @@ def pack_stage(run: Run) -> Section:
             "links": list(links),
             "chain": [_pose_track(track) for track in _chain(frames, links)],
             "tool": _tool(run, links),
-            "objects": [_object(one) for one in believed],
-            "truths": [
-                _truth(truth, poses, partner)
-                for truth, poses, partner in zip(truths, motion.true, partners, strict=True)
-            ],
+            "objects": map(_object, believed),
+            "truths": map(_truth, truths, motion.true, partners),
             "fixed": _fixed(run),
             "plans": _plans(run),
             "choices": _choices(run),

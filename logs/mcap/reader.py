@@ -245,7 +245,7 @@ def _lost_span(chunk: ChunkAt, contents: Contents) -> str:
     return f"{chunk.start / 1e9:.2f} s to {chunk.end / 1e9:.2f} s{of} lost"
 
 
-_MAX_UNPACKED_CHUNKS = 12
+_MAX_UNPACKED_CHUNKS = 4
 """Number of chunks that are kept unpacked for random access; of a deep mission one has 2 MB."""
 _MAX_INDEXED_CHUNKS = 4096
 """Number of chunks whose places of messages are kept, a few kB each; their check sums were right."""

@@ -105,6 +105,15 @@ def read_transforms(data: bytes) -> tuple[Transform, ...]:
     )
 
 
+def read_rows(data: bytes) -> list[tuple[str, tuple[float, ...]]]:
+    """Decode transforms as each frame's name with position and quaternion, several times as fast."""
+    return [
+        (t.child_frame_id, (p.x, p.y, p.z, q.x, q.y, q.z, q.w))
+        for t in FrameTransforms.FromString(data).transforms
+        for p, q in ((t.translation, t.rotation),)
+    ]
+
+
 class JointMessages:
     """Encoder of `/joint_states`. The names stay the same from tick to tick, so only numbers are set."""
 
