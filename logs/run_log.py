@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from types import TracebackType
 from typing import Generic, TypeVar
@@ -38,6 +39,7 @@ from .schema.records import (
     Tree,
     WrenchReading,
 )
+from .schema.tick_decoding import TickDecoder, changes_of
 from .schema.topics import Digest
 
 LOG_NAME = "log.mcap"
@@ -45,8 +47,16 @@ RUNS_FOLDER = Path("runs")
 
 R = TypeVar("R")
 
-_IDLE_MARKS = (b'"writes":[]', b'"transitions":[]')
-"""JSON of a tick without transitions and writes."""
+_KEPT_TOPICS = tuple(
+    topic.name
+    for topic in (
+        topics.OBJECTS, topics.TRUTH, topics.JOINTS, topics.CONTROL, topics.WRENCH,
+        topics.PLAN, topics.CANDIDATES, topics.EVENTS, topics.LOG, topics.TREE,
+    )
+)  # fmt: skip
+"""Topics that are read several times, and are small beside ticks, images and transforms."""
+_IDLE_END = b'"writes":[],"transitions":[]}'
+"""End of the JSON of a tick without transitions and writes."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,7 +120,7 @@ class RunLog:
 
     def __init__(self, where: str | Path) -> None:
         self.path = find_log(where)
-        self._file = JoinedLog(self.path)
+        self._file = JoinedLog(self.path, keep=_KEPT_TOPICS)
         self.recovered = self._file.recovered
         try:
             self.metadata: Mapping[str, Mapping[str, str]] = self._file.metadata
@@ -235,19 +245,18 @@ class RunLog:
         return () if found is None else self._read(found, foxglove_messages.read_robot)
 
     def ticks(self, start: float | None = None, end: float | None = None) -> Iterator[Stamped[Tick]]:
-        return self._records(topics.TICK.name, lambda data: decode(Tick, data), start, end)
+        return self._records(topics.TICK.name, TickDecoder().tick, start, end)
 
     def busy_ticks(self) -> Iterator[Stamped[Tick | None]]:
         """Yield all ticks, with None for one without any start or end of a node or write.
 
-        Most ticks are such and cost no decoding. The first tick is always there.
+        Most ticks are such and cost no decoding. The first tick is always there, and alone has its nodes.
         """
-        first = True
+        read: Callable[[bytes], Tick] = partial(decode, Tick)
         for message in self.messages([topics.TICK.name]):
-            idle = all(nothing in message.data for nothing in _IDLE_MARKS)
-            tick = None if idle and not first else self._read(message, lambda data: decode(Tick, data))
-            yield Stamped(message.time / 1e9, tick)
-            first = False
+            idle = read is changes_of and message.data.endswith(_IDLE_END)
+            yield Stamped(message.time / 1e9, None if idle else self._read(message, read))
+            read = changes_of
 
     def timings(self, start: float | None = None, end: float | None = None) -> Iterator[Stamped[Timing]]:
         return self._records(topics.TIMING.name, lambda data: decode(Timing, data), start, end)
@@ -259,6 +268,10 @@ class RunLog:
         self, start: float | None = None, end: float | None = None
     ) -> Iterator[Stamped[tuple[Transform, ...]]]:
         return self._records(topics.TF.name, foxglove_messages.read_transforms, start, end)
+
+    def frame_rows(self) -> Iterator[Stamped[list[tuple[str, tuple[float, ...]]]]]:
+        """Yield each frame's name, and its pose in the world as position (m) and quaternion xyzw."""
+        return self._records(topics.TF.name, foxglove_messages.read_rows, None, None)
 
     def wrenches(
         self, start: float | None = None, end: float | None = None
@@ -313,6 +326,10 @@ class RunLog:
     ) -> Iterator[RawMessage]:
         """Yield undecoded messages of these topics."""
         return self._file.messages(wanted, _ns(start), _ns(end))
+
+    def times(self, topic: str) -> Iterator[float]:
+        """Yield the times of a topic's messages, simulated s."""
+        return (time / 1e9 for time in self._file.times(topic))
 
     def last(self, topic: str, at: float) -> RawMessage | None:
         """Return the last message of the topic at `at` (simulated s) or before; None when there is none."""

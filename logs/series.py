@@ -42,9 +42,7 @@ class TickSequence(Sequence[TickAt]):
 
     def __init__(self, log: RunLog) -> None:
         self._log = log
-        self.times: tuple[float, ...] = tuple(
-            message.time / 1e9 for message in log.messages([topics.TICK.name])
-        )
+        self.times: tuple[float, ...] = tuple(log.times(topics.TICK.name))
         """Times of the ticks, simulated s."""
 
     def __repr__(self) -> str:
@@ -94,8 +92,13 @@ class ImageSequence(Sequence[Stamped[CameraImage]]):
 
     def __init__(self, log: RunLog) -> None:
         self._log = log
-        cameras = {topics.depth_topic(camera).name: camera for camera in log.cameras}
-        index = [(message.time / 1e9, cameras[message.topic]) for message in log.messages(list(cameras))]
+        kinds = (topics.depth_topic, topics.colour_topic, topics.calibration_topic)
+        index = [
+            (time, camera)
+            for camera in log.cameras
+            for time in set[float].intersection(*(set(log.times(kind(camera).name)) for kind in kinds))
+        ]
+        index.sort(key=lambda shot: shot[0])
         self.times: tuple[float, ...] = tuple(time for time, _ in index)
         """Times of the images, simulated s."""
         self.cameras: tuple[str, ...] = tuple(camera for _, camera in index)

@@ -16,6 +16,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib import import_module
+from operator import attrgetter
 from pathlib import Path
 from typing import Annotated, Any, Final, Literal, Protocol, TypeAlias, TypeVar, Union, get_args, get_origin
 from typing import get_type_hints as hints
@@ -97,7 +98,13 @@ def event_row(kind: type[JournalEvent], *leading: str, others: bool = False) -> 
 
 def cells(row: object) -> tuple[Cell, ...]:
     """Return the row's values in the order of its columns."""
-    return tuple(getattr(row, column.name) for column in columns(type(row)))
+    return _cells_of(type(row))(row)
+
+
+@cache
+def _cells_of(row: type) -> Callable[[Any], Any]:
+    names = [column.name for column in columns(row)]
+    return attrgetter(*names) if len(names) > 1 else lambda one: (getattr(one, names[0]),)
 
 
 def row_of(row: type[R], record: object, **others: Cell) -> R:
@@ -146,11 +153,15 @@ def counts_text(counts: Mapping[Path, int], digits: int) -> str:
 def write_csv(path: Path, table: Table, rows: Iterable[tuple[Cell, ...]]) -> int:
     """Write the rows and return their number. Raises OSError when the disk refuses."""
     count = 0
+    words = [k for k, column in enumerate(table.columns) if column.kind in ("bool", "text")]
     with path.open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file, lineterminator="\r\n")
         writer.writerow([column.name for column in table.columns])
         for row in rows:
-            writer.writerow([_cell_text(cell) for cell in row])
+            line = list(row)
+            for k in words:
+                line[k] = _cell_text(line[k])
+            writer.writerow(line)
             count += 1
     return count
 
@@ -169,16 +180,10 @@ def read_csv(path: Path, row: type[R]) -> tuple[R, ...]:
         )
 
 
-def _cell_text(cell: Cell) -> str:
-    match cell:
-        case None:
-            return ""
-        case bool():
-            return "true" if cell else "false"
-        case str():
-            return f"'{cell}" if _FORMULA_START.match(cell) else cell
-        case _:
-            return repr(cell)
+def _cell_text(cell: Cell) -> str | None:
+    if isinstance(cell, str):
+        return f"'{cell}" if _FORMULA_START.match(cell) else cell
+    return None if cell is None else "true" if cell else "false"
 
 
 def _read(text: str, kind: str, optional: bool) -> Cell:

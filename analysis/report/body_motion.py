@@ -3,19 +3,28 @@ bodies."""
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
 from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ...files.library_parts import library_part
 from ...logs.schema.records import BodyRecord
 from ...world.events.run_events import FaultEvent
 from ...world.values import Array
 from ..run import Run
 from .packing import between, composed, filled, inverse, row
+
+if TYPE_CHECKING:
+    from scipy.optimize import linear_sum_assignment
+else:
+    linear_sum_assignment = library_part("scipy.optimize._lsap", "scipy.optimize.linear_sum_assignment")
 
 Flags = NDArray[np.bool_]
 Span = tuple[int, int]
@@ -70,15 +79,15 @@ class TrueBodySamples:
 def frames_of(run: Run) -> Frames:
     number = {time: k for k, time in enumerate(run.ticks.times)}
     tracks: dict[str, Array] = {}
-    for at in run.log.transforms():
+    for at in run.log.frame_rows():
         tick = number.get(at.time)
         if tick is None:
             continue
-        for transform in at.record:
-            track = tracks.get(transform.child)
+        for name, pose in at.record:
+            track = tracks.get(name)
             if track is None:
-                track = tracks[transform.child] = np.full((len(number), 7), np.nan)
-            track[tick] = row(transform.pose)
+                track = tracks[name] = np.full((len(number), 7), np.nan)
+            track[tick] = pose
     return Frames(tracks, len(number))
 
 
@@ -149,13 +158,21 @@ def _appearance_key(body: BodyRecord) -> tuple[object, ...]:
     return body.shape, body.colour, body.kind, body.role, body.place, body.blocks
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class SceneMotion:
     frames: Frames
     believed: list[BelievedBody]
     truths: list[TrueBodySamples]
     partners: list[int | None]
     """Number of the believed body for each true one; None: there is none."""
+
+    @cached_property
+    def true(self) -> list[Array]:
+        """Poses of each true body at each tick, as of `true_poses`."""
+        return [
+            true_poses(truth, None if partner is None else self.believed[partner], self.frames.ticks)
+            for truth, partner in zip(self.truths, self.partners, strict=True)
+        ]
 
 
 @dataclass(frozen=True, slots=True)
@@ -191,14 +208,13 @@ def deviations(motion: SceneMotion) -> Iterator[BeliefDeviation]:
     There is one at every sample of the ground truth. Between two samples, where the scene interpolates, there
     is one at each change of the distance.
     """
-    for truth, partner in zip(motion.truths, motion.partners, strict=True):
+    for number, (truth, partner) in enumerate(zip(motion.truths, motion.partners, strict=True)):
         samples = frozenset(truth.ticks.tolist())
         one = None if partner is None else motion.believed[partner]
         if one is None:
             yield from (BeliefDeviation(tick, "", truth.body, math.nan) for tick in sorted(samples))
             continue
-        poses = true_poses(truth, one, motion.frames.ticks)
-        apart = np.linalg.norm(one.track[:, :3] - poses[:, :3], axis=1).tolist()
+        apart = np.linalg.norm(one.track[:, :3] - motion.true[number][:, :3], axis=1).tolist()
         present = one.present.tolist()
         told = math.nan
         for tick in range(min(samples), max(samples) + 1):
@@ -226,8 +242,6 @@ def match_bodies(believed: Sequence[BelievedBody], truths: Sequence[TrueBodySamp
 
     The sum of mean distances is minimal.
     """
-    from scipy.optimize import linear_sum_assignment
-
     costs = np.array([[_cost(one, truth) for one in believed] for truth in truths])
     found: list[int | None] = [None] * len(truths)
     if not costs.size:
@@ -259,21 +273,22 @@ def true_poses(truth: TrueBodySamples, one: BelievedBody | None, ticks: int) -> 
     moves straight from one sample to the other, since nothing was recorded between them.
     """
     found = np.full((ticks, 7), np.nan)
-    poses = None if one is None else filled(one.track)
-    for k in range(len(truth.ticks)):
-        first = int(truth.ticks[k])
-        last = int(truth.ticks[k + 1]) if k + 1 < len(truth.ticks) else ticks - 1
-        if k + 1 == len(truth.ticks):
-            found[first] = truth.poses[k]
-            continue
-        span = np.arange(first, last + 1)
-        share = (span - first) / max(last - first, 1)
-        start, end = (np.tile(truth.poses[n], (len(span), 1)) for n in (k, k + 1))
-        held = np.zeros(len(span), dtype=np.bool_) if one is None else one.held[span]
-        if poses is None or not held.any():
-            found[span] = between(start, end, share)
-        else:
-            found[span] = _in_hand(poses[span], held, start, end, share)
+    samples = truth.ticks
+    found[samples[-1]] = truth.poses[-1]
+    # Straight from sample to sample; a tick with a sample begins the stretch behind it.
+    straight = np.arange(int(samples[0]), int(samples[-1]))
+    k = np.searchsorted(samples, straight, side="right") - 1
+    share = (straight - samples[k]) / (samples[k + 1] - samples[k])
+    found[straight] = between(truth.poses[k], truth.poses[k + 1], share)
+    if one is None or not one.held.any():
+        return found
+    poses = filled(one.track)
+    for k, (first, last) in enumerate(itertools.pairwise(map(int, samples))):
+        held = one.held[first : last + 1]
+        if held.any():
+            start, end = (np.tile(truth.poses[n], (len(held), 1)) for n in (k, k + 1))
+            share = np.arange(len(held)) / (last - first)
+            found[first:last] = _in_hand(poses[first : last + 1], held, start, end, share)[:-1]
     return found
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -37,10 +37,9 @@ class ReportImage:
 
 def pack_images(run: Run, budget: int = IMAGE_BYTE_LIMIT) -> Section:
     """Pack all images, or as many as `budget` bytes hold, evenly over the run."""
-    shots = [shot for camera in run.log.cameras for shot in run.log.shots(camera)]
+    shots = run.shots
     if not shots:
         return Section("images", {"empty": "No camera took an image in this run."})
-    shots.sort(key=lambda at: at.time)
     pictures = images_within_budget(shots, budget)
     images = ((at.time, at.record) for at in run.events if isinstance(at.record, ImageEvent))
     findings = {round(time, 3): image.findings for time, image in images}
@@ -59,18 +58,19 @@ def pack_images(run: Run, budget: int = IMAGE_BYTE_LIMIT) -> Section:
 def images_within_budget(shots: Sequence[Stamped[CameraImage]], budget: int) -> list[ReportImage]:
     """Return the images in the best quality that `budget` allows.
 
-    When even the smallest are too many, return fewer, the first and the last among them.
+    When even the smallest are too many, return fewer, the first and the last among them. The others are not
+    decoded.
     """
     some = [shots[k] for k in range(0, len(shots), max(len(shots) // 8, 1))]
-    for width, quality in _widths_and_qualities(shots[0].record.colour.shape[1]):
+    for width, quality in _widths_and_qualities(some[0].record.colour.shape[1]):
         mean = sum(map(_size, _pictures(some, width, quality))) / len(some)
         if 1.1 * mean * len(shots) <= budget:
             return _pictures(shots, width, quality)
-    width, quality = _widths_and_qualities(shots[0].record.colour.shape[1])[-1]
+    width, quality = _widths_and_qualities(some[0].record.colour.shape[1])[-1]
     mean = sum(map(_size, _pictures(some, width, quality))) / len(some)
     count = max(int(budget / (1.1 * mean)), 1)
     chosen = sorted({round(float(k)) for k in np.linspace(0, len(shots) - 1, count)})
-    return _pictures([shots[k] for k in chosen], width, quality)
+    return _pictures((shots[k] for k in chosen), width, quality)
 
 
 def _widths_and_qualities(width: int) -> list[tuple[int, int]]:
@@ -84,7 +84,7 @@ def _size(picture: ReportImage) -> int:
     return len(picture.colour) + len(picture.depth)
 
 
-def _pictures(shots: Sequence[Stamped[CameraImage]], width: int, quality: int) -> list[ReportImage]:
+def _pictures(shots: Iterable[Stamped[CameraImage]], width: int, quality: int) -> list[ReportImage]:
     return [_picture(shot, width, quality) for shot in shots]
 
 

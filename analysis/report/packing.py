@@ -7,8 +7,8 @@ An array is `{"~": kind, "at": offset, "shape": [...]}` in the JSON; `src/unpack
 from __future__ import annotations
 
 import base64
-import gzip
 import struct
+import zlib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final, TypeAlias
@@ -111,10 +111,12 @@ class Quantised:
 
 
 Packable: TypeAlias = (
-    "None | bool | int | float | str | AnyArray | Quantised | Sequence[Packable] | Mapping[str, Packable]"
+    "None | bool | int | float | str | AnyArray | Quantised | Iterable[Packable] | Mapping[str, Packable]"
 )
 """JSON in which numpy arrays and `Quantised` may occur as values."""
 
+_GZIP: Final = 31
+"""Window bits that make zlib write the form of gzip."""
 NAN_LEVEL: Final = -(2**31)
 _ARRAY_TYPES: Final[Mapping[str, str]] = {
     "b": "u1", "u1": "u1", "i1": "i1", "u2": "u2", "i2": "i2", "u4": "u4", "i4": "i4", "f4": "f4", "f8": "f8",
@@ -140,12 +142,13 @@ def quantise(values: AnyArray, step: float) -> Quantised:
 
 
 def pack(sections: Iterable[Section]) -> str:
-    """Return all sections as one line of base64."""
+    """Return all sections as one line of base64. The arrays of one may be freed before the next is made."""
     blobs = _Blobs()
     head = orjson.dumps({section.name: blobs.plain(section.data) for section in sections})
     head += b" " * (-(len(head) + 4) % 8)  # arrays begin at multiples of 8
-    whole = b"".join((struct.pack("<I", len(head)), head, *blobs.parts))
-    return base64.b64encode(gzip.compress(whole, 6, mtime=0)).decode("ascii")
+    deflate = zlib.compressobj(6, wbits=_GZIP)
+    packed = [deflate.compress(part) for part in (struct.pack("<I", len(head)), head, *blobs.parts)]
+    return base64.b64encode(b"".join((*packed, deflate.flush()))).decode("ascii")
 
 
 class _Blobs:
@@ -166,7 +169,7 @@ class _Blobs:
                 return self._quantised(value)
             case Mapping():
                 return {str(key): self.plain(below) for key, below in value.items()}  # pyright: ignore
-            case Sequence():
+            case Iterable():  # an iterator makes one after the other, as they are stored
                 return [self.plain(below) for below in value]  # pyright: ignore
             case np.generic():
                 return value.item()  # pyright: ignore

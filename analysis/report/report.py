@@ -330,7 +330,7 @@ def report(run: Run) -> str:
         raise PicktreeError(f"{run.path}: the log holds no tick, so there is nothing to report")
     info = run.info
     title = f"{info.mission}, {info.scene}, seed {info.seed}"
-    return render_page(title, summary(run), [packer(run) for packer in PACKERS])
+    return render_page(title, summary(run), (packer(run) for packer in PACKERS))
 
 
 def _write_whole(file: Path, data: bytes) -> None:

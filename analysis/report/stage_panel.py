@@ -17,7 +17,7 @@ from ...world.colours import COLOURS
 from ...world.shapes import Box, ConvexMesh, Cylinder, Shape, Sphere
 from ...world.values import Array, Pose
 from ..run import Run
-from .body_motion import BelievedBody, Frames, TrueBodySamples, motion_of, spans, true_poses
+from .body_motion import BelievedBody, Frames, TrueBodySamples, motion_of, spans
 from .packing import Packable, Quantised, Section, composed, continuous, filled, inverse, quantise, row
 
 MAX_LINK_FACES = 3000
@@ -111,11 +111,8 @@ def pack_stage(run: Run) -> Section:
             "links": list(links),
             "chain": [_pose_track(track) for track in _chain(frames, links)],
             "tool": _tool(run, links),
-            "objects": [_object(one) for one in believed],
-            "truths": [
-                _truth(truth, None if partner is None else believed[partner], partner, frames.ticks)
-                for truth, partner in zip(truths, partners, strict=True)
-            ],
+            "objects": map(_object, believed),
+            "truths": map(_truth, truths, motion.true, partners),
             "fixed": _fixed(run),
             "plans": _plans(run),
             "choices": _choices(run),
@@ -178,8 +175,7 @@ def _object(one: BelievedBody) -> Packable:
     }
 
 
-def _truth(truth: TrueBodySamples, one: BelievedBody | None, partner: int | None, ticks: int) -> Packable:
-    poses = true_poses(truth, one, ticks)
+def _truth(truth: TrueBodySamples, poses: Array, partner: int | None) -> Packable:
     return {
         "id": truth.body.id,
         "kind": truth.body.kind,

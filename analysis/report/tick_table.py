@@ -1,22 +1,18 @@
-"""Tick table: status of each node at each tick, and writes to the blackboard.
-
-The ticks are read as plain JSON, several times as fast as into records, because a report reads all of them.
-"""
+"""Tick table: status of each node at each tick, and writes to the blackboard."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from typing import Any, Final, TypeAlias
+from itertools import compress
+from operator import is_not
+from typing import Final
 from weakref import WeakKeyDictionary
 
 import numpy as np
-import orjson
 from numpy.typing import NDArray
 
-from ...errors import PicktreeError
-from ...logs.schema import topics
-from ...logs.schema.records import Tree, TreeNode, WriteRecord
+from ...logs.schema.records import NodeStatusRecord, Tree, TreeNode, WriteRecord
 from ..run import Run
 
 
@@ -68,7 +64,6 @@ ABSENT: Final = 255
 TICKED: Final = 8
 """Addend of the code where the tick reached the node."""
 
-_Json: TypeAlias = Mapping[str, Any]
 _CODES: Final = {status: code for code, status in enumerate(STATUSES)}
 
 
@@ -112,28 +107,22 @@ def _read(run: Run) -> TickTable:
     times: list[float] = []
     writes: list[TickWrite] = []
     columns: list[NDArray[np.uint8]] = []
-    for time, tick in _ticks(run):
-        number = len(times)
-        times.append(time)
-        column = np.full(len(nodes), ABSENT, dtype=np.uint8)
-        for node in tick["nodes"]:
-            row = numbers.get(node["path"])
-            if row is None:
-                continue
-            column[row] = _CODES.get(node["status"], 0) + (TICKED if node["ticked"] else 0)
+    column = np.full(len(nodes), ABSENT, dtype=np.uint8)
+    before: tuple[NodeStatusRecord, ...] = ()
+    for number, at in enumerate(run.log.ticks()):
+        now = at.record.nodes
+        changed: Iterable[NodeStatusRecord] = now
+        if len(now) == len(before):  # the decoder keeps the records of nodes that report the same
+            changed, column = compress(now, map(is_not, now, before)), column.copy()
+        else:
+            column = np.full(len(nodes), ABSENT, dtype=np.uint8)
+        for node in changed:
+            row = numbers.get(node.path)
+            if row is not None:
+                column[row] = _CODES.get(node.status, 0) + (TICKED if node.ticked else 0)
+        before = now
+        times.append(at.time)
         columns.append(column)
-        for write in tick.get("writes", ()):
-            writes.append(TickWrite(number, WriteRecord(write["key"], write["value"], write["node"])))
+        writes += [TickWrite(number, write) for write in at.record.writes]
     codes = np.array(columns, dtype=np.uint8).reshape(len(times), len(nodes)).T
     return TickTable(nodes, np.array(times), np.ascontiguousarray(codes), tuple(writes))
-
-
-def _ticks(run: Run) -> Iterator[tuple[float, _Json]]:
-    for message in run.log.messages([topics.TICK.name]):
-        time = message.time / 1e9
-        try:
-            tick = orjson.loads(message.data)
-            assert isinstance(tick["nodes"], list)
-        except (ValueError, KeyError, TypeError, AssertionError) as error:
-            raise PicktreeError(f"{run.path}: {message.topic} at {time:.2f} s: unreadable: {error}") from None
-        yield time, tick

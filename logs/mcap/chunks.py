@@ -9,7 +9,7 @@ from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import IO
+from typing import IO, NamedTuple
 
 import zstandard
 from mcap.data_stream import ReadDataStream
@@ -47,8 +47,7 @@ _MAX_CHUNK_SIZE = 1 << 28
 """Maximum size of a chunk, bytes; picktree's recorder begins another long before."""
 
 
-@dataclass(frozen=True, slots=True)
-class MessageAt:
+class MessageAt(NamedTuple):
     """Position of a message's content in its chunk. `time` in ns."""
 
     channel: int
@@ -74,7 +73,16 @@ class ChunkContent:
 
 def chunk_content(body: bytes) -> ChunkContent:
     """Parse a chunk. Raises one of `DAMAGE_ERRORS` when any of it is not as it was written."""
-    start, end, size, crc, name_length = _CHUNK.unpack_from(body)
+    start, end, _, crc, _ = _CHUNK.unpack_from(body)
+    data = chunk_data(body)
+    if crc and zlib.crc32(data) != crc:
+        raise ValueError("wrong check sum of a chunk")
+    return _content(start, end, data)
+
+
+def chunk_data(body: bytes) -> bytes:
+    """Return the records of a chunk, without a look at its check sum. Raises one of `DAMAGE_ERRORS`."""
+    _, _, size, _, name_length = _CHUNK.unpack_from(body)
     offset = _CHUNK.size
     compression = body[offset : offset + name_length].decode()
     offset += name_length
@@ -82,10 +90,7 @@ def chunk_content(body: bytes) -> ChunkContent:
     packed = memoryview(body)[offset + 8 :]
     if length != len(packed):
         raise ValueError("wrong length of a chunk")
-    data = _unpacked(packed, compression, size)
-    if crc and zlib.crc32(data) != crc:
-        raise ValueError("wrong check sum of a chunk")
-    return _content(start, end, data)
+    return _unpacked(packed, compression, size)
 
 
 def _unpacked(packed: memoryview, compression: str, size: int) -> bytes:
@@ -109,6 +114,7 @@ def _content(start: int, end: int, data: bytes) -> ChunkContent:
     messages: list[MessageAt] = []
     schemas: list[Schema] = []
     channels: list[Channel] = []
+    at = MessageAt._make
     offset, size = 0, len(data)
     while offset < size:
         opcode, length = RECORD_HEAD.unpack_from(data, offset)
@@ -118,7 +124,7 @@ def _content(start: int, end: int, data: bytes) -> ChunkContent:
             raise EOFError("a chunk ends inside a record")
         if opcode == Opcode.MESSAGE:
             channel, _, time, _ = _MESSAGE.unpack_from(data, begin)
-            messages.append(MessageAt(channel, time, begin + _MESSAGE.size, offset))
+            messages.append(at((channel, time, begin + _MESSAGE.size, offset)))
         elif opcode == Opcode.SCHEMA:
             schemas.append(Schema.read(stream(data[begin:offset])))
         elif opcode == Opcode.CHANNEL:
@@ -220,6 +226,11 @@ class Contents:
     """Number of messages by channel."""
     data_end: int = 0
     """Offset behind the last byte of data."""
+
+    def holding(self, topic: str) -> int:
+        """Return the number of chunks that may hold messages of a topic."""
+        numbers = {n for n, channel in self.channels.items() if channel.topic == topic}
+        return sum(not chunk.channels or not chunk.channels.isdisjoint(numbers) for chunk in self.chunks)
 
 
 def contents_of(file: RecordFile) -> Contents | None:

@@ -10,11 +10,12 @@ next chunk.
 from __future__ import annotations
 
 import zlib
-from collections.abc import Collection, Generator, Iterator
+from collections.abc import Collection, Generator, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
+from typing import NamedTuple
 
 from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Metadata, Schema
@@ -24,11 +25,12 @@ from .chunks import (
     DAMAGE_ERRORS,
     DATA_END,
     ChunkAt,
-    ChunkContent,
     Contents,
+    MessageAt,
     NamedAt,
     RecordFile,
     chunk_content,
+    chunk_data,
     contents_of,
     stream,
 )
@@ -243,14 +245,15 @@ def _lost_span(chunk: ChunkAt, contents: Contents) -> str:
     return f"{chunk.start / 1e9:.2f} s to {chunk.end / 1e9:.2f} s{of} lost"
 
 
-_MAX_UNPACKED_CHUNKS = 128
-"""Number of chunks that are kept unpacked for random access."""
+_MAX_UNPACKED_CHUNKS = 4
+"""Number of chunks that are kept unpacked for random access; of a deep mission one has 2 MB."""
+_MAX_INDEXED_CHUNKS = 4096
+"""Number of chunks whose places of messages are kept, a few kB each; their check sums were right."""
 _MAX_NAMED_LOSSES = 4
 """Maximum number of losses that the message names."""
 
 
-@dataclass(frozen=True, slots=True)
-class RawMessage:
+class RawMessage(NamedTuple):
     """Undecoded message of the file. `time` in ns."""
 
     topic: str
@@ -269,15 +272,20 @@ class McapReader:
         self.path = path
         self.recovered = ""
         self._file = RecordFile(path)
-        self._unpacked = lru_cache(_MAX_UNPACKED_CHUNKS)(self._unpack)
+        self._data = lru_cache(_MAX_UNPACKED_CHUNKS)(self._unpack)
+        self._places = lru_cache(_MAX_INDEXED_CHUNKS)(self._index)
+        self._checked = (-1, b"")
+        """Offset and records of the chunk whose check sum was compared last."""
         try:
             self.contents = self._open()
+            self._chunks = sorted(self.contents.chunks, key=lambda chunk: chunk.start)
         except PicktreeError:
             self._file.close()
             raise
 
     def close(self) -> None:
-        self._unpacked.cache_clear()
+        self._data.cache_clear()
+        self._places.cache_clear()
         self._file.close()
 
     @property
@@ -294,24 +302,35 @@ class McapReader:
         newest_first: bool = False,
     ) -> Iterator[RawMessage]:
         """Yield messages of these topics with start ≤ time ≤ end (ns), in order of time."""
-        names = {n: c.topic for n, c in self.contents.channels.items() if topics is None or c.topic in topics}
-        chunks = sorted(self.contents.chunks, key=lambda chunk: chunk.start)
-        for chunk in reversed(chunks) if newest_first else chunks:
+        for chunk, found in self._found(topics, start, end, newest_first=newest_first):
+            data = self._data(chunk.offset)
+            for channel, time, begin, stop in found:
+                yield RawMessage(self.contents.channels[channel].topic, time, data[begin:stop])
+
+    def times(self, topic: str, start: int | None = None) -> Iterator[int]:
+        """Yield the times (ns) of a topic's messages from `start` on."""
+        for _, found in self._found((topic,), start, None, newest_first=False):
+            yield from (message.time for message in found)
+
+    def _found(
+        self, topics: Collection[str] | None, start: int | None, end: int | None, *, newest_first: bool
+    ) -> Iterator[tuple[ChunkAt, Sequence[MessageAt]]]:
+        """Yield the chunks with such messages, and the places of these."""
+        names = {n for n, c in self.contents.channels.items() if topics is None or c.topic in topics}
+        for chunk in reversed(self._chunks) if newest_first else self._chunks:
             if (start is not None and chunk.end < start) or (end is not None and chunk.start > end):
                 continue
             if chunk.channels and chunk.channels.isdisjoint(names):
                 continue
-            content = self._unpacked(chunk.offset)
             found = [
                 message
-                for message in content.messages
+                for message in self._places(chunk.offset)
                 if message.channel in names
                 and (start is None or message.time >= start)
                 and (end is None or message.time <= end)
             ]
-            data = content.data
-            for m in reversed(found) if newest_first else found:
-                yield RawMessage(names[m.channel], m.time, data[m.start : m.stop])
+            if found:
+                yield chunk, found[::-1] if newest_first else found
 
     def attachment(self, name: str) -> Attachment | None:
         """Return the attachment; None when there is none of that name."""
@@ -333,10 +352,18 @@ class McapReader:
                 found[record.name] = dict(record.metadata)
         return found
 
-    def _unpack(self, offset: int) -> ChunkContent:
+    def _index(self, offset: int) -> tuple[MessageAt, ...]:
+        """Return the places of a chunk's messages, once its check sum has been compared."""
         with self._damage_at(offset):
-            _, body = self._file.record(offset)
-            return chunk_content(body)
+            content = chunk_content(self._file.record(offset)[1])
+        self._checked = offset, content.data
+        return content.messages
+
+    def _unpack(self, offset: int) -> bytes:
+        if self._checked[0] == offset:
+            return self._checked[1]
+        with self._damage_at(offset):
+            return chunk_data(self._file.record(offset)[1])
 
     def _open(self) -> Contents:
         contents = contents_of(self._file)

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import itertools
+from bisect import bisect_left, bisect_right
 from collections import Counter
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from glob import escape
+from operator import attrgetter
 from pathlib import Path
 from typing import Final
 
@@ -110,6 +113,23 @@ class _Part:
         return self.since + 1 if start is None else max(start, self.since + 1)
 
 
+_MAX_KEPT_BYTES = 48_000_000
+"""Maximum size of the messages that stay in memory; the largest topics are left out first."""
+
+
+def _within(
+    messages: Sequence[RawMessage], start: int | None, end: int | None, *, newest_first: bool
+) -> Iterator[RawMessage]:
+    """Return the messages with start ≤ time ≤ end (ns) of those of one topic, in order of time."""
+    first = 0 if start is None else bisect_left(messages, start, key=_time)
+    stop = len(messages) if end is None else bisect_right(messages, end, key=_time)
+    numbers = range(first, stop)
+    return (messages[number] for number in (reversed(numbers) if newest_first else numbers))
+
+
+_time = attrgetter("time")
+
+
 class JoinedLog:
     """Log in the file at `path` and in the files beside it that continue it; a file that continues another is
     read alone.
@@ -118,8 +138,12 @@ class JoinedLog:
     or damaged, else empty.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, keep: Collection[str] = ()) -> None:
+        """Open the log. `keep`: topics whose messages stay in memory once they have been read, within a
+        limit."""
         self.path = path
+        self._keep = frozenset(keep)
+        self._kept: dict[str, list[RawMessage]] | None = None
         self._parts: list[_Part] = []
         try:
             first = self._open(path)
@@ -197,8 +221,44 @@ class JoinedLog:
         newest_first: bool = False,
     ) -> Iterator[RawMessage]:
         """Yield messages of these topics with start ≤ time ≤ end (ns), in order of time."""
-        for part in reversed(self._parts) if newest_first else self._parts:
-            yield from part.reading.messages(topics, part.after(start), end, newest_first=newest_first)
+        topic = next(iter(topics)) if topics is not None and len(topics) == 1 else None
+        if topic is not None and self._kept is not None and topic in self._kept:
+            yield from _within(self._kept[topic], start, end, newest_first=newest_first)
+        elif topic is not None and self._kept is None and start is end is None and self._is_widespread(topic):
+            yield from self._keeping(topic)
+        else:
+            for part in reversed(self._parts) if newest_first else self._parts:
+                yield from part.reading.messages(topics, part.after(start), end, newest_first=newest_first)
+
+    def times(self, topic: str) -> Iterator[int]:
+        """Yield the times of a topic's messages, ns."""
+        for part in self._parts:
+            yield from part.reading.times(topic, part.after(None))
+
+    def _is_widespread(self, topic: str) -> bool:
+        """Whether reading this topic means to unpack a good part of the log."""
+        contents = [part.reading.contents for part in self._parts]
+        return 4 * sum(each.holding(topic) for each in contents) > sum(len(each.chunks) for each in contents)
+
+    def _keeping(self, topic: str) -> Iterator[RawMessage]:
+        """Yield all messages of a topic, and keep those of `keep` when nobody stops before the end."""
+        kept: dict[str, list[RawMessage]] = {name: [] for name in self._keep}
+        sizes: Counter[str] = Counter()
+        for part in self._parts:
+            for message in part.reading.messages({topic, *kept}, part.after(None)):
+                if message.topic in kept:
+                    kept[message.topic].append(message)
+                    sizes[message.topic] += len(message.data)
+                    if sizes.total() > _MAX_KEPT_BYTES:
+                        largest = max(sizes, key=sizes.__getitem__)
+                        del kept[largest], sizes[largest]
+                if message.topic == topic:
+                    yield message
+        self._kept = {
+            name: found
+            for name, found in kept.items()
+            if all(a.time <= b.time for a, b in itertools.pairwise(found))
+        }
 
     def _open(self, path: Path) -> _Part:
         reading = McapReader(path)

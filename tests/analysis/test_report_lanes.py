@@ -254,11 +254,11 @@ def test_ticks_that_cannot_be_read_are_one_clear_error(loop_log: Path, monkeypat
         class Broken:
             topic, time, data = "/bt/tick", 50_000_000, b'{"nodes": 3}'
 
-        def messages(_: list[str]) -> list[type[Broken]]:
+        def messages(*_: object) -> list[type[Broken]]:
             return [Broken]
 
         monkeypatch.setattr(run.log, "messages", messages)
-        with pytest.raises(PicktreeError, match=r"/bt/tick at 0\.05 s: unreadable: "):
+        with pytest.raises(PicktreeError, match=r"/bt/tick at 0\.05 s: unreadable message: "):
             tick_table(run)
 
 
