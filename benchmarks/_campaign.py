@@ -1,78 +1,405 @@
-"""What all campaigns share: jobs on worker processes, results in a file that can be taken up, rates."""
+"""Campaign: many simulations of one program, on worker processes or a Ray cluster.
+
+A campaign goes on where it stopped, in one folder. `results.jsonl` has a line for each finished run: its
+job, the commit and a hash of the sources that made it, its CPU time, and its row. Results of other sources
+are not counted: such runs are run again, unless --mixed is given. `logs` has a folder for each run. Each run
+has a process of its own.
+"""
 
 from __future__ import annotations
 
+import argparse
+import fcntl
+import hashlib
+import inspect
 import json
 import math
-import multiprocessing
+import os
+import pickle
 import sys
-from collections.abc import Callable, Iterable, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+import time
+from collections import defaultdict, deque
+from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, Protocol, TypeVar
+from statistics import median
+from typing import Any
 
 from picktree.arithmetic import restart
+from picktree.batch.workers.executor import Executor, JobFailed, JobFinished, JobOrder
+from picktree.batch.workers.local_executor import LocalExecutor
+from picktree.errors import PicktreeError
+from picktree.session.environment import revision, sources
 
 restart()
 
 ROOT = Path(__file__).resolve().parent.parent
+RESULTS = ROOT / "benchmarks" / "results"
+"""Folder of all campaigns."""
+REFERENCE_COST = 0.26
+"""CPU seconds of the reference on the machine to which the costs in the programs refer."""
+_WALL_LIMIT, _MEMORY_LIMIT = 4 * 3600.0, 8 * 10**9
+"""Limits of one run: s, bytes."""
 Row = dict[str, Any]
 
 
-class Seeded(Protocol):
-    @property
-    def seed(self) -> int: ...
+def options(
+    file: str, words: str | None, *, runs: int | None, what: str = "seeds"
+) -> argparse.ArgumentParser:
+    """Return the options that all campaigns have; `what` is counted by --runs."""
+    parser = argparse.ArgumentParser(description=words, formatter_class=argparse.RawDescriptionHelpFormatter)
+    folder = RESULTS / Path(file).stem
+    add = parser.add_argument
+    add("--runs", type=int, default=runs, metavar="N", help=what + (f"; {runs} unless given" if runs else ""))
+    add("--first", type=int, default=0, metavar="SEED", help="first seed")
+    add("--workers", type=int, metavar="N", help="one for each core unless given")
+    add("--minutes", type=float, metavar="M", help="wall time after which no run is begun or expected to end")
+    add("--ray", metavar="ADDRESS", help="run on that Ray cluster (HOST:PORT, auto); local: start one here")
+    add("--out", type=Path, default=folder, metavar="FOLDER", help=f"{folder.relative_to(ROOT)} unless given")
+    add("--mixed", action="store_true", help="count results of other sources, too")
+    return parser
 
 
-J = TypeVar("J", bound=Seeded)
+def mission_options(
+    file: str, words: str | None, mission: str, scene: str, *, runs: int
+) -> argparse.ArgumentParser:
+    """Return the options of campaigns that run a mission in a scene; `mission` is that of an example."""
+    parser = options(file, words, runs=runs)
+    parser.add_argument("--mission", default=str(ROOT / "examples" / f"{mission}.yaml"))
+    parser.add_argument("--scene", default=scene, help=f"{scene} unless given")
+    return parser
+
+
+@dataclass(frozen=True)
+class MissionJob:
+    """Run of a mission in a scene."""
+
+    mission: str
+    scene: str
+    seed: int
+
+
+def mission_jobs(given: argparse.Namespace) -> list[MissionJob]:
+    """Return the jobs of `mission_options`."""
+    return [MissionJob(given.mission, given.scene, seed) for seed in seeds(given)]
+
+
+def seeds(given: argparse.Namespace) -> range:
+    """Return the seeds that were asked for."""
+    return range(given.first, given.first + given.runs)
 
 
 def campaign(
-    results: Path,
-    jobs: Sequence[J],
-    one: Callable[[J], Row],
+    given: argparse.Namespace,
+    jobs: Sequence[Any],
+    one: Callable[[Any, Path], Row],
     *,
-    cost: float,
-    workers: int,
+    cost: float | Callable[[Any], float],
     short: Callable[[Row], object],
-    fresh: bool = False,
 ) -> list[Row]:
-    """Run the jobs whose seeds the results file does not hold yet; a row for each of the jobs.
+    """Run the jobs that have no result in the folder yet, and return a row for each job that has one.
 
-    cost: CPU seconds of one job, for the forecast. short: what is printed of a finished row.
-    fresh: each job in a process of its own, so that its memory is its own, too.
+    A row has the `seed` and the values of the `job`.
+
+    one: carries a job out, with a folder for its logs. What it raises makes a row with `crash`; that job is
+    tried again by the next start. cost: CPU seconds of a job on the reference machine, for the forecast until
+    runs are recorded. short: what is printed of a finished row. Ends the program without any result.
     """
-    results.parent.mkdir(parents=True, exist_ok=True)
-    rows: list[Row] = (
-        [json.loads(line) for line in results.read_text().splitlines()] if results.exists() else []
-    )
-    have = {row["seed"] for row in rows}
-    missing = [job for job in jobs if job.seed not in have]
-    print(
-        f"{results.stem}: {len(missing)} of {len(jobs)} to do, about {len(missing) * cost / 60:.1f} "
-        f"CPU minutes on {workers} workers; results in {results}",
-        flush=True,
-    )
-    context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(workers, context, max_tasks_per_child=1 if fresh else None) as pool:
-        for future in as_completed([pool.submit(one, job) for job in missing]):
-            row = future.result()
-            rows.append(row)
-            with results.open("a") as file:
-                file.write(json.dumps(row) + "\n")
-            print(f"  seed {row['seed']}: {short(row)}", file=sys.stderr, flush=True)
-    wanted = {job.seed for job in jobs}
-    return sorted((row for row in rows if row["seed"] in wanted), key=lambda row: row["seed"])
+    try:
+        with _locked(given.out) as folder:
+            kept = Results(folder / "results.jsonl", _code(one), mixed=given.mixed)
+            missing = [job for job in jobs if kept.to_do(job)]
+            forecast = Forecast(kept, cost)
+            print(_plan(given, missing, jobs, kept, forecast), file=sys.stderr, flush=True)
+            if missing:
+                whole = _run(given, missing, one, kept, forecast, short)
+                if not whole:
+                    print("it was stopped: the same command goes on", file=sys.stderr)
+    except PicktreeError as error:
+        raise SystemExit(str(error)) from None
+    rows = [row for job in jobs if (row := kept.row(job)) is not None]
+    if not rows:
+        raise SystemExit("there is no result yet")
+    return rows
 
 
-def wilson(hits: int, n: int, z: float = 1.96) -> tuple[float, float]:
-    """95 % interval of a rate (Wilson 1927)."""
-    if n == 0:
-        return (0.0, 1.0)
-    p = hits / n
-    centre = p + z * z / (2 * n)
-    spread = z * math.sqrt(p * (1 - p) / n + z * z / (4 * n * n))
-    return (max(0.0, (centre - spread) / (1 + z * z / n)), min(1.0, (centre + spread) / (1 + z * z / n)))
+def finished(rows: Iterable[Row]) -> list[Row]:
+    """Return the rows without those that crashed, which are printed."""
+    rows = list(rows)
+    for row in rows:
+        if "crash" in row:
+            print(f"seed {row['seed']} crashed: {row['crash']}")
+    return [row for row in rows if "crash" not in row]
+
+
+@dataclass(frozen=True, slots=True)
+class Result:
+    """Finished run."""
+
+    job: Mapping[str, Any]
+    commit: str
+    code: str
+    """Hash of the sources."""
+    cpu: float
+    """CPU time of the run, s."""
+    reference: float
+    """CPU time of the reference when the campaign began, s."""
+    row: Row
+
+
+class Results:
+    """File of the finished runs. A line that a kill has cut off is left out."""
+
+    def __init__(self, path: Path, code: str, *, mixed: bool) -> None:
+        self._path, self._code = path, code
+        self.reference = reference()
+        self.others: dict[str, int] = {}
+        """Number of results of other sources by commit."""
+        self.costs: defaultdict[str, list[float]] = defaultdict(list)
+        """CPU times as multiples of the reference, by kind: the job without its seed."""
+        self._found: dict[str, Result] = {}
+        text = path.read_bytes().decode(errors="replace") if path.exists() else ""
+        self._cut = bool(text) and not text.endswith("\n")
+        for line in text.splitlines():
+            with suppress(ValueError, TypeError):
+                result = Result(**json.loads(line))
+                self._learn(result)
+                if mixed or result.code == self._code:
+                    self._found[_key(result.job)] = result
+                else:
+                    self.others[result.commit] = self.others.get(result.commit, 0) + 1
+
+    def row(self, job: Any) -> Row | None:
+        found = self._found.get(_key(_plain(job)))
+        return {**found.row, "job": found.job} if found else None
+
+    def to_do(self, job: Any) -> bool:
+        row = self.row(job)
+        return row is None or "crash" in row
+
+    def add(self, job: Any, row: Row, cpu: float) -> None:
+        """Write the result to the disk, whole, at once."""
+        result = Result(_plain(job), revision(), self._code, round(cpu, 2), round(self.reference, 3), row)
+        line = ("\n" if self._cut else "") + json.dumps(asdict(result), ensure_ascii=False) + "\n"
+        with self._path.open("ab", buffering=0) as file:
+            file.write(line.encode())
+            os.fsync(file.fileno())
+        self._cut = False
+        self._learn(result)
+        self._found[_key(result.job)] = result
+
+    def _learn(self, result: Result) -> None:
+        if result.cpu:
+            self.costs[_key(result.job, seed=False)].append(result.cpu / result.reference)
+
+
+class Forecast:
+    """Forecast of CPU times: the median of recorded runs of the same kind, scaled to this machine's speed."""
+
+    def __init__(self, results: Results, cost: float | Callable[[Any], float]) -> None:
+        self._results, self._cost = results, cost
+
+    def of(self, job: Any) -> float:
+        """Return the CPU time that a job will take, s."""
+        known = self._results.costs.get(_key(_plain(job), seed=False))
+        cost = self._cost(job) if callable(self._cost) else self._cost
+        return self._results.reference * (median(known) if known else cost / REFERENCE_COST)
+
+    def total(self, jobs: Iterable[Any]) -> float:
+        """Return the CPU time of many jobs, s."""
+        return sum(self.of(job) for job in jobs)
+
+
+def reference() -> float:
+    """Return the CPU time of the reference, s: physics of a heap of balls, then arithmetic in Python."""
+    import pybullet
+
+    began = time.thread_time()
+    client = pybullet.connect(pybullet.DIRECT)
+    try:
+        plane = pybullet.createCollisionShape(
+            pybullet.GEOM_BOX, halfExtents=[1.0, 1.0, 0.01], physicsClientId=client
+        )
+        ball = pybullet.createCollisionShape(pybullet.GEOM_SPHERE, radius=0.03, physicsClientId=client)
+        pybullet.createMultiBody(0.0, plane, physicsClientId=client)
+        pybullet.setGravity(0.0, 0.0, -9.81, physicsClientId=client)
+        for k in range(12):
+            at = [0.05 * (k % 3), 0.05 * (k // 3 % 2), 0.05 + 0.07 * (k // 6)]
+            pybullet.createMultiBody(0.1, ball, basePosition=at, physicsClientId=client)
+        for _ in range(4000):
+            pybullet.stepSimulation(physicsClientId=client)
+    finally:
+        pybullet.disconnect(client)
+    numbers: dict[int, float] = {}
+    for k in range(1_000_000):
+        numbers[k % 997] = numbers.get(k % 991, 0.0) * 0.5 + k
+    return time.thread_time() - began
+
+
+def executor(given: argparse.Namespace) -> Executor:
+    """Return the executor of the options --workers and --ray. The caller closes it."""
+    if not given.ray:
+        return LocalExecutor(given.workers)
+    from picktree.batch.cluster.ray_executor import RayExecutor
+
+    return RayExecutor(given.workers, None if given.ray == "local" else given.ray)
+
+
+def attempt(order: JobOrder) -> bytes:
+    """Carry a job out in its worker; return its row with its CPU time. Called by the worker's process."""
+    place, code, folder, content = pickle.loads(order.recipe.read_bytes())
+    sys.path.insert(0, str(ROOT / place))
+    with suppress(OSError):
+        os.chdir(folder)
+    one, jobs = pickle.loads(content)
+    if _code(one) != code:
+        raise PicktreeError("the programs in benchmarks/ are others on this machine")
+    job = jobs[order.seed]
+    began = _cpu()
+    row = {"seed": job.seed, **one(job, order.folder)}
+    return json.dumps({"row": row, "cpu": _cpu() - began}).encode()
+
+
+def _run(
+    given: argparse.Namespace,
+    jobs: Sequence[Any],
+    one: Callable[[Any, Path], Row],
+    results: Results,
+    forecast: Forecast,
+    short: Callable[[Row], object],
+) -> bool:
+    """Run the jobs; return False when stopped before the end."""
+    began = time.monotonic()
+    until = began + 60 * given.minutes if given.minutes is not None else math.inf
+    recipe = _written_jobs(given.out, jobs, one)
+    waiting, under_way = deque(enumerate(jobs)), dict[str, Any]()
+    whole = True
+    workers = executor(given)
+    try:
+        while waiting or under_way:
+            while waiting and len(under_way) < workers.slots:
+                number, job = waiting[0]
+                if time.monotonic() + forecast.of(job) > until:
+                    waiting.clear()
+                    whole = False
+                    break
+                waiting.popleft()
+                order = _order(recipe, number, given.out / "logs" / f"{job.seed}-{_digest(_plain(job))}")
+                under_way[order.job] = job
+                workers.submit(order)
+            for event in workers.wait(1.0):
+                job = under_way.pop(event.order.job)
+                row, cpu = _outcome(event, job)
+                results.add(job, row, cpu)
+                left = forecast.total(job for _, job in waiting) / max(1, workers.slots) / 60
+                told = row.get("crash") or short(row)
+                print(f"  seed {row['seed']}: {told}; {left:.0f} min left", file=sys.stderr, flush=True)
+    except KeyboardInterrupt:
+        return False
+    finally:
+        workers.close()
+        recipe.unlink(missing_ok=True)
+    return whole
+
+
+def _order(recipe: Path, number: int, folder: Path) -> JobOrder:
+    program = str(Path(__file__).relative_to(ROOT))
+    return JobOrder(
+        str(number), 1, recipe, number, folder.absolute(), _WALL_LIMIT, _MEMORY_LIMIT, program=program
+    )
+
+
+def _outcome(event: object, job: Any) -> tuple[Row, float]:
+    """Return the row of a job that has ended, and its CPU time, s."""
+    match event:
+        case JobFinished(order):
+            found = json.loads(order.result.read_bytes())
+            order.result.unlink()
+            with suppress(OSError):
+                order.folder.rmdir()  # unless there are logs
+            return found["row"], found["cpu"]
+        case JobFailed(_, reason):
+            return {"seed": job.seed, "crash": reason}, 0.0
+        case _:
+            return {"seed": job.seed, "crash": "it was stopped"}, 0.0
+
+
+def _written_jobs(folder: Path, jobs: Sequence[Any], one: Callable[[Any, Path], Row]) -> Path:
+    """Write the jobs for the workers. They import the program, which is the main module here, by its name."""
+    main = sys.modules["__main__"]
+    file = Path(sys.modules[one.__module__].__file__ or "").resolve()
+    if one.__module__ == "__main__":
+        sys.modules[file.stem] = main
+        for value in vars(main).values():
+            if getattr(value, "__module__", "") == "__main__" and isinstance(value, type | type(_run)):
+                value.__module__ = file.stem
+    place = file.parent.relative_to(ROOT) if file.is_relative_to(ROOT) else file.parent
+    path = folder / f"jobs-{os.getpid()}.pickle"
+    path.write_bytes(pickle.dumps((str(place), _code(one), os.getcwd(), pickle.dumps((one, list(jobs))))))
+    return path
+
+
+def _plan(
+    given: argparse.Namespace, missing: Sequence[Any], jobs: Sequence[Any], kept: Results, forecast: Forecast
+) -> str:
+    """Return what will be run, how long it takes, and what is there of other sources."""
+    cpu = forecast.total(missing)
+    workers = given.workers or (None if given.ray else len(os.sched_getaffinity(0)))
+    lines = [f"{len(missing)} of {len(jobs)} runs to do, about {cpu / 60:.1f} CPU minutes"]
+    if workers:
+        lines[0] += f", {cpu / 60 / workers:.1f} minutes on {workers} workers of this machine"
+    lines[0] += f"; {revision() or 'installed'}, results in {given.out}"
+    if kept.others:
+        counts = ", ".join(f"{count} of {commit}" for commit, count in kept.others.items())
+        lines.append(f"results of other sources are not counted ({counts}); --mixed counts them")
+    return "\n".join(lines)
+
+
+@contextmanager
+def _locked(folder: Path) -> Generator[Path]:
+    """Lock the folder against a second campaign."""
+    folder.mkdir(parents=True, exist_ok=True)
+    with (folder / "lock").open("a") as lock:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            raise PicktreeError(f"{folder}: another process runs this campaign") from None
+        yield folder
+
+
+def _code(one: Callable[[Any, Path], Row]) -> str:
+    """Return a hash of what determines results: picktree's sources, the program, and parts of programs."""
+    parts = [Path(inspect.getfile(one)), *sorted((ROOT / "benchmarks").glob("_*.py"))]
+    known = [*sources().values(), *(hashlib.sha256(part.read_bytes()).hexdigest() for part in parts)]
+    return hashlib.sha256(" ".join(known).encode()).hexdigest()[:12]
+
+
+def _plain(job: Any) -> Row:
+    """Return the values of a job as JSON has them."""
+    return json.loads(json.dumps(asdict(job), default=str))
+
+
+def _key(job: Mapping[str, Any], *, seed: bool = True) -> str:
+    return json.dumps({k: v for k, v in job.items() if seed or k != "seed"}, sort_keys=True)
+
+
+def _digest(job: Mapping[str, Any]) -> str:
+    return hashlib.sha256(_key(job).encode()).hexdigest()[:6]
+
+
+def _cpu() -> float:
+    """Return the CPU time of this process and its ended children, s."""
+    times = os.times()
+    return times.user + times.system + times.children_user + times.children_system
+
+
+def wilson(hits: int, n: int) -> tuple[float, float]:
+    """Return the 95 % interval of a rate (Wilson 1927)."""
+    from picktree.batch.statistics import rates  # loads scipy, which workers do not need
+
+    interval = rates.rate(hits, n).interval
+    return interval.low, interval.high
 
 
 def rate(name: str, hits: int, n: int) -> str:

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import random
 import re
+from collections import Counter
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import yaml
 
@@ -166,3 +168,19 @@ def _holes(value: object) -> list[tuple[dict[object, object] | list[object], obj
 _ON_TEXT: tuple[Callable[[str, Sequence[str], random.Random], str], ...] = (
     _token, _token, _token, _line, _line, _character, _structure, _structure, _structure,
 )  # fmt: skip
+
+
+def told(row: dict[str, Any]) -> str:
+    """Return the line of a finished job."""
+    return f"{dict(row['counts'])}, {row['worst']:.2f} s; {len(row['problems'])} problems"
+
+
+def told_all(rows: Sequence[dict[str, Any]]) -> str:
+    """Return the report on all jobs, with the first problems."""
+    total: Counter[str] = Counter()
+    for row in rows:
+        total.update(row["counts"])
+    problems: list[str] = [problem for row in rows for problem in row["problems"]]
+    lines = [f"{sum(total.values())} files: {dict(total)}"]
+    lines.append(f"slowest {max(row['worst'] for row in rows):.2f} CPU s; {len(problems)} problems")
+    return "\n".join([*lines, *problems[:40]])

@@ -26,7 +26,7 @@ import time
 from collections import Counter
 from pathlib import Path
 
-from _campaign import ROOT
+from _campaign import REFERENCE_COST, RESULTS, ROOT, reference
 
 COST = {"physics": 7.0, "kinematic": 2.0}
 """CPU seconds that a run of `sort_small` takes, for the forecast."""
@@ -46,9 +46,10 @@ def main() -> int:
     parser.add_argument("--mission", default=str(ROOT / "examples" / "sort_by_colour.yaml"))
     parser.add_argument("--scene", default="sort_small")
     parser.add_argument("--keep", choices=("all", "failures", "none"), default="failures")
-    parser.add_argument("--out", default=str(ROOT / "runs" / "batch_kills"))
+    parser.add_argument("--out", default=str(RESULTS / "batch_kills"))
     chosen = parser.parse_args()
     cost = 2.5 * chosen.runs * COST[chosen.backend] + 12.0 * chosen.kills
+    cost *= reference() / REFERENCE_COST
     print(f"about {cost / 60:.0f} CPU minutes on {chosen.workers} workers", flush=True)
     out = Path(chosen.out)
     shutil.rmtree(out, ignore_errors=True)

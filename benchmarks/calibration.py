@@ -7,22 +7,18 @@ directions and about axes drawn evenly, and the target stands up to 5 mm and 2°
 was put. Each is calibrated in two settings: with the camera on the hand, and without it, where the overhead
 camera has only what the fingers have touched to go by. The truth is read from the scene files, by this
 program alone.
-
-Each finished seed is a line in the results file; a campaign that was interrupted goes on where it stopped.
 """
 
 from __future__ import annotations
 
-import argparse
 import math
-import os
 import sys
 import time
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from _campaign import ROOT, Row, campaign, rate
+from _campaign import Row, campaign, options, rate, seeds
 
 import numpy as np
 
@@ -44,29 +40,25 @@ ASKED = {"overhead": "overhead camera", "wrist": "camera on the hand"}
 @dataclass(frozen=True)
 class Job:
     seed: int
-    out: str
     robot: str | None
 
 
-def one(job: Job) -> Row:
-    """Both settings of one seed, or the error that one died of."""
-    try:
-        return {"seed": job.seed, "settings": {name: _run(job, name) for name in SETTINGS}}
-    except Exception as error:  # noqa: BLE001  a crash is a figure of the campaign
-        return {"seed": job.seed, "crash": f"{type(error).__name__}: {error}"}
+def one(job: Job, folder: Path) -> Row:
+    """Calibrate in both settings of one seed."""
+    return {"settings": {name: _run(job, folder, name) for name in SETTINGS}}
 
 
-def _run(job: Job, setting: str) -> Row:
+def _run(job: Job, folder: Path, setting: str) -> Row:
     from picktree.commissioning.calibration_job import CalibrationRequest, calibrate
     from picktree.world.scene.loading.scene_loading import load_scene
 
     base, cameras = SETTINGS[setting]
-    file = Path(job.out) / f"{base}-{job.seed}.yaml"
+    file = folder / f"{base}.yaml"
     file.write_text(_scene(job.seed, base, cameras))
     started = time.process_time()
-    written = Path(job.out) / f"{base}-{job.seed}-found.yaml"
+    written = folder / f"{base}-found.yaml"
     asked = CalibrationRequest(
-        str(file), robot=job.robot, seed=job.seed, output=written, replace=True, out=Path(job.out)
+        str(file), robot=job.robot, seed=job.seed, output=written, replace=True, out=folder
     )
     answer = calibrate(asked)
     row: Row = {"cpu": time.process_time() - started, "why_not": answer.why_not, "off": {}}
@@ -171,8 +163,6 @@ def _coverage(found: list[Row]) -> list[str]:
 
 
 def _short(row: Row) -> str:
-    if "crash" in row:
-        return str(row["crash"])
     parts: list[str] = []
     for setting, run in row["settings"].items():
         told = [f"{name} {1000 * off['position']:.2f} mm" for name, off in run["off"].items()]
@@ -182,25 +172,11 @@ def _short(row: Row) -> str:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description="What calibrating leaves of an error of cameras and tool.")
-    parser.add_argument("--runs", type=int, default=20)
-    parser.add_argument("--first", type=int, default=0, help="first seed")
-    parser.add_argument("--robot", default=None, help="instead of the scenes' own")
-    parser.add_argument("--workers", type=int, default=os.cpu_count() or 1)
-    parser.add_argument("--out", default=str(ROOT / "runs" / "calibration"))
-    options = parser.parse_args()
-    out = Path(options.out)
-    out.mkdir(parents=True, exist_ok=True)
-    seeds = range(options.first, options.first + options.runs)
-    rows = campaign(
-        out / f"calibration{'-' + options.robot if options.robot else ''}.jsonl",
-        [Job(seed, str(out), options.robot) for seed in seeds],
-        one,
-        cost=COST_A_SEED,
-        workers=options.workers,
-        short=_short,
-    )
-    print(report(rows))
+    parser = options(__file__, __doc__, runs=20)
+    parser.add_argument("--robot", help="instead of the scenes' own")
+    given = parser.parse_args()
+    jobs = [Job(seed, given.robot) for seed in seeds(given)]
+    print(report(campaign(given, jobs, one, cost=COST_A_SEED, short=_short)))
     return 0
 
 

@@ -1,25 +1,19 @@
 """Campaign: sort on and on beside a feed; how well, how fast, and whether memory stays where it is.
 
-    python benchmarks/continuous.py --items 200 --seeds 0:3
-    python benchmarks/continuous.py --items 40 --seeds 0:10 --scene my_feed.yaml
-
-Each run has a process of its own. Each finished run is a line in the results file; a campaign that was
-interrupted goes on where it stopped.
+python benchmarks/continuous.py --items 200 --runs 3
+python benchmarks/continuous.py --items 40 --runs 10 --scene my_feed.yaml
 """
 
 from __future__ import annotations
 
-import argparse
-import os
 import resource
 import sys
-import time
 from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from _campaign import ROOT, Row, campaign, rate
+from _campaign import ROOT, Row, campaign, options, rate, seeds
 from picktree.session.observer import Observer
 
 if TYPE_CHECKING:
@@ -40,7 +34,6 @@ class Job:
     scene: str | None
     seed: int
     items: int
-    out: str
     backend: str
 
 
@@ -63,8 +56,8 @@ def resident() -> float:
     return int(Path("/proc/self/statm").read_text().split()[1]) * PAGE
 
 
-def one(job: Job) -> Row:
-    """Run one seed in this process; the JSON of its result with memory and log, or what it died of."""
+def one(job: Job, folder: Path) -> Row:
+    """Run one seed; the JSON of its result with memory and log."""
     from picktree.session.session import RunRequest, Session
 
     memory = Memory()
@@ -73,18 +66,14 @@ def one(job: Job) -> Row:
         scene=job.scene,
         seed=job.seed,
         parameters={"items": str(job.items)},
-        out=Path(job.out) / f"seed-{job.seed}",
+        out=folder,
         backend="kinematic" if job.backend == "kinematic" else "physics",
         limit=60.0 * job.items,
     )
-    try:
-        session = Session(request, observers=[memory])
-        result = session.run()
-    except Exception as error:  # noqa: BLE001  a crash is a figure of the campaign
-        return {"seed": job.seed, "crash": f"{type(error).__name__}: {error}"}
+    session = Session(request, observers=[memory])
+    result = session.run()
     logs = [path.stat().st_size for path in result.folder.glob("*.mcap")]
     return {
-        "seed": job.seed,
         "result": result.to_json(),
         "memory": {str(items): mb for items, mb in memory.seen.items()},
         "memory_at_end": resident(),
@@ -169,35 +158,19 @@ def report(rows: list[Row]) -> str:
 
 
 def main() -> int:
-    from picktree.batch.plan_loading import parse_seeds
-
-    parser = argparse.ArgumentParser(description="How well a mission sorts beside a feed.")
+    parser = options(__file__, __doc__, runs=3)
     parser.add_argument("--mission", default=str(ROOT / "examples" / "continuous_sort.yaml"))
-    parser.add_argument("--scene", default=None, help="for the mission's own")
+    parser.add_argument("--scene", help="for the mission's own")
     parser.add_argument("--items", type=int, default=200, help="of each run; the last load is finished")
-    parser.add_argument("--seeds", default="0:3", help="as 0:3, half open")
     parser.add_argument("--backend", choices=("physics", "kinematic"), default="physics")
-    parser.add_argument("--workers", type=int, default=1)
-    parser.add_argument("--out", default=str(ROOT / "runs" / "continuous"))
-    options = parser.parse_args()
-    out = Path(options.out)
-    scene = f"-{Path(options.scene).stem}" if options.scene else ""
-    name = f"{Path(options.mission).stem}{scene}-{options.items}"
-    jobs = [
-        Job(options.mission, options.scene, seed, options.items, str(out / name), options.backend)
-        for seed in parse_seeds(options.seeds)
-    ]
-    started = time.perf_counter()
+    given = parser.parse_args()
     rows = campaign(
-        out / f"{name}.jsonl",
-        jobs,
+        given,
+        [Job(given.mission, given.scene, seed, given.items, given.backend) for seed in seeds(given)],
         one,
-        cost=COST_AN_ITEM * options.items,
-        workers=min(options.workers, os.cpu_count() or 1),
-        short=lambda row: row.get("crash") or "{sorted} of {total}".format(**row["result"]["items"]),
-        fresh=True,
+        cost=COST_AN_ITEM * given.items,
+        short=lambda row: "{sorted} of {total}".format(**row["result"]["items"]),
     )
-    print(f"{name}: {time.perf_counter() - started:.0f} s")
     print(report(rows))
     return 0
 

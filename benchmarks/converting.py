@@ -8,19 +8,19 @@ python benchmarks/converting.py --runs 10000
 
 from __future__ import annotations
 
-import argparse
 import random
 import re
+import sys
 import time
 import traceback
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
-from typing import cast
+from pathlib import Path
 
-from _campaign import ROOT, Row, campaign
-from _file_mutants import mutant
+from _campaign import ROOT, Row, campaign, finished, options
+from _file_mutants import mutant, told, told_all
 from picktree.authoring.xml.conversion import convert_text
 from picktree.files.marks import FileError
 from picktree.trees.loading.registry import NodeRegistry
@@ -29,7 +29,6 @@ CHUNK = 250
 """Mutants of one job."""
 LIMIT = 1.0
 """CPU seconds that one file may take, all three ways."""
-KEPT = ROOT / "runs" / "converting"
 FOLDER = ROOT / "examples"
 """Where the missions seem to be, for their plug-ins."""
 WORDS = (
@@ -64,7 +63,7 @@ def corpus() -> tuple[str, ...]:
     return tuple(convert_text(text, file, registry) for file, text in missions if "kind: mission" in text)
 
 
-def one(job: Job) -> Row:
+def one(job: Job, folder: Path) -> Row:
     rng = random.Random(job.seed)
     counts: Counter[str] = Counter()
     worst, problems = 0.0, list[str]()
@@ -80,11 +79,10 @@ def one(job: Job) -> Row:
         if seconds > LIMIT:
             problem = problem or f"{seconds:.2f} s"
         if problem:
-            KEPT.mkdir(parents=True, exist_ok=True)
-            kept = KEPT / f"{job.seed}_{number}.xml"
+            kept = folder / f"{number}.xml"
             kept.write_text(text, encoding="utf-8", errors="surrogatepass")
-            problems.append(f"{kept.name}: {problem}")
-    return {"seed": job.seed, "counts": counts, "worst": worst, "problems": problems}
+            problems.append(f"{kept}: {problem}")
+    return {"counts": counts, "worst": worst, "problems": problems}
 
 
 def _mutant(rng: random.Random) -> str:
@@ -165,28 +163,13 @@ def _wrong_fault(error: FileError) -> str:
     return f"no code or no line: {without}" if without or not error.faults else ""
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--runs", type=int, default=10_000, help="files")
-    parser.add_argument("--first", type=int, default=0, help="seed of the first job of 250 files")
-    parser.add_argument("--workers", type=int, default=2)
-    options = parser.parse_args()
-    jobs = [Job(options.first + n) for n in range(-(-options.runs // CHUNK))]
-    rows = campaign(
-        KEPT.parent / "converting.jsonl", jobs, one, cost=CHUNK * 0.02, workers=options.workers,
-        short=lambda row: f"{dict(row['counts'])}, {row['worst']:.2f} s; {len(row['problems'])} problems",
-    )  # fmt: skip
-    total: Counter[str] = Counter()
-    for row in rows:
-        total.update(cast("dict[str, int]", row["counts"]))
-    problems = [problem for row in rows for problem in row["problems"]]
-    print(f"{sum(total.values())} files: {dict(total)}")
-    print(f"slowest {max(row['worst'] for row in rows):.2f} CPU s; {len(problems)} problems; files in {KEPT}")
-    for problem in problems[:40]:
-        print(problem)
+def main() -> int:
+    given = options(__file__, __doc__, runs=10_000, what="files").parse_args()
+    jobs = [Job(given.first + n) for n in range(-(-given.runs // CHUNK))]
+    rows = finished(campaign(given, jobs, one, cost=CHUNK * 0.02, short=told))
+    print(told_all(rows))
+    return 0
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

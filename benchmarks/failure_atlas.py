@@ -1,7 +1,7 @@
 """The failure atlas: the worst runs of the fault campaign, each with picture, cause, chain and cure.
 
-    python benchmarks/failure_atlas.py           # runs/campaign → docs/failure-atlas.md, docs/atlas/*.png
-    python benchmarks/failure_atlas.py --campaign runs/slips --page /tmp/atlas.md --most 4
+    python benchmarks/failure_atlas.py           # docs/failure-atlas.md, docs/atlas/*.png
+    python benchmarks/failure_atlas.py --campaign /tmp/slips --page /tmp/atlas.md --most 4
 
 A few seconds of CPU for each run. The campaign's runs must be there: `make campaign`.
 """
@@ -14,7 +14,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from _atlas_page import Entry, command, section, telling, worst
-from _campaign import ROOT
+from _campaign import RESULTS, ROOT
 from fault_campaign import Row, measure, read
 from picktree.analysis.render.snapshot import snapshot
 from picktree.analysis.run import Run
@@ -40,7 +40,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("--campaign", type=Path, default=ROOT / "runs" / "campaign")
+    parser.add_argument("--campaign", type=Path, default=RESULTS / "fault_campaign")
     parser.add_argument("--page", type=Path, default=ROOT / "docs" / "failure-atlas.md")
     parser.add_argument("--pictures", type=Path, help="folder; atlas/ beside the page unless given")
     parser.add_argument("--most", type=int, default=10, help="runs")

@@ -1,7 +1,7 @@
 """Campaign: each kind of fault on many seeds, with recovery and without. Is it noticed, rightly named, cured?
 
     python benchmarks/fault_campaign.py                        # the plan; goes on where it stopped
-    python benchmarks/fault_campaign.py --runs 2 --first 900 --only 'slip*' --out runs/slips
+    python benchmarks/fault_campaign.py --runs 2 --first 900 --only 'slip*' --out /tmp/slips
     python benchmarks/fault_campaign.py --report               # the table of what is there
     python benchmarks/fault_campaign.py --report --markdown docs/fault-campaign.md
 
@@ -15,17 +15,19 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
 import shutil
 import signal
 import subprocess
 import sys
 from collections.abc import Iterable, Sequence
+from contextlib import closing
 from dataclasses import dataclass, replace
 from fnmatch import fnmatch
 from pathlib import Path
+from statistics import median
+from threading import Timer
 
-from _campaign import ROOT
+from _campaign import REFERENCE_COST, ROOT, executor, options, reference
 from _fault_measures import Cell, Measure, Measured, measured
 from _fault_page import targets, to_page
 from _fault_table import Line, line, to_text, total
@@ -34,16 +36,16 @@ from picktree.batch.plan import BatchPlan
 from picktree.batch.plan_loading import load_plan
 from picktree.batch.results.store import RESULTS_FILE, Store
 from picktree.batch.workers.batch import Batch
-from picktree.batch.workers.local_executor import LocalExecutor
 from picktree.cli.batch.progress import progress
 from picktree.errors import PicktreeError
 from picktree.logs.run_result import RunResult
+from picktree.session.environment import revision
 from picktree.simulation.fault_files.fault_entries import FaultExpectation
 from picktree.simulation.fault_files.fault_loading import load_faults
 
 PLAN = ROOT / "benchmarks" / "campaign" / "plan.yaml"
 COST_A_RUN = 7.0
-"""CPU seconds of a run of four items with its measures, for the forecast."""
+"""CPU seconds of a run of four items on the reference machine, until runs are recorded."""
 MB_A_RUN = 1.5
 """Of log."""
 PLAINLY = "sort_plainly"
@@ -91,17 +93,11 @@ def main() -> int:
 
 
 def _options() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = options(__file__, __doc__, runs=None, what="seeds of each fault; those of the plan unless given")
     parser.add_argument("--plan", type=Path, default=PLAN)
-    parser.add_argument("--runs", type=int, help="seeds of each fault; those of the plan unless given")
-    parser.add_argument("--first", type=int, default=0, help="first seed, with --runs")
     parser.add_argument("--only", action="append", default=[], metavar="FAULT", help="as 'slip*'; repeatable")
     parser.add_argument("--without", action="append", default=[], metavar="FAULT")
     parser.add_argument("--side", choices=("with", "without", "both"), default="both", help="recovery")
-    parser.add_argument("--workers", type=int, default=len(os.sched_getaffinity(0)))
-    parser.add_argument("--out", type=Path, default=ROOT / "runs" / "campaign")
     parser.add_argument("--report", action="store_true", help="run nothing: the table of what is there")
     parser.add_argument("--json", action="store_true", help="the table as one JSON object on stdout")
     parser.add_argument("--markdown", type=Path, metavar="FILE", help="write the page there, too")
@@ -153,21 +149,43 @@ def run(given: argparse.Namespace, folder: Path) -> None:
                 raise PicktreeError(f"{folder} holds another campaign ({have[-1]}): give another --out")
     else:
         made = Batch.create(folder, plan)
-    with made as batch, LocalExecutor(given.workers) as executor:
+    with made as batch, closing(executor(given)) as workers:
+        costs = _costs(batch.store, mixed=given.mixed)
         to_do = len(batch.store.to_do())
+        cpu = to_do * (median(costs) if costs else COST_A_RUN * reference() / REFERENCE_COST) / 60
         print(
-            f"{to_do} of {len(batch.jobs)} runs to do, about {to_do * COST_A_RUN / 60:.0f} CPU minutes on "
-            f"{given.workers} workers and {to_do * MB_A_RUN:.0f} MB of logs; in {folder}",
+            f"{to_do} of {len(batch.jobs)} runs to do, about {cpu:.0f} CPU minutes, "
+            f"{cpu / workers.slots:.0f} minutes on {workers.slots} workers, and {to_do * MB_A_RUN:.0f} MB of "
+            f"logs; {revision()}, in {folder}",
             file=sys.stderr,
             flush=True,
         )
+        timer = Timer(60 * given.minutes, batch.finish) if given.minutes is not None else None
+        if timer:
+            timer.start()
         with progress(folder, sys.stderr if given.json else None) as seen:
-            whole = batch.run(executor, seen)
+            whole = batch.run(workers, seen)
+        if timer:
+            timer.cancel()
     if not whole:
         raise PicktreeError("it was stopped; the same command goes on")
     for row in read(folder):
         if row.kills:
             kill(row, folder)
+
+
+def _costs(store: Store, *, mixed: bool) -> list[float]:
+    """Return the CPU times of the recorded runs, s. Raises PicktreeError when another commit made some."""
+    made = store.query(
+        "SELECT cpu_seconds, version FROM jobs JOIN versions USING (job) WHERE library = 'revision'"
+    ).rows
+    others = {str(commit) for _, commit in made} - {revision()}
+    if others and not mixed:
+        raise PicktreeError(
+            f"{store.path.parent}: its runs are of {', '.join(sorted(others))}, and this is {revision()}: "
+            "give another --out, or --mixed"
+        )
+    return [float(str(cpu)) for cpu, _ in made if cpu is not None]
 
 
 def asked(given: argparse.Namespace) -> BatchPlan:

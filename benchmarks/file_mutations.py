@@ -9,10 +9,10 @@ python benchmarks/file_mutations.py --runs 20000
 
 from __future__ import annotations
 
-import argparse
 import json
 import random
 import shutil
+import sys
 import tempfile
 import time
 import traceback
@@ -21,10 +21,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
-from _campaign import ROOT, Row, campaign
-from _file_mutants import mutant
+from _campaign import ROOT, Row, campaign, finished, options
+from _file_mutants import mutant, told, told_all
 from picktree.authoring.rehearsal.checking.case_checks import load_cases
 from picktree.authoring.rehearsal.rehearse import rehearse_case
 from picktree.authoring.rehearsal.stage.mission_staging import scene_of, stub_mission
@@ -45,7 +45,6 @@ CHUNK = 250
 LIMIT = 1.0
 """CPU seconds that one file may take."""
 FOLDERS = ("examples", "trees/library", "world/scenes", "world/robots", "tests/check/good")
-KEPT = ROOT / "runs" / "file_mutations"
 
 
 @dataclass(frozen=True)
@@ -59,18 +58,19 @@ def corpus() -> tuple[tuple[Path, str], ...]:
     return tuple((file, file.read_text(encoding="utf-8")) for file in files)
 
 
-def one(job: Job) -> Row:
+def one(job: Job, folder: Path) -> Row:
     rng = random.Random(job.seed)
     words = [text for _, text in corpus()]
     counts: Counter[str] = Counter()
     worst, problems = 0.0, list[str]()
-    with tempfile.TemporaryDirectory() as folder:
-        _copy_corpus(Path(folder))
+    with tempfile.TemporaryDirectory() as name:
+        corpus_copy = Path(name)
+        _copy_corpus(corpus_copy)
         check_files([ROOT / "examples"], CHECKS)  # imports are no cost of the first mutant
         for number in range(CHUNK):
             source, text = rng.choice(corpus())
             raw = mutant(text, words, rng)
-            file = Path(folder) / source.relative_to(ROOT)
+            file = corpus_copy / source.relative_to(ROOT)
             file.write_bytes(raw)
             began = time.process_time()
             outcome, problem = _outcome(file)
@@ -81,11 +81,10 @@ def one(job: Job) -> Row:
             if seconds > LIMIT:
                 problem = problem or f"{seconds:.2f} s"
             if problem:
-                KEPT.mkdir(parents=True, exist_ok=True)
-                kept = KEPT / f"{job.seed}_{number}_{source.name}"
+                kept = folder / f"{number}_{source.name}"
                 kept.write_bytes(raw)
-                problems.append(f"{kept.name}: {problem}")
-    return {"seed": job.seed, "counts": counts, "worst": worst, "problems": problems}
+                problems.append(f"{kept}: {problem}")
+    return {"counts": counts, "worst": worst, "problems": problems}
 
 
 def _copy_corpus(folder: Path) -> None:
@@ -177,28 +176,13 @@ def _some_value(name: str, many: bool) -> Any:
     return [value] if many else value
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--runs", type=int, default=20_000, help="files")
-    parser.add_argument("--first", type=int, default=0, help="seed of the first job of 250 files")
-    parser.add_argument("--workers", type=int, default=2)
-    options = parser.parse_args()
-    jobs = [Job(options.first + n) for n in range(-(-options.runs // CHUNK))]
-    rows = campaign(
-        KEPT.parent / "file_mutations.jsonl", jobs, one, cost=CHUNK * 0.03, workers=options.workers,
-        short=lambda row: f"{dict(row['counts'])}, {row['worst']:.2f} s; {len(row['problems'])} problems",
-    )  # fmt: skip
-    total: Counter[str] = Counter()
-    for row in rows:
-        total.update(cast("dict[str, int]", row["counts"]))
-    problems = [problem for row in rows for problem in row["problems"]]
-    print(f"{sum(total.values())} files: {dict(total)}")
-    print(f"slowest {max(row['worst'] for row in rows):.2f} CPU s; {len(problems)} problems; files in {KEPT}")
-    for problem in problems[:40]:
-        print(problem)
+def main() -> int:
+    given = options(__file__, __doc__, runs=20_000, what="files").parse_args()
+    jobs = [Job(given.first + n) for n in range(-(-given.runs // CHUNK))]
+    rows = finished(campaign(given, jobs, one, cost=CHUNK * 0.03, short=told))
+    print(told_all(rows))
+    return 0
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

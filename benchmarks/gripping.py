@@ -4,35 +4,24 @@
     python benchmarks/gripping.py --scene heavy --runs 5
 
 Ten picks a run in `fragile`, eight in `heavy`. The force of each finger is the simulator's, in every
-physics step; the robot knows its gripper's drive alone. Each finished run is a line in the results file; a
-campaign that was interrupted goes on where it stopped.
+physics step; the robot knows its gripper's drive alone.
 """
 
 from __future__ import annotations
 
-import argparse
 import sys
 from collections import Counter, defaultdict
-from dataclasses import dataclass
 from pathlib import Path
 from statistics import median
 
-from _campaign import ROOT, Row, campaign, rate
+from _campaign import MissionJob, Row, campaign, finished, mission_jobs, mission_options, rate
 from picktree.world.events.skill_events import PickEvent
 
 COST_A_RUN = 7.0
 """CPU seconds."""
 
 
-@dataclass(frozen=True)
-class Job:
-    mission: str
-    scene: str
-    seed: int
-    out: str
-
-
-def one(job: Job) -> Row:
+def one(job: MissionJob, folder: Path) -> Row:
     """Run one seed; what the fingers did to each item, and what became of it."""
     from picktree.analysis.run import Run
     from picktree.session.session import RunRequest, Session
@@ -41,7 +30,7 @@ def one(job: Job) -> Row:
         mission=Path(job.mission),
         scene=job.scene,
         seed=job.seed,
-        out=Path(job.out) / f"{job.scene}-{job.seed}",
+        out=folder,
     )
     session = Session(request)
     result = session.run()
@@ -56,7 +45,6 @@ def one(job: Job) -> Row:
         events = Counter(at.record.kind for at in run.events)
         grips = [at.record for at in run.events if isinstance(at.record, PickEvent)]
     return {
-        "seed": job.seed,
         "result": result.to_json(),
         "pressed": pressed,
         "events": dict(events),
@@ -123,24 +111,15 @@ def report(rows: list[Row]) -> str:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description="How hard the fingers press, and what they drop.")
-    parser.add_argument("--mission", default=str(ROOT / "examples" / "sort_by_colour.yaml"))
-    parser.add_argument("--scene", default="fragile")
-    parser.add_argument("--runs", type=int, default=10)
-    parser.add_argument("--first", type=int, default=0, help="first seed")
-    parser.add_argument("--workers", type=int, default=1)
-    parser.add_argument("--out", default=str(ROOT / "runs" / "gripping"))
-    args = parser.parse_args()
-    jobs = [Job(args.mission, args.scene, args.first + k, args.out) for k in range(args.runs)]
+    given = mission_options(__file__, __doc__, "sort_by_colour", "fragile", runs=10).parse_args()
     rows = campaign(
-        Path(args.out) / f"{args.scene}.jsonl",
-        jobs,
+        given,
+        mission_jobs(given),
         one,
         cost=COST_A_RUN,
-        workers=args.workers,
-        short=lambda row: f"{row['result']['items']['sorted']} of {row['result']['items']['total']}",
+        short=lambda row: "{sorted} of {total}".format(**row["result"]["items"]),
     )
-    print(report(rows))
+    print(report(finished(rows)))
     return 0
 
 

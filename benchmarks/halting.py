@@ -6,23 +6,20 @@
 
 Each seed is run once and halted in branches of it, at ticks drawn from its length, or at each tick in which
 one of the leaves runs. At rest no torque may stay applied, nothing may be NaN, and control must be back at
-its everyday rate; then the same mission is begun anew in the same world. A finished seed is a line in the
-results file; a campaign that was interrupted goes on where it stopped.
+its everyday rate; then the same mission is begun anew in the same world.
 """
 
 from __future__ import annotations
 
-import argparse
 import importlib.util
 import math
-import os
 import sys
 from collections import Counter
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from types import ModuleType
 
-from _campaign import ROOT, Row, campaign, rate
+from _campaign import ROOT, Row, campaign, finished, options, rate
 
 HALTS = 10
 """In each seed's run; fewer when it is over before."""
@@ -59,8 +56,8 @@ def _cell() -> ModuleType:
     return module
 
 
-def one(job: Job) -> Row:
-    """One seed's run with its halts, each with what came of it, or the error that it died of."""
+def one(job: Job, folder: Path) -> Row:
+    """Run one seed with its halts, each with its result."""
     from picktree.trees.loading.loader import load_mission
     from picktree.trees.loading.registry import NodeRegistry
     from picktree.world.scene.loading.scene_loading import load_scene
@@ -86,7 +83,7 @@ def one(job: Job) -> Row:
         return False
 
     cell.halted_at(run, wanted, limit=SLOW)
-    return {"seed": job.seed, "unhalted": run.score().sorted, "halts": answers}
+    return {"unhalted": run.score().sorted, "halts": answers}
 
 
 def report(rows: list[Row]) -> tuple[str, bool]:
@@ -110,34 +107,27 @@ def report(rows: list[Row]) -> tuple[str, bool]:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = options(__file__, __doc__, runs=200, what=f"halts, up to {HALTS} in each seed")
     parser.add_argument("--mission", default=str(ROOT / "examples" / "sort_by_colour.yaml"))
     parser.add_argument("--scene", help="else the mission's own; sort_small for sort_by_colour")
     parser.add_argument("--leaf", action="append", default=[], help="halt in this leaf only; may be repeated")
     parser.add_argument("--each", action="store_true", help="at each of its ticks, in --seeds seeds")
     parser.add_argument("--seeds", type=int, default=2, help="with --each")
-    parser.add_argument("--runs", type=int, default=200, help=f"halts, up to {HALTS} in each seed")
-    parser.add_argument("--first", type=int, default=0, help="first seed")
-    parser.add_argument("--workers", type=int, default=os.cpu_count())
-    parser.add_argument("--out", default=str(ROOT / "runs" / "halting"))
-    options = parser.parse_args()
-    mission = Path(options.mission)
-    scene = options.scene or ("sort_small" if mission.stem == "sort_by_colour" else "")
-    seeds = options.seeds if options.each else math.ceil(1.08 * options.runs / HALTS)
-    jobs = [
-        Job(scene, seed, HALTS, options.mission, tuple(options.leaf), options.each)
-        for seed in range(options.first, options.first + seeds)
-    ]
-    name = "-".join([Path(scene).stem or mission.stem, *options.leaf, *(["each"] if options.each else [])])
+    given = parser.parse_args()
+    mission = Path(given.mission)
+    scene = given.scene or ("sort_small" if mission.stem == "sort_by_colour" else "")
+    count = given.seeds if given.each else math.ceil(1.08 * given.runs / HALTS)
     rows = campaign(
-        Path(options.out) / f"{name}.jsonl",
-        jobs,
+        given,
+        [
+            Job(scene, seed, HALTS, given.mission, tuple(given.leaf), given.each)
+            for seed in range(given.first, given.first + count)
+        ],
         one,
-        cost=(EACH if options.each else HALTS) * COST.get(scene, 7.0),
-        workers=options.workers,
+        cost=(EACH if given.each else HALTS) * COST.get(scene, 7.0),
         short=lambda row: f"{sum(halt['fine'] for halt in row['halts'])} of {len(row['halts'])}",
     )
-    text, fine = report(rows)
+    text, fine = report(finished(rows))
     print(text)
     return 0 if fine else 1
 

@@ -8,21 +8,18 @@ Clearance is that of both sides together, to the circle inscribed in a round hol
 stands up to 5 mm from where the belief has it along each of its axes, turned by up to 2 deg and tilted by up
 to 2 deg. An insertion counts when the scorer calls the peg sorted, and peg and board were never deeper in
 each other than 0.15 mm for two steps in a row, 4 ms; the share that never was so deep at any step stands
-beside it. Each finished run is a line in a results file; a campaign that was
-interrupted goes on where it stopped.
+beside it.
 """
 
 from __future__ import annotations
 
-import argparse
-import os
 import sys
 from collections import Counter
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from statistics import median
 
-from _campaign import ROOT, Row, campaign, rate
+from _campaign import Row, campaign, options, rate, seeds
 from _insertion_cell import Setting, run
 
 SETTINGS = tuple(Setting(form, c) for c in (0.002, 0.001, 0.0005) for form in ("round", "square"))
@@ -40,11 +37,9 @@ class Job:
     seed: int
 
 
-def one(job: Job) -> Row:
-    try:
-        return run(job.setting, job.way, job.seed)
-    except Exception as error:  # noqa: BLE001  a crash is a figure of the campaign
-        return {"seed": job.seed, "crash": f"{type(error).__name__}: {error}"}
+def one(job: Job, folder: Path) -> Row:
+    """Insert one peg."""
+    return run(job.setting, job.way, job.seed)
 
 
 def stands(row: Row) -> bool:
@@ -102,43 +97,31 @@ def report(name: str, rows: list[Row]) -> str:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--runs", type=int, default=200, help="seeds of each setting")
-    parser.add_argument("--first", type=int, default=0, help="first seed")
+    parser = options(__file__, __doc__, runs=200, what="seeds of each setting")
     parser.add_argument("--only", default="", help="settings: " + ",".join(s.name for s in SETTINGS))
     parser.add_argument("--ways", default=",".join(WAYS), help="feeling, straight: position control")
-    parser.add_argument("--workers", type=int, default=min(2, os.cpu_count() or 1))
-    parser.add_argument("--out", default=str(ROOT / "runs" / "insertion"))
-    options = parser.parse_args()
-    only = set(filter(None, options.only.split(",")))
+    given = parser.parse_args()
+    only = set(filter(None, given.only.split(",")))
     if unknown := only - {s.name for s in SETTINGS}:
         known = ", ".join(s.name for s in SETTINGS)
         parser.error(f"no setting {', '.join(sorted(unknown))}; there are {known}")
-    settings = [s for s in SETTINGS if not only or s.name in only]
-    ways = [way for way in WAYS if way in options.ways.split(",")]
-    seeds = range(options.first, options.first + options.runs)
-    texts: list[str] = []
-    whole = sum(_cost(s, way) for s in settings for way in ways) * options.runs
-    print(f"in all about {whole / 60:.0f} CPU minutes for runs that are not there yet", flush=True)
-    for setting in settings:
-        for way in ways:
-            name = f"{setting.name}-{way}"
-            rows = campaign(
-                Path(options.out) / f"{name}.jsonl",
-                [Job(setting, way, seed) for seed in seeds],
-                one,
-                cost=_cost(setting, way),
-                workers=options.workers,
-                short=short,
-            )
-            texts.append(report(name, rows))
-    print("\n".join(texts))
+    kinds = [
+        (setting, way)
+        for setting in SETTINGS
+        for way in WAYS
+        if way in given.ways.split(",") and (not only or setting.name in only)
+    ]
+    jobs = [Job(setting, way, seed) for setting, way in kinds for seed in seeds(given)]
+    rows = campaign(given, jobs, one, cost=_cost, short=short)
+    for setting, way in kinds:
+        of = [row for row in rows if row["job"]["setting"] == asdict(setting) and row["job"]["way"] == way]
+        print(report(f"{setting.name}-{way}", of))
     return 0
 
 
-def _cost(setting: Setting, way: str) -> float:
-    fine = way == "feeling" and setting.clearance < 0.001
-    return COST[way][setting.form] * (2.0 if fine else 1.0)
+def _cost(job: Job) -> float:
+    fine = job.way == "feeling" and job.setting.clearance < 0.001
+    return COST[job.way][job.setting.form] * (2.0 if fine else 1.0)
 
 
 if __name__ == "__main__":

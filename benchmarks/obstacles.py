@@ -6,26 +6,20 @@ In each run one thing of random size (a post, a round post, a wall, a bar that h
 way from an item to its bin: from the beginning (even seeds), or from a random time in the last half second of
 a pick on (odd seeds). What touches it is asked of the simulator at every step; it stands fast, so nothing
 moves it. Each scene is run again with the volumes left out of the belief, to show that it is in the way.
-
-Each finished run is a line in the results file; a campaign that was interrupted goes on where it stopped.
 """
 
 from __future__ import annotations
 
-import argparse
 import json
 import math
-import os
 import sys
-import time
 from collections import Counter
 from collections.abc import Callable, Generator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from _campaign import ROOT, Row, campaign, rate
+from _campaign import MissionJob, Row, campaign, mission_jobs, mission_options, rate
 from picktree.world.events.skill_events import ItemDoneEvent
 
 import numpy as np
@@ -44,31 +38,14 @@ HANGS = 0.12
 COLOURS = ("grey", "dark_grey", "white", "red", "green", "blue", "yellow")
 
 
-@dataclass(frozen=True)
-class Job:
-    mission: str
-    scene: str
-    seed: int
-    out: str
-
-
-def one(job: Job) -> Row:
-    """All runs of one seed; what came of them, or the error that one died of."""
-    try:
-        return {"seed": job.seed, **_scene(job)}
-    except Exception as error:  # noqa: BLE001  a crash is a figure of the campaign
-        return {"seed": job.seed, "crash": f"{type(error).__name__}: {error}"}
-
-
-def _scene(job: Job) -> Row:
+def one(job: MissionJob, folder: Path) -> Row:
+    """Run one seed with the thing in the way, without volumes, and where it comes later without the thing."""
     from picktree.simulation.spawning.spawn import spawn_items
     from picktree.world.scene.loading.scene_loading import load_scene
 
     scene = load_scene(job.scene)
     rng = np.random.default_rng([job.seed, 77])
     items = list(spawn_items(scene, job.seed))
-    folder = Path(job.out) / f"{Path(job.scene).stem}-{job.seed}"
-    folder.mkdir(parents=True, exist_ok=True)
     if job.seed % 2 == 0:
         item = items[int(rng.integers(len(items)))]
         entry = _drawn(rng, scene, items, item, job.seed)
@@ -98,7 +75,7 @@ def _scene(job: Job) -> Row:
 
 
 def _run(
-    job: Job, folder: Path, touches: Callable[[Session], dict[str, Any]], **options: Any
+    job: MissionJob, folder: Path, touches: Callable[[Session], dict[str, Any]], **options: Any
 ) -> dict[str, Any]:
     from picktree.analysis.run import Run
     from picktree.session.session import RunRequest, Session
@@ -273,8 +250,6 @@ def _robot(who: str) -> bool:
 
 
 def _short(row: Row) -> str:
-    if "crash" in row:
-        return str(row["crash"])
     seen, blind = row["seen"], row["blind"]
     return (
         f"{seen['sorted']} of {seen['total']}, touched {seen['touched'] or 'nothing'}; "
@@ -283,24 +258,8 @@ def _short(row: Row) -> str:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description="Does the arm keep clear of what it was not told of?")
-    parser.add_argument("--mission", default=str(ROOT / "examples" / "sort_past_obstacles.yaml"))
-    parser.add_argument("--scene", default="sort_small")
-    parser.add_argument("--runs", type=int, default=50)
-    parser.add_argument("--first", type=int, default=0, help="first seed")
-    parser.add_argument("--workers", type=int, default=os.cpu_count() or 1)
-    parser.add_argument("--out", default=str(ROOT / "runs" / "obstacles"))
-    options = parser.parse_args()
-    out = Path(options.out)
-    jobs = [
-        Job(options.mission, options.scene, seed, str(out))
-        for seed in range(options.first, options.first + options.runs)
-    ]
-    name = f"{Path(options.mission).stem}-{Path(options.scene).stem}"
-    started = time.perf_counter()
-    rows = campaign(out / f"{name}.jsonl", jobs, one, cost=COST_A_RUN, workers=options.workers, short=_short)
-    print(f"{name}: {time.perf_counter() - started:.0f} s")
-    print(report(rows))
+    given = mission_options(__file__, __doc__, "sort_past_obstacles", "sort_small", runs=50).parse_args()
+    print(report(campaign(given, mission_jobs(given), one, cost=COST_A_RUN, short=_short)))
     return 0
 
 

@@ -12,23 +12,20 @@ same machine steps an empty scene beside it, as the reference for the CPU times.
 
 from __future__ import annotations
 
-import argparse
+import math
+import sys
 import time
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from pathlib import Path
 from statistics import median
 
-from picktree.arithmetic import restart
-
-import numpy as np
-
-restart()
-
-from picktree.robots.description import RobotDescription  # noqa: E402
-from picktree.robots.loading import load_robot  # noqa: E402
-from picktree.robots.model import RobotModel  # noqa: E402
-from picktree.simulation.physics.backend import PhysicsHardware  # noqa: E402
-from picktree.world.scene.description import (  # noqa: E402
+from _campaign import Row, campaign, finished, options, seeds
+from picktree.robots.description import RobotDescription
+from picktree.robots.loading import load_robot
+from picktree.robots.model import RobotModel
+from picktree.simulation.physics.backend import PhysicsHardware
+from picktree.world.scene.description import (
     CatalogueEntry,
     Fixture,
     Form,
@@ -36,8 +33,10 @@ from picktree.world.scene.description import (  # noqa: E402
     SensorNoise,
     Spawn,
 )
-from picktree.world.shapes import Box, Cylinder, Shape, Sphere  # noqa: E402
-from picktree.world.values import Array, ObjectId, Pose  # noqa: E402
+from picktree.world.shapes import Box, Cylinder, Shape, Sphere
+from picktree.world.values import Array, ObjectId, Pose
+
+import numpy as np
 
 RATE = 240
 SILENT = SensorNoise(encoder=0.0, width=0.0, force=0.0, torque=0.0, force_bias=0.0, torque_bias=0.0)
@@ -211,62 +210,105 @@ def _unit(v: Array) -> Array:
     return v / np.linalg.norm(v)
 
 
-def told_drift(robot: RobotDescription, runs: int) -> None:
-    print("\n| held for 4 s | runs | drift, mm, median | at most | dropped |\n|---|---|---|---|---|")
-    for name in SHAPES:
-        moved = [drift(robot, name, seed) for seed in range(runs)]
-        kept = [m for m in moved if np.isfinite(m)]
-        print(f"| {name} | {runs} | {median(kept):.2f} | {max(kept):.2f} | {runs - len(kept)} |", flush=True)
+@dataclass(frozen=True)
+class Job:
+    """One measurement: part, its parameters, seed."""
+
+    part: str
+    of: tuple[str | float, ...]
+    seed: int
 
 
-def told_slip(robot: RobotDescription, runs: int) -> None:
-    print("\n| grip, N | friction | slips at × 2 μF |\n|---|---|---|")
-    for force, friction in ((20.0, 0.3), (20.0, 0.6), (30.0, 0.2), (30.0, 0.5))[: max(1, runs)]:
-        print(f"| {force:g} | {friction:g} | {slip(robot, force, friction):.3f} |", flush=True)
-
-
-def told_heap(robot: RobotDescription, runs: int) -> None:
-    empty = PhysicsHardware(scene("block", 1, 0.08, 0.5, 0.0), robot, 0)
-    reference = step_cost(empty)
-    empty.close()
-    print(f"\nA step with one sleeping item takes {reference:.0f} µs.\n")
-    print("| heap | runs | asleep | after, s, median | step, falling, × | in the end, × |")
-    print("|---|---|---|---|---|---|")
-    for name in ("block", "brick", "can", "ball"):
-        for count in (10, 20):
-            rows = [heap(robot, name, count, seed) for seed in range(runs)]
-            after = [row[0] for row in rows]
-            asleep = sum(np.isfinite(a) for a in after)
-            print(
-                f"| {count} × {name} | {runs} | {asleep} | {median(after):.1f} "
-                f"| {median(row[1] for row in rows) / reference:.1f} "
-                f"| {median(row[2] for row in rows) / reference:.1f} |",
-                flush=True,
-            )
-
-
-PARTS: dict[str, tuple[Callable[[RobotDescription, int], None], float]] = {
-    "drift": (told_drift, 8.0),
-    "slip": (told_slip, 10.0),
-    "heap": (told_heap, 20.0),
-}
-"""Each part, and the CPU seconds that one of its runs takes."""
-
-
-def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--runs", type=int, default=5, help="seeds of each row")
-    parser.add_argument("--only", default=",".join(PARTS), help="parts, with commas")
-    arguments = parser.parse_args()
-    parts = arguments.only.split(",")
-    cost = sum(PARTS[part][1] for part in parts) * arguments.runs
-    print(f"{', '.join(parts)}: {arguments.runs} runs, about {cost / 60:.1f} CPU minutes", flush=True)
+def one(job: Job, folder: Path) -> Row:
+    """Measure once; infinity is None."""
     robot = load_robot("panda")
+    match job.part, job.of:
+        case "drift", (str(name),):
+            found = (drift(robot, name, job.seed),)
+        case "slip", (float(force), float(friction)):
+            found = (slip(robot, force, friction),)
+        case _, (str(name), float(count)):
+            empty = PhysicsHardware(scene("block", 1, 0.08, 0.5, 0.0), robot, 0)
+            reference = step_cost(empty)
+            empty.close()
+            after, falling, end = heap(robot, name, int(count), job.seed)
+            found = (after, falling / reference, end / reference, reference)
+        case unknown:
+            raise ValueError(f"{unknown}")
+    return {"found": [x if np.isfinite(x) else None for x in found]}
+
+
+def told_drift(of: Row) -> list[str]:
+    lines = ["| held for 4 s | runs | drift, mm, median | at most | dropped |", "|---|---|---|---|---|"]
+    for (name,), rows in of.items():
+        kept = [row[0] for row in rows if row[0] is not None] or [math.nan]
+        dropped = sum(row[0] is None for row in rows)
+        lines.append(f"| {name} | {len(rows)} | {median(kept):.2f} | {max(kept):.2f} | {dropped} |")
+    return lines
+
+
+def told_slip(of: Row) -> list[str]:
+    lines = ["| grip, N | friction | slips at × 2 μF |", "|---|---|---|"]
+    return lines + [f"| {force:g} | {mu:g} | {rows[0][0]:.3f} |" for (force, mu), rows in of.items()]
+
+
+def told_heap(of: Row) -> list[str]:
+    lines = ["A step is given as a multiple of one with a single sleeping item.", ""]
+    lines.append("| heap | runs | asleep | after, s, median | step, falling, × | in the end, × |")
+    lines.append("|---|---|---|---|---|---|")
+    for (name, count), rows in of.items():
+        after = [math.inf if row[0] is None else row[0] for row in rows]
+        falling, end = (median(row[k] for row in rows) for k in (1, 2))
+        lines.append(
+            f"| {count:g} × {name} | {len(rows)} | {sum(map(math.isfinite, after))} | {median(after):.1f} "
+            f"| {falling:.1f} | {end:.1f} |"
+        )
+    return lines
+
+
+@dataclass(frozen=True)
+class Part:
+    """Measurements of one table: their parameters, CPU seconds of one, the lines of the table."""
+
+    of: tuple[tuple[str | float, ...], ...]
+    cost: float
+    told: Callable[[Row], list[str]]
+
+
+PARTS = {
+    "drift": Part(tuple((name,) for name in SHAPES), 1.6, told_drift),
+    "slip": Part(((20.0, 0.3), (20.0, 0.6), (30.0, 0.2), (30.0, 0.5)), 5.0, told_slip),
+    "heap": Part(
+        tuple((name, count) for name in ("block", "brick", "can", "ball") for count in (10.0, 20.0)),
+        3.0,
+        told_heap,
+    ),
+}
+
+
+def main() -> int:
+    parser = options(__file__, __doc__, runs=5, what="seeds of each row; slip has none")
+    parser.add_argument("--only", default=",".join(PARTS), help="parts, with commas")
+    given = parser.parse_args()
+    parts = given.only.split(",")
+    jobs = [
+        Job(part, of, seed)
+        for part in parts
+        for of in PARTS[part].of
+        for seed in ((0,) if part == "slip" else seeds(given))
+    ]
+    cost = {part: PARTS[part].cost for part in parts}
+    rows = finished(
+        campaign(given, jobs, one, cost=lambda job: cost[job.part], short=lambda row: row["found"])
+    )
     for part in parts:
-        PARTS[part][0](robot, arguments.runs)
+        tables: dict[tuple[str | float, ...], list[list[float]]] = {}
+        for row in rows:
+            if row["job"]["part"] == part:
+                tables.setdefault(tuple(row["job"]["of"]), []).append(row["found"])
+        print("", *PARTS[part].told(tables), sep="\n")
+    return 0
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

@@ -11,8 +11,6 @@ waited for or not.
 
 from __future__ import annotations
 
-import argparse
-import os
 import sys
 from collections import Counter, defaultdict
 from dataclasses import dataclass
@@ -21,7 +19,7 @@ from pathlib import Path
 from types import GeneratorType
 from typing import TYPE_CHECKING, Any, cast
 
-from _campaign import ROOT, Row, campaign, rate
+from _campaign import Row, campaign, mission_options, rate, seeds
 from _motion_timing import bare_profile
 from picktree.control.joints.joint_controllers import TrajectoryController
 from picktree.planning.requests import LineGoal, OffsetGoal, Request
@@ -66,7 +64,6 @@ class Job:
     scene: str
     robot: str
     seed: int
-    out: str
 
 
 class PickTimes(Observer):
@@ -156,21 +153,18 @@ def shortest(model: RobotModel, trajectory: Trajectory) -> float:
     return trajectory.duration if found is None else min(found.duration, trajectory.duration)
 
 
-def one(job: Job) -> Row:
-    """Run one seed; its result with the seconds by skill and phase, or the error that it died of."""
+def one(job: Job, folder: Path) -> Row:
+    """Run one seed; its result with the seconds by skill and phase."""
     request = RunRequest(
         mission=Path(job.mission),
         scene=job.scene,
         robot=job.robot or None,
         seed=job.seed,
-        out=Path(job.out) / f"{job.scene}-{job.seed}",
+        out=folder,
     )
     times = PickTimes()
-    try:
-        result = Session(request, observers=[times]).run()
-        return {"seed": job.seed, "result": result.to_json(), "times": times.figures()}
-    except Exception as error:  # noqa: BLE001  a crash is a figure of the campaign
-        return {"seed": job.seed, "crash": f"{type(error).__name__}: {error}"}
+    result = Session(request, observers=[times]).run()
+    return {"result": result.to_json(), "times": times.figures()}
 
 
 def report(rows: list[Row]) -> str:
@@ -214,29 +208,15 @@ def report(rows: list[Row]) -> str:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description="Where the simulated seconds of a pick go.")
-    parser.add_argument("--mission", default=str(ROOT / "examples" / "sort_by_colour.yaml"))
-    parser.add_argument("--scene", default="three_bins")
+    parser = mission_options(__file__, __doc__, "sort_by_colour", "three_bins", runs=5)
     parser.add_argument("--robot", default="", help="another arm than the scene's")
-    parser.add_argument("--runs", type=int, default=5)
-    parser.add_argument("--first", type=int, default=0, help="first seed")
-    parser.add_argument("--workers", type=int, default=os.cpu_count() or 1)
-    parser.add_argument("--out", default=str(ROOT / "runs" / "pick_time"))
-    options = parser.parse_args()
-    out = Path(options.out)
-    parts = (Path(options.mission).stem, options.scene, options.robot)
-    name = "-".join(part for part in parts if part)
-    jobs = [
-        Job(options.mission, options.scene, options.robot, seed, str(out))
-        for seed in range(options.first, options.first + options.runs)
-    ]
+    given = parser.parse_args()
     rows = campaign(
-        out / f"{name}.jsonl",
-        jobs,
+        given,
+        [Job(given.mission, given.scene, given.robot, seed) for seed in seeds(given)],
         one,
         cost=COST_A_RUN,
-        workers=options.workers,
-        short=lambda row: row.get("crash") or "{sorted} of {total}".format(**row["result"]["items"]),
+        short=lambda row: "{sorted} of {total}".format(**row["result"]["items"]),
     )
     print(report(rows))
     return 0

@@ -4,15 +4,12 @@
     python benchmarks/pushing.py --runs 100 --kinds nut
 
 Seed by seed the same object is pushed from the same place to the same pose twice: in as many strokes as it
-takes, looked at in between, and open loop: one look, one stroke. Each finished seed is a line in the results
-file; a campaign that was interrupted goes on where it stopped.
+takes, looked at in between, and open loop: one look, one stroke.
 """
 
 from __future__ import annotations
 
-import argparse
 import math
-import os
 import random
 import sys
 from collections import Counter
@@ -22,7 +19,7 @@ from pathlib import Path
 from statistics import median
 from typing import TYPE_CHECKING, Any
 
-from _campaign import ROOT, Row, campaign, rate
+from _campaign import Row, campaign, finished, options, rate, seeds
 
 if TYPE_CHECKING:
     from picktree.simulation.scoring.truth import TrueBody
@@ -48,10 +45,10 @@ class Job:
     noise: float
 
 
-def one(job: Job) -> Row:
+def one(job: Job, folder: Path) -> Row:
     """One seed in this process, closed loop and open loop."""
     kind = job.kinds[job.seed % len(job.kinds)]
-    row: Row = {"seed": job.seed, "kind": kind}
+    row: Row = {"kind": kind}
     for name, extra in (("closed", ""), ("open", ", strokes: 1")):
         try:
             row[name] = _push(job, kind, extra)
@@ -169,29 +166,21 @@ def _spread(name: str, values: Sequence[float], unit: str) -> str:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description="How exactly objects are pushed to a pose, over many seeds.")
-    parser.add_argument("--runs", type=int, default=100)
-    parser.add_argument("--first", type=int, default=0, help="first seed")
+    parser = options(__file__, __doc__, runs=100)
     parser.add_argument("--kinds", nargs="+", default=list(KINDS))
     parser.add_argument("--noise", type=float, default=0.002, help="of the camera's depth at 0.7 m, m")
-    parser.add_argument("--workers", type=int, default=os.cpu_count() or 1)
-    parser.add_argument("--out", default=str(ROOT / "runs" / "pushing"))
-    options = parser.parse_args()
-    name = f"{'-'.join(options.kinds)}-{1000 * options.noise:g}mm"
-    seeds = range(options.first, options.first + options.runs)
-    jobs = [Job(seed, tuple(options.kinds), options.noise) for seed in seeds]
+    given = parser.parse_args()
     rows = campaign(
-        Path(options.out) / f"{name}.jsonl",
-        jobs,
+        given,
+        [Job(seed, tuple(given.kinds), given.noise) for seed in seeds(given)],
         one,
         cost=COST_A_RUN,
-        workers=options.workers,
         short=lambda row: " ".join(
             f"{name} {1000 * row[name]['off']:.2f} mm" if "off" in row[name] else f"{name} crashed"
             for name in ("closed", "open")
         ),
     )
-    print(report(rows))
+    print(report(finished(rows)))
     return 0
 
 

@@ -6,50 +6,29 @@
 What counts as within reach is defined in `_reach.py`, and asked of the truth before the run begins: the robot
 knows nothing of it. Items that are not within reach are left out, sorted or not.
 
-Each finished run is a line in the results file; a campaign that was interrupted goes on where it stopped. The
-logs of runs that lost an item stay in the folder, for `picktree explain`.
+The logs of runs that lost an item stay in the folder, for `picktree explain`.
 """
 
 from __future__ import annotations
 
-import argparse
-import os
 import sys
-import time
 from collections import Counter
-from dataclasses import dataclass
 from pathlib import Path
 from shutil import rmtree
 
-from _campaign import ROOT, Row, campaign, rate
+from _campaign import MissionJob, Row, campaign, mission_jobs, mission_options, rate
 
 COST_A_RUN = 20.0
 """CPU seconds that a run of twelve items takes, for the forecast."""
 
 
-@dataclass(frozen=True)
-class Job:
-    mission: str
-    scene: str
-    seed: int
-    out: str
-
-
-def one(job: Job) -> Row:
-    """Run one seed; what became of each item, or the error that the run died of."""
-    try:
-        return {"seed": job.seed, **_run(job)}
-    except Exception as error:  # noqa: BLE001  a crash is a figure of the campaign
-        return {"seed": job.seed, "crash": f"{type(error).__name__}: {error}"}
-
-
-def _run(job: Job) -> Row:
+def one(job: MissionJob, folder: Path) -> Row:
+    """Run one seed; what became of each item."""
     from _reach import within_reach
     from picktree.session.session import RunRequest, Session
     from picktree.simulation.scoring.scorer import score
 
-    out = Path(job.out) / f"{Path(job.scene).stem}-{job.seed}"
-    session = Session(RunRequest(mission=Path(job.mission), scene=job.scene, seed=job.seed, out=out))
+    session = Session(RunRequest(mission=Path(job.mission), scene=job.scene, seed=job.seed, out=folder))
     before = list(session.execution.hardware.truth())
     reach = within_reach(session.execution.recipe.scene, before)
     result = session.run()
@@ -68,7 +47,7 @@ def _run(job: Job) -> Row:
         for body in before
     ]
     if all(item["verdict"] == "sorted" for item in items if item["within"]):
-        rmtree(out, ignore_errors=True)
+        rmtree(result.folder, ignore_errors=True)
     return {
         "items": items,
         "status": result.status,
@@ -114,32 +93,14 @@ def report(rows: list[Row]) -> str:
 
 
 def _short(row: Row) -> str:
-    if "crash" in row:
-        return str(row["crash"])
     within = [item for item in row["items"] if item["within"]]
     won = sum(item["verdict"] == "sorted" for item in within)
     return f"{won} of {len(within)} within reach, {len(row['items']) - len(within)} out of it"
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description="How many of the items within reach a mission sorts.")
-    parser.add_argument("--mission", default=str(ROOT / "examples" / "sort_tirelessly.yaml"))
-    parser.add_argument("--scene", default="tumbled")
-    parser.add_argument("--runs", type=int, default=40)
-    parser.add_argument("--first", type=int, default=0, help="first seed")
-    parser.add_argument("--workers", type=int, default=os.cpu_count() or 1)
-    parser.add_argument("--out", default=str(ROOT / "runs" / "reachable"))
-    options = parser.parse_args()
-    out = Path(options.out)
-    name = f"{Path(options.mission).stem}-{Path(options.scene).stem}"
-    jobs = [
-        Job(options.mission, options.scene, seed, str(out))
-        for seed in range(options.first, options.first + options.runs)
-    ]
-    started = time.perf_counter()
-    rows = campaign(out / f"{name}.jsonl", jobs, one, cost=COST_A_RUN, workers=options.workers, short=_short)
-    print(f"{name}: {time.perf_counter() - started:.0f} s")
-    print(report(rows))
+    given = mission_options(__file__, __doc__, "sort_tirelessly", "tumbled", runs=40).parse_args()
+    print(report(campaign(given, mission_jobs(given), one, cost=COST_A_RUN, short=_short)))
     return 0
 
 

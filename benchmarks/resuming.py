@@ -2,27 +2,26 @@
 last checkpoint, and as things stood.
 
 Each run is compared with the same mission, scene and seed left alone: it has to finish with as many items
-sorted; from the checkpoint with the same digest, too. A run may be killed several times. `--runs` many jobs,
-each with both ways; results are taken up when the file is there.
+sorted; from the checkpoint with the same digest, too. A run may be killed several times. Each job has both
+ways.
 """
 
 from __future__ import annotations
 
-import argparse
 import json
 import os
 import random
+import shutil
 import signal
 import subprocess
 import sys
-import tempfile
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Any, cast
 
-from _campaign import ROOT, Row, campaign, rate
+from _campaign import ROOT, Row, campaign, finished, options, rate, seeds
 from picktree.errors import PicktreeError
 from picktree.logs.run_log import RunLog
 
@@ -51,26 +50,25 @@ class Job:
         return CASES[self.seed % len(CASES)]
 
 
-def one(job: Job) -> Row:
+def one(job: Job, out: Path) -> Row:
     """All runs of a job; a row of the results."""
     mission, scene = job.case
     begun = time.process_time() + _children()
-    with tempfile.TemporaryDirectory(prefix="resuming-") as folder:
-        out = Path(folder)
-        start = [str(EXAMPLES / mission), "--scene", scene, "--seed", str(job.seed), "--backend", job.backend]
-        alone, seconds, _ = _run(start, out / "alone", None)
-        assert alone is not None, "nobody killed it"
-        ways: dict[str, Any] = {}
-        for way, options in (("checkpoint", []), ("stands", ["--as-it-stands"])):
-            chance = random.Random(f"{job.seed} {way}")
-            ways[way] = _killed(start, options, out / way, seconds, chance)
-        return {
-            "seed": job.seed,
-            "scene": scene,
-            "alone": _short(alone),
-            "ways": ways,
-            "cpu": time.process_time() + _children() - begun,
-        }
+    start = [str(EXAMPLES / mission), "--scene", scene, "--seed", str(job.seed), "--backend", job.backend]
+    alone, seconds, _ = _run(start, out / "alone", None)
+    assert alone is not None, "nobody killed it"
+    ways: dict[str, Any] = {}
+    for way, more in (("checkpoint", []), ("stands", ["--as-it-stands"])):
+        chance = random.Random(f"{job.seed} {way}")
+        ways[way] = _killed(start, more, out / way, seconds, chance)
+        shutil.rmtree(out / way)
+    shutil.rmtree(out / "alone")
+    return {
+        "scene": scene,
+        "alone": _short(alone),
+        "ways": ways,
+        "cpu": time.process_time() + _children() - begun,
+    }
 
 
 def _killed(start: list[str], options: list[str], out: Path, seconds: float, chance: random.Random) -> Row:
@@ -161,16 +159,12 @@ def _told(row: Row) -> str:
     return f"{row['scene']}, alone {alone['status']} {alone['sorted']}; {'; '.join(parts)}"
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--runs", type=int, default=30)
-    parser.add_argument("--first", type=int, default=0, help="seed of the first job")
-    parser.add_argument("--workers", type=int, default=2)
+def main() -> int:
+    parser = options(__file__, __doc__, runs=30)
     parser.add_argument("--backend", choices=("physics", "kinematic"), default="physics")
-    parser.add_argument("--results", type=Path, default=ROOT / "runs" / "resuming.jsonl")
     given = parser.parse_args()
-    jobs = [Job(seed, given.backend) for seed in range(given.first, given.first + given.runs)]
-    rows = campaign(given.results, jobs, one, cost=COST, workers=given.workers, short=_told)
+    jobs = [Job(seed, given.backend) for seed in seeds(given)]
+    rows = finished(campaign(given, jobs, one, cost=COST, short=_told))
     print()
     for way, words in (("checkpoint", "from the checkpoint"), ("stands", "as things stood")):
         done = [(row["alone"], row["ways"][way]) for row in rows]
@@ -188,7 +182,8 @@ def main() -> None:
                 f"  simulated time beyond that of the run alone: {sum(longer) / len(longer):.1f} s a mission"
             )
     print(f"CPU {sum(row['cpu'] for row in rows) / max(1, len(rows)):.0f} s a job")
+    return 0
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

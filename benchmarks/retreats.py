@@ -12,16 +12,12 @@ The contact force is the simulator's: the sum over the contact points of two bod
 what it holds, the other neither. `force` is its mean over 37.5 ms, as the safety monitor takes it; `peak` the
 worst single step of 1/240 s. What pressed before the retreat began counts only from when it has once gone
 down to 5 N, or beyond what it was.
-
-Each finished scene is a line in the results file; a campaign that was interrupted goes on where it stopped.
 """
 
 from __future__ import annotations
 
-import argparse
 import importlib.util
 import math
-import os
 import sys
 import time
 from collections import Counter
@@ -31,7 +27,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
-from _campaign import ROOT, Row, campaign, rate
+from _campaign import ROOT, Row, campaign, finished, options, rate
 
 import numpy as np
 
@@ -84,7 +80,7 @@ def _cell() -> ModuleType:
     return module
 
 
-def one(job: Job) -> Row:
+def one(job: Job, folder: Path) -> Row:
     """The states of one seed's scene, each with what came of the retreat from it."""
     answers: list[dict[str, Any]] = []
     lab: Lab | None = None
@@ -101,7 +97,7 @@ def one(job: Job) -> Row:
             answer = {"number": number, "outcome": "crash", "message": f"{type(error).__name__}: {error}"}
             lab = None
         answers.append(answer | {"cpu": round(time.process_time() - begun, 2)})
-    return {"seed": job.seed, "states": answers}
+    return {"states": answers}
 
 
 class Lab:
@@ -531,22 +527,15 @@ def report(rows: list[Row], runs: int) -> tuple[str, bool]:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description="Is a safe retreat gentle, does it get home?")
-    parser.add_argument("--runs", type=int, default=1000, help=f"retreats, {STATES} in each scene")
-    parser.add_argument("--first", type=int, default=0, help=f"first seed; seed n has states {STATES}n …")
-    parser.add_argument("--workers", type=int, default=os.cpu_count())
-    parser.add_argument("--out", default=str(ROOT / "runs" / "retreats"))
-    options = parser.parse_args()
-    seeds = range(options.first, options.first + math.ceil(options.runs / STATES))
+    given = options(__file__, __doc__, runs=1000, what=f"retreats, {STATES} in each seed").parse_args()
     rows = campaign(
-        Path(options.out) / "retreats.jsonl",
-        [Job(seed, STATES) for seed in seeds],
+        given,
+        [Job(given.first + n, STATES) for n in range(math.ceil(given.runs / STATES))],
         one,
         cost=STATES * COST,
-        workers=options.workers,
         short=lambda row: ", ".join(f"{s['outcome']} {s.get('force', '–')} N" for s in row["states"]),
     )
-    text, fine = report(rows, options.runs)
+    text, fine = report(finished(rows), given.runs)
     print(text)
     return 0 if fine else 1
 

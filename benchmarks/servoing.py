@@ -7,24 +7,19 @@ Direction of the shift and axis of the turn are drawn for each seed and camera, 
 nobody tells the robot. Each seed's items are sorted in five settings: the overhead camera right or off and
 nobody looks again; and with the camera on the hand the overhead camera off, the hand's camera off, and both.
 Two of the six items are cartons of 66 mm: fingers that open by 80 mm have 7 mm to spare at each side.
-
-Each finished seed is a line in the results file; a campaign that was interrupted goes on where it stopped.
 """
 
 from __future__ import annotations
 
-import argparse
 import math
-import os
 import sys
-import time
 from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
 from statistics import median
 from typing import TYPE_CHECKING
 
-from _campaign import ROOT, Row, campaign, rate
+from _campaign import ROOT, Row, campaign, options, rate, seeds
 
 import numpy as np
 
@@ -64,7 +59,6 @@ spawn:
 class Job:
     mission: str
     seed: int
-    out: str
     shift: float
     turn: float
 
@@ -89,29 +83,24 @@ def _rpy(axis: Array, turn: float) -> Vector3:
     return Pose(orientation=(x, y, z, math.cos(turn / 2))).rpy()
 
 
-def one(job: Job) -> Row:
-    """All settings of one seed, or the error that one died of."""
-    try:
-        return {"seed": job.seed, "settings": {name: _run(job, name) for name in SETTINGS}}
-    except Exception as error:  # noqa: BLE001  a crash is a figure of the campaign
-        return {"seed": job.seed, "crash": f"{type(error).__name__}: {error}"}
+def one(job: Job, folder: Path) -> Row:
+    """Run all settings of one seed."""
+    return {"settings": {name: _run(job, folder, name) for name in SETTINGS}}
 
 
-def _run(job: Job, setting: str) -> Row:
+def _run(job: Job, folder: Path, setting: str) -> Row:
     from picktree.session.session import RunRequest, Session
 
     on_hand, off = SETTINGS[setting]
-    told = errors(job.seed, job.shift, job.turn)
-    cameras = "\n".join(["cameras:", *(told[camera] for camera in off)]) if off else ""
+    wrong = errors(job.seed, job.shift, job.turn)
+    cameras = "\n".join(["cameras:", *(wrong[camera] for camera in off)]) if off else ""
     name = f"{setting.replace(', ', '-').replace(' ', '_')}-{job.seed}".replace("'", "")
-    file = Path(job.out) / f"{name}.yaml"
+    file = folder / f"{name}.yaml"
     file.write_text(SCENE.format(base="three_bins_wrist" if on_hand else "three_bins", cameras=cameras))
-    request = RunRequest(
-        mission=Path(job.mission), scene=str(file), seed=job.seed, out=Path(job.out) / f"run-{name}"
-    )
-    result = Session(request).run().to_json()
-    run = max(Path(request.out or "").iterdir(), key=lambda folder: folder.stat().st_mtime)
-    return {**{key: result[key] for key in KEPT}, "aims": _aims(run)}
+    out = folder / f"run-{name}"
+    result = Session(RunRequest(mission=Path(job.mission), scene=str(file), seed=job.seed, out=out)).run()
+    told = result.to_json()
+    return {**{key: told[key] for key in KEPT}, "aims": _aims(result.folder)}
 
 
 def _aims(run: Path) -> list[float]:
@@ -175,40 +164,19 @@ def report(rows: list[Row]) -> str:
 
 
 def _short(row: Row) -> str:
-    if "crash" in row:
-        return str(row["crash"])
     return ", ".join(
         f"{setting} {r['items']['sorted']}/{r['items']['total']}" for setting, r in row["settings"].items()
     )
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description="How well cameras that are off are made up for.")
+    parser = options(__file__, __doc__, runs=40)
     parser.add_argument("--mission", default=str(ROOT / "examples" / "sort_by_colour.yaml"))
-    parser.add_argument("--runs", type=int, default=40)
-    parser.add_argument("--first", type=int, default=0, help="first seed")
     parser.add_argument("--shift", type=float, default=SHIFT, help="m")
     parser.add_argument("--turn", type=float, default=math.degrees(TURN), help="degrees")
-    parser.add_argument("--workers", type=int, default=os.cpu_count() or 1)
-    parser.add_argument("--out", default=str(ROOT / "runs" / "servoing"))
-    options = parser.parse_args()
-    out = Path(options.out)
-    out.mkdir(parents=True, exist_ok=True)
-    jobs = [
-        Job(options.mission, seed, str(out), options.shift, math.radians(options.turn))
-        for seed in range(options.first, options.first + options.runs)
-    ]
-    started = time.perf_counter()
-    rows = campaign(
-        out / f"servoing-{1000 * options.shift:g}mm-{options.turn:g}deg.jsonl",
-        jobs,
-        one,
-        cost=COST_A_SEED,
-        workers=options.workers,
-        short=_short,
-    )
-    print(f"servoing: {time.perf_counter() - started:.0f} s")
-    print(report(rows))
+    given = parser.parse_args()
+    jobs = [Job(given.mission, seed, given.shift, math.radians(given.turn)) for seed in seeds(given)]
+    print(report(campaign(given, jobs, one, cost=COST_A_SEED, short=_short)))
     return 0
 
 

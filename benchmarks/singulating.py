@@ -3,14 +3,11 @@
     python benchmarks/singulating.py --runs 50
 
 Seed by seed the same scene is sorted twice: by `examples/singulate_and_sort.yaml`, and by the same mission
-with the pushes taken out. Each finished seed is a line in the results file; a campaign that was interrupted
-goes on where it stopped.
+with the pushes taken out.
 """
 
 from __future__ import annotations
 
-import argparse
-import os
 import sys
 from collections import Counter
 from collections.abc import Sequence
@@ -19,7 +16,7 @@ from pathlib import Path
 from statistics import median
 from typing import Any, cast
 
-from _campaign import ROOT, Row, campaign, rate
+from _campaign import ROOT, Row, campaign, finished, options, rate, seeds
 
 COST_A_RUN = 20.0
 """CPU seconds of one seed, both ways, for the forecast."""
@@ -31,20 +28,16 @@ WAYS = ("with", "without")
 class Job:
     seed: int
     scene: str
-    out: str
 
 
-def one(job: Job) -> Row:
+def one(job: Job, folder: Path) -> Row:
     """One seed in this process, with pushes and without."""
     from picktree.session.session import RunRequest, Session
 
-    out = Path(job.out)
-    row: Row = {"seed": job.seed}
+    row: Row = {}
     for name in WAYS:
-        mission = MISSION if name == "with" else without_pushes(out / "without_pushes.yaml")
-        request = RunRequest(
-            mission=mission, scene=job.scene, seed=job.seed, out=out / f"{job.scene}-{name}-{job.seed}"
-        )
+        mission = MISSION if name == "with" else without_pushes(folder / "without_pushes.yaml")
+        request = RunRequest(mission=mission, scene=job.scene, seed=job.seed, out=folder / name)
         try:
             row[name] = Session(request).run().to_json()
         except Exception as error:  # noqa: BLE001  a crash is a figure of the campaign
@@ -58,10 +51,8 @@ def without_pushes(path: Path) -> Path:
 
     data = cast("dict[str, Any]", yaml.safe_load(MISSION.read_text()))
     data["trees"] = _pruned(data["trees"])
-    path.parent.mkdir(parents=True, exist_ok=True)
-    beside = path.with_suffix(f".{os.getpid()}")
-    beside.write_text(yaml.safe_dump(data, sort_keys=False))
-    return beside.replace(path)
+    path.write_text(yaml.safe_dump(data, sort_keys=False))
+    return path
 
 
 def _pruned(value: Any) -> Any:
@@ -111,27 +102,20 @@ def report(rows: Sequence[Row]) -> str:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description="How many touching items are sorted, over many seeds.")
+    parser = options(__file__, __doc__, runs=50)
     parser.add_argument("--scene", default="touching")
-    parser.add_argument("--runs", type=int, default=50)
-    parser.add_argument("--first", type=int, default=0, help="first seed")
-    parser.add_argument("--workers", type=int, default=os.cpu_count() or 1)
-    parser.add_argument("--out", default=str(ROOT / "runs" / "singulating"))
-    options = parser.parse_args()
-    out = Path(options.out)
-    seeds = range(options.first, options.first + options.runs)
+    given = parser.parse_args()
     rows = campaign(
-        out / f"{Path(options.scene).stem}.jsonl",
-        [Job(seed, options.scene, str(out)) for seed in seeds],
+        given,
+        [Job(seed, given.scene) for seed in seeds(given)],
         one,
         cost=COST_A_RUN,
-        workers=options.workers,
         short=lambda row: ", ".join(
             f"{name} {row[name]['items']['sorted']}" if "items" in row[name] else f"{name} crashed"
             for name in WAYS
         ),
     )
-    print(report(rows))
+    print(report(finished(rows)))
     return 0
 
 

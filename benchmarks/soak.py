@@ -20,7 +20,7 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from _campaign import ROOT
+from _campaign import REFERENCE_COST, RESULTS, ROOT, reference
 from _soaking import SETTLED, Diary, Soak, growth
 
 import numpy as np
@@ -49,7 +49,7 @@ def main() -> int:
     parser.add_argument("--scene", default=str(HERE / "endless.yaml"))
     parser.add_argument("--faults", default=str(HERE / "faults.yaml"), help="none for no faults")
     parser.add_argument("--backend", choices=("physics", "kinematic"), default="physics")
-    parser.add_argument("--out", type=Path, default=ROOT / "runs" / "soak")
+    parser.add_argument("--out", type=Path, default=RESULTS / "soak")
     parser.add_argument("--parts", type=int, default=PARTS, help="files of the log to open; 0 for all")
     parser.add_argument("--resume", action="store_true", help="go on with the soak in --out")
     parser.add_argument("--report", action="store_true", help="only say what the soak in --out has told")
@@ -74,9 +74,10 @@ def soak(given: argparse.Namespace, diary: Path) -> None:
     from picktree.session.resume.resumption import ResumeRequest, Resumption
     from picktree.session.session import RunRequest, Session
 
+    cost = given.hours * COST_AN_HOUR * reference() / REFERENCE_COST
     print(
         f"{given.hours:g} simulated hours on the {given.backend} backend: about "
-        f"{given.hours * COST_AN_HOUR / 60:.0f} CPU minutes and {given.hours * MB_AN_HOUR:.0f} MB of log; "
+        f"{cost / 60:.0f} CPU minutes and {given.hours * MB_AN_HOUR:.0f} MB of log; "
         f"one process; diary in {diary}",
         flush=True,
     )

@@ -1,23 +1,18 @@
 """Campaign: run a sorting mission over many seeds and say how well it does, with intervals.
 
-    python benchmarks/sorting.py --scene three_bins --runs 40
-    python benchmarks/sorting.py --scene dense --runs 20
-
-Each finished run is a line in the results file; a campaign that was interrupted goes on where it stopped.
+python benchmarks/sorting.py --scene three_bins --runs 40
+python benchmarks/sorting.py --scene dense --runs 20
 """
 
 from __future__ import annotations
 
-import argparse
-import os
 import sys
-import time
 from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
 from statistics import median
 
-from _campaign import ROOT, Row, campaign, rate, split
+from _campaign import Row, campaign, mission_options, rate, seeds, split
 
 COST_A_RUN = 10.0
 """CPU seconds that a run of twelve items takes, for the forecast."""
@@ -28,27 +23,23 @@ class Job:
     mission: str
     scene: str
     seed: int
-    out: str
     verify: bool
     faults: str | None
 
 
-def one(job: Job) -> Row:
-    """Run one seed in this process; the JSON of its result, or the error that it died of."""
+def one(job: Job, folder: Path) -> Row:
+    """Run one seed; the JSON of its result."""
     from picktree.session.session import RunRequest, Session
 
     request = RunRequest(
         mission=Path(job.mission),
         scene=job.scene,
         seed=job.seed,
-        out=Path(job.out) / f"{job.scene}-{job.seed}",
+        out=folder,
         verify=job.verify,
         faults=Path(job.faults) if job.faults else None,
     )
-    try:
-        return {"seed": job.seed, "result": Session(request).run().to_json()}
-    except Exception as error:  # noqa: BLE001  a crash is a figure of the campaign
-        return {"seed": job.seed, "crash": f"{type(error).__name__}: {error}"}
+    return {"result": Session(request).run().to_json()}
 
 
 def report(rows: list[Row]) -> str:
@@ -114,32 +105,18 @@ def report(rows: list[Row]) -> str:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description="How well a mission sorts, over many seeds.")
-    parser.add_argument("--mission", default=str(ROOT / "examples" / "sort_by_colour.yaml"))
-    parser.add_argument("--scene", default="three_bins")
-    parser.add_argument("--runs", type=int, default=40)
-    parser.add_argument("--first", type=int, default=0, help="first seed")
-    parser.add_argument("--workers", type=int, default=os.cpu_count() or 1)
+    parser = mission_options(__file__, __doc__, "sort_by_colour", "three_bins", runs=40)
     parser.add_argument("--verify", action="store_true", help="judge every trajectory by python-fcl too")
-    parser.add_argument("--faults", default=None)
-    parser.add_argument("--out", default=str(ROOT / "runs" / "sorting"))
-    options = parser.parse_args()
-    out = Path(options.out)
-    name = f"{Path(options.mission).stem}-{options.scene}{'-verify' if options.verify else ''}"
-    jobs = [
-        Job(options.mission, options.scene, seed, str(out), options.verify, options.faults)
-        for seed in range(options.first, options.first + options.runs)
-    ]
-    started = time.perf_counter()
+    parser.add_argument("--faults")
+    given = parser.parse_args()
+    jobs = [Job(given.mission, given.scene, seed, given.verify, given.faults) for seed in seeds(given)]
     rows = campaign(
-        out / f"{name}.jsonl",
+        given,
         jobs,
         one,
         cost=COST_A_RUN,
-        workers=options.workers,
-        short=lambda row: row.get("crash") or "{sorted} of {total}".format(**row["result"]["items"]),
+        short=lambda row: "{sorted} of {total}".format(**row["result"]["items"]),
     )
-    print(f"{name}: {time.perf_counter() - started:.0f} s")
     print(report(rows))
     return 0
 

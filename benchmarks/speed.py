@@ -1,17 +1,18 @@
 """Speed: CPU time of commands and runs, beside a reference that is measured in the same moments.
 
+The second table has the CPU seconds of the runs by part of the work.
+
     python benchmarks/speed.py --runs 5                          # make bench
     python benchmarks/speed.py --only "sort_by_colour,check" --against ../before
 
 Each round measures the reference before and after each command: a fixed computation of pybullet and Python
 without picktree. The ratio to it says more than seconds, which vary with machine and load. `--against`
 measures another checkout in alternation, which has an environment of its own in .venv; the last columns are
-the ratios to it. Rounds are kept by commit, and a program that was interrupted goes on where it stopped.
+the ratios to it. Rounds of a clean checkout are kept by commit.
 """
 
 from __future__ import annotations
 
-import argparse
 import json
 import os
 import subprocess
@@ -23,11 +24,26 @@ from pathlib import Path
 from statistics import median
 from tempfile import TemporaryDirectory
 
-from _campaign import ROOT, Row, campaign
+from _campaign import REFERENCE_COST, ROOT, Row, campaign, finished, options, reference, seeds
 from picktree.session.environment import revision
 
-REFERENCE_COST = 0.26
-"""CPU seconds of the reference where the costs of the commands were measured."""
+PARTS = ("physics", "control", "planning", "perception", "rendering", "tree", "logging", "rest")
+"""Parts of a run's CPU time; `rest` is its start and end, and what no other part counts."""
+BY_PART = """
+import json, sys, time
+time.perf_counter = time.thread_time  # before any module takes the clock
+from picktree import __main__
+from picktree.session.session import Session
+
+def run(session):
+    result = real(session)
+    print(json.dumps(session.timer.stopwatch.seconds()), file=sys.stderr)
+    return result
+
+real, Session.run = Session.run, run
+__main__.main()
+"""
+"""Program that runs `picktree`, and writes the CPU time of a run by part as its last line on stderr, s."""
 
 
 @dataclass(frozen=True)
@@ -57,6 +73,7 @@ MEASURED = (
     _run("kinematic", "sort_by_colour", 6.0, "--scene", "three_bins", "--backend", "kinematic"),
     _run("sort_tirelessly", "sort_tirelessly", 12.0),
     _run("sort_past_obstacles", "sort_past_obstacles", 12.0),
+    _run("continuous_sort", "continuous_sort", 12.0, "--limit", "90 s"),
     _run("first tick", "one_pick", 3.0, "--limit", "50 ms"),
     Measured("help", ("--help",), 0.3),
     Measured("check", ("check", "examples/one_pick.yaml"), 1.5),
@@ -74,32 +91,8 @@ class Round:
     names: tuple[str, ...]
     against: str | None
     """Another checkout; None: there is none."""
-
-
-def reference() -> float:
-    """Return the CPU time of the reference, s: physics of a heap of balls, then arithmetic in Python."""
-    import pybullet
-
-    began = time.thread_time()
-    client = pybullet.connect(pybullet.DIRECT)
-    try:
-        plane = pybullet.createCollisionShape(
-            pybullet.GEOM_BOX, halfExtents=[1.0, 1.0, 0.01], physicsClientId=client
-        )
-        ball = pybullet.createCollisionShape(pybullet.GEOM_SPHERE, radius=0.03, physicsClientId=client)
-        pybullet.createMultiBody(0.0, plane, physicsClientId=client)
-        pybullet.setGravity(0.0, 0.0, -9.81, physicsClientId=client)
-        for k in range(12):
-            at = [0.05 * (k % 3), 0.05 * (k // 3 % 2), 0.05 + 0.07 * (k // 6)]
-            pybullet.createMultiBody(0.1, ball, basePosition=at, physicsClientId=client)
-        for _ in range(4000):
-            pybullet.stepSimulation(physicsClientId=client)
-    finally:
-        pybullet.disconnect(client)
-    numbers: dict[int, float] = {}
-    for k in range(1_000_000):
-        numbers[k % 997] = numbers.get(k % 991, 0.0) * 0.5 + k
-    return time.thread_time() - began
+    state: str
+    """Commit; of a checkout with changes, or with another one beside it, the time of the measurement, too."""
 
 
 def measure(command: Measured, checkout: Path, values: Mapping[str, object]) -> Row:
@@ -111,7 +104,7 @@ def measure(command: Measured, checkout: Path, values: Mapping[str, object]) -> 
     python = sys.executable if checkout == ROOT else str(checkout / ".venv" / "bin" / "python")
     before = os.times()
     done = subprocess.run(
-        [python, "-m", "picktree", *words],
+        [python, *(("-c", BY_PART) if command.runs else ("-m", "picktree")), *words],
         cwd=checkout,
         capture_output=True,
         text=True,
@@ -124,15 +117,18 @@ def measure(command: Measured, checkout: Path, values: Mapping[str, object]) -> 
     if not command.runs:
         return {"cpu": used}
     result = json.loads(done.stdout)
+    parts = json.loads(done.stderr.splitlines()[-1])
+    known = {part: parts.get(part, 0.0) for part in PARTS[:-1]}
     return {
         "cpu": used,
+        "parts": known | {"rest": used - sum(known.values())},
         "log": result["log"],
         "simulated": result["sim_seconds"],
         "run_cpu": result["cpu_seconds"],
     }
 
 
-def one(job: Round) -> Row:
+def one(job: Round, out: Path) -> Row:
     """Measure each command once, here and in the other checkout in turn."""
     checkouts = {"here": ROOT, **({"there": Path(job.against).absolute()} if job.against else {})}
     logs = dict.fromkeys(checkouts, "")
@@ -150,7 +146,7 @@ def one(job: Round) -> Row:
             after = reference()
             measured[command.name] = {**row, "reference": (before + after) / 2}
             before = after
-    return {"seed": job.seed, "measured": measured}
+    return {"measured": measured}
 
 
 def table(rows: Sequence[Row], names: Sequence[str], *, against: bool) -> str:
@@ -181,6 +177,17 @@ def table(rows: Sequence[Row], names: Sequence[str], *, against: bool) -> str:
     return "\n".join(lines)
 
 
+def parts_table(rows: Sequence[Row], names: Sequence[str]) -> str:
+    """Return the CPU seconds of the runs by part in Markdown, medians of all rounds; empty without runs."""
+    lines = ["| CPU s | " + " | ".join(PARTS) + " |", "|---" * (1 + len(PARTS)) + "|"]
+    for name in names:
+        parts = [row["measured"][name]["here"].get("parts") for row in rows]
+        if all(parts):
+            cells = (f"{median(each[part] for each in parts):.2f}" for part in PARTS)
+            lines.append("| " + " | ".join((name, *cells)) + " |")
+    return "\n".join(lines) if len(lines) > 2 else ""
+
+
 def _ratio(rows: Sequence[Row], figure: str) -> str:
     """Return the median ratio of a figure here to that in the other checkout."""
     return f"{median(row['here'][figure] / row['there'][figure] for row in rows):.3f}"
@@ -201,33 +208,27 @@ def needed(only: Sequence[str]) -> tuple[str, ...]:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--runs", type=int, default=5, help="rounds; round N has seed N")
+    parser = options(__file__, __doc__, runs=5, what="rounds; round N has seed N")
     parser.add_argument("--only", default="", metavar="NAMES", help="these commands, with commas between")
     parser.add_argument("--against", metavar="CHECKOUT", help="another checkout to compare with")
-    parser.add_argument("--out", type=Path, default=ROOT / "runs" / "speed", help="folder of the results")
+    parser.set_defaults(workers=1)
     given = parser.parse_args()
     try:
         names = needed([name.strip() for name in given.only.split(",") if name.strip()])
     except ValueError as error:
         parser.error(str(error))
-    state = "-".join(filter(None, (revision(), "against" * bool(given.against), given.only)))
-    results = given.out / f"{state.replace(' ', '_').replace(',', '-') or 'installed'}.jsonl"
-    if "dirty" in state or given.against:  # what is measured may have changed since
-        results.unlink(missing_ok=True)
-    slow = reference() / REFERENCE_COST
-    cost = slow * sum(
-        REFERENCE_COST + (2 if given.against else 1) * command.cost
-        for command in MEASURED
-        if command.name in names
-    )
-    rounds = [Round(seed, names, given.against) for seed in range(given.runs)]
-    rows = campaign(results, rounds, one, cost=cost, workers=1, short=lambda row: f"{cpu_of(row):.0f} CPU s")
-    text = table(rows, names, against=given.against is not None)
-    print(f"{revision()}, {len(rows)} rounds\n\n{text}")
-    results.with_suffix(".md").write_text(f"{text}\n", encoding="utf-8")
+    state = revision() or "installed"
+    kept = "dirty" not in state and not given.against
+    rounds = [
+        Round(seed, names, given.against, state if kept else f"{state} {time.time():.0f}")
+        for seed in seeds(given)
+    ]
+    times = 2 if given.against else 1
+    cost = sum(REFERENCE_COST + times * command.cost for command in MEASURED if command.name in names)
+    rows = finished(campaign(given, rounds, one, cost=cost, short=lambda row: f"{cpu_of(row):.0f} CPU s"))
+    text = f"{table(rows, names, against=given.against is not None)}\n\n{parts_table(rows, names)}"
+    print(f"{state}, {len(rows)} rounds\n\n{text}")
+    (given.out / f"{state}.md").write_text(f"{text}\n", encoding="utf-8")
     return 0
 
 

@@ -5,10 +5,11 @@ from __future__ import annotations
 import math
 import sys
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from importlib.util import find_spec
+from itertools import chain
 from pathlib import Path
 from typing import Literal
 
@@ -347,8 +348,14 @@ def mesh_file(urdf: Path, reference: str) -> Path | None:
     package = package_folder(plain.parts[0])
     if package is not None and is_file(inside := package.joinpath(*plain.parts[1:])):
         return inside
-    for folder in (urdf.parent, *urdf.resolve().parents):
-        for tail in (plain, Path(*plain.parts[1:])):
+    inside = Path(*plain.parts[1:])
+    for folder in chain((urdf.parent,), _parents(urdf)):
+        for tail in (plain, inside):
             if is_file(folder / tail):
                 return folder / tail
     return None
+
+
+def _parents(file: Path) -> Iterator[Path]:
+    """Yield the folders above the file that the path leads to."""
+    yield from file.resolve().parents

@@ -173,7 +173,12 @@ def installed_meshes(robot: RobotDescription) -> Mapping[str, str]:
 
 def is_installed(robot: RobotDescription) -> bool:
     """Whether the robot's URDF, and that of a mounted gripper, are named as `package:path`."""
-    data = read_document(Path(robot.source), "robot", robot.text).data
+    return _names_packages(robot.text)
+
+
+@lru_cache(maxsize=4)
+def _names_packages(text: str) -> bool:
+    data = read_document(Path("robot.yaml"), "robot", text).data
     mount = data.get("mount")
     named = [str(data.get("urdf"))]
     if isinstance(mount, dict):

@@ -27,6 +27,9 @@ class JobOrder:
     """Limit of resident memory with child processes, bytes."""
     disk: int = 10 * 10**9
     """Limit of written data, bytes."""
+    program: str = ""
+    """Python file whose function `attempt` makes the result of the order, relative to the checkout; empty:
+    the recipe is run as a mission."""
 
     @property
     def result(self) -> Path:

@@ -20,6 +20,7 @@ import tempfile
 import time
 import traceback
 from contextlib import suppress
+from importlib import import_module
 from multiprocessing import Pipe
 from multiprocessing.connection import Connection
 from pathlib import Path
@@ -29,6 +30,7 @@ from typing import NoReturn
 import numpy as np
 
 from ...errors import PicktreeError
+from ...files.shipped_files import ROOT
 from ...session.resume.recipe_archive import RecipeFile
 from ...session.session import Recording, Session
 from . import job_output
@@ -105,13 +107,10 @@ def run_attempt(order: JobOrder) -> Event:
     """Run the attempt and write the result's rows. Never raises for a run."""
     try:
         order.folder.mkdir(parents=True, exist_ok=True)
-        with RecipeFile(order.recipe) as kept:
-            session = Session(kept.recipe(order.seed), record=Recording(order.folder))
-            result = session.run()
-            if result.status == "interrupted":
-                return JobStopped(order)
-            rows = collect_run_rows(session.execution, result.folder, order.attempt)
-        _write_whole(order, rows.to_json())
+        result = _program_result(order) if order.program else _mission_result(order)
+        if result is None:
+            return JobStopped(order)
+        _write_whole(order, result)
     except KeyboardInterrupt:
         return JobStopped(order)
     except SystemExit as end:
@@ -125,6 +124,23 @@ def run_attempt(order: JobOrder) -> Event:
         place = job_output.place_of(error)
         return JobFailed(order, f"{type(error).__name__}{f': {said}' if said else ''}, at {place}")
     return JobFinished(order)
+
+
+def _mission_result(order: JobOrder) -> bytes | None:
+    """Run the recipe as a mission and return the rows of the result; None when it was interrupted."""
+    with RecipeFile(order.recipe) as kept:
+        session = Session(kept.recipe(order.seed), record=Recording(order.folder))
+        result = session.run()
+        if result.status == "interrupted":
+            return None
+        return collect_run_rows(session.execution, result.folder, order.attempt).to_json()
+
+
+def _program_result(order: JobOrder) -> bytes:
+    """Return what the program's function `attempt` makes of the order."""
+    program = ROOT / order.program
+    sys.path.insert(0, str(program.parent))
+    return import_module(program.stem).attempt(order)
 
 
 def _one_line(text: str) -> str:

@@ -86,6 +86,7 @@ def load() -> None:
     from ...logs.meshes.binary_gltf import link_meshes
     from ...logs.schema import records
     from ...logs.schema.json_records import record_adapter
+    from ...logs.schema.topics import FIXED
     from ...perception.expectation.robot_mask import RobotMask
     from ...perception.geometry.resting_poses import catalogue_poses
     from ...planning.collision.collision_checker import robot_geometry
@@ -94,7 +95,9 @@ def load() -> None:
     from ...session.arithmetic_probe import arithmetic
     from ...session.environment import revision, sources
     from ...session.recipe import installed_meshes
+    from ...session.session import frozen_before_runs
     from ...skills import NODES  # each skill is imported when it is asked for: here, all of them are
+    from ...trees.loading.registry import installed_entries
     from ...world.scene.loading.scene_loading import load_scene
 
     assert NODES
@@ -109,10 +112,14 @@ def load() -> None:
     arithmetic()
     revision()
     sources()
+    installed_entries()
     for kind in (records.BodyRecord, records.Event, records.PartRecord, records.Tick, records.Tree):
         record_adapter(kind)
+    for topic in FIXED:
+        topic.schema_data()
     gc.collect()
     gc.freeze()  # what is shared with the jobs' processes stays shared
+    frozen_before_runs()
 
 
 _STOP_TIME_LIMIT = 5.0

@@ -26,9 +26,9 @@ from pydantic import TypeAdapter, ValidationError
 from ...errors import PicktreeError
 from ...files.atomic_write import whole
 from ...files.marks import FileError
-from ...files.yaml.document import read_document
+from ...files.yaml.document import Document, read_document
 from ...robots.description import RobotDescription
-from ...robots.loading import parse_robot, robot_names
+from ...robots.loading import check_robot, parse_robot, robot_names
 from ...robots.urdf_tree import mesh_file
 from ...simulation.backends import Backend
 from ...simulation.fault_files.fault_entries import FaultFile
@@ -36,7 +36,7 @@ from ...simulation.fault_files.fault_loading import parse_faults
 from ...trees.loading.loader import parse_mission
 from ...trees.mission import Mission, RecordedFiles
 from ...world.scene.description import SceneDescription
-from ...world.scene.loading.scene_loading import parse_scene
+from ...world.scene.loading.scene_loading import check_scene
 from ..recipe import DEFAULT_TIME_LIMIT, ROBOT_MESHES, Recipe, fingerprints, plain_reference, recipe_files
 
 
@@ -95,7 +95,8 @@ class Unpacking:
     def scene(self) -> SceneDescription:
         text, folder = self._text("scene.yaml"), self._folder / "scene"
         path = folder / f"{_inside(self._info.scene)}.yaml"
-        data = _data(text, path, "scene")
+        document = read_document(path, "scene", text)
+        data = cast("dict[str, Any]", document.data)
         moved = False
         for kind, entry in _entries(data.get("catalogue")):
             if isinstance(mesh := entry.get("mesh"), str):
@@ -105,17 +106,19 @@ class Unpacking:
             # This text only needs a robot file that exists; `robot` reads its content.
             data["robot"], moved = "robot/robot.yaml", True
             self._put(folder / "robot" / "robot.yaml", self._log.attachment("robot.yaml"))
-        return replace(parse_scene(_dumped(data) if moved else text, path), text=text)
+        document = read_document(path, "scene", _dumped(data)) if moved else document
+        return replace(check_scene(document).required(), text=text)
 
     def robot(self) -> RobotDescription:
         text, folder = self._text("robot.yaml"), self._folder / "robot"
         path = folder / f"{_inside(self._info.robot)}.yaml"
         urdf = self._log.attachment("robot.urdf")
-        data = _data(text, path, "robot")
+        document = read_document(path, "robot", text)
+        data = cast("dict[str, Any]", document.data)
         installed: Path | None = None
         if ":" in str(data.get("urdf")):
             # A gripper from a file beside the robot file is in the log, not beside this text.
-            robot = _parsed_or_none(text, path)
+            robot = _checked_or_none(document)
             if robot is not None:
                 installed = Path(robot.urdf)
                 if installed.read_bytes() == urdf:
@@ -218,11 +221,11 @@ def _dumped(data: Mapping[str, Any]) -> str:
     return yaml.safe_dump(dict(data), default_flow_style=None, sort_keys=False, allow_unicode=True)
 
 
-def _parsed_or_none(text: str, path: Path) -> RobotDescription | None:
-    """Parse a robot file. None when the package of its URDF is not installed here, or has another one that
+def _checked_or_none(document: Document) -> RobotDescription | None:
+    """Check a robot file. None when the package of its URDF is not installed here, or has another one that
     does not fit."""
     try:
-        return parse_robot(text, path)
+        return check_robot(document).required()
     except FileError:
         return None
 

@@ -66,7 +66,7 @@ def test_checkouts_alternate_and_each_reads_its_own_log(
         speed, "reference", lambda: done.append("reference") or float(done.count("reference"))
     )
     names = ("sort_by_colour", "explain")
-    found = speed.one(speed.Round(7, names, str(tmp_path / "before")))
+    found = speed.one(speed.Round(7, names, str(tmp_path / "before"), "1a2b3c"), tmp_path)
     assert done == [
         "reference",
         "sort_by_colour in after with 7",
@@ -84,3 +84,15 @@ def test_a_command_that_breaks_off_is_no_measurement(speed: ModuleType) -> None:
     missing = speed.Measured("check", ("check", "{out}/gone.yaml"), 1.0)
     with pytest.raises(RuntimeError, match=r"^picktree check /nowhere/gone.yaml: exit code 2\n"):
         speed.measure(missing, speed.ROOT, {"out": "/nowhere"})
+
+
+def test_the_second_table_has_the_parts_of_the_runs_alone(speed: ModuleType) -> None:
+    parts = dict.fromkeys(speed.PARTS, 0.5)
+    rows = [
+        {"measured": {"dense": {"here": {"parts": {**parts, "physics": physics}}}, "check": {"here": {}}}}
+        for physics in (1.0, 4.0, 2.0)
+    ]
+    assert speed.parts_table(rows, ["dense", "check"]).splitlines()[2:] == [
+        "| dense | 2.00 | 0.50 | 0.50 | 0.50 | 0.50 | 0.50 | 0.50 | 0.50 |"
+    ]
+    assert speed.parts_table(rows, ["check"]) == ""

@@ -3,6 +3,9 @@
     python tests/golden/calls.py            # counts them, as one JSON object
     python tests/golden/calls.py --write    # records the counts again: `make calls`
 
+A count that has grown by more than 5 % is recorded only when the section Unreleased of CHANGELOG.md has a
+line with the run and its new count. Growth is counted from the smallest count since then.
+
 Each is done twice in this process, and the second time is counted: by then imports are over and caches are
 full. Calls are those of Python functions and of C functions from Python, on the main thread. The clock of the
 log stands still and garbage is not collected meanwhile, so that counts do not depend on the machine's speed.
@@ -15,13 +18,14 @@ import cProfile
 import gc
 import json
 import os
+import re
 import subprocess
 import sys
 import time
 from collections import Counter
 from collections.abc import Callable, Generator, Mapping
 from contextlib import contextmanager, redirect_stdout
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from types import CodeType
@@ -29,6 +33,7 @@ from types import CodeType
 HERE = Path(__file__).parent
 ROOT = HERE.parents[1]
 RECORD = HERE / "calls.json"
+CHANGELOG = ROOT / "CHANGELOG.md"
 OF_LIBRARIES = "libraries"
 """Name under which calls within libraries are counted."""
 TOLERANCE = 0.05
@@ -43,6 +48,12 @@ class CallRecord:
     """Versions with which the calls were counted."""
     calls: Mapping[str, Mapping[str, int]]
     """Number of calls by run and room. A call of a library counts for the room whose code makes it."""
+    least: Mapping[str, int] = field(default_factory=dict[str, int])
+    """Smallest number of calls of each run since the changelog has said why it grew."""
+
+    def limit_from(self, name: str) -> int:
+        """Return the number of calls from which the growth of a run is counted; 0 for an unknown run."""
+        return self.least.get(name, sum(self.calls.get(name, {}).values()))
 
     @classmethod
     def read(cls) -> CallRecord:
@@ -174,18 +185,53 @@ def _change(name: str, recorded: Mapping[str, int], here: Mapping[str, int]) -> 
     return f"{name}: {now:,} calls instead of {before:,}, {now / before - 1.0:+.1%} ({where})"
 
 
+def unreleased(changelog: str) -> list[str]:
+    """Return the entries of the section Unreleased, each with the lines that continue it."""
+    section = changelog.partition("## [Unreleased]")[2].partition("\n## ")[0]
+    return [" ".join(entry.split()) for entry in re.split(r"\n *- ", section)[1:]]
+
+
+def updated(
+    before: CallRecord,
+    calls: Mapping[str, Mapping[str, int]],
+    versions: Mapping[str, str],
+    changelog: str,
+) -> CallRecord:
+    """Return the record of new counts. Raises ValueError for growth of which the changelog says nothing."""
+    entries = unreleased(changelog)
+    least: dict[str, int] = {}
+    refused: list[str] = []
+    for name, rooms in calls.items():
+        now, known = sum(rooms.values()), before.limit_from(name)
+        grown = known and now > (1 + TOLERANCE) * known
+        if grown and not any(f"`{name}`" in entry and f"{now:,} calls" in entry for entry in entries):
+            refused.append(
+                f"`{name}` makes {now:,} calls, {now / known - 1.0:+.1%} from {known:,}: "
+                f"CHANGELOG.md, Unreleased, needs a line with `{name}` and {now:,} calls that says why"
+            )
+        least[name] = now if grown or not known else min(now, known)
+    if refused:
+        raise ValueError("\n".join(refused))
+    return CallRecord(versions, calls, least)
+
+
 def record() -> None:
-    """Record the counts, and print what has changed beyond the tolerance."""
+    """Record the counts, and print what has changed beyond the tolerance.
+
+    Ends the program when a count has grown and the changelog does not say why.
+    """
     from tests.golden.runs import libraries
 
     before = CallRecord.read()
-    after = CallRecord(libraries(), in_fresh_process())
+    try:
+        text = CHANGELOG.read_text(encoding="utf-8")
+        after = updated(before, in_fresh_process(), libraries(), text)
+    except ValueError as error:
+        sys.exit(f"{error}\nNothing was recorded.")
     after.write()
     changed = changes(before.calls, after.calls)
     print(*changed, sep="\n", end="\n" if changed else "")
     print(f"{len(changed)} of {len(after.calls)} counts have changed by more than {TOLERANCE:.0%}")
-    if changed:
-        print("Say in CHANGELOG.md why.")
 
 
 def main() -> int:

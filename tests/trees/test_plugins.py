@@ -198,6 +198,12 @@ def test_an_installed_plug_in_needs_no_word_in_the_mission(site: Path, value: st
     assert (module.name, module.content) == ("module/cell_skills.py", WAVE.encode())
 
 
+def test_a_plug_in_that_is_installed_later_is_found(site: Path) -> None:
+    assert NodeRegistry().find("Wave") is None
+    install(site, WAVE)
+    assert NodeRegistry().find("Wave") is not None
+
+
 def test_an_installed_plug_in_that_fails_is_named_only_where_a_node_is_missed(site: Path) -> None:
     install(site, "1/0\n")
     assert check("trees: {Main: AlwaysSuccess}") == []

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import os
+import sys
 from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import lru_cache
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 
@@ -124,18 +127,38 @@ class NodeRegistry:
         if not self._pending:
             return
         self._pending = False
-        # The built-in entry comes first: when two offer the same ID, the foreign plug-in fails.
-        entries = sorted(entry_points(group=GROUP), key=lambda e: (not _is_ours(e.value), e.name, e.value))
-        for entry in entries:
+        for name, value, distribution in installed_entries():
             try:
-                self._take(load_installed(entry.value, _distribution(entry)))
+                self._take(load_installed(value, distribution))
             except PluginError as error:
-                name = f"{entry.name} ({entry.value})"
-                self._problems.append(PluginProblem(name, error.message, error.detail))
+                self._problems.append(PluginProblem(f"{name} ({value})", error.message, error.detail))
 
 
 def _is_ours(module: str) -> bool:
     return module.split(".")[0] == "picktree"
+
+
+def installed_entries() -> tuple[tuple[str, str, str], ...]:
+    """Return name, value and distribution of each entry point of installed plug-ins."""
+    return _installed(tuple(map(_place, sys.path)))
+
+
+def _place(folder: str) -> tuple[str, int]:
+    """Return a folder in which Python searches, with the time of its last change, ns."""
+    try:
+        return folder, os.stat(folder or ".").st_mtime_ns
+    except OSError:
+        return folder, 0
+
+
+@lru_cache(maxsize=4)
+def _installed(places: tuple[tuple[str, int], ...]) -> tuple[tuple[str, str, str], ...]:
+    """Return the entry points of plug-ins in these places.
+
+    The built-in entry comes first: when two offer the same ID, the foreign plug-in fails.
+    """
+    found = sorted(entry_points(group=GROUP), key=lambda e: (not _is_ours(e.value), e.name, e.value))
+    return tuple((entry.name, entry.value, _distribution(entry)) for entry in found)
 
 
 def _distribution(entry: EntryPoint) -> str:
