@@ -2,7 +2,7 @@
 
     python benchmarks/singulating.py --runs 50
 
-Seed by seed the same scene is sorted twice: by `examples/singulate_and_sort.yaml`, and by the same mission
+Seed by seed the same scene is sorted twice: by `examples/sort_by_colour.yaml`, and by the same mission
 with the pushes taken out. Each finished seed is a line in the results file; a campaign that was interrupted
 goes on where it stopped.
 """
@@ -23,7 +23,7 @@ from _campaign import ROOT, Row, campaign, rate
 
 COST_A_RUN = 20.0
 """CPU seconds of one seed, both ways, for the forecast."""
-MISSION = ROOT / "examples" / "singulate_and_sort.yaml"
+MISSION = ROOT / "examples" / "sort_by_colour.yaml"
 WAYS = ("with", "without")
 
 
