@@ -9,6 +9,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from ...world.belief.planning_scene import BeliefObject
 from ...world.causes import Failure, grasp
 from ...world.scene.description import MIN_FELT_MASS
@@ -195,8 +197,14 @@ def release_held_object(
 
     It ends when that `share` of the opening is reached. A halt does the same: the fingers go on opening.
     """
+    control, loaded = world.control, np.array(world.control.wrist.force)
+
+    def pressed() -> bool:
+        # The fingers may push something that leans on them; what they let go of changes the load.
+        return float(np.linalg.norm(control.wrist.force - loaded)) > world.handling.guard + np.linalg.norm(loaded)
+
     try:
-        yield from world.gripper.release(world.handling.release, share)
+        yield from world.gripper.release(world.handling.release, share, pressed)
     except GeneratorExit:
         world.scene.detach(held.id, resting, place, "let go")
         raise

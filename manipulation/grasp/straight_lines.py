@@ -9,6 +9,7 @@ from ...world.belief.planning_scene import BeliefObject
 from ...world.scene.description import Bin
 from ...world.shapes import bottom
 from ...world.values import ObjectId
+from ..place.release_poses import lowering
 from .grasp_candidates import GraspCandidate
 
 if TYPE_CHECKING:
@@ -67,10 +68,7 @@ def lower(world: World, held: BeliefObject, bin_: Bin | None, node: str) -> Doin
     if bin_ is None:
         way = world.handling.approach + world.handling.felt_way
     else:
-        rim = bin_.pose.position[2] + bin_.size[2]
-        tips = world.control.tcp.position[2] - world.robot.description.gripper.tip
-        floor = bin_.pose.position[2] + bin_.wall
-        way = min(tips - rim - world.handling.rim_clearance, bottom(held.shape, held.pose) - floor)
+        way = lowering(world, bin_, world.control.tcp.position[2], bottom(held.shape, held.pose))
     if way > world.handling.felt_way:
         yield from world.move.guarded(
             DOWNWARDS, way, force=world.handling.touch, speed=world.handling.lower_speed, node=node
