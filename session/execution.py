@@ -38,8 +38,8 @@ from .run_tally import RunCounters
 _MAX_BRAKING_TICKS = 40
 """Upper bound of the number of ticks in which any motion comes to rest."""
 _MAX_SETTLING_TICKS = 100
-"""Greatest number of ticks after the end of a run in which items may come to rest. An upright can rocks in its
-bin for 1.2 s; a ball rolls on."""
+"""Greatest number of ticks after the end of a run in which items may come to rest. An upright can rocks in
+its bin for 1.2 s; a ball rolls on."""
 
 
 class Execution:

@@ -201,7 +201,8 @@ def release_held_object(
 
     def pressed() -> bool:
         # The fingers may push something that leans on them; what they let go of changes the load.
-        return float(np.linalg.norm(control.wrist.force - loaded)) > world.handling.guard + np.linalg.norm(loaded)
+        change = float(np.linalg.norm(control.wrist.force - loaded))
+        return change > world.handling.guard + float(np.linalg.norm(loaded))
 
     try:
         yield from world.gripper.release(world.handling.release, share, pressed)

@@ -8,16 +8,20 @@ from dataclasses import replace
 from typing import Any
 
 import pytest
+from pydantic import TypeAdapter
 
 from picktree.manipulation.carry.hold_check import GripCheck, LightObject
 from picktree.manipulation.pick.pick_candidates import PickPlaceCandidate
 from picktree.manipulation.pick.pick_stream import CandidateSearch
+from picktree.planning.requests import Request
 from picktree.simulation.backends import Backend
 from picktree.simulation.kinematic.backend import KinematicHardware
 from picktree.trees.skill import Doing
+from picktree.world.belief.facts import AttemptMemory, Refusal
 from picktree.world.causes import Cause, Failure, FailureReport, control, planning
 from picktree.world.events.skill_events import PickEvent
 from picktree.world.scene.description import SceneDescription
+from picktree.world.values import ObjectId
 
 from .cell import Cell, items, mission
 
@@ -302,3 +306,45 @@ def test_a_neighbour_between_the_fingers_is_not_the_light_object(kind: str) -> N
     assert str(failure.cause) in ("grasp.missed", "grasp.slipped")
     assert cell.world.scene.held is None
     assert {e.held for e in cell.events if isinstance(e, PickEvent)} == {False}
+
+
+def test_what_cannot_be_grasped_is_tried_again_when_something_has_changed(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    cell, (block,) = looked(block=1)
+    near = cell.world.scene.get(ObjectId(block))
+    far = replace(near, pose=near.pose.shifted((0.5, 0.0, 0.0)))
+    cell.world.scene.put(far, "moved away")
+    asked, reached = list[object](), cell.world.plan.reached
+
+    def reaching(request: Request) -> Any:
+        asked.append(request)
+        return reached(request)
+
+    monkeypatch.setattr(cell.world.plan, "reached", reaching)
+    first = failed(cell, f"Grasp: {{object: {block}}}")
+    searched = len(asked)
+    assert str(first.cause) == "grasp.no_candidate" and searched > 10
+    assert cell.world.to_do() == () and cell.world.facts()["items_left"] is False
+
+    cell.world.scene.put(replace(far, pose=far.pose.shifted((0.001, 0.001, 0.0))), "seen again")
+    again = failed(cell, f"Grasp: {{object: {block}}}")
+    assert again.message == f"{first.message}; nothing has changed around it since"
+    assert len(asked) == searched
+
+    cell.world.scene.put(replace(far, pose=far.pose.shifted((0.02, 0.0, 0.0))), "moved")
+    assert [o.id for o in cell.world.to_do()] == [block] and cell.world.facts()["items_left"] is True
+    failed(cell, f"Grasp: {{object: {block}}}")
+    assert len(asked) > searched
+
+
+def test_refusals_are_part_of_a_checkpoint() -> None:
+    cell, (block,) = looked(block=1)
+    belief = cell.world.scene.get(ObjectId(block))
+    cell.world.attempts.refuse("grasp", belief, cell.world.scene, "it is too far away")
+    saved = TypeAdapter(dict[str, Refusal]).dump_json(cell.world.attempts.refusals)
+    other = AttemptMemory()
+    other.refusals = TypeAdapter(dict[str, Refusal]).validate_json(saved)
+    assert other.refusal("grasp", belief, cell.world.scene) == "it is too far away"
+    other.forget(block)
+    assert other.refusal("grasp", belief, cell.world.scene) is None
