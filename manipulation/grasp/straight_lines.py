@@ -9,7 +9,6 @@ from ...world.belief.planning_scene import BeliefObject
 from ...world.scene.description import Bin
 from ...world.shapes import bottom
 from ...world.values import ObjectId
-from ..place.release_poses import lowering
 from .grasp_candidates import GraspCandidate
 
 if TYPE_CHECKING:
@@ -73,6 +72,17 @@ def lower(world: World, held: BeliefObject, bin_: Bin | None, node: str) -> Doin
         yield from world.move.guarded(
             DOWNWARDS, way, force=world.handling.touch, speed=world.handling.lower_speed, node=node
         )
+
+
+def lowering(world: World, bin_: Bin, tcp: float, low: float) -> float:
+    """Return how far the hand may be lowered into a bin, m: the finger tips stay above its rim.
+
+    `tcp`, `low`: heights of the TCP and of the object's lowest point in the world, m.
+    """
+    rim = bin_.pose.position[2] + bin_.size[2]
+    tips = tcp - world.robot.description.gripper.tip
+    floor = bin_.pose.position[2] + bin_.wall
+    return min(tips - rim - world.handling.rim_clearance, low - floor)
 
 
 def withdraw(world: World, node: str) -> Doing[None]:

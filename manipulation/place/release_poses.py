@@ -14,6 +14,7 @@ from ...world.belief.planning_scene import BeliefObject
 from ...world.scene.description import Bin
 from ...world.shapes import Shape, extents, top
 from ...world.values import Array, ObjectId, Pose
+from ..grasp.straight_lines import lowering
 
 if TYPE_CHECKING:
     from ...planning.collision.scene_queries import SceneQueries
@@ -234,14 +235,3 @@ def opens_freely(
     opening = min(width + world.handling.release, world.robot.description.gripper.max_width)
     there = landing.above.shifted((0.0, 0.0, -way))
     return not world.queries.hand_contacts(there, opening, ignore=(belief.id,))
-
-
-def lowering(world: World, bin_: Bin, tcp: float, low: float) -> float:
-    """Return how far the hand may be lowered into a bin, m: the finger tips stay above its rim.
-
-    `tcp`, `low`: heights of the TCP and of the object's lowest point in the world, m.
-    """
-    rim = bin_.pose.position[2] + bin_.size[2]
-    tips = tcp - world.robot.description.gripper.tip
-    floor = bin_.pose.position[2] + bin_.wall
-    return min(tips - rim - world.handling.rim_clearance, low - floor)

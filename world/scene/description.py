@@ -121,8 +121,8 @@ class CameraDescription:
 
 
 MIN_FELT_MASS = 0.03
-"""Least mass whose weight a wrist surely feels in the hand, kg: 12 g of load tell it from an empty hand, and
-a weighing is off by 15 g at most."""
+"""Least mass whose weight a wrist surely feels in the hand, kg. A load of 12 g tells it from an empty hand,
+and a weighing is off by 15 g at most."""
 
 
 @dataclass(frozen=True, slots=True)
