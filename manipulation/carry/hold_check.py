@@ -31,7 +31,7 @@ MIN_HELD_LOAD = 0.012 * GRAVITY
 MAX_OPENING_ERROR = 0.004
 """Greatest difference between the opening around a light object and one of the object's widths, m."""
 MAX_UNEXPECTED_MASS = 0.04
-"""Greatest mass by which a light object may seem heavier than its kind, kg. Sensors err, and objects differ."""
+"""Greatest mass by which a light object may seem heavier than its kind, kg: sensors err, objects differ."""
 MIN_RELEASED_SHARE = 0.5
 """Share of the load that must be gone after a release."""
 RELEASED_OPENING_SHARE = 0.33
