@@ -164,7 +164,8 @@ def load_plan(path: Path) -> BatchPlan:
 
 
 def plan_of(words: Mapping[str, object]) -> BatchPlan:
-    """Return the plan with these keys of a plan file; their paths are absolute.
+    """Return the plan with these keys of a plan file; their paths are absolute, and scenes count from the
+    working directory.
 
     Raises FileError with all errors of the named files, PicktreeError for an invalid key or setting.
     """
@@ -175,7 +176,7 @@ def plan_of(words: Mapping[str, object]) -> BatchPlan:
         detail = error.errors(include_url=False)[0]
         option = str(detail["loc"][0]).replace("_", "-")
         raise PicktreeError(f"--{option}: {detail['msg'].removeprefix('Value error, ')}") from None
-    plan = _plan(file, Path(file.missions[0]))
+    plan = _plan(file, Path(file.missions[0]), scenes_from=Path.cwd())
     faults = list(check_files_of(plan))
     if faults:
         raise FileError(faults)
@@ -249,7 +250,8 @@ def _misfits(plan: BatchPlan, name: str) -> Iterator[str]:
                 return
 
 
-def _plan(file: PlanFile, source: Path) -> BatchPlan:
+def _plan(file: PlanFile, source: Path, scenes_from: Path | None = None) -> BatchPlan:
+    """Return the plan. Paths count from the folder of `source`, those of scenes from `scenes_from`."""
     folder = source.parent.absolute()
     settings = {
         name: tuple(values) if isinstance(values, list) else (values,) for name, values in file.set.items()
@@ -258,7 +260,7 @@ def _plan(file: PlanFile, source: Path) -> BatchPlan:
         name=file.name or source.stem,
         missions=tuple(folder / mission for mission in file.missions),
         seeds=file.seeds,
-        scenes=tuple(_scene(name, folder) for name in file.scenes) or (None,),
+        scenes=tuple(_scene(name, scenes_from or folder) for name in file.scenes) or (None,),
         faults=tuple(None if name == NO_FAULTS else folder / name for name in file.faults) or (None,),
         settings=settings,
         backend=file.backend,
@@ -269,4 +271,8 @@ def _plan(file: PlanFile, source: Path) -> BatchPlan:
 
 
 def _scene(name: str, folder: Path) -> str:
-    return name if name in scene_names() else str(folder / name)
+    """Return a shipped scene's name, or the path of a scene file; its suffix may be left out."""
+    if name in scene_names():
+        return name
+    own = folder / f"{name}.yaml"
+    return str(own if own.is_file() else folder / name)

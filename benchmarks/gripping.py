@@ -3,7 +3,7 @@
     python benchmarks/gripping.py --runs 10
     python benchmarks/gripping.py --scene heavy --runs 5
 
-Ten picks a run in `fragile`, eight in `heavy`. The force of each finger is the simulator's, in every
+Ten picks a run in `fragile` and in `heavy`. The force of each finger is the simulator's, in every
 physics step; the robot knows its gripper's drive alone.
 """
 

@@ -2,7 +2,7 @@
 
     python benchmarks/singulating.py --runs 50
 
-Seed by seed the same scene is sorted twice: by `examples/singulate_and_sort.yaml`, and by the same mission
+Seed by seed the same scene is sorted twice: by `examples/sort_by_colour.yaml`, and by the same mission
 with the pushes taken out.
 """
 
@@ -20,7 +20,7 @@ from _campaign import ROOT, Row, campaign, finished, options, rate, seeds
 
 COST_A_RUN = 20.0
 """CPU seconds of one seed, both ways, for the forecast."""
-MISSION = ROOT / "examples" / "singulate_and_sort.yaml"
+MISSION = ROOT / "examples" / "sort_by_colour.yaml"
 WAYS = ("with", "without")
 
 

@@ -105,6 +105,24 @@ class HoleItem:
 
 
 @dataclass(frozen=True, slots=True)
+class CrushedItem:
+    """An item that a finger crushed; it counts as misplaced."""
+
+    item: str
+    kind: str
+    colour: str
+    force: float
+    """Force of the finger, N."""
+    limit: float
+    """Force that the item bears, N."""
+
+    def to_text(self) -> str:
+        """Return a line for a terminal."""
+        pressed = f"a finger pressed with {self.force:.0f} N, and it bears {self.limit:g} N"
+        return f"{self.item}, a {self.colour} {self.kind}: {pressed}"
+
+
+@dataclass(frozen=True, slots=True)
 class WallSeconds:
     """Wall time by part, s; the parts do not sum up to the total."""
 
@@ -149,6 +167,8 @@ class RunResult:
     """Counters of the feed; None for a scene without one."""
     holes: tuple[HoleItem, ...] = ()
     """Items that ended at holes."""
+    crushed: tuple[CrushedItem, ...] = ()
+    """Items that fingers crushed."""
     asked: OperatorQuestion | None = None
     """Question to a person, for a paused run; else None."""
 
@@ -206,6 +226,7 @@ class RunResult:
             "disagreements": self.disagreements,
             "feed": None if self.feed is None else asdict(self.feed),
             "holes": [asdict(item) for item in self.holes],
+            "crushed": [asdict(item) for item in self.crushed],
             "asked": None if self.asked is None else self.asked.to_json(),
             "cpu_seconds": round(self.cpu_seconds, 3),
             "wall_seconds": {
@@ -240,6 +261,7 @@ class RunResult:
                 cures=_cures(said.get("cures")),
                 planted=tuple(PlantedCount(**each) for each in said.get("planted", ())),
                 holes=tuple(HoleItem(**item) for item in said.get("holes", ())),
+                crushed=tuple(CrushedItem(**item) for item in said.get("crushed", ())),
                 asked=OperatorQuestion.from_json(said["asked"]) if said.get("asked") else None,
                 log=Path(said["log"]),
                 folder=Path(said["folder"]),
@@ -262,6 +284,7 @@ class RunResult:
         ]
         lines += [
             *(f"{'holes' if n == 0 else '':<12}{item.to_text()}" for n, item in enumerate(self.holes)),
+            *(f"{'crushed' if n == 0 else '':<12}{item.to_text()}" for n, item in enumerate(self.crushed)),
             f"grasps      {picks.tried} tried, {picks.held} held; "
             f"{picks.held_first_try} of {picks.objects} objects held at the first try",
             f"failures    {_counts(self.failures)}",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Literal
 
-from ..manipulation.carry.hold_check import MAX_EMPTY_WIDTH, GripCheck
+from ..manipulation.carry.hold_check import MAX_EMPTY_WIDTH, measure_grip
 from ..manipulation.carry.put_down import put_down
 from ..manipulation.place.dropped_objects import open_gripper, release_object
 from ..manipulation.retreat.clearing import RetreatMotion
@@ -139,8 +139,7 @@ class SafeRetreat(Skill):
         held = world.scene.held
         if held is None:
             return
-        yield from world.control.settle()
-        hold = GripCheck(world.gripper.width, world.control.load())
+        hold = yield from measure_grip(world)
         if hold.held:
             return
         release_object(world.scene, "no longer felt in the hand")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cache
 from typing import Any, Final
@@ -21,7 +22,7 @@ from ..simulation.checkpoints import json_bytes, json_values
 from ..simulation.faults.injector import FaultInjector, FaultState
 from ..skill_world.world import World
 from ..trees.running.runner import BehaviourTree
-from ..world.belief.facts import FeedProgressState
+from ..world.belief.facts import FeedProgressState, Refusal
 from ..world.belief.planning_scene import SceneSnapshot
 from .run_tally import RunCounters, RunCountersState
 
@@ -69,6 +70,8 @@ class RunState:
     recording: RecordingState | None = None
     noticed: FeedProgressState = field(default_factory=FeedProgressState)
     """Events of the feed that the robot has received so far."""
+    refusals: Mapping[str, Refusal] = field(default_factory=dict[str, Refusal])
+    """See `AttemptMemory`."""
 
     def to_json(self) -> bytes:
         return json_bytes(self)
@@ -131,6 +134,7 @@ def take_checkpoint(
         disagreements=disagreements,
         recording=recording,
         noticed=world.noticed.state(),
+        refusals=dict(world.attempts.refusals),
     )
 
 
@@ -149,6 +153,7 @@ def restore_checkpoint(world: World, state: RunState) -> None:
     world.move.restore(state.way)
     world.scene.restore(state.belief.scene, state.belief.numbers)
     world.attempts.restore(state.attempts)
+    world.attempts.refusals = dict(state.refusals)
     world.streams.restore(state.streams)
     world.thinking.owed = state.thinking_owed
     world.journal.items_done = state.items_done

@@ -7,6 +7,8 @@ from collections.abc import Callable, Iterable
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
+
 from ..errors import PicktreeError
 from ..logs.recording.recorder import RecordingState
 from ..logs.run_result import RunStatus
@@ -15,7 +17,7 @@ from ..recovery.belief_restart import ResyncReport, resync_belief
 from ..simulation.backends import Simulation, build_hardware
 from ..simulation.checkpoints import json_values
 from ..simulation.faults.injector import FaultInjector
-from ..simulation.scoring.scorer import rocks_in
+from ..simulation.scoring.scorer import rests
 from ..simulation.scoring.truth import TrueBody
 from ..trees.mission import MAIN, Mission
 from ..trees.running.runner import TickReport, build
@@ -24,7 +26,8 @@ from ..trees.status import NodeStatus
 from ..world.causes import Failure
 from ..world.computing_time import Stopwatch
 from ..world.journal import Entry
-from ..world.scene.description import SceneDescription
+from ..world.scene.description import Fixture, SceneDescription
+from ..world.shapes import extents
 from ..world.values import Vector3
 from .assembly import TICK_LENGTH, assemble_world
 from .checkpoints import NOTHING_RECORDED, RunState, restore_checkpoint, take_checkpoint
@@ -33,9 +36,9 @@ from .run_tally import RunCounters
 
 _MAX_BRAKING_TICKS = 40
 """Upper bound of the number of ticks in which any motion comes to rest."""
-_MAX_ROCKING_TICKS = 40
-"""Greatest number of ticks after the end of a run in which items in bins may come to rest. An upright can
-rocks for 1.2 s."""
+_MAX_SETTLING_TICKS = 100
+"""Greatest number of ticks after the end of a run in which items may come to rest. An upright can rocks in
+its bin for 1.2 s; a ball rolls on."""
 
 
 class Execution:
@@ -141,10 +144,13 @@ class Execution:
             self.pass_time()
 
     def let_items_rest(self) -> None:
-        """Pass time until no item rocks in a bin: the score of an ended run is that of items at rest."""
-        bins = self.recipe.scene.bins
-        for _ in range(_MAX_ROCKING_TICKS):
-            if not any(rocks_in(each, body) for body in self.hardware.truth() for each in bins):
+        """Pass time until no item moves, but for those that belts carry: the score of an ended run is that of
+        items at rest."""
+        scene = self.recipe.scene
+        belts = [scene.fixture(belt.id) for belt in scene.belts]
+        for _ in range(_MAX_SETTLING_TICKS):
+            moving = (body for body in self.hardware.truth() if body.present and not rests(body))
+            if all(any(_is_over(belt, body) for belt in belts) for body in moving):
                 return
             self.pass_time()
 
@@ -259,6 +265,12 @@ class Execution:
             return None
         belief = self.world.scene.find(str(node.input("object")))
         return belief.pose.position if belief else None
+
+
+def _is_over(belt: Fixture, body: TrueBody) -> bool:
+    low, high = extents(belt.shape, np.eye(3))
+    x, y, z = (belt.pose.inverse() @ body.pose).position
+    return bool(low[0] <= x <= high[0] and low[1] <= y <= high[1] and z > low[2])
 
 
 def items_expected(scene: SceneDescription, truth: Iterable[TrueBody]) -> int:

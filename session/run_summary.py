@@ -8,6 +8,7 @@ from pathlib import Path
 
 from ..errors import PicktreeError
 from ..logs.run_result import (
+    CrushedItem,
     FeedCount,
     FormCount,
     HoleItem,
@@ -108,6 +109,11 @@ def summarise(run: Execution, timer: RunTimer, status: RunStatus, digest: str, l
         disagreements=run.disagreements if recipe.verify else None,
         holes=tuple(
             _at_hole(body, item) for body, item in zip(truth, verdict.items, strict=True) if item.seat
+        ),
+        crushed=tuple(
+            CrushedItem(str(body.id), body.kind, body.colour, round(body.crushed, 2), limit)
+            for body in truth
+            if body.crushed > 0.0 and (limit := scene.entry(body.kind).force_limit) is not None
         ),
         feed=FeedCount(tally.deliveries, tally.exchanges, tally.set_aside) if scene.deliveries else None,
         asked=asked,

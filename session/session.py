@@ -99,7 +99,7 @@ class Session:
                 observer.started(execution, self.folder)
             try:
                 status = self._loop(recorder)
-                if status in ("success", "failure"):
+                if status in ("success", "failure", "timeout"):
                     execution.let_items_rest()
             except KeyboardInterrupt:
                 recorder.settle()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Generator
+from collections.abc import Callable, Generator
 from typing import TypeAlias, TypeVar
 
 from ...robots.description import GripperDescription
@@ -37,6 +37,8 @@ OPENING_SPARE_TIME = 0.5
 """Time beyond the travel time in which free fingers are open, s."""
 FINGER_START_TIME = 0.3
 """Time in which free fingers have begun to move, s."""
+BACK_OFF_OPENING = 3e-3
+"""Change of the opening that relieves fingers which press against a neighbour, m."""
 MOVE_SPARE_TIME = 1.0
 """Longest wait beyond the travel time at the fingers' speed, s."""
 
@@ -139,21 +141,29 @@ class GripperControl:
         something holds the fingers."""
         yield from self._open(self._description.max_width if width is None else width, MAX_OPENING_SHORTFALL)
 
-    def release(self, by: float, share: float = 1.0) -> Doing[None]:
+    def release(
+        self, by: float, share: float = 1.0, pressed: Callable[[], bool] = lambda: False
+    ) -> Doing[None]:
         """Open by `by` m to let go of the held object; neighbours may stop the fingers after a quarter of it.
 
-        Returns once that `share` of it is open, and the fingers go on. Raises Failure(control.gripper) when
-        something holds the fingers.
+        Returns once that `share` of it is open, and the fingers go on. They back off as soon as `pressed`
+        returns True. Raises Failure(control.gripper) when something holds the fingers.
         """
         begun = self.width
         short = max(MAX_OPENING_SHORTFALL, (1.0 - MIN_RELEASE_SHARE) * by)
-        yield from self._open(begun + by, short, begun + max(share, MIN_RELEASE_SHARE) * by)
+        yield from self._open(begun + by, short, begun + max(share, MIN_RELEASE_SHARE) * by, pressed)
 
-    def _open(self, width: float, short: float, enough: float = math.inf) -> Doing[None]:
+    def _open(
+        self,
+        width: float,
+        short: float,
+        enough: float = math.inf,
+        pressed: Callable[[], bool] = lambda: False,
+    ) -> Doing[None]:
         target = min(width, self._description.max_width)
         # A finger that alone pushes at something exerts the force of both drives.
         force, self.bound = min(self._opening, self.bound / 2), self._description.max_force
-        reached = yield from self.move(target, force, enough=enough)
+        reached = yield from self.move(target, force, enough=enough, pressed=pressed)
         if reached < target - short:
             raise self._not_open(reached, target)
 
@@ -177,11 +187,18 @@ class GripperControl:
         return self.width
 
     def move(
-        self, width: float, force: float, speed: float | None = None, *, enough: float = math.inf
+        self,
+        width: float,
+        force: float,
+        speed: float | None = None,
+        *,
+        enough: float = math.inf,
+        pressed: Callable[[], bool] = lambda: False,
     ) -> Doing[float]:
         """Move towards an opening until it is reached or the fingers stand, and return the opening, m.
 
         Each finger moves with at most `speed` m/s. From an opening of `enough` m on they are not waited for.
+        When `pressed` returns True they move back by `BACK_OFF_OPENING`.
         """
         self.start(width, force, speed)
         way = abs(self.width - width)
@@ -191,6 +208,9 @@ class GripperControl:
         still = 0
         while self._clock.now < limit:
             now = self.width
+            if pressed():
+                self.start(now - BACK_OFF_OPENING, force, speed)
+                return now
             still = still + 1 if abs(now - before) < STANDING_OPENING_CHANGE else 0
             if abs(now - width) < OPENING_TOLERANCE or now >= enough or still >= 2:
                 break

@@ -1,6 +1,7 @@
-"""Grip check: the opening tells a held object from an empty hand, the load on the wrist confirms it.
+"""Grip check: whether an object is held, by opening of the fingers, load on the wrist and catalogue.
 
-The release is its counterpart: the fingers open, and the load shows that the object is gone.
+The release is its counterpart: the fingers open, and the load shows that the object is gone. The load of a
+light object says nothing; the opening then decides both.
 """
 
 from __future__ import annotations
@@ -8,8 +9,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from ...world.belief.planning_scene import BeliefObject
 from ...world.causes import Failure, grasp
+from ...world.scene.description import MIN_FELT_MASS
+from ...world.shapes import Box, ConvexMesh, Cylinder, Sphere, extents
 from ...world.values import GRAVITY, ObjectId, Pose
 from ..grasp.straight_lines import lift_off
 from ..place.dropped_objects import release_object
@@ -23,6 +28,10 @@ MAX_EMPTY_WIDTH = 0.002
 """Opening up to which the fingers hold nothing, m."""
 MIN_HELD_LOAD = 0.012 * GRAVITY
 """Least load that counts as held, N: the weight of 12 g."""
+MAX_OPENING_ERROR = 0.004
+"""Greatest difference between the opening around a light object and one of the object's widths, m."""
+MAX_UNEXPECTED_MASS = 0.04
+"""Greatest mass by which a light object may seem heavier than its kind, kg: sensors err, objects differ."""
 MIN_RELEASED_SHARE = 0.5
 """Share of the load that must be gone after a release."""
 RELEASED_OPENING_SHARE = 0.33
@@ -32,11 +41,30 @@ MAX_FALL_TICKS = 3
 
 
 @dataclass(frozen=True, slots=True)
+class LightObject:
+    """Object between the fingers whose weight the wrist cannot feel, by the catalogue."""
+
+    mass: float
+    """Catalogue mass, kg."""
+    widths: tuple[float, ...]
+    """Openings at which the fingers may stand around it, m."""
+
+    def fits(self, width: float, load: float | None) -> bool:
+        """Return whether opening, m, and load, N, are those of this object."""
+        weight = (self.mass + MAX_UNEXPECTED_MASS) * GRAVITY
+        return (load is None or load <= weight) and any(
+            abs(width - own) <= MAX_OPENING_ERROR for own in self.widths
+        )
+
+
+@dataclass(frozen=True, slots=True)
 class GripCheck:
     """Measurement of the hand: opening, m, and load since the last tare, N. None: load not measured."""
 
     width: float
     load: float | None
+    light: LightObject | None = None
+    """Believed object, where its weight cannot be felt. None: the load has to show it."""
 
     @property
     def empty(self) -> bool:
@@ -45,22 +73,61 @@ class GripCheck:
 
     @property
     def loaded(self) -> bool:
-        """Whether the wrist carries something; True when the load was not measured."""
+        """Whether the hand carries the object, by its load, or by its width where that is too light. True
+        when the load was not measured."""
+        if self.light is not None:
+            return self.light.fits(self.width, self.load)
         return self.load is None or self.load >= MIN_HELD_LOAD
 
     @property
     def held(self) -> bool:
         return not self.empty and self.loaded
 
+    @property
+    def mass(self) -> float | None:
+        """Mass of the held object, kg: the catalogue's where it cannot be felt. None: not measured."""
+        if self.light is not None:
+            return self.light.mass
+        return None if self.load is None else self.load / GRAVITY
+
     def __str__(self) -> str:
         """Return `opening 40.2 mm, load 1.18 N`, without a minus before a zero."""
         return f"opening {self.width * 1000:.1f} mm, load {round(self.load or 0.0, 2) + 0.0:.2f} N"
 
 
+def check_grip(world: World, load: float | None) -> GripCheck:
+    """Return the grip check of the believed held object for the present opening and a measured load, N."""
+    return GripCheck(world.gripper.width, load, _light_object(world))
+
+
 def measure_grip(world: World) -> Doing[GripCheck]:
     """Measure opening and load at rest."""
     yield from world.control.settle()
-    return GripCheck(world.gripper.width, world.control.load())
+    return check_grip(world, world.control.load())
+
+
+def _light_object(world: World) -> LightObject | None:
+    """Return the believed held object if its kind is too light to be felt."""
+    held = world.scene.held
+    entry = next((e for e in world.description.catalogue if held and e.kind == held.kind), None)
+    if held is None or entry is None or entry.mass >= MIN_FELT_MASS:
+        return None
+    return LightObject(entry.mass, _widths(held))
+
+
+def _widths(held: BeliefObject) -> tuple[float, ...]:
+    """Return the openings at which fingers may stand around an object, m; flat pads turn it until it fits."""
+    match held.shape:
+        case Box(size):
+            return size
+        case Cylinder(radius, height):
+            return (2 * radius, height)
+        case Sphere(radius):
+            return (2 * radius,)
+        case ConvexMesh():
+            assert held.object_in_tcp is not None
+            low, high = extents(held.shape, held.object_in_tcp.rotation())
+            return (float(high[1] - low[1]),)
 
 
 def is_in_hand(world: World, object_id: ObjectId, node: str) -> Doing[bool]:
@@ -129,8 +196,15 @@ def release_held_object(
 
     It ends when that `share` of the opening is reached. A halt does the same: the fingers go on opening.
     """
+    control, loaded = world.control, np.array(world.control.wrist.force)
+
+    def pressed() -> bool:
+        # The fingers may push something that leans on them; what they let go of changes the load.
+        change = float(np.linalg.norm(control.wrist.force - loaded))
+        return change > world.handling.guard + float(np.linalg.norm(loaded))
+
     try:
-        yield from world.gripper.release(world.handling.release, share)
+        yield from world.gripper.release(world.handling.release, share, pressed)
     except GeneratorExit:
         world.scene.detach(held.id, resting, place, "let go")
         raise
@@ -154,8 +228,11 @@ def drop_held_object(
 
 
 def is_released(before: float, after: float) -> bool:
-    """Return whether the change of the load on the wrist, N, shows a release."""
-    return before - after >= MIN_RELEASED_SHARE * before
+    """Return whether the change of the load on the wrist, N, shows a release by open fingers.
+
+    A load that is too small to be felt does not contradict them.
+    """
+    return before < MIN_FELT_MASS * GRAVITY or before - after >= MIN_RELEASED_SHARE * before
 
 
 def confirm_release(

@@ -24,10 +24,10 @@ from ...control.wrist.payload_estimate import (
 )
 from ...world.causes import Failure, grasp
 from ...world.events.skill_events import SlipEvent
-from ...world.scene.description import CatalogueEntry
+from ...world.scene.description import MIN_FELT_MASS, CatalogueEntry
 from ...world.values import GRAVITY, Array, Pose, cross
 from ..grasp.compliant_closing import MAX_TRANSFER_ACCELERATION, SLIP_GRIP_FACTOR, GripForce, required_force
-from .hold_check import MAX_EMPTY_WIDTH, MIN_HELD_LOAD, GripCheck
+from .hold_check import MAX_EMPTY_WIDTH, MIN_HELD_LOAD, GripCheck, check_grip
 
 if TYPE_CHECKING:
     from ...skill_world.world import World
@@ -132,9 +132,9 @@ def update_payload_mass(world: World, hold: GripCheck, press: GripForce | None =
 
     The object is lifted off its support.
     """
-    if hold.load is None:
+    mass = hold.mass
+    if mass is None:
         return
-    mass = hold.load / GRAVITY
     before = world.control.wrist.payload
     centre = (0.0, 0.0, 0.0) if before is None else before.centre
     world.control.wrist.carry(Payload(mass, WEIGHED_MASS_SIGMA, centre, HELD_CENTRE_SIGMA))
@@ -215,8 +215,13 @@ class GripMonitor:
 
     @property
     def weight(self) -> float | None:
-        """Weight of the payload, N, where the last tick shows that it is held; None: measure it at rest."""
+        """Weight of the payload, N, where the last tick shows that it is held; None: measure it at rest.
+
+        The fingers alone show it for a payload that is too light to be felt.
+        """
         payload, felt = self._world.control.wrist.payload, self.felt
+        if payload is not None and payload.mass < MIN_FELT_MASS:
+            return payload.mass * GRAVITY
         if payload is None or felt is None or (felt.mass - felt.unsure) * GRAVITY < MIN_HELD_LOAD:
             return None
         return payload.mass * GRAVITY
@@ -250,9 +255,12 @@ class LiftWeighing:
         if self._world.clock.now < self._ends - 1e-9:
             return None
         load, lately = self.load(MAX_WEIGHING_TICKS), self.load(MIN_WEIGHING_TICKS)
-        if load is None or lately is None or min(load, lately) < CERTAIN_LOAD:
+        hold = check_grip(self._world, load)
+        if load is None or lately is None or (hold.light is None and min(load, lately) < CERTAIN_LOAD):
             return Failure(grasp.SLIPPED, "what hangs on the hand has to be felt at rest")
-        self.hold = GripCheck(self._world.gripper.width, load)
+        if not hold.held:
+            return Failure(grasp.SLIPPED, "what the fingers hold has to be felt at rest")
+        self.hold = hold
         return None
 
     def _hold_on(self) -> None:
@@ -262,6 +270,7 @@ class LiftWeighing:
         if (
             payload is None
             or felt is None
+            or payload.mass < MIN_FELT_MASS
             or self._world.control.tcp.position[2] < self._height + COMES_ALONG_HEIGHT
         ):
             return

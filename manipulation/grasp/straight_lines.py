@@ -67,14 +67,22 @@ def lower(world: World, held: BeliefObject, bin_: Bin | None, node: str) -> Doin
     if bin_ is None:
         way = world.handling.approach + world.handling.felt_way
     else:
-        rim = bin_.pose.position[2] + bin_.size[2]
-        tips = world.control.tcp.position[2] - world.robot.description.gripper.tip
-        floor = bin_.pose.position[2] + bin_.wall
-        way = min(tips - rim - world.handling.rim_clearance, bottom(held.shape, held.pose) - floor)
+        way = lowering(world, bin_, world.control.tcp.position[2], bottom(held.shape, held.pose))
     if way > world.handling.felt_way:
         yield from world.move.guarded(
             DOWNWARDS, way, force=world.handling.touch, speed=world.handling.lower_speed, node=node
         )
+
+
+def lowering(world: World, bin_: Bin, tcp: float, low: float) -> float:
+    """Return how far the hand may be lowered into a bin, m: the finger tips stay above its rim.
+
+    `tcp`, `low`: heights of the TCP and of the object's lowest point in the world, m.
+    """
+    rim = bin_.pose.position[2] + bin_.size[2]
+    tips = tcp - world.robot.description.gripper.tip
+    floor = bin_.pose.position[2] + bin_.wall
+    return min(tips - rim - world.handling.rim_clearance, low - floor)
 
 
 def withdraw(world: World, node: str) -> Doing[None]:

@@ -6,6 +6,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from ...world.belief.facts import GRASP
 from ...world.causes import Failure, grasp
 from ...world.causes import world as world_causes
 from ...world.values import ObjectId
@@ -73,13 +74,24 @@ def _approach_or_stop(world: World, task: PickTask, replans: ReplanBudget) -> Do
     help."""
     belief = world.scene.get(task.object)
     ranked = grasp_candidates(belief, world.robot.description.gripper)
+    refused = world.attempts.refusal(GRASP, belief, world.scene)
+    if refused is not None:
+        raise Failure(
+            grasp.NO_CANDIDATE,
+            f"{refused}; nothing has changed around it since",
+            object=task.object,
+            unchanged=True,
+        )
     first = world.attempts.count(task.node, task.object) == 0
     offered = world.attempts.remaining(task.node, task.object, ranked)
     search = CandidateSearch(world, belief, offered, task.node)
     while True:
         found = yield from plan_after_stop(world, lambda: search.find(speed=task.speed), task.node)
         if found is None:
-            raise _no_candidate(search, task.object, len(ranked), len(ranked) - len(offered))
+            failure = _no_candidate(search, task.object, len(ranked), len(ranked) - len(offered))
+            if failure.cause is grasp.NO_CANDIDATE and search.refused is None and world.plan.as_usual:
+                world.attempts.refuse(GRASP, belief, world.scene, failure.message)
+            raise failure
         candidate, watch = found, TargetWatch(world, belief)
         try:
             if task.servo and world.vision.hand is not None:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from ...skill_world.world import Handover
 from ...world.causes import Failure, grasp, planning
 from ...world.events.skill_events import PickEvent, RegraspEvent
-from ..carry.hold_check import GripCheck
+from ..carry.hold_check import GripCheck, measure_grip
 from ..carry.weighing import LiftWeighing, payload_force, register_payload, update_payload_mass
 from ..grasp.compliant_closing import GripForce, close, grip_force
 from ..grasp.straight_lines import LIFT_GUARD_FORCE, lift
@@ -109,6 +109,8 @@ def lift_object(world: World, task: PickTask, grip: ClosedGrip) -> Doing[LostGra
         (grasp.MISSED, "the fingers met and hold nothing")
         if grip.felt.empty
         else (grasp.SLIPPED, "it was between the fingers and slipped out")
+        if hold.empty or hold.light is None
+        else (grasp.MISSED, "the fingers hold something else")
     )
     failure = Failure(
         cause,
@@ -132,8 +134,7 @@ def _lift(world: World, task: PickTask, grip: ClosedGrip) -> Doing[GripCheck]:
         hold = yield from _lift_onward(world, task, grip, plan)
         if hold is not None:
             return hold
-    yield from world.control.settle()
-    return GripCheck(world.gripper.width, world.control.load())
+    return (yield from measure_grip(world))
 
 
 def _lift_onward(world: World, task: PickTask, grip: ClosedGrip, plan: MotionPlan) -> Doing[GripCheck | None]:

@@ -21,7 +21,7 @@ from ..carry.hold_check import (
 )
 from ..carry.weighing import GripMonitor, is_fragile, payload_force, update_payload_mass
 from ..grasp.straight_lines import lower, withdraw
-from ..place.release_poses import bin_target, blocked, levels, place_candidates, put_down_poses
+from ..place.release_poses import bin_target, blocked, levels, opens_freely, place_candidates, put_down_poses
 from ..replanning import PlaceWatch, PutDownWatch, ReplanBudget, plan_after_stop
 from .transfer_requests import lower_request
 
@@ -186,6 +186,8 @@ def _plan_to_bin(world: World, task: PlaceTask, held: BeliefObject) -> Doing[Pla
     refused: Failure | None = None
     for level in levels(target):
         over = place_candidates(world, target, level, held.shape, held.object_in_tcp)
+        in_tcp, width = held.object_in_tcp, world.gripper.width
+        over = [at for at in over if opens_freely(world, at, held, in_tcp, width)] or over
         try:
             plan = yield from _plan_down(world, task, over)
         except Failure as failure:

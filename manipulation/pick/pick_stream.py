@@ -29,6 +29,7 @@ from ..place.release_poses import (
     ReleaseLevel,
     bin_target,
     levels,
+    opens_freely,
     place_candidates,
 )
 from . import pick_candidates
@@ -64,6 +65,8 @@ MAX_TESTED_PLACES, FEW_TESTED_PLACES, MAX_BARREN_GRASPS = 16, 3, 3
 itself."""
 LOW_TIPS_COST = 5.0
 """Cost of a grasp whose finger tips do not stay above the hole, s."""
+PRESSING_RELEASE_COST = 4.0
+"""Cost of a place where the opening fingers would press against a neighbour, s."""
 MAX_UNREACHED_TURNS = 4
 """Unreached rotations over one cell after which the next cell is tried."""
 
@@ -269,7 +272,10 @@ class CandidateSearch:
             self._refuse(branch, touching(pick_candidates.ROOM_STAGE, subject, contacts[0]))
             return
         self.trail.passed(branch.grasp, pick_candidates.ROOM_STAGE)
-        yield replace(branch, passed=4, test=self._place_reached)
+        in_tcp, width = self._in_tcp(branch.grasp), branch.grasp.expected_width
+        free = opens_freely(self._world, landing, self._belief, in_tcp, width)
+        known = branch.known + (0.0 if free else PRESSING_RELEASE_COST)
+        yield replace(branch, known=known, passed=4, test=self._place_reached)
 
     def _place_reached(self, branch: _Branch) -> Iterator[_Branch]:
         landing, level, grasp, at = branch.landing, branch.level, branch.grasp, branch.at

@@ -14,6 +14,7 @@ from ...world.belief.planning_scene import BeliefObject
 from ...world.scene.description import Bin
 from ...world.shapes import Shape, extents, top
 from ...world.values import Array, ObjectId, Pose
+from ..grasp.straight_lines import lowering
 
 if TYPE_CHECKING:
     from ...planning.collision.scene_queries import SceneQueries
@@ -218,3 +219,19 @@ def free_drop_height(
     down_to_rim = tips - rim - max(RIM_CLEARANCE, world.handling.rim_clearance)
     down_to_heap = low - floor - float(np.max(target.heights)) - HEAP_CLEARANCE
     return max(0.0, min(down_to_rim, down_to_heap))
+
+
+def opens_freely(
+    world: World, landing: PlaceCandidate, belief: BeliefObject, object_in_tcp: Pose, width: float
+) -> bool:
+    """Return whether the hand touches nothing believed where its fingers let the object go, m apart: `width`.
+
+    The hand is at the end of `lower`, with the fingers open for the release.
+    """
+    target = world.scene.bins[landing.into]
+    low = float(extents(belief.shape, (landing.above @ object_in_tcp).rotation())[0][2])
+    low += (landing.above @ object_in_tcp).position[2]
+    way = max(0.0, lowering(world, target, landing.above.position[2], low))
+    opening = min(width + world.handling.release, world.robot.description.gripper.max_width)
+    there = landing.above.shifted((0.0, 0.0, -way))
+    return not world.queries.hand_contacts(there, opening, ignore=(belief.id,))

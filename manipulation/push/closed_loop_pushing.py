@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ...world.belief.facts import PUSH
 from ...world.causes import Failure, perception, push
 from ...world.events.skill_events import PushEvent
 from ...world.planar_geometry import PlanarPose, moved, outline, planar
@@ -325,6 +326,10 @@ def _choose_singulation(
     world: World, task: PushTask, target: BeliefObject
 ) -> tuple[SingulationPush, FeasibleStroke]:
     """Return the best feasible push; pushes that were made before come last. Raises push.no_stroke."""
+    refused = world.attempts.refusal(PUSH, target, world.scene)
+    if refused is not None:
+        message = f"{refused}; nothing has changed around it since"
+        raise Failure(push.NO_STROKE, message, object=target.id, unchanged=True)
     offered = world.attempts.remaining(task.node, target.id, singulation_pushes(world, target))
     why: list[str] = []
     for one in offered[:MAX_TESTED_PUSHES]:
@@ -333,12 +338,10 @@ def _choose_singulation(
             return one, answer
         why.append(f"{one.name}: {answer}")
     told = "; ".join(why[:4]) or "no push that is free would do"
-    raise Failure(
-        push.NO_STROKE,
-        f"no stroke makes room for the hand around {target.id}: {told}",
-        object=target.id,
-        refused=why,
-    )
+    message = f"no stroke makes room for the hand around {target.id}: {told}"
+    if not offered:
+        world.attempts.refuse(PUSH, target, world.scene, message)
+    raise Failure(push.NO_STROKE, message, object=target.id, refused=why)
 
 
 def _note_room(world: World, task: PushTask, name: ObjectId, strokes: list[str]) -> None:

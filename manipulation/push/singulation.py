@@ -16,6 +16,7 @@ import numpy as np
 
 from ...planning.requests import PoseGoal, Request
 from ...robots.description import tool_outline
+from ...world.belief.facts import PUSH, items_to_do
 from ...world.belief.planning_scene import BeliefObject
 from ...world.planar_geometry import PlanarOutline, PlanarPose, moved, outline, outline_distance, planar
 from ...world.quasi_static_pushing import PlanarPushModel
@@ -129,7 +130,13 @@ def most_crowded_object(world: World) -> ObjectId | None:
         and top(o.shape, o.pose) - bottom(o.shape, o.pose) < tallest + MAX_EXTRA_HEIGHT
         and outline(o.shape, o.pose).reach < MAX_UNKNOWN_REACH
     ]
-    items = [o for o in world.to_do() if not o.attached and support_of(world, o) is not None]
+    items = [
+        o
+        for o in items_to_do(world.scene)
+        if not o.attached
+        and support_of(world, o) is not None
+        and world.attempts.refusal(PUSH, o, world.scene) is None
+    ]
     for group in (unknown, items):
         for o in sorted(group, key=lambda o: (free_distance(world, o), o.id)):
             if not has_room(world, o):

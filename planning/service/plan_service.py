@@ -116,6 +116,11 @@ class PlanService:
             self._manner = before
 
     @property
+    def as_usual(self) -> bool:
+        """Whether no override in force makes motions keep a greater clearance."""
+        return self._manner.clearance == 0.0
+
+    @property
     def disagreements(self) -> tuple[VerifierDisagreement, ...]:
         """Trajectories in which the verifier contradicts the planner, with `verify`."""
         return tuple(self._disagreements)

@@ -14,6 +14,8 @@ from ..checkpoints import GripperCommand
 from ..faults.device_faults import DeviceFaults
 from .bodies import KinematicBodies, KinematicBody
 
+MIN_FINGER_STEP = 1e-9
+"""Change of the opening in a control period below which the fingers stand, m."""
 MIN_GRASP_OVERLAP = 0.001
 """Least overlap of an item with the pads for a grasp, m."""
 
@@ -89,7 +91,9 @@ class KinematicGripper:
             bodies.take(item, tcp @ pose)
             self.item_in_tcp = pose
         self.width = width
-        self.speed = (width - before) / period
+        # An item that is too heavy for the force is caught again in each period, at the same width but for
+        # rounding: the fingers stand.
+        self.speed = 0.0 if abs(width - before) < MIN_FINGER_STEP else (width - before) / period
 
     def _carries(self, body: KinematicBody, force: float) -> bool:
         friction = body.friction * self._description.pad_contact.friction

@@ -158,24 +158,20 @@ def why_not_seated(body: TrueBody, seat: HoleSeating) -> str:
         return f"it is {depth:.1f} mm deep in {seat.hole}, which is {wanted:.1f} mm deep"
     if seat.tilt > MAX_SEATED_TILT:
         return f"it leans by {math.degrees(seat.tilt):.1f} deg in {seat.hole}"
-    if not _rests(body):
+    if not rests(body):
         return f"it still moves in {seat.hole}"
     return ""
 
 
-def _rests(body: TrueBody) -> bool:
+def rests(body: TrueBody) -> bool:
+    """Return whether the item neither moves nor turns."""
     return math.hypot(*body.velocity) <= MAX_REST_SPEED and math.hypot(*body.spin) <= MAX_REST_SPIN
 
 
 def lies_in(each: Bin, body: TrueBody) -> bool:
     """Return whether the item rests with its centre in the bin's inside and its lowest point below the
     rim."""
-    return is_inside(each, body) and _rests(body)
-
-
-def rocks_in(each: Bin, body: TrueBody) -> bool:
-    """Return whether the item is in the bin's inside, and still moves there."""
-    return is_inside(each, body) and not _rests(body)
+    return is_inside(each, body) and rests(body)
 
 
 def is_inside(each: Bin, body: TrueBody) -> bool:

@@ -60,7 +60,7 @@ def test_a_condition_that_does_not_hold(tmp_path: Path) -> None:
 def test_an_item_that_still_rolls_in_its_bin_when_the_run_is_scored(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("picktree.session.execution._MAX_ROCKING_TICKS", 0)
+    monkeypatch.setattr("picktree.session.execution._MAX_SETTLING_TICKS", 0)
     (tmp_path / "one_ball.yaml").write_text(
         "picktree: 1\nkind: scene\nbase: sort_small\nspawn:\n"
         "  - {of: {ball: 1}, colours: [red], area: {min: [0.4, -0.1], max: [0.6, 0.1]}}\n"

@@ -33,6 +33,19 @@ def test_a_batch_is_run_asked_and_gone_on_with(
     assert "no difference that these runs could show" in capsys.readouterr().out
 
 
+def test_a_scene_is_looked_for_where_run_looks_for_it(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """In the working directory, not beside the mission; the suffix may be left out."""
+    monkeypatch.setattr(local_executor, "_started", forked_worker)
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "kitchen.yaml").write_text("picktree: 1\nkind: scene\nbase: sort_small\n")
+    for name in ("kitchen.yaml", "kitchen"):
+        options = ["--mission", str(ONE_PICK), "--scene", name, "--seeds", "0", "--backend", "kinematic"]
+        assert answer(["batch", "run", *options, "--out", str(tmp_path / name.replace(".", "-"))]) == 0
+        assert "goal reached  1 of 1" in capsys.readouterr().out
+
+
 @pytest.mark.parametrize(
     ("options", "message"),
     [

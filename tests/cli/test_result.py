@@ -6,7 +6,15 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
-from picktree.logs.run_result import FeedCount, FormCount, HoleItem, ItemCount, PickCount, RunResult
+from picktree.logs.run_result import (
+    CrushedItem,
+    FeedCount,
+    FormCount,
+    HoleItem,
+    ItemCount,
+    PickCount,
+    RunResult,
+)
 
 
 def test_text(result: RunResult) -> None:
@@ -107,6 +115,7 @@ def test_json(result: RunResult) -> None:
         "disagreements": None,
         "feed": None,
         "holes": [],
+        "crushed": [],
         "cpu_seconds": 2.346,
         "wall_seconds": {
             "total": 2.5,
@@ -162,3 +171,16 @@ def test_of_an_older_log(result: RunResult) -> None:
     assert read.cures is None
     assert "recoveries  grasp.missed 2" in read.to_text().splitlines()
     assert RunResult.from_json_text(result.to_json_text(), Path("log.mcap")).cures == result.cures
+
+
+def test_crushed_items_are_told(result: RunResult) -> None:
+    crushed = (
+        CrushedItem("item_03", "can", "red", 65.2, 60.0),
+        CrushedItem("item_05", "egg", "blue", 9.4, 6.0),
+    )
+    told = replace(result, crushed=crushed)
+    assert [line for line in told.to_text().splitlines() if "pressed" in line] == [
+        "crushed     item_03, a red can: a finger pressed with 65 N, and it bears 60 N",
+        "            item_05, a blue egg: a finger pressed with 9 N, and it bears 6 N",
+    ]
+    assert RunResult.from_json_text(told.to_json_text(), Path("log.mcap")).crushed == crushed

@@ -68,7 +68,15 @@ class Lift:
         )
         self.grip = SimpleNamespace(width=self.width)
         clock = SimpleNamespace(now=self.now)
-        made = SimpleNamespace(control=control, robot=MODEL, tick=TICK, clock=clock, gripper=self.grip)
+        made = SimpleNamespace(
+            control=control,
+            robot=MODEL,
+            tick=TICK,
+            clock=clock,
+            gripper=self.grip,
+            scene=SimpleNamespace(held=None),
+            description=SimpleNamespace(catalogue=()),
+        )
         return cast("World", made)
 
     def weigh(self) -> tuple[LiftWeighing, Failure | None]:

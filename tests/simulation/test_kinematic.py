@@ -83,6 +83,18 @@ def test_the_load_is_felt_when_it_leaves_the_table_only() -> None:
     assert cell.loop.load() == pytest.approx(0.1 * 9.81, abs=1e-6)
 
 
+@pytest.mark.parametrize("turn", [0.0, 0.66, 0.78, 0.9])
+def test_fingers_too_weak_to_carry_what_they_close_on_press_nevertheless(turn: float) -> None:
+    """Held at an angle, the item's width is rounded differently from period to period."""
+    cell = Cell(items=1)
+    pose = cell.hardware.truth()[0].pose @ Pose.from_rpy((0.0, 0.0, 0.0), (0.0, 0.0, turn))
+    above(cell, pose.shifted((0.002, 0.0, 0.0)), 0.02)
+    cell.run(cell.grip.close(0.3))
+    for _ in range(24):
+        cell.hardware.step()
+        assert cell.grip.state.force == 0.3
+
+
 def test_fault_remove_out_of_the_hand() -> None:
     cell = Cell(items=1)
     pick(cell)

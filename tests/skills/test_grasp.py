@@ -2,18 +2,26 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
 import pytest
+from pydantic import TypeAdapter
 
+from picktree.manipulation.carry.hold_check import GripCheck, LightObject
 from picktree.manipulation.pick.pick_candidates import PickPlaceCandidate
 from picktree.manipulation.pick.pick_stream import CandidateSearch
+from picktree.planning.requests import Request
+from picktree.simulation.backends import Backend
 from picktree.simulation.kinematic.backend import KinematicHardware
 from picktree.trees.skill import Doing
+from picktree.world.belief.facts import AttemptMemory, Refusal
 from picktree.world.causes import Cause, Failure, FailureReport, control, planning
 from picktree.world.events.skill_events import PickEvent
+from picktree.world.scene.description import SceneDescription
+from picktree.world.values import ObjectId
 
 from .cell import Cell, items, mission
 
@@ -229,3 +237,114 @@ def test_what_stops_the_approach_counts_against_the_candidate(
     failure = failed(cell, f"Grasp: {{object: {block}}}")
     assert (str(failure.cause), failure.message) == (cause.name, "it went wrong")
     assert cell.world.attempts.count("Main/Grasp", block) == 1
+
+
+def feathers(**counts: int) -> SceneDescription:
+    """The scene with these items, of which each block weighs 3 g."""
+    scene = items(**counts)
+    light = tuple(replace(e, mass=0.003) if e.kind == "block" else e for e in scene.catalogue)
+    return replace(scene, catalogue=light)
+
+
+@pytest.mark.parametrize("backend", ["kinematic", "physics"])
+def test_what_is_too_light_to_be_felt_is_held_and_placed(backend: Backend) -> None:
+    cell = Cell(mission("Observe: {camera: overhead}"), feathers(block=1), backend)
+    cell.finish()
+    (block,) = (str(o.id) for o in cell.world.scene.objects)
+    into = cell.world.scene.destination(block)
+    cell.start(
+        mission(f"Sequence: [{{Grasp: {{object: {block}}}}}, {{Place: {{object: {block}, into: {into}}}}}]")
+    )
+    cell.finish()
+    assert cell.tree.failure is None
+    assert [e.held for e in cell.events if isinstance(e, PickEvent)] == [True]
+    while any(math.hypot(*body.velocity) > 0.01 for body in cell.hardware.truth()):
+        cell.wait()
+    assert cell.score().sorted == 1
+
+
+@pytest.mark.parametrize(
+    ("width", "load", "held"),
+    [
+        (0.04, 0.0, True),
+        (0.037, -0.05, True),
+        (0.04, 0.2, True),
+        (0.033, 0.0, False),
+        (0.047, 0.0, False),
+        (0.001, 0.2, False),
+        (0.04, 0.9, False),
+    ],
+)
+def test_opening_and_load_tell_a_light_object_from_others(width: float, load: float, held: bool) -> None:
+    """A load that the catalogue cannot explain is that of something else."""
+    assert GripCheck(width, load, LightObject(0.003, (0.04, 0.04, 0.04))).held is held
+
+
+def test_a_light_object_that_falls_on_the_way_is_found_out() -> None:
+    cell = Cell(mission("Observe: {camera: overhead}"), feathers(block=1))
+    cell.finish()
+    (block,) = (str(o.id) for o in cell.world.scene.objects)
+    cell.start(mission(f"Grasp: {{object: {block}, onward: false}}"))
+    cell.finish()
+    assert cell.tree.failure is None
+    cell.world.gripper.start(0.0, 0.0)
+    failure = failed(cell, f"Place: {{object: {block}, into: red_bin}}")
+    assert str(failure.cause) == "grasp.slipped"
+    assert cell.world.scene.held is None
+
+
+@pytest.mark.parametrize("kind", ["can", "nut"])
+def test_a_neighbour_between_the_fingers_is_not_the_light_object(kind: str) -> None:
+    """What is believed to be a block of 3 g is something else, which the fingers do hold."""
+    scene = feathers(**{kind: 1})
+    cell = Cell(mission("Observe: {camera: overhead}"), scene)
+    cell.finish()
+    (other,) = cell.world.scene.objects
+    shape = scene.entry("block").shape
+    cell.world.scene.put(replace(other, kind="block", form="box", shape=shape), "mistaken")
+    failure = failed(cell, f"Grasp: {{object: {other.id}, onward: false}}")
+    assert str(failure.cause) in ("grasp.missed", "grasp.slipped")
+    assert cell.world.scene.held is None
+    assert {e.held for e in cell.events if isinstance(e, PickEvent)} == {False}
+
+
+def test_what_cannot_be_grasped_is_tried_again_when_something_has_changed(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    cell, (block,) = looked(block=1)
+    near = cell.world.scene.get(ObjectId(block))
+    far = replace(near, pose=near.pose.shifted((0.5, 0.0, 0.0)))
+    cell.world.scene.put(far, "moved away")
+    asked, reached = list[object](), cell.world.plan.reached
+
+    def reaching(request: Request) -> Any:
+        asked.append(request)
+        return reached(request)
+
+    monkeypatch.setattr(cell.world.plan, "reached", reaching)
+    first = failed(cell, f"Grasp: {{object: {block}}}")
+    searched = len(asked)
+    assert str(first.cause) == "grasp.no_candidate" and searched > 10
+    assert cell.world.to_do() == () and cell.world.facts()["items_left"] is False
+
+    cell.world.scene.put(replace(far, pose=far.pose.shifted((0.001, 0.001, 0.0))), "seen again")
+    again = failed(cell, f"Grasp: {{object: {block}}}")
+    assert again.message == f"{first.message}; nothing has changed around it since"
+    assert len(asked) == searched
+
+    cell.world.scene.put(replace(far, pose=far.pose.shifted((0.02, 0.0, 0.0))), "moved")
+    assert [o.id for o in cell.world.to_do()] == [block] and cell.world.facts()["items_left"] is True
+    failed(cell, f"Grasp: {{object: {block}}}")
+    assert len(asked) > searched
+
+
+def test_refusals_are_part_of_a_checkpoint() -> None:
+    cell, (block,) = looked(block=1)
+    belief = cell.world.scene.get(ObjectId(block))
+    cell.world.attempts.refuse("grasp", belief, cell.world.scene, "it is too far away")
+    saved = TypeAdapter(dict[str, Refusal]).dump_json(cell.world.attempts.refusals)
+    other = AttemptMemory()
+    other.refusals = TypeAdapter(dict[str, Refusal]).validate_json(saved)
+    assert other.refusal("grasp", belief, cell.world.scene) == "it is too far away"
+    other.forget(block)
+    assert other.refusal("grasp", belief, cell.world.scene) is None

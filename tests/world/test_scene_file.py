@@ -368,6 +368,11 @@ def test_a_mesh_becomes_its_hull_about_its_centre(tmp_path: Path) -> None:
     ("content", "message"),
     [
         ("hollow", "the mesh is not convex: its hull is 17 % larger (convex parts only)"),
+        (
+            "open",
+            "the mesh is not closed: some of its edges do not belong to two faces "
+            "(close it; its hull, which could stand for it, has 6.0 cm³)",
+        ),
         ("flat", "the mesh is flat: it encloses no volume"),
         ("large", "the mesh is 30 m large (is it in millimetres? then 'scale: 0.001')"),
         ("round", "the hull has 642 vertices (256 at most; simplify the mesh)"),
@@ -388,6 +393,9 @@ def test_meshes_that_are_refused(tmp_path: Path, content: str, message: str | No
             thin.export(path)
         case "flat":
             path.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 0\nf 1 2 3\nf 2 3 4\n")
+        case "open":
+            whole = trimesh.creation.box((0.03, 0.02, 0.01))
+            trimesh.Trimesh(whole.vertices, whole.faces[:-2]).export(path)
         case "large":
             trimesh.creation.box((30, 20, 10)).export(path)
         case "round":
@@ -458,13 +466,15 @@ def test_shipped_scenes_are_read_and_their_logged_text_gives_them_again(name: st
         "kit": 8,
         "touching": 6,
         "fragile": 10,
-        "heavy": 8,
+        "heavy": 10,
+        "thin": 10,
+        "tall": 8,
         "calibrating": 0,
     }.get(name, 12)
     loads = (*scene.spawn, *(delivery.load for delivery in scene.deliveries))
     assert sum(number for load in loads for _, number in load.counts) == total
     forms = {scene.entry(kind).form for load in loads for kind, _ in load.counts}
-    if name not in ("pegs", "kit", "touching", "fragile", "heavy", "calibrating"):
+    if name not in ("pegs", "kit", "touching", "fragile", "heavy", "calibrating", "thin", "tall"):
         assert forms - {"mesh"} == {"box", "cylinder", "sphere", "plate"}
     assert ("mesh" in forms) == name.startswith(("three_bins", "continuous", "belt"))
 

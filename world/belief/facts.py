@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Protocol, TypeVar
 
 from ..protocols import FeedSignals
 from ..scene.destinations import is_at
-from ..values import ObjectId
+from ..values import ObjectId, Pose
 from .planning_scene import BeliefObject, PlanningScene
 
 
@@ -20,11 +21,59 @@ class NamedCandidate(Protocol):
 C = TypeVar("C", bound=NamedCandidate)
 
 
+UNCHANGED_DISTANCE, UNCHANGED_TURN = 0.003, math.radians(3.0)
+"""Displacement, m, and rotation, rad, of a believed object up to which it counts as unchanged: a camera's
+noise."""
+SURROUNDINGS_RADIUS = 0.35
+"""Distance of objects from another one up to which they may be in the way of a hand at it, m."""
+
+
+@dataclass(frozen=True, slots=True)
+class Refusal:
+    """Failure that geometry alone decides, with the belief that decided it."""
+
+    message: str
+    around: Mapping[ObjectId, Pose]
+    """The object and all others near it, as believed."""
+    in_bins: int
+    """Number of objects believed in bins."""
+
+    @classmethod
+    def of(cls, message: str, subject: BeliefObject, scene: PlanningScene) -> Refusal:
+        around = {o.id: o.pose for o in scene.objects if o.pose.distance(subject.pose) <= SURROUNDINGS_RADIUS}
+        return cls(message, around, sum(o.place in scene.bins for o in scene.objects))
+
+    def stands(self, subject: BeliefObject, scene: PlanningScene) -> bool:
+        """Return whether nothing has changed around the object since."""
+        now = Refusal.of("", subject, scene)
+        return (
+            now.in_bins == self.in_bins
+            and now.around.keys() == self.around.keys()
+            and all(
+                pose.distance(self.around[name]) <= UNCHANGED_DISTANCE
+                and pose.angle(self.around[name]) <= UNCHANGED_TURN
+                for name, pose in now.around.items()
+            )
+        )
+
+
 class AttemptMemory:
-    """Names of the candidates that were tried and failed, for each (node path, object)."""
+    """Names of the candidates that were tried and failed, for each (node path, object); and refusals, which
+    stand until something changes around their object."""
 
     def __init__(self) -> None:
         self._tried: dict[str, list[str]] = {}
+        self.refusals: dict[str, Refusal] = {}
+        """Refusals by `skill|object`."""
+
+    def refuse(self, skill: str, subject: BeliefObject, scene: PlanningScene, message: str) -> None:
+        """Remember that a skill cannot do anything with an object as things stand."""
+        self.refusals[f"{skill}|{subject.id}"] = Refusal.of(message, subject, scene)
+
+    def refusal(self, skill: str, subject: BeliefObject, scene: PlanningScene) -> str | None:
+        """Return the message of a refusal that stands as long as nothing changes; None: there is none."""
+        found = self.refusals.get(f"{skill}|{subject.id}")
+        return found.message if found is not None and found.stands(subject, scene) else None
 
     def remaining(self, node: str, subject: str, candidates: Iterable[C]) -> list[C]:
         """Candidates not tried before by this node on this subject, in their order.
@@ -51,8 +100,9 @@ class AttemptMemory:
 
     def forget(self, subject: str) -> None:
         """An object is gone for good: nothing that was tried on it is of use any more."""
-        for key in [key for key in self._tried if key.rpartition("|")[2] == subject]:
-            del self._tried[key]
+        for memory in (self._tried, self.refusals):
+            for key in [key for key in memory if key.rpartition("|")[2] == subject]:
+                del memory[key]
 
     def state(self) -> dict[str, list[str]]:
         return {key: list(names) for key, names in self._tried.items()}
@@ -114,8 +164,15 @@ FACTS: Mapping[str, type[bool] | type[int] | type[float] | type[str]] = {
 """Their names and types."""
 
 
-def items_to_do(scene: PlanningScene) -> tuple[BeliefObject, ...]:
-    """Items that are believed to lie elsewhere than where they belong, and are not put aside."""
+GRASP, PUSH = "grasp", "push"
+"""Skills whose refusals are remembered."""
+
+
+def items_to_do(scene: PlanningScene, attempts: AttemptMemory | None = None) -> tuple[BeliefObject, ...]:
+    """Items that are believed to lie elsewhere than where they belong, and are not put aside.
+
+    One that cannot be grasped as things stand, by `attempts`, counts again when something changes around it.
+    """
     return tuple(
         o
         for o in scene.objects
@@ -123,18 +180,26 @@ def items_to_do(scene: PlanningScene) -> tuple[BeliefObject, ...]:
         and o.place != ASIDE
         and (to := scene.destination(o.id)) is not None
         and not is_at(o.place, to)
+        and (attempts is None or attempts.refusal(GRASP, o, scene) is None)
     )
 
 
 def facts(
-    scene: PlanningScene, *, looked: bool, stopped: bool, exhausted: bool, done: int, now: float
+    scene: PlanningScene,
+    attempts: AttemptMemory | None = None,
+    *,
+    looked: bool,
+    stopped: bool,
+    exhausted: bool,
+    done: int,
+    now: float,
 ) -> Mapping[str, bool | int | float | str]:
     """Their values. `items_left` is true before anybody has looked, too: nothing is known of the table.
 
     `exhausted`: the feed's line says that nothing more will come; `done`: items placed so far.
     """
     held = scene.held
-    left = len(items_to_do(scene))
+    left = len(items_to_do(scene, attempts))
     return {
         "items_left": left > 0 or not looked,
         "items_to_do": left,

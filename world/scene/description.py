@@ -120,6 +120,11 @@ class CameraDescription:
         return replace(self, pose=found, error=found.inverse() @ self.pose @ self.error)
 
 
+MIN_FELT_MASS = 0.03
+"""Least mass whose weight a wrist surely feels in the hand, kg. A load of 12 g tells it from an empty hand,
+and a weighing is off by 15 g at most."""
+
+
 @dataclass(frozen=True, slots=True)
 class CatalogueEntry:
     """A kind of item: what perception may recognise and the simulation may spawn."""

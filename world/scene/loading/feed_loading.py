@@ -16,6 +16,7 @@ from ..description import (
     AtIntervals,
     AtTimes,
     Belt,
+    Bin,
     CatalogueEntry,
     Delivery,
     Fixture,
@@ -41,10 +42,13 @@ def check_feed(
     entry: FeedFile,
     catalogue: Mapping[str, CatalogueEntry | None],
     bodies: Mapping[str, FixtureFile],
-    fixtures: Sequence[Fixture] | None,
+    standing: Sequence[Fixture | Bin] | None,
     workspace: Bounds | None,
 ) -> None:
-    """Faults of one entry. Faulty kinds count as none; None stands for what could not be read."""
+    """Faults of one entry; `standing` are the fixtures and bins.
+
+    Faulty kinds count as none; None stands for what could not be read.
+    """
     loc: Location = ("feed", n)
     which = check.one_of(loc, FeedFile.one_of)
     check_kinds(check, loc, entry, catalogue)
@@ -52,7 +56,7 @@ def check_feed(
         if which == "area" and entry.area is not None:
             if entry.spacing is not None:
                 check.fault((*loc, "spacing"), "only items on a belt have a spacing", code="P112", key=True)
-            if check_area(check, loc, entry.area, fixtures, workspace):
+            if check_area(check, loc, entry.area, standing, workspace):
                 check_crowding(check, loc, entry, entry.area, _gap(entry), catalogue)
     with check.readable():
         if which == "belt" and entry.belt is not None:

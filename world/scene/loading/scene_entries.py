@@ -92,7 +92,10 @@ def _corners(raw: bytes, suffix: str, scale: float) -> Array:
     if float(size.max()) > 1.0:
         hint = "is it in millimetres? then 'scale: 0.001'"
         raise MeshError(f"the mesh is {float(size.max()):.3g} m large", hint)
-    if watertight and solid > 0 and volume > MAX_HULL_VOLUME_RATIO * solid:
+    if not watertight:
+        hint = f"close it; its hull, which could stand for it, has {volume * 1e6:.1f} cm³"
+        raise MeshError("the mesh is not closed: some of its edges do not belong to two faces", hint)
+    if solid > 0 and volume > MAX_HULL_VOLUME_RATIO * solid:
         share = 100 * (volume / solid - 1)
         raise MeshError(f"the mesh is not convex: its hull is {share:.0f} % larger", "convex parts only")
     if len(points) > MAX_VERTICES:

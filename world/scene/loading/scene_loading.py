@@ -20,6 +20,7 @@ from ...values import Bounds, ObjectId, Pose
 from ..body_schema import CatalogueFile, FixtureFile, UnknownFile
 from ..calibration_results import SceneCalibration
 from ..description import (
+    MIN_FELT_MASS,
     Bin,
     CatalogueEntry,
     Destination,
@@ -170,12 +171,13 @@ class _Parts:
             check_camera(check, name, entry)
         self.catalogue = {name: kind(check, name, entry) for name, entry in self.kinds.items()}
         self._check_calibration()
-        fixtures = self._fixtures()
+        standing = self._standing()
         for n, entry in enumerate(self.spawn):
             if check.full:
                 break
-            check_spawn(check, n, entry, self.catalogue, fixtures, workspace)
-        self._check_feed(fixtures, workspace)
+            check_spawn(check, n, entry, self.catalogue, standing, workspace)
+        self._check_feed(standing, workspace)
+        self._check_weights()
         for n, entry in enumerate(self.destinations):
             self._check_destination(n, entry)
         self._check_fits()
@@ -224,15 +226,17 @@ class _Parts:
             self.checker.fault(("robot",), str(error), code="P401")
             return None
 
-    def _fixtures(self) -> list[Fixture] | None:
-        """None when one of them cannot be read."""
+    def _standing(self) -> list[Fixture | Bin] | None:
+        """Return fixtures and bins; None when one of them cannot be read."""
         with self.checker.readable():
-            bodies = [
+            return [
                 body(name, entry)
                 for name, entry in self.bodies.items()
-                if entry.box is not None or entry.belt is not None or entry.marker is not None
+                if (entry.bin is not None and entry.wall is not None)
+                or entry.box is not None
+                or entry.belt is not None
+                or entry.marker is not None
             ]
-            return [fixture for fixture in bodies if isinstance(fixture, Fixture)]
         return None
 
     def _workspace(self) -> Bounds | None:
@@ -245,17 +249,29 @@ class _Parts:
             self.checker.fault(("limits", "workspace"), message, code="P415")
         return None
 
-    def _check_feed(self, fixtures: list[Fixture] | None, workspace: Bounds | None) -> None:
+    def _check_feed(self, standing: list[Fixture | Bin] | None, workspace: Bounds | None) -> None:
         check = self.checker
         for n, entry in enumerate(self.feed):
             if check.full:
                 return
-            check_feed(check, n, entry, self.catalogue, self.bodies, fixtures, workspace)
+            check_feed(check, n, entry, self.catalogue, self.bodies, standing, workspace)
         check_belts(check, self.bodies, self.feed, workspace)
         with check.readable():
             if self.rest.exchange is not None and not any(map(self._may_be_bin, self.bodies)):
                 message, hint = "there is no bin that could be exchanged", "a fixture with 'bin'"
                 check.fault(("exchange",), message, hint, code="P425", key=True, severity="warning")
+
+    def _check_weights(self) -> None:
+        """Warn of items that come and are lighter than a wrist can feel."""
+        check = self.checker
+        with check.readable():
+            for name in dict.fromkeys(kind for entry in (*self.spawn, *self.feed) for kind in entry.of):
+                known = self.catalogue.get(name)
+                if known is not None and known.mass < MIN_FELT_MASS:
+                    message = f"{1000 * known.mass:g} g are less than the wrist surely feels"
+                    least = f"below {1000 * MIN_FELT_MASS:g} g"
+                    hint = f"{least} the opening of the fingers alone tells that it is held"
+                    check.fault(("catalogue", name, "mass"), message, hint, code="P427", severity="warning")
 
     def _check_unknown(self, name: str, entry: UnknownFile) -> None:
         if name in self.bodies:

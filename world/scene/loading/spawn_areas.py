@@ -13,7 +13,7 @@ from ....files.value_wording import describe, suggest_name
 from ....files.yaml.document_checker import DocumentChecker
 from ...shapes import Box, Cylinder, Shape, Sphere, corners
 from ...values import Bounds
-from ..description import CatalogueEntry, Fixture
+from ..description import Bin, CatalogueEntry, Fixture
 from ..scene_schema import AreaFile, SpawnFile
 
 MAX_COVERED_SHARE = 0.8
@@ -36,14 +36,14 @@ def check_spawn(
     n: int,
     entry: SpawnFile,
     catalogue: Mapping[str, CatalogueEntry | None],
-    fixtures: Sequence[Fixture] | None,
+    bodies: Sequence[Fixture | Bin] | None,
     workspace: Bounds | None,
 ) -> None:
     """Faults of one spawn entry. Faulty kinds count as none; None stands for what could not be read."""
     loc: Location = ("spawn", n)
     check_kinds(check, loc, entry, catalogue)
     with check.readable():
-        if check_area(check, loc, entry.area, fixtures, workspace):
+        if check_area(check, loc, entry.area, bodies, workspace):
             check_crowding(check, loc, entry, entry.area, 0.0 if entry.touching else entry.gap, catalogue)
         if entry.touching and entry.tumbled:
             message = "'touching' and 'tumbled' exclude each other: what is dropped comes to lie anywhere"
@@ -66,7 +66,7 @@ def check_area(
     check: DocumentChecker,
     loc: Location,
     area: AreaFile,
-    fixtures: Sequence[Fixture] | None,
+    bodies: Sequence[Fixture | Bin] | None,
     workspace: Bounds | None,
 ) -> bool:
     """Whether the area is one at all; faults also when it lies where nothing can be set down or reached."""
@@ -75,7 +75,7 @@ def check_area(
         message = "the area is empty: 'max' must be greater than 'min' along x and y"
         check.fault((*loc, "area"), message, code="P411")
         return False
-    _check_place(check, loc, area, fixtures, workspace)
+    _check_place(check, loc, area, bodies, workspace)
     return True
 
 
@@ -83,7 +83,7 @@ def _check_place(
     check: DocumentChecker,
     loc: Location,
     area: AreaFile,
-    fixtures: Sequence[Fixture] | None,
+    bodies: Sequence[Fixture | Bin] | None,
     workspace: Bounds | None,
 ) -> None:
     (x0, y0), (x1, y1) = area.min, area.max
@@ -94,9 +94,14 @@ def _check_place(
             hint = f"which is x {wx0:g} … {wx1:g} m, y {wy0:g} … {wy1:g} m"
             check.fault((*loc, "area"), "the area is outside the workspace", hint, code="P412")
     # A table that could not be read is not missed a second time.
-    if fixtures is not None and any(not _covered(fixtures, x, y) for x, y in points):
+    if bodies is not None and any(not _covered(bodies, x, y) for x, y in points):
         message = "the area is not over a level fixture"
         check.fault((*loc, "area"), message, "items stand on a table", code="P413")
+        return
+    below = next((b for b in bodies or () if isinstance(b, Bin) and _overlaps(b, points)), None)
+    if below is not None:
+        hint = "move one of them: items are set down on the table, beside bins"
+        check.fault((*loc, "area"), f"the area lies over {below.id}", hint, code="P426")
 
 
 def check_crowding(
@@ -129,8 +134,22 @@ def check_crowding(
         check.fault((*loc, "area"), message, hint, code="P414")
 
 
-def _covered(fixtures: Iterable[Fixture], x: float, y: float) -> bool:
-    for fixture in fixtures:
+def _overlaps(each: Bin, area: Sequence[tuple[float, float]]) -> bool:
+    """Return whether a bin is below an area with these corners: no axis of the two separates them."""
+    x, y, _ = each.size
+    own = [each.pose.apply(np.array([a * x / 2, b * y / 2, 0.0]))[:2] for a in (-1, 1) for b in (-1, 1)]
+    across = each.pose.rotation()[:2, :2].T
+    for axis in (*across, *np.eye(2)):
+        one, other = np.array(own) @ axis, np.array(area) @ axis
+        if one.max() <= other.min() + 1e-9 or other.max() <= one.min() + 1e-9:
+            return False
+    return True
+
+
+def _covered(bodies: Iterable[Fixture | Bin], x: float, y: float) -> bool:
+    for fixture in bodies:
+        if isinstance(fixture, Bin):
+            continue
         rotation = fixture.pose.rotation()
         if abs(rotation[2, 2]) < 0.999 or not isinstance(fixture.shape, Box):
             continue
