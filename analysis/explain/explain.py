@@ -7,8 +7,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Literal
 
-from ...logs.episodes.episode import Episode
-from ...logs.run_account import Episodes
 from ...logs.run_log import Stamped
 from ...logs.schema.event_records import BeliefEvent
 from ...logs.visits import Visit
@@ -278,7 +276,7 @@ def explain(run: RunRecord, *, faults: bool = True, items: bool = True) -> Expla
     recovery = account.recovery
     return Explanation(
         outcome=outcome,
-        failures=tuple(_told(case, failure, causes, planted, recovery) for failure in failures),
+        failures=tuple(_told(case, failure, causes, planted) for failure in failures),
         root_causes=causes,
         items=items_of(case) if items else (),
         look_at=key_moments(causes, failures, outcome),
@@ -291,7 +289,6 @@ def _told(
     failure: FailureStory,
     causes: Sequence[RootCause],
     planted: Sequence[Stamped[FaultEvent]],
-    recovery: Episodes,
 ) -> FailureStory:
     """The failure with what only the whole run tells."""
     names = case.believed.get(case.pairs.get(failure.item, ""), ())
@@ -301,16 +298,5 @@ def _told(
         observed=failure_context(case, failure, planted),
         made_good_at=done[0] if done and failure.fate in ("passed_over", "branched") else None,
         root_cause=next((n for n, cause in enumerate(causes) if failure.number in cause.failures), None),
-        episode=_episode(failure, recovery.episodes),
+        episode=case.episode(failure),
     )
-
-
-def _episode(failure: FailureStory, episodes: Sequence[Episode]) -> int | None:
-    """The episode that a failure belongs to: of the same cause, and with one of its failures then."""
-    found = [
-        n
-        for n, episode in enumerate(episodes)
-        if episode.cause == failure.cause and any(abs(at - failure.time) < 1e-6 for at in episode.times)
-    ]
-    same = [n for n in found if episodes[n].node == failure.node]
-    return (same or found or [None])[0]

@@ -16,8 +16,8 @@ from ....world.belief.planning_scene import BeliefObject
 from ....world.scene.description import Bin, Fixture
 from ....world.shapes import extents
 from ....world.values import ObjectId, Pose
-from ..investigation.case import Finding, Investigation, reachable
-from ..investigation.explanation import CandidateChoice, FailureStory, number, word, words
+from ..investigation.case import Investigation, reachable
+from ..investigation.explanation import CandidateChoice, FailureStory, Finding, number, word, words
 from ..investigation.number_wording import counted, place, seconds
 
 OVER = 0.35
