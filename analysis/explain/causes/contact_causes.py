@@ -4,11 +4,8 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from ....logs.schema.event_records import ImageEvent
 from ....world.events.skill_events import SafetyStopEvent
-from ....world.shapes import extents
 from ..investigation.case import Investigation
 from ..investigation.explanation import FailureStory, Finding, number, numbers, word
 from ..investigation.number_wording import distance, force, place, seconds
@@ -43,7 +40,7 @@ def touched(case: Investigation, failure: FailureStory) -> Finding | None:
                 near.append((away, true))
     verb = f"the arm met something with {felt}" if felt else "the arm was stopped"
     where = f" on its way with {failure.item}" if failure.item else ""
-    unknown = _obstacle_near(case, time)
+    unknown = next(iter(case.obstacles_near(time)), None)
     if unknown is not None and (not near or min(near)[0] > CLOSE):
         title = f"{verb}{where}: {unknown}, which nobody had told the robot of, stood next to it"
         reasons.append(_when_seen(case, time))
@@ -67,21 +64,6 @@ def touched(case: Investigation, failure: FailureStory) -> Finding | None:
     return Finding(
         word(failure, "stopped_by") or failure.cause, about, title, tuple(reasons), failure.item, time
     )
-
-
-def _obstacle_near(case: Investigation, time: float) -> str | None:
-    """The nearest thing about hand and arm that the robot was not told of, by the truth."""
-    near: list[tuple[float, str]] = []
-    links = case.links(time)
-    for name in case.obstacles.tracks:
-        body = case.obstacles.at(name, time)
-        if body is not None and len(links):
-            low, high = extents(body.shape, np.eye(3))
-            local = body.pose.inverse().apply(links)
-            away = np.linalg.norm(np.maximum(np.maximum(low - local, local - high), 0.0), axis=1)
-            near.append((float(away.min()), name))
-    away, name = min(near, default=(math.inf, ""))
-    return name if away < AROUND else None
 
 
 def _when_seen(case: Investigation, time: float) -> str:

@@ -68,7 +68,12 @@ def wrist_biased(case: Investigation) -> Iterator[DeviceFinding]:
     )
     error = np.stack([median_of_neighbours(axis) for axis in error.T], axis=1)
     still = np.array([s.speed < STANDING for s in states])
-    off = np.linalg.norm(error - error[0], axis=1)  # the arm begins at rest
+    error -= error[0]  # the arm begins at rest
+    gripper = case.run.gripper
+    pressing = np.interp(times, gripper.times, gripper.forces) > 1.0 if len(gripper.times) else ~still
+    off = np.where(
+        pressing, np.abs(error[:, 2]), np.linalg.norm(error, axis=1)
+    )  # fingers press each other aside
     spans = [s for s in _spans(times, (off > BIAS) & (still | (off > SWUNG))) if s[1] - s[0] > SILENT]
     silent = [span for found in wrist_silent(case) for span in found.spans]
     spans = [(a, b) for a, b in spans if not any(x <= b and a <= y for x, y in silent)]
@@ -139,18 +144,22 @@ def arm_stalled(case: Investigation) -> Iterator[DeviceFinding]:
     arm = [joints.column(name) for name in case.run.joint_names[0] if name in joints.names]
     if not controls.errors.size or not arm or len(joints.times) < 3:
         return
-    speed = np.abs(joints.velocities[:, arm])
-    drop = (speed[:-1] - speed[1:]) / np.maximum(np.diff(joints.times), 1e-3)[:, None]
+    speeds = joints.velocities[:, arm]
+    speed = np.abs(speeds)
     moving, fast = speed[:-1] > 0.04, speed[:-1] > 0.2
+    drop = np.abs(np.diff(speeds, axis=0)) / np.maximum(np.diff(joints.times), 1e-3)[:, None]
     halted = (moving.sum(axis=1) >= MOVING) & (~fast | (speed[1:] < 0.75 * speed[:-1])).all(axis=1)
     hard = halted & (((drop > BRAKED) & moving).sum(axis=1) >= 2)
+    lagging = (np.nan_to_num(np.abs(controls.errors)) > STUCK).sum(axis=1) >= MOVING
+    lagging &= np.array([name == "Track" for name in controls.controllers])
+    behind = np.interp(joints.times[1:], controls.times, lagging) > 0.5
     error = np.nan_to_num(np.abs(controls.errors)).max(axis=1)
-    tracked = np.array([name == "Track" for name in controls.controllers])
-    behind = np.interp(joints.times[1:], controls.times, np.where(tracked, error, 0.0)) > 2e-3
-    stuck = halted & behind & (speed[1:].max(axis=1) < 2e-3)
+    stuck = (
+        halted & (np.interp(joints.times[1:], controls.times, error) > 2e-3) & (speed[1:].max(axis=1) < 2e-3)
+    )
     stops = [at.time for at in case.events(SafetyStopEvent) if at.record.cause == "control.tracking"]
     stops += [f.time for f in case.failures if f.cause.startswith("control.t")]
-    for tick in np.flatnonzero(stuck | hard):
+    for tick in np.flatnonzero(stuck | hard | behind):
         time = float(joints.times[tick + 1])
         if not stuck[tick] and not any(-0.11 < stop - time < 0.4 for stop in stops):
             continue
@@ -162,12 +171,12 @@ def arm_stalled(case: Investigation) -> Iterator[DeviceFinding]:
             f"the arm stood still from {seconds(time)} on though it was commanded to move: no drive followed"
         )
         reasons = (
-            f"{int(moving[tick].sum())} joints stopped within one tick, faster than they can brake",
-            "truly nothing was near the hand",
+            f"{int(moving[tick].sum())} joints stopped together, faster than they brake",
+            "truly nothing was near the arm",
         )
         yield DeviceFinding(
             Finding("arm.stalled", "arm", title, reasons, "", time),
-            ((time - 0.1, max(end, time)),), (*SENSED, "tree.timeout"), 3.0,
+            ((time - 0.1, max(end, time)),), MOVED, 3.0,
         )  # fmt: skip
         return
 
@@ -176,6 +185,10 @@ MOVING = 3
 """Joints that must have moved before the arm can be seen to stall."""
 FOLLOWING = 0.3
 """Speed of a joint that follows its commands again, rad/s."""
+MOVED = ("control.*", "safety.*", "world.disturbed", "tree.timeout")
+"""Failures that an arm may have which does not follow."""
+STUCK = 0.01
+"""Error of a joint that does not follow, rad."""
 BRAKED = 18.0
 """Deceleration that no brake of the arm's controller commands, rad/s²."""
 

@@ -208,6 +208,8 @@ def _let_go(case: Investigation, failure: FailureStory, period: HeldPeriod) -> F
         return None
     if math.dist(hand, body.pose.position) > IN_HAND:
         return None
+    if (nature := _by_its_nature(case, failure.item, period.true, time)) is not None:
+        return nature
     load = number(failure, "load")
     felt = "" if load is None else f": the wrist felt {force(max(load, 0.0))} of it"
     title = f"{failure.item} was still in the hand and counted as lost{felt}"
@@ -324,7 +326,7 @@ def too_heavy(case: Investigation, failure: FailureStory) -> Finding | None:
         return None
     held = next((b for b in case.believed_at(failure.time - 1e-3) if b.attached), None)
     entry = None if held is None else case.entry(held.id)
-    if held is None or entry is None:
+    if held is None or entry is None or held.id in case.identities.phantoms:
         return None
     true = case.pairs.get(held.id, held.id)
     nature = _by_its_nature(case, held.id, true, failure.time)

@@ -87,6 +87,14 @@ def nothing_there(case: Investigation, failure: FailureStory) -> Finding | None:
         title = f"{item} does not exist by itself: it is seen in the {of.colour} {of.kind} ({near}){known}"
         reasons = (f"at {seconds(seen.time)} the camera took it for a {seen.seen.colour} {seen.seen.kind}",)
         return Finding("perception.twin", near, title, reasons, item, seen.time)
+    stands = case.obstacle_at(seen.seen)
+    if stands:
+        title = (
+            f"{item} is no item: {stands}, which the robot was not told of, was taken for a {seen.seen.kind}"
+        )
+        return Finding(
+            "perception.phantom", item, title, (f"it was seen so at {seconds(seen.time)}",), item, seen.time
+        )
     title = f"{item} does not exist: nothing lies at {place(seen.seen.pose.position)}"
     reasons = (
         f"the camera took something for a {seen.seen.colour} {seen.seen.kind} at {seconds(seen.time)}",

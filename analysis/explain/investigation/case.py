@@ -39,6 +39,10 @@ if TYPE_CHECKING:
 E = TypeVar("E", bound=JournalEvent)
 
 
+NEAR_HAND = 0.08
+"""An item whose centre is this near to the fingers may be touched, m."""
+NEAR_ARM = 0.15
+"""An obstacle this near to a link's frame may be touched, m."""
 POSES = 12
 """Number of poses that are tried of a longer list, spread over it."""
 SOLUTIONS = 1
@@ -286,14 +290,26 @@ class Investigation:
         x, y, z = np.mean(fingers, axis=0)
         return (float(x), float(y), float(z))
 
-    def something_near(self, time: float, reach: float = 0.15) -> bool:
-        """Whether an item that is not believed in the hand, or an obstacle, was truly near the fingers."""
+    def something_near(self, time: float) -> bool:
+        """Whether an item that is not believed in the hand, or an obstacle, was truly near hand or arm."""
         hand = self.hand(time)
         held = {self.pairs.get(b.id, "") for b in self.believed_at(time) if b.attached}
-        return hand is not None and any(
-            name not in held and math.dist(hand, body.pose.position) < reach
-            for name, body in (*self.truth.there(time), *self.obstacles.there(time))
+        items = (body for name, body in self.truth.there(time) if name not in held)
+        return bool(self.obstacles_near(time)) or any(
+            hand is not None and math.dist(hand, body.pose.position) < NEAR_HAND for body in items
         )
+
+    def obstacles_near(self, time: float) -> list[str]:
+        """Return the obstacles next to hand and arm that the robot was not told of, the nearest first."""
+        found: list[tuple[float, str]] = []
+        links = self.links(time)
+        for name, body in self.obstacles.there(time) if len(links) else ():
+            low, high = extents(body.shape, np.eye(3))
+            local = body.pose.inverse().apply(links)
+            away = np.linalg.norm(np.maximum(np.maximum(low - local, local - high), 0.0), axis=1)
+            if float(away.min()) < NEAR_ARM:
+                found.append((float(away.min()), name))
+        return [name for _, name in sorted(found)]
 
     def in_the_air(self, body: BodyRecord) -> bool:
         """Whether a true item is well above the table, and next to no bin, fixture or obstacle."""
@@ -309,6 +325,16 @@ class Investigation:
             for pose, half in solid
         )
         return z > size + 0.03 and not near
+
+    def obstacle_at(self, seen: BodyRecord) -> str:
+        """Return the obstacle that is where a body is believed; empty for none."""
+        for name, body in self.obstacles.there(seen.last_seen + 1.0):
+            low, high = extents(body.shape, body.pose.rotation())
+            if float(np.abs(np.subtract(body.pose.position, seen.pose.position)).max()) < float(
+                (high - low).max()
+            ):
+                return name
+        return ""
 
     def links(self, time: float) -> Array:
         """Return the frames' origins of arm and hand and the middles between them, (n, 3), m; none without
