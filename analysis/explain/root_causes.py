@@ -14,7 +14,8 @@ from typing import Final, TypeAlias
 from ...logs.run_log import Stamped
 from ...world.events.run_events import FaultEvent
 from .causes.contact_causes import touched
-from .causes.held_items import left_the_hand, pressed_from_below, too_heavy
+from .causes.device_causes import device_findings
+from .causes.held_items import held_periods, left_the_hand, pressed_from_below, too_heavy
 from .causes.item_nature import larger, nothing_there, too_wide
 from .causes.item_whereabouts import misjudged, wrong_location_cause
 from .causes.obstruction_causes import obstruction_cause
@@ -43,13 +44,17 @@ Question: TypeAlias = Callable[[Investigation, FailureStory], Finding | None]
 def device(case: Investigation, failure: FailureStory) -> Finding | None:
     """A sensor, a joint, the fingers, the planner: what is common to failures."""
     return next(
-        (found.finding for found in case.device_findings if found.covers(failure, case.visit(failure).start)),
+        (
+            found.finding
+            for found in case.once(device_findings)
+            if found.covers(failure, case.visit(failure).start)
+        ),
         None,
     )
 
 
 def pressed(case: Investigation, failure: FailureStory) -> Finding | None:
-    """What bore the weight of an item that is said to have slipped."""
+    """The body that bore the weight of an item that is said to have slipped."""
     return touched(case, failure) if pressed_from_below(failure) else None
 
 
@@ -70,7 +75,7 @@ QUESTIONS: Final[tuple[Question, ...]] = (
     unacknowledged,
     touched,
 )  # fmt: skip
-"""What is asked about a failure, in this order."""
+"""Questions about a failure, in this order."""
 
 
 @dataclass
@@ -115,7 +120,7 @@ def _of_failures(case: Investigation) -> Mapping[int, Finding]:
     """The finding for each failure; one that follows from another has that one's."""
     found: dict[int, Finding] = {}
     displaced: dict[str, Finding] = {}
-    """What brought a true item to where it lies now."""
+    """Finding that brought a true item to where it lies now."""
     for failure in case.failures:
         if failure.because_of is not None:
             finding = found[failure.because_of]
@@ -133,7 +138,7 @@ def _of_failures(case: Investigation) -> Mapping[int, Finding]:
 
 def _held_since(case: Investigation, true: str, displaced: Finding) -> bool:
     """Whether the robot had the item in its hand after it had been moved there."""
-    return any(p.true == true and p.start > (displaced.time or 0.0) for p in case.held)
+    return any(p.true == true and p.start > (displaced.time or 0.0) for p in case.once(held_periods))
 
 
 def _as_it_says(failure: FailureStory) -> Finding:
@@ -187,14 +192,16 @@ def _why_unsorted(case: Investigation, true: str, by_failure: Mapping[int, Findi
 
 
 def _no_time(case: Investigation, true: str, by_failure: Mapping[int, Finding]) -> Finding | None:
-    """What took the time in which an item would have been tried: a stop, a skill that hung."""
+    """The stop that took the time in which an item would have been tried."""
     stopped = [f for f in case.failures if f.cause == "tree.timeout" and f.fate != "cured"]
     return by_failure[stopped[-1].number] if stopped else why_not_sorted(case, true)
 
 
 def _unseen(case: Investigation, answer: Finding) -> Finding:
     """Whether a camera that did not do as it should has not shown an item."""
-    cameras = (found.finding for found in case.device_findings if found.finding.cause.startswith("camera."))
+    cameras = (
+        found.finding for found in case.once(device_findings) if found.finding.cause.startswith("camera.")
+    )
     return next(cameras, answer)
 
 

@@ -180,7 +180,7 @@ def left_the_hand(case: Investigation, failure: FailureStory) -> Finding | None:
     if failure.cause not in HOLDING:
         return None
     true = case.pairs.get(failure.item)
-    periods = [p for p in case.held if p.true == true and p.start <= failure.time + 1e-6]
+    periods = [p for p in case.once(held_periods) if p.true == true and p.start <= failure.time + 1e-6]
     period = periods[-1] if periods else None
     if true is None or period is None or (period.left is None and period.end < failure.time - RECENT):
         return None
@@ -250,7 +250,7 @@ def why_it_left(case: Investigation, period: HeldPeriod) -> Finding | None:
     if found is not None:
         return Finding(found.cause, found.about, found.title, (*found.reasons, told, *until), item, start,
                        found.confidence)  # fmt: skip
-    others = [p for p in case.held if p.true == true and p.left is None and p is not period]
+    others = [p for p in case.once(held_periods) if p.true == true and p.left is None and p is not period]
     well = [f"it was held well at {listed_times([p.start for p in others])}"] if others else []
     if period.flung:
         title = f"{item} was knocked out of the hand {between(start, end)}"
@@ -312,7 +312,7 @@ def _by_the_grip(case: Investigation, period: HeldPeriod) -> Finding | None:
         reasons = (f"by the catalogue a {entry.kind} weighs {force(weight)}", pressed, should)
         return Finding("item.heavy", period.true, title, reasons, item, grip.closed, "possible")
     if grip.load < SLIPPERY * holds and not any(
-        p.true == period.true and p.left is None for p in case.held if p is not period
+        p.true == period.true and p.left is None for p in case.once(held_periods) if p is not period
     ):
         most = (grip.load + 0.05) / (2.0 * grip.force)
         title = f"{item} is slipperier than its kind: its friction is at most {most:.2f}"

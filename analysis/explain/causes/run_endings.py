@@ -12,6 +12,7 @@ from ....world.events.skill_events import ItemDoneEvent, SafetyStopEvent
 from ..investigation.case import Investigation
 from ..investigation.explanation import ExplainedOutcome, FailureStory, Finding, number, word
 from ..investigation.number_wording import counted, seconds
+from .held_items import held_periods
 
 
 def run_ended(case: Investigation, outcome: ExplainedOutcome) -> Finding | None:
@@ -81,7 +82,7 @@ def out_of_order(case: Investigation, failure: FailureStory) -> Finding | None:
     if failure.cause != "grasp.slipped" or failure.evidence.get("held", "") is not None:
         return None
     true = case.pairs.get(failure.item)
-    if any(p.true == true and p.start < failure.time for p in case.held):
+    if any(p.true == true and p.start < failure.time for p in case.once(held_periods)):
         return None
     grasps = [v for v in case.family.visits if v.id == "Grasp" and v.item == failure.item]
     title = f"{failure.name} was run before anything was grasped: nothing was in the hand"

@@ -199,6 +199,6 @@ def _force(wrench: Sequence[float]) -> Vector3:
 
 
 def offset(seen: BodyRecord, true: BodyRecord) -> Vector3:
-    """From the believed centre to the true one, m."""
+    """Vector from the believed centre to the true one, m."""
     (a, b, c), (x, y, z) = seen.pose.position, true.pose.position
     return (x - a, y - b, z - c)

@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 import re
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, TypeVar, cast
 
 import numpy as np
 
@@ -28,15 +28,15 @@ from ....world.scene.loading.scene_loading import parse_scene
 from ....world.shapes import extents
 from ....world.values import Array, ObjectId, Pose, Vector3
 from .body_tracks import BodyTracks, DeviceState, device_state, true_scenes, true_states
-from .explanation import DeviceFinding, FailureStory
+from .explanation import FailureStory
 from .identities import Identities
 
 if TYPE_CHECKING:
     from ....logs.run_record import RunRecord
     from ....planning.kinematics.inverse_kinematics import InverseKinematics
-    from ..causes.held_items import HeldPeriod
 
 E = TypeVar("E", bound=JournalEvent)
+T = TypeVar("T")
 
 
 NEAR_HAND = 0.08
@@ -102,6 +102,7 @@ class Investigation:
         self.run = run
         self.family = family
         self.failures = tuple(failures)
+        self._answers: dict[object, object] = {}
 
     @cached_property
     def scene(self) -> SceneDescription | None:
@@ -223,19 +224,11 @@ class Investigation:
         track = self.truth.tracks.get(true)
         return None if track is None else entry_of(self.scene, track.first.kind)
 
-    @cached_property
-    def held(self) -> tuple[HeldPeriod, ...]:
-        """Times during which an item was believed in the hand."""
-        from ..causes.held_items import held_periods
-
-        return held_periods(self)
-
-    @cached_property
-    def device_findings(self) -> tuple[DeviceFinding, ...]:
-        """Devices that did not do as they should."""
-        from ..causes.device_causes import device_findings
-
-        return device_findings(self)
+    def once(self, question: Callable[[Investigation], T]) -> T:
+        """Return the answer to a question about the whole run, which is asked only once."""
+        if question not in self._answers:
+            self._answers[question] = question(self)
+        return cast("T", self._answers[question])
 
     def episode(self, failure: FailureStory) -> int | None:
         """Return the episode with a failure of this cause at that time."""
