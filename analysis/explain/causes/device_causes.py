@@ -71,9 +71,8 @@ def wrist_biased(case: Investigation) -> Iterator[DeviceFinding]:
     error -= error[0]  # the arm begins at rest
     gripper = case.run.gripper
     pressing = np.interp(times, gripper.times, gripper.forces) > 1.0 if len(gripper.times) else ~still
-    off = np.where(
-        pressing, np.abs(error[:, 2]), np.linalg.norm(error, axis=1)
-    )  # fingers press each other aside
+    off: Array = np.linalg.norm(error, axis=1)
+    off[pressing] = np.abs(error[pressing, 2])  # two fingers that press push each other aside
     spans = [s for s in _spans(times, (off > BIAS) & (still | (off > SWUNG))) if s[1] - s[0] > SILENT]
     silent = [span for found in wrist_silent(case) for span in found.spans]
     spans = [(a, b) for a, b in spans if not any(x <= b and a <= y for x, y in silent)]
@@ -150,16 +149,15 @@ def arm_stalled(case: Investigation) -> Iterator[DeviceFinding]:
     drop = np.abs(np.diff(speeds, axis=0)) / np.maximum(np.diff(joints.times), 1e-3)[:, None]
     halted = (moving.sum(axis=1) >= MOVING) & (~fast | (speed[1:] < 0.75 * speed[:-1])).all(axis=1)
     hard = halted & (((drop > BRAKED) & moving).sum(axis=1) >= 2)
-    lagging = (np.nan_to_num(np.abs(controls.errors)) > STUCK).sum(axis=1) >= MOVING
-    lagging &= np.array([name == "Track" for name in controls.controllers])
-    behind = np.interp(joints.times[1:], controls.times, lagging) > 0.5
-    error = np.nan_to_num(np.abs(controls.errors)).max(axis=1)
-    stuck = (
-        halted & (np.interp(joints.times[1:], controls.times, error) > 2e-3) & (speed[1:].max(axis=1) < 2e-3)
-    )
+    errors = np.nan_to_num(np.abs(controls.errors))
+    tracking = np.array([name == "Track" for name in controls.controllers])
+    lagging: Array = ((errors > STUCK).sum(axis=1) >= MOVING).astype(float) * tracking
+    behind: Array = np.interp(joints.times[1:], controls.times, lagging)
+    error: Array = np.interp(joints.times[1:], controls.times, errors.max(axis=1))
+    stuck: NDArray[np.bool_] = halted & (error > 2e-3) & (speed[1:].max(axis=1) < 2e-3)
     stops = [at.time for at in case.events(SafetyStopEvent) if at.record.cause == "control.tracking"]
     stops += [f.time for f in case.failures if f.cause.startswith("control.t")]
-    for tick in np.flatnonzero(stuck | hard | behind):
+    for tick in np.flatnonzero(stuck | hard | (behind > 0.5)):
         time = float(joints.times[tick + 1])
         if not stuck[tick] and not any(-0.11 < stop - time < 0.4 for stop in stops):
             continue

@@ -151,6 +151,10 @@ class ItemEvent:
     failure: int | None = None
 
 
+ItemState: TypeAlias = Literal["done", "held", "left", "gone", "aside"]
+"""State of an item at the end, as the robot believed; `aside`: the mission had given it up."""
+
+
 @dataclass(frozen=True, slots=True)
 class ItemStory:
     """Events of one item, as the robot believed."""
@@ -158,10 +162,12 @@ class ItemStory:
     id: str
     kind: str
     colour: str
-    state: Literal["done", "held", "left", "gone"]
+    state: ItemState
     events: tuple[ItemEvent, ...]
     truth: str = ""
     """Where it really is in the end, in the scorer's words; for the analyst only."""
+    names: tuple[str, ...] = ()
+    """Ids under which the robot knew the item, the first one first."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -176,7 +182,7 @@ class KeyMoment:
 @dataclass(frozen=True, slots=True)
 class ExplainedOutcome:
     status: str
-    """As in the result; `killed` when the log has none."""
+    """As in the result; without one `killed`, `crashed`, or `running` while the log is being written."""
     sentence: str
     end: float
     """Simulated s."""
