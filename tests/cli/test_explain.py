@@ -191,7 +191,7 @@ Items (4, as the robot believed)
                       where it belongs)
 
 Look at
-     3.00 s  red_ball_1: the item vanishes from the truth, and the belief keeps it
+     3.80 s  red_ball_1: the item vanishes from the truth, and the belief keeps it
      6.70 s  Grasp of red_ball_1 fails: grasp.missed
   step through it  picktree replay LOG --at 3.80
   see it           picktree snapshot LOG --at 3.80 -o moment.png
