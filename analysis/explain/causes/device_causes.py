@@ -150,10 +150,11 @@ def arm_stalled(case: Investigation) -> Iterator[DeviceFinding]:
     halted = (moving.sum(axis=1) >= MOVING) & (~fast | (speed[1:] < 0.75 * speed[:-1])).all(axis=1)
     hard = halted & (((drop > BRAKED) & moving).sum(axis=1) >= 2)
     errors: Array = np.nan_to_num(np.abs(controls.errors))
+    worst: Array = np.max(errors, axis=1)
     tracking = np.array([name == "Track" for name in controls.controllers])
     lagging: Array = ((errors > STUCK).sum(axis=1) >= MOVING).astype(float) * tracking
     behind: Array = np.interp(joints.times[1:], controls.times, lagging)
-    error: Array = np.interp(joints.times[1:], controls.times, np.max(errors, axis=1))
+    error = np.asarray(np.interp(joints.times[1:], controls.times, worst), dtype=np.float64)
     stuck: NDArray[np.bool_] = halted & (error > 2e-3) & (speed[1:].max(axis=1) < 2e-3)
     stops = [at.time for at in case.events(SafetyStopEvent) if at.record.cause == "control.tracking"]
     stops += [f.time for f in case.failures if f.cause.startswith("control.t")]

@@ -16,6 +16,8 @@ Confidence: TypeAlias = Literal["likely", "possible", "the log does not tell"]
 `likely`: measured, or seen in the ground truth. `possible`: fits what is in the log, as something else may.
 `the log does not tell`: the failure's own words, because nothing else speaks for a cause.
 """
+CONFIDENCES: tuple[Confidence, ...] = ("likely", "possible", "the log does not tell")
+"""From the surest."""
 
 
 @dataclass(frozen=True, slots=True)
