@@ -16,8 +16,8 @@ from ....world.belief.planning_scene import BeliefObject
 from ....world.scene.description import Bin, Fixture
 from ....world.shapes import extents
 from ....world.values import ObjectId, Pose
-from ..investigation.case import Finding, Investigation, reachable
-from ..investigation.explanation import CandidateChoice, FailureStory, number, word, words
+from ..investigation.case import Investigation, reachable
+from ..investigation.explanation import CandidateChoice, FailureStory, Finding, number, word, words
 from ..investigation.number_wording import counted, place, seconds
 
 OVER = 0.35
@@ -198,10 +198,10 @@ def _touching(
         # The hand may just have let go of something there: where that lies is a guess.
         begun = failure.name_and_item
         title = f"the hand stood, as believed, within {listed(neighbours, 3)} when {begun} was to begin"
-        return Finding("item.crowded", neighbours[0], title, reasons, neighbours[0], failure.time)
+        return Finding("item.crowded", "hand", title, reasons, neighbours[0], failure.time)
     if neighbours:
         title = f"{about} lies too close to {listed(neighbours, 3)}: there is no room for the hand"
-        return Finding("item.crowded", about, title, reasons, failure.item, failure.time)
+        return Finding("item.crowded", "", title, reasons, failure.item, failure.time)
     walls = [name for name in most if name in bins]
     if walls:
         title = f"{about} lies too close to {walls[0]}: its walls are in the way of the hand"
