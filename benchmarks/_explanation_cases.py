@@ -1,4 +1,4 @@
-"""Cases of the benchmark of explanations: their table, their files, and the verdict on what a log was said to tell."""
+"""Cases of the benchmark of explanations: their table, their files, and the verdict on an explanation."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, Literal, TypeAlias
 
@@ -61,7 +62,7 @@ class Case:
     either: bool = False
     """Whether any of the expected causes may stand first."""
     ends: str = ""
-    """How the process ends: `killed` from outside, `kills_itself`, `goes_on` while it is explained; else by itself."""
+    """`killed` from outside, `kills_itself`, `goes_on` while it is explained; empty: the run ends orderly."""
     at: float = 0.0
     """Simulated s at which it is killed, or explained, at the earliest."""
     corrected: Mapping[int, str] | None = None
@@ -111,7 +112,7 @@ def load(path: Path = TABLE) -> list[Case]:
     table = yaml.safe_load(path.read_text())
     cases = [_case(name, row, table) for name, row in table["cases"].items()]
     firsts = sorted(case.seeds for case in cases)
-    close = [a for a, b in zip(firsts, firsts[1:], strict=False) if b - a < 10]
+    close = [a for a, b in pairwise(firsts) if b - a < 10]
     if close:
         raise ValueError(f"{path}: seeds of two cases are less than 10 apart: {close[0]}")
     return cases

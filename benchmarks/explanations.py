@@ -5,11 +5,16 @@
     python benchmarks/explanations.py --final            # the seeds that are kept for the end
     python benchmarks/explanations.py --report           # explain and score what is there, run nothing
 
-The cases and their true causes are in explanations.yaml, written before anything was run. Each run is explained
-from a log without the events of its faults, and scored by the root cause that stands first: `right`; `partly`
-(right code, other subject; a code that is near; one of two causes, or both in the wrong order); `does not tell`
-(nothing is named, or the finding itself says so); `wrong`. A run in which nothing went wrong counts for none of
-these. Logs are kept: those of other code than today's are explained anew, and not run again.
+The cases and their true causes are in explanations.yaml, written before anything was run. Each run is
+explained from a log without the events of its faults, and scored by the root cause that stands first:
+
+- `right`: code and subject are those of the table; of two causes, both are named, the costlier one first.
+- `partly`: right code, other subject; a code that is near; one of two causes, or both in the wrong order.
+- `does not tell`: no cause is named, or the finding itself says so.
+- `wrong`: another cause.
+
+A run in which nothing went wrong counts for none of these. Logs are kept: those that other code has explained
+are explained again, and not run again.
 """
 
 from __future__ import annotations
@@ -163,8 +168,10 @@ def while_running(job: Job) -> Row:
 
 
 def explained(folder: Path) -> Row:
-    """Return what `picktree explain --json` says of a run, from a log that holds no event of a fault; `quoted`:
-    how many of the root causes quote a fault when it does."""
+    """Return what `picktree explain --json` says of a run, from a log that holds no event of a fault.
+
+    `quoted` counts the root causes that quote a fault when the log holds it.
+    """
     from functools import cached_property
 
     from picktree.analysis import Run
@@ -261,7 +268,7 @@ def read(given: argparse.Namespace) -> dict[tuple[str, int], Row]:
 
 
 def judged(row: Row, cases: dict[str, Case]) -> Row:
-    """The row with its verdict."""
+    """Return the row with its verdict."""
     case = cases[row["case"]]
     reason = (case.corrected or {}).get(row["seed"], "")
     verdict = "crash" if row["crash"] else "corrected" if reason else case.judge(row)
@@ -311,7 +318,9 @@ def main() -> int:
     )
     parser.add_argument("--runs", type=int, default=4, help="seeds of each case, of at most 5")
     parser.add_argument("--first", type=int, default=0, help="number of the first of them")
-    parser.add_argument("--only", action="append", default=[], metavar="CASE", help="as 'camera*'; repeatable")
+    parser.add_argument(
+        "--only", action="append", default=[], metavar="CASE", help="as 'camera*'; repeatable"
+    )
     parser.add_argument("--final", action="store_true", help="the seeds that are kept for the end")
     parser.add_argument("--minutes", type=float, default=1e6, help="begin nothing new after them")
     parser.add_argument("--workers", type=int, default=len(os.sched_getaffinity(0)))
@@ -328,8 +337,9 @@ def main() -> int:
     new = [] if given.report else [job for job in jobs if (job.case.name, job.seed) not in rows]
     cost = (len(new) * COST_A_RUN + len(old) * COST_ANEW) / 60
     print(
-        f"{len(new)} of {len(jobs)} runs to do and {len(old)} logs to explain anew, about {cost:.0f} CPU minutes "
-        f"on {given.workers} workers and {len(new) * MB_A_RUN:.0f} MB of logs; in {given.out}",
+        f"{len(new)} of {len(jobs)} runs to do and {len(old)} logs to explain anew, "
+        f"about {cost:.0f} CPU minutes on {given.workers} workers and {len(new) * MB_A_RUN:.0f} MB of logs; "
+        f"in {given.out}",
         file=sys.stderr,
         flush=True,
     )
