@@ -45,7 +45,7 @@ COST_A_RUN = 9.0
 COST_ANEW = 2.0
 """CPU seconds of explaining a log again."""
 MB_A_RUN = 1.5
-KILL_SPREAD = 0.7
+KILL_SPREAD = 0.3
 """Simulated time between the ends of two seeds of a killed run, s."""
 PACE = "3"
 """Simulated seconds a second of a process that is killed or looked at from outside."""
