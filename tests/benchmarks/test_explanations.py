@@ -1,0 +1,131 @@
+"""How explanations are scored, and the table of cases that they are scored by."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable
+from pathlib import Path
+from types import ModuleType
+from typing import Any, get_args
+
+import pytest
+
+from picktree.simulation.fault_files.fault_loading import load_faults
+from picktree.simulation.fault_files.fault_schema import FaultName
+from picktree.trees.loading.loader import load_mission
+from picktree.world.scene.loading.scene_loading import load_scene
+
+Program = Callable[[str], ModuleType]
+
+
+def case(program: Program, *expect: Any, **rest: Any) -> Any:
+    return program("_explanation_cases").Case("made_up", 10, tuple(expect), "why", "", "", **rest)
+
+
+def told(*causes: tuple[str, str], status: str = "incomplete", **rest: Any) -> dict[str, Any]:
+    named: list[dict[str, Any]] = [
+        {"cause": cause, "title": title, "item": "", "reasons": [], "confidence": "", "ended_run": True}
+        for cause, title in causes
+    ]
+    struck = [{"id": "item_02", "kind": "can", "colour": "red"}]
+    row: dict[str, Any] = {"status": status, "failures": 1, "struck": struck, "causes": named}
+    return row | rest
+
+
+def test_the_cause_that_is_named_first_is_scored(program: Program) -> None:
+    cause = program("_explanation_cases").Cause
+    gone = case(program, cause(("item.gone", "item.t*"), ("grasp.missed",), ("<item>", "hand|fingers")))
+    right, other = ("item.gone", "red_can_1 was taken out of the hand"), ("item.moved", "it had moved")
+    assert gone.judge(told(right, other)) == "right"
+    assert gone.judge(told(("item.taken", "item_02 left the fingers"))) == "right"
+    assert gone.judge(told(("item.gone", "red_ball_1 was taken out of the hand"))) == "partly"
+    assert gone.judge(told(("item.gone", "red_can_1 was taken away"))) == "partly"
+    assert gone.judge(told(("grasp.missed", "the hand missed it"))) == "partly"
+    assert gone.judge(told(other, right)) == "wrong"
+    assert gone.judge(told()) == "does not tell"
+
+
+def test_who_says_that_the_log_does_not_tell_is_not_wrong(program: Program) -> None:
+    gone = case(program, program("_explanation_cases").Cause(("item.gone",)))
+    unsure = told(("item.moved", "it may have moved"))
+    unsure["causes"][0]["confidence"] = "the log does not tell"
+    assert gone.judge(unsure) == "does not tell"
+    repeating = told(("grasp.missed", "Grasp failed"))
+    repeating["causes"][0]["reasons"] = ["nothing else in the log tells where it came from"]
+    assert gone.judge(repeating) == "does not tell"
+    repeating["causes"][0]["cause"] = "item.gone"
+    assert gone.judge(repeating) == "right"
+
+
+def test_two_causes_are_named_both_and_the_costlier_first(program: Program) -> None:
+    cause = program("_explanation_cases").Cause
+    colour, slip = cause(("perception.mistaken",)), cause(("item.slipped",))
+    seen, slid = ("perception.mistaken", ""), ("item.slipped", "")
+    both, either = case(program, colour, slip), case(program, colour, slip, either=True)
+    verdicts = [one.judge(told(*named)) for one in (both, either) for named in ((seen, slid), (slid, seen))]
+    assert verdicts == ["right", "partly", "right", "right"]
+    assert [one.judge(told(seen)) for one in (both, either)] == ["partly", "partly"]
+    assert both.judge(told(("item.moved", ""), seen)) == "wrong"
+
+
+def test_where_nothing_went_wrong_nothing_is_to_be_blamed(program: Program) -> None:
+    cause = program("_explanation_cases").Cause
+    harmless, gone = case(program, cause(("none",))), case(program, cause(("item.gone",)))
+    slid = told(("item.slipped", ""), status="success")
+    assert harmless.judge(slid) == "wrong"
+    slid["causes"][0]["ended_run"] = False
+    assert harmless.judge(slid) == "right"
+    assert harmless.judge(told()) == "right"
+    assert gone.judge(told(status="success", failures=0)) == "nothing happened"
+    assert gone.judge(told(("item.moved", ""), status="success", failures=0)) == "wrong"
+
+
+def test_an_expectation_that_was_false_is_left_out_with_its_reason(program: Program) -> None:
+    cases = {
+        "made_up": case(program, program("_explanation_cases").Cause(("item.gone",)), corrected={12: "no"})
+    }
+    row = told(("item.moved", "")) | {"case": "made_up", "crash": ""}
+    judged = [program("explanations").judged(row | {"seed": seed}, cases) for seed in (10, 12)]
+    assert [(each["verdict"], each["corrected"]) for each in judged] == [("wrong", ""), ("corrected", "no")]
+    text = program("explanations").report([each | {"quoted": 1} for each in judged])
+    assert "2 runs of 1 cases, 1 scored" in text
+    assert "left out: corrected 1" in text
+    assert "  item.gone  item.moved (wrong) 1" in text
+
+
+def test_the_seeds_for_the_end_are_others(program: Program, tmp_path: Path) -> None:
+    given = argparse.Namespace(only=[], first=0, runs=5, out=tmp_path, final=False)
+    seeds = {job.seed for job in program("explanations").wanted(given)}
+    given.final = True
+    last = [job.seed for job in program("explanations").wanted(given)]
+    assert len(last) == len(set(last)) == len(seeds) == 5 * len(program("_explanation_cases").load())
+    assert not seeds & set(last)
+
+
+def test_the_table_has_each_fault_and_many_cases_without(program: Program) -> None:
+    cases = program("_explanation_cases").load()
+    planted = {fault["fault"] for case in cases for fault in case.faults}
+    assert planted == set(get_args(FaultName))
+    assert len(cases) >= 60
+    assert sum(not case.faults for case in cases) >= 25
+    assert sum(len(case.faults) == 2 for case in cases) >= 6
+    assert all(case.why for case in cases)
+
+
+def test_the_files_of_all_cases_are_read(program: Program, tmp_path: Path) -> None:
+    for each in program("_explanation_cases").load():
+        folder = tmp_path / each.name
+        each.write(folder)
+        load_mission(folder / "mission.yaml")
+        scene = load_scene("scene.yaml", folder)
+        if each.faults:
+            load_faults(folder / "faults.yaml")
+        assert scene.bins, each.name
+
+
+def test_seeds_that_overlap_are_refused(program: Program, tmp_path: Path) -> None:
+    row = "{seeds: %d, mission: x, scene: y, why: z, expect: [{causes: [none]}]}"
+    table = tmp_path / "table.yaml"
+    table.write_text(f"missions: {{}}\nscenes: {{}}\ncases:\n  a: {row % 10}\n  b: {row % 19}\n")
+    with pytest.raises(ValueError, match="seeds of two cases are less than 10 apart: 10"):
+        program("_explanation_cases").load(table)
