@@ -100,6 +100,13 @@ def test_a_package_of_nodes_names_each_with_its_module(package: ModuleType) -> N
         _ = package.Dance
 
 
+def test_no_garbage_is_looked_for_as_a_command_ends() -> None:
+    program = "import atexit, gc, sys; from picktree import __main__; sys.argv = ['picktree', '--version']\n"
+    program += "atexit.register(lambda: print(gc.get_freeze_count() > 10_000)); __main__.main()"
+    ran = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
+    assert (ran.returncode, ran.stdout.splitlines()[-1]) == (0, "True")
+
+
 def test_help_builds_only_the_command_that_is_called() -> None:
     program = "import sys; from picktree.cli import app; built = []; make = app._built\n"
     program += "app._built = lambda name: built.append(name) or make(name)\n"
