@@ -97,7 +97,7 @@ class RecoveryControl(ControlNode, abstract=True):
         label = self.cure_of(report)
         if not label and matches(str(internal.ANY), report.cause):
             return self.fail_with(report)
-        if not label or self._runs >= self.most_runs():
+        if not label or self._runs >= self.most_runs() or self._is_stuck():
             return self._give_up()
         refusal = self._pay()
         if refusal is not None:
@@ -118,6 +118,13 @@ class RecoveryControl(ControlNode, abstract=True):
             )
         )
         return NodeStatus.RUNNING
+
+    def _is_stuck(self) -> bool:
+        """Return whether nothing has changed since the body failed, in this run or in an earlier one.
+
+        After its own first failure a second handler is tried, which may do more than the first.
+        """
+        return all(report.evidence.get("unchanged") is True for report in self._reports[-2:])
 
     def _tell(self, report: FailureReport | None) -> None:
         """Write the outputs: the running attempt, or the failed one with its report."""
