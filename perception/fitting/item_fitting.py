@@ -36,6 +36,10 @@ MIN_HEIGHT_CORRECTION = 0.002
 """Median depth error above which the believed height is corrected, m."""
 MODEL_DEPTH_SIGMA = 0.0004
 """Part of the depth's standard deviation for steep surfaces and rounded edges, m."""
+MIN_STEEP_HEIGHT = 0.1
+"""Height of an item from which its side faces matter in a picture from above, m."""
+STEEP_PIXELS = 0.8
+"""Position error of a pixel's ray along each axis of the picture, pixels."""
 GOOD_MISFIT = 1.5
 """Misfit below which no other explanation is needed; a perfect one is about 0.8."""
 POOR_MISFIT = 4.0
@@ -211,9 +215,23 @@ class ItemFitter:
             return 1.0, depths
         model = ray_hits(stand.rest.entry.shape, stand.turned, stand.centre, self.sight.origin, rays)
         off = model - depths
-        sigma = self.noise * (float(depths[0]) / 0.7) ** 2 + self.model
+        sigma: float | Array = self.noise * (float(depths[0]) / 0.7) ** 2 + self.model
+        if stand.rest.height > MIN_STEEP_HEIGHT:
+            sigma = np.hypot(sigma, self._steepness(stand, rays, model))
         square = np.add.reduce(np.minimum((off / sigma) ** 2, OUTLIER_SIGMAS**2)) / len(depths)
         return float(square), off[np.isfinite(model)]
+
+    def _steepness(self, stand: StandingPose, rays: Array, model: Array) -> Array:
+        """Return the change of the model's depth (k,) within the position error of a pixel, m. The depth of a
+        side face changes by millimetres from pixel to pixel."""
+        aside = (
+            (self.sight.rotation[:, 0] + self.sight.rotation[:, 1]) * STEEP_PIXELS / self.sight.intrinsics.fx
+        )
+        beside = ray_hits(stand.rest.entry.shape, stand.turned, stand.centre, self.sight.origin, rays + aside)
+        change = np.zeros(len(model))
+        both = np.isfinite(model) & np.isfinite(beside)
+        change[both] = np.abs(beside[both] - model[both])
+        return change
 
 
 def _rank(one: Hypothesis) -> float:
