@@ -147,7 +147,8 @@ def arm_stalled(case: Investigation) -> Iterator[DeviceFinding]:
     speed = np.abs(speeds)
     moving, fast = speed[:-1] > 0.04, speed[:-1] > 0.2
     drop = np.abs(np.diff(speeds, axis=0)) / np.maximum(np.diff(joints.times), 1e-3)[:, None]
-    halted = (moving.sum(axis=1) >= MOVING) & (~fast | (speed[1:] < 0.75 * speed[:-1])).all(axis=1)
+    slowed = fast & (speed[1:] < 0.75 * speed[:-1])
+    halted = (moving.sum(axis=1) >= MOVING) & (slowed.sum(axis=1) >= fast.sum(axis=1) - 1)
     hard = halted & (((drop > BRAKED) & moving).sum(axis=1) >= 2)
     errors: Array = np.nan_to_num(np.abs(controls.errors))
     worst: Array = np.max(errors, axis=1)
@@ -260,7 +261,8 @@ def planner_refuses(case: Investigation) -> Iterator[DeviceFinding]:
         )
     times: list[float] = []
     for failure in case.failures:
-        if failure.cause != "planning.no_path" or words(failure, "pairs"):
+        limited = bool(failure.evidence.get("joint")) or (number(failure, "fraction") or 0.0) > 0.02
+        if failure.cause != "planning.no_path" or words(failure, "pairs") or limited:
             continue
         times.append(failure.time)
     refused = [at for at in case.run.plans if at.record.outcome == "planning.no_path"]

@@ -92,6 +92,8 @@ OTHER_FRICTION = 0.7
 """A true friction below this share of the catalogue's is another one."""
 JOLT = 3.0
 """Force that lifting and braking may add to a weight, N."""
+OWN_WEIGHT = 0.6
+"""Share of a pull that stopped the arm from which on the item's known weight explains it."""
 DOWNWARDS = -0.8
 """Component along z of a contact's direction below which it pulls straight down."""
 MARGIN = 1.3
@@ -196,8 +198,15 @@ RECENT = 10.0
 
 
 def _seen_since(case: Investigation, true: str, since: float, until: float) -> bool:
+    """Whether an item was seen at rest between two times: from there on its place was known again."""
     sightings = (s for item in case.believed.get(true, ()) for s in case.identities.by_item.get(item, ()))
-    return any(since + 0.1 < s.time < until for s in sightings)
+    return any(since + 0.1 < s.time < until and _rests(case, true, s.time) for s in sightings)
+
+
+def _rests(case: Investigation, true: str, time: float) -> bool:
+    track = case.truth.tracks[true]
+    before, after = track.before(time), track.after(time + 0.2) or track.last
+    return before is not None and math.dist(before.pose.position, after.pose.position) < AWAY
 
 
 def _let_go(case: Investigation, failure: FailureStory, period: HeldPeriod) -> Finding | None:
@@ -338,6 +347,11 @@ def too_heavy(case: Investigation, failure: FailureStory) -> Finding | None:
         title = f"{held.id} weighs more than the hand may carry: {failure.message}"
         reasons = (f"by the catalogue a {entry.kind} weighs {entry.mass:.2f} kg",)
         return Finding("item.heavy", true, title, reasons, held.id, failure.time)
+    if down and weight > OWN_WEIGHT * pull:
+        title = (
+            f"{held.id} weighs {force(weight)} by the catalogue, and pulled the hand down with {force(pull)}"
+        )
+        return Finding("item.heavy", true, title, (failure.message,), held.id, failure.time)
     if not down or pull < HEAVY * weight + JOLT or (case.devices and nature is None):
         return None
     title = f"{held.id} is heavier than its kind: it pulled the hand down with {force(pull)}"
