@@ -15,6 +15,7 @@ from ..errors import PicktreeError
 from ..world.journal import JournalEvent
 from ..world.protocols import Intrinsics
 from .mcap.reader import RawMessage
+from .mcap.sealed_file import is_written
 from .recording import foxglove_messages
 from .recording.images import decode_colour, decode_depth
 from .recording.rotated_log import JoinedLog, part_paths
@@ -129,6 +130,11 @@ class RunLog:
 
     def close(self) -> None:
         self._file.close()
+
+    @property
+    def going_on(self) -> bool:
+        """Whether the run's process still writes this log."""
+        return any(is_written(path) for path in (self.path, *part_paths(self.path).values()))
 
     def require_beginning(self) -> None:
         """Raise PicktreeError when the log lacks the state with which it begins.

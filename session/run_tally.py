@@ -114,7 +114,7 @@ class RunCounters:
     done: int = 0
     """Number of items placed, as the robot believes."""
     failures: Counter[str] = field(default_factory=Counter[str])
-    """Number of failures of leaves by cause."""
+    """Number of failures of leaves by cause, and of branches that were stopped at their limit of time."""
     recovered: Counter[str] = field(default_factory=Counter[str])
     """Number of handler runs by cause."""
     cured: Counter[str] = field(default_factory=Counter[str])
@@ -197,9 +197,10 @@ class RunCounters:
         for event in events:
             self._happened(event)
         self.episodes.take(time, changes, events)
-        for node in nodes:
-            if node.cause and node.ticked and node.status == "FAILURE" and node.path in leaves:
-                self.failures[node.cause] += 1
+        for change in changes:
+            own = change.path in leaves or (change.cause == "tree.timeout" and change.origin == change.path)
+            if change.status == "FAILURE" and change.cause and own:
+                self.failures[change.cause] += 1
 
     def _happened(self, event: JournalEvent) -> None:
         match event:

@@ -5,10 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
-from ...logs.episodes.episode import Episode
-from ...logs.run_account import Episodes
 from ...logs.run_log import Stamped
 from ...logs.schema.event_records import BeliefEvent
 from ...logs.visits import Visit
@@ -18,6 +16,7 @@ from ...world.events.run_events import FaultEvent, HandledEvent
 from ...world.events.skill_events import ItemDoneEvent, PickEvent, SetAsideEvent
 from ...world.journal import JournalEvent
 from ...world.scene.destinations import is_at
+from .causes.held_items import held_periods
 from .failure_stories import failure_context, failures_of
 from .investigation.case import Investigation
 from .investigation.explanation import (
@@ -25,6 +24,7 @@ from .investigation.explanation import (
     Explanation,
     FailureStory,
     ItemEvent,
+    ItemState,
     ItemStory,
     KeyMoment,
     RootCause,
@@ -46,35 +46,55 @@ _LOST = "no longer in the hand"
 
 
 def items_of(case: Investigation) -> tuple[ItemStory, ...]:
-    """Every item that was ever believed in, and then those that were never seen."""
-    found = [_story(case, id_) for id_, track in case.belief.tracks.items() if track.first.role == "item"]
+    """Return a story for each item, however many names it had; then those that never were seen."""
+    phantoms = case.identities.phantoms
+    known: dict[str, list[str]] = {}
+    for id_, track in case.belief.tracks.items():
+        if track.first.role == "item":
+            true = "" if id_ in phantoms else case.pairs.get(id_, "")
+            known.setdefault(true or id_, []).append(id_)
+    found = [_story(case, names) for names in known.values()]
     unseen = [true for true in case.truth.tracks if true not in case.believed]
     return (*found, *(_unseen(case, true) for true in unseen))
 
 
-def _story(case: Investigation, item: str) -> ItemStory:
-    body = case.belief.tracks[item].bodies[-1]
-    true = case.pairs.get(item)
-    failed = [f.time for f in case.failures if f.item == item]
+def _story(case: Investigation, names: Sequence[str]) -> ItemStory:
+    """The story of one item by all its names, the first of which is the one it goes by."""
+    item, last = names[0], names[-1]
+    body = case.belief.tracks[last].last
+    failed = [f for f in case.failures if f.item in names]
     events = [
         event
         for at in case.run.events
-        for event in _events(at, item)
-        if not event.what.startswith(_LOST) or not any(0.0 <= f - at.time < TOLD for f in failed)
+        for name in names
+        for event in _events(at, name, "" if name == item else f" as {name}")
+        if not event.what.startswith(_LOST) or not any(0.0 <= f.time - at.time < TOLD for f in failed)
     ]
+    events += [ItemEvent(f.time, f"{f.name} failed: {f.cause}", f.node, f.number) for f in failed]
+    dropped = [p for p in case.once(held_periods) if p.item in names and p.left is not None]
     events += [
-        ItemEvent(f.time, f"{f.name} failed: {f.cause}", f.node, f.number)
-        for f in case.failures
-        if f.item == item
+        ItemEvent(p.left[1], "truly no longer in the hand")
+        for p in dropped
+        if p.left and p.end - p.left[1] > TOLD
     ]
+    true = "" if item in case.identities.phantoms else case.pairs.get(item, "")
     return ItemStory(
         item,
         body.kind,
         body.colour,
-        _state(case, item),
+        _state(case, last),
         tuple(sorted(events, key=lambda event: event.time)),
-        "" if true is None else _truth(case, true),
+        _truth(case, true) if true else _no_item(case, item),
+        tuple(names),
     )
+
+
+def _no_item(case: Investigation, item: str) -> str:
+    """The truth of a belief that is no item of its own; empty where the log holds no truth."""
+    if item not in case.identities.phantoms:
+        return ""
+    near = case.identities.phantoms[item]
+    return f"truly a part of {case.name_of(near)}" if near else "truly nothing was there"
 
 
 def _unseen(case: Investigation, true: str) -> ItemStory:
@@ -84,15 +104,19 @@ def _unseen(case: Investigation, true: str) -> ItemStory:
     return ItemStory(true, body.kind, body.colour, state, (), f"{_truth(case, true)}; never seen")
 
 
-def _state(case: Investigation, item: str) -> Literal["done", "held", "left", "gone"]:
+def _state(case: Investigation, item: str) -> ItemState:
     body = case.belief.at(item, case.end)
     if body is None:
-        last = case.belief.tracks[item].bodies[-1]
+        last = case.belief.tracks[item].last
         if case.departed.get(case.pairs.get(item, "")) != last.place:
             return "gone"
         return "done" if is_at(last.place, case.destination(last)) else "left"
     if body.attached:
         return "held"
+    aside = [at.time for at in case.events(SetAsideEvent) if at.record.object == item]
+    placed = [at.time for at in case.events(ItemDoneEvent) if at.record.object == item]
+    if aside and aside[-1] > max(placed, default=-1.0):
+        return "aside"
     destination = case.destination(body)
     return "done" if destination and is_at(body.place, destination) else "left"
 
@@ -118,21 +142,22 @@ def _truth(case: Investigation, true: str) -> str:
     return f"truly {where}, and was taken away with it" if true in case.departed else f"truly {where}"
 
 
-def _events(at: Stamped[JournalEvent], item: str) -> list[ItemEvent]:
+def _events(at: Stamped[JournalEvent], item: str, known_as: str) -> list[ItemEvent]:
+    """`known_as`: other name under which something happened to the item."""
     event = at.record
     match event:
         case HandledEvent() if event.element == item:
             return [ItemEvent(at.time, "passed over", event.node)]
         case PickEvent() if event.object == item and event.held:
-            return [ItemEvent(at.time, f"held{_felt(event)}", event.node)]
+            return [ItemEvent(at.time, f"held{known_as}{_felt(event)}", event.node)]
         case ItemDoneEvent() if event.object == item:
             told = f"placed into {event.into}" if event.into else "put down"
-            return [ItemEvent(at.time, told, event.node)]
+            return [ItemEvent(at.time, f"{told}{known_as}", event.node)]
         case SetAsideEvent() if event.object == item:
             return [ItemEvent(at.time, "set aside: left where it lies", event.node)]
         case BeliefEvent() if event.object == item:
             told = _change(event)
-            return [ItemEvent(at.time, told)] if told else []
+            return [ItemEvent(at.time, f"{told}{known_as}")] if told else []
         case _:
             return []
 
@@ -158,17 +183,26 @@ def _change(event: BeliefEvent) -> str:
     return ""
 
 
-def outcome_of(run: RunRecord, visits: Sequence[Visit]) -> ExplainedOutcome:
-    end = run.last_tick
+def outcome_of(case: Investigation, visits: Sequence[Visit]) -> ExplainedOutcome:
+    run, end = case.run, case.end
     result = run.result
     if result is None:
         return ExplainedOutcome(_status(run), _cut_off(run, visits, end), end, None, None)
     items = result.items
+    homeless = sum(not score.destination for score in case.scores.values())
     counts = f"{items.sorted} of {items.total} items are where they belong"
+    if homeless:
+        counts += f" ({homeless} of all belong nowhere by the scene's rules)"
     if items.misplaced:
         counts += f", {items.misplaced} in a wrong bin"
     if items.left:
         counts += f", {items.left} left"
+    aside = {at.record.object for at in case.events(SetAsideEvent)}
+    elsewhere = {at.record.object for at in case.events(ItemDoneEvent) if not at.record.into}
+    told = [f"{len(aside)} set aside"] * bool(aside) + [f"{len(elsewhere)} put down elsewhere"] * bool(
+        elsewhere
+    )
+    counts += f" (the robot: {', '.join(told)})" if told else ""
     sentence = {
         "success": f"the mission succeeded and its goal is reached: {counts}",
         "incomplete": f"the mission ended in SUCCESS, but its goal is missed: {counts}",
@@ -182,13 +216,17 @@ def outcome_of(run: RunRecord, visits: Sequence[Visit]) -> ExplainedOutcome:
 
 def _status(run: RunRecord) -> str:
     ended = run.log.result.get("ended", "")
-    return "crashed" if ended and ended != "orderly" else "killed"
+    if ended and ended != "orderly":
+        return "crashed"
+    return "running" if run.log.going_on else "killed"
 
 
 def _cut_off(run: RunRecord, visits: Sequence[Visit], end: float) -> str:
     ended = run.log.result.get("ended", "")
     if ended and ended != "orderly":
         return f"the run was ended at {end:.2f} s by an error of the program ({ended}){_doing(visits)}"
+    if run.log.going_on:
+        return f"the run is still going on: its log has come to {end:.2f} s{_doing(visits)}"
     return f"the log ends at {end:.2f} s without a result: the process was killed{_doing(visits)}"
 
 
@@ -206,6 +244,7 @@ CLOSE = 0.6
 """Moments nearer than this are one, s."""
 
 WATCH = {
+    "run.going_on": "the last that the log holds",
     "item.gone": "the item vanishes from the truth, and the belief keeps it",
     "item.moved": "truth and belief of the item part",
     "item.pushed_by_arm": "the hand touches the item on its way",
@@ -271,14 +310,14 @@ def explain(run: RunRecord, *, faults: bool = True, items: bool = True) -> Expla
     """
     account = run.account
     failures = failures_of(run, account)
-    outcome = outcome_of(run, account.visits)
     case = Investigation(run, account.tree, failures)
+    outcome = outcome_of(case, account.visits)
     planted = case.events(FaultEvent) if faults else []
     causes = root_causes_of(case, outcome, planted)
     recovery = account.recovery
     return Explanation(
         outcome=outcome,
-        failures=tuple(_told(case, failure, causes, planted, recovery) for failure in failures),
+        failures=tuple(_told(case, failure, causes, planted) for failure in failures),
         root_causes=causes,
         items=items_of(case) if items else (),
         look_at=key_moments(causes, failures, outcome),
@@ -291,7 +330,6 @@ def _told(
     failure: FailureStory,
     causes: Sequence[RootCause],
     planted: Sequence[Stamped[FaultEvent]],
-    recovery: Episodes,
 ) -> FailureStory:
     """The failure with what only the whole run tells."""
     names = case.believed.get(case.pairs.get(failure.item, ""), ())
@@ -301,16 +339,5 @@ def _told(
         observed=failure_context(case, failure, planted),
         made_good_at=done[0] if done and failure.fate in ("passed_over", "branched") else None,
         root_cause=next((n for n, cause in enumerate(causes) if failure.number in cause.failures), None),
-        episode=_episode(failure, recovery.episodes),
+        episode=case.episode(failure),
     )
-
-
-def _episode(failure: FailureStory, episodes: Sequence[Episode]) -> int | None:
-    """The episode that a failure belongs to: of the same cause, and with one of its failures then."""
-    found = [
-        n
-        for n, episode in enumerate(episodes)
-        if episode.cause == failure.cause and any(abs(at - failure.time) < 1e-6 for at in episode.times)
-    ]
-    same = [n for n in found if episodes[n].node == failure.node]
-    return (same or found or [None])[0]

@@ -17,7 +17,7 @@ from ...manipulation.pick.pick_candidates import count_rejections
 from ...world.causes import Cause, all_causes
 from ...world.events.run_events import FaultEvent
 from ...world.events.skill_events import SafetyStopEvent
-from .causes.item_whereabouts import MISPLACED, SAMPLED
+from .causes.item_whereabouts import MISPLACED
 from .investigation.body_tracks import horizontal_distance
 from .investigation.case import Investigation
 from .investigation.explanation import CandidateChoice, FailureStory, RejectedCandidate, number
@@ -131,7 +131,7 @@ def _really(case: Investigation, failure: FailureStory, true: str) -> BodyRecord
 
 def _gone(case: Investigation, failure: FailureStory, true: str) -> bool:
     gone = case.gone(true)
-    return gone is not None and gone[1] <= failure.time + SAMPLED
+    return gone is not None and gone[1] <= failure.time + case.sampled
 
 
 def _hand(case: Investigation, failure: FailureStory) -> list[str]:
@@ -243,6 +243,8 @@ def _consequence(source: Visit, earlier: Visit, family: VisitTree) -> bool:
     held = source.evidence.get("held")
     if isinstance(held, str) and held:
         return held == earlier.item != source.item
+    if "held" in source.evidence and source.id != "Grasp":  # nothing was in the hand
+        return earlier.id == "Grasp" and earlier.item == source.item
     if source.cause == "control.tracking" and earlier.cause == "tree.timeout":
         return source.end - earlier.end < BRAKING  # the arm had not come to rest when it was to go on
     if not source.item or source.item != earlier.item or source.cause == earlier.cause:

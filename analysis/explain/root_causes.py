@@ -1,27 +1,81 @@
-"""Root causes: what the failures, and the items that are not where they belong, ultimately came from."""
+"""Root causes: what the failures, and the items that are not where they belong, ultimately came from.
+
+The search begins at the end: with each item that is not where it belongs, and each failure that cost time. Of
+each it asks the same questions in one order (`QUESTIONS`): the first that the log answers is its finding.
+Findings alike are one root cause, ranked by what it cost: items first, then seconds.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Final, TypeAlias
 
 from ...logs.run_log import Stamped
-from ...logs.visits import covered_time
 from ...world.events.run_events import FaultEvent
-from .causes.contact_causes import pressed_from_below, touched
-from .causes.item_whereabouts import camera_off, misjudged, through_the_camera, wrong_location_cause
+from .causes.contact_causes import touched
+from .causes.device_causes import device_findings
+from .causes.held_items import held_periods, left_the_hand, pressed_from_below, too_heavy
+from .causes.item_nature import larger, nothing_there, too_wide
+from .causes.item_whereabouts import misjudged, wrong_location_cause
 from .causes.obstruction_causes import obstruction_cause
-from .causes.run_endings import by_the_mission, run_ended
-from .causes.slip_causes import grip_loss_cause, too_heavy
+from .causes.run_endings import by_the_mission, goal_missed, out_of_order, run_ended, unacknowledged
 from .causes.unsorted_items import after_wrong_bin, placed_at, why_not_sorted
-from .investigation.case import Finding, Investigation
-from .investigation.explanation import ExplainedOutcome, FailureStory, RootCause
+from .investigation.case import Investigation
+from .investigation.explanation import ExplainedOutcome, FailureStory, Finding, RootCause
 from .investigation.number_wording import seconds
 
-DISPLACING = frozenset({"item.moved", "item.left_bin", "item.pushed_by_arm"})
+DISPLACING = frozenset(
+    {"item.moved", "item.left_bin", "item.pushed_by_arm", "item.struck",
+     "item.slipped", "item.slippery", "item.heavy", "grasp.weak", "gripper.weak", "grasp.not_felt"}
+)  # fmt: skip
 PLACES = frozenset({"item.out_of_reach", "item.beside_bin", "item.crowded", "item.hemmed_in"})
 """Causes that an item has where it lies: what brought it there is the root of them."""
-RUN = frozenset({"run.limit", "run.interrupted", "run.killed", "run.crashed", "tree.condition"})
+RUN = frozenset(
+    {"run.interrupted", "run.killed", "run.crashed", "run.going_on", "run.paused", "tree.condition"}
+)
+"""Causes that end a run by themselves."""
+LONG = 0.2
+"""Share of a run that ended at its limit which causes of failures must have cost to be the reason."""
+
+Question: TypeAlias = Callable[[Investigation, FailureStory], Finding | None]
+
+
+def device(case: Investigation, failure: FailureStory) -> Finding | None:
+    """A sensor, a joint, the fingers, the planner: what is common to failures."""
+    return next(
+        (
+            found.finding
+            for found in case.once(device_findings)
+            if found.covers(failure, case.visit(failure).start)
+        ),
+        None,
+    )
+
+
+def pressed(case: Investigation, failure: FailureStory) -> Finding | None:
+    """The body that bore the weight of an item that is said to have slipped."""
+    return touched(case, failure) if pressed_from_below(failure) else None
+
+
+QUESTIONS: Final[tuple[Question, ...]] = (
+    device,                # is it common to several failures?
+    by_the_mission,        # what does the failure say by itself?
+    out_of_order,          # was it the item's turn?
+    larger,                # what was the item truly,
+    too_wide,
+    too_heavy,
+    nothing_there,         # and what was it believed to be?
+    pressed,               # what was felt?
+    left_the_hand,         # did it leave the hand?
+    wrong_location_cause,  # where was it truly, and where did truth and belief part?
+    after_wrong_bin,
+    obstruction_cause,     # what was in the way?
+    misjudged,
+    unacknowledged,
+    touched,
+)  # fmt: skip
+"""Questions about a failure, in this order."""
 
 
 @dataclass
@@ -30,86 +84,61 @@ class _Group:
 
     findings: list[Finding] = field(default_factory=list[Finding])
     failures: list[FailureStory] = field(default_factory=list[FailureStory])
-    items: set[str] = field(default_factory=set[str])
+    items: dict[str, None] = field(default_factory=dict[str, None])
     """True items that are not where they belong because of it."""
 
 
 def root_causes_of(
     case: Investigation, outcome: ExplainedOutcome, planted: Sequence[Stamped[FaultEvent]]
 ) -> tuple[RootCause, ...]:
-    """Those that ended the run, or cost it its goal, first; then by the time that they cost."""
+    """Return the root causes, those that cost most first."""
     groups: dict[tuple[str, str], _Group] = {}
+
+    def group(finding: Finding) -> _Group:
+        found = groups.setdefault((finding.cause, finding.about), _Group())
+        found.findings.append(finding)
+        return found
+
     by_failure = _of_failures(case)
     for failure in case.failures:
-        finding = by_failure[failure.number]
-        group = groups.setdefault((finding.cause, finding.about), _Group())
-        group.findings.append(finding)
-        group.failures.append(failure)
-    for true in _unsorted(case) if outcome.status != "success" else ():
-        names = case.believed.get(true, ())
-        done = placed_at(case, true)
-        if outcome.status not in ("success", "incomplete") and done is None and case.gone(true) is None:
-            continue  # the run was over before its turn came
-        to_blame = [
-            by_failure[f.number]
-            for f in case.failures
-            if f.item in names and f.fate != "cured" and (done is None or f.time > done)
-        ]
-        if not to_blame:
-            finding = why_not_sorted(case, true)
-            to_blame = [] if finding is None else [finding]
-            for each in to_blame:
-                groups.setdefault((each.cause, each.about), _Group()).findings.append(each)
-        for each in to_blame:
-            groups[each.cause, each.about].items.add(true)
-    ending = run_ended(case, outcome)
+        group(by_failure[failure.number]).failures.append(failure)
+    for true in _unsorted(case, outcome):
+        finding = _why_unsorted(case, true, by_failure)
+        if finding is not None:
+            group(finding).items[true] = None
+    ending = run_ended(case, outcome) or (goal_missed(case, outcome) if not groups else None)
     if ending is not None:
-        groups.setdefault((ending.cause, ending.about), _Group()).findings.append(ending)
-    found = [_root(case, group, outcome, planted) for group in groups.values()]
-    return tuple(sorted(found, key=_order))
+        group(ending)
+    costs = _costs(case, by_failure)
+    roots = [_root(case, each, outcome, planted, costs) for each in groups.values()]
+    spent = sum(root.seconds_lost for root in roots)
+    to_blame = outcome.status == "timeout" and spent > LONG * outcome.end
+    return tuple(sorted(roots, key=lambda root: _order(root, ended_late=to_blame)))
 
 
 def _of_failures(case: Investigation) -> Mapping[int, Finding]:
     """The finding for each failure; one that follows from another has that one's."""
-    camera = camera_off(case) if case.failures else None
     found: dict[int, Finding] = {}
     displaced: dict[str, Finding] = {}
-    """What brought a true item to where it lies now."""
+    """Finding that brought a true item to where it lies now."""
     for failure in case.failures:
         if failure.because_of is not None:
-            found[failure.number] = found[failure.because_of]
+            finding = found[failure.because_of]
         else:
-            found[failure.number] = (
-                by_the_mission_first(case, failure)
-                or wrong_location_cause(case, failure)
-                or through_the_camera(camera, failure)
-                or after_wrong_bin(case, failure)
-                or too_heavy(case, failure)
-                or (touched(case, failure) if pressed_from_below(failure) else None)
-                or grip_loss_cause(case, failure)
-                or obstruction_cause(case, failure)
-                or misjudged(case, failure)
-                or by_the_mission(case, failure)
-                or touched(case, failure)
-                or _as_it_says(failure)
-            )
-        finding, true = found[failure.number], case.pairs.get(failure.item, "")
+            answers = (question(case, failure) for question in QUESTIONS)
+            finding = next((answer for answer in answers if answer is not None), _as_it_says(failure))
+        true = case.pairs.get(failure.item, "")
         if finding.cause in DISPLACING:
             displaced[true] = finding
         elif finding.cause in PLACES and true in displaced and not _held_since(case, true, displaced[true]):
-            found[failure.number] = displaced[true]
+            finding = displaced[true]
+        found[failure.number] = finding
     return found
 
 
 def _held_since(case: Investigation, true: str, displaced: Finding) -> bool:
     """Whether the robot had the item in its hand after it had been moved there."""
-    names = case.believed.get(true, ())
-    return any(p.held and p.object in names and p.time > (displaced.time or 0.0) for p in case.run.picks)
-
-
-def by_the_mission_first(case: Investigation, failure: FailureStory) -> Finding | None:
-    """Causes that say what is wrong by themselves."""
-    return by_the_mission(case, failure) if failure.cause.startswith(("tree.", "internal.")) else None
+    return any(p.true == true and p.start > (displaced.time or 0.0) for p in case.once(held_periods))
 
 
 def _as_it_says(failure: FailureStory) -> Finding:
@@ -119,48 +148,152 @@ def _as_it_says(failure: FailureStory) -> Finding:
     of = f" of {failure.item}" if failure.item and failure.item not in said else ""
     title = f"{failure.name}{of} failed: {said}"
     reasons = ("nothing else in the log tells where it came from",)
-    return Finding(failure.cause, about, title, reasons, failure.item, failure.time)
+    return Finding(failure.cause, about, title, reasons, failure.item, failure.time, "the log does not tell")
 
 
-def _unsorted(case: Investigation) -> list[str]:
-    """True items that do not lie where they belong at the end of the log."""
-    return [true for true, judged in case.scores.items() if judged.verdict != "sorted"]
+def _unsorted(case: Investigation, outcome: ExplainedOutcome) -> list[str]:
+    """True items that do not lie where they belong at the end of the log, and whose turn had come."""
+    if outcome.status == "success":
+        return []
+    over = outcome.status in ("success", "incomplete")
+    wrong = [true for true, judged in case.scores.items() if judged.verdict != "sorted"]
+    return [true for true in wrong if over or case.gone(true) is not None or _settled(case, true)]
+
+
+def _settled(case: Investigation, true: str) -> bool:
+    """Whether the truth in the log is younger than the placing of an item, of a run that was cut off."""
+    done = placed_at(case, true)
+    tried = any(f.item in case.believed.get(true, ()) and f.fate != "open" for f in case.failures)
+    return tried if done is None else case.truth.tracks[true].times[-1] > done + COME_DOWN
+
+
+COME_DOWN = 0.4
+"""Time after which an item that was let go has come to rest, s."""
+
+
+def _why_unsorted(case: Investigation, true: str, by_failure: Mapping[int, Finding]) -> Finding | None:
+    """Return why an item is not where it belongs: from its last placement, else from its last failure."""
+    names = case.believed.get(true, ())
+    done = placed_at(case, true)
+    if done is not None and (answer := why_not_sorted(case, true)) is not None:
+        after = [f for f in case.failures if f.item in names and f.fate != "cured" and f.time > done]
+        if not after or answer.cause in ("mission.wrong_bin", "perception.mistaken"):
+            return answer
+    to_blame = [
+        by_failure[f.number]
+        for f in case.failures
+        if f.item in names and f.fate != "cured" and (done is None or f.time > done)
+    ]
+    sure = [finding for finding in to_blame if finding.confidence != "the log does not tell"]
+    answer = next(reversed(sure or to_blame), None) or why_not_sorted(case, true)
+    if answer is None or answer.cause not in ("mission.not_tried", "item.never_seen"):
+        return answer
+    return _no_time(case, true, by_failure) if answer.cause == "mission.not_tried" else _unseen(case, answer)
+
+
+def _no_time(case: Investigation, true: str, by_failure: Mapping[int, Finding]) -> Finding | None:
+    """The stop that took the time in which an item would have been tried."""
+    stopped = [f for f in case.failures if f.cause == "tree.timeout" and f.fate != "cured"]
+    return by_failure[stopped[-1].number] if stopped else why_not_sorted(case, true)
+
+
+def _unseen(case: Investigation, answer: Finding) -> Finding:
+    """Whether a camera that did not do as it should has not shown an item."""
+    cameras = (
+        found.finding for found in case.once(device_findings) if found.finding.cause.startswith("camera.")
+    )
+    return next(cameras, answer)
+
+
+def _costs(case: Investigation, by_failure: Mapping[int, Finding]) -> Mapping[tuple[str, str], float]:
+    """Simulated s that the episodes of each finding cost: each counts once, for what came first in it."""
+    found: dict[tuple[str, str], float] = {}
+    taken: set[int] = set()
+    for failure in case.failures:
+        episode = case.episode(failure)
+        if episode is None or episode in taken:
+            continue
+        taken.add(episode)
+        finding = by_failure[failure.number]
+        key = (finding.cause, finding.about)
+        found[key] = found.get(key, 0.0) + case.run.account.recovery.episodes[episode].seconds
+    return found
 
 
 def _root(
-    case: Investigation, group: _Group, outcome: ExplainedOutcome, planted: Sequence[Stamped[FaultEvent]]
+    case: Investigation,
+    group: _Group,
+    outcome: ExplainedOutcome,
+    planted: Sequence[Stamped[FaultEvent]],
+    costs: Mapping[tuple[str, str], float],
 ) -> RootCause:
     first = group.findings[0]
-    ended = first.cause in RUN or any(f.fate == "ended" for f in group.failures)
-    missed = outcome.status == "incomplete" and bool(group.items)
-    reasons = list(dict.fromkeys(first.reasons))
-    others = sorted({f.item for f in group.findings if f.item and f.item != first.item})
-    if others:
-        reasons.append(f"so it was with {', '.join(others)}, too")
+    ended = first.cause in RUN or first.cause == "run.limit" or any(f.fate == "ended" for f in group.failures)
+    missed = outcome.status == "incomplete" and (bool(group.items) or first.cause.startswith("goal."))
+    alike = [f for f in group.findings if f.item and f.item != first.item and f.item not in first.title]
+    others = list(dict.fromkeys(f.item for f in alike))
+    also = [f"so it was with {', '.join(others)}, too"] if others else []
     return RootCause(
         cause=first.cause,
         title=first.title,
         failures=tuple(f.number for f in group.failures),
         ended_run=outcome.status != "success" and (ended or missed),
-        reasons=tuple(reasons),
+        reasons=(*dict.fromkeys(first.reasons), *also),
         item=first.item,
         time=first.time,
-        seconds_lost=covered_time(f.undecided for f in group.failures),
+        seconds_lost=costs.get((first.cause, first.about), 0.0),
         planted=tuple(_planted(case, group, planted)),
+        confidence=first.confidence,
+        against=first.against,
+        items=tuple(case.name_of(true) for true in group.items),
     )
 
 
+FAULTS: Final[Mapping[str, tuple[str, ...]]] = {
+    "obstacle": ("contact.obstacle", "scene.unknown_obstacle", "scene.blocked"),
+    "slip": ("item.slipped", "item.slippery"),
+    "appear": ("item.appeared",),
+    "gripper_jam": ("gripper.jammed",),
+    "gripper_weak": ("gripper.weak", "grasp.weak"),
+    "camera_drop": ("camera.silent",),
+    "camera_shift": ("camera.off", "perception.misjudged"),
+    "camera_noise": ("camera.noisy", "perception.phantom", "scene.unknown_obstacle"),
+    "camera_mislabel": ("perception.mistaken",),
+    "wrench_bias": ("wrist.biased",),
+    "wrench_dead": ("wrist.silent", "safety.stale_sensor"),
+    "joint_weak": ("joint.weak", "control.tracking"),
+    "stall": ("arm.stalled", "control.tracking", "control.timeout"),
+    "no_plan": ("planner.refuses", "planning.no_path"),
+    "hang": ("skill.hangs", "tree.timeout", "run.limit"),
+    "raise": ("internal.error",),
+    "kill": ("run.killed",),
+}
+"""Root causes beside which a fault of a kind is quoted; one of an item also beside those of the item."""
+
+
 def _planted(case: Investigation, group: _Group, planted: Sequence[Stamped[FaultEvent]]) -> list[str]:
-    """Faults of the fault file that concern the same items, not later than the failures."""
-    items = {case.pairs.get(f.item, f.item) for f in group.findings} | group.items
+    """Faults of the fault file that concern the same item or device, not later than the failures."""
+    items = {case.pairs.get(f.item, f.item) for f in group.findings if f.item} | set(group.items)
     items |= {case.pairs[f.item] for f in group.failures if f.item in case.pairs}
     last = max((f.time for f in group.failures), default=case.end)
+    cause = group.findings[0].cause
     return [
         f"at {seconds(at.time)}: {at.record.message}"
         for at in planted
-        if at.record.item in items and at.time <= last + 1e-6
+        if (cause in FAULTS.get(at.record.fault, ()) or at.record.item in items)
+        and at.record.struck
+        and at.time <= last + 1e-6
     ]
 
 
-def _order(root: RootCause) -> tuple[bool, bool, float, float]:
-    return (not root.ended_run, root.cause not in RUN, -root.seconds_lost, root.time or 0.0)
+def _order(root: RootCause, *, ended_late: bool) -> tuple[bool, bool, bool, int, float, float]:
+    """`ended_late`: a run that ended at its limit of time did so because of failures."""
+    limit = root.cause == "run.limit"
+    return (
+        root.cause not in RUN and not (limit and not ended_late),
+        limit,
+        not root.ended_run,
+        -len(root.items),
+        -root.seconds_lost,
+        root.time or 0.0,
+    )

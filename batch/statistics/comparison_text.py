@@ -171,7 +171,7 @@ def _lines(found: RecipeComparison, program: str) -> Iterator[str]:
         yield f"goal by seed: {counts}"
     yield ""
     better = [f"{c.better} {c.words}" for c in found.criteria if c.better]
-    yield "so: " + ("; ".join(better) or "no difference that these runs could show")
+    yield "so: " + ("; ".join(better) or _undecided(found))
     if found.causes:
         yield ""
         yield _row("failures by cause", "A", "B", "B − A, 95 % interval", "p", "Holm")
@@ -187,6 +187,27 @@ def _lines(found: RecipeComparison, program: str) -> Iterator[str]:
         lacking = [changed for changed in found.changed if changed.missing]
         if lacking and not any(changed.parting for changed in lacking):
             yield f"of {len(lacking)} a log was not kept: --remake runs them again and says where they part"
+
+
+def _undecided(found: RecipeComparison) -> str:
+    """Return what the runs leave open: too few changed seeds for any verdict, or no difference."""
+    table = found.paired
+    changed = 0 if table is None else table.only_a + table.only_b
+    tests = sum(criterion.difference.count > 0 for criterion in found.criteria)
+    if table is None or not changed or _least_p(changed, tests) < SIGNIFICANCE_LEVEL:
+        return "no difference that these runs could show"
+    needed = next(n for n in range(changed, 100) if _least_p(n, tests) < SIGNIFICANCE_LEVEL)
+    ahead = max((table.only_a, "A"), (table.only_b, "B"))
+    return (
+        f"too few runs to tell: {ahead[0]} of the {changed} seeds that changed sides are {ahead[1]}'s, and "
+        f"{changed} cannot reach {100 * SIGNIFICANCE_LEVEL:.0f} % with {tests} criteria; {needed} could, "
+        f"which takes about {math.ceil(needed * table.total / changed)} seeds"
+    )
+
+
+def _least_p(changed: int, tests: int) -> float:
+    """Least p value, by Holm's method over all criteria, that so many changed seeds can have."""
+    return tests * 2.0 * 0.5**changed
 
 
 def _row(title: str, a: str, b: str, difference: str, p_value: str, adjusted: str) -> str:

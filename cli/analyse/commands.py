@@ -7,7 +7,7 @@ import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Literal, TextIO
 
 import typer
 
@@ -45,8 +45,17 @@ def explain(
         bool, typer.Option("--json", help="Print the explanation as one JSON object.")
     ] = False,
 ) -> None:
-    """Say why a run ended as it did: root causes, failures, items, and what to look at."""
+    """Say why a run ended as it did: root causes, failures, items, and what to look at.
+
+    Of a folder with many runs: their root causes, grouped and counted, with a typical run of each.
+    """
     answer = keep_stdout() if as_json else None
+
+    from ...analysis.explain.explain_runs import holds_runs
+
+    if holds_runs(log):
+        _explain_runs(Path(log), answer)
+        return
 
     from ...analysis.explain.explain import explain as find_out
     from ...analysis.explain.explanation_text import to_json_text, to_text
@@ -61,6 +70,18 @@ def explain(
             ),
             lambda: to_json_text(run, found),
         )
+
+
+def _explain_runs(folder: Path, answer: TextIO | None) -> None:
+    from ...analysis.explain.explain_runs import explain_runs, runs_json_text, runs_text
+
+    with StatusLine() as line:
+        found = explain_runs(folder, line.say)
+    print_answer(
+        answer,
+        lambda: runs_text(found, program(), painter(sys.stdout)),
+        lambda: runs_json_text(found),
+    )
 
 
 def layout(

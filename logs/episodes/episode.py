@@ -5,8 +5,9 @@
   belongs to the same episode, also within the next branch of a `Fallback`. Another cause is another episode.
 - *Tried.* A `Recover`, a `RecoveryNode`, a `RetryUntilSuccessful`, a `Fallback` or a `RoundRobin` above the
   node handles the failure, or a plug-in's node that runs its failed child again. It runs a cure, the branch
-  again, or its next branch. When that handler fails in the end and one further up handles the failure, the
-  episode continues there. So it is counted once.
+  again, or its next branch. A branch that does nothing, such as `AlwaysSuccess`, is no cure. When that
+  handler fails in the end and one further up handles the failure, the episode continues there. So it is
+  counted once.
 - *By what.* The cure that ran last against this cause: the sub-tree or the nodes of the handler. It is `Grasp
   again` where only the branch ran again, and the next branch of a `Fallback` or a `RoundRobin`.
 - *Tries.* Runs after the failure that could succeed: 1 when the first of them did.

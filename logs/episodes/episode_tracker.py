@@ -48,7 +48,7 @@ class EpisodeTracker:
         self._parents: Mapping[str, str] = {}
         self._names = CureNames(())
         self._giving_up: frozenset[str] = frozenset()
-        """Branches that may set an item aside."""
+        """Branches that may set an item aside, and those that do nothing."""
         self._time = 0.0
 
     def state(self) -> EpisodeTrackerState:
@@ -67,6 +67,11 @@ class EpisodeTracker:
         self._names = CureNames(known)
         giving_up = [node.path for node in known if node.id == _SET_ASIDE]
         self._giving_up = frozenset(path for each in giving_up for path in self._upwards(each))
+        inert = {node.path for node in known if node.id in _INERT and not node.children}
+        for node in reversed(known):  # children come after their parents
+            if node.children and inert.issuperset(node.children):
+                inert.add(node.path)
+        self._giving_up |= inert
         for path in [path for path in self._open if path not in self._ids]:
             gone = self._open.pop(path)
             self._settle([*gone.taken, *gone.arrived], None, None, "open")
@@ -388,6 +393,8 @@ _KINDS = {
 }
 """Nodes that may take a failure up, by how they show it."""
 _SET_ASIDE = "SetAside"
+_INERT = frozenset({"AlwaysSuccess", "Log", "SetBlackboard"})
+"""Nodes that change nothing in the cell: they cure no failure."""
 
 
 def _last(path: str) -> str:

@@ -7,8 +7,14 @@ import errno
 import os
 import shutil
 import threading
+from contextlib import suppress
 from pathlib import Path
 from typing import Protocol
+
+try:
+    import fcntl
+except ImportError:  # Windows
+    fcntl = None
 
 from ...errors import PicktreeError
 
@@ -29,8 +35,26 @@ class RawFile(Protocol):
 
 
 def open_raw(path: Path) -> RawFile:
-    """Open a new, empty file."""
-    return path.open("w+b", buffering=0)
+    """Open a new, empty file, and lock it for as long as it is open, where the system has such locks."""
+    file = path.open("w+b", buffering=0)
+    if fcntl is not None:
+        with suppress(OSError):  # some network disks have none
+            fcntl.flock(file.fileno(), fcntl.LOCK_EX | fcntl.LOCK_NB)
+    return file
+
+
+def is_written(path: Path) -> bool:
+    """Whether a process that still lives has the file open for writing, as far as locks tell."""
+    if fcntl is None:
+        return False
+    try:
+        with path.open("rb") as file:
+            fcntl.flock(file.fileno(), fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return True
+    except OSError:
+        return False
+    return False
 
 
 def require_free_space(path: Path) -> None:

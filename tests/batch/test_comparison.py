@@ -66,7 +66,8 @@ def test_two_recipes_are_compared_on_the_same_seeds(tmp_path: Path) -> None:
         "seconds a pick             5.00     5.30  +0.30 (+0.10 … +0.60)          0.250   0.250",
         "goal by seed: both 3, only A 7, only B 0, neither 0",
         "",
-        "so: no difference that these runs could show",
+        "so: too few runs to tell: 7 of the 7 seeds that changed sides are A's, and 7 cannot reach 5 % with "
+        "5 criteria; 8 could, which takes about 12 seeds",
         "",
         "failures by cause             A        B  B − A, 95 % interval               p    Holm",
         "grasp.slipped              0.00     0.70  +0.70 (+0.40 … +0.90)          0.016   0.016 *",
@@ -88,6 +89,20 @@ def test_a_clear_difference_is_named(tmp_path: Path) -> None:
     assert (said["paired"], said["differ"], said["goal"]["only_a"]) == (True, True, 10)
     assert said["criteria"]["goal"]["difference"] == -1.0
     assert "so: A reaches the goal more often; A sorts more items;" in text_of(found)
+
+
+def test_six_to_nothing_is_too_few_to_tell_and_not_no_difference(tmp_path: Path) -> None:
+    with (
+        store(tmp_path / "a", dict.fromkeys(range(6), SUCCESS)),
+        store(tmp_path / "b", dict.fromkeys(range(6), MISSED)),
+    ):
+        told = text_of(compare(str(tmp_path / "a"), str(tmp_path / "b")))
+    assert "no difference" not in told
+    assert (
+        "so: too few runs to tell: 6 of the 6 seeds that changed sides are A's, and 6 cannot reach 5 %"
+        in told
+    )
+    assert "8 could, which takes about 8 seeds" in told
 
 
 def test_alike_recipes_do_not_differ(tmp_path: Path) -> None:

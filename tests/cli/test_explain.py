@@ -58,7 +58,7 @@ def test_json(folder: Path, capfd: pytest.CaptureFixture[str]) -> None:
     assert (failure["time"], failure["cause"], failure["cured"]) == (6.7, "grasp.missed", False)
     assert failure["evidence"]["object"] == "red_ball_1"
     assert [cause["cause"] for cause in found["root_causes"]] == ["item.gone"]
-    assert [look["time"] for look in found["look_at"]] == [3.0, 6.7]
+    assert [look["time"] for look in found["look_at"]] == [3.8, 6.7]
 
 
 def test_planted_faults_can_be_hidden(folder: Path, capfd: pytest.CaptureFixture[str]) -> None:
@@ -67,7 +67,7 @@ def test_planted_faults_can_be_hidden(folder: Path, capfd: pytest.CaptureFixture
     assert answer(["explain", str(folder), "--hide-faults"]) == 0
     hidden = capfd.readouterr().out
     assert "planted" not in hidden
-    assert "red_ball_1 was taken away between 3.0 and 4.0 s" in hidden
+    assert "red_ball_1 was taken away between 3.8 and 4.0 s" in hidden
 
 
 def test_a_log_that_is_none(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
@@ -158,10 +158,10 @@ failure: the mission ended in FAILURE: red_ball_1: the fingers met and hold noth
 one pick, scene sort_small, seed 3, kinematic: 6.7 s simulated
 
 Root cause
-  1  red_ball_1 was taken away between 3.0 and 4.0 s: it is nowhere in the robot's world any
+  1  red_ball_1 was taken away between 3.8 and 4.0 s: it is nowhere in the robot's world any
      more.
-     [item.gone] This ended the run: 1 failure at 6.70 s.
-     - its true place is in the log until 3.00 s (x 0.51, y -0.15 m), and then no more
+     [item.gone] This ended the run: 1 failure at 6.70 s, 3 s lost.
+     - its true place is in the log until 3.80 s (x 0.51, y -0.15 m), and then no more
      - the fingers met (0.0 mm) and hold nothing
      - a fault was planted: at 4.00 s: item_02 is snatched away
 
@@ -191,9 +191,9 @@ Items (4, as the robot believed)
                       where it belongs)
 
 Look at
-     3.00 s  red_ball_1: the item vanishes from the truth, and the belief keeps it
+     3.80 s  red_ball_1: the item vanishes from the truth, and the belief keeps it
      6.70 s  Grasp of red_ball_1 fails: grasp.missed
-  step through it  picktree replay LOG --at 3.00
-  see it           picktree snapshot LOG --at 3.00 -o moment.png
+  step through it  picktree replay LOG --at 3.80
+  see it           picktree snapshot LOG --at 3.80 -o moment.png
   the whole run    picktree report LOG -o report.html
 """

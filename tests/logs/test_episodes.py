@@ -229,6 +229,19 @@ def test_the_next_branch_of_a_fallback_cures_but_not_by_giving_the_item_up(
     assert told(episodes) == [expected]
 
 
+@pytest.mark.parametrize("nothing", ["AlwaysSuccess", "Log", "Sequence"])
+def test_a_branch_that_does_nothing_cures_nothing(nothing: str) -> None:
+    below = ("Main/Choose/Or/Said:Log", "Main/Choose/Or/Done:AlwaysSuccess") if nothing == "Sequence" else ()
+    nodes = tree("Main", "Main/Choose:Fallback", "Main/Choose/Grasp", f"Main/Choose/Or:{nothing}", *below)
+    script: Script = {
+        0.0: [begins("Main"), begins("Main/Choose"), begins("Main/Choose/Grasp", "ball_1")],
+        2.0: [*fails("Main/Choose/Grasp", "grasp.missed"), begins("Main/Choose/Or")],
+        2.05: [ends("Main/Choose/Or"), ends("Main/Choose"), ends("Main")],
+    }
+    (episode,) = follow(nodes, script)[0]
+    assert (episode.cause, episode.end, episode.cure, episode.tries) == ("grasp.missed", "given_up", "", 0)
+
+
 def test_a_branch_with_nothing_to_do_is_no_try() -> None:
     path = "Main/Fallback"
     script = {

@@ -4,22 +4,18 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from ....logs.schema.event_records import ImageEvent
 from ....world.events.skill_events import SafetyStopEvent
-from ....world.shapes import extents
-from ....world.values import Vector3
-from ..investigation.case import Finding, Investigation
-from ..investigation.explanation import FailureStory, number, numbers, word
+from ..investigation.case import Investigation
+from ..investigation.explanation import FailureStory, Finding, number, numbers, word
 from ..investigation.number_wording import distance, force, place, seconds
-from .item_whereabouts import EMPTY, way_since
+from .held_items import pressed_from_below
+from .item_whereabouts import way_since
 
 STOPPED = frozenset(
-    {"world.disturbed", "safety.force_limit", "safety.stop", "control.tracking", "control.timeout"}
-)
-BORNE = 2.0
-"""A load this far below nothing is a push from below, N."""
+    {"world.disturbed", "safety.force_limit", "safety.stop", "control.tracking", "control.timeout",
+     "safety.torque_limit", "safety.watchdog", "planning.blocked"}
+)  # fmt: skip
 AROUND = 0.15
 """Distance from the fingers' joints within which they, or the held object, may touch something, m."""
 CLOSE = 0.08
@@ -44,7 +40,7 @@ def touched(case: Investigation, failure: FailureStory) -> Finding | None:
                 near.append((away, true))
     verb = f"the arm met something with {felt}" if felt else "the arm was stopped"
     where = f" on its way with {failure.item}" if failure.item else ""
-    unknown = _obstacle_near(case, hand, time)
+    unknown = next(iter(case.obstacles_near(time)), None)
     if unknown is not None and (not near or min(near)[0] > CLOSE):
         title = f"{verb}{where}: {unknown}, which nobody had told the robot of, stood next to it"
         reasons.append(_when_seen(case, time))
@@ -70,29 +66,10 @@ def touched(case: Investigation, failure: FailureStory) -> Finding | None:
     )
 
 
-def _obstacle_near(case: Investigation, hand: Vector3 | None, time: float) -> str | None:
-    """The nearest thing about the hand that the robot was not told of, by the truth."""
-    near: list[tuple[float, str]] = []
-    for name in case.obstacles.tracks:
-        body = case.obstacles.at(name, time)
-        if body is not None and hand is not None:
-            low, high = extents(body.shape, np.eye(3))
-            local = body.pose.inverse().apply(np.array([hand]))[0]
-            near.append((float(np.linalg.norm(np.maximum(np.maximum(low - local, local - high), 0.0))), name))
-    away, name = min(near, default=(math.inf, ""))
-    return name if away < AROUND else None
-
-
 def _when_seen(case: Investigation, time: float) -> str:
     """When the robot last looked before it."""
     looks = case.events(ImageEvent, start=0.0, end=time)
     return f"it was looked for the last time at {seconds(looks[-1].time)}" if looks else "nobody had looked"
-
-
-def pressed_from_below(failure: FailureStory) -> bool:
-    """Whether what is said to have slipped is still between the fingers, and something bears its weight."""
-    width, load = number(failure, "width"), number(failure, "load")
-    return failure.cause == "grasp.slipped" and (width or 0.0) > EMPTY and (load or 0.0) < -BORNE
 
 
 def _felt(failure: FailureStory) -> str:

@@ -7,15 +7,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ....files.value_wording import listed
 from ....logs.schema.event_records import ImageEvent
 from ....logs.schema.records import BodyRecord
 from ....world.scene.description import CameraDescription
 from ..investigation.body_tracks import horizontal_distance
-from ..investigation.case import Finding, Investigation
-from ..investigation.explanation import FailureStory, number
+from ..investigation.case import Investigation
+from ..investigation.explanation import FailureStory, Finding, number
 from ..investigation.number_wording import between, counted, distance, force, place, seconds
-from .slip_causes import grip_within
+from .held_items import EMPTY, grip_within
 
 MOVED = 0.015
 """A true item that is this far from where it was when last seen has moved, m."""
@@ -30,10 +29,6 @@ TOUCHED = 6.0
 NOWHERE = "it is nowhere in the robot's world any more"
 STEP = 0.1
 """Between two looks at where the hand was, s."""
-EMPTY = 0.002
-"""Fingers that are closer than this hold nothing, m."""
-SAMPLED = 1.05
-"""The truth is in the log about this often, s."""
 
 SEEKING = frozenset(
     {
@@ -74,7 +69,7 @@ def _reached(case: Investigation, failure: FailureStory) -> float:
 
 def _taken(case: Investigation, failure: FailureStory, true: str, reached: float) -> Finding | None:
     gone = case.gone(true)
-    if gone is None or gone[1] > max(reached, failure.time) + SAMPLED:
+    if gone is None or gone[1] > max(reached, failure.time) + case.sampled:
         return None
     item = failure.item
     was = case.belief.at(item, gone[0])
@@ -130,9 +125,11 @@ def _settled(case: Investigation, item: str, until: float) -> float:
 def way_since(case: Investigation, true: str, seen: float, until: float) -> ItemDisplacement | None:
     """How a true item moved away between two times, if it did; None for one that was carried."""
     track = case.truth.tracks[true]
-    bodies = [(t, b) for t, b in zip(track.times, track.bodies, strict=True) if seen <= t <= until + SAMPLED]
+    bodies = [
+        (t, b) for t, b in zip(track.times, track.bodies, strict=True) if seen <= t <= until + case.sampled
+    ]
     carried = max((t for t, _ in bodies if _carried(case, true, t)), default=None)
-    start = track.before(seen) if carried is None else track.after(carried + SAMPLED / 2)
+    start = track.before(seen) if carried is None else track.after(carried + case.sampled / 2)
     if start is None:
         return None
     samples = [(t, horizontal_distance(start, b)) for t, b in bodies if carried is None or t > carried]
@@ -192,7 +189,7 @@ def misjudged(case: Investigation, failure: FailureStory) -> Finding | None:
     settled = _settled(case, failure.item, reached)
     reasons = (f"believed at {place(believed.pose.position)}, truly at {place(body.pose.position)}",)
     off = distance(horizontal_distance(body, believed))
-    if settled > believed.last_seen + SAMPLED:
+    if settled > believed.last_seen + case.sampled:
         title = f"{failure.item} lay {off} from where it was believed to have come to rest"
         reasons = (*reasons, f"it had been let go at {seconds(settled)} and not been seen since")
         return Finding("item.fell_elsewhere", true, title, reasons, failure.item, settled)
@@ -223,60 +220,6 @@ def _seen_empty(case: Investigation, item: str, since: float) -> list[str]:
     return []
 
 
-OFF = 0.005
-"""A mean offset of belief from truth beyond this is the camera's, m."""
-ALIKE = 0.5
-"""Share of the mean by which the offsets of single items may scatter."""
-FEWEST = 2
-"""Items whose offsets tell of the camera."""
-AFFECTED = frozenset(
-    {
-        "grasp.missed", "grasp.slipped", "grasp.no_candidate", "world.disturbed", "world.unknown_object",
-        "safety.force_limit", "safety.stop", "planning.start_in_collision", "control.tracking",
-        "control.timeout", "place.missed",
-    }
-)  # fmt: skip
-"""Causes that a wrong place of an item may have."""
-
-
-def camera_off(case: Investigation) -> Finding | None:
-    """Whether all items were seen off by the same way, which is the camera's fault, not theirs."""
-    offsets: dict[str, tuple[float, float]] = {}
-    for item, true in case.pairs.items():
-        track = case.belief.tracks[item]
-        seen = track.first
-        body = case.truth.tracks[true].before(track.times[0])
-        if body is not None and not seen.attached:
-            offsets[item] = (
-                body.pose.position[0] - seen.pose.position[0],
-                body.pose.position[1] - seen.pose.position[1],
-            )
-    if len(offsets) < FEWEST:
-        return None
-    ways = np.array(list(offsets.values()))
-    mean = np.median(ways, axis=0)
-    size = float(np.linalg.norm(mean))
-    scatter = float(np.median(np.linalg.norm(ways - mean, axis=1)))
-    if size < OFF or scatter > ALIKE * size:
-        return None
-    name = _camera(case)
-    title = (
-        f"everything is believed {distance(size)} from where it is: "
-        f"{name} hangs elsewhere than believed, or is turned"
-    )
-    reasons = (
-        f"{counted(len(offsets), 'item')} lay {distance(abs(float(mean[0])))} in x and "
-        f"{distance(abs(float(mean[1])))} in y from where {'they were' if len(offsets) > 1 else 'it was'} "
-        f"first seen, in the same direction ({listed(sorted(offsets), 4)})",
-    )
-    return Finding("camera.off", name, title, reasons, "", 0.0)
-
-
-def through_the_camera(finding: Finding | None, failure: FailureStory) -> Finding | None:
-    """The camera's fault as the reason of a failure that it may have led to."""
-    return finding if finding is not None and failure.cause in AFFECTED else None
-
-
 def never_seen(case: Investigation, true: str) -> Finding:
     """Return the finding about a true item that was never believed to be there."""
     body = case.truth.tracks[true].first
@@ -297,8 +240,3 @@ def in_picture(camera: CameraDescription, body: BodyRecord) -> bool:
         return False
     across = np.tan(camera.fov / 2)
     return bool(abs(y / z) <= across and abs(x / z) <= across * width / height)
-
-
-def _camera(case: Investigation) -> str:
-    looked = [str(at.record.message).removeprefix("image from ") for at in case.events(ImageEvent)]
-    return f"the camera {looked[0]}" if looked else "the camera"

@@ -16,8 +16,8 @@ from ....world.belief.planning_scene import BeliefObject
 from ....world.scene.description import Bin, Fixture
 from ....world.shapes import extents
 from ....world.values import ObjectId, Pose
-from ..investigation.case import Finding, Investigation, reachable
-from ..investigation.explanation import CandidateChoice, FailureStory, number, word, words
+from ..investigation.case import Investigation, reachable
+from ..investigation.explanation import CandidateChoice, FailureStory, Finding, number, word, words
 from ..investigation.number_wording import counted, place, seconds
 
 OVER = 0.35
@@ -132,6 +132,8 @@ def obstruction_cause(case: Investigation, failure: FailureStory) -> Finding | N
             return _budget(failure)
         case "planning.no_ik":
             return _no_reach(failure)
+        case "planning.no_path" if failure.item and failure.evidence.get("joint"):
+            return _bent(failure)
         case _ if failure.cause.startswith("planning."):
             return _touching(case, failure, _pairs(words(failure, "pairs")), ())
         case _:
@@ -198,10 +200,10 @@ def _touching(
         # The hand may just have let go of something there: where that lies is a guess.
         begun = failure.name_and_item
         title = f"the hand stood, as believed, within {listed(neighbours, 3)} when {begun} was to begin"
-        return Finding("item.crowded", neighbours[0], title, reasons, neighbours[0], failure.time)
+        return Finding("item.crowded", "hand", title, reasons, neighbours[0], failure.time)
     if neighbours:
         title = f"{about} lies too close to {listed(neighbours, 3)}: there is no room for the hand"
-        return Finding("item.crowded", about, title, reasons, failure.item, failure.time)
+        return Finding("item.crowded", "", title, reasons, failure.item, failure.time)
     walls = [name for name in most if name in bins]
     if walls:
         title = f"{about} lies too close to {walls[0]}: its walls are in the way of the hand"
@@ -294,6 +296,14 @@ def _no_reach(failure: FailureStory) -> Finding:
     title = f"{_doing(failure)} is out of the arm's reach: {failure.message}"
     cause = "bin.out_of_reach" if failure.id == "Place" else "item.out_of_reach"
     return Finding(cause, about, title, (), failure.item, failure.time)
+
+
+def _bent(failure: FailureStory) -> Finding:
+    """A joint at its limit, or a singularity, on the straight way to an item."""
+    title = (
+        f"the arm cannot move straight down to {failure.item}: {word(failure, 'joint')} is at its limit there"
+    )
+    return Finding("item.out_of_reach", failure.item, title, (failure.message,), failure.item, failure.time)
 
 
 def _pairs(pairs: Sequence[str]) -> Counter[str]:

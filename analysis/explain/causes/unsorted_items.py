@@ -6,15 +6,16 @@ import math
 
 from ....files.value_wording import listed
 from ....simulation.scoring.scorer import MAX_REST_SPEED
-from ....world.events.skill_events import ItemDoneEvent
+from ....world.events.skill_events import ItemDoneEvent, SetAsideEvent
 from ....world.scene.destinations import is_at
-from ..investigation.case import Finding, Investigation
-from ..investigation.explanation import FailureStory
+from ..investigation.case import Investigation
+from ..investigation.explanation import FailureStory, Finding
 from ..investigation.number_wording import between, distance, place, seconds
-from .item_whereabouts import NOWHERE, SAMPLED, never_seen, way_since
+from .item_nature import appeared
+from .item_whereabouts import NOWHERE, never_seen, way_since
 
-FALLING = 0.15
-"""Time after which an item released over a bin has come down in it, s."""
+BESIDE_IT = 1.0
+"""Time around the placing of an item within which it pushes others, or bounces itself, s."""
 PUSHED = 0.35
 """Greatest distance of an item pushed out of a bin one second later, m."""
 
@@ -22,11 +23,17 @@ PUSHED = 0.35
 def why_not_sorted(case: Investigation, true: str) -> Finding | None:
     """Return why the scorer calls an item left or misplaced; None when the log does not tell."""
     if not case.believed.get(true):
-        return _gone_before_seen(case, true) or never_seen(case, true)
+        return _gone_before_seen(case, true) or appeared(case, true) or never_seen(case, true)
     done = _placed(case, true)
     if done is None:
-        return _taken(case, true, "") or _not_tried(case, true)
+        return _taken(case, true, "") or _set_aside(case, true) or _not_tried(case, true)
     time, item, into, node = done
+    if not into:
+        return (
+            _put_elsewhere(case, true, item, node, time)
+            if case.gone(true) is None
+            else _taken(case, true, into)
+        )
     return (
         _wrong_bin(case, true, item, into, node)
         or _taken(case, true, into)
@@ -84,6 +91,28 @@ def _taken(case: Investigation, true: str, into: str) -> Finding | None:
     return Finding("item.gone", true, title, reasons, item, gone[0])
 
 
+def _put_elsewhere(case: Investigation, true: str, item: str, node: str, time: float) -> Finding:
+    """The mission itself put it down where it does not belong."""
+    belongs = case.destination(case.truth.tracks[true].last)
+    lies = place(case.truth.tracks[true].last.pose.position)
+    title = f"the mission puts {item} down at {lies}, and it belongs into {belongs or 'no bin'}"
+    told = case.ports(node)
+    reasons = (
+        (f"{node} has at: {told['at']}",) if "at" in told else (f"{node} put it down at {seconds(time)}",)
+    )
+    return Finding("mission.put_elsewhere", node, title, reasons, item, time)
+
+
+def _set_aside(case: Investigation, true: str) -> Finding | None:
+    names = case.believed.get(true, ())
+    found = [at for at in case.events(SetAsideEvent) if at.record.object in names]
+    if not found:
+        return None
+    time, event = found[-1].time, found[-1].record
+    title = f"the mission sets {event.object} aside: {event.node.rsplit('/', 1)[-1]} leaves it where it lies"
+    return Finding("mission.set_aside", event.node, title, (f"at {seconds(time)}",), event.object, time)
+
+
 def _wrong_bin(case: Investigation, true: str, item: str, into: str, node: str) -> Finding | None:
     real, believed = case.truth.tracks[true].bodies[-1], case.belief.tracks[item].bodies[-1]
     belongs = case.destination(real)
@@ -94,7 +123,8 @@ def _wrong_bin(case: Investigation, true: str, item: str, into: str, node: str) 
             f"{item} was taken for a {believed.colour} {believed.kind} and is a {real.colour} {real.kind}: "
             f"it was placed into {into} and belongs into {belongs}"
         )
-        return Finding("perception.mistaken", true, title, (), item, None)
+        about = f"{real.colour} as {believed.colour}" if real.colour != believed.colour else true
+        return Finding("perception.mistaken", about, title, (), item, None)
     name = node.rsplit("/", 1)[-1]
     title = f"the mission takes items into {into} that belong into {belongs}: {name} of {item} says so"
     told = case.ports(node).get("into", "")
@@ -132,10 +162,18 @@ def _left_bin(case: Investigation, true: str, item: str, into: str, time: float)
         moved = distance(math.dist(lies.pose.position, track.bodies[-2].pose.position))
         reasons.append(f"it moved {moved} {between(track.times[-2], track.times[-1])}")
         return Finding("place.not_at_rest", true, title, tuple(reasons), item, track.times[-1])
+    others = [case.name_of(id_) for id_ in case.truth.tracks if id_ != true and _lies_in(case, id_, into)]
+    if (
+        not inside
+        and others
+        and any(_lay_in(case, id_, into, time) for id_ in case.truth.tracks if id_ != true)
+    ):
+        title = f"{into} has no room for {item}: it did not stay in it when it was placed"
+        reasons.append(f"in it lie {listed(others, 5)}")
+        return Finding("bin.crowded", into, title, tuple(reasons), item, time)
     if not inside:
         title = f"{item} fell beside {into} when it was placed"
         return Finding("place.beside", true, title, tuple(reasons), item, time)
-    others = [case.name_of(id_) for id_ in case.truth.tracks if id_ != true and _lies_in(case, id_, into)]
     if ends == into:
         reasons.append(f"beside it lie {listed(others, 5)}" if others else "nothing else lies there")
         title = f"{item} lies above the rim of {into}, or does not come to rest there"
@@ -145,7 +183,7 @@ def _left_bin(case: Investigation, true: str, item: str, into: str, time: float)
     reasons.append(
         f"it lay there, and {distance(math.dist(lies.pose.position, lay.pose.position))} away later"
     )
-    placing = case.events(ItemDoneEvent, start=inside[-1] - FALLING, end=out + SAMPLED)
+    placing = case.events(ItemDoneEvent, start=inside[-1] - BESIDE_IT, end=out + BESIDE_IT)
     if math.dist(outside.pose.position, lay.pose.position) > PUSHED:
         placing = []
     came = [at.record.object for at in placing if at.record.into == into]
@@ -155,6 +193,13 @@ def _left_bin(case: Investigation, true: str, item: str, into: str, time: float)
         title = f"{into} is too small for all that belongs into it: {item} left it again {when}"
         reasons.append(f"{listed(came, 5)} came down into {into} about then and pushed it out")
         return Finding("bin.crowded", into, title, tuple(reasons), item, inside[-1])
+    if out - time < BESIDE_IT and others:
+        title = f"{into} is too full for {item}: it did not stay in it when it was placed, {when}"
+        reasons.append(f"in it lie {listed(others, 5)}")
+        return Finding("bin.crowded", into, title, tuple(reasons), item, inside[-1])
+    if out - time < BESIDE_IT:
+        title = f"{item} bounced out of {into} when it was placed, {when}"
+        return Finding("place.beside", true, title, tuple(reasons), item, time)
     title = f"{item} left {into} again after it had been placed, {when}"
     reasons.append("nothing was placed there about then: something else than the arm flung it out")
     return Finding("item.left_bin", true, title, tuple(reasons), item, inside[-1])
@@ -162,6 +207,11 @@ def _left_bin(case: Investigation, true: str, item: str, into: str, time: float)
 
 def _lies_in(case: Investigation, true: str, bin_id: str) -> bool:
     return case.gone(true) is None and case.bin_at(case.truth.tracks[true].bodies[-1]) == bin_id
+
+
+def _lay_in(case: Investigation, true: str, bin_id: str, time: float) -> bool:
+    body = case.truth.at(true, time)
+    return body is not None and case.bin_at(body) == bin_id
 
 
 def _crowded(bin_id: str, true: str, others: list[str]) -> tuple[str, str]:

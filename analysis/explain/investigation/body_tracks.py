@@ -5,16 +5,18 @@ from __future__ import annotations
 import bisect
 import math
 from collections import defaultdict
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
 
+from ....logs.recording.true_state import fold_states, read_state
 from ....logs.run_log import Stamped
-from ....logs.schema.records import BodyRecord, Scene
+from ....logs.schema import topics
+from ....logs.schema.records import BodyRecord, Scene, TrueState
+from ....world.values import Pose, Vector3, rotated
 
-NEAR = 0.08
-"""Greatest distance between a detection and the true item that it can be, m."""
-OTHER_KIND = 0.03
-"""Distance that a difference in kind is worth, m: it may have been misjudged."""
+if TYPE_CHECKING:
+    from ....logs.run_log import RunLog
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,6 +30,10 @@ class BodyTrack:
     @property
     def first(self) -> BodyRecord:
         return self.bodies[0]
+
+    @property
+    def last(self) -> BodyRecord:
+        return self.bodies[-1]
 
     @property
     def last_speed(self) -> float:
@@ -47,6 +53,14 @@ class BodyTrack:
         number = bisect.bisect_left(self.times, time - 1e-6)
         return self.bodies[number] if number < len(self.bodies) else None
 
+    def since(self, start: float, end: float = math.inf) -> Iterator[tuple[float, BodyRecord]]:
+        """Yield the messages between two times, both inclusive, s."""
+        first = bisect.bisect_left(self.times, start - 1e-6)
+        for time, body in zip(self.times[first:], self.bodies[first:], strict=True):
+            if time > end + 1e-6:
+                return
+            yield time, body
+
 
 class BodyTracks:
     """All bodies of one topic, or those of one role."""
@@ -63,6 +77,12 @@ class BodyTracks:
             for id_, found in collected.items()
         }
 
+    @property
+    def spacing(self) -> float:
+        """Longest time between two messages but for the last one, s: how precisely an event is known."""
+        steps = [b - a for a, b in zip(self.times, self.times[1:], strict=False)]
+        return max(steps, default=0.0) + 0.05
+
     def at(self, id_: str, time: float) -> BodyRecord | None:
         """The body as of the last message at `time` or before; None when that did not have it."""
         track = self.tracks.get(id_)
@@ -72,6 +92,11 @@ class BodyTracks:
         last = self.times[number - 1]
         found = bisect.bisect_left(track.times, last - 1e-6)
         return track.bodies[found] if found < len(track.times) and track.times[found] <= last + 1e-6 else None
+
+    def there(self, time: float) -> list[tuple[str, BodyRecord]]:
+        """Return all bodies as of the last message at `time` or before."""
+        found = ((id_, self.at(id_, time)) for id_ in self.tracks)
+        return [(id_, body) for id_, body in found if body is not None]
 
     def gone(self, id_: str) -> tuple[float, float] | None:
         """Between which times a body vanished for good, s; None when it is there at the end."""
@@ -86,29 +111,94 @@ def horizontal_distance(a: BodyRecord, b: BodyRecord) -> float:
     return math.dist(a.pose.position[:2], b.pose.position[:2])
 
 
-def paired(belief: BodyTracks, truth: BodyTracks) -> Mapping[str, str]:
-    """Return the id of the true item by that of the believed one.
+@dataclass(frozen=True, slots=True)
+class DeviceState:
+    """Commands and noise-free readings of the simulated robot at one moment."""
 
-    Judged where it was first seen: a true item near that place, of its colour if there is one.
-    """
-    pairs: dict[str, str] = {}
-    for track in belief.tracks.values():
-        if track.first.role != "item":
+    time: float
+    wrench: tuple[float, ...]
+    """True force on the wrist in the world's axes and its torque, (6,); empty where it is not in the log."""
+    masses: Mapping[str, float]
+    """Masses of items that differ from the catalogue's, kg."""
+    frictions: Mapping[str, float]
+    """Frictions of items that differ from the catalogue's for good."""
+    told_width: float
+    """Commanded opening of the fingers, m."""
+    told_force: float
+    """Commanded force of each finger, N; 0 where it is not in the log."""
+    learnt: Vector3
+    """Force that the robot takes for the wrist sensor's bias, in the world's axes, N."""
+    speed: float
+    """Speed of the fastest joint, rad/s."""
+    motions: Mapping[str, tuple[Vector3, Vector3]]
+    """Velocity (m/s) and spin (rad/s) of each item; empty without physics."""
+
+
+def true_states(log: RunLog) -> Iterator[tuple[float, Mapping[str, Any]]]:
+    """Yield the simulation's states in the log, several a second; none for an older log."""
+    state: dict[str, Any] | None = None
+    for message in log.messages([topics.STATE.name]):
+        change = read_state(message.data)
+        if state is None and not change.whole:
             continue
-        here = [(_unlike(track.first, body), id_) for id_, body in _there(truth, track.times[0])]
-        cost, found = min(here, default=(math.inf, ""))
-        if cost < NEAR:
-            pairs[track.id] = found
-    return pairs
+        told = [change] if state is None or change.whole else [TrueState(True, state), change]
+        state = fold_states(told)
+        if state is not None:
+            yield message.time / 1e9, state
 
 
-def _there(truth: BodyTracks, time: float) -> list[tuple[str, BodyRecord]]:
-    found = [(id_, truth.at(id_, time)) for id_ in truth.tracks]
-    return [(id_, body) for id_, body in found if body is not None]
+def true_scenes(
+    scenes: Sequence[Stamped[Scene]], states: Sequence[tuple[float, Mapping[str, Any]]]
+) -> list[Stamped[Scene]]:
+    """Return the truth as often as the log has it: looks once a second, places with each state."""
+    found = list(scenes)
+    looks = BodyTracks(scenes)
+    known = {at.time for at in scenes}
+    for time, state in states:
+        if any(abs(time - other) < 1e-6 for other in (time,) if other in known):
+            continue
+        placed: list[BodyRecord] = [b for _, b in looks.there(time) if b.role != "item"]
+        for item in state["items"]:
+            track = looks.tracks.get(str(item["id"]))
+            look = None if track is None else track.before(time) or track.first
+            if look is not None and item["present"]:
+                placed.append(replace(look, pose=_pose(item)))
+        found.append(Stamped(time, Scene(tuple(placed), ())))
+    return sorted(found, key=lambda at: at.time)
 
 
-def _unlike(seen: BodyRecord, true: BodyRecord) -> float:
-    distance = math.dist(seen.pose.position, true.pose.position)
-    if seen.colour != true.colour:
-        return math.inf if distance > NEAR / 4 else distance + 2 * OTHER_KIND
-    return distance + (OTHER_KIND if seen.kind != true.kind else 0.0)
+def _pose(item: Mapping[str, Any]) -> Pose:
+    pose: Mapping[str, Any] = item.get("pose", item)
+    return Pose(tuple(pose["position"]), tuple(pose["orientation"]))
+
+
+def device_state(time: float, state: Mapping[str, Any]) -> DeviceState:
+    """Return what the explanation needs of a state: nothing that only a fault knows."""
+    changes = [*state.get("ledger", ()), *({"item": i["id"], **i} for i in state["items"] if "mass" in i)]
+    robot: Mapping[str, Any] = state.get("robot") or {}
+    grip: Mapping[str, Any] = state.get("gripper") or {"width": state.get("target", 0.0)}
+    velocities: Sequence[float] = robot.get("velocity") or state.get("velocity") or ()
+    return DeviceState(
+        time=time,
+        wrench=tuple(robot.get("wrench", ())),
+        masses={str(c["item"]): c["mass"] for c in changes if c.get("mass") is not None},
+        frictions={str(c["item"]): c["friction"] for c in changes if c.get("friction") is not None},
+        told_width=grip["width"],
+        told_force=grip.get("force", 0.0) or 0.0,
+        learnt=rotated(robot.get("turn", (0.0, 0.0, 0.0, 1.0)), _force(state.get("wrist_bias") or ())),
+        speed=max((abs(v) for v in velocities), default=0.0),
+        motions={
+            str(i["id"]): (tuple(i["velocity"]), tuple(i["spin"])) for i in state["items"] if "velocity" in i
+        },
+    )
+
+
+def _force(wrench: Sequence[float]) -> Vector3:
+    x, y, z = (*wrench, 0.0, 0.0, 0.0)[:3]
+    return (x, y, z)
+
+
+def offset(seen: BodyRecord, true: BodyRecord) -> Vector3:
+    """Vector from the believed centre to the true one, m."""
+    (a, b, c), (x, y, z) = seen.pose.position, true.pose.position
+    return (x - a, y - b, z - c)

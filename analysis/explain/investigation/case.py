@@ -5,18 +5,18 @@ from __future__ import annotations
 import math
 import re
 import tempfile
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, TypeVar, cast
 
 import numpy as np
 
 from ....errors import PicktreeError
 from ....logs.run_log import Stamped
-from ....logs.schema.event_records import BeliefEvent
-from ....logs.schema.records import BodyRecord
+from ....logs.schema.event_records import BeliefEvent, ImageEvent
+from ....logs.schema.records import BodyRecord, Scene
 from ....logs.visits import Visit, VisitTree
 from ....simulation.scoring.scorer import MAX_REST_SPEED, ItemScore, score
 from ....simulation.scoring.truth import TrueBody
@@ -25,17 +25,24 @@ from ....world.journal import JournalEvent
 from ....world.scene.description import Bin, CatalogueEntry, Fixture, SceneDescription
 from ....world.scene.destinations import destination_rule
 from ....world.scene.loading.scene_loading import parse_scene
-from ....world.values import ObjectId, Pose, Vector3
-from .body_tracks import BodyTracks, paired
+from ....world.shapes import extents
+from ....world.values import Array, ObjectId, Pose, Vector3
+from .body_tracks import BodyTracks, DeviceState, device_state, true_scenes, true_states
 from .explanation import FailureStory
+from .identities import Identities
 
 if TYPE_CHECKING:
     from ....logs.run_record import RunRecord
     from ....planning.kinematics.inverse_kinematics import InverseKinematics
 
 E = TypeVar("E", bound=JournalEvent)
+T = TypeVar("T")
 
 
+NEAR_HAND = 0.08
+"""An item whose centre is this near to the fingers may be touched, m."""
+NEAR_ARM = 0.15
+"""An obstacle this near to a link's frame may be touched, m."""
 POSES = 12
 """Number of poses that are tried of a longer list, spread over it."""
 SOLUTIONS = 1
@@ -88,21 +95,6 @@ def entry_of(scene: SceneDescription | None, kind: str) -> CatalogueEntry | None
     return None if scene is None else next((e for e in scene.catalogue if e.kind == kind), None)
 
 
-@dataclass(frozen=True, slots=True)
-class Finding:
-    """Origin of a failure, or of an item that is not where it belongs. `about` and `cause` name it:
-    findings with the same are one."""
-
-    cause: str
-    about: str
-    title: str
-    reasons: tuple[str, ...] = ()
-    item: str = ""
-    """Id of the believed item, else of the true one."""
-    time: float | None = None
-    """When it happened, as near as that is known, s."""
-
-
 class Investigation:
     """Queries on a log that the search for causes needs again and again. Truth is for the analyst only."""
 
@@ -110,6 +102,7 @@ class Investigation:
         self.run = run
         self.family = family
         self.failures = tuple(failures)
+        self._answers: dict[object, object] = {}
 
     @cached_property
     def scene(self) -> SceneDescription | None:
@@ -120,19 +113,39 @@ class Investigation:
         return BodyTracks(list(self.run.log.beliefs()))
 
     @cached_property
+    def _true_scenes(self) -> tuple[list[Stamped[Scene]], tuple[DeviceState, ...]]:
+        states = list(true_states(self.run.log))
+        scenes = true_scenes(list(self.run.log.truths()), states)
+        return scenes, tuple(device_state(time, state) for time, state in states)
+
+    @cached_property
     def truth(self) -> BodyTracks:
-        """True tracks of the items; obstacles are none."""
-        return BodyTracks(list(self.run.log.truths()), "item")
+        """True tracks of the items, several times a second; obstacles are none."""
+        return BodyTracks(self._true_scenes[0], "item")
 
     @cached_property
     def obstacles(self) -> BodyTracks:
         """True tracks of bodies in the way that the robot did not know."""
-        return BodyTracks(list(self.run.log.truths()), "obstacle")
+        return BodyTracks(self._true_scenes[0], "obstacle")
+
+    @property
+    def devices(self) -> tuple[DeviceState, ...]:
+        """True states of robot and items; empty for an older log."""
+        return self._true_scenes[1]
 
     @cached_property
+    def sampled(self) -> float:
+        """The truth is in the log at least this often, s."""
+        return self.truth.spacing if self.devices else 1.05
+
+    @cached_property
+    def identities(self) -> Identities:
+        return Identities(self.belief, self.truth)
+
+    @property
     def pairs(self) -> Mapping[str, str]:
         """True item of each believed one."""
-        return paired(self.belief, self.truth)
+        return self.identities.pairs
 
     @cached_property
     def believed(self) -> Mapping[str, tuple[str, ...]]:
@@ -206,6 +219,42 @@ class Investigation:
         track = self.belief.tracks.get(item)
         return None if track is None else entry_of(self.scene, track.bodies[-1].kind)
 
+    def entry_of(self, true: str) -> CatalogueEntry | None:
+        """Return the catalogue entry of a true item's kind."""
+        track = self.truth.tracks.get(true)
+        return None if track is None else entry_of(self.scene, track.first.kind)
+
+    def once(self, question: Callable[[Investigation], T]) -> T:
+        """Return the answer to a question about the whole run, which is asked only once."""
+        if question not in self._answers:
+            self._answers[question] = question(self)
+        return cast("T", self._answers[question])
+
+    def episode(self, failure: FailureStory) -> int | None:
+        """Return the episode with a failure of this cause at that time."""
+        episodes = self.run.account.recovery.episodes
+        found = [
+            n
+            for n, episode in enumerate(episodes)
+            if episode.cause == failure.cause and any(abs(at - failure.time) < 1e-6 for at in episode.times)
+        ]
+        same = [n for n in found if episodes[n].node == failure.node]
+        return (same or found or [None])[0]
+
+    @cached_property
+    def goal(self) -> str:
+        """The mission's own goal; empty without one."""
+        if "mission.yaml" not in self.run.log.attachments:
+            return ""
+        found = re.search(rb"^goal: *(.+?) *(?:#.*)?$", self.run.log.attachment("mission.yaml"), re.MULTILINE)
+        return found.group(1).decode("utf-8", "replace").strip("\"'") if found else ""
+
+    @cached_property
+    def camera(self) -> str:
+        """Name of the camera that looked first; empty when none did."""
+        looked = self.events(ImageEvent)
+        return str(looked[0].record.message).removeprefix("image from ") if looked else ""
+
     def visit(self, failure: FailureStory) -> Visit:
         return self.family.visits[failure.visit]
 
@@ -233,6 +282,65 @@ class Investigation:
             return None
         x, y, z = np.mean(fingers, axis=0)
         return (float(x), float(y), float(z))
+
+    def something_near(self, time: float) -> bool:
+        """Whether an item that is not believed in the hand, or an obstacle, was truly near hand or arm."""
+        hand = self.hand(time)
+        held = {self.pairs.get(b.id, "") for b in self.believed_at(time) if b.attached}
+        items = (body for name, body in self.truth.there(time) if name not in held)
+        return bool(self.obstacles_near(time)) or any(
+            hand is not None and math.dist(hand, body.pose.position) < NEAR_HAND for body in items
+        )
+
+    def obstacles_near(self, time: float) -> list[str]:
+        """Return the obstacles next to hand and arm that the robot was not told of, the nearest first."""
+        found: list[tuple[float, str]] = []
+        links = self.links(time)
+        for name, body in self.obstacles.there(time) if len(links) else ():
+            low, high = extents(body.shape, np.eye(3))
+            local = body.pose.inverse().apply(links)
+            away = np.linalg.norm(np.maximum(np.maximum(low - local, local - high), 0.0), axis=1)
+            if float(away.min()) < NEAR_ARM:
+                found.append((float(away.min()), name))
+        return [name for _, name in sorted(found)]
+
+    def in_the_air(self, body: BodyRecord) -> bool:
+        """Whether a true item is well above the table, and next to no bin, fixture or obstacle."""
+        x, y, z = body.pose.position
+        size = float(np.linalg.norm(np.subtract(*extents(body.shape, np.eye(3))))) / 2
+        solid = (
+            *((b.pose, (b.size[0] / 2, b.size[1] / 2)) for b in self.bins.values()),
+            *((f.pose, tuple(extents(f.shape, f.pose.rotation())[1][:2])) for f in self.fixtures.values()),
+        )
+        near = any(
+            abs(x - pose.position[0]) < half[0] + size + 0.05
+            and abs(y - pose.position[1]) < half[1] + size + 0.05
+            for pose, half in solid
+        )
+        return z > size + 0.03 and not near
+
+    def obstacle_at(self, seen: BodyRecord) -> str:
+        """Return the obstacle that is where a body is believed; empty for none."""
+        for name, body in self.obstacles.there(seen.last_seen + 1.0):
+            low, high = extents(body.shape, body.pose.rotation())
+            if float(np.abs(np.subtract(body.pose.position, seen.pose.position)).max()) < float(
+                (high - low).max()
+            ):
+                return name
+        return ""
+
+    def links(self, time: float) -> Array:
+        """Return the frames' origins of arm and hand and the middles between them, (n, 3), m; none without
+        frames in the log."""
+        at = self.run.log.transforms_at(time)
+        known = {b.id for b in self.believed_at(time)} | set(self.bins) | set(self.fixtures)
+        frames = [
+            t.pose.position
+            for t in (at.record if at is not None else ())
+            if t.child not in known and "camera" not in t.child
+        ]
+        points = np.array(frames).reshape(-1, 3)
+        return np.vstack([points, (points[1:] + points[:-1]) / 2])
 
     def _true_body(self, id_: str) -> TrueBody:
         track = self.truth.tracks[id_]

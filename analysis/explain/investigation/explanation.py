@@ -3,11 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal, cast
+from typing import Literal, TypeAlias, cast
 
 from ....logs.episodes.episode import Fate
 from ....logs.run_account import CureAttempt, Episodes, FailureLink
 from ....logs.schema.records import Values
+from ....world.causes import cause_named, matches
+
+Confidence: TypeAlias = Literal["likely", "possible", "the log does not tell"]
+"""How sure an explanation is of a cause.
+
+`likely`: measured, or seen in the ground truth. `possible`: fits what is in the log, as something else may.
+`the log does not tell`: the failure's own words, because nothing else speaks for a cause.
+"""
+CONFIDENCES: tuple[Confidence, ...] = ("likely", "possible", "the log does not tell")
+"""From the surest."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,10 +133,15 @@ class RootCause:
     time: float | None = None
     """When it happened, as near as that is known, simulated s."""
     seconds_lost: float = 0.0
-    """Simulated s during which a failure that it explains was undecided."""
+    """Simulated s that the episodes of its failures cost."""
     planted: tuple[str, ...] = ()
     """Faults that were planted in the simulation and concern the same items. They are told beside the cause,
     and the cause was found without them."""
+    confidence: Confidence = "likely"
+    against: tuple[str, ...] = ()
+    """Evidence in the log that speaks against it."""
+    items: tuple[str, ...] = ()
+    """Items that are not where they belong because of it, by their believed names where they have one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,6 +153,10 @@ class ItemEvent:
     failure: int | None = None
 
 
+ItemState: TypeAlias = Literal["done", "held", "left", "gone", "aside"]
+"""State of an item at the end, as the robot believed; `aside`: the mission had given it up."""
+
+
 @dataclass(frozen=True, slots=True)
 class ItemStory:
     """Events of one item, as the robot believed."""
@@ -145,10 +164,12 @@ class ItemStory:
     id: str
     kind: str
     colour: str
-    state: Literal["done", "held", "left", "gone"]
+    state: ItemState
     events: tuple[ItemEvent, ...]
     truth: str = ""
     """Where it really is in the end, in the scorer's words; for the analyst only."""
+    names: tuple[str, ...] = ()
+    """Ids under which the robot knew the item, the first one first."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -163,7 +184,7 @@ class KeyMoment:
 @dataclass(frozen=True, slots=True)
 class ExplainedOutcome:
     status: str
-    """As in the result; `killed` when the log has none."""
+    """As in the result; without one `killed`, `crashed`, or `running` while the log is being written."""
     sentence: str
     end: float
     """Simulated s."""
@@ -184,6 +205,43 @@ class Explanation:
     look_at: tuple[KeyMoment, ...]
     recovery: Episodes
     """Which causes were seen, what was tried against each and what came of it; see `episodes.episode`."""
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """Origin of a failure, or of an item that is not where it belongs. `about` and `cause` name it:
+    findings with the same are one."""
+
+    cause: str
+    about: str
+    title: str
+    reasons: tuple[str, ...] = ()
+    item: str = ""
+    """Id of the believed item, else of the true one."""
+    time: float | None = None
+    """When it happened, as near as that is known, s."""
+    confidence: Confidence = "likely"
+    against: tuple[str, ...] = ()
+    """Evidence that speaks against it."""
+
+
+@dataclass(frozen=True, slots=True)
+class DeviceFinding:
+    """Finding about a device, when it was so, and which failures it explains."""
+
+    finding: Finding
+    spans: tuple[tuple[float, float], ...]
+    explains: tuple[str, ...]
+    after: float = 1.0
+    """Time after a span within which a failure may still come from it, s."""
+
+    def covers(self, failure: FailureStory, start: float) -> bool:
+        """Whether a failure of a visit that began at `start` may come from the device."""
+        if not any(matches(pattern, cause_named(failure.cause)) for pattern in self.explains):
+            return False
+        if failure.evidence.get("joint") == self.finding.about:
+            return failure.time >= self.spans[0][0]
+        return any(a <= failure.time + 1e-6 and start <= b + self.after for a, b in self.spans)
 
 
 def number(failure: FailureStory, name: str) -> float | None:

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import re
 import textwrap
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+
+from ....files.value_wording import listed
 
 WIDTH = 96
 """Columns of the text."""
@@ -21,9 +23,21 @@ def seconds(time: float) -> str:
     return f"{time:.2f} s"
 
 
+def listed_times(found: Sequence[float]) -> str:
+    """`2.00 s, 4.50 s and 1 more`"""
+    return listed([seconds(time) for time in found], 3)
+
+
 def between(start: float, end: float) -> str:
-    """`between 14.0 and 15.0 s`: the truth is in the log once a second."""
+    """`between 14.0 and 15.0 s`: the truth is in the log now and then."""
     return f"between {start:.1f} and {end:.1f} s"
+
+
+def listed_spans(spans: Iterable[tuple[float, float]]) -> str:
+    """`between 2.0 and 3.5 s and at 7.10 s`"""
+    return listed(
+        [between(*span) if span[1] - span[0] > 0.1 else f"at {seconds(span[0])}" for span in spans], 3
+    )
 
 
 def force(newtons: float) -> str:

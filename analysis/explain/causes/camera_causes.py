@@ -1,0 +1,158 @@
+"""Cameras at fault: silent, noisy, hung elsewhere than believed, or wrong in a colour."""
+
+from __future__ import annotations
+
+import math
+from collections import defaultdict
+from collections.abc import Iterable, Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ....files.value_wording import listed
+from ..investigation.case import Investigation
+from ..investigation.explanation import DeviceFinding, Finding
+from ..investigation.identities import Sighting
+from ..investigation.number_wording import between, counted, distance, listed_spans, seconds
+
+REACHED = (
+    "grasp.*", "world.*", "safety.*", "planning.start_in_collision", "planning.goal_in_collision",
+    "control.*", "place.*", "perception.not_found", "push.*", "insert.*",
+)  # fmt: skip
+"""Failures that a wrong place of an item may have."""
+
+
+def camera_silent(case: Investigation) -> Iterator[DeviceFinding]:
+    """A camera gives no image when it is asked for one."""
+    for failure in case.failures:
+        if failure.cause != "perception.no_image":
+            continue
+        name = str(failure.evidence.get("camera", "")) or case.camera
+        start = case.visit(failure).start
+        title = f"no image came from the camera {name}, from {seconds(start)} on"
+        yield DeviceFinding(
+            Finding("camera.silent", name, title, (failure.message,), "", start),
+            ((start, failure.time),), ("perception.*", "tree.timeout"), 0.5,
+        )  # fmt: skip
+
+
+NOISY = 2.5
+"""Depth that scatters this many times as much as the camera's own noise is too noisy."""
+LOOKS = 24
+"""Images of a run whose noise is measured, at most."""
+
+
+def camera_noisy(case: Investigation) -> Iterator[DeviceFinding]:
+    """Depth images scatter far more than the camera's own noise."""
+    shots = case.run.shots
+    cameras = {c.name: c for c in case.scene.cameras} if case.scene else {}
+    spans: dict[str, list[tuple[float, float]]] = defaultdict(list)
+    worst: dict[str, float] = {}
+    for n in (
+        sorted({int(n) for n in np.linspace(0, len(shots) - 1, min(len(shots), LOOKS))}) if len(shots) else ()
+    ):
+        shot = shots[n]
+        camera = cameras.get(shot.record.camera)
+        if camera is None or camera.on == "hand":
+            continue
+        scatter, depth = _depth_noise(shot.record.depth)
+        usual = max(camera.depth_noise * (depth / 0.7) ** 2, 5e-4)
+        if scatter > NOISY * usual + 1e-3:
+            spans[camera.name].append((shot.time, shot.time))
+            worst[camera.name] = max(worst.get(camera.name, 0.0), scatter / usual)
+    for name, times in spans.items():
+        title = f"the camera {name} is {worst[name]:.0f} times as noisy as it should be"
+        reasons = (f"its depth scattered so in {counted(len(times), 'image')}, {listed_spans(times)}",)
+        yield DeviceFinding(
+            Finding("camera.noisy", name, title, reasons, "", times[0][0]), tuple(times),
+            (*REACHED, "perception.*", "planning.*"), 20.0,
+        )  # fmt: skip
+
+
+def _depth_noise(depth: NDArray[np.float32]) -> tuple[float, float]:
+    """Standard deviation of the depth between neighbouring pixels, and the median depth, m."""
+    inner = depth[1:-1, 1:-1]
+    around = (depth[:-2, 1:-1], depth[2:, 1:-1], depth[1:-1, :-2], depth[1:-1, 2:])
+    known = (inner > 0) & np.logical_and.reduce([side > 0 for side in around])
+    if not bool(known.any()):
+        return 0.0, 0.7
+    bent = (inner - sum(around) / 4)[known]
+    return 1.4826 * float(np.median(np.abs(bent))) / math.sqrt(1.25), float(np.median(inner[known]))
+
+
+OFF = 0.006
+"""A mean offset of belief from truth beyond this is the camera's, m."""
+ALIKE = 0.5
+"""Share of the mean by which the offsets of single items may scatter."""
+
+
+def camera_off(case: Investigation) -> Iterator[DeviceFinding]:
+    """All items are seen off by the same way: that is the camera's fault, not theirs."""
+    seen = [each for each in case.identities.sightings if each.true]
+    looks: dict[float, list[Sighting]] = defaultdict(list)
+    for each in seen:
+        looks[each.time].append(each)
+    found: list[tuple[float, list[Sighting]]] = []
+    for time, sightings in sorted(looks.items()):
+        ways = np.array([each.off for each in sightings])
+        mean = np.median(ways, axis=0)
+        size = float(np.linalg.norm(mean))
+        scatter = float(np.median(np.linalg.norm(ways - mean, axis=1)))
+        before = found[-1][1] if found else []
+        alike = len(ways) > 1 or any(math.dist(b.off, ways[0]) < ALIKE * size for b in before)
+        if size > OFF and scatter < ALIKE * size and alike:
+            found.append((time, sightings))
+    ways = np.array([each.off for _, sightings in found for each in sightings])
+    items = sorted({each.item for _, sightings in found for each in sightings})
+    if len(items) < 2:
+        return
+    x, y = np.median(ways, axis=0)
+    times = [time for time, _ in found]
+    spans = _runs(times, sorted(looks))
+    title = (
+        f"everything is believed {distance(math.hypot(x, y))} from where it is: the camera {case.camera} "
+        "hangs elsewhere than believed, or is turned"
+    )
+    reasons = (
+        f"{len(items)} items lay {distance(abs(float(x)))} in x and {distance(abs(float(y)))} in y "
+        f"from where they were seen, in the same direction ({listed(items, 4)})",
+    )
+    yield DeviceFinding(
+        Finding("camera.off", f"the camera {case.camera}", title, reasons, "", times[0]), spans, REACHED, 0.5
+    )
+
+
+def _runs(times: Iterable[float], looks: list[float]) -> tuple[tuple[float, float], ...]:
+    """Spans from each look to the next one of any kind, until which the belief stays as it was seen."""
+    found: list[tuple[float, float]] = []
+    for time in times:
+        after = next((look for look in looks if look > time + 1e-6), math.inf)
+        found.append((time, after))
+    return tuple(found)
+
+
+MIXED_UP = ("perception.not_found", "world.unknown_object", "perception.ambiguous")
+"""Failures that a wrong colour may have."""
+
+
+def colours_mistaken(case: Investigation) -> Iterator[DeviceFinding]:
+    """Items of one colour are shown in another."""
+    wrong: dict[tuple[str, str], list[Sighting]] = defaultdict(list)
+    for each in case.identities.sightings:
+        if each.body is not None and each.body.colour != each.seen.colour:
+            wrong[each.body.colour, each.seen.colour].append(each)
+    for (colour, shown), sightings in wrong.items():
+        items = list(dict.fromkeys(each.item for each in sightings))
+        first, start = sightings[0].body, sightings[0].time
+        assert first is not None
+        title = (
+            f"{listed(items, 5)} {'was' if len(items) == 1 else 'were'} taken for {shown} and "
+            f"{'is' if len(items) == 1 else 'are'} {colour}"
+        )
+        reasons = (
+            f"the camera {case.camera} showed {colour} as {shown} {between(start, sightings[-1].time)}",
+        )
+        yield DeviceFinding(
+            Finding("perception.mistaken", f"{colour} as {shown}", title, reasons, items[0], start),
+            ((start, sightings[-1].time),), MIXED_UP, 3.0,
+        )  # fmt: skip
