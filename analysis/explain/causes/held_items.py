@@ -7,6 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ....logs.schema.records import BodyRecord
+from ....world.shapes import extents
 from ....world.values import GRAVITY, Array
 from ..investigation.case import Investigation
 from ..investigation.explanation import Confidence, FailureStory, Finding, number, numbers
@@ -151,6 +153,8 @@ def _period(case: Investigation, item: str, true: str, start: float, end: float)
         if hand is None:
             continue
         away = math.dist(hand, body.pose.position)
+        if base is None and away > reach_of(body) and time < start + 1.0:
+            return HeldPeriod(item, true, start, end, (start, start), unclear=True)
         base = away if base is None else min(base, away)
         if away > base + AWAY:
             flung = _flung(case, true, before, time)
@@ -159,6 +163,12 @@ def _period(case: Investigation, item: str, true: str, start: float, end: float)
     if gone is not None and start - 1e-6 <= gone[1] <= end + case.sampled and moving is not None:
         return HeldPeriod(item, true, start, end, gone)
     return HeldPeriod(item, true, start, end, None)
+
+
+def reach_of(body: BodyRecord) -> float:
+    """Return the greatest distance from the fingers to the centre of an item that they hold, m."""
+    low, high = extents(body.shape, np.eye(3))
+    return float(np.linalg.norm(high - low)) / 2 + 0.05
 
 
 def _flung(case: Investigation, true: str, before: float, time: float) -> bool | None:
@@ -215,7 +225,7 @@ def _let_go(case: Investigation, failure: FailureStory, period: HeldPeriod) -> F
     hand, body = case.hand(time), case.truth.at(period.true, time)
     if failure.cause != "grasp.slipped" or hand is None or body is None or pressed_from_below(failure):
         return None
-    if math.dist(hand, body.pose.position) > IN_HAND:
+    if math.dist(hand, body.pose.position) > reach_of(body):
         return None
     if (nature := _by_its_nature(case, failure.item, period.true, time)) is not None:
         return nature
@@ -229,8 +239,6 @@ def _let_go(case: Investigation, failure: FailureStory, period: HeldPeriod) -> F
 HANDLED = 2.0
 """A failure says within this time that the item counts as lost, s."""
 
-IN_HAND = 0.075
-"""An item whose centre is this near to the fingers may be between them, m."""
 EMPTY = 0.002
 """Fingers that are closer than this hold nothing, m."""
 BORNE = 2.0
