@@ -98,8 +98,7 @@ def root_of(explanation: Explanation) -> RootCause | None:
 
 
 def look_at(explanation: Explanation, root: RootCause | None) -> str:
-    """Return a line on what to look at: the root cause where it happened or first showed, else the first
-    moment worth a look; empty without one."""
+    """Return a line on what to look at: the root cause, else the first moment worth a look, else nothing."""
     if root is not None:
         first = explanation.failures[root.failures[0]].time if root.failures else None
         time = first if root.time is None else root.time

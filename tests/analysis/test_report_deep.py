@@ -105,10 +105,13 @@ def test_every_name_beside_the_lanes_has_room(page: Any) -> None:
     assert [pair for pair in widths if pair[0] < min(pair[1], 32) - 1] == []
 
 
-def test_the_row_of_the_failing_leaf_is_in_sight(page: Any) -> None:
-    front(page, "lanes")
+@pytest.mark.parametrize("first", ["lanes", "failures"])
+def test_the_row_of_the_failing_leaf_is_in_sight(page: Any, first: str) -> None:
+    """Chosen before or after the lanes are shown, which on a phone are behind a tab."""
+    front(page, first)
     page.evaluate("picktreeReport.player.selectFailure(null); picktreeReport.player.selectNode('Main')")
     page.evaluate("picktreeReport.player.selectFailure(1)")
+    front(page, "lanes")
     wait_until(
         page,
         """(() => {

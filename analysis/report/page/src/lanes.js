@@ -6,6 +6,7 @@ import { Details } from "./details.js";
 import { made } from "./made.js";
 import { BAND, Paint, ROW } from "./painting.js";
 import { Rows } from "./rows.js";
+import { onShown } from "./scrolling.js";
 import { Span } from "./span.js";
 import { onTheme } from "./theme.js";
 import { Tip } from "./tip.js";
@@ -43,6 +44,7 @@ export class Lanes {
       this.later();
     });
     new ResizeObserver(() => this.later()).observe(this.scroller);
+    onShown(host, () => this.selected >= 0 && this.bring(this.rows.list.indexOf(this.selected)));
     player.onTime((time) => this.follow(time));
     player.onTick((tick) => this.dots(tick));
     player.onSelect((path) => this.choose(path));
