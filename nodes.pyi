@@ -410,10 +410,11 @@ class Recover(Node):
     The first pattern of `when` that matches the cause is used, in the order of the file, else `otherwise`.
     A cause without a handler fails at once. A handler that fails ends the node with the original cause, the
     handler's attached. When all attempts are used up, `give_up` is run: it leaves the arm in a state from
-    which others can go on. The node then fails with the last cause, the earlier ones attached. A fault of the
-    program is handled only where `when` names it: `internal.error`. The outputs give `do`, the handlers and
-    `give_up` the number of the attempt and the handled failure. The tick ends between a handler and the next
-    attempt.
+    which others can go on. So it is when nothing has changed since an earlier try (evidence `unchanged`) and
+    two handlers did not help, or the first try of this run fails so. The node then fails with the last cause,
+    the earlier ones attached. A fault of the program is handled only where `when` names it: `internal.error`.
+    The outputs give `do`, the handlers and `give_up` the number of the attempt and the handled failure. The
+    tick ends between a handler and the next attempt.
 
     Ports:
         attempts: how often `do` may run; at least 1; default 3.

@@ -128,6 +128,7 @@ def _worst(one: Linked, folder: Path, output: Path) -> dict[str, Any]:
         "status": job.status,
         "missed": job.missed,
         "look_at": job.look_at,
+        "root_cause": job.root_cause,
         "report": "" if one.report is None else _link(one.report, output),
         "command": shlex.join(
             ["picktree", "explain", str(kept)] if kept else ["picktree", "resim", f"{folder}@{job.job}"]

@@ -48,14 +48,6 @@ RUNS_FOLDER = Path("runs")
 
 R = TypeVar("R")
 
-_KEPT_TOPICS = tuple(
-    topic.name
-    for topic in (
-        topics.OBJECTS, topics.TRUTH, topics.JOINTS, topics.CONTROL, topics.WRENCH,
-        topics.PLAN, topics.CANDIDATES, topics.EVENTS, topics.LOG, topics.TREE,
-    )
-)  # fmt: skip
-"""Topics that are read several times, and are small beside ticks, images and transforms."""
 _IDLE_END = b'"writes":[],"transitions":[]}'
 """End of the JSON of a tick without transitions and writes."""
 
@@ -121,7 +113,7 @@ class RunLog:
 
     def __init__(self, where: str | Path) -> None:
         self.path = find_log(where)
-        self._file = JoinedLog(self.path, keep=_KEPT_TOPICS)
+        self._file = JoinedLog(self.path, keep=topics.READ_OFTEN)
         self.recovered = self._file.recovered
         try:
             self.metadata: Mapping[str, Mapping[str, str]] = self._file.metadata

@@ -97,7 +97,7 @@ class RecoveryControl(ControlNode, abstract=True):
         label = self.cure_of(report)
         if not label and matches(str(internal.ANY), report.cause):
             return self.fail_with(report)
-        if not label or self._runs >= self.most_runs():
+        if not label or self._runs >= self.most_runs() or self._is_stuck():
             return self._give_up()
         refusal = self._pay()
         if refusal is not None:
@@ -118,6 +118,13 @@ class RecoveryControl(ControlNode, abstract=True):
             )
         )
         return NodeStatus.RUNNING
+
+    def _is_stuck(self) -> bool:
+        """Return whether nothing has changed since the body failed, in this run or in an earlier one.
+
+        After its own first failure a second handler is tried, which may do more than the first.
+        """
+        return all(report.evidence.get("unchanged") is True for report in self._reports[-2:])
 
     def _tell(self, report: FailureReport | None) -> None:
         """Write the outputs: the running attempt, or the failed one with its report."""
@@ -261,10 +268,11 @@ class Recover(RecoveryControl):
     The first pattern of `when` that matches the cause is used, in the order of the file, else `otherwise`.
     A cause without a handler fails at once. A handler that fails ends the node with the original cause, the
     handler's attached. When all attempts are used up, `give_up` is run: it leaves the arm in a state from
-    which others can go on. The node then fails with the last cause, the earlier ones attached. A fault of the
-    program is handled only where `when` names it: `internal.error`. The outputs give `do`, the handlers and
-    `give_up` the number of the attempt and the handled failure. The tick ends between a handler and the next
-    attempt.
+    which others can go on. So it is when nothing has changed since an earlier try (evidence `unchanged`) and
+    two handlers did not help, or the first try of this run fails so. The node then fails with the last cause,
+    the earlier ones attached. A fault of the program is handled only where `when` names it: `internal.error`.
+    The outputs give `do`, the handlers and `give_up` the number of the attempt and the handled failure. The
+    tick ends between a handler and the next attempt.
     """
 
     flow = Recovery(runs="attempts", resort="give_up")

@@ -154,15 +154,13 @@ class World:
     """Time between two ticks of the tree, s."""
 
     def to_do(self) -> tuple[BeliefObject, ...]:
-        """Return the items that are believed to be neither at their destination nor set aside, and may
-        be grasped as things stand."""
-        return items_to_do(self.scene, self.attempts)
+        """Return the items that are believed to be neither at their destination nor set aside."""
+        return items_to_do(self.scene)
 
     def facts(self) -> Mapping[str, bool | int | float | str]:
         """Return the names that every expression of a mission may use, with their present values."""
         return facts(
             self.scene,
-            self.attempts,
             looked=self.vision.looks > 0,
             stopped=self.control.monitor.stopped is not None,
             exhausted=self.feed.read().exhausted,

@@ -34,3 +34,6 @@ PLAIN_COLOURS: Mapping[str, Rgb] = MappingProxyType(
 """Unsaturated: for fixtures, bins and the robot, which perception tells from items by it."""
 
 COLOURS: Mapping[str, Rgb] = MappingProxyType({**ITEM_COLOURS, **PLAIN_COLOURS})
+
+TRUTH_COLOUR: Rgb = (208 / 255, 0.0, 138 / 255)
+"""Colour of the ground truth on pages, in pictures and in viewers: no item, fixture or mark has it."""

@@ -73,7 +73,7 @@ def _story(case: Investigation, names: Sequence[str]) -> ItemStory:
     events += [ItemEvent(f.time, f"{f.name} failed: {f.cause}", f.node, f.number) for f in failed]
     dropped = [p for p in case.once(held_periods) if p.item in names and p.left is not None]
     events += [
-        ItemEvent(p.left[1], "truly no longer in the hand")
+        ItemEvent(p.left[1], "truly not in the hand any more")
         for p in dropped
         if p.left and p.end - p.left[1] > TOLD
     ]

@@ -91,6 +91,8 @@ class ExplanationText:
             yield from wrapped(self._cost(cause), "     ")
             for reason in cause.reasons:
                 yield from wrapped(f"- {reason}", "     ", "       ")
+            for fact in cause.against:
+                yield from wrapped(f"- against it: {fact}", "     ", "       ")
             for planted in cause.planted:
                 yield from wrapped(f"- a fault was planted: {planted}", "     ", "       ")
 
@@ -107,7 +109,8 @@ class ExplanationText:
             weight = (
                 "The run got over it" if status in ("success", "incomplete") else "It did not end the run"
             )
-        told = f"[{cause.cause}] {weight}"
+        cost = f" ({listed(list(cause.items), 4)})" if cause.items and cause.ended_run else ""
+        told = f"[{cause.cause}] {cause.confidence[0].upper()}{cause.confidence[1:]}. {weight}{cost}"
         if not failures:
             return f"{told}." if self._found.failures else f"{told}, and nothing failed."
         lost = cause.seconds_lost

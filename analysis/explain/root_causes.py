@@ -8,7 +8,7 @@ Findings alike are one root cause, ranked by what it cost: items first, then sec
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Final, TypeAlias
 
 from ...logs.run_log import Stamped
@@ -113,7 +113,8 @@ def root_causes_of(
     roots = [_root(case, each, outcome, planted, costs) for each in groups.values()]
     spent = sum(root.seconds_lost for root in roots)
     to_blame = outcome.status == "timeout" and spent > LONG * outcome.end
-    return tuple(sorted(roots, key=lambda root: _order(root, ended_late=to_blame)))
+    roots.sort(key=lambda root: _order(root, ended_late=to_blame))
+    return (replace(roots[0], ended_run=True), *roots[1:]) if to_blame else tuple(roots)
 
 
 def _of_failures(case: Investigation) -> Mapping[int, Finding]:

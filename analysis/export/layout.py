@@ -15,6 +15,7 @@ from ...logs.recording.foxglove_messages import WORLD
 from ...logs.run_log import RunLog
 from ...logs.schema import topics
 from ...logs.schema.records import Scene, Transform
+from ...world.colours import TRUTH_COLOUR
 from ...world.shapes import corners
 from ...world.values import Array
 from ..run import Run
@@ -26,7 +27,7 @@ _AZIMUTH, _ELEVATION = -30.0, 25.0
 _FOV = 45.0
 _VIEW_MARGIN = 1.15
 """Factor by which the view is larger than the scene's sphere."""
-_TRUTH_COLOUR = "#ff00ff59"
+TRUTH_COLOUR_CODE = f"#{bytes(round(255 * share) for share in TRUTH_COLOUR).hex()}59"
 """Colour of the ground truth over the belief."""
 _EMPTY_SCENE_BOX = np.array([[-0.5, -0.5, 0.0], [0.5, 0.5, 1.0]])
 
@@ -39,7 +40,7 @@ def three_dee(log: RunLog, title: str, *, truth: bool) -> ThreeDee:
     shown: dict[str, Entities | Frustum] = {
         topics.ROBOT.name: {"visible": True},
         topics.OBJECTS.name: {"visible": True},
-        topics.TRUTH.name: {"visible": truth, "color": _TRUTH_COLOUR, "showOutlines": True},
+        topics.TRUTH.name: {"visible": truth, "color": TRUTH_COLOUR_CODE, "showOutlines": True},
     }
     for camera in log.cameras:
         shown[topics.calibration_topic(camera).name] = {

@@ -16,7 +16,7 @@ from ...logs.recording import foxglove_messages
 from ...logs.recording.foxglove_messages import UNKNOWN_COLOUR
 from ...logs.schema import topics
 from ...logs.schema.records import BlockRecord, BodyRecord, PartRecord, Scene, Transform
-from ...world.colours import COLOURS
+from ...world.colours import COLOURS, TRUTH_COLOUR, Rgb
 from ...world.shapes import Box, ConvexMesh, Cylinder, Shape, Sphere
 from ...world.values import Pose
 from ..run import Run
@@ -60,7 +60,6 @@ _Z_UP_FROM_Y_UP = rr.Quaternion(xyzw=(math.sin(math.pi / 4), 0.0, 0.0, math.cos(
 """Rotation from glTF, which has Y up, to the links' frames, which have Z up."""
 _MAX_POSES_IN_MEMORY = 10_000
 """Maximum number of poses of a frame in memory: a run may last for hours."""
-_TRUTH_COLOUR = (255, 0, 255)
 _PLAN_COLOUR, _FAILED_PLAN_COLOUR = (40, 200, 120), (230, 60, 60)
 
 
@@ -123,7 +122,7 @@ def _bodies(
             entity = _entity(source, body.id)
             sheet.at(time, entity, _placed(body.pose))
             if there.get(body.id) != present[body.id]:
-                colour = _TRUTH_COLOUR if source == "truth" else _rgb(body.colour)
+                colour = _bytes(TRUTH_COLOUR) if source == "truth" else _rgb(body.colour)
                 sheet.at(time, entity, _body_form(body, colour, fill))
         there = present
 
@@ -266,5 +265,9 @@ def _form(
 
 
 def _rgb(colour: str) -> tuple[int, int, int]:
-    red, green, blue = COLOURS.get(colour, UNKNOWN_COLOUR)
+    return _bytes(COLOURS.get(colour, UNKNOWN_COLOUR))
+
+
+def _bytes(colour: Rgb) -> tuple[int, int, int]:
+    red, green, blue = colour
     return round(red * 255), round(green * 255), round(blue * 255)

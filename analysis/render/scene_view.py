@@ -14,7 +14,7 @@ from ...logs.meshes.binary_gltf import parts_of, read_glb
 from ...logs.meshes.triangle_meshes import Mesh, join_meshes, part_mesh, shape_mesh
 from ...logs.recording.foxglove_messages import UNKNOWN_COLOUR
 from ...logs.schema.records import BlockRecord, BodyRecord, LinkMesh, PartRecord, Scene
-from ...world.colours import COLOURS
+from ...world.colours import COLOURS, TRUTH_COLOUR
 from ...world.shapes import Shape
 from ...world.values import Array, Pose
 from .rasterizer import Picture, RasterModel
@@ -23,7 +23,7 @@ from .viewpoint import PictureView
 
 Show: TypeAlias = Literal["belief", "truth", "both"]
 
-TRUTH_LINE = (216, 90, 0)
+TRUTH_LINE = tuple(round(255 * share) for share in TRUTH_COLOUR)
 PATH_LINE = (0, 140, 160)
 
 

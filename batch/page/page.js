@@ -214,6 +214,20 @@ function places(width) {
   });
 }
 
+// What the failures come from, each with the job that shows it.
+function roots() {
+  const head = ["root cause", "jobs", "goal missed", "such as"];
+  const rows = chosen.roots.map((row) => {
+    const such = element("td", { class: "by", "data-head": head[3] }, element("div", {}, `seed ${row.seed}, ${row.label}`));
+    if (row.look_at) such.append(element("div", {}, row.look_at));
+    return element("tr", {}, element("td", {}, row.cause),
+      element("td", { class: "number", "data-head": head[1] }, String(row.jobs)),
+      element("td", { class: "number", "data-head": head[2] }, String(row.missed)), such);
+  });
+  const header = head.map((text, n) => element("th", n === 1 || n === 2 ? { class: "number" } : {}, text));
+  return element("table", {}, element("thead", {}, element("tr", {}, ...header)), element("tbody", {}, ...rows));
+}
+
 // What was seen, tried and cured; below it what failed first after planted faults.
 function cures() {
   const head = ["cause", "seen", "cured", "tries", "s lost", "by, cured of those tried"];
@@ -257,6 +271,7 @@ function worst() {
   return element("ol", { class: "worst" }, ...data.worst.map((job) => {
     const line = element("li", {}, element("span", { class: "status" }, job.status), ` seed ${job.seed}, ${job.label}`);
     if (job.missed) line.append(`, ${job.missed} ${job.missed > 1 ? "items" : "item"} not sorted`);
+    if (job.root_cause) line.append(" ", element("code", {}, job.root_cause));
     if (job.look_at) line.append(element("div", {}, job.look_at));
     if (job.report) line.append(element("div", {}, element("a", { href: job.report }, "report of the run")));
     if (job.command) line.append(element("div", {}, element("code", {}, job.command)));
@@ -275,13 +290,14 @@ const FIGURES = {
   success: [() => byRate(data.recipes.map((r) => ({ label: r.label, rate: r.success }))), shares],
   rates: [() => data.rates, (rows, width) => rates(width)],
   phases: [() => data.recipes.filter((r) => Object.keys(r.seconds_a_pick).length), (rows, width) => phases(width)],
+  roots: [() => chosen.roots, () => roots()],
   cures: [() => [...chosen.cures, ...chosen.planted], () => cures()],
   causes: [() => chosen.causes, (rows, width) => causes(width)],
   forms: [() => byRate(chosen.forms), shares],
   colours: [() => byRate(chosen.colours), shares],
   places: [() => chosen.places, (rows, width) => places(width)],
 };
-const NOTHING = { causes: "Nothing failed.", cures: "Nothing failed." };
+const NOTHING = { roots: "No root cause was found.", causes: "Nothing failed.", cures: "Nothing failed." };
 
 function draw() {
   for (const [id, [rowsOf, figure]] of Object.entries(FIGURES)) {

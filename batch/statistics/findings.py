@@ -70,6 +70,22 @@ class CauseTotal:
 
 
 @dataclass(frozen=True, slots=True)
+class RootTotal:
+    """Jobs with the same root cause, by the explanation of each; the causes of failures follow from it."""
+
+    cause: str
+    jobs: int
+    missed: int
+    """Number of these jobs that missed their goal."""
+    job: str
+    """Id of a typical job: the first that missed its goal, else the first."""
+    seed: int
+    label: str
+    look_at: str
+    """Line on what to look at in the typical job."""
+
+
+@dataclass(frozen=True, slots=True)
 class Share:
     """Share of sorted items of one form or colour."""
 
@@ -101,6 +117,8 @@ class Breakdown:
     """Observed causes with attempts and recoveries, by lost time, the longest first."""
     planted: tuple[PlantedCount, ...] = ()
     """Injected faults with the first failures after them."""
+    roots: tuple[RootTotal, ...] = ()
+    """Root causes, those that cost the goal most often first."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,6 +133,7 @@ class WorstJob:
     """Number of items not sorted; None: unknown."""
     look_at: str
     folder: str
+    root_cause: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -169,6 +188,13 @@ def _lines(found: BatchSummary) -> Iterator[str]:
         if split:
             yield f"  s a pick      {', '.join(split)}"
     together = found.together
+    if together.roots:
+        width = max(len("root cause"), *(len(root.cause) for root in together.roots))
+        yield ""
+        yield f"{'root cause':<{width}}    jobs  goal missed  such as"
+        for root in together.roots:
+            such = f"seed {root.seed}, {root.label}{f': {root.look_at}' if root.look_at else ''}"
+            yield f"{root.cause:<{width}}{root.jobs:8}{root.missed:13}  {such}"
     if together.causes:
         width = max(len(c.cause) for c in together.causes)
         total, so_far = sum(c.failures for c in together.causes), 0
@@ -190,6 +216,7 @@ def _lines(found: BatchSummary) -> Iterator[str]:
         for w in found.worst:
             missed = f", {w.missed} not sorted" if w.missed else ""
             look = f"; {w.look_at}" if w.look_at else ""
+            look += f" [{w.root_cause}]" if w.root_cause else ""
             where = w.folder or shlex.join(["picktree", "resim", f"{found.folder}@{w.job}"])
             yield f"  seed {w.seed}, {w.label}: {w.status}{missed}{look} ({where})"
 
@@ -259,6 +286,7 @@ def _recipe_json(recipe: RecipeSummary) -> dict[str, Any]:
 
 def _breakdown_json(found: Breakdown) -> dict[str, Any]:
     return {
+        "roots": [asdict(root) for root in found.roots],
         "causes": [asdict(c) for c in found.causes],
         "forms": [{"label": s.label, "rate": _rate_json(s.rate)} for s in found.forms],
         "colours": [{"label": s.label, "rate": _rate_json(s.rate)} for s in found.colours],

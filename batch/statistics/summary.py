@@ -14,6 +14,7 @@ from .findings import (
     Breakdown,
     CauseTotal,
     RecipeSummary,
+    RootTotal,
     Share,
     Spread,
     TableCellShare,
@@ -30,7 +31,8 @@ def summarise(store: Store) -> BatchSummary:
     recipes = _recipes(store)
     by_recipe, together = _breakdowns(store, [recipe.label for recipe in recipes])
     worst = _rows(
-        store, f"SELECT job, seed, variant, status, missed, look_at, folder FROM worst LIMIT {_WORST}"
+        store,
+        f"SELECT job, seed, variant, status, missed, look_at, folder, root_cause FROM worst LIMIT {_WORST}",
     )
     return BatchSummary(
         store.path.parent,
@@ -92,6 +94,11 @@ def _breakdowns(store: Store, labels: list[str]) -> tuple[tuple[Breakdown, ...],
     cures = [(variant, CureCount(*row)) for variant, *row in seen]
     faults = _rows(store, "SELECT variant, fault, cause, ended, faults FROM planted_seen")
     planted = [(variant, PlantedCount(*row)) for variant, *row in faults]
+    roots = _rows(
+        store,
+        "SELECT root_cause, status = 'success', job, seed, variant, look_at FROM jobs "
+        "WHERE status <> 'waiting' AND root_cause <> '' ORDER BY number",
+    )
     counted = "count(*), sum(verdict = 'sorted') FROM items JOIN jobs USING (job) GROUP BY variant"
     forms = _rows(store, f"SELECT variant, form, {counted}, form ORDER BY form")
     colours = _rows(store, f"SELECT variant, colour, {counted}, colour ORDER BY colour")
@@ -110,10 +117,24 @@ def _breakdowns(store: Store, labels: list[str]) -> tuple[tuple[Breakdown, ...],
             ),
             by_cause(added_cures(cure for variant, cure in cures if wanted(variant))),
             added_planted(fault for variant, fault in planted if wanted(variant)),
+            _roots(row for row in roots if wanted(row[4])),
         )
 
     each = tuple(of(lambda variant, label=label: variant == label, label) for label in labels)
     return each, of(lambda variant: True, "")
+
+
+def _roots(rows: Iterable[tuple[Any, ...]]) -> tuple[RootTotal, ...]:
+    """Return the root causes of jobs in the order of the plan, those that cost the goal most often first."""
+    jobs: defaultdict[str, list[tuple[Any, ...]]] = defaultdict(list)
+    for cause, *job in rows:
+        jobs[cause].append(tuple(job))
+    totals = [
+        RootTotal(cause, len(same), len(missed), *(missed or same)[0][1:])
+        for cause, same in jobs.items()
+        for missed in ([job for job in same if not job[0]],)
+    ]
+    return tuple(sorted(totals, key=lambda root: (-root.missed, -root.jobs, root.cause)))
 
 
 def _summed_rates(

@@ -16,7 +16,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from ...analysis.explain.explain import explain
-from ...analysis.explain.investigation.explanation import FailureStory
+from ...analysis.explain.investigation.explanation import Explanation, FailureStory, RootCause
 from ...analysis.export.table_files import row_of
 from ...analysis.run import Run
 from ...logs.visits import Visit
@@ -52,7 +52,7 @@ def collect_run_rows(execution: Execution, folder: Path, attempts: int) -> JobRo
         result = run.result
         assert result is not None, "a session that has ended writes its result"
         explanation = explain(run, items=False)
-        look = explanation.look_at
+        root = root_of(explanation)
         return JobRows(
             job=row_of(
                 JobRow,
@@ -66,8 +66,8 @@ def collect_run_rows(execution: Execution, folder: Path, attempts: int) -> JobRo
                 picks_held=result.picks.held,
                 wall_seconds=result.wall_seconds.total,
                 last_tick=len(run.ticks) - 1,
-                root_cause=explanation.root_causes[0].cause if explanation.root_causes else "",
-                look_at=f"{look[0].time:.2f} s: {look[0].why}" if look else "",
+                root_cause=root.cause if root else "",
+                look_at=look_at(explanation, root),
                 folder="",
             ),
             items=tuple(_items(execution, run)),
@@ -89,6 +89,22 @@ def collect_run_rows(execution: Execution, folder: Path, attempts: int) -> JobRo
                 "revision": run.info.revision,
             },
         )
+
+
+def root_of(explanation: Explanation) -> RootCause | None:
+    """Return the root cause that cost the goal, else the first; None without one."""
+    roots = explanation.root_causes
+    return next((root for root in roots if root.ended_run), roots[0] if roots else None)
+
+
+def look_at(explanation: Explanation, root: RootCause | None) -> str:
+    """Return a line on what to look at: the root cause, else the first moment worth a look, else nothing."""
+    if root is not None:
+        first = explanation.failures[root.failures[0]].time if root.failures else None
+        time = first if root.time is None else root.time
+        return root.title if time is None else f"{time:.2f} s: {root.title}"
+    look = explanation.look_at
+    return f"{look[0].time:.2f} s: {look[0].why}" if look else ""
 
 
 def _items(execution: Execution, run: Run) -> Iterator[JobItemRow]:

@@ -146,6 +146,8 @@ def report(
     if output.suffix.lower() not in (".html", ".htm"):
         raise PicktreeError(f"{output}: a report is an HTML page; name it {output.with_suffix('.html').name}")
     with Run(log) as run:
+        if run.recovered:
+            print(run.recovered, file=sys.stderr)
         written = write_report(run, output)
     print(json.dumps(written.to_json()) if as_json else written.to_text())
     if open_it:

@@ -143,7 +143,7 @@ def place(cursor: Cursor) -> str:
     """Return the cursor's place in a line."""
     tick = cursor.tick.record
     status = {node.path: node for node in tick.nodes}
-    where = status.get(tick.tip) or (tick.nodes[0] if tick.nodes else None)
+    where = status.get(deepest(cursor)) or (tick.nodes[0] if tick.nodes else None)
     doing = "" if where is None else f"; {where.path} is {where.status}"
     return f"{cursor.time:.2f} s, tick {cursor.number} of {len(cursor) - 1}{doing}"
 
@@ -177,7 +177,11 @@ def _span(cursor: Cursor, visit: Visit) -> str:
 
 
 def deepest(cursor: Cursor) -> str:
-    """Return the path of the deepest node that runs or has ended; else of the root."""
+    """Return the path of the node that failed in this tick; else of the deepest one that runs, or the
+    root."""
+    failed = cursor.failure
+    if failed is not None and failed.last == cursor.number:
+        return failed.path
     return cursor.tick.record.tip or cursor.tree.nodes[0].path
 
 

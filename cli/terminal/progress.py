@@ -198,7 +198,8 @@ def tree_rows(
 ) -> list[Text]:
     """Return a row for each node that runs or has a running parent, and for the paths `also`.
 
-    At most `room` rows are kept: the running nodes, and those nearest to the last of them.
+    At most `room` rows are kept: those nearest to the last node of `also` that failed, and those above it;
+    without such a node the running ones, and those nearest to the last of them.
     """
     reports = {node.path: node for node in nodes}
     depths = _depths(structure)
@@ -211,8 +212,11 @@ def tree_rows(
         or reports[info.parent].status == "RUNNING"
     ]
     running = [index for index, info in enumerate(shown) if reports[info.path].status == "RUNNING"]
-    centre = running[-1] if running else 0
-    by_worth = sorted(range(len(shown)), key=lambda i: (i not in running, abs(i - centre)))
+    failed = [i for i, n in enumerate(shown) if n.path in also and reports[n.path].status == "FAILURE"]
+    centre = max(failed, key=lambda i: depths[shown[i].path], default=running[-1] if running else 0)
+    leaf = shown[centre].path if failed else ""
+    first = {i for i, info in enumerate(shown) if leaf == info.path or leaf.startswith(f"{info.path}/")}
+    by_worth = sorted(range(len(shown)), key=lambda i: (i not in (first or running), abs(i - centre)))
     kept = sorted(by_worth[:room])
     return [_row(shown[index], reports[shown[index].path], depths[shown[index].path]) for index in kept]
 

@@ -314,14 +314,15 @@ class TrajectoryMotion:
     def _arrived(self, end: Array) -> bool:
         return self._loop.at_rest and float(np.abs(self._loop.state.position - end).max()) < ARRIVAL_TOLERANCE
 
-    @staticmethod
-    def _touched(force: Vector3, track: TrajectoryController) -> Failure:
-        size = math.hypot(*force)
+    def _touched(self, force: Vector3, track: TrajectoryController) -> Failure:
+        size, limit = math.hypot(*force), self._loop.monitor.limits.force
         fraction = track.progress / max(track.trajectory.duration, 1e-9)
+        above = f", above the limit of {limit:.0f} N" if size > limit else ""
         return Failure(
             world.DISTURBED,
-            f"touched something at {size:.0f} N on a free way, {fraction * 100:.0f} % done",
+            f"touched something at {size:.0f} N on a free way{above}, {fraction * 100:.0f} % done",
             force=size,
+            limit=limit,
             direction=[round(c / size, 3) for c in force],
             fraction=fraction,
         )

@@ -22,7 +22,7 @@ from ...control.execution.gripper_motion import OPENING_FORCE
 from ...control.wrist.contact_detection import ContactDetector
 from ...robots.description import GripperDescription
 from ...world.events.skill_events import CentredEvent
-from ...world.scene.description import CatalogueEntry
+from ...world.scene.description import MIN_FELT_MASS, CatalogueEntry
 from ...world.values import GRAVITY, Array
 
 if TYPE_CHECKING:
@@ -35,6 +35,8 @@ MAX_TRANSFER_ACCELERATION = 9.0
 """Greatest measured acceleration of the hand on fast transfers, m/s²."""
 GRIP_SAFETY_FACTOR = 2.0
 """Safety factor of the grip force: friction and mass of a kind are known roughly."""
+LIGHT_GRIP_FORCE = 3.0
+"""Least grip force for items that the wrist does not feel, N. A firm grip deforms what is soft or thin."""
 MIN_GRIP_FORCE = 8.0
 """Least grip force for items that are not fragile, N."""
 MIN_FRAGILE_SHARE = 0.4
@@ -106,14 +108,15 @@ def grip_force(entry: CatalogueEntry | None, bound: float, gripper: GripperDescr
         force = min(UNKNOWN_GRIP_FORCE, bound)
         return GripForce(force, force, bound, None, 1.0)
     friction = entry.friction * gripper.pad_contact.friction
-    wanted = max(required_force(entry.mass, friction), MIN_GRIP_FORCE)
+    least = MIN_GRIP_FORCE if entry.mass >= MIN_FELT_MASS else LIGHT_GRIP_FORCE
+    wanted = max(required_force(entry.mass, friction), least)
     most, closing, speed = bound, bound, None
     limit = entry.force_limit
     if limit is not None:
         # On a sideways transfer the item leans on one finger, and so do the fingers.
         shaken = FINGER_INERTIA_FORCE + entry.mass * MAX_TRANSFER_ACCELERATION / 2
         most = min(bound, max(limit - shaken, limit / 2) / UNEVEN_FORCE_FACTOR)
-        wanted = max(required_force(entry.mass, friction), min(MIN_GRIP_FORCE, MIN_FRAGILE_SHARE * limit))
+        wanted = max(required_force(entry.mass, friction), min(least, MIN_FRAGILE_SHARE * limit))
         closing = FRAGILE_CLOSING_SHARE * limit
         fastest = (limit / UNEVEN_FORCE_FACTOR - SINGLE_FINGER_FACTOR * closing) / IMPACT_FORCE_PER_SPEED
         speed = max(fastest, MIN_CLOSING_SPEED) if fastest < gripper.speed else None

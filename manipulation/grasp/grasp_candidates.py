@@ -32,6 +32,8 @@ SLIDE_SHARES = (0.0, 0.25, -0.25)
 """Places along the object's free axis, as shares of its length beyond one finger width."""
 SECOND_GRASP_RISE = 0.010
 """Height of the second grasp above the best one, m."""
+MIN_UPRIGHT_COSINE = 0.98
+"""Cosine of the angle between a cylinder's axis and the vertical from which it stands upright."""
 GRASP_YAWS = 8
 """Closing directions for an object without a preferred one, over half a turn."""
 
@@ -126,10 +128,11 @@ def _spans(belief: BeliefObject, rotation: Array) -> list[_Span]:
             return _box_spans(size, rotation)
         case Cylinder(radius, height):
             axis = rotation[:, 2]
-            if abs(float(axis[2])) > 0.7:
+            if abs(float(axis[2])) > MIN_UPRIGHT_COSINE:
                 return _round_spans(2 * radius, belief.pose)
+            # Lying or leaning: across the axis.
             yaw = math.atan2(float(axis[1]), float(axis[0])) + math.pi / 2
-            return [_Span(yaw, 2 * radius, height)]
+            return [_Span(yaw, 2 * radius, height * math.hypot(float(axis[0]), float(axis[1])))]
         case Sphere(radius):
             return _round_spans(2 * radius, belief.pose)
         case ConvexMesh():

@@ -16,7 +16,7 @@ import numpy as np
 
 from ...planning.requests import PoseGoal, Request
 from ...robots.description import tool_outline
-from ...world.belief.facts import PUSH, items_to_do
+from ...world.belief.facts import PUSH
 from ...world.belief.planning_scene import BeliefObject
 from ...world.planar_geometry import PlanarOutline, PlanarPose, moved, outline, outline_distance, planar
 from ...world.quasi_static_pushing import PlanarPushModel
@@ -132,7 +132,7 @@ def most_crowded_object(world: World) -> ObjectId | None:
     ]
     items = [
         o
-        for o in items_to_do(world.scene)
+        for o in world.to_do()
         if not o.attached
         and support_of(world, o) is not None
         and world.attempts.refusal(PUSH, o, world.scene) is None

@@ -9,9 +9,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ...world.shapes import ray_hits
-from ...world.values import Array
-from ..geometry.silhouette_fitting import silhouette
+from ...world.shapes import extents, inside, ray_hits
+from ...world.values import Array, Pose
+from ..geometry.silhouette_fitting import StandingPose, silhouette
 from ..segmentation import Blob, Pixels, SegmentationInput, outline_patch
 from .item_fitting import Hypothesis, ItemFitter
 
@@ -29,6 +29,11 @@ MIN_PART_PIXELS = 8
 """Least number of pixels of a part."""
 MIN_PART_DISTANCE = 0.010
 """Least distance between the centres of two parts, m."""
+MAX_SHARED_VOLUME = 0.3
+"""Share of a part's volume inside another part from which one of them does not exist: a leaning item is cut
+into such parts. Estimated poses of items that touch overlap by less."""
+_LATTICE = (np.stack(np.meshgrid(*[np.arange(7)] * 3, indexing="ij"), axis=-1).reshape(-1, 3) + 0.5) / 7.0
+"""Points (343, 3) of the unit cube."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -161,9 +166,25 @@ def _misfit(parts: list[BlobPart]) -> float:
 
 
 def _are_distinct(parts: list[BlobPart]) -> bool:
-    centres = [p.hypotheses[0].stand.centre for p in parts]
+    """Return whether the parts can be there together: solid items are not inside each other."""
+    stands = [p.hypotheses[0].stand for p in parts]
     return all(
-        float(np.linalg.norm(a - b)) > MIN_PART_DISTANCE
-        for i, a in enumerate(centres)
-        for b in centres[i + 1 :]
+        float(np.linalg.norm(a.centre - b.centre)) > MIN_PART_DISTANCE and not _interlocked(a, b)
+        for i, a in enumerate(stands)
+        for b in stands[i + 1 :]
     )
+
+
+def _interlocked(one: StandingPose, other: StandingPose) -> bool:
+    """Return whether more than a share of one item, from its middle to its faces, lies in the other."""
+    return any(_share_inside(a, b) > MAX_SHARED_VOLUME for a, b in ((one, other), (other, one)))
+
+
+def _share_inside(one: StandingPose, other: StandingPose) -> float:
+    """Return the share of an item's volume that lies in the other, by a lattice of points."""
+    turn, shape = one.turned, one.rest.entry.shape
+    low, high = extents(shape, np.eye(3))
+    local = low + (high - low) * _LATTICE
+    own = local[inside(shape, Pose(), local)]
+    there = Pose.from_rotation(other.centre, other.turned)
+    return float(inside(other.rest.entry.shape, there, own @ turn.T + one.centre).mean())

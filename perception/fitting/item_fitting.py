@@ -4,15 +4,17 @@ depth."""
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ...world.scene.description import CatalogueEntry
 from ...world.shapes import ray_hits
 from ...world.values import Array, Pose
 from ..expectation.backdrop import SupportSurface
 from ..geometry.camera_geometry import PosedCamera
-from ..geometry.resting_poses import StablePose
+from ..geometry.resting_poses import StablePose, leaning_poses
 from ..geometry.silhouette_fitting import OUTLIER_SIGMAS, StandingPose, fit_outline, likely_turns, silhouette
 from ..segmentation import LABEL_NAMES, Blob
 from .view import Detection
@@ -36,10 +38,18 @@ MIN_HEIGHT_CORRECTION = 0.002
 """Median depth error above which the believed height is corrected, m."""
 MODEL_DEPTH_SIGMA = 0.0004
 """Part of the depth's standard deviation for steep surfaces and rounded edges, m."""
+MIN_STEEP_HEIGHT = 0.1
+"""Height of an item from which its side faces matter in a picture from above, m."""
+STEEP_PIXELS = 0.8
+"""Position error of a pixel's ray along each axis of the picture, pixels."""
 GOOD_MISFIT = 1.5
 """Misfit below which no other explanation is needed; a perfect one is about 0.8."""
 POOR_MISFIT = 4.0
 """Misfit above which a hypothesis explains nothing."""
+LEANING_MISFIT = 2.5
+"""Misfit of all poses on a face above which leaning ones are tried."""
+MAX_LEANING_DROP = 0.03
+"""Greatest distance by which the top of a leaning item, an edge, may be higher than a blob's, m."""
 MIN_SHOWN_SHARE = 0.4
 """Share of the silhouette below which a blob may be a part of anything."""
 PIXEL_GRID_ERROR = 0.12
@@ -89,11 +99,17 @@ class ItemFitter:
         found = self._fits(blob, support, True, hover)
         if all(f.misfit > content for f in found):
             found += self._fits(blob, support, False, hover)
+        if blob.whole and all(f.misfit > LEANING_MISFIT for f in found):
+            leaning = [rest for entry in self._entries() for rest in leaning_poses(entry)]
+            found += replace(self, rests=tuple(leaning))._fits(blob, support, False, hover, MAX_LEANING_DROP)
         found.sort(key=_rank)
         best: dict[tuple[str, bool], Hypothesis] = {}
         for one in found:
             best.setdefault((one.stand.rest.entry.kind, one.supported), one)
         return list(best.values())
+
+    def _entries(self) -> Iterable[CatalogueEntry]:
+        return {rest.entry.kind: rest.entry for rest in self.rests}.values()
 
     def judged(self, blob: Blob, start: StandingPose, rounds: int) -> Hypothesis:
         """Fit one body to the blob from a start near its pose. The height changes only where the depth
@@ -117,14 +133,16 @@ class ItemFitter:
         least = min(rest.footprint for rest in self.rests) * (self.sight.intrinsics.fx / depth) ** 2
         return int(blob.area / (0.6 * least))
 
-    def _fits(self, blob: Blob, support: float, supported: bool, hover: float) -> list[Hypothesis]:
+    def _fits(
+        self, blob: Blob, support: float, supported: bool, hover: float, sink: float = HEIGHT_GATE
+    ) -> list[Hypothesis]:
         starts: list[tuple[float, StandingPose]] = []
         origin, ray = self.sight.origin, self.sight.directions(blob.middle[None])[0]
         for rest in self.rests:
             below = support if supported else blob.top - rest.height
             if supported and abs(support + rest.height - blob.top) > HEIGHT_GATE:
                 continue
-            if not supported and not support - HEIGHT_GATE <= below <= support + hover:
+            if not supported and not support - sink <= below <= support + hover:
                 continue
             x, y = (origin + ray * ((below + rest.height / 2 - origin[2]) / ray[2]))[:2].tolist()
             stand = StandingPose(rest, np.array((x, y, below + rest.below)), 0.0)
@@ -204,9 +222,23 @@ class ItemFitter:
             return 1.0, depths
         model = ray_hits(stand.rest.entry.shape, stand.turned, stand.centre, self.sight.origin, rays)
         off = model - depths
-        sigma = self.noise * (float(depths[0]) / 0.7) ** 2 + self.model
+        sigma: float | Array = self.noise * (float(depths[0]) / 0.7) ** 2 + self.model
+        if stand.rest.height > MIN_STEEP_HEIGHT:
+            sigma = np.hypot(sigma, self._steepness(stand, rays, model))
         square = np.add.reduce(np.minimum((off / sigma) ** 2, OUTLIER_SIGMAS**2)) / len(depths)
         return float(square), off[np.isfinite(model)]
+
+    def _steepness(self, stand: StandingPose, rays: Array, model: Array) -> Array:
+        """Return the change of the model's depth (k,) within the position error of a pixel, m. The depth of a
+        side face changes by millimetres from pixel to pixel."""
+        aside = (
+            (self.sight.rotation[:, 0] + self.sight.rotation[:, 1]) * STEEP_PIXELS / self.sight.intrinsics.fx
+        )
+        beside = ray_hits(stand.rest.entry.shape, stand.turned, stand.centre, self.sight.origin, rays + aside)
+        change = np.zeros(len(model))
+        both = np.isfinite(model) & np.isfinite(beside)
+        change[both] = np.abs(beside[both] - model[both])
+        return change
 
 
 def _rank(one: Hypothesis) -> float:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from pathlib import Path
 from typing import Final
 
@@ -15,7 +16,7 @@ from ...world import shapes
 from ...world.belief.hole_matching import fits_hole
 from ...world.scene.description import CatalogueEntry, Fixture, Hole
 from ...world.shapes import Box, ConvexMesh, Cylinder, Shape, Sphere, convex_hull, half_spaces, top
-from ...world.values import Array, ObjectId
+from ...world.values import Array, ObjectId, Pose
 
 CORNER_TOLERANCE = 2e-4
 """Distance between corners below which they look the same, m."""
@@ -95,6 +96,23 @@ def stable_poses(entry: CatalogueEntry) -> tuple[StablePose, ...]:
             return tuple(_box_poses(entry, size))
         case ConvexMesh():
             return tuple(_mesh_poses(entry, shape))
+
+
+LEANS = tuple(math.radians(angle) for angle in (15, 25, 35, 45, 55, 65, 75))
+"""Angles between the axis of a leaning cylinder and the vertical, rad."""
+LEANING_HANDICAP = 0.3
+"""Addition to the misfit of a leaning item: most items lie on a face."""
+
+
+@cache
+def leaning_poses(entry: CatalogueEntry) -> tuple[StablePose, ...]:
+    """Return the entry leaning on something else, for cylinders: nothing else rolls up another item."""
+    if not isinstance(entry.shape, Cylinder):
+        return ()
+    turns = (Pose.from_rpy((0.0, 0.0, 0.0), (0.0, lean, 0.0)).rotation() for lean in LEANS)
+    return tuple(
+        replace(_stable_pose(entry, turn, 0.0, LEANING_HANDICAP), turn=2 * math.pi) for turn in turns
+    )
 
 
 def _stable_pose(entry: CatalogueEntry, rotation: Array, turn: float, unlikely: float) -> StablePose:

@@ -60,7 +60,7 @@ _DEVICE_FAULTS: tuple[type, ...] = (
     GripperJam, GripperWeak, JointWeak, Stall, WrenchBias, WrenchDead, CameraDrop, CameraShift, CameraNoise,
     CameraMislabel, NoPlan,
 )  # fmt: skip
-_PLANTED_MESSAGE = "planted by the fault file"
+_PLANTED_MESSAGE = "the skill's code cannot go on"
 
 
 @dataclass(frozen=True, slots=True)

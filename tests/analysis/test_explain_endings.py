@@ -97,6 +97,29 @@ def test_a_fault_in_the_code_of_a_node(tmp_path: Path) -> None:
     assert cause.reasons[-1] == "ZeroDivisionError: one over nothing"
 
 
+def test_a_run_that_goes_on_is_not_called_killed(tmp_path: Path) -> None:
+    (tmp_path / "mission.yaml").write_text(
+        HEAD + "trees:\n  Main:\n    Delay: {delay_msec: 3 s, do: {GoTo: {pose: rest}}}\n", encoding="utf-8"
+    )
+    session = Session(RunRequest(mission=tmp_path / "mission.yaml", backend="kinematic", out=tmp_path))
+    step, seen = session.execution.world.control.step_tick, list[tuple[str, str, str]]()
+
+    def look(period: float) -> None:
+        if session.execution.world.clock.now > 1.2 and not seen:
+            with Run(session.folder) as log:
+                found = log.explanation
+            seen.append((found.outcome.status, found.root_causes[0].cause, found.outcome.sentence))
+        step(period)
+
+    session.execution.world.control.step_tick = look  # pyright: ignore[reportAttributeAccessIssue]
+    session.run()
+    ((status, cause, sentence),) = seen
+    assert (status, cause) == ("running", "run.going_on")
+    assert sentence.startswith("the run is still going on: its log has come to ")
+    with Run(session.folder) as log:
+        assert log.explanation.outcome.status == "incomplete"
+
+
 def test_a_program_that_died_while_it_ran(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "mission.yaml").write_text(
         HEAD + "trees:\n  Main:\n    GoTo: {pose: rest}\n", encoding="utf-8"

@@ -54,6 +54,19 @@ def test_page_says_without_scripts_what_it_is_of(text: str) -> None:
     assert re.search(r"<noscript>.*sort by colour, seed 0: .*items sorted.*</noscript>", text)
 
 
+def test_the_terminal_says_what_of_a_damaged_log_is_missing(
+    troubled_log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    cut = tmp_path / "cut.mcap"
+    cut.write_bytes(troubled_log.read_bytes()[: troubled_log.stat().st_size // 2])
+    assert answer(["report", str(cut), "-o", str(tmp_path / "cut.html"), "--json"]) == 0
+    told = capsys.readouterr()
+    with Run(cut) as run:
+        assert told.err == f"{run.recovered}\n"
+        assert "recovered up to byte" in run.recovered
+    assert json.loads(told.out)["file"] == str(tmp_path / "cut.html")
+
+
 def test_same_log_gives_the_same_page(text: str, troubled_log: Path) -> None:
     with Run(troubled_log) as run:
         assert report(run) == text

@@ -102,7 +102,6 @@ def test_the_list_of_failures_leads_to_each_of_them(page: Any, failures: tuple[F
     page.keyboard.press("p")
     wait_until(page, f"Math.abs({TIME} - {failures[0].time}) < 1e-6")
     wait_until(page, "document.querySelector('.story.chosen.present')?.dataset.number === '0'")
-    stories.nth(0).locator("summary").click()
     told = stories.nth(0).inner_text()
     assert failures[0].sentence in told
     assert (
@@ -339,8 +338,8 @@ def test_belief_and_blackboard_are_those_of_the_tick(page: Any, troubled_log: Pa
     shown = page.locator(".belief tbody tr:visible:not(.gone) th").all_inner_texts()
     assert set(shown) == believed
     assert page.locator(".belief .off.lost").all_inner_texts() == ["not there"]
-    keys = page.locator(".blackboard tr:not(.gone) th").all_inner_texts()
-    assert set(keys) == set(written)
+    keys = ".blackboard tr:not(.gone) th[scope=row]"
+    assert set(page.locator(keys).evaluate_all("(all) => all.map((one) => one.title)")) == set(written)
     item = page.locator(".blackboard tr", has=page.locator("th[title='Main/item']"))
     assert item.locator(".value").inner_text() == written["Main/item"]
     changed = "[...document.querySelectorAll('.blackboard tr.changed th')].map((one) => one.title)"

@@ -8,6 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from picktree.analysis.export.layout import TRUTH_COLOUR_CODE
+from picktree.analysis.render.scene_view import TRUTH_LINE
 from picktree.analysis.report.body_motion import (
     BelievedBody,
     BodyAppearance,
@@ -18,6 +20,7 @@ from picktree.analysis.report.body_motion import (
     true_poses,
 )
 from picktree.analysis.report.packing import Quantised, between, composed, continuous, filled, inverse, row
+from picktree.analysis.report.report import style
 from picktree.analysis.report.stage_panel import MAX_LINK_FACES, pack_stage, packed_link
 from picktree.analysis.run import Run
 from picktree.logs.meshes.binary_gltf import write_glb
@@ -182,6 +185,29 @@ def test_an_item_that_a_fault_took_away_is_gone_from_that_tick_on(troubled_log: 
         item = taken.record.data["item"]
         assert presence.pop(item) == [[0, tick]]
         assert set(map(str, presence.values())) == {str([[0, len(run.ticks) - 1]])}
+
+
+def test_a_bin_has_a_tint_of_the_items_that_alone_belong_into_it(troubled_log: Path) -> None:
+    with Run(troubled_log) as run:
+        data = pack_stage(run).data
+    assert isinstance(data, dict)
+    strongest = {
+        part["id"]: max(range(3), key=lambda k: part["colour"][k])  # type: ignore
+        for part in data["fixed"]  # type: ignore[union-attr]
+        if str(part["id"]).endswith("_bin")  # type: ignore
+    }
+    assert strongest == {
+        f"{colour}_bin": k
+        for k, colour in enumerate(("red", "green", "blue"))
+        if f"{colour}_bin" in strongest
+    }
+    assert len(strongest) >= 2
+
+
+def test_the_truth_has_one_colour_on_pages_and_in_pictures() -> None:
+    picture = "#" + bytes(TRUTH_LINE).hex()
+    assert f"--truth:{picture}" in style().replace(" ", "")
+    assert TRUTH_COLOUR_CODE.startswith(picture)
 
 
 def test_heavy_models_are_thinned_and_foreign_ones_left_out() -> None:

@@ -56,7 +56,10 @@ def report(tmp_path_factory: pytest.TempPathFactory) -> Path:
             bad = n < 12 and n % 3 == 0
             row = replace(SUCCESS, sim_seconds=10.0 + n % 5)
             if bad:
-                row = replace(MISSED, folder="jobs/kept" if n == 0 else "")
+                cause = "perception.mistaken" if n else "item.slippery"
+                row = replace(MISSED, root_cause=cause, folder="jobs/kept" if n == 0 else "")
+            elif n == 20:
+                row = replace(row, root_cause="item.slippery")
             store.record(
                 job.id,
                 JobRows(
@@ -107,6 +110,25 @@ def test_it_says_what_came_of_the_batch_without_a_word_or_a_request(report: Path
         assert (told.problems, told.requests) == ([], [])
 
 
+def test_root_causes_stand_with_the_goals_that_they_cost_and_a_typical_job(
+    report: Path, chromium: Chromium
+) -> None:
+    with chromium.page(report) as (page, _):
+        rows = page.locator("#roots tbody tr")
+        assert [rows.nth(n).locator("td").all_inner_texts() for n in range(rows.count())] == [
+            ["perception.mistaken", "3", "3", "seed 3, Grasp.force=1.5 N\n4.00 s: slipped"],
+            ["item.slippery", "2", "1", "seed 0, Grasp.force=1.5 N\n4.00 s: slipped"],
+        ]
+        assert (
+            page.locator("#worst li")
+            .nth(1)
+            .inner_text()
+            .startswith("incomplete seed 3, Grasp.force=1.5 N, 1 item not sorted perception.mistaken")
+        )
+        page.get_by_role("radio", name=LABELS[1]).check()
+        assert rows.locator("td").all_inner_texts() == ["item.slippery", "1", "0", "seed 8, Grasp.force=30 N"]
+
+
 def test_what_is_below_the_choice_is_of_the_chosen_recipe(report: Path, chromium: Chromium) -> None:
     with chromium.page(report) as (page, _):
         missed = "#places g[aria-label=text] text"
@@ -136,9 +158,10 @@ def test_a_job_tells_of_itself_and_the_worst_lead_on(report: Path, chromium: Chr
         worst = page.locator("#worst li")
         assert worst.count() == 4
         assert worst.nth(0).inner_text().splitlines()[:3] == [
-            "incomplete seed 0, Grasp.force=1.5 N, 1 item not sorted", "4.00 s: slipped", "report of the run",
+            "incomplete seed 0, Grasp.force=1.5 N, 1 item not sorted item.slippery", "4.00 s: slipped",
+            "report of the run",
         ]  # fmt: skip
-        command = worst.nth(1).locator("code").inner_text()
+        command = worst.nth(1).locator("code").last.inner_text()
         assert command == f"picktree resim '{report.parent / 'night shift'}@{3:016x}'"
         worst.nth(0).get_by_role("link").click()
         page.wait_for_load_state()

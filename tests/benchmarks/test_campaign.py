@@ -164,6 +164,8 @@ def test_a_killed_campaign_goes_on_and_a_cut_line_costs_its_run_alone(squares: S
     out, err = squares.run("--runs", "3")
     assert "2 of 3 runs to do" in err
     assert out == "[0, 1, 4]\n"
+    _, err = squares.run("--runs", "3")
+    assert "to do" not in err or "0 of 3 runs to do" in err  # what was written after the cut line can be read
 
 
 def test_results_of_other_sources_are_named_and_run_again_or_counted_when_asked(squares: Squares) -> None:

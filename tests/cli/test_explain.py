@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import shutil
 import subprocess
 import sys
 from collections.abc import Mapping, Sequence
@@ -68,6 +69,32 @@ def test_planted_faults_can_be_hidden(folder: Path, capfd: pytest.CaptureFixture
     hidden = capfd.readouterr().out
     assert "planted" not in hidden
     assert "red_ball_1 was taken away between 3.8 and 4.0 s" in hidden
+
+
+def test_a_folder_of_runs(folder: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    for name in ("a", "b"):
+        shutil.copytree(folder, tmp_path / "runs" / name)
+    (tmp_path / "runs" / "log.mcap.txt").write_text("no log")
+    (tmp_path / "runs" / "c").mkdir()
+    (tmp_path / "runs" / "c" / "log.mcap").write_bytes(b"not a log at all, whatever it is called")
+    assert answer(["explain", str(tmp_path / "runs")]) == 0
+    text = capfd.readouterr().out
+    assert text.startswith(f"2 runs in {tmp_path}/runs: 2 failure\nNote: ")
+    assert "item.gone     2      2      2" in text
+    assert re.search(rf"     likely 2; .* explain {tmp_path}/runs/[ab]\n", text)
+    assert answer(["explain", str(tmp_path / "runs"), "--json"]) == 0
+    found = json.loads(capfd.readouterr().out)
+    (cause,) = found["causes"]
+    assert (found["runs"], found["statuses"], len(found["unreadable"])) == (2, {"failure": 2}, 1)
+    assert (cause["cause"], cause["runs"], cause["first"], cause["items"]) == ("item.gone", 2, 2, 2)
+    assert cause["confidence"] == {"likely": 2}
+    assert cause["title"].startswith("red_ball_1 was taken away between 3.8 and 4.0 s")
+    assert Path(cause["typical"]).parent == tmp_path / "runs"
+
+
+def test_a_folder_without_any_run(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    assert answer(["explain", str(tmp_path)]) == 2
+    assert f"{tmp_path}: there is no log.mcap in this folder" in capfd.readouterr().err
 
 
 def test_a_log_that_is_none(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
@@ -160,7 +187,7 @@ one pick, scene sort_small, seed 3, kinematic: 6.7 s simulated
 Root cause
   1  red_ball_1 was taken away between 3.8 and 4.0 s: it is nowhere in the robot's world any
      more.
-     [item.gone] This ended the run: 1 failure at 6.70 s, 3 s lost.
+     [item.gone] Likely. This ended the run (red_ball_1): 1 failure at 6.70 s, 3 s lost.
      - its true place is in the log until 3.80 s (x 0.51, y -0.15 m), and then no more
      - the fingers met (0.0 mm) and hold nothing
      - a fault was planted: at 4.00 s: item_02 is snatched away

@@ -84,6 +84,16 @@ def test_rows_that_run_are_kept_when_there_is_little_room() -> None:
     ]
 
 
+def test_the_leaf_that_has_just_failed_is_kept_with_what_is_above_it() -> None:
+    """All above it may run on, and fill the room."""
+    failed = report("RUNNING", "SUCCESS", "RUNNING", "FAILURE", "IDLE", "IDLE", "IDLE", cause="grasp.missed")
+    leaf = STRUCTURE[3].path
+    for room in (3, 2, 1):
+        rows = [row.plain.strip() for row in tree_rows(STRUCTURE, failed.nodes, room, {leaf})]
+        assert rows[-1] == "✗ Grasp  grasp.missed: the fingers hold nothing"
+    assert rows == ["✗ Grasp  grasp.missed: the fingers hold nothing"]
+
+
 def test_rows_of_a_tree_that_does_not_run() -> None:
     idle = report(*["IDLE"] * 7)
     assert [row.plain for row in tree_rows(STRUCTURE, idle.nodes, 4)] == ["· Sequence Main"]

@@ -92,7 +92,7 @@ since 0.00 s:
      0.10 s  blackboard Main/item = 'red_block_1', by Main
      0.10 s  plan to home: found by direct, 12 checks, 1.50 s of motion
 > failure
-0.25 s, tick 5 of 12; Main is RUNNING
+0.25 s, tick 5 of 12; Main/Part/Grasp is FAILURE
   ▶ ForEach Main
     ✗ Sequence Part
       ✗ Grasp
@@ -110,7 +110,7 @@ in this tick:
   ▶ Part begins
   ▶ Grasp begins with object 'red_block_1'
 > p
-0.25 s, tick 5 of 12; Main is RUNNING
+0.25 s, tick 5 of 12; Main/Part/Grasp is FAILURE
   ▶ ForEach Main
     ✗ Sequence Part
       ✗ Grasp
@@ -147,8 +147,8 @@ this is the first tick
 def test_looking(log: Path) -> None:
     assert (
         replayed(
-            log, "to red_block_1", "where", "node", "failure 0", "evidence", "failures", "blackboard",
-            "belief", "tree Part", "joints", "wrench", "node Place",
+            log, "to red_block_1", "where", "node", "failure 0", "where", "evidence", "failures",
+            "blackboard", "belief", "tree Part", "joints", "wrench", "node Place",
         ).partition("> where\n")[2]
         == """\
 ▶ Main is RUNNING
@@ -159,7 +159,7 @@ Main/Part/Grasp: Grasp, RUNNING
   object = 'red_block_1'
   began at 0.10 s for red_block_1
 > failure 0
-0.25 s, tick 5 of 12; Main is RUNNING
+0.25 s, tick 5 of 12; Main/Part/Grasp is FAILURE
   ▶ ForEach Main
     ✗ Sequence Part
       ✗ Grasp
@@ -167,6 +167,10 @@ since 0.10 s:
      0.25 s  ✗ Grasp ends in FAILURE: grasp.missed: Main/Part/Grasp failed
      0.25 s  ✗ Part ends in FAILURE: grasp.missed: Main/Part failed
      0.25 s  handled: element 1 of 1 is passed over
+> where
+▶ Main is RUNNING
+✗ Main/Part is FAILURE
+✗ Main/Part/Grasp is FAILURE
 > evidence
 0.25 s, tick 5: Main/Part/Grasp (red_block_1) failed: grasp.missed
   said: Main/Part/Grasp failed

@@ -121,3 +121,17 @@ def test_a_release_ends_at_its_share_while_the_fingers_go_on() -> None:
 def test_a_release_in_part_fails_where_the_fingers_are_held() -> None:
     with pytest.raises(Failure, match=r"^control.gripper: the fingers opened 30 mm of 60 mm$"):
         released(Fingers(jammed=True, width=0.03), 0.33)
+
+
+def test_fingers_that_press_against_something_while_they_release_move_back() -> None:
+    fingers = Fingers(width=0.04, target=0.04)
+    grip = GripperControl(fingers, fingers, ROBOT.gripper)
+    doing = grip.release(0.03, pressed=lambda: fingers.width > 0.055)
+    while True:
+        try:
+            next(doing)
+        except StopIteration:
+            break
+        fingers.tick()
+    assert 0.055 < fingers.width < 0.067
+    assert fingers.target == pytest.approx(fingers.width - 0.003)

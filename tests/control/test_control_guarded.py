@@ -88,6 +88,23 @@ def test_guarded_move_refuses_nonsense() -> None:
         cell.run(cell.move.guarded((0.0, 0.0, 0.0), 0.1, force=4.0, speed=0.05))
 
 
+@pytest.mark.parametrize(
+    ("limit", "told"), [(25.1, " on a free way, above the limit of 25 N, "), (60.0, " on a free way, ")]
+)
+def test_a_touch_above_the_limit_says_so(limit: float, told: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As a hit of one control period does, which is over before the monitor's mean is above its limit."""
+    cell = Cell(force=limit)
+    cell.go(0.5, 0.1, 0.08)
+    monkeypatch.setattr(cell.monitor, "check", lambda *given: False)
+    start = cell.loop.held_position
+    into_table = reach(Pose((0.5, 0.1, -0.02), LOOKING_DOWN), start)
+    with pytest.raises(Failure) as caught:
+        cell.run(cell.move.along(swing(start, into_table, 1.0), guard=25.0))
+    assert caught.value.evidence["limit"] == limit
+    force = caught.value.evidence["force"]
+    assert caught.value.message.startswith(f"touched something at {force:.0f} N{told}")
+
+
 def test_guard_on_a_free_way() -> None:
     cell = Cell()
     cell.go(0.5, 0.1, 0.08)

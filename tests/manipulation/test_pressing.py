@@ -31,6 +31,13 @@ def test_the_grip_grows_with_the_mass_and_falls_with_friction() -> None:
     assert grip_force(INGOT, 70.0, GRIPPER).grip == pytest.approx(required_force(1.2, 0.5))
 
 
+def test_what_the_wrist_does_not_feel_is_gripped_gently() -> None:
+    feather = replace(BLOCK, mass=0.003)
+    assert grip_force(feather, 70.0, GRIPPER).grip == 3.0
+    assert grip_force(replace(feather, mass=0.03), 70.0, GRIPPER).grip == 8.0
+    assert grip_force(replace(feather, force_limit=5.0), 70.0, GRIPPER).grip == 2.0
+
+
 def test_the_bound_is_kept() -> None:
     weak = grip_force(BLOCK, 1.5, GRIPPER)
     assert (weak.closing, weak.grip, weak.most) == (1.5, 1.5, 1.5)

@@ -122,6 +122,17 @@ def test_touching_items_of_one_colour_are_told_apart() -> None:
         assert min(d.pose.distance(thing.pose) for d in view.detections) < 0.004
 
 
+@pytest.mark.parametrize("lean", [0.4, 0.5, 0.6, 0.7])
+@pytest.mark.parametrize("yaw", [0.3, 2.4, 4.0])
+def test_a_leaning_can_is_recognised_and_not_taken_for_several_items(lean: float, yaw: float) -> None:
+    can = Thing(CAN, Pose.from_rpy((0.55, 0.05, 0.05), (0.0, lean, yaw)), "blue")
+    seen = only(view_of([can]).detections)
+    assert seen.kind == "can"
+    assert seen.pose.distance(can.pose) < 0.008
+    axis, true = seen.pose.rotation()[:, 2], can.pose.rotation()[:, 2]
+    assert abs(float(axis @ true)) > math.cos(math.radians(12))
+
+
 def test_a_neighbour_that_hides_a_part_costs_certainty_but_not_the_place() -> None:
     low, tall = standing(PLATE, 0.5, -0.3, 0.0, "blue"), standing(CAN, 0.5, -0.255, 0.0, "red")
     alone = only(view_of([low]).detections)

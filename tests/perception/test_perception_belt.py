@@ -41,7 +41,8 @@ def test_items_on_a_belt_are_found_and_found_again_when_it_has_run() -> None:
     ]  # fmt: skip
     plate, *others = (f"red_{kind}{n}_1" for n, kind in enumerate(KINDS))
     truth = dict(zip((plate, *others), positions(hardware), strict=True))
-    assert {name: pytest.approx(truth[name], abs=2e-3) for name in first} == first
+    # Little of the table is in sight beside the belt: its tilt leaves up to 2 mm, alike for all items.
+    assert {name: pytest.approx(truth[name], abs=3e-3) for name in first} == first
     scene.put(replace(scene.get(others[0]), place="aside"), "given up")  # type: ignore[arg-type]
 
     ride(hardware, 0.12)

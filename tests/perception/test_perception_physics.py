@@ -29,7 +29,10 @@ def observe(hardware: Simulation, perception: Perception, scene: PlanningScene) 
     update_belief(scene, view, hardware.clock.now)
 
 
-@pytest.mark.parametrize(("scene_name", "seed"), [("three_bins", 0), ("dense", 1), ("sort_small", 2)])
+SHOWN = [("three_bins", 0), ("dense", 1), ("sort_small", 2), ("tall", 2100), ("light", 3), ("thin", 4)]
+
+
+@pytest.mark.parametrize(("scene_name", "seed"), SHOWN)
 def test_every_item_of_a_shipped_scene_is_found(scene_name: str, seed: int) -> None:
     description = load_scene(scene_name)
     hardware = PhysicsHardware(description, PANDA, seed)

@@ -109,7 +109,7 @@ def test_a_skill_hangs_or_raises_from_its_start_on() -> None:
         "the code of Grasp hangs",
         "the code of Grasp raises an exception",
     ]
-    with pytest.raises(RuntimeError, match="planted by the fault file"):
+    with pytest.raises(RuntimeError, match="the skill's code cannot go on"):
         next(skills.bodies[1])
     assert injector.tick() == ()
 

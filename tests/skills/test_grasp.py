@@ -325,15 +325,13 @@ def test_what_cannot_be_grasped_is_tried_again_when_something_has_changed(
     first = failed(cell, f"Grasp: {{object: {block}}}")
     searched = len(asked)
     assert str(first.cause) == "grasp.no_candidate" and searched > 10
-    assert cell.world.to_do() == () and cell.world.facts()["items_left"] is False
 
     cell.world.scene.put(replace(far, pose=far.pose.shifted((0.001, 0.001, 0.0))), "seen again")
     again = failed(cell, f"Grasp: {{object: {block}}}")
     assert again.message == f"{first.message}; nothing has changed around it since"
-    assert len(asked) == searched
+    assert len(asked) == searched and again.evidence["unchanged"] is True
 
     cell.world.scene.put(replace(far, pose=far.pose.shifted((0.02, 0.0, 0.0))), "moved")
-    assert [o.id for o in cell.world.to_do()] == [block] and cell.world.facts()["items_left"] is True
     failed(cell, f"Grasp: {{object: {block}}}")
     assert len(asked) > searched
 
@@ -348,3 +346,15 @@ def test_refusals_are_part_of_a_checkpoint() -> None:
     assert other.refusal("grasp", belief, cell.world.scene) == "it is too far away"
     other.forget(block)
     assert other.refusal("grasp", belief, cell.world.scene) is None
+
+
+def test_recovery_gives_up_what_nothing_has_changed() -> None:
+    cell, (block,) = looked(block=1)
+    near = cell.world.scene.get(ObjectId(block))
+    cell.world.scene.put(replace(near, pose=near.pose.shifted((0.5, 0.0, 0.0))), "moved away")
+    recover = f"Recover: {{attempts: 6, do: {{Grasp: {{object: {block}}}}}, otherwise: AlwaysSuccess}}"
+    for handled in (2, 0):
+        cell.events.clear()
+        failure = failed(cell, recover)
+        assert str(failure.cause) == "grasp.no_candidate" and failure.evidence["unchanged"] is True
+        assert len(cell.happened("recovery")) == handled

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from picktree.manipulation.place.release_poses import place_candidates
+from picktree.manipulation.place.release_poses import bin_target, levels, opens_freely, place_candidates
 from picktree.perception.fitting.view import BinView
 from picktree.planning.requests import LegFailure, MotionPlan, Request
 from picktree.simulation.kinematic.backend import KinematicHardware
@@ -17,9 +17,9 @@ from picktree.skill_world.world import PlaceCandidate
 from picktree.trees.skill import Doing, Steps
 from picktree.world.causes import Cause, Failure, planning
 from picktree.world.events.skill_events import ItemDoneEvent
-from picktree.world.shapes import bottom
+from picktree.world.shapes import Box, bottom
 from picktree.world.trajectory import Trajectory
-from picktree.world.values import ObjectId
+from picktree.world.values import ObjectId, Pose
 
 from .cell import Cell, items, mission
 
@@ -260,3 +260,29 @@ def test_what_cannot_be_placed_is_told_before_the_arm_moves() -> None:
         assert failure is not None
         assert (str(failure.cause), failure.message) == (cause, message)
     assert np.abs(cell.world.control.state.position - before).max() < 1e-3
+
+
+def test_a_place_beside_something_tall_is_one_where_the_fingers_open_freely() -> None:
+    """A post of 16 cm stands in the bin; of the hand's rotations beside it some would open against it."""
+    cell, _, block = holding()
+    world = cell.world
+    held = world.scene.get(ObjectId(block))
+    assert held.object_in_tcp is not None
+    into = world.scene.bins["red_bin"]
+    x, y, _ = into.pose.position
+    post = replace(
+        held,
+        id=ObjectId("post"),
+        shape=Box((0.04, 0.04, 0.16)),
+        pose=Pose((x, y, into.wall + 0.08)),
+        object_in_tcp=None,
+        place=str(into.id),
+    )
+    world.scene.put(post, "placed before")
+    target = bin_target(world, held, into.id)
+    level = next(one for one in levels(target) if one.spot.name in ("cell 1,0", "cell 1,2"))
+    over = place_candidates(world, target, level, held.shape, held.object_in_tcp)
+    free = [opens_freely(world, at, held, held.object_in_tcp, 0.04) for at in over]
+    assert any(free) and not all(free)
+    world.scene.remove("post", "taken away")
+    assert all(opens_freely(world, at, held, held.object_in_tcp, 0.04) for at in over)

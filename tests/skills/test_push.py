@@ -115,7 +115,7 @@ def test_room_is_made_around_what_is_hemmed_in() -> None:
     assert push(cell, f"object: {hemmed}, singulate: true") == ""
     assert has_room(world, world.scene.get(hemmed))
     (told,) = cell.happened("push")
-    assert told == f"push: {hemmed}: the hand fits around it after 1 strokes"
+    assert re.fullmatch(f"push: {hemmed}: the hand fits around it after [12] strokes", told)
 
 
 def test_what_has_room_is_not_pushed() -> None:

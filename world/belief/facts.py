@@ -168,11 +168,8 @@ GRASP, PUSH = "grasp", "push"
 """Skills whose refusals are remembered."""
 
 
-def items_to_do(scene: PlanningScene, attempts: AttemptMemory | None = None) -> tuple[BeliefObject, ...]:
-    """Items that are believed to lie elsewhere than where they belong, and are not put aside.
-
-    One that cannot be grasped as things stand, by `attempts`, counts again when something changes around it.
-    """
+def items_to_do(scene: PlanningScene) -> tuple[BeliefObject, ...]:
+    """Items that are believed to lie elsewhere than where they belong, and are not put aside."""
     return tuple(
         o
         for o in scene.objects
@@ -180,26 +177,18 @@ def items_to_do(scene: PlanningScene, attempts: AttemptMemory | None = None) -> 
         and o.place != ASIDE
         and (to := scene.destination(o.id)) is not None
         and not is_at(o.place, to)
-        and (attempts is None or attempts.refusal(GRASP, o, scene) is None)
     )
 
 
 def facts(
-    scene: PlanningScene,
-    attempts: AttemptMemory | None = None,
-    *,
-    looked: bool,
-    stopped: bool,
-    exhausted: bool,
-    done: int,
-    now: float,
+    scene: PlanningScene, *, looked: bool, stopped: bool, exhausted: bool, done: int, now: float
 ) -> Mapping[str, bool | int | float | str]:
     """Their values. `items_left` is true before anybody has looked, too: nothing is known of the table.
 
     `exhausted`: the feed's line says that nothing more will come; `done`: items placed so far.
     """
     held = scene.held
-    left = len(items_to_do(scene, attempts))
+    left = len(items_to_do(scene))
     return {
         "items_left": left > 0 or not looked,
         "items_to_do": left,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
 from typing import Protocol
 
 from ...files.expressions.expression import Expression
@@ -35,6 +36,28 @@ def destination_rule(destinations: Iterable[Destination]) -> Callable[[Sortable]
         return next((to for rule, to in rules if rule.evaluate(names)), None)
 
     return destination
+
+
+def colours_of_destinations(
+    destinations: Iterable[Destination], kinds: Iterable[tuple[str, str]]
+) -> dict[str, str]:
+    """Return the colour of the items that belong there, by destination, where all have the same one.
+
+    `kinds`: the catalogue's kinds, each with its form.
+    """
+    rule, found = destination_rule(destinations), dict[str, set[str]]()
+    for colour, (kind, form) in itertools.product(ITEM_COLOURS, kinds):
+        to = rule(_Item(colour, form, kind))
+        if to is not None:
+            found.setdefault(to, set()).add(colour)
+    return {to: colours.pop() for to, colours in found.items() if len(colours) == 1}
+
+
+@dataclass(frozen=True, slots=True)
+class _Item:
+    colour: str
+    form: str
+    kind: str
 
 
 def is_at(place: str, destination: str) -> bool:

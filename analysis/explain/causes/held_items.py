@@ -7,6 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ....logs.schema.records import BodyRecord
+from ....world.shapes import extents
 from ....world.values import GRAVITY, Array
 from ..investigation.case import Investigation
 from ..investigation.explanation import Confidence, FailureStory, Finding, number, numbers
@@ -92,6 +94,8 @@ OTHER_FRICTION = 0.7
 """A true friction below this share of the catalogue's is another one."""
 JOLT = 3.0
 """Force that lifting and braking may add to a weight, N."""
+OWN_WEIGHT = 0.6
+"""Share of a pull that stopped the arm from which on the item's known weight explains it."""
 DOWNWARDS = -0.8
 """Component along z of a contact's direction below which it pulls straight down."""
 MARGIN = 1.3
@@ -149,6 +153,8 @@ def _period(case: Investigation, item: str, true: str, start: float, end: float)
         if hand is None:
             continue
         away = math.dist(hand, body.pose.position)
+        if base is None and away > reach_of(body) and time < start + 1.0:
+            return HeldPeriod(item, true, start, end, (start, start), unclear=True)
         base = away if base is None else min(base, away)
         if away > base + AWAY:
             flung = _flung(case, true, before, time)
@@ -157,6 +163,12 @@ def _period(case: Investigation, item: str, true: str, start: float, end: float)
     if gone is not None and start - 1e-6 <= gone[1] <= end + case.sampled and moving is not None:
         return HeldPeriod(item, true, start, end, gone)
     return HeldPeriod(item, true, start, end, None)
+
+
+def reach_of(body: BodyRecord) -> float:
+    """Return the greatest distance from the fingers to the centre of an item that they hold, m."""
+    low, high = extents(body.shape, np.eye(3))
+    return float(np.linalg.norm(high - low)) / 2 + 0.05
 
 
 def _flung(case: Investigation, true: str, before: float, time: float) -> bool | None:
@@ -196,8 +208,15 @@ RECENT = 10.0
 
 
 def _seen_since(case: Investigation, true: str, since: float, until: float) -> bool:
+    """Whether an item was seen at rest between two times: from there on its place was known again."""
     sightings = (s for item in case.believed.get(true, ()) for s in case.identities.by_item.get(item, ()))
-    return any(since + 0.1 < s.time < until for s in sightings)
+    return any(since + 0.1 < s.time < until and _rests(case, true, s.time) for s in sightings)
+
+
+def _rests(case: Investigation, true: str, time: float) -> bool:
+    track = case.truth.tracks[true]
+    before, after = track.before(time), track.after(time + 0.2) or track.last
+    return before is not None and math.dist(before.pose.position, after.pose.position) < AWAY
 
 
 def _let_go(case: Investigation, failure: FailureStory, period: HeldPeriod) -> Finding | None:
@@ -206,7 +225,7 @@ def _let_go(case: Investigation, failure: FailureStory, period: HeldPeriod) -> F
     hand, body = case.hand(time), case.truth.at(period.true, time)
     if failure.cause != "grasp.slipped" or hand is None or body is None or pressed_from_below(failure):
         return None
-    if math.dist(hand, body.pose.position) > IN_HAND:
+    if math.dist(hand, body.pose.position) > reach_of(body):
         return None
     if (nature := _by_its_nature(case, failure.item, period.true, time)) is not None:
         return nature
@@ -220,8 +239,6 @@ def _let_go(case: Investigation, failure: FailureStory, period: HeldPeriod) -> F
 HANDLED = 2.0
 """A failure says within this time that the item counts as lost, s."""
 
-IN_HAND = 0.075
-"""An item whose centre is this near to the fingers may be between them, m."""
 EMPTY = 0.002
 """Fingers that are closer than this hold nothing, m."""
 BORNE = 2.0
@@ -338,6 +355,11 @@ def too_heavy(case: Investigation, failure: FailureStory) -> Finding | None:
         title = f"{held.id} weighs more than the hand may carry: {failure.message}"
         reasons = (f"by the catalogue a {entry.kind} weighs {entry.mass:.2f} kg",)
         return Finding("item.heavy", true, title, reasons, held.id, failure.time)
+    if down and weight > OWN_WEIGHT * pull:
+        title = (
+            f"{held.id} weighs {force(weight)} by the catalogue, and pulled the hand down with {force(pull)}"
+        )
+        return Finding("item.heavy", true, title, (failure.message,), held.id, failure.time)
     if not down or pull < HEAVY * weight + JOLT or (case.devices and nature is None):
         return None
     title = f"{held.id} is heavier than its kind: it pulled the hand down with {force(pull)}"

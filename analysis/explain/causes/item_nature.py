@@ -75,7 +75,8 @@ def nothing_there(case: Investigation, failure: FailureStory) -> Finding | None:
     if failure.cause.startswith(CARRIED):
         return None
     touched = [by.split("/")[0] for choice in failure.choices for r in choice.rejections if (by := r.by)]
-    item = next((name for name in (failure.item, *touched) if name in phantoms), "")
+    held = [body.id for body in case.believed_at(failure.time) if body.attached]
+    item = next((name for name in (failure.item, *held, *touched) if name in phantoms), "")
     if not item:
         return None
     seen = case.identities.by_item[item][0]

@@ -132,6 +132,8 @@ def obstruction_cause(case: Investigation, failure: FailureStory) -> Finding | N
             return _budget(failure)
         case "planning.no_ik":
             return _no_reach(failure)
+        case "planning.no_path" if failure.item and failure.evidence.get("joint"):
+            return _bent(failure)
         case _ if failure.cause.startswith("planning."):
             return _touching(case, failure, _pairs(words(failure, "pairs")), ())
         case _:
@@ -294,6 +296,14 @@ def _no_reach(failure: FailureStory) -> Finding:
     title = f"{_doing(failure)} is out of the arm's reach: {failure.message}"
     cause = "bin.out_of_reach" if failure.id == "Place" else "item.out_of_reach"
     return Finding(cause, about, title, (), failure.item, failure.time)
+
+
+def _bent(failure: FailureStory) -> Finding:
+    """A joint at its limit, or a singularity, on the straight way to an item."""
+    title = (
+        f"the arm cannot move straight down to {failure.item}: {word(failure, 'joint')} is at its limit there"
+    )
+    return Finding("item.out_of_reach", failure.item, title, (failure.message,), failure.item, failure.time)
 
 
 def _pairs(pairs: Sequence[str]) -> Counter[str]:

@@ -234,6 +234,12 @@ def unacknowledged(case: Investigation, failure: FailureStory) -> Finding | None
     if failure.cause != "safety.stop" or not stops:
         return None
     stop = stops[-1]
+    if stop.record.cause == "safety.payload" and failure.item:
+        title = f"{failure.item} weighs more than the hand may carry: {stop.record.message}"
+        reasons = (f"the safety monitor stopped the arm for it at {seconds(stop.time)}",)
+        return Finding(
+            "item.heavy", case.pairs.get(failure.item, ""), title, reasons, failure.item, stop.time
+        )
     at = f" at {failure.item}" if failure.item else ""
     title = f"the safety monitor stopped the arm{at}: {stop.record.message}"
     reasons = (f"at {seconds(stop.time)}; every motion is refused until a SafeRetreat acknowledges the stop",)

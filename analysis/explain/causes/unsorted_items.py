@@ -123,7 +123,8 @@ def _wrong_bin(case: Investigation, true: str, item: str, into: str, node: str) 
             f"{item} was taken for a {believed.colour} {believed.kind} and is a {real.colour} {real.kind}: "
             f"it was placed into {into} and belongs into {belongs}"
         )
-        return Finding("perception.mistaken", true, title, (), item, None)
+        about = f"{real.colour} as {believed.colour}" if real.colour != believed.colour else true
+        return Finding("perception.mistaken", about, title, (), item, None)
     name = node.rsplit("/", 1)[-1]
     title = f"the mission takes items into {into} that belong into {belongs}: {name} of {item} says so"
     told = case.ports(node).get("into", "")

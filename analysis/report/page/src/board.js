@@ -106,13 +106,18 @@ export class Board {
 
   blackboard({ tick, key, words }) {
     this.writes = new Changes(key, tick);
-    this.keys = [...this.writes.rows.keys()].sort((a, b) => words[a].localeCompare(words[b]));
+    this.keys = [...this.writes.rows.keys()].sort((a, b) => compareKeys(words[a], words[b]));
     this.entries = new Map(this.keys.map((number) => [number, entry(words[number])]));
+    const rows = this.keys.flatMap((number, k) => {
+      const above = scopeOf(words[number]);
+      const heading = k === 0 || above !== scopeOf(words[this.keys[k - 1]]) ? [scope(above)] : [];
+      return [...heading, this.entries.get(number).root];
+    });
     const none = made("p", { class: "board-none" }, "The mission writes nothing.");
     return made("div", { class: "board-part" },
       made("h3", {}, "Blackboard"),
       this.keys.length
-        ? made("div", { class: "board-scroll" }, made("table", { class: "blackboard" }, made("tbody", {}, ...[...this.entries.values()].map(({ root }) => root))))
+        ? made("div", { class: "board-scroll" }, made("table", { class: "blackboard" }, made("colgroup", {}, made("col", { class: "key" }), made("col"), made("col", { class: "by" })), made("tbody", {}, ...rows)))
         : none,
     );
   }
@@ -136,10 +141,26 @@ export class Board {
   }
 }
 
+// Of a sub-tree's keys all have its path before them: it stands above them once.
+function scopeOf(key) {
+  return key.slice(0, Math.max(key.lastIndexOf("/"), 0));
+}
+
+function compareKeys(a, b) {
+  return scopeOf(a).localeCompare(scopeOf(b)) || a.localeCompare(b);
+}
+
+function scope(path) {
+  const names = path.split("/");
+  const above = names.slice(0, -1).join(" › ");
+  const head = made("th", { class: "scope", colspan: 3, scope: "rowgroup", title: path }, made("b", {}, names.at(-1)), above ? made("span", {}, above) : null);
+  return made("tr", {}, head);
+}
+
 function entry(name) {
   const value = made("td", { class: "value" });
   const since = made("td", { class: "since" });
-  const root = made("tr", {}, made("th", { scope: "row", title: name }, name), value, since);
+  const root = made("tr", {}, made("th", { scope: "row", title: name }, name.split("/").at(-1)), value, since);
   return { root, value, since };
 }
 

@@ -130,9 +130,19 @@ export class Failures {
   }
 
   choose(number) {
+    const before = this.opened;
+    this.opened = null;
     for (const [other, card] of this.cards.entries()) {
       card.classList.toggle("chosen", other === number);
       card.querySelector(".story-main").setAttribute("aria-current", String(other === number));
+      // The story that is chosen tells all; one that its reader opened stays so.
+      const more = card.querySelector("details");
+      if (other === number) {
+        if (!more.open || more === before) this.opened = more;
+        more.open = true;
+      } else if (more === before) {
+        more.open = false;
+      }
     }
     if (number !== null && this.cards[number]) bring(this.scroller, this.cards[number]);
   }

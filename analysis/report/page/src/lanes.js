@@ -6,6 +6,7 @@ import { Details } from "./details.js";
 import { made } from "./made.js";
 import { BAND, Paint, ROW } from "./painting.js";
 import { Rows } from "./rows.js";
+import { onShown } from "./scrolling.js";
 import { Span } from "./span.js";
 import { onTheme } from "./theme.js";
 import { Tip } from "./tip.js";
@@ -17,6 +18,8 @@ const SIGNS = [
   ["▼", "failure", "failure that ended something"], ["▼", "cure_rim", "passed over"], ["▼", "success", "cured"],
   ["✚", "cure_rim", "recovery"], ["●", "success", "item done"], ["◆", "output", "fault planted"],
 ];
+
+const SMALL = matchMedia("(max-width: 760px)");
 
 export class Lanes {
   constructor(host, section, player, tools) {
@@ -41,6 +44,7 @@ export class Lanes {
       this.later();
     });
     new ResizeObserver(() => this.later()).observe(this.scroller);
+    onShown(host, () => this.selected >= 0 && this.bring(this.rows.list.indexOf(this.selected)));
     player.onTime((time) => this.follow(time));
     player.onTick((tick) => this.dots(tick));
     player.onSelect((path) => this.choose(path));
@@ -105,6 +109,8 @@ export class Lanes {
     this.lines.clear();
     names.replaceChildren(...rows.list.map((number) => this.line(number)));
     names.parentElement.style.setProperty("--rows", rows.list.length);
+    // However deep a node is, its name has room.
+    names.style.setProperty("--deepest", Math.max(...rows.list.map((number) => rows.depth[number]), 1));
     this.none.hidden = rows.list.length > 0;
     if (this.selected < 0 || !this.lines.has(this.selected)) this.reach(rows.list[0]);
     else this.reach(this.selected);
@@ -186,14 +192,22 @@ export class Lanes {
     this.later();
   }
 
-  // Scrolls the lanes, not the page, as far as a row is out of sight.
+  // Scrolls the lanes, not the page, when a row is out of sight: of them, or of what they stand in.
   bring(row) {
     const { scroller } = this;
     const top = row * ROW;
-    if (top < scroller.scrollTop) scroller.scrollTop = top - ROW;
-    else if (top + ROW > scroller.scrollTop + scroller.clientHeight) {
-      scroller.scrollTop = top + 2 * ROW - scroller.clientHeight;
+    const box = scroller.getBoundingClientRect();
+    let [upper, lower] = [box.top, box.top + scroller.clientHeight];
+    for (let above = scroller.parentElement; above; above = above.parentElement) {
+      if (getComputedStyle(above).overflowY === "visible") continue;
+      const around = above.getBoundingClientRect();
+      [upper, lower] = [Math.max(upper, around.top), Math.min(lower, around.bottom)];
     }
+    if (lower - upper < 3 * ROW) [upper, lower] = [box.top, box.top + scroller.clientHeight];
+    const at = box.top + top - scroller.scrollTop;
+    if (at < upper || at + ROW > lower) scroller.scrollTop = top - ((upper + lower - ROW) / 2 - box.top);
+    // On a small screen the panel itself scrolls, too.
+    if (SMALL.matches) this.lines.get(this.rows.list[row])?.scrollIntoView({ block: "nearest" });
   }
 
   // A visit: its time in sight, its node chosen.

@@ -107,7 +107,7 @@ export class Tree {
     if (whole >= LEAST) drawing.fit();
     else {
       if (drawing.transform.k > MOST) drawing.scaleBy(MOST / drawing.transform.k);
-      drawing.bring(item);
+      drawing.look(item);
     }
   }
 

@@ -53,6 +53,9 @@ class PicktreeDrawing {
       this.groups.set(group.dataset.path, group);
     }
     this.edges = [...this.camera.querySelectorAll(".edge")];
+    const frames = [...this.root.shown()].filter((item) => item.isFrame);
+    this.framed = frames.map((item) => [item, this.groups.get(item.path).querySelector(".titles")]);
+    this.keepTitles();
     if (!this.groups.has(this.selected)) this.selected = this.root.path;
     this.paint();
   }
@@ -64,7 +67,7 @@ class PicktreeDrawing {
     rows.push(
       `<g class="node frame subtree ${item.level > 1 ? "called" : ""}" ${aria(item)} transform="translate(${x} ${y})">`,
       `<rect class="sheet" width="${width}" height="${height}" rx="8"/><path class="bar" d="${bar}"/>`,
-      node.header.svg,
+      `<g class="titles">${node.header.svg}</g>`,
       item.level > 1 ? knob(width - 14, 14, "−") : "",
       "</g>",
     );
@@ -92,6 +95,16 @@ class PicktreeDrawing {
     rows.push(
       `<g class="node ${node.classes}" ${aria(item)} transform="translate(${left} ${top})">${node.svg}${button}</g>`,
     );
+  }
+
+  // Titles of frames that begin left of the view stay in it.
+  keepTitles() {
+    const { x, k } = this.transform;
+    for (const [item, titles] of this.framed) {
+      const room = item.width - item.node.header.width - 30;
+      const shift = Math.max(Math.min(-x / k - item.left, room), 0);
+      titles.setAttribute("transform", `translate(${shift} 0)`);
+    }
   }
 
   paint() {
@@ -231,6 +244,15 @@ class PicktreeDrawing {
     this.view(width / 2 - (item.left + across / 2) * k, height / 2 - (item.top + down / 2) * k, k);
   }
 
+  // The item in the middle, but no more than a margin beyond the drawing's right and lower ends.
+  look(item) {
+    this.centre(item);
+    const { width, height } = this.space;
+    const { x, y, k } = this.transform;
+    const within = (start, size, room) => Math.max(start, Math.min(room - size - 12, 12));
+    this.view(within(x, this.root.width * k, width), within(y, this.root.height * k, height), k);
+  }
+
   // Moves the view only as far as the item is out of it.
   bring(item) {
     const box = this.space;
@@ -254,6 +276,7 @@ class PicktreeDrawing {
       .on("zoom", (event) => {
         this.now = event.transform;
         this.camera.setAttribute("transform", event.transform);
+        this.keepTitles();
       });
     this.selection.call(this.zoom).on("dblclick.zoom", null);
     this.svg.addEventListener("click", (event) => {

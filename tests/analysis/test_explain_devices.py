@@ -1,0 +1,147 @@
+"""Devices, items and missions at fault: named without the events of the faults, and quoted with them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from picktree.analysis import Run
+from picktree.analysis.explain.explain import explain
+from picktree.analysis.explain.explanation_text import to_text
+from picktree.analysis.explain.investigation.explanation import Explanation
+from picktree.simulation.backends import Backend
+
+from .test_explain_roots import BALL, BLOCK, MISSION, blind, run
+
+CAN = "  - {of: {can: 1}, colours: [green], area: {min: [0.5, 0.1], max: [0.52, 0.12]}}\n"
+EACH_IN_TIME = MISSION.replace(
+    '                - Grasp: {object: "{item}"}\n',
+    '                - Timeout: {msec: 20 s, do: {Grasp: {object: "{item}"}}}\n',
+)
+FIRST = "when: {node: Grasp, delay: 300 ms}"
+
+
+@pytest.mark.parametrize(
+    ("fault", "cause", "word", "backend"),
+    [
+        ("{fault: wrench_dead, when: {at: 1 s}, lasts: 2 s}", "wrist.silent", "wrist sensor", "kinematic"),
+        ("{fault: camera_drop, when: {at: 0 s}, lasts: 2 s}", "camera.silent", "overhead", "kinematic"),
+        ("{fault: camera_shift, when: {at: 0 s}, shift: [0, 30 mm, 0]}", "camera.off", "3 cm", "kinematic"),
+        ("{fault: camera_mislabel, when: {at: 0 s}, colour: red, shown_as: blue}", "perception.mistaken",
+         "is a red ball", "kinematic"),
+        ("{fault: hang, when: {node: Grasp, start: 2, delay: 200 ms}}", "skill.hangs", "Grasp of",
+         "kinematic"),
+        ("{fault: no_plan, when: {node: Grasp}, lasts: 3 s}", "planner.refuses", "nothing was in it",
+         "kinematic"),
+        ("{fault: raise, when: {node: Place, delay: 200 ms}}", "internal.error", "Place", "kinematic"),
+        (f"{{fault: joint_weak, {FIRST}, joint: panda_joint4, share: 8 %, lasts: 3 s}}", "joint.weak",
+         "panda_joint4", "physics"),
+        (f"{{fault: stall, {FIRST}, lasts: 2 s}}", "arm.stalled", "no drive followed", "physics"),
+        ("{fault: wrench_bias, when: {node: Grasp}, force: [0, 0, 25 N], lasts: 4 s}", "wrist.biased",
+         "that were not there", "physics"),
+        (f"{{fault: gripper_jam, {FIRST}, lasts: 4 s}}", "gripper.jammed", "stuck at", "physics"),
+        ("{fault: gripper_weak, when: {node: Grasp}, share: 3 %, lasts: 6 s}", "gripper.weak", "too weak",
+         "physics"),
+        ("{fault: slip, when: {node: Place, delay: 200 ms}, lasts: 400 ms}", "item.slipped",
+         "slid out of the fingers", "physics"),
+    ],
+)  # fmt: skip
+def test_a_fault_is_named_blind_and_quoted_when_shown(
+    tmp_path: Path, fault: str, cause: str, word: str, backend: Backend
+) -> None:
+    folder = run(tmp_path, fault=fault, mission=EACH_IN_TIME, backend=backend)
+    first = blind(folder).root_causes[0]
+    assert (first.cause, first.planted) == (cause, ())
+    assert word in first.title
+    with Run(folder) as log:
+        told = explain(log).root_causes[0]
+        hidden = to_text(log, explain(log, faults=False), "LOG")
+    assert (told.cause, told.title) == (first.cause, first.title)
+    assert len(told.planted) >= 1
+    assert "planted" not in hidden
+
+
+def first(found: Explanation) -> tuple[str, str]:
+    return found.root_causes[0].cause, found.root_causes[0].title
+
+
+def test_a_wrong_colour_costs_its_item_and_a_slip_another_one(tmp_path: Path) -> None:
+    faults = (
+        "{fault: camera_mislabel, when: {at: 0 s}, colour: green, shown_as: blue}\n"
+        "  - {fault: slip, when: {node: Place, delay: 200 ms}, lasts: 400 ms}"
+    )
+    found = blind(run(tmp_path, items=BALL + CAN, fault=faults, backend="physics"))
+    mistaken = next(c for c in found.root_causes if c.cause == "perception.mistaken")
+    assert (mistaken.ended_run, mistaken.items, mistaken.confidence) == (True, ("blue_can_1",), "likely")
+    slipped = next(c for c in found.root_causes if c.cause == "item.slipped")
+    assert "blue_can_1" not in slipped.items
+    assert slipped.title.endswith("though it weighs and rubs like its kind")
+
+
+def test_a_larger_item_is_no_crowd_of_others(tmp_path: Path) -> None:
+    fault = "{fault: larger, when: {at: 0 s}, target: {kind: block}, factor: 2.2}"
+    found = blind(run(tmp_path, items=BALL + BLOCK, fault=fault, backend="physics"))
+    assert first(found)[0] == "item.larger"
+    assert "2.2 times as large" in first(found)[1]
+    assert not any(c.cause == "item.crowded" for c in found.root_causes)
+
+
+def test_what_lies_in_the_bin_is_not_told_to_be_in_the_hand(tmp_path: Path) -> None:
+    fault = "{fault: wrench_bias, when: {node: Place, delay: 500 ms}, force: [0, 0, 8 N], lasts: 10 s}"
+    found = blind(run(tmp_path, items=BLOCK, fault=fault, backend="physics"))
+    assert first(found)[0] == "wrist.biased"
+    (item,) = found.items
+    assert "truly not in the hand any more" in [event.what for event in item.events]
+
+
+def test_a_place_before_the_grasp_is_the_missions_order(tmp_path: Path) -> None:
+    grasp, place = (
+        line for line in MISSION.splitlines(keepends=True) if "Grasp:" in line or "Place:" in line
+    )
+    found = blind(run(tmp_path, mission=MISSION.replace(grasp + place, place + grasp)))
+    (cause,) = found.root_causes
+    assert (cause.cause, cause.ended_run, len(cause.items)) == ("mission.order", True, 2)
+    assert cause.title == "Place was run before anything was grasped: nothing was in the hand"
+
+
+def test_an_item_that_the_mission_puts_elsewhere_or_sets_aside(tmp_path: Path) -> None:
+    elsewhere = MISSION.replace('into: "{item.destination}"', "at: [0.5, -0.2, 0.0]")
+    found = blind(run(tmp_path, items=BLOCK, mission=elsewhere))
+    assert first(found)[0] == "mission.put_elsewhere"
+    assert "(the robot: 1 put down elsewhere)" in found.outcome.sentence
+    aside = MISSION.replace('- Grasp: {object: "{item}"}', '- SetAside: {object: "{item}"}')
+    aside = aside.replace('                - Place: {object: "{item}", into: "{item.destination}"}\n', "")
+    (tmp_path / "aside").mkdir()
+    found = blind(run(tmp_path / "aside", items=BLOCK, mission=aside))
+    assert first(found)[0] == "mission.set_aside"
+    assert [item.state for item in found.items] == ["aside"]
+
+
+def test_items_without_a_destination_are_told_as_such(tmp_path: Path) -> None:
+    scene = "destinations: [{where: \"colour == 'red'\", to: red_bin}]\n"
+    found = blind(run(tmp_path, scene=scene))
+    assert "(1 of all belong nowhere by the scene's rules)" in found.outcome.sentence
+
+
+def test_an_item_that_came_after_the_last_look(tmp_path: Path) -> None:
+    fault = "{fault: appear, when: {at: 3 s}, kind: can, colour: red, place: [0.5, -0.2]}"
+    found = blind(run(tmp_path, fault=fault))
+    assert first(found)[0] == "item.appeared"
+    assert first(found)[1].endswith("after the last look")
+
+
+def test_a_goal_that_no_item_can_reach(tmp_path: Path) -> None:
+    mission = MISSION.replace("scene: scene.yaml\n", "scene: scene.yaml\ngoal: sorted >= 5\n")
+    found = blind(run(tmp_path, mission=mission))
+    assert first(found) == (
+        "goal.beyond_items",
+        "every item is where it belongs, and the goal is missed: `sorted >= 5` does not hold",
+    )  # fmt: skip
+
+
+def test_an_item_that_the_hand_cannot_take(tmp_path: Path) -> None:
+    scene = "catalogue: {crate: {box: [95 mm, 95 mm, 50 mm], mass: 150 g, friction: 0.6}}\n"
+    items = "  - {of: {crate: 1}, colours: [red], area: {min: [0.4, -0.1], max: [0.5, 0.1]}}\n"
+    found = blind(run(tmp_path, scene=scene, items=items))
+    assert first(found) == ("item.too_wide", "red_crate_1 is too wide for the hand: 95 mm at its narrowest")
