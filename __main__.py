@@ -18,7 +18,10 @@ def main() -> None:
     stdout: object = sys.stdout
     if isinstance(stdout, TextIOWrapper):
         stdout.reconfigure(errors="backslashreplace")  # a terminal that knows no '…' still shows the rest
-    sys.exit(answer(sys.argv[1:]))
+    code = answer(sys.argv[1:])
+    # Python looks for garbage as it ends, too, and what lives until then has none: a seventh of a check.
+    gc.freeze()
+    sys.exit(code)
 
 
 if __name__ == "__main__":

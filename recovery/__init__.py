@@ -1,26 +1,46 @@
-"""Recovery: nodes that react to failures by their cause, and bring the arm to safety."""
+"""Recovery: nodes that react to failures by their cause, and bring the arm to safety.
 
-from ..trees.node import Node
-from .ask_for_help import AskForHelp, SetAside
-from .budget import Budget, PlanWith
-from .free_spot import FreeSpot
-from .guards import GUARDS
-from .look_around import LookAround, ResetGripper
-from .recover import ForAttempt, Recover, RecoveryNode
-from .safe_retreat import SafeRetreat
+The classes are imported on first use: one node does not load the others.
+"""
 
-NODES: tuple[type[Node], ...] = (
-    AskForHelp,
-    Recover,
-    RecoveryNode,
-    Budget,
-    ForAttempt,
-    PlanWith,
-    *GUARDS,
-    FreeSpot,
-    LookAround,
-    ResetGripper,
-    SafeRetreat,
-    SetAside,
-)
-"""Node classes of the entry point `picktree.nodes`."""
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from ..trees.plugins.plugin_import import lazy_node
+
+if TYPE_CHECKING:
+    from ..trees.node import Node
+    from .recover import Recover as Recover
+    from .recover import RecoveryNode as RecoveryNode
+
+    NODES: tuple[type[Node], ...]
+    """Node classes of the entry point `picktree.nodes`."""
+
+MODULES = {
+    "AskForHelp": "ask_for_help",
+    "Recover": "recover",
+    "RecoveryNode": "recover",
+    "Budget": "budget",
+    "ForAttempt": "recover",
+    "PlanWith": "budget",
+    "CauseIs": "guards",
+    "WouldLookingHelp": "guards",
+    "WouldARetreatHelp": "guards",
+    "WouldAnotherGraspHelp": "guards",
+    "WouldAGripperResetHelp": "guards",
+    "WouldReplanningHelp": "guards",
+    "WouldPushingHelp": "guards",
+    "WouldWaitingHelp": "guards",
+    "FreeSpot": "free_spot",
+    "LookAround": "look_around",
+    "ResetGripper": "look_around",
+    "SafeRetreat": "safe_retreat",
+    "SetAside": "ask_for_help",
+}
+"""Modules by class, in the order of the reference."""
+
+
+def __getattr__(name: str) -> object:
+    """Return a node's class, or `NODES`: all of them."""
+    return lazy_node(__name__, MODULES, name)

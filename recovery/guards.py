@@ -173,15 +173,3 @@ class WouldWaitingHelp(WouldHelp):
         "perception.no_image", "safety.stale_sensor", "safety.watchdog", "control.tracking",
         "control.timeout", "control.gripper", "world.disturbed", "feed.*", "tree.timeout",
     )  # fmt: skip
-
-
-GUARDS: tuple[type[Node], ...] = (
-    CauseIs,
-    WouldLookingHelp,
-    WouldARetreatHelp,
-    WouldAnotherGraspHelp,
-    WouldAGripperResetHelp,
-    WouldReplanningHelp,
-    WouldPushingHelp,
-    WouldWaitingHelp,
-)

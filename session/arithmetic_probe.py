@@ -92,6 +92,7 @@ def _libm(x: _Numbers) -> _Results:
 def _numpy(x: _Numbers) -> _Results:
     positive = np.abs(x) + 1e-3
     single = x.astype(np.float32)
+    middle = np.partition(x, (2047, 2048))[2047:2049]  # of it np.median, which loads numpy.ma, takes the mean
     return [
         *(f(3.7 * x) for f in (np.sin, np.cos, np.tan, np.exp, np.tanh, np.arctan, np.sinh, np.cbrt)),
         *(f(x) for f in (np.arcsin, np.arccos, np.log1p, np.expm1)),
@@ -99,7 +100,7 @@ def _numpy(x: _Numbers) -> _Results:
         np.arctan2(x, x[::-1]),
         np.hypot(x, x[::-1]),
         np.power(positive, x),
-        np.array([x.sum(), x.mean(), x.std(), np.median(x), x[::3].sum(), float(single.sum())]),
+        np.array([x.sum(), x.mean(), x.std(), middle.mean(), x[::3].sum(), float(single.sum())]),
         x.reshape(64, 64).sum(axis=0),
         np.cumsum(x),
         np.sin(single).astype(float),

@@ -5,8 +5,9 @@ The classes are imported on first use: one skill does not load the others.
 
 from __future__ import annotations
 
-from importlib import import_module
 from typing import TYPE_CHECKING
+
+from ..trees.plugins.plugin_import import lazy_node
 
 if TYPE_CHECKING:
     from ..trees.node import Node
@@ -28,7 +29,7 @@ if TYPE_CHECKING:
     NODES: tuple[type[Node], ...]
     """Node classes of the entry point `picktree.nodes`."""
 
-_MODULES = {
+MODULES = {
     "Observe": "observe",
     "Grasp": "grasp",
     "Place": "place",
@@ -49,10 +50,4 @@ _MODULES = {
 
 def __getattr__(name: str) -> object:
     """Return a skill's class, or `NODES`: all of them."""
-    if name == "NODES":
-        return tuple(
-            getattr(import_module(f".{module}", __name__), node) for node, module in _MODULES.items()
-        )
-    if name not in _MODULES:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(f".{_MODULES[name]}", __name__), name)
+    return lazy_node(__name__, MODULES, name)

@@ -6,9 +6,11 @@ import os
 import subprocess
 import sys
 from pathlib import Path
+from types import ModuleType
 
 import pytest
 
+from picktree import recovery, skills
 from picktree.files.disk_cache import VARIABLE
 
 EXAMPLES = Path(__file__).resolve().parent.parent / "examples"
@@ -77,6 +79,32 @@ def test_a_run_loads_these_large_libraries_before_its_first_tick(backend: str, t
         "pydantic", "yaml",
     }  # fmt: skip
     assert not {name for name in found if name.startswith(("picktree.authoring.", "picktree.analysis."))}
+
+
+def test_a_check_loads_the_nodes_of_its_mission_and_no_others() -> None:
+    found = loaded("check", str(EXAMPLES / "one_pick.yaml"))
+    nodes = {name for name in found if name.startswith(("picktree.skills.", "picktree.recovery."))}
+    assert nodes == {f"picktree.skills.{name}" for name in ("go_to", "grasp", "observe", "place")}
+    unused = ("authoring.rehearsal", "authoring.schema.mission", "manipulation.push", "simulation")
+    assert not {name for name in found if name.startswith(tuple(f"picktree.{each}" for each in unused))}
+
+
+@pytest.mark.parametrize("package", [recovery, skills])
+def test_a_package_of_nodes_names_each_with_its_module(package: ModuleType) -> None:
+    nodes = package.NODES
+    assert list(package.MODULES) == [node.declaration.id for node in nodes]
+    assert [node.__module__ for node in nodes] == [
+        f"{package.__name__}.{m}" for m in package.MODULES.values()
+    ]
+    with pytest.raises(AttributeError, match="has no attribute 'Dance'"):
+        _ = package.Dance
+
+
+def test_no_garbage_is_looked_for_as_a_command_ends() -> None:
+    program = "import atexit, gc, sys; from picktree import __main__; sys.argv = ['picktree', '--version']\n"
+    program += "atexit.register(lambda: print(gc.get_freeze_count() > 10_000)); __main__.main()"
+    ran = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
+    assert (ran.returncode, ran.stdout.splitlines()[-1]) == (0, "True")
 
 
 def test_help_builds_only_the_command_that_is_called() -> None:

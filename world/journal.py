@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import types
 from collections.abc import Mapping
-from dataclasses import MISSING, dataclass, field, fields
+from dataclasses import MISSING, Field, dataclass, field, fields
 from functools import cache
 from typing import (
     Annotated,
@@ -15,6 +15,7 @@ from typing import (
     TypeAlias,
     Union,
     cast,
+    dataclass_transform,
     get_args,
     get_origin,
     get_type_hints,
@@ -34,13 +35,15 @@ def _no_values() -> Mapping[str, object]:
     return {}
 
 
+@dataclass_transform(frozen_default=True, kw_only_default=True, field_specifiers=(field,))
 @dataclass(frozen=True)
 class JournalEvent:
     """Event: a sentence for people, the node that noted it, and the fields of its kind.
 
-    A kind is a frozen dataclass below this class: `class PutDownEvent(JournalEvent, kind="put_down")`. Its
-    fields are recorded by their names in the order of their declaration, which digests cover. A field whose
-    default is None is not recorded while it is None. The classes have no slots: orjson writes those slowly.
+    A kind is a class below this one: `class PutDownEvent(JournalEvent, kind="put_down")`. It becomes a frozen
+    dataclass with its first event, because most processes note few of the kinds. Its fields are recorded by
+    their names in the order of their declaration, which digests cover. A field whose default is None is not
+    recorded while it is None. The classes have no slots: orjson writes those slowly.
     """
 
     NAME: ClassVar[str] = ""
@@ -57,6 +60,10 @@ class JournalEvent:
         cls.NAME = kind
         if kind:
             EVENT_KINDS[kind] = cls
+
+    def __new__(cls, *_values: object, **_named: object) -> Self:
+        _complete(cls)
+        return super().__new__(cls)
 
     @property
     def kind(self) -> str:
@@ -86,7 +93,13 @@ class JournalEvent:
         return cls(message, node, extra=extra, **values)
 
 
-@dataclass(frozen=True)
+def _complete(declared: type[JournalEvent]) -> None:
+    """Make a kind, and kinds above it, the dataclass that it declares."""
+    for kind in reversed(declared.__mro__[:-1]):
+        if "__dataclass_fields__" not in vars(kind):
+            dataclass(frozen=True, kw_only=True)(kind)
+
+
 class OtherEvent(JournalEvent):
     """Event of a kind that is not declared, such as a plug-in's, or without a value that its kind needs."""
 
@@ -129,17 +142,27 @@ class EventField:
 @cache
 def event_fields(declared: type[JournalEvent]) -> tuple[EventField, ...]:
     """Return the fields that a kind adds to those of every event, in the recorded order."""
-    common = {each.name for each in fields(JournalEvent)}
     hints = get_type_hints(declared, include_extras=True)
-    return tuple(_event_field(each, hints[each.name]) for each in fields(declared) if each.name not in common)
+    common = get_type_hints(JournalEvent)
+    if any(isinstance(value, Field) for kind in declared.__mro__ for value in vars(kind).values()):
+        _complete(declared)
+    if "__dataclass_fields__" in vars(declared):
+        defaults = {each.name: _default(each) for each in fields(declared)}
+    else:
+        defaults = {name: getattr(declared, name, MISSING) for name in hints}
+    return tuple(
+        _event_field(name, hint, defaults[name]) for name, hint in hints.items() if name not in common
+    )
 
 
-def _event_field(declared: Any, hint: Any) -> EventField:
+def _default(declared: Field[Any]) -> object:
+    return declared.default if declared.default_factory is MISSING else declared.default_factory
+
+
+def _event_field(name: str, hint: Any, default: object) -> EventField:
     words = hint.__metadata__ if get_origin(hint) is Annotated else ()
-    hint = hint.__origin__ if words else hint
     meaning, unit = (*words, "", "")[:2]
-    default = declared.default if declared.default_factory is MISSING else declared.default_factory
-    return EventField(declared.name, hint, meaning, unit, default)
+    return EventField(name, hint.__origin__ if words else hint, meaning, unit, default)
 
 
 def _plain(value: object) -> object:

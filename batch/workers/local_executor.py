@@ -90,17 +90,18 @@ def load() -> None:
     from ...perception.expectation.robot_mask import RobotMask
     from ...perception.geometry.resting_poses import catalogue_poses
     from ...planning.collision.collision_checker import robot_geometry
+    from ...recovery import NODES as RECOVERY
     from ...robots.loading import load_robot
     from ...robots.model import RobotModel
     from ...session.arithmetic_probe import arithmetic
     from ...session.environment import revision, sources
     from ...session.recipe import installed_meshes
     from ...session.session import frozen_before_runs
-    from ...skills import NODES  # each skill is imported when it is asked for: here, all of them are
+    from ...skills import NODES as SKILLS  # a node is imported when it is asked for: here, all of them are
     from ...trees.loading.registry import installed_entries
     from ...world.scene.loading.scene_loading import load_scene
 
-    assert NODES
+    assert RECOVERY and SKILLS
     # The robot of the shipped scenes; with another one, each job loads that itself.
     robot = load_robot("panda")
     catalogue_poses(load_scene("three_bins").catalogue)

@@ -5,18 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Literal, TypeAlias
 
-from ...authoring.rehearsal.cases.cases_schema import CasesFile
-from ...authoring.schema.mission_context import patch, patched
-from ...authoring.schema.pydantic_schema import model_schema
 from ...authoring.schema.schema_parts import Schema, belonging, by_value, schema, schemas
 from ...files.marks import Diagnostic, FileError
 from ...files.yaml.document import Document, read_document
 from ...robots.loading import check_robot, robot_names
-from ...robots.robot_schema import RobotFile
-from ...simulation.fault_files.fault_schema import ALLOWED_KEYS, REQUIRED_KEYS, FaultsFile
 from ...world.causes import OUR_PREFIXES, Cause, all_causes
 from ...world.scene.loading.scene_loading import check_scene, scene_names
-from ...world.scene.scene_schema import SceneFile
 
 if TYPE_CHECKING:
     from ...files.diagnostics.file_checks import Check
@@ -76,6 +70,9 @@ FileKind: TypeAlias = Literal["scene", "robot", "faults", "cases"]
 
 def file_schema(kind: FileKind) -> Schema:
     """Return the JSON Schema of a kind of file."""
+    from ...authoring.schema.pydantic_schema import model_schema
+    from ...robots.robot_schema import RobotFile
+
     match kind:
         case "scene":
             return _scene()
@@ -88,6 +85,9 @@ def file_schema(kind: FileKind) -> Schema:
 
 
 def _faults() -> Schema:
+    from ...authoring.schema.pydantic_schema import model_schema
+    from ...simulation.fault_files.fault_schema import ALLOWED_KEYS, REQUIRED_KEYS, FaultsFile
+
     found = model_schema("faults", FaultsFile)
     definitions = schema(found["definitions"])
     rules = {
@@ -112,6 +112,9 @@ def _propose(found: Schema, key: str, names: tuple[str, ...]) -> None:
 
 
 def _cases() -> Schema:
+    from ...authoring.rehearsal.cases.cases_schema import CasesFile
+    from ...authoring.schema.pydantic_schema import model_schema
+
     found = model_schema("cases", CasesFile)
     definitions = schema(found["definitions"])
     for name in definitions:
@@ -132,6 +135,10 @@ def _our_causes() -> list[Cause]:
 
 def _scene() -> Schema:
     """Return the schema of scenes; a scene with a base contains only its differences."""
+    from ...authoring.schema.mission_context import patch, patched
+    from ...authoring.schema.pydantic_schema import model_schema
+    from ...world.scene.scene_schema import SceneFile
+
     full = model_schema("scene", SceneFile)
     _propose(full, "robot", robot_names())
     _propose(full, "base", scene_names())

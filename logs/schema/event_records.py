@@ -5,7 +5,6 @@ from __future__ import annotations
 import inspect
 import types
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING, Annotated, Any, Self, cast, get_args
 
@@ -36,14 +35,12 @@ a plug-in whose value has such a name and another type declares its kind as a cl
 """
 
 
-@dataclass(frozen=True, kw_only=True)
 class ImageEvent(JournalEvent, kind="image"):
     """A camera took an image."""
 
     findings: Annotated[tuple[str, ...], "what perception found in it, a line each"] = ()
 
 
-@dataclass(frozen=True, kw_only=True)
 class BeliefEvent(JournalEvent, kind="belief"):
     """The belief changed."""
 

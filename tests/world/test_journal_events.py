@@ -1,7 +1,7 @@
 """Journal events: what they record, and how they are read back."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import MISSING, FrozenInstanceError, dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -131,6 +131,35 @@ def test_a_plug_in_declares_a_kind_of_its_own() -> None:
         assert schema_of_topic()["properties"]["data"]["properties"]["area"] == {"type": "number"}
     finally:
         del EVENT_KINDS["wiped"]
+
+
+def test_a_kind_is_a_frozen_dataclass_from_its_first_event_on() -> None:
+    class BentEvent(JournalEvent):
+        """A finger is bent."""
+
+        finger: str
+        angle: Annotated[float, "angle", "rad"] = 0.5
+
+    assert [(each.name, each.default, each.unit) for each in event_fields(BentEvent)] == [
+        ("finger", MISSING, ""), ("angle", 0.5, "rad"),
+    ]  # fmt: skip
+    event = BentEvent("bent", finger="left")
+    assert event == replace(event, finger="left") != replace(event, angle=1.0)
+    assert repr(event).endswith("BentEvent(message='bent', node='', extra={}, finger='left', angle=0.5)")
+    with pytest.raises(FrozenInstanceError):
+        event.angle = 1.0  # pyright: ignore[reportAttributeAccessIssue]
+    with pytest.raises(TypeError, match="finger"):
+        BentEvent("bent")  # pyright: ignore[reportCallIssue]
+
+
+def test_values_with_a_factory_are_fields_of_a_kind() -> None:
+    class ListedEvent(JournalEvent):
+        """Things were listed."""
+
+        things: Annotated[list[str], "things"] = field(default_factory=list[str])
+
+    assert [each.required for each in event_fields(ListedEvent)] == [False]
+    assert ListedEvent("listed").data == {"things": []}
 
 
 def test_the_journal_counts_items_that_are_done() -> None:

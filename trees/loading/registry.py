@@ -7,6 +7,7 @@ import sys
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import lru_cache
+from importlib import import_module
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 
@@ -30,8 +31,11 @@ class PluginProblem:
 
 
 class NodeRegistry:
-    """Node classes by ID. Installed plug-ins are imported on the first request for an ID that is not built
-    in."""
+    """Node classes by ID.
+
+    Installed plug-ins are imported on the first request for an ID that is not built in. Where only picktree's
+    own are installed, the node's module alone is.
+    """
 
     def __init__(self, nodes: Iterable[type[Node]] = (), *, installed: bool = True) -> None:
         from ..controls import NODES  # the control nodes are made from the base, which the registry serves
@@ -46,8 +50,14 @@ class NodeRegistry:
         self.add(nodes, "given")
 
     def find(self, identity: str) -> type[Node] | None:
-        if identity not in self._nodes:
-            self._load_installed()
+        known = self._nodes.get(identity)
+        if known is not None or not self._pending:
+            return known
+        modules = [module for _, module, _ in installed_entries()]
+        if all(map(_is_ours, modules)):
+            packages = map(import_module, modules)
+            return next((getattr(each, identity) for each in packages if identity in each.MODULES), None)
+        self._load_installed()
         return self._nodes.get(identity)
 
     def ids(self) -> tuple[str, ...]:

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Annotated
 
 from ..journal import JournalEvent, Plain
 
 
-@dataclass(frozen=True, kw_only=True)
 class RecoveryEvent(JournalEvent, kind="recovery"):
     """A recovery node runs a handler against a failure."""
 
@@ -19,7 +17,6 @@ class RecoveryEvent(JournalEvent, kind="recovery"):
     attempt: Annotated[int, "number of the branch's failed runs so far"] = 1
 
 
-@dataclass(frozen=True, kw_only=True)
 class CuredEvent(JournalEvent, kind="cured"):
     """A branch succeeded after handlers had run."""
 
@@ -28,7 +25,6 @@ class CuredEvent(JournalEvent, kind="cured"):
     tries: Annotated[int, "number of failures before"] = 1
 
 
-@dataclass(frozen=True, kw_only=True)
 class BudgetEvent(JournalEvent, kind="budget"):
     """The budget of a recovery is used up."""
 
@@ -39,7 +35,6 @@ class BudgetEvent(JournalEvent, kind="budget"):
     seconds: Annotated[float, "simulated time spent", "s"]
 
 
-@dataclass(frozen=True, kw_only=True)
 class HandledEvent(JournalEvent, kind="handled"):
     """A loop passes an element over whose body failed."""
 
@@ -49,35 +44,30 @@ class HandledEvent(JournalEvent, kind="handled"):
     failed: Annotated[str, "path of the node that failed"]
 
 
-@dataclass(frozen=True, kw_only=True)
 class LogEvent(JournalEvent, kind="log"):
     """A node `Log` was ticked."""
 
     value: Annotated[Plain, "logged value"]
 
 
-@dataclass(frozen=True, kw_only=True)
 class PostconditionFailedEvent(JournalEvent, kind="postcondition_failed"):
     """A node succeeded, but its postcondition does not hold."""
 
     cause: Annotated[str, "cause of the failure"]
 
 
-@dataclass(frozen=True, kw_only=True)
 class UndeclaredCauseEvent(JournalEvent, kind="undeclared_cause"):
     """A node failed with a cause that it does not declare."""
 
     cause: Annotated[str, "cause of the failure"]
 
 
-@dataclass(frozen=True, kw_only=True)
 class InternalErrorEvent(JournalEvent, kind="internal_error"):
     """The code of a node raised an exception."""
 
     traceback: Annotated[str | None, "traceback of the exception"] = None
 
 
-@dataclass(frozen=True, kw_only=True)
 class HelpWantedEvent(JournalEvent, kind="help_wanted"):
     """A node asks the operator."""
 
@@ -87,7 +77,6 @@ class HelpWantedEvent(JournalEvent, kind="help_wanted"):
     situation: Annotated[str, "situation in the robot's belief"]
 
 
-@dataclass(frozen=True, kw_only=True)
 class OperatorAnswerEvent(JournalEvent, kind="operator_answer"):
     """The operator answered."""
 
@@ -95,14 +84,12 @@ class OperatorAnswerEvent(JournalEvent, kind="operator_answer"):
     answer: Annotated[str, "answer"]
 
 
-@dataclass(frozen=True, kw_only=True)
 class CheckpointEvent(JournalEvent, kind="checkpoint"):
     """The session took a checkpoint."""
 
     items_done: Annotated[int, "number of items done"]
 
 
-@dataclass(frozen=True, kw_only=True)
 class MissionChangedEvent(JournalEvent, kind="mission_changed"):
     """The run resumed with another mission."""
 
@@ -110,7 +97,6 @@ class MissionChangedEvent(JournalEvent, kind="mission_changed"):
     gone: Annotated[tuple[str, ...], "paths of the nodes that no longer exist"]
 
 
-@dataclass(frozen=True, kw_only=True)
 class MissionEditedEvent(JournalEvent, kind="mission_edited"):
     """An edited mission took over during the run."""
 
@@ -119,7 +105,6 @@ class MissionEditedEvent(JournalEvent, kind="mission_edited"):
     gone: Annotated[tuple[str, ...], "paths of the nodes that no longer exist"]
 
 
-@dataclass(frozen=True, kw_only=True)
 class DeliveryEvent(JournalEvent, kind="delivery"):
     """The feed put a load of items into the cell."""
 
@@ -129,7 +114,6 @@ class DeliveryEvent(JournalEvent, kind="delivery"):
     waiting: Annotated[int, "number of items without room yet"]
 
 
-@dataclass(frozen=True, kw_only=True)
 class BeltRunsEvent(JournalEvent, kind="belt_runs"):
     """A belt starts."""
 
@@ -138,7 +122,6 @@ class BeltRunsEvent(JournalEvent, kind="belt_runs"):
     number: Annotated[int, "number of the run"]
 
 
-@dataclass(frozen=True, kw_only=True)
 class BeltStopsEvent(JournalEvent, kind="belt_stops"):
     """A belt stops."""
 
@@ -148,7 +131,6 @@ class BeltStopsEvent(JournalEvent, kind="belt_stops"):
     items: Annotated[int, "number of items on the belt"]
 
 
-@dataclass(frozen=True, kw_only=True)
 class BinExchangedEvent(JournalEvent, kind="bin_exchanged"):
     """A bin was exchanged for an empty one."""
 
@@ -157,7 +139,6 @@ class BinExchangedEvent(JournalEvent, kind="bin_exchanged"):
     number: Annotated[int, "number of the exchange"]
 
 
-@dataclass(frozen=True, kw_only=True)
 class CrushedEvent(JournalEvent, kind="crushed"):
     """A finger pressed an item harder than it bears; ground truth."""
 
@@ -172,7 +153,6 @@ _ITEM_LAST = ("appear", "slip")
 """Faults whose item is recorded behind their parameters."""
 
 
-@dataclass(frozen=True, kw_only=True)
 class FaultEvent(JournalEvent, kind="fault"):
     """A fault was injected, waits, or has ended. Its parameters are recorded beside the fields.
 

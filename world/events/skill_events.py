@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Annotated, TypeAlias
 
 from ..journal import JournalEvent
@@ -10,7 +9,6 @@ from ..journal import JournalEvent
 ObjectOf: TypeAlias = Annotated[str, "id of the object in the belief"]
 
 
-@dataclass(frozen=True, kw_only=True)
 class PickEvent(JournalEvent, kind="pick"):
     """The fingers closed on an object."""
 
@@ -24,7 +22,6 @@ class PickEvent(JournalEvent, kind="pick"):
     force: Annotated[float | None, "force of each finger", "N"] = None
 
 
-@dataclass(frozen=True, kw_only=True)
 class RegraspEvent(JournalEvent, kind="regrasp"):
     """An object is grasped once more."""
 
@@ -32,7 +29,6 @@ class RegraspEvent(JournalEvent, kind="regrasp"):
     where: Annotated[str, "place of the further grasp"]
 
 
-@dataclass(frozen=True, kw_only=True)
 class CentredEvent(JournalEvent, kind="centred"):
     """The hand gave way during closing until both fingers touched."""
 
@@ -41,7 +37,6 @@ class CentredEvent(JournalEvent, kind="centred"):
     width: Annotated[float, "opening after closing", "m"]
 
 
-@dataclass(frozen=True, kw_only=True)
 class SlipEvent(JournalEvent, kind="slip"):
     """The held object slips, and the fingers press more."""
 
@@ -51,7 +46,6 @@ class SlipEvent(JournalEvent, kind="slip"):
     mass: Annotated[float, "mass of the payload", "kg"]
 
 
-@dataclass(frozen=True, kw_only=True)
 class ServoEvent(JournalEvent, kind="servo"):
     """The hand camera looked at an object or a hole just before contact."""
 
@@ -65,7 +59,6 @@ class ServoEvent(JournalEvent, kind="servo"):
     misfit: Annotated[float | None, "residual of the recognised object"] = None
 
 
-@dataclass(frozen=True, kw_only=True)
 class ReplannedEvent(JournalEvent, kind="replanned"):
     """The arm stopped for a change on its path, and planned again."""
 
@@ -77,7 +70,6 @@ class ReplannedEvent(JournalEvent, kind="replanned"):
     most: Annotated[int, "maximum number of replannings"]
 
 
-@dataclass(frozen=True, kw_only=True)
 class ItemDoneEvent(JournalEvent, kind="item_done"):
     """An object is placed or inserted, as the robot believes."""
 
@@ -91,14 +83,12 @@ class ItemDoneEvent(JournalEvent, kind="item_done"):
     found_by: Annotated[str | None, "search that found the hole"] = None
 
 
-@dataclass(frozen=True, kw_only=True)
 class PutDownEvent(JournalEvent, kind="put_down"):
     """The held object is put down at a free place."""
 
     object: ObjectOf
 
 
-@dataclass(frozen=True, kw_only=True)
 class SetAsideEvent(JournalEvent, kind="set_aside"):
     """An item is given up at its place."""
 
@@ -109,7 +99,6 @@ class SetAsideEvent(JournalEvent, kind="set_aside"):
     times: Annotated[int | None, "number of times that it was given up"] = None
 
 
-@dataclass(frozen=True, kw_only=True)
 class PushEvent(JournalEvent, kind="push"):
     """An object was pushed."""
 
@@ -120,7 +109,6 @@ class PushEvent(JournalEvent, kind="push"):
     strokes: Annotated[tuple[str, ...], "names of the strokes"] = ()
 
 
-@dataclass(frozen=True, kw_only=True)
 class BinEmptiedEvent(JournalEvent, kind="bin_emptied"):
     """The robot has noticed that a bin was exchanged, and forgets the objects in it."""
 
@@ -128,12 +116,10 @@ class BinEmptiedEvent(JournalEvent, kind="bin_emptied"):
     objects: Annotated[tuple[str, ...], "ids of the forgotten objects"]
 
 
-@dataclass(frozen=True)
 class GripperResetEvent(JournalEvent, kind="gripper_reset"):
     """The fingers follow again."""
 
 
-@dataclass(frozen=True, kw_only=True)
 class TookStockEvent(JournalEvent, kind="took_stock"):
     """The robot looked at the cell before it resumed without a checkpoint."""
 
@@ -147,40 +133,34 @@ class TookStockEvent(JournalEvent, kind="took_stock"):
     items_done: Annotated[int | None, "number of items done"] = None
 
 
-@dataclass(frozen=True, kw_only=True)
 class SafetyStopEvent(JournalEvent, kind="safety_stop"):
     """The safety monitor latched a stop. The evidence of the cause is recorded beside the fields."""
 
     cause: Annotated[str, "cause of the stop"]
 
 
-@dataclass(frozen=True)
 class SafetyAcknowledgedEvent(JournalEvent, kind="safety_acknowledged"):
     """A latched stop was acknowledged."""
 
 
-@dataclass(frozen=True, kw_only=True)
 class GaveWayEvent(JournalEvent, kind="gave_way"):
     """The arm gave way to a contact during a retreat."""
 
     left: Annotated[float, "force that is left", "N"]
 
 
-@dataclass(frozen=True, kw_only=True)
 class WristBiasEvent(JournalEvent, kind="wrist_bias"):
     """The bias of the wrist sensor has jumped, and is learnt again."""
 
     force: Annotated[float, "change of the bias", "N"]
 
 
-@dataclass(frozen=True, kw_only=True)
 class FramesMissedEvent(JournalEvent, kind="frames_missed"):
     """A camera delivered an image after missing frames."""
 
     missed: Annotated[int, "number of missing frames"]
 
 
-@dataclass(frozen=True, kw_only=True)
 class CalibrationShotEvent(JournalEvent, kind="calibration_shot"):
     """A camera saw the calibration target. Poses are position (m) and quaternion xyzw."""
 
@@ -192,7 +172,6 @@ class CalibrationShotEvent(JournalEvent, kind="calibration_shot"):
     tiles: Annotated[tuple[tuple[float, ...], ...], "squares of the target, as detected"]
 
 
-@dataclass(frozen=True, kw_only=True)
 class CalibrationTouchEvent(JournalEvent, kind="calibration_touch"):
     """The closed fingers touched the calibration target."""
 
@@ -202,6 +181,5 @@ class CalibrationTouchEvent(JournalEvent, kind="calibration_touch"):
     name: Annotated[str, "name of the touch"] = ""
 
 
-@dataclass(frozen=True)
 class CalibrationSkippedEvent(JournalEvent, kind="calibration_skipped"):
     """A view or a touch of the calibration target was skipped."""
