@@ -325,9 +325,9 @@ class RunLog:
         """Yield undecoded messages of these topics."""
         return self._file.messages(wanted, _ns(start), _ns(end))
 
-    def times(self, topic: str) -> Iterator[float]:
-        """Yield the times of a topic's messages, simulated s."""
-        return (time / 1e9 for time in self._file.times(topic))
+    def times(self, topic: str) -> list[float]:
+        """Return the times of a topic's messages, simulated s."""
+        return [time / 1e9 for time in self._file.times(topic)]
 
     def last(self, topic: str, at: float) -> RawMessage | None:
         """Return the last message of the topic at `at` (simulated s) or before; None when there is none."""

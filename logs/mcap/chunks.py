@@ -9,7 +9,7 @@ from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import IO, NamedTuple
+from typing import IO, Any, NamedTuple
 
 import zstandard
 from mcap.data_stream import ReadDataStream
@@ -114,7 +114,7 @@ def _content(start: int, end: int, data: bytes) -> ChunkContent:
     messages: list[MessageAt] = []
     schemas: list[Schema] = []
     channels: list[Channel] = []
-    at = MessageAt._make
+    new: Any = tuple.__new__  # pyright: ignore - without the functions of a named tuple, for each message
     offset, size = 0, len(data)
     while offset < size:
         opcode, length = RECORD_HEAD.unpack_from(data, offset)
@@ -124,7 +124,7 @@ def _content(start: int, end: int, data: bytes) -> ChunkContent:
             raise EOFError("a chunk ends inside a record")
         if opcode == Opcode.MESSAGE:
             channel, _, time, _ = _MESSAGE.unpack_from(data, begin)
-            messages.append(at((channel, time, begin + _MESSAGE.size, offset)))
+            messages.append(new(MessageAt, (channel, time, begin + _MESSAGE.size, offset)))
         elif opcode == Opcode.SCHEMA:
             schemas.append(Schema.read(stream(data[begin:offset])))
         elif opcode == Opcode.CHANNEL:

@@ -307,10 +307,10 @@ class McapReader:
             for channel, time, begin, stop in found:
                 yield RawMessage(self.contents.channels[channel].topic, time, data[begin:stop])
 
-    def times(self, topic: str, start: int | None = None) -> Iterator[int]:
-        """Yield the times (ns) of a topic's messages from `start` on."""
-        for _, found in self._found((topic,), start, None, newest_first=False):
-            yield from (message.time for message in found)
+    def times(self, topic: str, start: int | None = None) -> list[int]:
+        """Return the times (ns) of a topic's messages from `start` on."""
+        chunks = self._found((topic,), start, None, newest_first=False)
+        return [message.time for _, found in chunks for message in found]
 
     def _found(
         self, topics: Collection[str] | None, start: int | None, end: int | None, *, newest_first: bool

@@ -230,10 +230,9 @@ class JoinedLog:
             for part in reversed(self._parts) if newest_first else self._parts:
                 yield from part.reading.messages(topics, part.after(start), end, newest_first=newest_first)
 
-    def times(self, topic: str) -> Iterator[int]:
-        """Yield the times of a topic's messages, ns."""
-        for part in self._parts:
-            yield from part.reading.times(topic, part.after(None))
+    def times(self, topic: str) -> list[int]:
+        """Return the times of a topic's messages, ns."""
+        return [time for part in self._parts for time in part.reading.times(topic, part.after(None))]
 
     def _is_widespread(self, topic: str) -> bool:
         """Whether reading this topic means to unpack a good part of the log."""
