@@ -7,8 +7,10 @@ Findings alike are one root cause, ranked by what it cost: items first, then sec
 
 from __future__ import annotations
 
+import itertools
+import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Final, TypeAlias
 
 from ...logs.run_log import Stamped
@@ -113,7 +115,8 @@ def root_causes_of(
     roots = [_root(case, each, outcome, planted, costs) for each in groups.values()]
     spent = sum(root.seconds_lost for root in roots)
     to_blame = outcome.status == "timeout" and spent > LONG * outcome.end
-    return tuple(sorted(roots, key=lambda root: _order(root, ended_late=to_blame)))
+    roots.sort(key=lambda root: _order(root, ended_late=to_blame))
+    return (replace(roots[0], ended_run=True), *roots[1:]) if to_blame else tuple(roots)
 
 
 def _of_failures(case: Investigation) -> Mapping[int, Finding]:
@@ -128,12 +131,26 @@ def _of_failures(case: Investigation) -> Mapping[int, Finding]:
             answers = (question(case, failure) for question in QUESTIONS)
             finding = next((answer for answer in answers if answer is not None), _as_it_says(failure))
         true = case.pairs.get(failure.item, "")
-        if finding.cause in DISPLACING:
+        before = displaced.get(true)
+        if finding.cause == "item.moved" and before is not None and _kept_moving(case, true, before, finding):
+            finding = before
+        elif finding.cause in DISPLACING:
             displaced[true] = finding
         elif finding.cause in PLACES and true in displaced and not _held_since(case, true, displaced[true]):
             finding = displaced[true]
         found[failure.number] = finding
     return found
+
+
+def _kept_moving(case: Investigation, true: str, before: Finding, after: Finding) -> bool:
+    """Whether an item has never come to rest from what displaced it to its next motion."""
+    bodies = [body for _, body in case.truth.tracks[true].since(before.time or 0.0, after.time or 0.0)]
+    steps = itertools.pairwise(bodies)
+    return all(math.dist(a.pose.position, b.pose.position) > STEP for a, b in steps)
+
+
+STEP = 1e-3
+"""Way between two samples of the truth below which an item rests, m."""
 
 
 def _held_since(case: Investigation, true: str, displaced: Finding) -> bool:

@@ -99,7 +99,7 @@ def test_a_fault_in_the_code_of_a_node(tmp_path: Path) -> None:
 
 def test_a_run_that_goes_on_is_not_called_killed(tmp_path: Path) -> None:
     (tmp_path / "mission.yaml").write_text(
-        HEAD + "trees:\n  Main:\n    Delay: {msec: 3 s, do: {GoTo: {pose: rest}}}\n", encoding="utf-8"
+        HEAD + "trees:\n  Main:\n    Delay: {delay_msec: 3 s, do: {GoTo: {pose: rest}}}\n", encoding="utf-8"
     )
     session = Session(RunRequest(mission=tmp_path / "mission.yaml", backend="kinematic", out=tmp_path))
     step, seen = session.execution.world.control.step_tick, list[tuple[str, str, str]]()

@@ -56,23 +56,18 @@ BIAS = 4.0
 def wrist_biased(case: Investigation) -> Iterator[DeviceFinding]:
     """The wrist's readings differ from the true forces by a step that lasts."""
     states = [s for s in case.devices if s.wrench]
-    readings = case.run.wrenches
-    if len(states) < 5 or not len(readings.times):
+    readings, gripper = case.run.wrenches, case.run.gripper
+    if len(states) < 5 or not len(readings.times) or case.run.info.continues is not None:
         return
     times = np.array([s.time for s in states])
     here = np.clip(np.searchsorted(readings.times, times - 1e-6), 0, len(readings.times) - 1)
-    error = (
-        readings.forces[here]
-        - np.array([s.wrench[:3] for s in states])
-        + np.array([s.learnt for s in states])
-    )
-    error = np.stack([median_of_neighbours(axis) for axis in error.T], axis=1)
+    true = np.array([s.wrench[:3] for s in states])
+    read = readings.forces[here] - (true - true[0])  # the arm begins at rest, with an empty hand
+    pressing = np.interp(times, gripper.times, gripper.forces) > 1.0 if len(gripper.times) else times < 0.0
+    learnt = np.array([s.learnt for s in states])
+    first = int(np.argmax(learnt.any(axis=1)))  # the sensor's own bias, learnt at the start
+    off = _sizes(read + learnt - np.where(learnt.any(axis=1)[:, None], learnt[first], 0.0), pressing)
     still = np.array([s.speed < STANDING for s in states])
-    error -= error[0]  # the arm begins at rest
-    gripper = case.run.gripper
-    pressing = np.interp(times, gripper.times, gripper.forces) > 1.0 if len(gripper.times) else ~still
-    off: Array = np.linalg.norm(error, axis=1)
-    off[pressing] = np.abs(error[pressing, 2])  # two fingers that press push each other aside
     spans = [s for s in _spans(times, (off > BIAS) & (still | (off > SWUNG))) if s[1] - s[0] > SILENT]
     silent = [span for found in wrist_silent(case) for span in found.spans]
     spans = [(a, b) for a, b in spans if not any(x <= b and a <= y for x, y in silent)]
@@ -90,6 +85,14 @@ def wrist_biased(case: Investigation) -> Iterator[DeviceFinding]:
 
 SWUNG = 7.0
 """Error of the wrist's force that counts while the arm moves, too, N."""
+
+
+def _sizes(error: Array, pressing: NDArray[np.bool_]) -> Array:
+    """Return sizes of errors that last, N. Fingers that press push each other aside, which is no error."""
+    error = np.stack([median_of_neighbours(axis) for axis in error.T], axis=1)
+    sizes: Array = np.linalg.norm(error, axis=1)
+    sizes[pressing] = np.abs(error[pressing, 2])
+    return sizes
 
 
 def median_of_neighbours(values: Array) -> Array:

@@ -89,7 +89,7 @@ def _moved(
     if believed is None or believed.attached or failure.cause == "grasp.slipped":
         return None
     moving = way_since(case, true, _settled(case, item, reached), reached)
-    now = None if moving is None else case.truth.tracks[true].before(moving.end)
+    now = None if moving is None else case.truth.tracks[true].before(max(moving.end, reached))
     if moving is None or now is None or horizontal_distance(now, believed) < MISPLACED:
         return None
     pushed, told = by_the_arm(case, true, moving)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import bisect
+import itertools
 import math
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
@@ -80,7 +81,7 @@ class BodyTracks:
     @property
     def spacing(self) -> float:
         """Longest time between two messages but for the last one, s: how precisely an event is known."""
-        steps = [b - a for a, b in zip(self.times, self.times[1:], strict=False)]
+        steps = [b - a for a, b in itertools.pairwise(self.times)]
         return max(steps, default=0.0) + 0.05
 
     def at(self, id_: str, time: float) -> BodyRecord | None:
