@@ -24,7 +24,8 @@ CLOSE = 0.08
 
 def touched(case: Investigation, failure: FailureStory) -> Finding | None:
     """Return the body truly near the hand when it was stopped; None when the cause is no touch."""
-    if failure.cause not in STOPPED and not pressed_from_below(failure):
+    stopped = failure.cause in STOPPED or pressed_from_below(failure)
+    if not stopped and not (failure.cause.startswith("safety.") and case.obstacles_near(failure.time)):
         return None
     stops = case.events(SafetyStopEvent, start=case.visit(failure).start, end=failure.time)
     time = stops[-1].time if stops else failure.time

@@ -197,7 +197,7 @@ def left_the_hand(case: Investigation, failure: FailureStory) -> Finding | None:
     if true is None or period is None or (period.left is None and period.end < failure.time - RECENT):
         return None
     if period.left is None or period.left[0] > failure.time + case.sampled:
-        return _let_go(case, failure, period) if failure.time - period.end < HANDLED else None
+        return _let_go(case, failure, period)
     if failure.time - period.end > RECENT or _seen_since(case, true, period.end, failure.time):
         return None
     return why_it_left(case, period)
@@ -223,7 +223,9 @@ def _let_go(case: Investigation, failure: FailureStory, period: HeldPeriod) -> F
     """The robot took an item for lost that was between its fingers."""
     time = min(failure.time, period.end)
     hand, body = case.hand(time), case.truth.at(period.true, time)
-    if failure.cause != "grasp.slipped" or hand is None or body is None or pressed_from_below(failure):
+    soon = failure.time - period.end < (HANDLED if failure.cause == "grasp.slipped" else RECENT)
+    unfelt = failure.cause == "grasp.slipped" or _given_up_unfelt(case, period, failure)
+    if not soon or not unfelt or hand is None or body is None or pressed_from_below(failure):
         return None
     if math.dist(hand, body.pose.position) > reach_of(body):
         return None
@@ -234,6 +236,17 @@ def _let_go(case: Investigation, failure: FailureStory, period: HeldPeriod) -> F
     title = f"{failure.item} was still in the hand and counted as lost{felt}"
     reasons = (f"truly its centre was {distance(math.dist(hand, body.pose.position))} from the fingers",)
     return Finding("grasp.not_felt", failure.node, title, reasons, failure.item, time)
+
+
+def _given_up_unfelt(case: Investigation, period: HeldPeriod, failure: FailureStory) -> bool:
+    """Whether the robot let an item go because it did not feel it, and missed it where it had been."""
+    change = next((at for at in case.changes(period.item) if abs(at.time - period.end) < 1e-6), None)
+    unfelt = change is not None and change.record.reason == "not felt in the hand"
+    return (
+        unfelt
+        and failure.cause == "grasp.missed"
+        and not _seen_since(case, period.true, period.end, failure.time)
+    )
 
 
 HANDLED = 2.0
