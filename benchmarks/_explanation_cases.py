@@ -58,7 +58,7 @@ class Case:
     plugin: str = ""
     backend: str = "kinematic"
     limit: float = 150.0
-    """Of the run, simulated s."""
+    """Limit of the run, simulated s."""
     either: bool = False
     """Whether any of the expected causes may stand first."""
     ends: str = ""
