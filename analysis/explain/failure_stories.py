@@ -213,7 +213,7 @@ def _story(run: RunRecord, number: int, failure: Failure, cause: Cause | None) -
 
 
 def _follows(source: Visit, before: Sequence[Visit], family: VisitTree) -> int | None:
-    """The earlier_number of the earlier failure that this one follows from."""
+    """Return the number of the earlier failure that this one follows from."""
     for earlier_number in reversed(range(len(before))):
         earlier = before[earlier_number]
         if _within_the_answer(source, earlier, family) or _consequence(source, earlier, family):
@@ -239,7 +239,9 @@ _ANSWERING = frozenset({"Recover", "RecoveryNode"})
 
 
 def _consequence(source: Visit, earlier: Visit, family: VisitTree) -> bool:
-    """Whether the earlier failure lost the item, or left it in the hand, and that is what fails now."""
+    """Whether the earlier failure lost the item, left it in the hand, or would only be met again."""
+    if source.evidence.get("unchanged") is True:
+        return (earlier.item, earlier.cause) == (source.item, source.cause)
     held = source.evidence.get("held")
     if isinstance(held, str) and held:
         return held == earlier.item != source.item

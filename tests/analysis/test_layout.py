@@ -87,6 +87,7 @@ def test_lanes_are_the_root_and_what_took_time_in_the_trees_order(troubled_log: 
         "world.unknown_object/Observe",
         "give_up/SafeRetreat",
         "GoTo",
+        "Push",
     ]
     assert all(lane.path.endswith(lane.label) for lane in chosen)
     paths = [lane.path for lane in chosen]

@@ -193,7 +193,7 @@ def test_what_cannot_be_had_is_set_aside_and_the_feed_goes_on(tmp_path: Path) ->
     assert (result.feed.deliveries, result.feed.set_aside) == (1, 1)
     with Run(result.log) as run:
         slabs = [item for item in run.items if item.kind == "slab"]
-    assert [item.state for item in slabs] == ["left"]
+    assert [item.state for item in slabs] == ["aside"]
     assert [item.events[-1].what for item in slabs] == ["set aside: left where it lies"]
 
 
