@@ -65,9 +65,9 @@ def _story(case: Investigation, names: Sequence[str]) -> ItemStory:
     failed = [f for f in case.failures if f.item in names]
     events = [
         event
-        for at in case.run.events
         for name in names
-        for event in _events(at, name, "" if name == item else f" as {name}")
+        for at in case.once(_events_by_item).get(name, ())
+        for event in _happened(at, "" if name == item else f" as {name}")
         if not event.what.startswith(_LOST) or not any(0.0 <= f.time - at.time < TOLD for f in failed)
     ]
     events += [ItemEvent(f.time, f"{f.name} failed: {f.cause}", f.node, f.number) for f in failed]
@@ -142,20 +142,32 @@ def _truth(case: Investigation, true: str) -> str:
     return f"truly {where}, and was taken away with it" if true in case.departed else f"truly {where}"
 
 
-def _events(at: Stamped[JournalEvent], item: str, known_as: str) -> list[ItemEvent]:
+def _events_by_item(case: Investigation) -> dict[str, list[Stamped[JournalEvent]]]:
+    """What happened to each item, by its name."""
+    found: dict[str, list[Stamped[JournalEvent]]] = {}
+    for at in case.run.events:
+        event = at.record
+        if isinstance(event, HandledEvent) and isinstance(event.element, str):
+            found.setdefault(event.element, []).append(at)
+        elif isinstance(event, PickEvent | ItemDoneEvent | SetAsideEvent | BeliefEvent):
+            found.setdefault(event.object, []).append(at)
+    return found
+
+
+def _happened(at: Stamped[JournalEvent], known_as: str) -> list[ItemEvent]:
     """`known_as`: other name under which something happened to the item."""
     event = at.record
     match event:
-        case HandledEvent() if event.element == item:
+        case HandledEvent():
             return [ItemEvent(at.time, "passed over", event.node)]
-        case PickEvent() if event.object == item and event.held:
+        case PickEvent() if event.held:
             return [ItemEvent(at.time, f"held{known_as}{_felt(event)}", event.node)]
-        case ItemDoneEvent() if event.object == item:
+        case ItemDoneEvent():
             told = f"placed into {event.into}" if event.into else "put down"
             return [ItemEvent(at.time, f"{told}{known_as}", event.node)]
-        case SetAsideEvent() if event.object == item:
+        case SetAsideEvent():
             return [ItemEvent(at.time, "set aside: left where it lies", event.node)]
-        case BeliefEvent() if event.object == item:
+        case BeliefEvent():
             told = _change(event)
             return [ItemEvent(at.time, f"{told}{known_as}")] if told else []
         case _:
