@@ -17,7 +17,7 @@ Confidence: TypeAlias = Literal["likely", "possible", "the log does not tell"]
 `the log does not tell`: the failure's own words, because nothing else speaks for a cause.
 """
 CONFIDENCES: tuple[Confidence, ...] = ("likely", "possible", "the log does not tell")
-"""From the surest."""
+"""Confidences, the surest first."""
 
 
 @dataclass(frozen=True, slots=True)
