@@ -49,7 +49,7 @@ def wrist_silent(case: Investigation) -> Iterator[DeviceFinding]:
 
 SILENT = 0.25
 """Time without a new reading that counts as silence, s."""
-BIAS = 4.0
+BIAS = 5.0
 """Error of the wrist's force that counts as one, N."""
 
 
@@ -292,7 +292,7 @@ def planner_refuses(case: Investigation) -> Iterator[DeviceFinding]:
 
 
 DETECTORS: tuple[Callable[[Investigation], Iterator[DeviceFinding]], ...] = (
-    wrist_silent, wrist_biased, arm_stalled, joint_weak, gripper_faulty, fingers_press_too_little,
+    wrist_silent, arm_stalled, wrist_biased, joint_weak, gripper_faulty, fingers_press_too_little,
     camera_silent, planner_refuses, camera_noisy, camera_off, colours_mistaken,
 )  # fmt: skip
 
