@@ -143,7 +143,7 @@ def _truth(case: Investigation, true: str) -> str:
 
 
 def _events_by_item(case: Investigation) -> dict[str, list[Stamped[JournalEvent]]]:
-    """What happened to each item, by its name."""
+    """Return the events of each item, by its name."""
     found: dict[str, list[Stamped[JournalEvent]]] = {}
     for at in case.run.events:
         event = at.record

@@ -65,8 +65,9 @@ def wrist_biased(case: Investigation) -> Iterator[DeviceFinding]:
     read = readings.forces[here] - (true - true[0])  # the arm begins at rest, with an empty hand
     pressing = np.interp(times, gripper.times, gripper.forces) > 1.0 if len(gripper.times) else times < 0.0
     learnt = np.array([s.learnt for s in states])
-    first = int(np.argmax(learnt.any(axis=1)))  # the sensor's own bias, learnt at the start
-    off = _sizes(read + learnt - np.where(learnt.any(axis=1)[:, None], learnt[first], 0.0), pressing)
+    knows: NDArray[np.bool_] = np.abs(learnt).max(axis=1) > 0.0
+    first = int(np.argmax(knows))  # the sensor's own bias, learnt at the start
+    off = _sizes(read + learnt - np.where(knows[:, None], learnt[first], 0.0), pressing)
     still = np.array([s.speed < STANDING for s in states])
     spans = [s for s in _spans(times, (off > BIAS) & (still | (off > SWUNG))) if s[1] - s[0] > SILENT]
     silent = [span for found in wrist_silent(case) for span in found.spans]
