@@ -131,7 +131,7 @@ def _truth(case: Investigation, true: str) -> str:
     where = f"in {lies}" if lies else f"at {place(body.pose.position)}"
     if lies and score is not None and score.seat is not None and not score.reason:
         where += f", {1000 * score.seat.depth:.1f} mm deep"
-    if score is not None and score.seat is not None and score.reason:
+    if score is not None and score.reason:
         where += f": {score.reason}"
     elif score is not None and score.verdict == "sorted":
         where += ", where it belongs"

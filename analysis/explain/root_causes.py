@@ -22,7 +22,7 @@ from .causes.item_nature import larger, nothing_there, too_wide
 from .causes.item_whereabouts import misjudged, wrong_location_cause
 from .causes.obstruction_causes import obstruction_cause
 from .causes.run_endings import by_the_mission, goal_missed, out_of_order, run_ended, unacknowledged
-from .causes.unsorted_items import after_wrong_bin, placed_at, why_not_sorted
+from .causes.unsorted_items import after_wrong_bin, crushed, placed_at, why_not_sorted
 from .investigation.case import Investigation
 from .investigation.explanation import ExplainedOutcome, FailureStory, Finding, RootCause
 from .investigation.number_wording import seconds
@@ -190,6 +190,8 @@ COME_DOWN = 0.4
 
 def _why_unsorted(case: Investigation, true: str, by_failure: Mapping[int, Finding]) -> Finding | None:
     """Return why an item is not where it belongs: from its last placement, else from its last failure."""
+    if (broken := crushed(case, true)) is not None:
+        return broken
     names = case.believed.get(true, ())
     done = placed_at(case, true)
     if done is not None and (answer := why_not_sorted(case, true)) is not None:

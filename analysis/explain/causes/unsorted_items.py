@@ -6,11 +6,13 @@ import math
 
 from ....files.value_wording import listed
 from ....simulation.scoring.scorer import MAX_REST_SPEED
+from ....world.events.run_events import CrushedEvent
 from ....world.events.skill_events import ItemDoneEvent, SetAsideEvent
 from ....world.scene.destinations import is_at
 from ..investigation.case import Investigation
 from ..investigation.explanation import FailureStory, Finding
 from ..investigation.number_wording import between, distance, place, seconds
+from .held_items import held_periods
 from .item_nature import appeared
 from .item_whereabouts import NOWHERE, never_seen, way_since
 
@@ -40,6 +42,22 @@ def why_not_sorted(case: Investigation, true: str) -> Finding | None:
         or _not_seated(case, true, item, into, time)
         or _left_bin(case, true, item, into, time)
     )
+
+
+def crushed(case: Investigation, true: str) -> Finding | None:
+    """Whether a finger pressed an item harder than it bears: it is lost wherever it lies."""
+    found = [at.record for at in case.events(CrushedEvent) if at.record.object == true]
+    if not found:
+        return None
+    first, item = found[0], case.name_of(true)
+    force = max(each.force for each in found)
+    title = f"{item} was crushed: {first.finger} pressed with {force:.0f} N, and it bears {first.limit:.0f} N"
+    gripped = any(p.true == true and p.start <= first.time <= p.end for p in case.once(held_periods))
+    body = case.truth.tracks[true].before(first.time)
+    lay = f": it lay at {place(body.pose.position)}" if body is not None else ""
+    how = "it was in the hand then" if gripped else f"it was not in the hand then{lay}"
+    reasons = (f"more than it bears was first measured at {seconds(first.time)}", how)
+    return Finding("item.crushed", true, title, reasons, item, first.time)
 
 
 def after_wrong_bin(case: Investigation, failure: FailureStory) -> Finding | None:

@@ -20,7 +20,7 @@ from ....logs.schema.records import BodyRecord, Scene
 from ....logs.visits import Visit, VisitTree
 from ....simulation.scoring.scorer import MAX_REST_SPEED, ItemScore, score
 from ....simulation.scoring.truth import TrueBody
-from ....world.events.run_events import BinExchangedEvent
+from ....world.events.run_events import BinExchangedEvent, CrushedEvent
 from ....world.journal import JournalEvent
 from ....world.scene.description import Bin, CatalogueEntry, Fixture, SceneDescription
 from ....world.scene.destinations import destination_rule
@@ -357,6 +357,9 @@ class Investigation:
             last.pose,
             present=present,
             seat=last.seat,
+            crushed=max(
+                (at.record.force for at in self.events(CrushedEvent) if at.record.object == id_), default=0.0
+            ),
         )
 
     @property
