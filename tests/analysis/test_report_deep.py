@@ -154,9 +154,10 @@ def test_the_tree_shows_the_failing_leaf_among_the_nodes_around_it(page: Any) ->
         f"""(() => {{
             const sheet = document.querySelector(".tree-sheet").getBoundingClientRect();
             const [low, high] = [Math.min(sheet.right, innerWidth), Math.min(sheet.bottom, innerHeight)];
-            const boxOf = (path) => document.querySelector(`[data-path="${{path}}"]`).getBoundingClientRect();
-            const within = ({{ left, right, top, bottom }}) =>
-                left >= sheet.left && right <= low && top >= sheet.top && bottom <= high;
+            const boxOf = (path) =>  // none until it is drawn
+                document.querySelector(`[data-path="${{path}}"]`)?.getBoundingClientRect();
+            const within = (box) => box
+                && box.left >= sheet.left && box.right <= low && box.top >= sheet.top && box.bottom <= high;
             return {[LEAVES[1], LEAVES[0], CHAIN[-1]]}.every((path) => within(boxOf(path)));
         }})()""",
         seconds=60.0,
