@@ -1,4 +1,4 @@
-"""What the fault campaign is held against, and its page in the documents."""
+"""Targets of the fault campaign, and its page in the documents."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class Target:
 
 
 def targets(lines: Sequence[Line]) -> tuple[Target, ...]:
-    """Of the runs with recovery and a fault; of those without any fault where there are no others."""
+    """Return the targets of the runs with recovery and a fault, or of those without where none had one."""
     own = [each for each in lines if each.recovery and each.fault != "all faults"]
     faulty = total(own, recovery=True)
     if not faulty.runs:

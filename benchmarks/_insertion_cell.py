@@ -15,7 +15,7 @@ PEG = 0.030
 """Diameter of the round peg, side of the square one, m."""
 HEIGHT = 0.070
 DEPTH = 0.030
-"""Of the hole, m."""
+"""Depth of the hole, m."""
 LIMIT = 240.0
 """Simulated seconds after which a run counts as hung."""
 REST = 25

@@ -37,11 +37,11 @@ from toppra.interpolator import AbstractGeometricPath
 
 T = TypeVar("T")
 PERIOD = 0.01
-"""At which the bare profile is sampled, as ours is, s."""
+"""Sampling period of the bare profile, that of ours, s."""
 LINE = 0.15
-"""m"""
+"""Length of a straight line of the TCP, m."""
 SLACK = 0.01
-"""By how much torques may exceed their limit between the samples at which they are looked at."""
+"""Share by which torques may exceed their limits between two checked samples."""
 
 
 class _Path(AbstractGeometricPath):
@@ -179,7 +179,7 @@ def _row(name: str, kind: str, model: RobotModel, runs: int, seed: int) -> tuple
 
 
 def _chains(model: RobotModel, name: str, runs: int, seed: int) -> tuple[str | float | None, ...]:
-    """Over a point, down, up, over another point, down, in free space: one motion against five."""
+    """Compare one motion over five legs with five motions: above a point, down, up, above another, down."""
     rng = np.random.default_rng([seed, 8])
     home = model.named("home")
     solver = RequestSolver(model, PlanningScene([], []), configuration=lambda: home, width=lambda: 0.0)

@@ -33,7 +33,7 @@ COST = {"physics": 7.0, "kinematic": 2.0}
 TAKES_TIME = {"jobs": {"cpu_seconds", "wall_seconds"}}
 """Columns that differ between any two runs of the same jobs."""
 STAMP = re.compile(r"-\d{8}-\d{6}")
-"""In the name of a run's folder."""
+"""Time stamp in the name of a run's folder."""
 
 
 def main() -> int:

@@ -29,7 +29,7 @@ COST_A_SEED = 26.0
 """CPU seconds of both settings, for the forecast."""
 SHIFT, TURN, TOOL = 0.008, math.radians(2.0), 0.003
 CLOSE, ALIGNED = 0.001, math.radians(0.3)
-"""What is asked for."""
+"""Largest errors of position, m, and of orientation, rad, that count as calibrated."""
 SETTINGS = {
     "camera on the hand": ("three_bins_wrist", ("overhead", "wrist")),
     "fingers alone": ("three_bins", ("overhead",)),
@@ -87,7 +87,7 @@ def _run(job: Job, folder: Path, setting: str) -> Row:
 
 
 def _scores(believed: Pose, truly: Pose, position: object, angle: object) -> list[float]:
-    """How many standard deviations each component is off."""
+    """Return the error of each component, in its standard deviations."""
     from picktree.world.values import Pose as Frame
 
     turn = Frame(orientation=believed.orientation) @ Frame(orientation=truly.orientation).inverse()

@@ -85,7 +85,7 @@ def one(job: Job, folder: Path) -> Row:
 
 
 def growth(memory: dict[str, float]) -> float:
-    """kB an item, by least squares over all but the first look."""
+    """Return the growth of memory, kB an item: least squares over all looks but the first."""
     points = sorted((int(items), mb) for items, mb in memory.items() if int(items) > 0)
     if len(points) < 3:
         return 0.0

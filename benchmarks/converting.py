@@ -30,7 +30,7 @@ CHUNK = 250
 LIMIT = 1.0
 """CPU seconds that one file may take, all three ways."""
 FOLDER = ROOT / "examples"
-"""Where the missions seem to be, for their plug-ins."""
+"""Folder of the mutated missions, from which their plug-ins are looked up."""
 WORDS = (
     "Sequence", "Fallback", "Switch2", "Switch99", "Recover", "RecoveryNode", "Guarded", "Precondition",
     "Script", "SubTree", "RepeatWhile", "LoopInt", "CheckExpression", "ForceFailure", "BehaviorTree",
@@ -136,7 +136,7 @@ def _lines(text: str, rng: random.Random) -> str:
 
 
 def _outcome(text: str, registry: NodeRegistry) -> tuple[str, str]:
-    """What became of one file, and what is wrong with that, if anything."""
+    """Return the outcome of one file, and the fault in that outcome; empty: none."""
     try:
         mission = convert_text(text, FOLDER / "mutant.xml", registry)
     except FileError as error:

@@ -47,13 +47,13 @@ PLAN = ROOT / "benchmarks" / "campaign" / "plan.yaml"
 COST_A_RUN = 7.0
 """CPU seconds of a run of four items on the reference machine, until runs are recorded."""
 MB_A_RUN = 1.5
-"""Of log."""
+"""Size of a run's log, MB."""
 PLAINLY = "sort_plainly"
 """Stem of the mission without recovery."""
 TOLD = "told.json"
-"""What came of a run that was killed by itself."""
+"""File with the outcome of a run that killed itself."""
 ITEMS = 4
-"""Of the scene."""
+"""Number of items in the scene."""
 
 
 @dataclass(frozen=True)
@@ -273,7 +273,7 @@ def _picktree(*words: str) -> subprocess.CompletedProcess[str]:
 
 
 def measure(rows: Sequence[Row], folder: Path) -> list[Measure]:
-    """Of each run, measured once."""
+    """Measure each run, once."""
     known = Measured.read(folder / "measures.jsonl")
     cell: Cell | None = None
     for number, row in enumerate(rows):
@@ -311,7 +311,7 @@ def _measure(row: Row, folder: Path, cell: Cell) -> Measure:
 
 
 def _measure_killed(told: Measure, place: Path, cell: Cell) -> Measure:
-    """Of a run that was killed by itself, and of the one that went on with it."""
+    """Measure a run that killed itself, and the run that resumed it."""
     said = json.loads((place / TOLD).read_text(encoding="utf-8"))
     folder = next((place / "before").glob("*/"), None)
     told = replace(

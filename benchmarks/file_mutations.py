@@ -136,7 +136,7 @@ def _use(file: Path) -> str:
 
 
 def _first_tick(mission: Mission) -> str:
-    """Why the first tick of a rehearsal fails, where it fails for a mistake in the text."""
+    """Return why the first tick of a rehearsal fails, where a mistake in the text makes it fail."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "cases.yaml"
         parameters = {

@@ -22,7 +22,7 @@ from types import ModuleType
 from _campaign import ROOT, Row, campaign, finished, options, rate
 
 HALTS = 10
-"""In each seed's run; fewer when it is over before."""
+"""Number of halts in each seed's run; fewer when the run ends before."""
 LAST_TICK = 420
 """A run of four items has about that many ticks."""
 EACH = 120
@@ -47,7 +47,7 @@ class Job:
 
 
 def _cell() -> ModuleType:
-    """What the tests drive missions with."""
+    """Load the module with which the tests drive missions."""
     spec = importlib.util.spec_from_file_location("cell", ROOT / "tests" / "skills" / "cell.py")
     assert spec is not None and spec.loader is not None
     module = importlib.util.module_from_spec(spec)

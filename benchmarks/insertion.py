@@ -27,7 +27,7 @@ WAYS = ("feeling", "straight")
 COST = {"feeling": {"round": 4.5, "square": 3.0}, "straight": {"round": 2.5, "square": 2.5}}
 """CPU seconds a run, for the forecast; by feeling with less than 1 mm of clearance twice as much."""
 HAIR = 0.15e-3
-"""m"""
+"""Penetration below which a run counts as free of any, m."""
 
 
 @dataclass(frozen=True)

@@ -68,7 +68,7 @@ ROOMS: dict[str, dict[str, tuple[str, ...]]] = {
         "manipulation/place/dropped_objects.py": (),
     },
 }
-"""What is mutated: files, and of some only these functions."""
+"""Targets of the mutations: files, and the functions of those that are mutated in part."""
 _PACKAGES = sorted(file.parent.name for file in ROOT.glob("*/__init__.py"))
 PRODUCT = (
     "*.py", "constraints.txt", "examples/**/*.yaml",

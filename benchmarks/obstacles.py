@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 COST_A_RUN = 25.0
 """CPU seconds that two or three runs of four items take, for the forecast."""
 ITEM_GAP, BIN_GAP = 0.045, 0.012
-"""What is put there keeps so far from items and bins as seen from above, m."""
+"""Smallest horizontal distances of an obstacle from items and from bins, m."""
 HANGS = 0.12
 """A bar that hangs leaves at least this below it, m."""
 COLOURS = ("grey", "dark_grey", "white", "red", "green", "blue", "yellow")

@@ -1,4 +1,4 @@
-"""How well perception sees: random scenes through the physics camera, judged by the simulator's truth.
+"""Accuracy of perception: random scenes through the physics camera, judged by the simulator's truth.
 
 python benchmarks/perception.py --scene three_bins --seeds 40
 python benchmarks/perception.py --scene dense --seeds 20 --verbose
@@ -32,7 +32,7 @@ FOUND = 0.03
 
 @dataclass
 class Tally:
-    """What was seen of the items of one kind."""
+    """Detections of the items of one kind."""
 
     kinds: Counter[str] = field(default_factory=Counter)
     places: list[float] = field(default_factory=list)

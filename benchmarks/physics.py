@@ -1,4 +1,4 @@
-"""How honest and how fast the physics is: drift of held items, slip, and a heap that comes to rest.
+"""Accuracy and speed of the physics: drift of held items, slip, and a heap that comes to rest.
 
     python benchmarks/physics.py
     python benchmarks/physics.py --runs 5 --only drift,heap

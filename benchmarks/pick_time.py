@@ -1,4 +1,4 @@
-"""Where the simulated seconds of a pick go: by skill and phase, beside the shortest time on the same paths.
+"""Simulated time of a pick by skill and phase, beside the shortest time on the same paths.
 
     python benchmarks/pick_time.py --runs 5
     python benchmarks/pick_time.py --scene dense --runs 3
@@ -52,7 +52,7 @@ WAITS = {
     "_open": "opening",
     "move": "opening",
 }
-"""What a generator waits for, by the name of the innermost one that is known."""
+"""Phase of a skill by the name of its innermost generator that is listed here."""
 MOTIONS = ("empty travel", "descent", "lift", "transfer", "lowering", "arrival")
 BOUND_PHASES = ("closing", "opening")
 """Phases that count in the bound as they are."""

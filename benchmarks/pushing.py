@@ -29,11 +29,11 @@ COST_A_RUN = 9.0
 """CPU seconds of one seed, both ways, for the forecast."""
 KINDS = ("block", "brick", "plate", "can", "ball")
 WAY = 0.10
-"""From the start to the goal, m."""
+"""Distance from the start to the goal, m."""
 AREA = ((0.42, -0.15), (0.58, 0.15))
-"""Where it starts."""
+"""Corners (x, y) of the area of the starts, in the world, m."""
 ROOM = ((0.38, -0.20), (0.62, 0.20))
-"""Where it may be pushed to."""
+"""Corners (x, y) of the area of the goals, in the world, m."""
 LIMIT = 180.0
 """Simulated seconds after which a push counts as hung."""
 

@@ -1,4 +1,4 @@
-"""What pages and tools cost: CPU and peak memory of report, explain, export, a film and a batch's page.
+"""Cost of pages and tools: CPU and peak memory of report, explain, export, a film and a batch's page.
 
 The log is of 300 simulated s of `continuous_sort` with faults drawn at random. `--deep` takes a mission with
 five times its nodes and twenty times its images, for which no figures are wanted. The batch has 1,000 jobs:
@@ -62,7 +62,7 @@ COMMANDS = (
 @dataclass(frozen=True)
 class Cost:
     cpu: float
-    """Of the process and those that it started, s."""
+    """CPU time of the process and its children, s."""
     memory: float
     """Peak of the largest process, MB."""
 

@@ -33,7 +33,7 @@ CASES = (
 )
 """Mission and scene, in turn."""
 KILLS = 2
-"""At most so many of one run; the first surely comes."""
+"""Maximum number of kills of one run; the first always comes."""
 COST = 75.0
 """CPU seconds of a job: three runs, and what is done again."""
 LONGEST = 1800.0

@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from picktree.world.values import Array, Pose
 
 STATES = 5
-"""In each scene."""
+"""Number of states in each scene."""
 CLASSES = ("free", "halted", "collision", "pressed", "believed", "unknown")
 COST = 3.0
 """CPU seconds a state, for the forecast."""
@@ -44,13 +44,13 @@ LIMIT = 20.0
 """No contact above this, N."""
 SMOOTHING = 0.0375
 GONE = 5.0
-"""What pressed before has gone once it is below this, N."""
+"""Contact force below which a contact that pressed has gone, N."""
 LONGEST = 150.0
 """Simulated seconds after which a retreat counts as hung."""
 AT_HOME = 5e-3
-"""rad"""
+"""Largest joint error at the home configuration, rad."""
 IN_HAND = 0.09
-"""Of an item's centre from the tool, m."""
+"""Largest distance of a held item's centre from the tool, m."""
 
 
 @dataclass(frozen=True)
@@ -71,7 +71,7 @@ class Felt:
 
 
 def _cell() -> ModuleType:
-    """What the tests drive missions with."""
+    """Load the module with which the tests drive missions."""
     spec = importlib.util.spec_from_file_location("cell", ROOT / "tests" / "skills" / "cell.py")
     assert spec is not None and spec.loader is not None
     module = importlib.util.module_from_spec(spec)
@@ -229,7 +229,7 @@ class Lab:
                 felt.force, felt.where = mean, " – ".join(pair)
 
     def _forces(self, item: str | None) -> dict[tuple[str, str], float]:
-        """Between the robot or what it holds, and anything else: N, by pair of names."""
+        """Return the contact forces on the robot and its held item by pair of names, N."""
         contacts = self.run.hardware.true_contacts()
         fingers = set(self.world.robot.finger_links)
         mine = set(self.links)
@@ -365,8 +365,9 @@ class Lab:
         return "no room for anything beside it"
 
     def _go(self, rng: np.random.Generator, share: float) -> str:
-        """To a random configuration that is believed to be free: anywhere, or low among things; halted
-        after a share of the time."""
+        """Move to a random configuration that is believed to be free, anywhere or low among things.
+
+        The motion is halted after a share of its time."""
         from picktree.planning.requests import JointGoal, Scaling
         from picktree.world.causes import Failure
 
@@ -466,7 +467,7 @@ class Lab:
         self.run.finish()
 
     def _clean(self) -> None:
-        """For the next state: what was put there is taken away, and it is looked again."""
+        """Clean up for the next state: take the obstacle away and look again."""
         thing = getattr(self, "thing", None)
         if thing is not None:
             self.run.hardware.take_obstacle(thing)

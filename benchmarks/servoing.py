@@ -38,7 +38,7 @@ SETTINGS = {
 }
 """Whether there is a camera on the hand, and which cameras are off."""
 KEPT = ("status", "items", "picks", "failures", "sim_seconds", "cpu_seconds")
-"""What is kept of a run's result."""
+"""Fields of a run's result that a row keeps."""
 SCENE = """\
 picktree: 1
 kind: scene
@@ -64,7 +64,7 @@ class Job:
 
 
 def errors(seed: int, shift: float, turn: float) -> dict[str, str]:
-    """What a scene file says of how far each camera is off."""
+    """Return the errors of each camera, as text of a scene file."""
     rng = np.random.default_rng([seed, 2026])
     told: dict[str, str] = {}
     for camera in ("overhead", "wrist"):
@@ -104,8 +104,9 @@ def _run(job: Job, folder: Path, setting: str) -> Row:
 
 
 def _aims(run: Path) -> list[float]:
-    """How far from where it truly was each item was believed when the fingers closed on it, along the table,
-    m. Belief and truth are those before the hand came; of items that are alike the nearer one counts."""
+    """Return the horizontal error of each item's believed position when the fingers closed on it, m.
+
+    Belief and truth are those before the hand came. Among items that are alike the nearest one counts."""
     from picktree.logs.run_log import RunLog
 
     found: list[float] = []

@@ -56,7 +56,7 @@ def without_pushes(path: Path) -> Path:
 
 
 def _pruned(value: Any) -> Any:
-    """Without the children of lists that are a push, or a fallback that begins with one."""
+    """Remove pushes, and fallbacks that begin with a push, from all lists of children."""
     if isinstance(value, dict):
         return {key: _pruned(child) for key, child in cast("dict[str, Any]", value).items()}
     if isinstance(value, list):

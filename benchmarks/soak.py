@@ -32,7 +32,7 @@ HERE = ROOT / "benchmarks" / "soak"
 COST_AN_HOUR = 750.0
 """CPU seconds that a simulated hour takes in physics, for the forecast."""
 MB_AN_HOUR = 250.0
-"""Of log."""
+"""Size of the log of a simulated hour, MB."""
 OVERTIME = 1800.0
 """Simulated s after which a mission that does not end when it should is ended."""
 PARTS = 6

@@ -1,4 +1,4 @@
-"""What an unknown volume is made of: what a collision check costs with it, how tight it is, how it clears.
+"""Representations of an unknown volume: cost of a collision check, tightness, and how they clear.
 
     python benchmarks/volumes.py
 

@@ -35,7 +35,7 @@ def test_the_summary_and_the_log_agree(troubled_log: Path) -> None:
 
 
 def test_times_within_a_run_add_up_to_what_its_branches_took(troubled_log: Path) -> None:
-    """From the beginning of the run that failed first to the end of the node that gave up."""
+    """An episode lasts from the start of the run that failed first to the end of the node that gave up."""
     with Run(troubled_log) as run:
         lost = sum(episode.seconds for episode in run.account.recovery.episodes)
         (given_up,) = [v for v in run.visits if v.id == "Recover" and v.outcome == "FAILURE"]

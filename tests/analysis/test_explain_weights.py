@@ -1,4 +1,4 @@
-"""Why an item got away from the fingers, by what they pressed with and what the wrist felt: each limit."""
+"""Causes of an item that got away from the fingers, by grip force and wrist force: each limit."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ def failure(cause: str = "grasp.slipped", **evidence: object) -> FailureStory:
 def test_what_slipped_was_slippery_heavy_or_gripped_too_gently(
     pressed: float, pulled: float, cause: str, title: str
 ) -> None:
-    """Of a log without the true masses and frictions: by what was felt."""
+    """A log without true masses and frictions is explained by the measured forces."""
     found = why_it_left(case(pressed, pulled), HELD)
     assert found is not None
     assert (found.cause, found.title) == (cause, title)

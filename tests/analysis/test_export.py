@@ -194,7 +194,7 @@ def test_without_pyarrow_the_extra_is_named(
 
 @pytest.mark.parametrize("table", TABLES, ids=lambda table: table.name)
 def test_another_reader_of_csv_finds_the_same(table: TableSpec[Any], folders: dict[str, Path]) -> None:
-    """pyarrow's, which guesses the types as pandas does."""
+    """The reader is that of pyarrow, which guesses types as pandas does."""
     read = arrow_csv.read_csv(
         folders["csv"] / f"{table.name}.csv",
         parse_options=arrow_csv.ParseOptions(newlines_in_values=True),

@@ -30,7 +30,7 @@ def made(troubled_log: Path) -> ViewerLayout:
 
 
 def messages(log: RunLog, topic: str) -> Iterator[object]:
-    """As a viewer has them: JSON parsed, protobuf with all of its fields."""
+    """Yield a topic's messages as a viewer has them: JSON parsed, protobuf with all of its fields."""
     for raw in log.messages([topic]):
         if log.topics[topic].encoding == "json":
             yield json.loads(raw.data)
@@ -147,7 +147,7 @@ def test_the_camera_sees_all_of_a_sphere() -> None:
 
 
 def refused(schema: dict[str, Any], where: str = "") -> list[str]:
-    """What Lichtblick's reader of JSON schemas would raise, as its parseJsonSchema.ts reads."""
+    """Return the errors that Lichtblick's reader of JSON schemas raises (its `parseJsonSchema.ts`)."""
     if schema.get("type") != "object" or not isinstance(schema.get("properties"), dict):
         return [f"{where}: no object with properties"]
     found: list[str] = []

@@ -1,4 +1,4 @@
-"""What is packed for the lanes and the drawn tree: nodes, visits, items, statuses, charts."""
+"""Data of the lanes and the drawn tree: nodes, visits, items, statuses, charts."""
 
 from __future__ import annotations
 

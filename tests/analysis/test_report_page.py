@@ -57,7 +57,7 @@ def phone(report: Path, chromium: Chromium) -> Iterator[tuple[Any, Told]]:
 
 @pytest.fixture
 def page(desk: tuple[Any, Told]) -> Iterator[Any]:
-    """At the first tick, nothing chosen; the test fails where the page has something to say of it."""
+    """Page at the first tick with nothing chosen; errors and requests of the page fail the test."""
     page, told = desk
     page.set_viewport_size({"width": 1280, "height": 800})
     page.evaluate(

@@ -56,7 +56,7 @@ def desk(report: Path, chromium: Chromium) -> Iterator[tuple[Any, Told]]:
 
 @pytest.fixture
 def page(desk: tuple[Any, Told]) -> Iterator[Any]:
-    """At the first tick, nothing chosen; the test fails where the page has something to say of it."""
+    """Page at the first tick with nothing chosen; errors and requests of the page fail the test."""
     page, told = desk
     page.mouse.move(0, 0)
     page.evaluate(
@@ -168,7 +168,7 @@ def test_lanes_show_what_ran_what_failed_and_what_is_searched(page: Any, grasps:
 
 
 def at(page: Any, time: float, path: str) -> tuple[float, float]:
-    """Where a node's lane is at a time, on the screen."""
+    """Return the point (x, y) of a node's lane at a time, in pixels of the screen."""
     return tuple(
         page.evaluate(
             """([time, path]) => {

@@ -1,4 +1,4 @@
-"""What is packed for the plots: honest curves in few points."""
+"""Data of the plots: honest curves in few points."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What moves in a report: poses over ticks, and the truth between the seconds at which it was written."""
+"""Motion in a report: poses over ticks, and the truth between the seconds at which it was written."""
 
 from __future__ import annotations
 
@@ -97,7 +97,7 @@ def body(name: str, colour: str = "red", kind: str = "block") -> BodyRecord:
 
 
 def believed(name: str, xs: Array, held: Array | None = None, colour: str = "red") -> BelievedBody:
-    """At (x, 0, 0) at each tick."""
+    """Return a believed body at (x, 0, 0) for the x of each tick, m."""
     rows = np.tile(np.array(STILL), (len(xs), 1))
     rows[:, 0] = xs
     rows[np.isnan(xs)] = np.nan

@@ -160,7 +160,7 @@ def test_a_run_that_was_cut_off_says_so(log_path: Path) -> None:
 def test_the_joints_of_arm_and_gripper_are_those_of_the_robot_file(
     sorted_run: Path, monkeypatch: pytest.MonkeyPatch, robot: bytes, fingers: tuple[str, ...]
 ) -> None:
-    """Where the file does not tell, a joint's name does."""
+    """A joint's name decides where the robot file names no fingers."""
     with Run(sorted_run) as run:
         monkeypatch.setattr(run.log, "attachment", {"robot.yaml": robot}.__getitem__)
         arm, gripper = run.joint_names

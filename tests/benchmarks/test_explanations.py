@@ -1,4 +1,4 @@
-"""How explanations are scored, and the table of cases that they are scored by."""
+"""Scores of explanations, and the table of cases behind them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What calibrating makes of views and touches whose truth is known."""
+"""Calibration from views and touches whose truth is known."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ OPTICS = Intrinsics(320, 240, 207.8, 207.8, 160.0, 119.0)
 TARGET = Pose.from_rpy((0.5, 0.02, 0.026), (0.01, -0.02, 0.4))
 BELIEVED_TARGET = Pose.from_rpy((0.504, 0.017, 0.025), (0.0, 0.0, 0.37))
 CAMERA = Pose.from_rpy((0.07, 0.0, -0.06), (-0.49, 0.0, 1.571))
-"""On the hand, as believed."""
+"""Pose of the camera on the hand as believed, in the hand's frame."""
 TRULY = CAMERA @ Pose.from_rpy((0.005, -0.004, 0.0048), (0.02, -0.02, 0.02))
 OVERHEAD = Pose.from_rpy((0.5, 0.0, 0.8), (math.pi, 0.01, -1.55))
 TOOL = Pose((0.002, -0.0015, 0.002))
@@ -57,7 +57,7 @@ FROM_AFAR = seen(OVERHEAD, np.random.default_rng(5))
 
 
 def shots(rng: np.random.Generator, count: int = 12) -> tuple[TargetImage, ...]:
-    """Of the camera on the hand, which is not where it is believed to be."""
+    """Return images of the camera on the hand, which is not where it is believed to be."""
     places = [place.camera_in_world[0] for place in viewpoints(TARGET, SIZE, OPTICS, count)]
     return tuple(
         TargetImage("wrist", True, OPTICS, optical @ TRULY.inverse(), CAMERA, seen(optical, rng))

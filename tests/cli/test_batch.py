@@ -1,4 +1,4 @@
-"""picktree batch, as it is typed."""
+"""The command `picktree batch`."""
 
 import json
 from pathlib import Path
@@ -36,7 +36,7 @@ def test_a_batch_is_run_asked_and_gone_on_with(
 def test_a_scene_is_looked_for_where_run_looks_for_it(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """In the working directory, not beside the mission; the suffix may be left out."""
+    """A scene is looked up in the working directory, not beside the mission; its suffix may be left out."""
     monkeypatch.setattr(local_executor, "_started", forked_worker)
     monkeypatch.chdir(tmp_path)
     (tmp_path / "kitchen.yaml").write_text("picktree: 1\nkind: scene\nbase: sort_small\n")

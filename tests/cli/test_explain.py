@@ -29,7 +29,7 @@ faults:
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Of a run in which the second item is snatched away; do not change it."""
+    """Folder of a run in which the second item is snatched away; do not change it."""
     out = tmp_path_factory.mktemp("runs")
     (out / "faults.yaml").write_text(FAULTS, encoding="utf-8")
     text = (EXAMPLES / "one_pick.yaml").read_text(encoding="utf-8")

@@ -1,4 +1,4 @@
-"""What is shown while a mission runs."""
+"""Display of a running mission."""
 
 from __future__ import annotations
 

@@ -23,7 +23,7 @@ from ..commands import Terminal, call
 from ..logs.scripted_log import Seen, begins, ends, record, tree
 
 GOLDEN = Path(__file__).parents[1] / "logs" / "golden" / "small.mcap"
-"""Of format 1."""
+"""Log of format 1."""
 NODES = tree("Main:ForEach", "Main/Part:Sequence", "Main/Part/Grasp", "Main/Part/Place", object="{item}")
 PART, GRASP, PLACE = "Main/Part", "Main/Part/Grasp", "Main/Part/Place"
 SCRIPT: Mapping[
@@ -59,7 +59,7 @@ def log(tmp_path: Path) -> Path:
 
 
 def replayed(log: Path, *lines: str) -> str:
-    """What is shown when these lines are piped in, after what is shown first."""
+    """Return the output for these piped lines, without what is shown before the first."""
     out = io.StringIO()
     typed = iter(lines)
 

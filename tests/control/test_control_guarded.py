@@ -92,7 +92,7 @@ def test_guarded_move_refuses_nonsense() -> None:
     ("limit", "told"), [(25.1, " on a free way, above the limit of 25 N, "), (60.0, " on a free way, ")]
 )
 def test_a_touch_above_the_limit_says_so(limit: float, told: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """As a hit of one control period does, which is over before the monitor's mean is above its limit."""
+    """A hit of one control period is over before the monitor's mean exceeds its limit."""
     cell = Cell(force=limit)
     cell.go(0.5, 0.1, 0.08)
     monkeypatch.setattr(cell.monitor, "check", lambda *given: False)

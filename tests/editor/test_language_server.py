@@ -1,4 +1,4 @@
-"""What an author gets in an editor: the real yaml-language-server, driven as editors drive it."""
+"""Answers to an author in an editor: the real yaml-language-server, driven as editors drive it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which causes were seen, what was tried against each, what came of it: tick by tick, of made-up trees."""
+"""Episodes of recovery in made-up trees, tick by tick: causes, tries and outcomes."""
 
 from __future__ import annotations
 
@@ -101,7 +101,7 @@ def test_each_cause_bears_its_own_runs() -> None:
 
 
 def test_given_up_when_the_tries_are_used_up() -> None:
-    """What is run before failing for good costs, too, and is no try."""
+    """The branch that runs before the final failure adds to the cost, and is no try."""
     last = {
         4.0: [*fails(GRASP, "grasp.slipped"), begins(LOOK)],  # as its give_up
         5.0: [
@@ -316,7 +316,7 @@ def test_planted_faults_stand_beside_what_failed_first_after_them() -> None:
 
 
 def test_following_goes_on_from_any_moment() -> None:
-    """What is undecided at a checkpoint survives it, as JSON."""
+    """Undecided episodes survive a checkpoint, as JSON."""
     rest = {8.0: [ends(GRASP), ends("Main/Recover"), ends("Main")]}
     script = SLIPPED | {1.0: [FaultEvent("it slips", fault="slip")]} | rest
     whole = follow(RECOVER, script)

@@ -1,4 +1,4 @@
-"""How hard to grip follows from mass, friction and what the item bears."""
+"""Grip force: it follows from mass, friction and the force that the item bears."""
 
 from __future__ import annotations
 

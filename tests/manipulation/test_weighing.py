@@ -1,4 +1,4 @@
-"""What hangs on the hand is weighed while the arm lifts it."""
+"""Payload estimation while the arm lifts."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class Lift:
     slides: float | None = None
     """Time at which it is lost, s; the fingers stay as they are."""
     turns: float = 0.0
-    """Of the hand meanwhile, rad/s."""
+    """Angular speed of the hand during the lift, rad/s."""
     width: float = 0.04
     now: float = 0.0
 
@@ -107,7 +107,7 @@ def test_an_empty_hand_leaves_doubt() -> None:
 
 
 def test_what_was_lost_on_the_last_centimetres_leaves_doubt() -> None:
-    """Over the whole lift it still weighs enough."""
+    """The mean over the whole lift is still heavy enough."""
     weighing, doubt = Lift(0.5, slides=0.3).weigh()
     assert (weighing.load() or 0.0) > 0.3
     assert weighing.hold is None

@@ -99,7 +99,7 @@ def photograph(
     camera: CameraDescription = CAMERA,
     scene: SceneDescription = SCENE,
 ) -> RgbdImage:
-    """What the camera sees of the things, table and bins, with depth noise and dropouts at edges."""
+    """Return the camera's image of the things, table and bins, with depth noise and dropouts at edges."""
     lens, rays = _lens(camera)
     true = camera.pose @ camera.error
     depth, colour = (layer.copy() for layer in _scenery(scene, camera))
@@ -194,7 +194,7 @@ def view_of(
     description: SceneDescription = SCENE,
     known: Sequence[BeliefObject] = (),
 ) -> PerceivedView:
-    """What perception makes of a picture of the things, with objects that are known before."""
+    """Return the view that perception gets from a picture of the things, given the known objects."""
     robot = robot or Robot()
     image = photograph(things, seed=seed, camera=description.cameras[0], scene=description)
     return Perception(description, robot).detect(

@@ -57,7 +57,7 @@ def shot(hardware: KinematicHardware) -> RgbdImage:
 
 
 def believed(bodies: tuple[TrueBody, ...], shift: tuple[float, float]) -> list[BeliefObject]:
-    """What a camera that is off has made of the bodies: shifted, turned by 2°."""
+    """Return the bodies as a miscalibrated camera reports them: shifted, turned by 2°."""
     turn = Pose.from_rpy((0.0, 0.0, 0.0), (0.0, 0.0, math.radians(2)))
     return [
         BeliefObject(

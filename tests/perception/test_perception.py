@@ -1,4 +1,4 @@
-"""What perception makes of pictures whose truth is known."""
+"""Perception of pictures whose truth is known."""
 
 from __future__ import annotations
 

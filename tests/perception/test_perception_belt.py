@@ -1,4 +1,4 @@
-"""What rides on a belt is seen as on a table: where it is, and where it is no longer."""
+"""Items on a belt are seen as on a table: where they are, and where they no longer are."""
 
 from __future__ import annotations
 

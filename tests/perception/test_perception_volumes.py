@@ -1,4 +1,4 @@
-"""What nothing explains is a volume: it grows with what is seen, clears where rays pass, keeps the hidden."""
+"""Unknown volumes: unexplained depth adds blocks, rays that pass remove them, hidden blocks stay."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def taken_up(scene: PlanningScene) -> Array:
 
 
 def share_covered(scene: PlanningScene, thing: Thing) -> float:
-    """How much of the thing is in blocks, by points drawn in it."""
+    """Return the share of the thing that blocks cover, by points drawn in it."""
     reach = 0.5 * np.array([0.5, 0.5, 0.5])
     points = thing.pose.apply(np.random.default_rng(1).uniform(-reach, reach, (200_000, 3)))
     points = points[inside(thing.shape, thing.pose, points)]

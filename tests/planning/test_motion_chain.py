@@ -233,7 +233,7 @@ def test_random_chains_keep_all_limits_and_touch_nothing(seed: int) -> None:
 
 
 def test_a_leg_with_one_corner_gives_up_more_of_it_than_one_with_two() -> None:
-    """Of lines of 10 cm, 70 % at the one corner of the last leg, 45 % at each of two: those never overlap."""
+    """Blends take 70 % of a 10 cm line at the last leg's only corner, 45 % at each of two; none overlap."""
     up, aside = Request(OffsetGoal((0.0, 0.0, 0.1))), Request(OffsetGoal((0.0, 0.1, 0.0)))
     low, nearest = down(0.5, 0.0, 0.15), list[float]()
     for legs in ((up, aside), (up, aside, up)):

@@ -65,7 +65,7 @@ def test_requests_depend_on_no_earlier_query() -> None:
 
 
 def test_agrees_with_fcl() -> None:
-    """Without margins: what the judge finds 0.1 mm deep is not free, what is deep here, the judge finds."""
+    """Without margins, contacts 0.1 mm deep by the judge are not free, and ours are the judge's, too."""
     scene = littered(5, high=0.6)
     scene.put(item("held", Box((0.05, 0.05, 0.15)), Pose()), "test")
     scene.attach("held", Pose((0.0, 0.0, 0.05)))
@@ -87,7 +87,7 @@ def test_agrees_with_fcl() -> None:
 
 
 def test_without_a_margin_what_lies_deep_in_each_other_is_seen() -> None:
-    """With a margin of nought coal takes these two links, 9 mm deep in each other, for apart."""
+    """These two links are 9 mm deep in each other; coal takes them for apart when the margin is nought."""
     q = np.array([1.0462881, 0.72710322, 1.04743667, -0.76741345, -2.43633052, 0.38170118, 2.05911783])
     scene = table_scene(item("held", Box((0.05, 0.05, 0.15)), Pose()))
     scene.attach("held", Pose((0.0, 0.0, 0.05)))

@@ -1,4 +1,4 @@
-"""What fingers crush is told in the result of the run."""
+"""Crushed items are listed in the result of the run."""
 
 from __future__ import annotations
 

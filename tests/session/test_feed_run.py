@@ -53,7 +53,7 @@ trees:
 
 
 class Progress(Observer):
-    """What a terminal is told."""
+    """Counts of done and all items that an observer gets at each tick."""
 
     def __init__(self) -> None:
         self.seen: list[tuple[int, int]] = []

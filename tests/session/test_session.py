@@ -56,7 +56,7 @@ class Interrupting(Observer):
 def test_what_still_moves_comes_to_rest_before_it_is_scored(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, rocks: float, height: float, waited: int
 ) -> None:
-    """In its bin, or falling into it; at most five seconds are waited."""
+    """The last item is in its bin or falls into it; the wait is at most five seconds."""
     (tmp_path / "one.yaml").write_text(ONE_ITEM)
     session = Session(request(tmp_path, "sort_by_colour", scene=str(tmp_path / "one.yaml")))
     hardware, tree = session.execution.hardware, session.execution.tree

@@ -1,4 +1,4 @@
-"""When faults happen: at each start, every so often, by chance; and what they do to the program."""
+"""Times of faults: at each start, at intervals, by chance; and faults of the program itself."""
 
 from __future__ import annotations
 

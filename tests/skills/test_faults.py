@@ -1,4 +1,4 @@
-"""What goes wrong with an item is felt, named, recovered from, and does not keep the others from a bin."""
+"""Faults of an item are felt, named and recovered from; the others still reach their bins."""
 
 from __future__ import annotations
 

@@ -295,7 +295,7 @@ def test_a_light_object_that_falls_on_the_way_is_found_out() -> None:
 
 @pytest.mark.parametrize("kind", ["can", "nut"])
 def test_a_neighbour_between_the_fingers_is_not_the_light_object(kind: str) -> None:
-    """What is believed to be a block of 3 g is something else, which the fingers do hold."""
+    """The believed block of 3 g is another thing, which the fingers do hold."""
     scene = feathers(**{kind: 1})
     cell = Cell(mission("Observe: {camera: overhead}"), scene)
     cell.finish()

@@ -64,7 +64,7 @@ def test_what_sticks_to_the_opened_fingers_was_not_placed(
 
 @pytest.mark.parametrize(("left", "placed"), [(0.45, True), (0.55, False)])
 def test_half_of_the_load_must_be_gone(left: float, placed: bool, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Of what breaks when the fingers open, a part stays at them: the lighter one counts as rubbish."""
+    """The item breaks when the fingers open and a part stays at them: the lighter part counts as rubbish."""
     cell, hardware, block = holding()
     (body,) = hardware.bodies.items
 
@@ -166,7 +166,7 @@ def test_a_bin_whose_heap_is_too_high_is_full() -> None:
 
 
 def test_one_way_of_letting_go_over_a_bin_is_enough(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Of the turns of the hand over each spot the first alone."""
+    """Placement gets a single turn of the hand over each spot."""
     cell, _, block = holding()
     downs, through = list[float](), cell.world.plan.through
 

@@ -216,7 +216,7 @@ class Patchy:
         self._put(body if off < self._way else replace(body, friction=self._friction))
 
     def push(self, ports: str) -> FailureReport:
-        """What the push fails with. A stroke begins when the hand was high above the table."""
+        """Run a push and return its failure. A stroke begins when the hand was high above the table."""
         self.cell.start(mission(f"Push: {{{ports}}}"))
         self.cell.tick()
         while self.cell.running:
@@ -357,7 +357,7 @@ def ending_nowhere(*_: Any) -> tuple[PushStroke, ...]:
 
 
 def offered(cell: Cell, ports: str, monkeypatch: pytest.MonkeyPatch, *ends: PlanarPose) -> list[PlanarPose]:
-    """Of strokes that end so, those of which it is asked whether they are free."""
+    """Return the ends of strokes for which the push requests a check, among strokes with these ends."""
     asked = list[PlanarPose]()
     strokes = push_strokes
 

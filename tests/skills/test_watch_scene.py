@@ -34,7 +34,7 @@ class Watched:
 
     @property
     def now(self) -> float:
-        """Since the branch began, s."""
+        """Time since the branch began, s."""
         return round(self.cell.world.clock.now - self.began, 6)
 
     def _glance(self, camera: str) -> Any:

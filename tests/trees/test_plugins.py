@@ -157,7 +157,7 @@ def test_a_ctrl_c_while_a_plug_in_is_imported_is_the_users(tmp_path: Path) -> No
 
 
 def install(site: Path, source: str, value: str = "cell_skills", module: str = "cell_skills") -> None:
-    """What pip leaves behind of a distribution with one module and one entry point."""
+    """Write the files that pip installs for a distribution with one module and one entry point."""
     (site / f"{module}.py").write_text(source)
     info = site / "my_cell-1.2.dist-info"
     info.mkdir()
