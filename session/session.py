@@ -205,15 +205,18 @@ class Session:
 
 @contextmanager
 def _without_old_garbage() -> Generator[None]:
-    """Keep the garbage collector off the objects that exist before: libraries, world and tree outlive a
-    run."""
-    frozen = frozen_before_runs()
+    """Keep the garbage collector off the objects that exist before the run: libraries, world and tree.
+
+    A process that froze its libraries itself keeps that: thawing would lose it, and freezing more would keep
+    the world and tree of each run for good."""
+    if frozen_before_runs():
+        yield
+        return
     gc.freeze()
     try:
         yield
     finally:
-        if not frozen:
-            gc.unfreeze()
+        gc.unfreeze()
 
 
 @cache

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import gc
 import json
 import os
 import signal
+import weakref
 from dataclasses import replace
 from pathlib import Path
 
@@ -48,6 +50,16 @@ class Interrupting(Observer):
     def ticked(self, now: float, report: TickReport, items_done: int, items_total: int) -> None:
         if round(now / TICK_LENGTH) == 6:
             os.kill(os.getpid(), signal.SIGINT)
+
+
+def test_nothing_of_a_run_is_kept_where_the_process_froze_its_libraries(tmp_path: Path) -> None:
+    assert gc.get_freeze_count() > 0  # by the tests' collection
+    session = Session(request(tmp_path))
+    world, tree = weakref.ref(session.execution.world), weakref.ref(session.execution.tree)
+    session.run()
+    del session
+    gc.collect()
+    assert (world(), tree()) == (None, None)
 
 
 @pytest.mark.parametrize(
