@@ -89,13 +89,28 @@ class Chromium:
             context.close()
 
 
-def wait_until(page: Any, expression: str, seconds: float = PATIENCE) -> None:
-    """Wait until it is true in the page, whose policy forbids what `page.wait_for_function` does."""
+def wait_until(page: Any, expression: str, seconds: float = PATIENCE) -> bool:
+    """Wait until an expression is true in the page, then return True. Raises AssertionError when it never is.
+
+    The page's policy forbids `page.wait_for_function`."""
     end = time.monotonic() + seconds
     while not page.evaluate(expression):
         if time.monotonic() > end:
             raise AssertionError(f"never true in the page: {expression}")
         page.wait_for_timeout(20)
+    return True
+
+
+def on_top(page: Any, selector: str) -> bool:
+    """Return whether the middle of the element is on the screen, with nothing of another element over it."""
+    return page.evaluate(
+        """(selector) => {
+            const one = document.querySelector(selector);
+            const { left, top, width, height } = one.getBoundingClientRect();
+            return one.contains(document.elementFromPoint(left + width / 2, top + height / 2));
+        }""",
+        selector,
+    )
 
 
 def frames(page: Any, count: int) -> None:

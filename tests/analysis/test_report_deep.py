@@ -13,7 +13,7 @@ from picktree.analysis import Run
 from picktree.analysis.report.report import write_report
 from picktree.logs.schema.records import WriteRecord
 
-from ..browser import Chromium, Told, wait_until
+from ..browser import Chromium, Told, on_top, wait_until
 from ..logs.scripted_log import Seen, begins, ends, record, tree
 from ..needs import CHROMIUM, needs
 
@@ -71,7 +71,7 @@ def front(page: Any, panel: str) -> None:
 
 def test_n_leads_to_the_failing_leaf_and_opens_its_story(page: Any) -> None:
     page.keyboard.press("n")
-    wait_until(page, f"picktreeReport.player.node === '{LEAVES[1]}'")
+    assert wait_until(page, f"picktreeReport.player.node === '{LEAVES[1]}'")
     stories = "[...document.querySelectorAll('.story details')].map((one) => one.open)"
     assert page.evaluate(stories) == [True, False]
     page.keyboard.press("n")
@@ -112,7 +112,7 @@ def test_the_row_of_the_failing_leaf_is_in_sight(page: Any, first: str) -> None:
     page.evaluate("picktreeReport.player.selectFailure(null); picktreeReport.player.selectNode('Main')")
     page.evaluate("picktreeReport.player.selectFailure(1)")
     front(page, "lanes")
-    wait_until(
+    assert wait_until(
         page,
         """(() => {
             const row = document.querySelector(".lanes-name.selected").getBoundingClientRect();
@@ -121,6 +121,10 @@ def test_the_row_of_the_failing_leaf_is_in_sight(page: Any, first: str) -> None:
         })()""",
         seconds=60.0,
     )
+    row = page.locator(".lanes-name.selected")
+    assert row.evaluate_all("rows => rows.map((row) => row.title)") == [LEAVES[1]]
+    assert row.locator(".said").inner_text().startswith("Place")
+    assert on_top(page, ".lanes-name.selected .dot")
 
 
 def test_keys_and_values_of_the_blackboard_share_the_panel(page: Any) -> None:
@@ -149,7 +153,7 @@ def test_the_tree_shows_the_failing_leaf_among_the_nodes_around_it(page: Any) ->
     front(page, "tree")
     page.evaluate("picktreeReport.player.selectFailure(null); picktreeReport.player.seek(0)")
     page.evaluate("picktreeReport.player.selectFailure(1)")
-    wait_until(
+    assert wait_until(
         page,
         f"""(() => {{
             const sheet = document.querySelector(".tree-sheet").getBoundingClientRect();
@@ -162,3 +166,6 @@ def test_the_tree_shows_the_failing_leaf_among_the_nodes_around_it(page: Any) ->
         }})()""",
         seconds=60.0,
     )
+    for path, name in ((LEAVES[1], "Place"), (LEAVES[0], "Grasp")):
+        assert page.locator(f'[data-path="{path}"]').text_content().startswith(name)
+        assert on_top(page, f'[data-path="{path}"]')

@@ -11,7 +11,7 @@ import pytest
 from picktree.analysis.report.report import write_report
 from picktree.analysis.run import Run
 
-from ..browser import Chromium, Told, frames, wait_until
+from ..browser import Chromium, Told, frames, on_top, wait_until
 from ..needs import CHROMIUM, needs
 
 pytestmark = needs(CHROMIUM)
@@ -78,7 +78,7 @@ def test_page_opens_without_a_word_or_a_request(page: Any) -> None:
     assert page.title() == "sort by colour, sort_small, seed 0"
     assert page.locator("#head h1").inner_text() == "sort by coloursort_small · seed 0"
     page.locator("#play").click()
-    wait_until(page, f"{TIME} > 0.2")
+    assert wait_until(page, "parseFloat(document.getElementById('clock').textContent) > 0.2")
 
 
 def test_play_moves_time_at_the_chosen_speed(page: Any) -> None:
@@ -117,7 +117,7 @@ def test_scrubber_seeks_and_the_clock_follows(page: Any) -> None:
     box = page.locator("#scrub").bounding_box()
     page.mouse.click(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
     assert page.evaluate(TIME) == pytest.approx(page.evaluate("picktreeReport.player.end / 2"), abs=0.2)
-    wait_until(
+    assert wait_until(
         page,
         "document.getElementById('clock').textContent === `${picktreeReport.player.time.toFixed(2)} s`",
     )
@@ -143,12 +143,15 @@ def test_next_and_previous_failure(page: Any, failures: list[float]) -> None:
 def test_address_and_time_follow_each_other(page: Any, failures: list[float]) -> None:
     seek(page, 1.25)
     page.keyboard.press("ArrowRight")
-    wait_until(page, "location.hash === '#t=1.3'")
+    assert wait_until(page, "location.hash === '#t=1.3'")
+    clock = "document.getElementById('clock').textContent"
     page.evaluate("location.hash = '#t=0.5'")
-    wait_until(page, f"{TIME} === 0.5")
+    assert wait_until(page, f"{clock} === '0.50 s'")
+    assert page.evaluate(TIME) == 0.5
     page.evaluate("location.hash = '#failure=1'")
-    wait_until(page, f"{TIME} === {failures[0]}")
-    wait_until(page, "location.hash.includes('failure=1')")
+    assert wait_until(page, f"{clock} === '{failures[0]:.2f} s'")
+    assert page.locator(".story.chosen").get_attribute("data-number") == "0"
+    assert wait_until(page, "location.hash.includes('failure=1')")
 
 
 def test_link_to_a_tick_is_copied(page: Any, report: Path) -> None:
@@ -265,27 +268,44 @@ def test_page_of_a_log_of_format_1_says_so_and_works(tmp_path: Path, chromium: C
         assert (told.problems, told.requests) == ([], [])
 
 
-def fits(page: Any, size: tuple[int, int]) -> None:
+FIXED = ("#play", "#scrub", "#clock", "#panel-stage canvas")
+"""Parts of the page that are in sight on any screen."""
+
+
+def cut_off(page: Any, size: tuple[int, int]) -> list[str]:
+    """Return the parts of `FIXED` that a window of that size, px, does not show whole and on top."""
     page.set_viewport_size({"width": size[0], "height": size[1]})
     frames(page, 3)
-    root = "document.scrollingElement"
-    assert page.evaluate(f"{root}.scrollWidth") <= size[0]
-    assert page.evaluate(f"{root}.scrollHeight") <= size[1]
-    for name in ("#play", "#scrub", "#clock", "#panel-stage canvas"):
-        box = page.locator(name).bounding_box()
-        assert box["x"] >= 0 and box["x"] + box["width"] <= size[0], name
-        assert box["y"] >= 0 and box["y"] + box["height"] <= size[1], name
+    boxes = {name: page.locator(name).bounding_box() for name in FIXED}
+    return [
+        name
+        for name, box in boxes.items()
+        if box["x"] < 0
+        or box["x"] + box["width"] > size[0]
+        or box["y"] < 0
+        or box["y"] + box["height"] > size[1]
+        or not on_top(page, name)
+    ]
+
+
+def extent(page: Any) -> tuple[int, int]:
+    """Return width and height of the page with all that one would have to scroll to, px."""
+    return tuple(
+        page.evaluate("(({ scrollWidth: w, scrollHeight: h }) => [w, h])(document.scrollingElement)")
+    )
 
 
 @pytest.mark.parametrize("size", [(800, 600), (1280, 800), (1920, 1080)])
 def test_page_fits_the_screen(size: tuple[int, int], page: Any) -> None:
-    fits(page, size)
+    assert cut_off(page, size) == []
+    assert extent(page) == size
 
 
 @pytest.mark.parametrize("size", [(360, 640), (390, 844)])
 def test_page_fits_a_phone(size: tuple[int, int], phone: tuple[Any, Told]) -> None:
     page, told = phone
-    fits(page, size)
+    assert cut_off(page, size) == []
+    assert extent(page) == size
     assert told.problems == []
 
 

@@ -43,8 +43,8 @@ def poses(n: int = 40) -> tuple[list[Pose], Array]:
     return found, np.array([row(pose) for pose in found])
 
 
-def same(a: Array, b: Array) -> None:
-    """Equal as poses: a quaternion and its negative are one rotation."""
+def assert_same(a: Array, b: Array) -> None:
+    """Assert that rows (n, 7) are the same poses: a quaternion and its negative are one rotation."""
     np.testing.assert_allclose(a[:, :3], b[:, :3], atol=1e-12)
     np.testing.assert_allclose(np.abs(np.sum(a[:, 3:] * b[:, 3:], axis=1)), 1.0, atol=1e-12)
 
@@ -53,9 +53,9 @@ def test_rows_of_poses_compose_as_poses_do() -> None:
     one, a = poses()
     two = list(reversed(one))
     b = a[::-1]
-    same(composed(a, b), np.array([row(p @ q) for p, q in zip(one, two, strict=True)]))
-    same(inverse(a), np.array([row(p.inverse()) for p in one]))
-    same(composed(inverse(a), a), np.tile(np.array(STILL), (len(a), 1)))
+    assert_same(composed(a, b), np.array([row(p @ q) for p, q in zip(one, two, strict=True)]))
+    assert_same(inverse(a), np.array([row(p.inverse()) for p in one]))
+    assert_same(composed(inverse(a), a), np.tile(np.array(STILL), (len(a), 1)))
 
 
 def test_between_two_poses_the_shorter_way_is_taken() -> None:
@@ -63,7 +63,7 @@ def test_between_two_poses_the_shorter_way_is_taken() -> None:
     start = np.array([STILL])
     end = np.array([row(turned)]) * np.array([1, 1, 1, -1, -1, -1, -1])
     half = between(start, end, np.array([0.5]))
-    same(half, np.array([row(Pose.from_rpy((0.5, 0.0, 0.0), (0.0, 0.0, 0.2)))]))
+    assert_same(half, np.array([row(Pose.from_rpy((0.5, 0.0, 0.0), (0.0, 0.0, 0.2)))]))
 
 
 def test_quaternions_do_not_jump_to_their_negatives() -> None:
@@ -72,7 +72,7 @@ def test_quaternions_do_not_jump_to_their_negatives() -> None:
     assert np.abs(np.diff(rows, axis=0)).max() > 1.0  # w ≥ 0 makes them jump
     smooth = continuous(rows)
     assert np.abs(np.diff(smooth, axis=0)).max() < 0.1
-    same(smooth, rows)
+    assert_same(smooth, rows)
 
 
 def _about_z(angle: float) -> Array:
