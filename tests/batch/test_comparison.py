@@ -1,4 +1,4 @@
-"""Which of two recipes is better, and how sure that is."""
+"""Comparison of two recipes: the better one, and how sure that is."""
 
 from __future__ import annotations
 

@@ -39,7 +39,7 @@ LOST = JobFailureRow(5.0, "Main/Observe", "world.lost", "it is gone", "can_2", "
 
 @pytest.fixture(scope="module")
 def report(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Of 2 recipes with 12 seeds: the first one misses its goal on every third seed, and one job waits."""
+    """Page of 2 recipes with 12 seeds: the first misses its goal on every third seed, one job waits."""
     folder = tmp_path_factory.mktemp("page") / "night shift"
     folder.mkdir()
     plan = BatchPlan(
