@@ -48,7 +48,7 @@ def main() -> None:
 
 
 def _frames(log: RunLog, count: int) -> None:
-    scenery = SceneRenderer(log.robot_model(), PictureView(), SIZE)
+    scenery = SceneRenderer(log.robot_model(), PictureView(), SIZE, {})
     times = [log.end * (k + 0.5) / count for k in range(count)]
     costs: list[float] = []
     for frame in moments(log, times, (0.0, log.end), bar=True):

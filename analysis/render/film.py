@@ -24,7 +24,7 @@ from .captions import write
 from .encoding import require_encoder, write_gif, write_mp4
 from .frames import FrameContent, moments
 from .rasterizer import Picture
-from .scene_view import SceneRenderer, Show
+from .scene_view import SceneRenderer, Show, bin_tints
 from .viewpoint import VIEWS, PictureView
 
 _MAX_WAITING_FRAMES = 2
@@ -38,6 +38,8 @@ class FrameSetup:
     robot: tuple[LinkMesh, ...]
     view: PictureView
     size: tuple[int, int]
+    tints: dict[str, str]
+    """Colour of a bin's items, by bin."""
 
 
 class FrameWorkers:
@@ -117,7 +119,7 @@ def _draw_frames(line: Connection, setup: FrameSetup) -> None:
 
 
 def _scenery(setup: FrameSetup) -> SceneRenderer:
-    return SceneRenderer(setup.robot, setup.view, setup.size)
+    return SceneRenderer(setup.robot, setup.view, setup.size, setup.tints)
 
 
 def _draw_frame(scenery: SceneRenderer, frame: FrameContent) -> Picture:
@@ -220,7 +222,7 @@ def film(
         frames = moments(log, some, (start, end), show=request.show, hold=hold, speed=speed, bar=True)
         return painters.pictures(frames)
 
-    setup = FrameSetup(log.robot_model(), request.view, size)
+    setup = FrameSetup(log.robot_model(), request.view, size, bin_tints(log))
     partial = output.with_name(f".{output.name}.partial")
     try:
         output.parent.mkdir(parents=True, exist_ok=True)

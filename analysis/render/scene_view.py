@@ -13,8 +13,10 @@ from numpy.typing import NDArray
 from ...logs.meshes.binary_gltf import parts_of, read_glb
 from ...logs.meshes.triangle_meshes import Mesh, join_meshes, part_mesh, shape_mesh
 from ...logs.recording.foxglove_messages import UNKNOWN_COLOUR
+from ...logs.run_log import RunLog
 from ...logs.schema.records import BlockRecord, BodyRecord, LinkMesh, PartRecord, Scene
 from ...world.colours import COLOURS, TRUTH_COLOUR
+from ...world.scene.destinations import colours_of_destinations
 from ...world.shapes import Shape
 from ...world.values import Array, Pose
 from .rasterizer import Picture, RasterModel
@@ -45,10 +47,17 @@ class SceneRenderer:
     """Renderer of moments of one run, in one size and from one view."""
 
     def __init__(
-        self, robot: tuple[LinkMesh, ...], view: PictureView, size: tuple[int, int], *, fine: int = 2
+        self,
+        robot: tuple[LinkMesh, ...],
+        view: PictureView,
+        size: tuple[int, int],
+        tints: Mapping[str, str],
+        *,
+        fine: int = 2,
     ) -> None:
+        """`tints`: colour of a bin's items, by bin; see `bin_tints`."""
         self._robot_meshes = {mesh.link: read_glb(mesh.glb) for mesh in robot}
-        self._view, self._size, self._fine = view, size, fine
+        self._view, self._size, self._tints, self._fine = view, size, tints, fine
         self._fixed: tuple[PartRecord, ...] | None = None
         self._studio = MeshRenderer(join_meshes([]), view, size)
         self._robot: dict[str, RasterModel] = {}
@@ -67,7 +76,7 @@ class SceneRenderer:
         """Return the same as `picture`, in less time for a single image."""
         links = shown.links
         parts = [mesh.placed(links[link]) for link, mesh in self._robot_meshes.items() if link in links]
-        parts += [_part(part).placed(part.pose) for part in shown.solid.fixed]
+        parts += [self._part(part) for part in shown.solid.fixed]
         parts += [_body_mesh(b).placed(_pose(b, links)) for b in shown.solid.bodies]
         studio = MeshRenderer(join_meshes(parts), self._view, self._size, fine=self._fine)
         return self._drawn_over(studio.picture([]), shown)
@@ -83,10 +92,13 @@ class SceneRenderer:
 
     def _build(self, fixed: tuple[PartRecord, ...]) -> None:
         self._fixed = fixed
-        parts = [_part(part).placed(part.pose) for part in fixed]
+        parts = [self._part(part) for part in fixed]
         self._studio = MeshRenderer(join_meshes(parts), self._view, self._size, fine=self._fine)
         self._robot = {link: self._studio.model(mesh) for link, mesh in self._robot_meshes.items()}
         self._bodies = {}
+
+    def _part(self, part: PartRecord) -> Mesh:
+        return part_mesh(part.shape, part.holes, part_colour(part, self._tints)).placed(part.pose)
 
     def _body(self, body: BodyRecord) -> RasterModel:
         key = (body.shape, body.colour, body.blocks)
@@ -122,12 +134,27 @@ class SceneRenderer:
         return max(1, round(pixels * self._size[1] / 600))
 
 
+def bin_tints(log: RunLog) -> dict[str, str]:
+    """Return the colour of the items that belong into a bin, by bin, where all its items have the same one.
+
+    Empty when the log holds no scene that can be read."""
+    from ..explain.investigation.case import scene_of  # slow to import
+
+    scene = scene_of(log)
+    if scene is None:
+        return {}
+    return colours_of_destinations(scene.destinations, [(each.kind, each.form) for each in scene.catalogue])
+
+
+def part_colour(part: PartRecord, tints: Mapping[str, str]) -> tuple[float, float, float]:
+    """Return a fixture's colour as RGB, 0 … 1; that of a bin is half the colour of its items."""
+    own = COLOURS.get(part.colour, UNKNOWN_COLOUR)
+    tint = COLOURS.get(tints.get(part.id.split("/")[0], ""), own)
+    return (0.5 * (own[0] + tint[0]), 0.5 * (own[1] + tint[1]), 0.5 * (own[2] + tint[2]))
+
+
 def _mesh(shape: Shape, colour: str) -> Mesh:
     return shape_mesh(shape, COLOURS.get(colour, UNKNOWN_COLOUR))
-
-
-def _part(part: PartRecord) -> Mesh:
-    return part_mesh(part.shape, part.holes, COLOURS.get(part.colour, UNKNOWN_COLOUR))
 
 
 def _body_mesh(body: BodyRecord) -> Mesh:

@@ -20,7 +20,7 @@ from .captions import write
 from .frames import moments
 from .rasterizer import Picture
 from .renderer import render
-from .scene_view import SceneRenderer, Show
+from .scene_view import SceneRenderer, Show, bin_tints
 from .viewpoint import PictureView
 
 ROBOT_PICTURE_SIZE = (1000, 900)
@@ -133,9 +133,10 @@ def draw(
     if not 0 <= at <= log.end + 1e-9:
         raise PicktreeError(f"{log.path}: the run lasted {log.end:.2f} s; there is no moment {at:g} s")
     (moment,) = moments(log, [at], (at, at), show=show)
-    picture = SceneRenderer(log.robot_model(), view or PictureView(), size, fine=_SAMPLES_PER_PIXEL).single(
-        moment.shown
+    scenery = SceneRenderer(
+        log.robot_model(), view or PictureView(), size, bin_tints(log), fine=_SAMPLES_PER_PIXEL
     )
+    picture = scenery.single(moment.shown)
     if caption:
         write(picture, moment.caption)
     return picture

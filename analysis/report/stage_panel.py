@@ -14,10 +14,9 @@ from ...logs.recording.foxglove_messages import UNKNOWN_COLOUR
 from ...logs.schema.records import BodyRecord, LinkMesh, PartRecord
 from ...robots.loading import parse_robot
 from ...world.colours import COLOURS
-from ...world.scene.destinations import colours_of_destinations
 from ...world.shapes import Box, ConvexMesh, Cylinder, Shape, Sphere
 from ...world.values import Array, Pose
-from ..explain.investigation.case import scene_of
+from ..render.scene_view import bin_tints, part_colour
 from ..run import Run
 from .body_motion import BelievedBody, Frames, TrueBodySamples, motion_of, spans
 from .packing import Packable, Quantised, Section, composed, continuous, filled, inverse, quantise, row
@@ -192,28 +191,16 @@ def _truth(truth: TrueBodySamples, poses: Array, partner: int | None) -> Packabl
 def _fixed(run: Run) -> Packable:
     scene = run.log.belief_at(run.end) or run.log.truth_at(run.end)
     parts = scene.record.fixed if scene is not None else ()
-    described = scene_of(run)
-    tints: dict[str, str] = {}
-    if described is not None:
-        kinds = [(entry.kind, entry.form) for entry in described.catalogue]
-        tints = colours_of_destinations(described.destinations, kinds)
+    tints = bin_tints(run.log)
     return [
         {
             "id": part.id.split("/")[0],
             "shape": packed_part(part),
-            "colour": _tinted(part.colour, tints.get(part.id.split("/")[0])),
+            "colour": [round(share, 4) for share in part_colour(part, tints)],
             "pose": list(row(part.pose)),
         }
         for part in parts
     ]
-
-
-def _tinted(own: str, tint: str | None) -> list[Packable]:
-    """Return a fixture's colour, mixed with that of the items that alone belong into it."""
-    if tint is None or tint not in COLOURS:
-        return rgb(own)
-    pairs = zip(COLOURS.get(own, UNKNOWN_COLOUR), COLOURS[tint], strict=True)
-    return [round(0.5 * a + 0.5 * b, 4) for a, b in pairs]
 
 
 def _plans(run: Run) -> Packable:

@@ -7,10 +7,13 @@ from types import ModuleType
 import numpy as np
 import pytest
 
+from picktree.analysis.render.film import FrameSetup, FrameWorkers
+from picktree.analysis.render.frames import moments
 from picktree.analysis.render.lighting import LightingSetup
 from picktree.analysis.render.renderer import render
+from picktree.analysis.render.scene_view import bin_tints
 from picktree.analysis.render.snapshot import draw, snapshot
-from picktree.analysis.render.viewpoint import PictureView
+from picktree.analysis.render.viewpoint import VIEWS, PictureView
 from picktree.errors import PicktreeError
 from picktree.logs.meshes.triangle_meshes import join_meshes, shape_mesh
 from picktree.logs.recording.images import decode_colour
@@ -69,6 +72,26 @@ def test_an_object_that_was_removed_is_not_drawn(log_path: Path) -> None:
     blue = [(p[:, :, 2] > 2.0 * p[:, :, 0]).sum() for p in (before, after)]
     assert blue[0] > 20
     assert blue[1] == 0
+
+
+def test_a_bin_has_a_tint_of_its_items_in_pictures_and_films(troubled_log: Path, tmp_path: Path) -> None:
+    size = (320, 240)
+    view, found = VIEWS["top"], dict[str, set[int]]()
+    with RunLog(troubled_log) as log:
+        (moment,) = moments(log, [1.0], (0.0, 2.0))
+        film_setup = FrameSetup(log.robot_model(), view, size, bin_tints(log))
+        with FrameWorkers(film_setup, 1) as workers:
+            (frame,) = workers.pictures([moment])
+        still = draw(log, 1.0, size, view, caption=False)
+        floors = [part for part in moment.shown.solid.fixed if part.id.endswith("_bin/0")]
+    for part in floors:
+        ((column, row, _),) = view.project(np.array([part.pose.position]), size)
+        for picture in (still, frame):
+            pixel = picture[int(row), int(column)].astype(int)
+            found.setdefault(part.id, set()).add(int(np.argmax(pixel)) if np.ptp(pixel) > 30 else -1)
+    strongest = {"red_bin/0": {0}, "green_bin/0": {1}, "blue_bin/0": {2}}
+    assert found == {name: strongest[name] for name in found}
+    assert len(found) >= 2
 
 
 def test_the_file_has_the_size_that_was_asked_for(log_path: Path, tmp_path: Path) -> None:

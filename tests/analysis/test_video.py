@@ -78,7 +78,7 @@ def test_a_gif_has_the_same_frames(picked: RunResult, tmp_path: Path) -> None:
 
 def test_several_processes_draw_the_same_in_the_same_order(picked: RunResult) -> None:
     with RunLog(picked.log) as log:
-        setup = FrameSetup(log.robot_model(), PictureView(), SMALL)
+        setup = FrameSetup(log.robot_model(), PictureView(), SMALL, {})
         frames = list(moments(log, [0.5, 1.0, 1.5, 2.0, 2.5], (0.0, 3.0)))
     with FrameWorkers(setup, 2) as two:
         drawn = list(two.pictures(frames))

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, TypeVar, cast
 import numpy as np
 
 from ....errors import PicktreeError
-from ....logs.run_log import Stamped
+from ....logs.run_log import RunLog, Stamped
 from ....logs.schema.event_records import BeliefEvent, ImageEvent
 from ....logs.schema.records import BodyRecord, Scene
 from ....logs.visits import Visit, VisitTree
@@ -73,17 +73,17 @@ def reachable(arm: InverseKinematics, poses: Sequence[Pose]) -> bool:
     return any(arm.solutions(pose, rng, home, SOLUTIONS) for pose in poses[::step])
 
 
-def scene_of(run: RunRecord) -> SceneDescription | None:
+def scene_of(log: RunLog) -> SceneDescription | None:
     """None when the log holds no scene file, or one that needs files which it does not hold."""
-    kept = run.log.attachments
+    kept = log.attachments
     if "scene.yaml" not in kept:
         return None
-    text = run.log.attachment("scene.yaml").decode("utf-8", "replace")
+    text = log.attachment("scene.yaml").decode("utf-8", "replace")
     with tempfile.TemporaryDirectory() as folder:
         for name in (name for name in kept if name.startswith("mesh/")):
             mesh = Path(name).name
             text = re.sub(rf"[^\s,{{}}'\"]*{re.escape(mesh)}", mesh, text)
-            (Path(folder) / mesh).write_bytes(run.log.attachment(name))
+            (Path(folder) / mesh).write_bytes(log.attachment(name))
         try:
             return parse_scene(text, Path(folder) / "scene.yaml")
         except (PicktreeError, OSError):
@@ -106,7 +106,7 @@ class Investigation:
 
     @cached_property
     def scene(self) -> SceneDescription | None:
-        return scene_of(self.run)
+        return scene_of(self.run.log)
 
     @cached_property
     def belief(self) -> BodyTracks:
