@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Generator
-from typing import TypeVar
+from typing import TYPE_CHECKING, TypeAlias, TypeVar
 
 import numpy as np
 import pinocchio as pin
@@ -17,7 +17,6 @@ from picktree.robots.loading import load_robot
 from picktree.robots.model import RobotModel
 from picktree.simulation.kinematic.backend import KinematicHardware
 from picktree.world.journal import Journal, JournalEvent
-from picktree.world.protocols import Hardware
 from picktree.world.scene.description import (
     Bin,
     CatalogueEntry,
@@ -29,6 +28,9 @@ from picktree.world.scene.description import (
 from picktree.world.shapes import Box
 from picktree.world.trajectory import Trajectory
 from picktree.world.values import Array, Bounds, ObjectId, Pose
+
+if TYPE_CHECKING:
+    from picktree.simulation.physics.backend import PhysicsHardware
 
 T = TypeVar("T")
 TICK = 0.05
@@ -55,7 +57,9 @@ def table_scene(items: int = 0, force: float = 60.0) -> SceneDescription:
     )
 
 
-Backend = Callable[[SceneDescription, RobotDescription, int], Hardware]
+Backend: TypeAlias = (
+    "Callable[[SceneDescription, RobotDescription, int], KinematicHardware | PhysicsHardware]"
+)
 
 
 class Cell:

@@ -95,7 +95,11 @@ def test_a_touch_above_the_limit_says_so(limit: float, told: str, monkeypatch: p
     """A hit of one control period is over before the monitor's mean exceeds its limit."""
     cell = Cell(force=limit)
     cell.go(0.5, 0.1, 0.08)
-    monkeypatch.setattr(cell.monitor, "check", lambda *given: False)
+
+    def unconcerned(*_: object) -> bool:
+        return False
+
+    monkeypatch.setattr(cell.monitor, "check", unconcerned)
     start = cell.loop.held_position
     into_table = reach(Pose((0.5, 0.1, -0.02), LOOKING_DOWN), start)
     with pytest.raises(Failure) as caught:
