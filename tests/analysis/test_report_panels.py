@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -89,6 +90,15 @@ def test_above_the_failures_stands_what_was_tried_and_what_was_planted(page: Any
     planted = page.locator("#panel-failures .moments").first.inner_text()
     assert "is snatched away: grasp.missed" in planted
     assert planted.endswith("given up")
+
+
+def test_nothing_in_the_story_of_a_failure_is_cut_off(page: Any) -> None:
+    page.evaluate("picktreeReport.player.selectFailure(0)")
+    headings = page.locator(".story.chosen h4").all_inner_texts()
+    assert any(re.fullmatch(r"Choice of a grasp for \w+, [\d.]+ s", heading) for heading in headings)
+    wide = "(one) => one.clientWidth && one.scrollWidth > one.clientWidth"
+    boxes = "[...document.querySelectorAll('.story.chosen, .story.chosen *')]"
+    assert page.evaluate(f"{boxes}.filter({wide}).map((one) => one.textContent)") == []
 
 
 def test_the_list_of_failures_leads_to_each_of_them(page: Any, failures: tuple[FailureStory, ...]) -> None:

@@ -53,7 +53,7 @@ def _run(folder: Path) -> Path:
     plan = BatchPlan(
         "grip force", (MISSION,), tuple(range(16)), settings={"Grasp.force": ("1.5 N", "30 N")}, keep="none"
     )
-    with Batch.create(folder, plan) as batch, LocalExecutor() as executor, progress(folder) as seen:
+    with Batch.create(folder, plan) as batch, LocalExecutor() as executor, progress(folder, None) as seen:
         batch.run(executor, seen)
     return folder
 

@@ -164,7 +164,8 @@ function counted(failures) {
 
 // What there was to choose from, and why the rest was not taken.
 function* chosen(choice, at) {
-  yield made("h4", {}, `Choice of a ${choice.purpose} for ${choice.object}, `, at(choice.time));
+  const [what] = choice.purpose.split(" by ");  // the path of the node follows
+  yield made("h4", { title: choice.purpose }, `Choice of a ${what} for ${choice.object}, `, at(choice.time));
   yield made("p", {}, choice.stages.map(([name, count]) => `${count} ${name}`).join(" → "));
   if (choice.rejections.length) {
     yield made("table", { class: "rejections" }, ...choice.rejections.map(({ name, reason, count }) =>
