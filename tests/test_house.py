@@ -18,7 +18,7 @@ from picktree.files.shipped_files import rooms
 
 from .commands import call
 from .house.figures import figures, folder_sizes, lone_folders, long_modules
-from .house.source import House, When, circles, read_house
+from .house.source import House, When, circles, own_house
 from .rooms import PACKAGES, PROJECT, ROOMS, ROOT
 
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -65,7 +65,7 @@ def test_every_list_of_packages_has_all_of_them() -> None:
 
 @pytest.fixture(scope="module")
 def house() -> House:
-    return read_house(ROOT)
+    return own_house()
 
 
 def test_no_file_imports_itself_in_a_circle(house: House) -> None:

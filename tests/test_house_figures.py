@@ -13,7 +13,6 @@ import pytest
 from .house import __main__
 from .house.docstrings import docstrings, sentences
 from .house.figures import (
-    ROOT,
     Figures,
     figures,
     folder_sizes,
@@ -26,7 +25,7 @@ from .house.figures import (
 )
 from .house.lists import LISTS
 from .house.names import classes, constants, in_several_modules, public_functions, with_equal_value
-from .house.source import ALWAYS, House, When, circles, closure, read_house
+from .house.source import ALWAYS, House, When, circles, closure, own_house, read_house
 from .house.table import table
 
 LOADING = (When.LOADING,)
@@ -465,5 +464,5 @@ def test_figures_of_the_product_are_all_there(
     imported = found["imported at the top of modules from"]
     for name, number in found["loaded by a run of"].items():
         assert (number or 0) >= (imported[name] or 0) > 0
-    count = len(read_house(ROOT).modules)
+    count = len(own_house().modules)
     assert capsys.readouterr().out.splitlines()[2].split() == ["modules", f"{count:,}", "1"]

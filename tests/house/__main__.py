@@ -7,9 +7,9 @@ import json
 import sys
 from pathlib import Path
 
-from .figures import ROOT, figures, loaded_figures
+from .figures import figures, loaded_figures
 from .lists import LISTS
-from .source import read_house
+from .source import own_house
 from .table import table
 
 
@@ -20,7 +20,7 @@ def main() -> None:
     parser.add_argument("--list", choices=LISTS, help="print what a figure counts, by file and line")
     parser.add_argument("--under", default="", metavar="PATH", help="list this folder or file only")
     given = parser.parse_args()
-    house = read_house(ROOT)
+    house = own_house()
     if given.list:
         for entry in LISTS[given.list](house):
             if entry.file.startswith(given.under):

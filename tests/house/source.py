@@ -7,7 +7,7 @@ import tomllib
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
-from functools import cached_property
+from functools import cache, cached_property
 from pathlib import Path
 
 
@@ -125,6 +125,12 @@ class House:
     def _targets(self, base: str, name: str) -> tuple[str, ...]:
         whole = f"{base}.{name}" if name else base
         return next(((found,) for found in (whole, base) if found in self.files), ())
+
+
+@cache
+def own_house() -> House:
+    """The product's own source, parsed once in a process: it takes 2 to 4 s of CPU."""
+    return read_house(Path(__file__).parents[2])
 
 
 def read_house(root: Path) -> House:
