@@ -95,7 +95,7 @@ def plan_picture(
     bodies = tuple(belief_record(o) for o in world.scene.objects)
     scene = Scene((*bodies, *point), tuple(_fixed(world)))
     shown = SceneContent(robots.poses, scene, Scene(marked, ()), path)
-    picture = SceneRenderer(tuple(robots.meshes), view, size).single(shown)
+    picture = SceneRenderer(tuple(robots.meshes), view, size, {}).single(shown)
     write(picture, caption)
     return picture
 
