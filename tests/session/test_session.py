@@ -50,6 +50,14 @@ class Interrupting(Observer):
             os.kill(os.getpid(), signal.SIGINT)
 
 
+def test_a_run_with_a_planning_worker_is_the_run_without_one(tmp_path: Path) -> None:
+    digests = {
+        Session(request(tmp_path / name), planning_worker=worker).run().digest
+        for name, worker in (("with", True), ("without", False))
+    }
+    assert len(digests) == 1
+
+
 @pytest.mark.parametrize(
     ("rocks", "height", "waited"), [(0.0, 0.0, 0), (0.6, 0.0, 12), (0.6, 0.3, 12), (9.0, 0.0, 100)]
 )
