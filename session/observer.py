@@ -184,7 +184,7 @@ class WallClockPacer(Observer):
             self._sleep(self._due - wall)
 
     @property
-    def told(self) -> str:
+    def lateness(self) -> str:
         """Sentence about the gaps between ticks; empty when the watchdog would have seen none."""
         if not self._gaps:
             return ""

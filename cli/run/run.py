@@ -155,8 +155,8 @@ def run(
         assembly = _new_run(first, answers or ())
     with assembly as session_for, watchers.observers() as observers:
         result = session_for(observers).run()
-    if pacer is not None and pacer.told:
-        print(pacer.told, file=sys.stderr)
+    if pacer is not None and pacer.lateness:
+        print(pacer.lateness, file=sys.stderr)
     print_answer(answer, lambda: result.to_text(program()), result.to_json_text)
     if profile is not None and profiler is not None:
         profiler.profile.write(profile)
