@@ -12,6 +12,7 @@ from typing import Literal
 from ..analysis.run import Run
 from ..logs.recording.rotated_log import NO_ROTATION, Rotation
 from ..logs.run_result import RunResult
+from ..planning.service.planning_worker import has_second_core
 from ..session.execution import Execution
 from ..session.recipe import DEFAULT_TIME_LIMIT, Recording, RunRequest, read_recipe
 from ..session.session import Session
@@ -134,8 +135,8 @@ def run(
         rotation=rotation,
     )
     if checked is None:
-        return MissionRun.of(Session(request).run())
-    execution = Execution(read_recipe(request, checked))
+        return MissionRun.of(Session(request, planning_worker=has_second_core()).run())
+    execution = Execution(read_recipe(request, checked), planning_worker=has_second_core())
     return MissionRun.of(Session(execution, record=Recording(request.out, rotation)).run())
 
 

@@ -37,10 +37,14 @@ def assemble_world(
     seed: int,
     *,
     verify: bool = False,
+    planning_worker: bool = False,
     stopwatch: Stopwatch | None = None,
 ) -> World:
     """Return a world on the given hardware with an empty belief: fixtures and bins are known, objects are
-    not."""
+    not.
+
+    `planning_worker`: whether a second process plans ahead.
+    """
     watch = stopwatch or Stopwatch()
     model = RobotModel(replace(robot, tool=scene.tool))
     belief = PlanningScene(scene.fixtures, scene.bins, destination_rule(scene.destinations))
@@ -63,6 +67,7 @@ def assemble_world(
         now=lambda: hardware.clock.now,
         workspace=scene.limits.workspace,
         verify=verify,
+        worker=planning_worker,
         stopwatch=watch,
     )
     vision = Vision(

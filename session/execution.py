@@ -54,12 +54,14 @@ class Execution:
         *,
         after: Execution | None = None,
         stopwatch: Stopwatch | None = None,
+        planning_worker: bool = False,
         kill: Callable[[], None] | None = None,
     ) -> None:
         """Build hardware and world, or continue with those of another execution of the same scene.
 
-        `after`: that other execution, which has ended. `kill` is called by a fault that kills the process;
-        None: such a fault has no effect.
+        `after`: that other execution, which has ended. `planning_worker`: whether a second process plans
+        ahead, which changes nothing but the time that the run takes. `kill` is called by a fault that kills
+        the process; None: such a fault has no effect.
         """
         self.recipe = recipe
         self.mission: Mission = recipe.mission
@@ -80,6 +82,7 @@ class Execution:
                 recipe.robot,
                 recipe.seed,
                 verify=recipe.verify,
+                planning_worker=planning_worker,
                 stopwatch=self.stopwatch,
             )
         else:

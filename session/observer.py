@@ -5,6 +5,7 @@ The pace against the wall clock is an observer, too.
 
 from __future__ import annotations
 
+import math
 import time
 from collections import deque
 from collections.abc import Callable, Iterable, Sequence
@@ -149,27 +150,47 @@ _MAX_CATCH_UP = 0.5
 class WallClockPacer(Observer):
     """Observer that limits simulated time to `factor` times the wall clock by waiting after each tick.
 
-    The run itself is not affected.
+    It counts the gaps between ticks at which a robot's watchdog would brake. The run itself is not affected.
     """
 
     def __init__(
         self,
         factor: float,
+        watchdog: float = math.inf,
         *,
         clock: Callable[[], float] = time.monotonic,
         sleep: Callable[[float], None] = time.sleep,
     ) -> None:
-        """`factor` is above 0: simulated seconds per wall second."""
+        """`factor` is above 0: simulated seconds per wall second. `watchdog`: time after which a moving arm
+        that nobody attends to brakes, simulated s."""
         self._factor = factor
+        self._watchdog = watchdog
         self._clock, self._sleep = clock, sleep
         self._due: float | None = None
         self._before = 0.0
+        self._last = 0.0
+        self._gaps: list[float] = []
 
     def ticked(self, now: float, report: TickReport, items_done: int, items_total: int) -> None:
         wall = self._clock()
         if self._due is None:
-            self._due, self._before = wall, now
+            self._due, self._before, self._last = wall, now, wall
+        if wall - self._last > self._watchdog / self._factor:
+            self._gaps.append(wall - self._last)
+        self._last = wall
         self._due = max(self._due + (now - self._before) / self._factor, wall - _MAX_CATCH_UP)
         self._before = now
         if self._due > wall:
             self._sleep(self._due - wall)
+
+    @property
+    def lateness(self) -> str:
+        """Sentence about the gaps between ticks; empty when the watchdog would have seen none."""
+        if not self._gaps:
+            return ""
+        limit, longest = self._watchdog / self._factor, max(self._gaps)
+        times = "once" if len(self._gaps) == 1 else f"{len(self._gaps)} times"
+        return (
+            f"pace: {times} a tick came later than {limit * 1000:.0f} ms after the one before, "
+            f"by the clock ({longest * 1000:.0f} ms at most): the watchdog of a robot would have braked there"
+        )

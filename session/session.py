@@ -60,12 +60,14 @@ class Session:
         *,
         record: Recording | None = None,
         observers: Sequence[Observer] = (),
+        planning_worker: bool = False,
     ) -> None:
         """Build the world, the tree and the run's folder.
 
         `recipe` is what is run; an execution was built from one before. `record`: where the run is recorded;
         None: as the request says, else in `runs`. `observers` are called in their order; the interrupters
-        among them may also answer questions, edit the mission and end the run.
+        among them may also answer questions, edit the mission and end the run. `planning_worker`: whether a
+        second process plans ahead, for which a second core is needed.
         """
         arithmetic.check()
         self._observers: list[Observer] = list(observers)
@@ -75,9 +77,14 @@ class Session:
             if recipe.watch:
                 self._observers.append(MissionReload(FileWatch()))
             # Only a first run is killed: its repetition must show what came before the kill.
-            recipe = Execution(read_recipe(recipe), stopwatch=self.timer.stopwatch, kill=_kill)
+            recipe = Execution(
+                read_recipe(recipe),
+                stopwatch=self.timer.stopwatch,
+                planning_worker=planning_worker,
+                kill=_kill,
+            )
         elif isinstance(recipe, Recipe):
-            recipe = Execution(recipe, stopwatch=self.timer.stopwatch)
+            recipe = Execution(recipe, stopwatch=self.timer.stopwatch, planning_worker=planning_worker)
         self.execution = recipe
         self._interrupters = [each for each in self._observers if isinstance(each, Interrupter)]
         record = record or Recording()

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 from ..errors import PicktreeError
 
@@ -23,6 +23,9 @@ class Cause:
 
     def __str__(self) -> str:
         return self.name
+
+    def __reduce__(self) -> tuple[Callable[[str], Cause], tuple[str]]:
+        return cause_named, (self.name,)  # another process has the same causes, which are told by identity
 
 
 @dataclass(frozen=True, slots=True)
@@ -251,3 +254,10 @@ class Failure(Exception):
         self.cause = cause
         self.message = message
         self.evidence: Evidence = evidence
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _unpickled_failure, (type(self), self.args), self.__dict__
+
+
+def _unpickled_failure(kind: type[Failure], args: tuple[str, ...]) -> Failure:
+    return kind.__new__(kind, *args)

@@ -17,7 +17,7 @@ from ..terminal.output import end_with, keep_stdout, print_answer, program
 
 if TYPE_CHECKING:
     from ...session.debugger import Debugger
-    from ...session.observer import Observer
+    from ...session.observer import Observer, WallClockPacer
     from ...session.profiling.profiler import Profiler
     from ...session.resume.resumption import ResumeRequest
     from ...session.session import RunRequest, Session
@@ -120,10 +120,10 @@ def run(
     refuse_contradictions(context)
     answer = keep_stdout() if json else None
     parameters = parse_parameters(set_ or ())
-    pace = parse_pace(pace)
+    pacer = None if pace is None else _pacer(pace)
     seconds = None if limit is None else parse_limit(limit)
     profiler = None if profile is None else _profiler(profile)
-    watchers = _Watchers(debug, live_port if live else None, pace, profiler, to_stderr=json)
+    watchers = _Watchers(debug, live_port if live else None, pacer, profiler, to_stderr=json)
 
     from ...logs.recording.rotated_log import Rotation
 
@@ -155,6 +155,8 @@ def run(
         assembly = _new_run(first, answers or ())
     with assembly as session_for, watchers.observers() as observers:
         result = session_for(observers).run()
+    if pacer is not None and pacer.lateness:
+        print(pacer.lateness, file=sys.stderr)
     print_answer(answer, lambda: result.to_text(program()), result.to_json_text)
     if profile is not None and profiler is not None:
         profiler.profile.write(profile)
@@ -165,10 +167,13 @@ def run(
 @contextmanager
 def _new_run(request: RunRequest, answers: Sequence[str]) -> Generator[Assembly]:
     """Assemble the session of a run from its beginning."""
+    from ...planning.service.planning_worker import has_second_core
     from ...session.observer import PresetAnswers
     from ...session.session import Session
 
-    yield lambda observers: Session(request, observers=(PresetAnswers(answers), *observers))
+    yield lambda observers: Session(
+        request, observers=(PresetAnswers(answers), *observers), planning_worker=has_second_core()
+    )
 
 
 @contextmanager
@@ -188,7 +193,7 @@ class _Watchers:
     debug: bool
     live_port: int | None
     """Port of the live view; None: there is none."""
-    pace: float | None
+    pacer: WallClockPacer | None
     """Upper bound of simulated seconds per wall second; None: as fast as possible."""
     profiler: Profiler | None
     """Profiler of the run; None: there is none."""
@@ -198,7 +203,6 @@ class _Watchers:
     @contextmanager
     def observers(self) -> Generator[tuple[Observer, ...]]:
         """Return the observers; displays and servers are open in the block."""
-        from ...session.observer import WallClockPacer
         from ..terminal.progress import run_display
         from .operator_prompt import operators
 
@@ -207,7 +211,7 @@ class _Watchers:
                 *([self.profiler] if self.profiler is not None else ()),
                 view,
                 *live,
-                *([WallClockPacer(self.pace)] if self.pace is not None else ()),
+                *([self.pacer] if self.pacer is not None else ()),
                 *([self._debugger()] if self.debug else ()),
                 *operators(self._stream, view.aside),
             )
@@ -289,11 +293,14 @@ def parse_parameters(settings: list[str] | tuple[str, ...]) -> dict[str, str]:
     return parameters
 
 
-def parse_pace(factor: float | None) -> float | None:
-    """Return the factor. Raises PicktreeError unless it is above 0."""
-    if factor is not None and factor <= 0:
+def _pacer(factor: float) -> WallClockPacer:
+    """Return the observer that keeps the pace. Raises PicktreeError unless the factor is above 0."""
+    if factor <= 0:
         raise PicktreeError(f"--pace {factor:g}: write a number above 0, as in --pace 1 for real time")
-    return factor
+    from ...control.execution.supervision import MAX_UNATTENDED_MOTION
+    from ...session.observer import WallClockPacer
+
+    return WallClockPacer(factor, MAX_UNATTENDED_MOTION)
 
 
 def parse_limit(text: str) -> float:

@@ -20,7 +20,6 @@ from .visual_servoing import servo_to_grasp
 
 if TYPE_CHECKING:
     from ...control.execution.trajectory_motion import Doing
-    from ...planning.requests import MotionPlan
     from ...planning.service.lookahead_planning import LookaheadResult
     from ...skill_world.world import World
 
@@ -46,7 +45,7 @@ class ApproachedPick:
     """Candidate with the arm at its grasp and the fingers open."""
 
     candidate: PickPlaceCandidate
-    transfer: LookaheadResult[MotionPlan] | None
+    transfer: LookaheadResult | None
     """Transfer that was planned during the approach. None: there is none."""
     first: bool
     """Whether no candidate of this object has failed before."""
@@ -121,16 +120,17 @@ def _move_to_grasp(
     world: World,
     task: PickTask,
     candidate: PickPlaceCandidate,
-    transfer: LookaheadResult[MotionPlan] | None,
+    transfer: LookaheadResult | None,
     target: TargetWatch | None,
 ) -> Doing[None]:
     """Move to the pre-grasp and down in one motion.
 
-    Raises TransferRefused as soon as no transfer is known to exist from there, and TargetMoved.
+    Raises TransferRefused over the pre-grasp when no transfer is known to exist from there, and TargetMoved.
     """
 
     def stop() -> Failure | None:
-        if transfer is not None and transfer.ready <= world.clock.now:
+        # Asked no earlier, so that a planning worker has the time until then.
+        if transfer is not None and over <= world.clock.now and transfer.ready <= world.clock.now:
             refused = transfer.answer
             if isinstance(refused, Failure):
                 return TransferRefused(refused.cause, refused.message, **refused.evidence)
@@ -139,8 +139,9 @@ def _move_to_grasp(
     yield from world.control.settle()
     world.control.zero()
     world.gripper.start(candidate.grasp.opening)
-    plan = candidate.approach.trajectory
-    yield from world.move.along(plan, guard=world.handling.guard, watch=stop, node=task.node)
+    plan = candidate.approach
+    over = world.clock.now + (plan.passes[0] if plan.passes else 0.0)
+    yield from world.move.along(plan.trajectory, guard=world.handling.guard, watch=stop, node=task.node)
     yield from descend_until_contact(world, candidate.grasp, task.object, task.node)
 
 

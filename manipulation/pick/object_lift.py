@@ -39,7 +39,7 @@ class ClosedGrip:
     press: GripForce
     felt: GripCheck
     """Opening of the fingers. The load is not measured yet."""
-    transfer: LookaheadResult[MotionPlan] | None
+    transfer: LookaheadResult | None
     """Transfer from the present configuration. None: the object is lifted straight up."""
     first: bool
     """Whether no candidate of this object has failed before."""

@@ -88,7 +88,7 @@ def lower_request(
 
 def plan_transfer_ahead(
     world: World, candidate: PickPlaceCandidate, speed: float, node: str
-) -> LookaheadResult[MotionPlan] | None:
+) -> LookaheadResult | None:
     """Plan the transfer of a candidate ahead, from the configuration of its grasp.
 
     None: it has no place, or it is flat, so that its grasp height is known only after contact.
@@ -98,12 +98,12 @@ def plan_transfer_ahead(
     holding = HeldObject(candidate.object, candidate.object_in_tcp)
     width, drop = candidate.grasp.expected_width, candidate.landing.drop
     legs = transfer_requests(world, holding, candidate.at, width, candidate.above, drop, speed)
-    return world.plan.ahead(world.plan.through(legs, node=node, rounded=world.handling.rounded))
+    return world.plan.ahead(legs, node=node, rounded=world.handling.rounded)
 
 
 def plan_transfer_from_here(
     world: World, candidate: PickPlaceCandidate, object_in_tcp: Pose, speed: float, node: str
-) -> LookaheadResult[MotionPlan]:
+) -> LookaheadResult:
     """Plan the transfer of a candidate with a place ahead, from the present configuration."""
     assert candidate.landing is not None
     holding = HeldObject(candidate.object, object_in_tcp)
@@ -114,10 +114,10 @@ def plan_transfer_from_here(
     start = world.control.held_position
     width, drop = candidate.grasp.expected_width, candidate.landing.drop
     legs = transfer_requests(world, holding, start, width, (above,), drop, speed)
-    return world.plan.ahead(world.plan.through(legs, node=node, rounded=world.handling.rounded))
+    return world.plan.ahead(legs, node=node, rounded=world.handling.rounded)
 
 
-def take_transfer(world: World, transfer: LookaheadResult[MotionPlan]) -> Doing[MotionPlan | None]:
+def take_transfer(world: World, transfer: LookaheadResult) -> Doing[MotionPlan | None]:
     """Return a transfer that was planned ahead. None: it is refused, or starts at another configuration."""
     try:
         plan = yield from world.plan.take(transfer)

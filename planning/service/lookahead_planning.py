@@ -1,24 +1,23 @@
-"""Look-ahead planning: the next motion is planned while the present one runs. It is computed at once and
-ready at a fixed simulated time.
+"""Look-ahead planning: the next motion is planned while the present one runs. It is ready at a fixed
+simulated time.
 
 Plan provenance records what each trajectory was planned for, so that it can be checked again.
 """
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable, Generator
 from dataclasses import dataclass, replace
-from typing import Generic, TypeVar
 from weakref import WeakKeyDictionary
 
-from ...errors import PicktreeError
 from ...world.belief.planning_scene import PlanningScene
 from ...world.causes import Failure
-from ...world.computing_time import ComputeTimeAccount
 from ...world.trajectory import Trajectory
 from ..collision.trajectory_check import StartTolerance, is_trajectory_free
 from ..requests import JointGoal, MotionPlan, Request
 from .motion_chain import split_into_legs
+from .planning_worker import ChainAnswer, ChainOrder, PlanningWorker
 from .solver import RequestSolver
 
 WIDTH_TOLERANCE = 0.002
@@ -64,13 +63,13 @@ class PlanProvenanceStore:
         self._width = width
         self._made: WeakKeyDictionary[Trajectory, PlanProvenance] = WeakKeyDictionary()
 
-    def note(self, plan: MotionPlan) -> None:
-        """Record a plan whose trajectory was just found free."""
+    def note(self, plan: MotionPlan, seen: CheckedBelief | None = None) -> None:
+        """Record a plan whose trajectory was found free in the belief `seen`; None: just now."""
         requests = [leg.request for leg in plan.legs or (plan,)]
         passes = plan.passes or (plan.trajectory.duration,)
         known = tuple(request for request in requests if request is not None)
         if len(known) == len(passes):
-            self._made[plan.trajectory] = PlanProvenance(known, passes, self.now())
+            self._made[plan.trajectory] = PlanProvenance(known, passes, seen or self.now())
 
     def renew(self, trajectory: Trajectory) -> None:
         """Record that a trajectory was found free in the present belief. It need not be a recorded plan."""
@@ -89,80 +88,124 @@ class PlanProvenanceStore:
         return CheckedBelief(snapshot.version, snapshot.allowed, self._width())
 
 
-T = TypeVar("T")
-
-
 @dataclass(frozen=True, slots=True, eq=False)
-class LookaheadResult(Generic[T]):
-    """Result of planning ahead. `PlanService.take` returns it, not before `ready`."""
+class LookaheadOutcome:
+    """Answer with its cost and the time from which it may be used, simulated s."""
 
-    answer: T | Failure
-    ready: float
-    """Simulated time from which it may be used, s."""
+    answer: ChainAnswer
     cost: float
-    """Simulated thinking time that it took, s."""
-    version: int
-    """Belief version that it was computed for."""
-    generation: int
-    """Number of checkpoints before it; any later checkpoint drops it."""
+    ready: float
+
+
+class LookaheadResult:
+    """Result of planning ahead. `PlanService.take` returns it, not before `ready`.
+
+    Reading it waits, in wall time, for the planning worker.
+    """
+
+    def __init__(
+        self, order: ChainOrder, asked: float, generation: int, resolve: Callable[[LookaheadResult], None]
+    ) -> None:
+        """Arguments: `asked`, the simulated time of the order, s. `resolve` sets the outcome."""
+        self.order = order
+        self.asked = asked
+        self.generation = generation
+        """Number of checkpoints before it; any later checkpoint drops it."""
+        self.outcome: LookaheadOutcome | None = None
+        self._resolve = resolve
+
+    @property
+    def answer(self) -> MotionPlan | Failure:
+        return self._resolved.answer.plan
+
+    @property
+    def cost(self) -> float:
+        """Simulated thinking time that it took, s."""
+        return self._resolved.cost
+
+    @property
+    def ready(self) -> float:
+        """Simulated time from which it may be used, s."""
+        return self._resolved.ready
+
+    @property
+    def version(self) -> int:
+        """Belief version that it was computed for."""
+        return self.order.belief.version
+
+    @property
+    def _resolved(self) -> LookaheadOutcome:
+        if self.outcome is None:
+            self._resolve(self)
+        assert self.outcome is not None
+        return self.outcome
 
 
 class LookaheadPlanner:
     """Look-ahead planner: a second line of computation next to the one that skills wait for. It does one
     thing at a time.
 
-    Checkpoints keep nothing of it: earlier results are forgotten there.
+    With a worker it computes in another process while ticks go on here. Answers, and the simulated times at
+    which they are ready, are those without one. Checkpoints keep nothing of it: earlier results are
+    forgotten there.
     """
 
-    def __init__(self, thinking: ComputeTimeAccount, now: Callable[[], float]) -> None:
-        """Use `now` as the clock, simulated s."""
-        self._thinking = thinking
+    def __init__(
+        self,
+        now: Callable[[], float],
+        cost: float,
+        solve: Callable[[ChainOrder], ChainAnswer],
+        resolved: Callable[[ChainOrder, LookaheadOutcome], None],
+        worker: PlanningWorker | None = None,
+    ) -> None:
+        """Arguments: `now` returns the simulated time, s; `cost` is that of a check, simulated s. `solve`
+        plans in this process. `resolved` is told each outcome, when it or a later one is first read."""
         self._now = now
+        self._cost = cost
+        self._solve = solve
+        self._told = resolved
+        self._worker = worker
         self._free = 0.0
         self._generation = 0
+        self._pending: deque[tuple[LookaheadResult, ChainAnswer | None]] = deque()
 
-    def prepare(self, steps: Generator[None, None, T], version: int) -> LookaheadResult[T]:
-        """Compute `steps` at once, without letting time pass. They may wait for nothing but thinking."""
-        thinking = self._thinking
-        owed, before = thinking.owed, thinking.total
-        thinking.owed = 0.0
-        answer: T | Failure
-        try:
-            answer = self._finished(steps, before)
-        except Failure as failure:
-            answer = failure
-        finally:
-            cost = thinking.total - before
-            thinking.owed = owed
-        self._free = max(self._free, self._now()) + cost
-        return LookaheadResult(answer, self._free, cost, version, self._generation)
+    def prepare(self, order: ChainOrder) -> LookaheadResult:
+        """Begin to plan a chain, without letting time pass."""
+        result = LookaheadResult(order, self._now(), self._generation, self._resolve)
+        sent = self._worker is not None and self._worker.send(order)
+        self._pending.append((result, None if sent else self._solve(order)))
+        return result
 
-    def wait(self, prepared: LookaheadResult[T]) -> Generator[None, None, None]:
+    def wait(self, prepared: LookaheadResult) -> Generator[None, None, None]:
         """Yield until it is ready."""
         while self._now() < prepared.ready - 1e-9:
             yield
 
-    def remembers(self, prepared: LookaheadResult[T]) -> bool:
+    def remembers(self, prepared: LookaheadResult) -> bool:
         """Whether no checkpoint has come since."""
         return prepared.generation == self._generation
 
     def forget(self) -> None:
         """Drop what was prepared, as a checkpoint does."""
+        while self._pending:
+            self._next()
         self._free = 0.0
         self._generation += 1
 
-    def _finished(self, steps: Generator[None, None, T], before: float) -> T:
-        thinking = self._thinking
-        paid = 0.0
-        while True:
-            try:
-                next(steps)
-            except StopIteration as end:
-                return end.value
-            paid += thinking.tick
-            if paid > thinking.total - before + 1e-9:
-                steps.close()
-                raise PicktreeError("only planning can be done ahead: these steps wait for something else")
+    def _resolve(self, wanted: LookaheadResult) -> None:
+        while wanted.outcome is None:
+            self._told(*self._next())
+
+    def _next(self) -> tuple[ChainOrder, LookaheadOutcome]:
+        """Take the oldest answer that is not taken yet."""
+        result, answer = self._pending.popleft()
+        if answer is None:
+            assert self._worker is not None
+            answer = self._worker.receive(result.order)
+        cost = answer.thoughts * self._cost
+        self._free = max(self._free, result.asked) + cost
+        result.outcome = LookaheadOutcome(answer, cost, self._free)
+        return result.order, result.outcome
 
 
 def is_plan_free(solver: RequestSolver, plan: MotionPlan) -> bool:

@@ -1,4 +1,5 @@
-"""Plan quality: lengths, duration, clearance, and distance to singularities and joint limits of a plan."""
+"""Plan quality: lengths, duration, clearance, and distance to singularities and joint limits of a plan;
+and the record of a plan in the journal."""
 
 from __future__ import annotations
 
@@ -8,10 +9,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...robots.model import RobotModel
+from ...world.causes import Failure
+from ...world.journal import PlanEntry
 from ...world.trajectory import Trajectory
 from ...world.values import Array
 from ..collision.collision_checker import CollisionChecker
-from ..requests import ContactPair
+from ..failures import planning_failures
+from ..requests import ContactPair, MotionPlan, Request
+from .solver import MeasuredCost
 
 QUALITY_STEP = 0.05
 """Greatest distance in joint space between two measured configurations, rad."""
@@ -150,3 +155,43 @@ def _sampled_indices(trajectory: Trajectory) -> Iterator[int]:
         if since >= QUALITY_STEP or k == len(q) - 1:
             since = 0.0
             yield k
+
+
+def plan_entry(
+    model: RobotModel,
+    legs: Sequence[Request],
+    start: Array,
+    spent: MeasuredCost,
+    answer: MotionPlan | Failure,
+    version: int,
+) -> PlanEntry:
+    """Return the record of a plan, or of its failure, of these motions from `start` (n,) rad.
+
+    `version` is that of the belief.
+    """
+    noted = PlanEntry(
+        ", then ".join(planning_failures.describe_request(leg) for leg in legs),
+        "",
+        spent.checks,
+        spent.seconds,
+        "found",
+        "",
+        0.0,
+        start=tuple(start.tolist()),
+        version=version,
+    )
+    if isinstance(answer, Failure):
+        return replace(noted, outcome=answer.cause.name, message=answer.message)
+    q = answer.trajectory.position
+    picked = q[np.unique(np.linspace(0, len(q) - 1, min(len(q), 25)).astype(int))]
+    tool_path = tuple((x, y, z) for x, y, z in model.tcp_positions(picked).tolist())
+    return replace(
+        noted,
+        planner=answer.planner,
+        duration=answer.trajectory.duration,
+        path=tuple(tuple(one) for one in answer.path.tolist()),
+        tool_path=tool_path,
+        length=length(q),
+        way=length(np.array(tool_path)),
+        singular=float(smallest_singular_values(model, picked).min()),
+    )

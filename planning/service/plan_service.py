@@ -7,17 +7,15 @@ import logging
 import math
 from collections.abc import Callable, Generator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, TypeVar
-
-import numpy as np
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from ...errors import PicktreeError
 from ...robots.model import RobotModel
 from ...world.belief.planning_scene import PlanningScene
 from ...world.causes import Failure
 from ...world.computing_time import ComputeTimeAccount, Stopwatch
-from ...world.journal import Journal, PlanEntry
+from ...world.journal import Journal
 from ...world.random_streams import RandomStreams
 from ...world.trajectory import Trajectory
 from ...world.values import Array, Bounds, Pose
@@ -36,16 +34,23 @@ from ..requests import (
 )
 from ..search.goal_configurations import SOLUTIONS_PER_POSE
 from ..search.penetration_escape import EscapeSearch
-from .lookahead_planning import LookaheadPlanner, LookaheadResult, PlanProvenanceStore, is_plan_free
+from .lookahead_planning import (
+    CheckedBelief,
+    LookaheadOutcome,
+    LookaheadPlanner,
+    LookaheadResult,
+    PlanProvenanceStore,
+    is_plan_free,
+)
 from .motion_chain import DEFAULT_LINE_ROUNDING, MotionChain, split_into_legs
-from .plan_quality import PlanQuality, PlanQualityMeter, combine_qualities, length, smallest_singular_values
+from .plan_quality import PlanQuality, PlanQualityMeter, combine_qualities, plan_entry
+from .planning_worker import ChainAnswer, ChainOrder, ChainSolver, PlanningWorker, solve_chain
 from .solver import CostMeter, MeasuredCost, ReachResult, RequestSolver, check_reach
 
 if TYPE_CHECKING:
     from ..collision.trajectory_judge import TrajectoryVerifier
 
 _log = logging.getLogger(__name__)
-T = TypeVar("T")
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,11 +84,13 @@ class PlanService:
         now: Callable[[], float] = lambda: math.inf,
         workspace: Bounds | None = None,
         verify: bool = False,
+        worker: bool = False,
         stopwatch: Stopwatch | None = None,
     ) -> None:
         """Arguments: `cost`, the simulated seconds of one collision check. `configuration` and `width` return
         the state of arm (n,) rad and fingers (m) for requests without a start. `now` returns the simulated
-        time, s; by default results of look-ahead planning are ready at once."""
+        time, s; by default results of look-ahead planning are ready at once. `worker`: whether a second
+        process plans ahead, for another core; with `verify` none does."""
         self.queries = queries
         self._scene = scene
         self._model = model
@@ -91,12 +98,16 @@ class PlanService:
         self._journal = journal
         self._thinking = thinking
         self._configuration = configuration
+        self._width = width
         self._stopwatch = stopwatch or Stopwatch()
         self.solver = RequestSolver(
             model, scene, configuration=configuration, width=width, workspace=workspace
         )
         self._meter = CostMeter(self.solver.collision, self.solver.ik, thinking, cost)
-        self._ahead = LookaheadPlanner(thinking, now)
+        beside = (
+            PlanningWorker(lambda: ChainSolver(model, scene, workspace)) if worker and not verify else None
+        )
+        self._ahead = LookaheadPlanner(now, cost, self._solve_ahead, self._resolved, beside)
         self._judge = _verifier(model) if verify else None
         self._disagreements: list[VerifierDisagreement] = []
         self.made = PlanProvenanceStore(scene, width)
@@ -176,11 +187,15 @@ class PlanService:
         is free, the arm stops at the corner. When a leg fails the chain does, with the leg's cause, as in
         `solve`.
         """
+        legs, seeds = self._prepared(legs, node)
+        return (yield from self._plan(lambda: MotionChain(self.solver, rounded).solve(legs, seeds), legs))
+
+    def _prepared(self, legs: Sequence[Request], node: str) -> tuple[tuple[Request, ...], tuple[int, ...]]:
+        """Return the legs of a chain in the manner in force, and their seeds."""
         if not legs or any(leg.start is not None for leg in legs[1:]):
             raise PicktreeError("a chain needs legs, of which only the first may say where it starts")
-        legs = [self._manner.of(leg) for leg in legs]
-        seeds = [self._seed(leg, node) for leg in legs]
-        return (yield from self._plan(lambda: MotionChain(self.solver, rounded).solve(legs, seeds), legs))
+        legs = tuple(self._manner.of(leg) for leg in legs)
+        return legs, tuple(self._seed(leg, node) for leg in legs)
 
     def _plan(
         self, find: Callable[[], MotionPlan], legs: Sequence[Request]
@@ -197,33 +212,35 @@ class PlanService:
                 answer = failure
         if isinstance(answer, MotionPlan):
             self.made.note(answer)
-            for leg, part in zip(legs, split_into_legs(answer), strict=True):
-                self.verify(leg, part)
-        asked = ", then ".join(planning_failures.describe_request(leg) for leg in legs)
-        self._note(asked, self.solver.start(legs[0]), spent, answer)
+            self._verify_legs(legs, answer)
+        start = self.solver.start(legs[0])
+        self._journal.note(plan_entry(self._model, legs, start, spent, answer, self._scene.version))
         yield from self.charge()
         if isinstance(answer, Failure):
             raise answer
         return answer
 
-    def ahead(self, steps: Generator[None, None, T]) -> LookaheadResult[T]:
-        """Plan while something else goes on.
+    def ahead(
+        self, legs: Sequence[Request], *, node: str = "", rounded: float = DEFAULT_LINE_ROUNDING
+    ) -> LookaheadResult:
+        """Plan a motion through these legs, as `through` does, while something else goes on.
 
-        `steps`, such as the generator of `to(…)` or `through(…)`, are computed at once and not charged.
-        `take` returns their result once that time has passed. Results are computed one after the other: a
-        second one waits for the first.
+        `take` returns the result once the simulated time that it cost has passed; nobody is charged. Results
+        are computed one after the other: a second one waits for the first.
         """
-        return self._ahead.prepare(steps, self._scene.version)
+        legs, seeds = self._prepared(legs, node)
+        nothing = self.finds_nothing is not None and self.finds_nothing()
+        start, width = self._configuration(), self._width()
+        order = ChainOrder(legs, seeds, rounded, self._scene.snapshot(), start, width, nothing)
+        return self._ahead.prepare(order)
 
-    def take(
-        self, prepared: LookaheadResult[T], holds: Callable[[T], bool] | None = None
-    ) -> Generator[None, None, T | None]:
+    def take(self, prepared: LookaheadResult) -> Generator[None, None, MotionPlan | None]:
         """Return what was planned ahead, as soon as it is ready; raises the failure that it ended with.
 
-        When the belief has changed since, a plan is checked again, which is charged, and other answers are
-        tested with `holds`. None: it holds no longer, or a checkpoint came in between; plan again:
+        When the belief has changed since, the plan is checked again, which is charged. None: it holds no
+        longer, or a checkpoint came in between; plan again:
 
-            plan = (yield from world.plan.take(prepared)) or (yield from world.plan.to(goal))
+            plan = (yield from world.plan.take(prepared)) or (yield from world.plan.through(legs))
         """
         if not self._ahead.remembers(prepared):
             return None
@@ -235,14 +252,27 @@ class PlanService:
             return answer
         if isinstance(answer, Failure):
             return None
-        if holds is not None:
-            held = holds(answer)
-        elif isinstance(answer, MotionPlan):
-            held = self.still_free(answer)
-        else:
-            held = False
+        held = self.still_free(answer)
         yield from self.charge()
         return answer if held else None
+
+    def _solve_ahead(self, order: ChainOrder) -> ChainAnswer:
+        """Plan a chain at once, in the present belief."""
+        with self._stopwatch.measure("planning"):
+            answer = solve_chain(self.solver, order)
+        if isinstance(answer.plan, MotionPlan):
+            self._verify_legs(order.legs, answer.plan)
+        return answer
+
+    def _resolved(self, order: ChainOrder, outcome: LookaheadOutcome) -> None:
+        """Record what was planned ahead."""
+        plan, belief = outcome.answer.plan, order.belief
+        self._thinking.beside(outcome.cost)
+        if isinstance(plan, MotionPlan):
+            self.made.note(plan, CheckedBelief(belief.version, belief.allowed, order.width))
+        start = order.start if order.legs[0].start is None else order.legs[0].start
+        spent = MeasuredCost(outcome.answer.checks, outcome.cost)
+        self._journal.note(plan_entry(self._model, order.legs, start, spent, plan, belief.version))
 
     def still_free(self, plan: MotionPlan) -> bool:
         """Whether a plan is free of collision in the present belief. Answers at once; the thinking account
@@ -323,6 +353,10 @@ class PlanService:
         line = isinstance(request.target, LineGoal | OffsetGoal)
         return 0 if line else self._streams.number(self._manner.stream(f"planner {node}"))
 
+    def _verify_legs(self, legs: Sequence[Request], plan: MotionPlan) -> None:
+        for leg, part in zip(legs, split_into_legs(plan), strict=True):
+            self.verify(leg, part)
+
     def verify(self, request: Request, trajectory: Trajectory) -> None:
         """Verify a trajectory that the planner calls free, where verification is on."""
         if self._judge is None:
@@ -336,37 +370,6 @@ class PlanService:
             _log.error(
                 "%s: judged to collide: %s", name, "; ".join(planning_failures.contact_lines(contacts))
             )
-
-    def _note(self, asked: str, start: Array, spent: MeasuredCost, answer: MotionPlan | Failure) -> None:
-        noted = PlanEntry(
-            asked,
-            "",
-            spent.checks,
-            spent.seconds,
-            "found",
-            "",
-            0.0,
-            start=tuple(start.tolist()),
-            version=self._scene.version,
-        )
-        if isinstance(answer, Failure):
-            self._journal.note(replace(noted, outcome=answer.cause.name, message=answer.message))
-            return
-        q = answer.trajectory.position
-        picked = q[np.unique(np.linspace(0, len(q) - 1, min(len(q), 25)).astype(int))]
-        tool_path = tuple((x, y, z) for x, y, z in self._model.tcp_positions(picked).tolist())
-        self._journal.note(
-            replace(
-                noted,
-                planner=answer.planner,
-                duration=answer.trajectory.duration,
-                path=tuple(tuple(one) for one in answer.path.tolist()),
-                tool_path=tool_path,
-                length=length(q),
-                way=length(np.array(tool_path)),
-                singular=float(smallest_singular_values(self._model, picked).min()),
-            )
-        )
 
 
 def _verifier(model: RobotModel) -> TrajectoryVerifier:

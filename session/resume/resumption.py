@@ -21,6 +21,7 @@ from ...logs.schema import topics
 from ...logs.schema.json_records import arithmetic_difference
 from ...logs.schema.records import ResumedFrom
 from ...logs.schema.topics import Digest
+from ...planning.service.planning_worker import has_second_core
 from ...simulation.checkpoints import snapshot_at_rest
 from ...simulation.faults.injector import FaultState
 from ...world.journal import JournalEvent
@@ -227,6 +228,7 @@ class Resumption:
             self.recipe,
             record=Recording(self.request.out, self.request.rotation),
             observers=(*recorded, PresetAnswers(self.request.answers), *observers),
+            planning_worker=has_second_core(),
         )
 
     @property

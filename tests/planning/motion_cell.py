@@ -80,6 +80,7 @@ class Cell:
         *,
         seed: int = 1,
         verify: bool = True,
+        worker: bool = False,
         width: float = 0.08,
         cost: float = 25e-6,
     ) -> None:
@@ -102,6 +103,7 @@ class Cell:
             width=lambda: self.width,
             now=lambda: self.now,
             verify=verify,
+            worker=worker,
         )
 
 

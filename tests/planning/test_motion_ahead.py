@@ -2,15 +2,23 @@
 
 from __future__ import annotations
 
+import fcntl
+import gc
+import multiprocessing
+import os
+import signal
+import tempfile
 from collections.abc import Generator
+from multiprocessing.process import BaseProcess
+from pathlib import Path
 from typing import TypeVar
 
 import numpy as np
 import pytest
 
-from picktree.errors import PicktreeError
-from picktree.planning.requests import JointGoal, LineGoal, MotionPlan, NamedGoal, PoseGoal, Request
-from picktree.world.causes import Failure
+from picktree.planning.requests import JointGoal, LineGoal, MotionPlan, PlannerOverrides, PoseGoal, Request
+from picktree.world.causes import Failure, planning
+from picktree.world.journal import PlanEntry
 from picktree.world.shapes import Box
 from picktree.world.values import Pose
 
@@ -31,13 +39,16 @@ def timed(cell: Cell, steps: Generator[None, None, T]) -> tuple[T, int]:
         cell.now += TICK
 
 
-def dear(cell: Cell) -> Generator[None, None, MotionPlan]:
-    """A plan that costs several ticks of thinking."""
-    return cell.plan.to(PoseGoal((Pose.from_rpy((0.6, -0.17, 0.4), (0.0, np.pi / 2, 0.0)),)), node="dear")
+DEAR = (Request(PoseGoal((Pose.from_rpy((0.6, -0.17, 0.4), (0.0, np.pi / 2, 0.0)),))),)
+"""A motion whose plan costs several ticks of thinking."""
 
 
-def costly_cell() -> Cell:
-    cell = Cell(shelf_scene(), verify=False, cost=1e-3)
+def over(x: float, y: float, z: float) -> tuple[Request, ...]:
+    return (Request(PoseGoal((down(x, y, z),))),)
+
+
+def costly_cell(*, worker: bool = False) -> Cell:
+    cell = Cell(shelf_scene(), verify=False, worker=worker, cost=1e-3)
     cell.at = run(cell.plan.to(PoseGoal((Pose.from_rpy((0.6, 0.17, 0.4), (0.0, np.pi / 2, 0.0)),))))[
         0
     ].trajectory.end
@@ -47,9 +58,9 @@ def costly_cell() -> Cell:
 
 def test_a_plan_is_ready_when_its_thinking_has_passed_and_is_the_one_made_by_waiting() -> None:
     cell, patient = costly_cell(), costly_cell()
-    plan, ticks = timed(patient, dear(patient))
+    plan, ticks = timed(patient, patient.plan.through(DEAR))
     assert ticks > 3
-    prepared = cell.plan.ahead(dear(cell))
+    prepared = cell.plan.ahead(DEAR)
     assert prepared.ready == pytest.approx(prepared.cost)
     taken, waited = timed(cell, cell.plan.take(prepared))
     assert waited == int(np.ceil(prepared.cost / TICK - 1e-9))
@@ -59,7 +70,7 @@ def test_a_plan_is_ready_when_its_thinking_has_passed_and_is_the_one_made_by_wai
 
 def test_nothing_is_waited_for_when_the_time_has_passed() -> None:
     cell = costly_cell()
-    prepared = cell.plan.ahead(dear(cell))
+    prepared = cell.plan.ahead(DEAR)
     cell.now = prepared.ready
     assert timed(cell, cell.plan.take(prepared))[1] == 0
 
@@ -67,24 +78,24 @@ def test_nothing_is_waited_for_when_the_time_has_passed() -> None:
 def test_one_thing_is_thought_after_the_other() -> None:
     cell = costly_cell()
     cell.now = 2.0
-    first = cell.plan.ahead(dear(cell))
-    second = cell.plan.ahead(dear(cell))
+    first = cell.plan.ahead(DEAR)
+    second = cell.plan.ahead(DEAR)
     assert first.ready == pytest.approx(2.0 + first.cost)
     assert second.ready == pytest.approx(2.0 + first.cost + second.cost)
     cell.now = 50.0
-    assert cell.plan.ahead(dear(cell)).ready > 50.0
+    assert cell.plan.ahead(DEAR).ready > 50.0
 
 
 def test_what_was_owed_before_is_still_owed() -> None:
     cell = costly_cell()
     cell.thinking.spend(0.03)
-    cell.plan.ahead(dear(cell))
+    cell.plan.ahead(DEAR)
     assert cell.thinking.owed == 0.03
 
 
 def test_a_failure_is_raised_when_it_is_ready() -> None:
     cell = Cell(table_scene(), verify=False, cost=1e-3)
-    prepared = cell.plan.ahead(cell.plan.to(PoseGoal((down(3.0, 0.0, 0.5),))))
+    prepared = cell.plan.ahead(over(3.0, 0.0, 0.5))
     with pytest.raises(Failure, match=r"^planning\.no_ik: "):
         timed(cell, cell.plan.take(prepared))
     assert cell.now >= prepared.ready
@@ -92,7 +103,7 @@ def test_a_failure_is_raised_when_it_is_ready() -> None:
 
 def test_a_changed_belief_lets_a_plan_hold_that_is_still_free() -> None:
     cell = Cell(table_scene(), cost=1e-3)
-    prepared = cell.plan.ahead(cell.plan.to(PoseGoal((down(0.5, 0.0, 0.3),))))
+    prepared = cell.plan.ahead(over(0.5, 0.0, 0.3))
     cell.scene.put(item("aside", Box((0.04, 0.04, 0.04)), Pose((0.3, 0.3, 0.02))), "seen")
     cell.now = prepared.ready
     before = cell.thinking.total
@@ -103,14 +114,14 @@ def test_a_changed_belief_lets_a_plan_hold_that_is_still_free() -> None:
 
 def test_a_plan_that_is_no_longer_free_has_to_be_made_again() -> None:
     cell = Cell(table_scene(), cost=1e-3)
-    prepared = cell.plan.ahead(cell.plan.to(PoseGoal((down(0.5, 0.0, 0.1),))))
+    prepared = cell.plan.ahead(over(0.5, 0.0, 0.1))
     cell.scene.put(item("grown", Box((0.1, 0.1, 0.3)), Pose((0.5, 0.0, 0.15))), "seen")
     assert timed(cell, cell.plan.take(prepared))[0] is None
 
 
 def test_a_failure_in_another_belief_says_nothing_about_this_one() -> None:
     cell = Cell(table_scene(item("there", Box((0.1, 0.1, 0.3)), Pose((0.5, 0.0, 0.15)))), cost=1e-3)
-    prepared = cell.plan.ahead(cell.plan.to(PoseGoal((down(0.5, 0.0, 0.1),))))
+    prepared = cell.plan.ahead(over(0.5, 0.0, 0.1))
     cell.scene.remove("there", "taken away")
     assert timed(cell, cell.plan.take(prepared))[0] is None
 
@@ -122,46 +133,97 @@ def test_every_leg_of_a_chain_is_checked_again_as_what_it_supposes() -> None:
         Request(LineGoal(down(0.5, 0.0, 0.02)), allowed=(("gripper", "block"),)),
     ]
     cell = Cell(table_scene(block), cost=1e-3)
-    prepared = cell.plan.ahead(cell.plan.through(legs))
+    prepared = cell.plan.ahead(legs)
     cell.scene.put(item("aside", Box((0.04, 0.04, 0.04)), Pose((0.3, 0.3, 0.02))), "seen")
     assert timed(cell, cell.plan.take(prepared))[0] is not None
     cell.scene.put(item("beside", Box((0.04, 0.04, 0.04)), Pose((0.5, 0.055, 0.02))), "seen")
     assert timed(cell, cell.plan.take(prepared))[0] is None
 
 
-def test_other_answers_are_asked_about_when_the_belief_has_changed() -> None:
-    cell = Cell(table_scene(), cost=1e-3)
-
-    def number() -> Generator[None, None, int]:
-        yield from cell.plan.to(NamedGoal("home"))
-        return 3
-
-    prepared = cell.plan.ahead(number())
-    assert timed(cell, cell.plan.take(prepared))[0] == 3
-    cell.scene.put(item("aside", Box((0.04, 0.04, 0.04)), Pose((0.3, 0.3, 0.02))), "seen")
-    assert timed(cell, cell.plan.take(prepared))[0] is None
-    assert timed(cell, cell.plan.take(prepared, lambda n: n == 3))[0] == 3
-
-
 def test_a_checkpoint_forgets_what_was_prepared() -> None:
     cell = costly_cell()
-    prepared = cell.plan.ahead(dear(cell))
+    prepared = cell.plan.ahead(DEAR)
     cell.plan.forget()
     assert timed(cell, cell.plan.take(prepared)) == (None, 0)
-    again = cell.plan.ahead(dear(cell))
+    again = cell.plan.ahead(DEAR)
     assert again.ready == pytest.approx(again.cost)
 
 
-def test_only_thinking_can_be_done_ahead() -> None:
-    cell = Cell(table_scene(), verify=False)
+def noted(cell: Cell) -> list[PlanEntry]:
+    return [entry for entry in cell.journal.take() if isinstance(entry, PlanEntry)]
 
-    def waits() -> Generator[None, None, None]:
-        while True:
-            yield
 
-    with pytest.raises(PicktreeError) as caught:
-        cell.plan.ahead(waits())
-    assert str(caught.value) == "only planning can be done ahead: these steps wait for something else"
+def test_a_worker_gives_the_same_plans_at_the_same_simulated_times() -> None:
+    block = item("block", Box((0.04, 0.04, 0.04)), Pose((0.5, 0.0, 0.02)))
+    outcomes: list[object] = []
+    for worker in (False, True):
+        cell = Cell(table_scene(block), verify=False, worker=worker, cost=1e-3)
+        first = cell.plan.ahead(over(0.5, 0.0, 0.14), node="first")
+        cell.scene.remove("block", "taken away")
+        cell.at = HOME + 0.1
+        with cell.plan.in_manner(PlannerOverrides(seed=5)):
+            second = cell.plan.ahead([*over(0.4, 0.2, 0.3), Request(LineGoal(down(0.4, 0.2, 0.1)))])
+        third = cell.plan.ahead(over(3.0, 0.0, 0.5))
+        cell.now = third.ready
+        plan, answer = second.answer, third.answer
+        assert isinstance(plan, MotionPlan) and isinstance(answer, Failure)
+        assert answer.cause is planning.WORKSPACE or answer.cause is planning.NO_IK
+        trajectory = plan.trajectory.position.tolist(), plan.passes
+        told = answer.cause, str(answer), answer.evidence
+        outcomes.append((first.ready, second.ready, third.ready, trajectory, told, noted(cell)))
+        assert len(noted(cell)) == 0
+        assert cell.plan.made.of(plan.trajectory) is not None
+    assert outcomes[0] == outcomes[1]
+
+
+def test_a_worker_takes_no_time_of_the_run_before_it_is_asked() -> None:
+    cell = costly_cell(worker=True)
+    prepared = cell.plan.ahead(DEAR)
+    assert prepared.outcome is None
+    assert not noted(cell)[1:], "the plan is noted when it is asked for"
+    assert prepared.ready > 0.0
+    assert [entry.outcome for entry in noted(cell)] == ["found"]
+
+
+def planned_ahead(cell: Cell, *, killed: bool) -> list[list[list[float]]]:
+    """Plan the same motion three times; the worker dies while it is at the first."""
+    paths: list[list[list[float]]] = []
+    for k in range(3):
+        prepared = cell.plan.ahead(DEAR)
+        if killed and k == 0:
+            (child,) = planning_workers()
+            assert child.pid is not None
+            os.kill(child.pid, signal.SIGKILL)
+            child.join()
+        plan, _ = timed(cell, cell.plan.take(prepared))
+        assert plan is not None
+        paths.append(plan.trajectory.position.tolist())
+    return paths
+
+
+def planning_workers() -> list[BaseProcess]:
+    return [each for each in multiprocessing.active_children() if each.name == "planning"]
+
+
+def test_a_worker_that_died_is_replaced_by_this_process() -> None:
+    gc.collect()  # ends the workers of cells that are gone
+    for left in planning_workers():
+        left.join()
+    assert planned_ahead(costly_cell(worker=True), killed=True) == planned_ahead(costly_cell(), killed=False)
+
+
+def test_a_worker_ends_with_the_process_that_it_plans_for() -> None:
+    with tempfile.TemporaryDirectory() as folder, (Path(folder) / "log").open("w") as log:
+        fcntl.flock(log, fcntl.LOCK_EX)
+        cell = costly_cell(worker=True)
+        cell.plan.ahead(DEAR)
+        child = planning_workers()[-1]
+        held = {os.path.realpath(f"/proc/{child.pid}/fd/{n}") for n in os.listdir(f"/proc/{child.pid}/fd")}
+        del cell
+        gc.collect()
+        child.join(30.0)
+        assert child.exitcode == 0
+        assert str(Path(folder, "log").resolve()) not in held
 
 
 def test_a_plan_says_what_it_was_for() -> None:

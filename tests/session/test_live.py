@@ -158,3 +158,19 @@ def test_the_pace_makes_up_for_slow_ticks_but_not_for_long_ones() -> None:
     assert sum(clock.slept) < 0.6
     tick(12.0, 0.01)
     assert clock.slept[-1] > 4.0
+
+
+def test_the_pace_tells_gaps_at_which_a_watchdog_would_have_braked() -> None:
+    clock = Clock()
+    paced = WallClockPacer(2.0, 0.2, clock=lambda: clock.now, sleep=clock.sleep)
+    for k in range(20):
+        clock.now += {5: 0.16, 9: 0.09}.get(k, 0.01)
+        paced.ticked(k * 0.05, None, 0, 0)  # type: ignore[arg-type]
+    assert paced.lateness == (
+        "pace: once a tick came later than 100 ms after the one before, by the clock (175 ms at most): "
+        "the watchdog of a robot would have braked there"
+    )
+    quick = WallClockPacer(2.0, 0.2, clock=lambda: clock.now, sleep=clock.sleep)
+    for k in range(20):
+        quick.ticked(k * 0.05, None, 0, 0)  # type: ignore[arg-type]
+    assert quick.lateness == ""

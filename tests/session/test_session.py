@@ -62,6 +62,14 @@ def test_nothing_of_a_run_is_kept_where_the_process_froze_its_libraries(tmp_path
     assert (world(), tree()) == (None, None)
 
 
+def test_a_run_with_a_planning_worker_is_the_run_without_one(tmp_path: Path) -> None:
+    digests = {
+        Session(request(tmp_path / name), planning_worker=worker).run().digest
+        for name, worker in (("with", True), ("without", False))
+    }
+    assert len(digests) == 1
+
+
 @pytest.mark.parametrize(
     ("rocks", "height", "waited"), [(0.0, 0.0, 0), (0.6, 0.0, 12), (0.6, 0.3, 12), (9.0, 0.0, 100)]
 )

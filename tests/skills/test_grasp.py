@@ -79,9 +79,9 @@ def test_the_transfer_is_planned_ahead_where_it_is_known(
         pick = yield from find(self, **how)
         return None if pick is None else change(pick)
 
-    def thinking(doing: Any) -> Any:
+    def thinking(legs: Any, **how: Any) -> Any:
         plans.append(bool(cell.world.scene.held) or cell.world.control.tcp.position[2] < 0.05)
-        return think(doing)
+        return think(legs, **how)
 
     monkeypatch.setattr(CandidateSearch, "find", finding)
     monkeypatch.setattr(cell.world.plan, "ahead", thinking)
