@@ -268,7 +268,7 @@ def lower_and_release(world: World, task: PlaceTask, spot: ReleaseSpot) -> Doing
 def _resting_pose(bin_: Bin, held: BeliefObject, spot: ReleaseSpot) -> Pose:
     """Return the pose in which the object is believed to come to rest in the bin."""
     floor = bin_.pose.position[2] + bin_.wall + max(0.0, spot.floor)
-    return held.pose.shifted((0.0, 0.0, floor - bottom(held.shape, held.pose)))
+    return held.pose.shifted((0.0, 0.0, min(0.0, floor - bottom(held.shape, held.pose))))
 
 
 def _withdraw_if_free(world: World, node: str) -> Doing[None]:
