@@ -280,7 +280,8 @@ def held_mass(world: World) -> float:
     payload = world.control.wrist.payload
     if payload is not None:
         return payload.mass
-    return next((e.mass for e in world.description.catalogue if e.kind == held.kind), 0.0)
+    entry = world.description.find_entry(held.kind)
+    return 0.0 if entry is None else entry.mass
 
 
 def _sizes(result: JointImpedanceResult) -> str:
