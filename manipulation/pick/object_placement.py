@@ -274,8 +274,10 @@ def _resting_pose(bin_: Bin, held: BeliefObject, spot: ReleaseSpot) -> Pose:
 
 
 def _rise_above(world: World, task: PlaceTask, height: float) -> Doing[None]:
-    """Move the fingers straight up from around an object that comes to rest between them, up to `height` m in
-    the world: the next motion may leave sideways, and the fingers close for it."""
+    """Move the fingers straight up from around a released object, to `height` m in the world.
+
+    The next motion may leave sideways, and the fingers may close for it.
+    """
     tips = world.control.tcp.position[2] - world.robot.description.gripper.tip
     rise = height + world.handling.rim_clearance - tips
     if rise > 0.0:
