@@ -24,7 +24,7 @@ from ...world.quasi_static_pushing import PlanarPushModel
 from ...world.scene.description import Fixture
 from ...world.shapes import Shape, bottom, extents, top
 from ...world.values import ObjectId, Pose
-from ..grasp.grasp_candidates import GraspCandidate, grasp_candidates
+from ..grasp.grasp_candidates import GraspCandidate, distinct_grasps, grasp_candidates
 from .push_arcs import PushSide, height, push_sides, straight
 from .push_stroke import SUPPORT_EDGE_MARGIN, placed, support_of, within
 from .stroke_planning import PushStroke, straight_stroke
@@ -200,7 +200,6 @@ class _Case:
         self._queries = SceneQueries(world.robot, self._supposed)
         self._gripper = world.robot.description.gripper
         self._grasps: dict[tuple[ObjectId, Pose], list[GraspCandidate]] = {}
-        """Grasps of objects at supposed poses: one of each two after which the hand looks the same."""
         self._there: Mapping[ObjectId, PlanarPose] = {}
         """Supposed poses of the moved objects."""
         self.checks = 0
@@ -344,23 +343,11 @@ class _Case:
         return worth
 
     def _distinct_grasps(self, o: BeliefObject) -> list[GraspCandidate]:
-        """Return the grasps of an object without those for which the hand looks the same after half a
-        turn."""
+        """Return the `distinct_grasps` of an object at its supposed pose."""
         known = self._grasps.get((o.id, o.pose))
-        if known is not None:
-            return known
-        found: dict[tuple[float, ...], GraspCandidate] = {}
-        for grasp in grasp_candidates(o, self._gripper):
-            x, y, z = grasp.tcp_in_world.position
-            turn = grasp.tcp_in_world.rotation()[:2, 1]
-            key = (
-                *(round(c, 4) for c in (x, y, z, grasp.opening)),
-                round(abs(float(turn[0])), 3),
-                round(float(turn[0] * turn[1]), 3),
-            )
-            found.setdefault(key, grasp)
-        self._grasps[o.id, o.pose] = grasps = list(found.values())
-        return grasps
+        if known is None:
+            known = self._grasps[o.id, o.pose] = distinct_grasps(grasp_candidates(o, self._gripper))
+        return known
 
 
 def straight_on(stroke: PushStroke, length: float) -> PushStroke:
