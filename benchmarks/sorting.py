@@ -6,13 +6,21 @@ python benchmarks/sorting.py --scene dense --runs 20
 
 from __future__ import annotations
 
+import math
 import sys
 from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
 from statistics import median
+from typing import TYPE_CHECKING, cast
 
 from _campaign import Row, campaign, mission_options, rate, seeds, split
+from picktree.world.events.skill_events import SafetyStopEvent
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from picktree.logs.run_record import RunRecord
 
 COST_A_RUN = 10.0
 """CPU seconds that a run of twelve items takes, for the forecast."""
@@ -28,7 +36,8 @@ class Job:
 
 
 def one(job: Job, folder: Path) -> Row:
-    """Run one seed; the JSON of its result."""
+    """Run one seed; the JSON of its result, and its largest force."""
+    from picktree.logs.run_record import RunRecord
     from picktree.session.session import RunRequest, Session
 
     request = RunRequest(
@@ -39,7 +48,23 @@ def one(job: Job, folder: Path) -> Row:
         verify=job.verify,
         faults=Path(job.faults) if job.faults else None,
     )
-    return {"result": Session(request).run().to_json()}
+    session = Session(request)
+    result = session.run().to_json()
+    with RunRecord(session.folder) as run:
+        force, limit = largest_force(run), session.execution.world.description.limits.force
+    return {"result": result, "force": round(force, 1), "limit": limit}
+
+
+def largest_force(run: RunRecord) -> float:
+    """Force on the hand, N: the largest mean over a tick, guard's reading or stop of the run."""
+    forces = [0.0, *np.linalg.norm(run.wrenches.forces, axis=1).tolist()]
+    for visit in run.visits:
+        if visit.cause == "world.disturbed" and isinstance(force := visit.evidence.get("force"), float):
+            forces.append(force)
+    for at in run.events:
+        if isinstance(at.record, SafetyStopEvent) and (stop := at.record.extra.get("force")):
+            forces.append(math.hypot(*cast("list[float]", stop)))
+    return max(forces)
 
 
 def report(rows: list[Row]) -> str:
@@ -86,6 +111,16 @@ def report(rows: list[Row]) -> str:
         f"{median(speeds):.1f} simulated s a CPU second"
     )
     lines.append("wall time                    " + split((r["wall_seconds"] for r in done), "total"))
+    crushed = sum(len(r["crushed"]) for r in done)
+    lines.append(f"items crushed                {crushed}")
+    measured = [row for row in rows if "force" in row]
+    worst = max(measured, key=lambda row: row["force"])
+    lines.append(
+        f"largest force                {worst['force']:.0f} N in seed {worst['seed']}; "
+        f"limit {worst['limit']:.0f} N"
+    )
+    above = sum(row["force"] > row["limit"] for row in measured)
+    lines.append(rate("runs above the limit of force", above, len(measured)))
     causes: Counter[str] = Counter()
     for r in done:
         causes.update(r["failures"])

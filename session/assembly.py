@@ -63,7 +63,7 @@ def assemble_world(
         thinking,
         scene.thinking.collision_check,
         configuration=lambda: control.held_position,
-        width=lambda: gripper.width,
+        width=lambda: gripper.widest(),
         now=lambda: hardware.clock.now,
         workspace=scene.limits.workspace,
         verify=verify,

@@ -14,7 +14,7 @@ the other (Müller et al., "Position based dynamics", 2007).
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TypeAlias
@@ -29,6 +29,8 @@ MAX_CONTACT_DEPTH = 0.004
 """Greatest depth in the tool of a body that was reached from the side, m."""
 
 Point: TypeAlias = tuple[float, float]
+Edge: TypeAlias = tuple[Point, Point, Point]
+"""Both ends and the outward normal."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,6 +53,7 @@ class _Slider:
         self.reach = shape.reach
         self._shape = shape
         self._points: list[Point] | None = None
+        self._edges: list[Edge] | None = None
 
     @cached_property
     def _square(self) -> float:
@@ -65,6 +68,19 @@ class _Slider:
             self._points = [(x + c * a - s * b, y + s * a + c * b) for a, b in self._shape.corners.tolist()]
         return self._points
 
+    @property
+    def edges(self) -> list[Edge]:
+        """Edges in the world that have a length, counter-clockwise."""
+        if self._edges is None:
+            points, found = self.points, list[Edge]()
+            for (ax, ay), (bx, by) in zip(points, (*points[1:], points[0]), strict=True):
+                dx, dy = bx - ax, by - ay
+                length = math.hypot(dx, dy)
+                if length >= 1e-9:
+                    found.append(((ax, ay), (bx, by), (dy / length, -dx / length)))
+            self._edges = found
+        return self._edges
+
     def give(self, contact: _Contact) -> float:
         """Return the displacement at a contact for a unit of effort; 0 for a fixed body."""
         if self.fixed:
@@ -77,7 +93,7 @@ class _Slider:
         lever = (contact.at[0] - self.at.x) * ny - (contact.at[1] - self.at.y) * nx
         turn = effort * lever / self._square
         self.at = PlanarPose(self.at.x + effort * nx, self.at.y + effort * ny, self.at.yaw + turn)
-        self._points = None
+        self._points = self._edges = None
 
 
 class PlanarPushModel:
@@ -138,8 +154,7 @@ class PlanarPushModel:
 def _separate(one: _Slider, other: _Slider, deepest: float = math.inf) -> float:
     """Move two bodies out of each other; return how deep they were, m. Returns 0 for bodies deeper than
     `deepest`, which stay."""
-    apart = math.hypot(one.at.x - other.at.x, one.at.y - other.at.y)
-    if apart > one.reach + other.reach:
+    if math.hypot(one.at.x - other.at.x, one.at.y - other.at.y) > one.reach + other.reach:
         return 0.0
     contacts = _contacts(one, other)
     depth = max((c.depth for c in contacts), default=0.0)
@@ -180,13 +195,13 @@ def _contacts(one: _Slider, other: _Slider) -> list[_Contact]:
     if len(a) == 1 and len(b) == 1:
         return _circle_contacts(a[0], one.radius, b[0], other.radius)
     if len(b) == 1:
-        return _circle_polygon_contacts(a, b[0], other.radius)
+        return _circle_polygon_contacts(one.edges, b[0], other.radius)
     if len(a) == 1:
         return [
             _Contact(c.at, (-c.out[0], -c.out[1]), c.depth)
-            for c in _circle_polygon_contacts(b, a[0], one.radius)
+            for c in _circle_polygon_contacts(other.edges, a[0], one.radius)
         ]
-    return _polygon_contacts(a, b)
+    return _polygon_contacts(one, other)
 
 
 def _circle_contacts(a: Point, ra: float, b: Point, rb: float) -> list[_Contact]:
@@ -198,9 +213,9 @@ def _circle_contacts(a: Point, ra: float, b: Point, rb: float) -> list[_Contact]
     return [_Contact((a[0] + nx * ra, a[1] + ny * ra), (nx, ny), ra + rb - away)]
 
 
-def _circle_polygon_contacts(polygon: list[Point], middle: Point, radius: float) -> list[_Contact]:
+def _circle_polygon_contacts(edges: list[Edge], middle: Point, radius: float) -> list[_Contact]:
     """Return the contact of a round body with a polygon."""
-    deepest, edge = _outermost_edge(polygon, middle)
+    deepest, edge = _outermost_edge(edges, middle)
     if deepest >= radius:
         return []
     (ax, ay), (bx, by), (nx, ny) = edge
@@ -218,11 +233,11 @@ def _circle_polygon_contacts(polygon: list[Point], middle: Point, radius: float)
     return [_Contact((x, y), out, radius - away)]
 
 
-def _outermost_edge(polygon: list[Point], at: Point) -> tuple[float, tuple[Point, Point, Point]]:
-    """Return the edge line that a point is furthest outside of: distance, m (negative: inside), the edge and
-    its outward normal."""
-    best, found = -math.inf, (polygon[0], polygon[0], (1.0, 0.0))
-    for edge in _edges(polygon):
+def _outermost_edge(edges: list[Edge], at: Point) -> tuple[float, Edge]:
+    """Return the edge line that a point is furthest outside of: distance, m (negative: inside), and the
+    edge."""
+    best, found = -math.inf, edges[0]
+    for edge in edges:
         (ax, ay), _, (nx, ny) = edge
         off = (at[0] - ax) * nx + (at[1] - ay) * ny
         if off > best:
@@ -230,23 +245,14 @@ def _outermost_edge(polygon: list[Point], at: Point) -> tuple[float, tuple[Point
     return best, found
 
 
-def _edges(polygon: list[Point]) -> Iterator[tuple[Point, Point, Point]]:
-    """Yield both ends and the outward normal of each edge that has a length."""
-    for k, (ax, ay) in enumerate(polygon):
-        bx, by = polygon[(k + 1) % len(polygon)]
-        dx, dy = bx - ax, by - ay
-        length = math.hypot(dx, dy)
-        if length >= 1e-9:
-            yield (ax, ay), (bx, by), (dy / length, -dx / length)
-
-
-def _polygon_contacts(a: list[Point], b: list[Point]) -> list[_Contact]:
+def _polygon_contacts(one: _Slider, other: _Slider) -> list[_Contact]:
     """Return the contacts of two polygons along the axis of least overlap, at the corners of either inside
     the other."""
+    a, b = one.points, other.points
     depth, out = math.inf, (1.0, 0.0)
-    for polygon, points, sign in ((a, b, 1.0), (b, a, -1.0)):
-        for (ax, ay), _, (nx, ny) in _edges(polygon):
-            off = -min((x - ax) * nx + (y - ay) * ny for x, y in points)
+    for edges, points, sign in ((one.edges, b, 1.0), (other.edges, a, -1.0)):
+        for (ax, ay), _, (nx, ny) in edges:
+            off = -min([(x - ax) * nx + (y - ay) * ny for x, y in points])
             if off <= 0.0:
                 return []
             if off < depth - 1e-9:

@@ -65,6 +65,16 @@ class GripperControl:
         """Measured opening, m."""
         return self._gripper.read().width
 
+    def widest(self, opening: float = 0.0) -> float:
+        """Return the widest opening of a motion that starts now, m: present, commanded, or `opening`.
+
+        The command counts while the fingers may still open; later something holds them.
+        """
+        way, width = self._target - self._from, self.width
+        since = self._clock.now - self._told
+        opens = way > 0.0 and since < way / (2 * self._description.speed) + FINGER_START_TIME
+        return max(opening, width, self._target if opens else 0.0)
+
     @property
     def state(self) -> GripperState:
         """Measured opening and its speed, and the drive force on each finger."""

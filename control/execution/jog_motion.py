@@ -13,7 +13,7 @@ from ...world.causes import Cause, Failure, control, planning, safety, world
 from ...world.values import Array, Pose
 from ..cartesian.twist import MAX_TWIST_ANGULAR_SPEED, MAX_TWIST_SPEED, Twist
 from ..cartesian.velocity_controller import JogController
-from ..safety.motion_lease import ForceGuard, Lease
+from ..safety.motion_lease import ForceGuard, Lease, above_limit
 from .control_loop import ControlLoop
 
 StoppedBy: TypeAlias = Literal["done", "contact", "collision", "joint_limit", "singularity", "workspace"]
@@ -67,6 +67,8 @@ class JogResult:
     """Contact force that ended the jog, N; 0 without a contact."""
     pose: Pose
     """TCP pose in the world."""
+    limit: float
+    """Force limit of the scene, N."""
 
     def failure(self) -> Failure | None:
         """Return the failure that describes why the jog stopped. None: it ended by itself."""
@@ -74,13 +76,13 @@ class JogResult:
             return None
         cause, what = _STOP_SENTENCES[self.stopped_by]
         after = f"after {self.travelled * 1000:.0f} mm"
-        text = what.format(detail=self.detail, force=self.force)
+        text = what.format(detail=self.detail, force=self.force, above=above_limit(self.force, self.limit))
         evidence: dict[str, str | float] = {"stopped_by": self.stopped_by, "travelled": self.travelled}
         return Failure(cause, f"{text} {after} of a jog", detail=self.detail, **evidence)
 
 
 _STOP_SENTENCES: dict[str, tuple[Cause, str]] = {
-    "contact": (world.DISTURBED, "touched something at {force:.0f} N"),
+    "contact": (world.DISTURBED, "touched something at {force:.0f} N{above}"),
     "collision": (planning.BLOCKED, "stopped before {detail}"),
     "joint_limit": (safety.JOINT_LIMIT, "{detail} came to its limit"),
     "singularity": (safety.SINGULARITY, "the arm came to a singular configuration"),
@@ -157,7 +159,8 @@ class JogMotion:
         if guard.contact is not None:
             stopped_by = "contact"
         force = 0.0 if guard.contact is None else math.hypot(*guard.contact)
-        return JogResult(stopped_by, detail, travelled, loop.now - begun, force, loop.tcp)
+        limit = loop.monitor.limits.force
+        return JogResult(stopped_by, detail, travelled, loop.now - begun, force, loop.tcp, limit)
 
     def _share(self, jog: JogController, wanted: Twist, before: float) -> tuple[float, tuple[str, ...]]:
         """Return the largest share of a twist from which the arm stops before a collision, and the bodies it

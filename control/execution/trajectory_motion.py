@@ -16,7 +16,7 @@ from ...world.protocols import Clock
 from ...world.trajectory import Trajectory
 from ...world.values import Array, Vector3
 from ..joints.joint_controllers import TrajectoryController, reversed_trajectory
-from ..safety.motion_lease import ForceGuard, Lease
+from ..safety.motion_lease import ForceGuard, Lease, above_limit
 from .contact_motion import ZERO_TIME
 from .control_loop import ControlLoop
 
@@ -317,10 +317,10 @@ class TrajectoryMotion:
     def _touched(self, force: Vector3, track: TrajectoryController) -> Failure:
         size, limit = math.hypot(*force), self._loop.monitor.limits.force
         fraction = track.progress / max(track.trajectory.duration, 1e-9)
-        above = f", above the limit of {limit:.0f} N" if size > limit else ""
         return Failure(
             world.DISTURBED,
-            f"touched something at {size:.0f} N on a free way{above}, {fraction * 100:.0f} % done",
+            f"touched something at {size:.0f} N on a free way{above_limit(size, limit)}, "
+            f"{fraction * 100:.0f} % done",
             force=size,
             limit=limit,
             direction=[round(c / size, 3) for c in force],

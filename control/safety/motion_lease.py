@@ -15,6 +15,11 @@ from ..commands import Controller
 from ..wrist.wrist_wrench import WristWrench
 
 
+def above_limit(force: float, limit: float) -> str:
+    """Return the words for a contact force above the scene's limit, N; empty: it is within the limit."""
+    return f", above the limit of {limit:.0f} N" if force > limit else ""
+
+
 class ForceGuard:
     """Guard of a free motion: it stops at a contact force of `limit` N above the baseline."""
 

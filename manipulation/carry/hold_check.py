@@ -109,7 +109,7 @@ def measure_grip(world: World) -> Doing[GripCheck]:
 def _light_object(world: World) -> LightObject | None:
     """Return the believed held object if its kind is too light to be felt."""
     held = world.scene.held
-    entry = next((e for e in world.description.catalogue if held and e.kind == held.kind), None)
+    entry = None if held is None else world.description.find_entry(held.kind)
     if held is None or entry is None or entry.mass >= MIN_FELT_MASS:
         return None
     return LightObject(entry.mass, _widths(held))

@@ -145,8 +145,8 @@ def update_payload_mass(world: World, hold: GripCheck, press: GripForce | None =
 
 def is_fragile(world: World, kind: str) -> bool:
     """Return whether a bump of the hand would crush items of that kind."""
-    limits = [e.force_limit for e in world.description.catalogue if e.kind == kind]
-    return any(limit is not None and limit < FRAGILE_FORCE_LIMIT for limit in limits)
+    entry = world.description.find_entry(kind)
+    return entry is not None and entry.force_limit is not None and entry.force_limit < FRAGILE_FORCE_LIMIT
 
 
 def payload_force(world: World) -> float:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -103,6 +103,20 @@ def grasp_candidates(belief: BeliefObject, gripper: GripperDescription) -> list[
                         )
                     )
     return sorted(found, key=lambda c: (c.score, c.name))
+
+
+def distinct_grasps(grasps: Iterable[GraspCandidate]) -> list[GraspCandidate]:
+    """Return the first of each two grasps for which the hand looks the same after half a turn."""
+    found: dict[tuple[float, ...], GraspCandidate] = {}
+    for grasp in grasps:
+        turn = grasp.tcp_in_world.rotation()[:2, 1]
+        key = (
+            *(round(c, 4) for c in (*grasp.tcp_in_world.position, grasp.opening)),
+            round(abs(float(turn[0])), 3),
+            round(float(turn[0] * turn[1]), 3),
+        )
+        found.setdefault(key, grasp)
+    return list(found.values())
 
 
 def _openings(width: float, max_width: float) -> Iterator[tuple[float, float]]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from ...planning.requests import OffsetGoal
+from ...planning.requests import OffsetGoal, Scaling
 from ...world.belief.planning_scene import BeliefObject
 from ...world.scene.description import Bin
 from ...world.shapes import bottom
@@ -85,10 +85,16 @@ def lowering(world: World, bin_: Bin, tcp: float, low: float) -> float:
     return min(tips - rim - world.handling.rim_clearance, low - floor)
 
 
-def withdraw(world: World, node: str) -> Doing[None]:
-    """Move straight up from the released object, as far as that is free."""
+def withdraw(
+    world: World, node: str, rise: float | None = None, scaling: Scaling | None = None
+) -> Doing[None]:
+    """Move straight up from the released object by `rise` m, as far as that is free.
+
+    Default: half the approach, slowly.
+    """
+    rise = world.handling.approach / 2 if rise is None else rise
     with world.scene.allow(*(("gripper", name) for name in _neighbours(world))):
-        yield from _move_up(world, world.handling.approach / 2, 0.2, node)
+        yield from _move_up(world, rise, 0.2, node, world.handling.guard, scaling)
 
 
 def _neighbours(world: World) -> list[str]:
@@ -98,9 +104,17 @@ def _neighbours(world: World) -> list[str]:
 
 
 def _move_up(
-    world: World, rise: float, least_fraction: float, node: str, guard: float | None = None
+    world: World,
+    rise: float,
+    least_fraction: float,
+    node: str,
+    guard: float | None = None,
+    scaling: Scaling | None = None,
 ) -> Doing[None]:
-    """Move the hand straight up by `rise` m, at least by that share of it. `guard`: force limit, N."""
+    """Move the hand straight up by `rise` m, at least by that share of it. `guard`: force limit, N.
+
+    `scaling`: by default that of slow lines.
+    """
     up = OffsetGoal((0.0, 0.0, rise), least_fraction)
-    plan = yield from world.plan.line(up, scaling=world.handling.slowly, node=node)
+    plan = yield from world.plan.line(up, scaling=scaling or world.handling.slowly, node=node)
     yield from world.move.along(plan.trajectory, guard=guard, node=node)

@@ -87,8 +87,10 @@ def _approach_or_stop(world: World, task: PickTask, replans: ReplanBudget) -> Do
     while True:
         found = yield from plan_after_stop(world, lambda: search.find(speed=task.speed), task.node)
         if found is None:
-            failure = _no_candidate(search, task.object, len(ranked), len(ranked) - len(offered))
-            if failure.cause is grasp.NO_CANDIDATE and search.refused is None and world.plan.as_usual:
+            tried_before = len(ranked) - len(offered)
+            failure = _no_candidate(search, task.object, len(ranked), tried_before)
+            by_geometry = failure.cause is grasp.NO_CANDIDATE and search.refused is None
+            if by_geometry and not tried_before and world.plan.as_usual:
                 world.attempts.refuse(GRASP, belief, world.scene, failure.message)
             raise failure
         candidate, watch = found, TargetWatch(world, belief)

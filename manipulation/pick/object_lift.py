@@ -65,7 +65,7 @@ def close_on_object(
     """
     candidate, transfer = approached.candidate, approached.transfer
     belief = world.scene.get(task.object)
-    entry = next((e for e in world.description.catalogue if e.kind == belief.kind), None)
+    entry = world.description.find_entry(belief.kind)
     press = grip_force(entry, task.force, world.robot.description.gripper)
     if firmer:
         press = press.firmer()

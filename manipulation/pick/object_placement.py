@@ -6,12 +6,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from ...planning.requests import LegFailure, MotionPlan, PoseGoal, Request
+from ...planning.requests import LegFailure, MotionPlan, PoseGoal, Request, Scaling
 from ...world.belief.planning_scene import BeliefObject
 from ...world.causes import Failure, grasp, place, planning
 from ...world.causes import world as world_causes
 from ...world.scene.description import Bin
-from ...world.shapes import bottom
+from ...world.shapes import bottom, top
 from ...world.values import ObjectId, Pose
 from ..carry.hold_check import (
     check_held_object,
@@ -253,7 +253,9 @@ def lower_and_release(world: World, task: PlaceTask, spot: ReleaseSpot) -> Doing
     resting = held.pose if task.at else _resting_pose(task.bin(world), held, spot)
     fragile = is_fragile(world, held.kind)
     if not task.at and not fragile:
-        if (yield from drop_held_object(world, held, resting, hanging, task.into)):
+        fallen = yield from drop_held_object(world, held, resting, hanging, task.into)
+        yield from _rise_above(world, task, top(held.shape, resting))
+        if fallen:
             return held
     else:
         yield from release_held_object(world, held, resting, task.into or "table", "placed")
@@ -268,13 +270,26 @@ def lower_and_release(world: World, task: PlaceTask, spot: ReleaseSpot) -> Doing
 def _resting_pose(bin_: Bin, held: BeliefObject, spot: ReleaseSpot) -> Pose:
     """Return the pose in which the object is believed to come to rest in the bin."""
     floor = bin_.pose.position[2] + bin_.wall + max(0.0, spot.floor)
-    return held.pose.shifted((0.0, 0.0, floor - bottom(held.shape, held.pose)))
+    return held.pose.shifted((0.0, 0.0, min(0.0, floor - bottom(held.shape, held.pose))))
 
 
-def _withdraw_if_free(world: World, node: str) -> Doing[None]:
-    """Withdraw straight up as far as possible, away from bodies that the hand would crush."""
+def _rise_above(world: World, task: PlaceTask, height: float) -> Doing[None]:
+    """Move the fingers straight up from around a released object, to `height` m in the world.
+
+    The next motion may leave sideways, and the fingers may close for it.
+    """
+    tips = world.control.tcp.position[2] - world.robot.description.gripper.tip
+    rise = height + world.handling.rim_clearance - tips
+    if rise > 0.0:
+        yield from _withdraw_if_free(world, task.node, rise, world.handling.scaling(task.speed))
+
+
+def _withdraw_if_free(
+    world: World, node: str, rise: float | None = None, scaling: Scaling | None = None
+) -> Doing[None]:
+    """Withdraw straight up as far as possible, away from bodies that the hand would crush; see `withdraw`."""
     try:
-        yield from withdraw(world, node)
+        yield from withdraw(world, node, rise, scaling)
     except Failure as failure:
         if failure.cause not in (*PLACE_DEPENDENT_CAUSES, planning.START_IN_COLLISION):
             raise

@@ -33,10 +33,12 @@ def approach(
     """Return the requests from the arm's configuration to the pre-grasp `over` (n,) and straight down onto
     the grasp.
 
-    For a flat object the descent ends early; the rest is a guarded move.
+    The fingers move to the grasp's opening on the way there. For a flat object the descent ends early; the
+    rest is a guarded move.
     """
+    width = world.gripper.widest(grasp.opening)
     return (
-        Request(JointGoal(over), scaling=world.handling.scaling(speed)),
+        Request(JointGoal(over), width=width, scaling=world.handling.scaling(speed)),
         descend_requests(world, object_id, grasp, speed),
     )
 

@@ -12,7 +12,7 @@ import numpy as np
 from ...skill_world.world import PlaceCandidate
 from ...world.belief.planning_scene import BeliefObject
 from ...world.scene.description import Bin
-from ...world.shapes import Shape, extents, top
+from ...world.shapes import Shape, Sphere, corners, extents, top
 from ...world.values import Array, ObjectId, Pose
 from ..grasp.straight_lines import lowering
 
@@ -63,14 +63,18 @@ def heap_heights(bin_: Bin, objects: Sequence[BeliefObject], seen: Array | None)
     return heights
 
 
-def free_cells(bin_: Bin, heights: Array, shape: Shape, rotation: Array) -> list[BinCell]:
+def free_cells(
+    bin_: Bin, heights: Array, shape: Shape, rotation: Array, objects: Sequence[BeliefObject] = ()
+) -> list[BinCell]:
     """Return the cells whose heap leaves room below the rim, lowest first; of equals those nearer to the
     middle first.
 
-    The centre is moved inwards so that the object (its shape turned by `rotation`) clears the walls.
+    The centre is moved inwards so that the object (its shape turned by `rotation`) clears the walls. Believed
+    `objects` that reach from other cells below it count as its heap.
     """
     low, high = bin_.inside()
-    reach = float(np.linalg.norm(extents(shape, rotation)[1][:2]))
+    radius = _horizontal_radius(shape, rotation)
+    below = [_footprint(bin_, belief) for belief in objects if belief.place == bin_.id]
     found: list[tuple[float, float, BinCell]] = []
     for row in range(CELLS_PER_SIDE):
         for column in range(CELLS_PER_SIDE):
@@ -81,12 +85,31 @@ def free_cells(bin_: Bin, heights: Array, shape: Shape, rotation: Array) -> list
             for axis, k in ((0, row), (1, column)):
                 span = high[axis] - low[axis]
                 centre = low[axis] + (k + 0.5) * span / CELLS_PER_SIDE
-                room = max(0.0, span / 2 - reach - 0.008)
+                room = max(0.0, span / 2 - radius - 0.008)
                 local.append(min(max(centre, -room), room))
             x, y, _ = bin_.pose.apply(np.array([local[0], local[1], 0.0]))
+            for least, most, above in below:
+                beside = np.maximum(0.0, np.maximum(least - local, local - most))
+                height = max(height, above if float(np.linalg.norm(beside)) < radius else 0.0)
             spot = BinCell(f"cell {row},{column}", (float(x), float(y)), height)
             found.append((round(height / 0.015), math.hypot(row - 1, column - 1), spot))
     return [spot for _, _, spot in sorted(found, key=lambda f: (f[0], f[1], f[2].name))]
+
+
+def _horizontal_radius(shape: Shape, rotation: Array) -> float:
+    """Return the radius of the vertical cylinder about the object's origin that contains it, m."""
+    if isinstance(shape, Sphere):
+        return shape.radius
+    return float(np.linalg.norm((corners(shape) @ rotation.T)[:, :2], axis=1).max())
+
+
+def _footprint(bin_: Bin, belief: BeliefObject) -> tuple[Array, Array, float]:
+    """Return the corners (2,), (2,) of an object's footprint in the bin's frame, and its top above the floor,
+    m."""
+    there = bin_.pose.inverse() @ belief.pose
+    low, high = extents(belief.shape, there.rotation())
+    x, y, z = there.position
+    return np.array((x, y)) + low[:2], np.array((x, y)) + high[:2], z + float(high[2]) - bin_.wall
 
 
 def release_poses(
@@ -158,8 +181,10 @@ def bin_target(world: World, belief: BeliefObject, into: ObjectId) -> BinTarget:
     """Return the bin, by observation and belief, for an object in its present orientation."""
     bin_ = world.scene.bins[into]
     seen = world.vision.bins.get(into)
-    heights = heap_heights(bin_, world.scene.objects, None if seen is None else seen.cells)
-    return BinTarget(bin_, heights, tuple(free_cells(bin_, heights, belief.shape, belief.pose.rotation())))
+    objects = [o for o in world.scene.objects if o.id != belief.id]
+    heights = heap_heights(bin_, objects, None if seen is None else seen.cells)
+    cells = free_cells(bin_, heights, belief.shape, belief.pose.rotation(), objects)
+    return BinTarget(bin_, heights, tuple(cells))
 
 
 @dataclass(frozen=True, slots=True)
@@ -224,9 +249,9 @@ def free_drop_height(
 def opens_freely(
     world: World, landing: PlaceCandidate, belief: BeliefObject, object_in_tcp: Pose, width: float
 ) -> bool:
-    """Return whether the hand touches nothing believed where its fingers let the object go, m apart: `width`.
+    """Return whether the hand touches nothing believed at the release of an object that it holds.
 
-    The hand is at the end of `lower`, with the fingers open for the release.
+    The hand is at the end of `lower`, and its fingers open from `width`, m.
     """
     target = world.scene.bins[landing.into]
     low = float(extents(belief.shape, (landing.above @ object_in_tcp).rotation())[0][2])

@@ -273,9 +273,7 @@ def execute_stroke(
     world.gripper.start(one.opening)
     start = stroke.tcp_at(-stroke.gap, one.height, one.flipped)
     legs = (
-        Request(
-            JointGoal(one.over), width=_widest_opening(world, one.opening), scaling=handling.scaling(1.0)
-        ),
+        Request(JointGoal(one.over), width=world.gripper.widest(one.opening), scaling=handling.scaling(1.0)),
         Request(LineGoal(start), width=one.opening, scaling=handling.slowly),
     )
     yield from follow_with_replanning(
@@ -305,11 +303,6 @@ def execute_stroke(
         for name, at in {**along, belief.id: ends}.items():
             _believe(world, name, at)
     return pushed
-
-
-def _widest_opening(world: World, opening: float) -> float:
-    """Return the wider of present and commanded opening, m: the fingers move during the approach."""
-    return max(opening, world.gripper.width)
 
 
 def _believe(world: World, name: ObjectId, at: PlanarPose) -> None:

@@ -10,6 +10,7 @@ import math
 from collections.abc import Generator, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -22,8 +23,8 @@ from ...world.planar_geometry import PlanarOutline, PlanarPose, moved, outline, 
 from ...world.quasi_static_pushing import PlanarPushModel
 from ...world.scene.description import Fixture
 from ...world.shapes import Shape, bottom, extents, top
-from ...world.values import ObjectId
-from ..grasp.grasp_candidates import grasp_candidates
+from ...world.values import ObjectId, Pose
+from ..grasp.grasp_candidates import GraspCandidate, distinct_grasps, grasp_candidates
 from .push_arcs import PushSide, height, push_sides, straight
 from .push_stroke import SUPPORT_EDGE_MARGIN, placed, support_of, within
 from .stroke_planning import PushStroke, straight_stroke
@@ -88,10 +89,10 @@ def has_room(world: World, belief: BeliefObject) -> bool:
     if belief.role != "item":
         return free_distance(world, belief) >= ALONE_DISTANCE
     for grasp in grasp_candidates(belief, world.robot.description.gripper):
-        contacts = world.queries.hand_contacts(
-            grasp.tcp_in_world, grasp.opening, ignore=(belief.id,), margin=grasp.margin
+        clear = world.queries.hand_clearance(
+            grasp.tcp_in_world, grasp.opening, (belief.id,), grasp.margin, least=math.inf
         )
-        if contacts:
+        if clear < math.inf:
             continue
         pair = (("gripper", str(belief.id)),)
         asked = Request(PoseGoal((grasp.tcp_in_world,)), width=grasp.opening, allowed=pair)
@@ -198,6 +199,9 @@ class _Case:
 
         self._queries = SceneQueries(world.robot, self._supposed)
         self._gripper = world.robot.description.gripper
+        self._grasps: dict[tuple[ObjectId, Pose], list[GraspCandidate]] = {}
+        self._there: Mapping[ObjectId, PlanarPose] = {}
+        """Supposed poses of the moved objects."""
         self.checks = 0
         self._now = self._worth()
 
@@ -231,18 +235,27 @@ class _Case:
 
     def with_others(self, one: SingulationPush) -> SingulationPush:
         """Return the push with its value for other objects added."""
-        others = [o for name, o in self._near.items() if o.role == "item" and name != self._target.id]
-        before = sum(self._fits(o) > 0.0 for o in others)
         with self._supposing(one.there):
-            after = sum(self._fits(self._supposed.get(o.id)) > 0.0 for o in others)
-        return replace(one, worth=one.worth + OTHER_GRASP_VALUE * (after - before))
+            after = self._graspable_others()
+        return replace(one, worth=one.worth + OTHER_GRASP_VALUE * (after - self._graspable_now))
+
+    @cached_property
+    def _graspable_now(self) -> int:
+        return self._graspable_others()
+
+    def _graspable_others(self) -> int:
+        """Return the number of other items in the supposed scene around which the hand fits."""
+        others = [o for name, o in self._near.items() if o.role == "item" and name != self._target.id]
+        return sum(self._fits(self._supposed.get(o.id), enough=BARE_GRASP_VALUE) > 0.0 for o in others)
 
     @contextmanager
     def _supposing(self, there: Mapping[ObjectId, PlanarPose]) -> Generator[None]:
         for name, at in there.items():
             o = self._near[name]
             self._supposed.put(replace(o, pose=moved(o.shape, o.pose, at)), "supposed")
+        self._there = there
         yield
+        self._there = {}
         for name in there:
             self._supposed.put(self._near[name], "as it is")
 
@@ -296,36 +309,45 @@ class _Case:
     def _worth(self) -> float:
         """Return the value of the supposed scene for the target."""
         here = self._supposed.get(self._target.id)
-        others = (self._supposed.get(name) for name in self._near if name != here.id)
-        near = min((_between(here, o) for o in others), default=ALONE_DISTANCE)
-        away = min(ALONE_DISTANCE, max(0.0, near))
+        away = max(0.0, self._free_distance())
         if here.role != "item":
             return 2 * FREE_DISTANCE_VALUE * away
         return self._fits(here) + FREE_DISTANCE_VALUE * away
 
-    def _fits(self, o: BeliefObject) -> float:
-        """Return the value of the best fit of the hand around an object."""
-        worth, seen = 0.0, set[tuple[float, ...]]()
-        for grasp in grasp_candidates(o, self._gripper):
-            # The hand looks the same after half a turn.
-            x, y, z = grasp.tcp_in_world.position
-            turn = grasp.tcp_in_world.rotation()[:2, 1]
-            key = (
-                *(round(c, 4) for c in (x, y, z, grasp.opening)),
-                round(abs(float(turn[0])), 3),
-                round(float(turn[0] * turn[1]), 3),
-            )
-            if key in seen:
-                continue
-            seen.add(key)
+    def _free_distance(self) -> float:
+        """Return the supposed free distance of the target from all others, m, at most `ALONE_DISTANCE`."""
+        name, least = self._target.id, ALONE_DISTANCE
+        shape, at = self._shapes[name]
+        at = self._there.get(name, at)
+        for other, (their, there) in self._shapes.items():
+            there = self._there.get(other, there)
+            reach = shape.reach + their.reach + least
+            if other != name and math.hypot(there.x - at.x, there.y - at.y) < reach:
+                least = min(least, outline_distance(shape, at, their, there))
+        return least
+
+    def _fits(self, o: BeliefObject, enough: float = SURE_GRASP_VALUE) -> float:
+        """Return the value of the best fit of the hand around an object; a fit of value `enough` ends the
+        search."""
+        worth = 0.0
+        for grasp in self._distinct_grasps(o):
             self.checks += 1
             margin = grasp.margin + EXTRA_GRASP_MARGIN
-            contacts = self._queries.hand_contacts(grasp.tcp_in_world, grasp.opening, (o.id,), margin)
-            if not contacts:
-                return SURE_GRASP_VALUE
-            if contacts[0].distance >= grasp.margin:
-                worth = BARE_GRASP_VALUE
+            clear = self._queries.hand_clearance(
+                grasp.tcp_in_world, grasp.opening, (o.id,), margin, grasp.margin
+            )
+            if clear >= grasp.margin:
+                worth = BARE_GRASP_VALUE if clear < margin else SURE_GRASP_VALUE
+                if worth >= enough:
+                    return worth
         return worth
+
+    def _distinct_grasps(self, o: BeliefObject) -> list[GraspCandidate]:
+        """Return the `distinct_grasps` of an object at its supposed pose."""
+        known = self._grasps.get((o.id, o.pose))
+        if known is None:
+            known = self._grasps[o.id, o.pose] = distinct_grasps(grasp_candidates(o, self._gripper))
+        return known
 
 
 def straight_on(stroke: PushStroke, length: float) -> PushStroke:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, TypeVar
 import numpy as np
 
 from ...control.commands import ContactThresholds, JointImpedanceResult
+from ...control.safety.motion_lease import above_limit
 from ...planning.requests import DIRECTIONS, ContactPair, Direction, Scaling
 from ...world.causes import Failure
 from ...world.events.skill_events import GaveWayEvent, SafetyAcknowledgedEvent
@@ -104,8 +105,13 @@ class RetreatMotion:
             left = yield from self._stopping(world.move.give_way(self.carried, node=self._node), pressed)
             if left < pressed:
                 break
+        felt = float(np.linalg.norm(contact))
+        above = above_limit(felt, world.control.monitor.limits.force)
+        wrist = f" and {felt:.0f} N at the wrist{above}" if above else ""
         self._note(
-            f"something pressed at the arm with {pressed:.1f} Nm at its joints; {left:.1f} Nm are left", left
+            f"something pressed at the arm with {pressed:.1f} Nm at its joints{wrist}; "
+            f"{left:.1f} Nm are left",
+            left,
         )
         return left
 
@@ -280,7 +286,8 @@ def held_mass(world: World) -> float:
     payload = world.control.wrist.payload
     if payload is not None:
         return payload.mass
-    return next((e.mass for e in world.description.catalogue if e.kind == held.kind), 0.0)
+    entry = world.description.find_entry(held.kind)
+    return 0.0 if entry is None else entry.mass
 
 
 def _sizes(result: JointImpedanceResult) -> str:

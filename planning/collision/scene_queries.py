@@ -5,7 +5,9 @@ The verifier of trajectories uses the same geometries.
 
 from __future__ import annotations
 
-from collections.abc import Collection
+import itertools
+import math
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -161,18 +163,41 @@ class SceneQueries:
 
         Fingers may come to 0.5 mm of a level board, unless `margin` is wider than the usual 3 mm.
         """
+        hand = [("hand", s, tcp_in_world @ pose) for s, pose in self._hand]
+        parts = (*hand, *self._fingers(tcp_in_world, width))
+        found = itertools.chain.from_iterable(self._contacts(*part, ignore, margin) for part in parts)
+        return sorted(found, key=lambda contact: contact.distance)
+
+    def hand_clearance(
+        self, tcp_in_world: Pose, width: float, ignore: Collection[str], margin: float, least: float
+    ) -> float:
+        """Return the distance of the nearest of `hand_contacts`, m; inf: there is none.
+
+        The search ends at the first contact that is closer than `least`.
+        """
+        nearest = math.inf
+        hand = (("hand", s, tcp_in_world @ pose) for s, pose in self._hand)
+        for part in (*self._fingers(tcp_in_world, width), *hand):
+            for contact in self._contacts(*part, ignore, margin):
+                nearest = min(nearest, contact.distance)
+                if nearest < least:
+                    return nearest
+        return nearest
+
+    def _fingers(self, tcp_in_world: Pose, width: float) -> Iterator[tuple[str, FclSolid, Pose]]:
+        for _, pose in self._model.finger_boxes(width):
+            yield "finger", self._finger, tcp_in_world @ pose
+
+    def _contacts(
+        self, name: str, part: FclSolid, pose: Pose, ignore: Collection[str], margin: float
+    ) -> Iterator[ContactPair]:
+        """Yield the contacts of a part of the hand that are closer than its margin."""
         usual = margin <= self._margins.gripper
         finger_support = min(margin, self._margins.finger_support) if usual else margin
-        parts = [("hand", place(s, tcp_in_world @ pose)) for s, pose in self._hand]
-        for _, pose in self._model.finger_boxes(width):
-            parts.append(("finger", place(self._finger, tcp_in_world @ pose)))
-        found: list[ContactPair] = []
-        for name, part in parts:
-            for body, near in self._near(part, ignore, margin):
-                least = finger_support if name == "finger" and body.support else margin
-                if near.distance < least:
-                    found.append(ContactPair(name, body.name, near.distance, near.point))
-        return sorted(found, key=lambda contact: contact.distance)
+        for body, near in self._near(place(part, pose), ignore, margin):
+            least = finger_support if name == "finger" and body.support else margin
+            if near.distance < least:
+                yield ContactPair(name, body.name, near.distance, near.point)
 
     def free(
         self, shape: Shape, pose: Pose, ignore: Collection[str] = (), margin: float = 0.0
@@ -189,15 +214,17 @@ class SceneQueries:
 
     def _near(
         self, part: FclPlacedSolid, ignore: Collection[str], margin: float
-    ) -> list[tuple[CollisionBody, FclDistance]]:
-        """Return bodies whose bounding boxes come within `margin` of the part's, with the exact distance."""
+    ) -> Iterator[tuple[CollisionBody, FclDistance]]:
+        """Yield bodies whose bounding boxes come within `margin` of the part's, with the exact distance."""
         self._follow()
         reach = max(0.0, margin)
         touched = np.all(self._low <= part.high + reach, axis=1) & np.all(
             self._high >= part.low - reach, axis=1
         )
-        bodies = [self._around[int(k)] for k in np.flatnonzero(touched)]
-        return [(body, distance_between(part, other)) for body, other in bodies if body.name not in ignore]
+        for k in np.flatnonzero(touched):
+            body, other = self._around[int(k)]
+            if body.name not in ignore:
+                yield body, distance_between(part, other)
 
     def _follow(self) -> None:
         """Take over the present belief of the scene; unchanged bodies are kept."""

@@ -97,6 +97,32 @@ def test_fingers_that_should_open_on_the_way_are_late_soon_when_they_do_not_move
         assert grip.late() is None
 
 
+def test_a_motion_meets_the_opening_that_the_fingers_are_on_the_way_to() -> None:
+    fingers = Fingers(width=0.04)
+    grip = GripperControl(fingers, fingers, ROBOT.gripper)
+    assert grip.widest() == 0.04
+    assert grip.widest(0.06) == 0.06
+    grip.start(0.07)
+    for _ in range(4):
+        assert grip.widest() == grip.widest(0.05) == 0.07
+        fingers.tick()
+    grip.start(0.02)
+    fingers.tick()
+    assert grip.widest() == fingers.width
+    assert fingers.width > 0.05
+
+
+def test_fingers_that_something_holds_open_no_further() -> None:
+    fingers = Fingers(jammed=True, width=0.04)
+    grip = GripperControl(fingers, fingers, ROBOT.gripper)
+    grip.start(0.07)
+    fingers.tick()
+    assert grip.widest() == 0.07
+    for _ in range(20):
+        fingers.tick()
+    assert grip.widest() == 0.04
+
+
 def test_fingers_that_cannot_open_say_so() -> None:
     fingers = Fingers(jammed=True, width=0.03)
     doing = GripperControl(fingers, fingers, ROBOT.gripper).open()

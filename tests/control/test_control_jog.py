@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -94,7 +95,10 @@ def test_an_unseen_table_is_felt() -> None:
     assert result.force > 8.0
     failure = result.failure()
     assert failure is not None
-    assert str(failure).startswith("world.disturbed: touched something at ")
+    assert str(failure).startswith(f"world.disturbed: touched something at {result.force:.0f} N after ")
+    above = replace(result, limit=5.0).failure()
+    assert above is not None
+    assert f"{result.force:.0f} N, above the limit of 5 N after " in above.message
     assert cell.world.control.monitor.stopped is None
 
 

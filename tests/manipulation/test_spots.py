@@ -1,5 +1,7 @@
 """Spots in a bin: over the lowest part of the heap, clear of the walls, with the object above the rim."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -44,6 +46,18 @@ def test_the_lowest_cell_comes_first_and_full_cells_never() -> None:
     assert found[0].name == "cell 2,0"
     assert "cell 1,1" not in [s.name for s in found]
     assert len(found) == 8
+
+
+def test_an_object_that_reaches_into_a_cell_is_part_of_its_heap() -> None:
+    plate = replace(lying_in_bin(0.0, 0.0), shape=Box((0.04, 0.12, 0.06)))
+    heights = heap_heights(BIN, [plate], None)
+    assert np.count_nonzero(heights) == 1
+    found = {spot.name: spot.height for spot in free_cells(BIN, heights, BLOCK, np.eye(3), [plate])}
+    high = {name for name, height in found.items() if height > 0.0}
+    assert high == {"cell 1,0", "cell 1,1", "cell 1,2"}
+    assert all(found[name] == pytest.approx(0.06) for name in high)
+    elsewhere = replace(plate, place="table")
+    assert not any(s.height for s in free_cells(BIN, 0 * heights, BLOCK, np.eye(3), [elsewhere]))
 
 
 def test_every_spot_keeps_the_object_off_the_walls() -> None:

@@ -11,13 +11,14 @@ import pytest
 from pydantic import TypeAdapter
 
 from picktree.manipulation.carry.hold_check import GripCheck, LightObject
+from picktree.manipulation.grasp.grasp_candidates import grasp_candidates
 from picktree.manipulation.pick.pick_candidates import PickPlaceCandidate
 from picktree.manipulation.pick.pick_stream import CandidateSearch
 from picktree.planning.requests import Request
 from picktree.simulation.backends import Backend
 from picktree.simulation.kinematic.backend import KinematicHardware
 from picktree.trees.skill import Doing
-from picktree.world.belief.facts import AttemptMemory, Refusal
+from picktree.world.belief.facts import GRASP, AttemptMemory, Refusal
 from picktree.world.causes import Cause, Failure, FailureReport, control, planning
 from picktree.world.events.skill_events import PickEvent
 from picktree.world.scene.description import SceneDescription
@@ -334,6 +335,19 @@ def test_what_cannot_be_grasped_is_tried_again_when_something_has_changed(
     cell.world.scene.put(replace(far, pose=far.pose.shifted((0.02, 0.0, 0.0))), "moved")
     failed(cell, f"Grasp: {{object: {block}}}")
     assert len(asked) > searched
+
+
+def test_a_search_among_the_untried_grasps_alone_refuses_nothing() -> None:
+    """Grasps that failed in contact may hold later, though no other one is in reach."""
+    cell, (block,) = looked(block=1)
+    near = cell.world.scene.get(ObjectId(block))
+    far = replace(near, pose=near.pose.shifted((0.5, 0.0, 0.0)))
+    cell.world.scene.put(far, "moved away")
+    ranked = grasp_candidates(far, cell.world.robot.description.gripper)
+    cell.world.attempts.failed("Main/Grasp", block, ranked[0].name)
+    failure = failed(cell, f"Grasp: {{object: {block}}}")
+    assert str(failure.cause) == "grasp.no_candidate" and failure.evidence["tried_before"] == 1
+    assert cell.world.attempts.refusal(GRASP, far, cell.world.scene) is None
 
 
 def test_refusals_are_part_of_a_checkpoint() -> None:

@@ -17,7 +17,7 @@ from picktree.skill_world.world import PlaceCandidate
 from picktree.trees.skill import Doing, Steps
 from picktree.world.causes import Cause, Failure, planning
 from picktree.world.events.skill_events import ItemDoneEvent
-from picktree.world.shapes import Box, bottom
+from picktree.world.shapes import Box, bottom, top
 from picktree.world.trajectory import Trajectory
 from picktree.world.values import ObjectId, Pose
 
@@ -286,3 +286,26 @@ def test_a_place_beside_something_tall_is_one_where_the_fingers_open_freely() ->
     assert any(free) and not all(free)
     world.scene.remove("post", "taken away")
     assert all(opens_freely(world, at, held, held.object_in_tcp, 0.04) for at in over)
+
+
+def test_the_hand_rises_from_around_an_object_that_rests_between_the_fingers() -> None:
+    """What is in the bin is so high that the block comes to rest with its top above the finger tips."""
+    cell, _, block = holding()
+    world = cell.world
+    into = world.scene.bins["red_bin"]
+    pile = replace(
+        world.scene.get(ObjectId(block)),
+        id=ObjectId("pile"),
+        shape=Box((0.20, 0.15, 0.085)),
+        pose=into.pose.shifted((0.0, 0.0, into.wall + 0.0425)),
+        object_in_tcp=None,
+        place=str(into.id),
+    )
+    world.scene.put(pile, "placed before")
+    cell.start(mission(f"Place: {{object: {block}, into: red_bin}}"))
+    cell.finish()
+    assert cell.tree.failure is None
+    known = world.scene.get(ObjectId(block))
+    assert bottom(known.shape, known.pose) == pytest.approx(into.wall + 0.085, abs=1e-3)
+    tips = world.control.tcp.position[2] - world.robot.description.gripper.tip
+    assert tips > top(known.shape, known.pose)

@@ -325,6 +325,10 @@ class SceneDescription:
         known = [total for total in totals if total is not None]
         return here + sum(known) if len(known) == len(totals) else None
 
+    def find_entry(self, kind: str) -> CatalogueEntry | None:
+        """Return the catalogue's entry of a believed kind; None: it is unknown."""
+        return next((e for e in self.catalogue if e.kind == kind), None)
+
     def entry(self, kind: str) -> CatalogueEntry:
         return next(e for e in self.catalogue if e.kind == kind)
 
