@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -11,6 +13,9 @@ from picktree.analysis.explain.explain import explain
 from picktree.analysis.explain.explanation_text import to_text
 from picktree.analysis.explain.investigation.explanation import Explanation
 from picktree.simulation.backends import Backend
+from picktree.simulation.kinematic.camera import KinematicCamera
+from picktree.simulation.physics.rgbd_camera import PhysicsCamera
+from picktree.world.protocols import RgbdImage
 
 from .test_explain_roots import BALL, BLOCK, MISSION, blind, run
 
@@ -145,3 +150,38 @@ def test_an_item_that_the_hand_cannot_take(tmp_path: Path) -> None:
     items = "  - {of: {crate: 1}, colours: [red], area: {min: [0.4, -0.1], max: [0.5, 0.1]}}\n"
     found = blind(run(tmp_path, scene=scene, items=items))
     assert first(found) == ("item.too_wide", "red_crate_1 is too wide for the hand: 95 mm at its narrowest")
+
+
+class FrozenCamera:
+    """Replacement of a camera's `capture`: its picture stands still from a time on, its clock goes on."""
+
+    def __init__(self, capture: Callable[[object], RgbdImage], since: float) -> None:
+        self._capture, self._since = capture, since
+        self._last: RgbdImage | None = None
+
+    def __get__(self, camera: object, _: type) -> Callable[[], RgbdImage]:
+        def capture() -> RgbdImage:
+            image = self._capture(camera)
+            if self._last is None or image.stamp < self._since:
+                self._last = image
+            return replace(self._last, stamp=image.stamp)
+
+        return capture
+
+
+TWICE = MISSION + MISSION[MISSION.index("      - Observe") :]
+
+
+@pytest.mark.parametrize(("camera", "backend"), [(PhysicsCamera, "physics"), (KinematicCamera, "kinematic")])
+def test_a_picture_that_stands_still_is_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, camera: type, backend: Backend
+) -> None:
+    monkeypatch.setattr(camera, "capture", FrozenCamera(camera.capture, 1.0))
+    folder = run(tmp_path, mission=TWICE, backend=backend)
+    cause = blind(folder).root_causes[0]
+    assert (cause.cause, cause.confidence) == ("camera.frozen", "likely")
+    assert cause.title.startswith("the picture of the camera overhead stood still, from ")
+    with Run(folder) as log:
+        assert any("overhead stands still" in f.message for f in explain(log).failures) == (
+            backend == "physics"
+        )

@@ -14,7 +14,7 @@ from ....world.values import Array
 from ..investigation.case import Investigation
 from ..investigation.explanation import Confidence, DeviceFinding, Finding, number, words
 from ..investigation.number_wording import between, counted, force, listed_spans, listed_times, seconds
-from .camera_causes import camera_noisy, camera_off, camera_silent, colours_mistaken
+from .camera_causes import camera_frozen, camera_noisy, camera_off, camera_silent, colours_mistaken
 
 SENSED = ("world.disturbed", "grasp.*", "safety.*", "control.*", "place.*", "planning.start_in_collision")
 """Failures that a wrong force at the wrist may have."""
@@ -294,7 +294,7 @@ def planner_refuses(case: Investigation) -> Iterator[DeviceFinding]:
 
 DETECTORS: tuple[Callable[[Investigation], Iterator[DeviceFinding]], ...] = (
     wrist_silent, arm_stalled, wrist_biased, joint_weak, gripper_faulty, fingers_press_too_little,
-    camera_silent, planner_refuses, camera_noisy, camera_off, colours_mistaken,
+    camera_silent, planner_refuses, camera_frozen, camera_noisy, camera_off, colours_mistaken,
 )  # fmt: skip
 
 
