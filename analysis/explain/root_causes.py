@@ -173,7 +173,7 @@ def _unsorted(case: Investigation, outcome: ExplainedOutcome) -> list[str]:
     if outcome.status == "success":
         return []
     over = outcome.status in ("success", "incomplete")
-    wrong = [true for true, judged in case.scores.items() if judged.verdict != "sorted"]
+    wrong = [true for true, judged in case.scores.items() if not judged.is_in_place]
     return [true for true in wrong if over or case.gone(true) is not None or _settled(case, true)]
 
 

@@ -174,7 +174,10 @@ TWICE = MISSION + MISSION[MISSION.index("      - Observe") :]
 
 @pytest.mark.parametrize(("camera", "backend"), [(PhysicsCamera, "physics"), (KinematicCamera, "kinematic")])
 def test_a_picture_that_stands_still_is_named(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, camera: type, backend: Backend
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    camera: type[PhysicsCamera | KinematicCamera],
+    backend: Backend,
 ) -> None:
     monkeypatch.setattr(camera, "capture", FrozenCamera(camera.capture, 1.0))
     folder = run(tmp_path, mission=TWICE, backend=backend)
