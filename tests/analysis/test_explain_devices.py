@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any, cast
 
 import pytest
 
@@ -179,7 +180,7 @@ def test_a_picture_that_stands_still_is_named(
     camera: type[PhysicsCamera | KinematicCamera],
     backend: Backend,
 ) -> None:
-    monkeypatch.setattr(camera, "capture", FrozenCamera(camera.capture, 1.0))
+    monkeypatch.setattr(camera, "capture", FrozenCamera(cast("Any", camera).capture, 1.0))
     folder = run(tmp_path, mission=TWICE, backend=backend)
     cause = blind(folder).root_causes[0]
     assert (cause.cause, cause.confidence) == ("camera.frozen", "likely")
