@@ -35,10 +35,10 @@ from fnmatch import fnmatchcase
 from functools import cache
 from pathlib import Path
 
-from _campaign import ROOT, Row, campaign, options, rate
+from _campaign import Row, blind, campaign, explaining, options, rate
 from _explanation_cases import Case, counted, load
 from picktree.analysis.explain.investigation.explanation import CONFIDENCES, RATES
-from picktree.session.environment import hashes, sources
+from picktree.session.environment import sources
 
 COST_A_RUN = 9.0
 """CPU seconds of a run and its two explanations, for the forecast."""
@@ -80,12 +80,6 @@ def one(job: Job, folder: Path) -> Row:
 @cache
 def cases() -> Mapping[str, Case]:
     return {case.name: case for case in load()}
-
-
-@cache
-def _explaining() -> str:
-    files = sorted([*(ROOT / "analysis").rglob("*.py"), *(ROOT / "logs").rglob("*.py")])
-    return _digest(hashes(files))
 
 
 @cache
@@ -189,35 +183,23 @@ def explained(folder: Path) -> Row:
 
     `quoted` counts the root causes that quote a fault when the log holds it.
     """
-    from functools import cached_property
-
     from picktree.analysis import Run
     from picktree.analysis.explain.explain import explain
     from picktree.analysis.explain.explanation_text import to_json_text
-    from picktree.logs.run_log import Stamped
-    from picktree.world.events.run_events import FaultEvent
-    from picktree.world.journal import JournalEvent
 
-    class Blind(Run):
-        """A run whose log holds no word of a fault."""
-
-        @cached_property
-        def events(self) -> tuple[Stamped[JournalEvent], ...]:
-            return tuple(at for at in super().events if not isinstance(at.record, FaultEvent))
-
-    with Blind(folder) as run:
-        blind = json.loads(to_json_text(run, explain(run, faults=False)))
+    with blind(folder) as run:
+        told = json.loads(to_json_text(run, explain(run, faults=False)))
     with Run(folder) as run:
         shown = explain(run)
         struck = _struck(run)
     keys = ("cause", "title", "item", "ended_run", "reasons")
     return {
-        "status": blind["outcome"]["status"],
-        "failures": len(blind["failures"]),
+        "status": told["outcome"]["status"],
+        "failures": len(told["failures"]),
         "struck": struck,
         "causes": [
             {key: each[key] for key in keys} | {"confidence": each.get("confidence", "")}
-            for each in blind["root_causes"]
+            for each in told["root_causes"]
         ],
         "quoted": sum(bool(each.planted) for each in shown.root_causes),
         "log": str(folder),
@@ -238,9 +220,9 @@ def _struck(run: object) -> list[dict[str, str]]:
 def wanted(given: argparse.Namespace) -> list[Job]:
     """Return the jobs, one seed of all cases after the other."""
     chosen = [case for case in cases().values() if not given.only or _chosen(case.name, given.only)]
-    offset = 1 if given.final else 0
+    offset, explains = int(given.final), explaining()
     return [
-        Job(case.name, case.seeds + 2 * n + offset, _digest(case.inputs), _explaining())
+        Job(case.name, case.seeds + 2 * n + offset, _digest(case.inputs), explains)
         for n in range(given.first, given.first + given.runs)
         for case in chosen
     ]
@@ -307,7 +289,7 @@ def calibration(scored: Sequence[Row]) -> list[str]:
         line = rate(f"  {word}", sum(hits), len(hits))
         if hits and documented is not None:
             off = sum(hits) / len(hits) - documented
-            near = "within" if abs(off) <= WITHIN else "NOT within"
+            near = "within" if abs(off) <= WITHIN + 1e-9 else "NOT within"
             line += (
                 f"; documented {100 * documented:.0f} %: {near} {100 * WITHIN:.0f} points ({100 * off:+.1f})"
             )
