@@ -53,8 +53,9 @@ def looks(case: Investigation) -> tuple[Stamped[CameraImage], ...]:
     """Return images of the fixed cameras, spread over the run."""
     shots = case.run.shots
     fixed = {c.name for c in case.scene.cameras if c.on != "hand"} if case.scene else set[str]()
-    chosen = sorted({int(n) for n in np.linspace(0, len(shots) - 1, min(len(shots), LOOKS))})
-    return tuple(shot for shot in (shots[n] for n in chosen) if shot.record.camera in fixed)
+    theirs = [n for n, camera in enumerate(shots.cameras) if camera in fixed]
+    chosen = sorted({int(n) for n in np.linspace(0, len(theirs) - 1, min(len(theirs), LOOKS))})
+    return tuple(shots[theirs[n]] for n in chosen)
 
 
 LEAST_NOISE = 5e-4
