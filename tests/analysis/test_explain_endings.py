@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 
 import pytest
@@ -12,6 +13,8 @@ from picktree.session.mission_edits import MissionReload
 from picktree.session.session import RunRequest, Session
 
 from ..session.test_watch import LOGGED, MISSION, Editor
+from .test_explain_roots import BALL, BLOCK
+from .test_explain_roots import MISSION as SORT
 
 HEAD = "picktree: 1\nkind: mission\nscene: sort_small\n"
 PLUGIN = """
@@ -157,3 +160,31 @@ def test_a_mission_that_was_edited_while_it_ran(tmp_path: Path) -> None:
         text = to_text(log, log.explanation, str(folder))
     assert note.startswith("the mission was edited while it ran, at ")
     assert "Note: the mission was edited while it ran" in text
+
+
+def test_a_run_that_was_killed_while_an_item_fell_has_no_other_cause(tmp_path: Path) -> None:
+    """The truth in the log is older than its last ticks: the item still seems to be in the hand."""
+    (tmp_path / "mission.yaml").write_text(SORT, encoding="utf-8")
+    (tmp_path / "scene.yaml").write_text(
+        f"picktree: 1\nkind: scene\nbase: sort_small\nspawn:\n{BALL}{BLOCK}", encoding="utf-8"
+    )
+    session = Session(RunRequest(mission=tmp_path / "mission.yaml", backend="physics", out=tmp_path / "run"))
+    world = session.execution.world
+    step, placed, copies = world.control.step_tick, list[float](), list[Path]()
+
+    def watch(period: float) -> None:
+        now = world.clock.now
+        if world.journal.items_done > len(placed):
+            placed.append(now)
+        if placed and any(abs(now - placed[-1] - late) < 0.02 for late in (0.05, 0.2, 0.4)):
+            copies.append(Path(shutil.copytree(session.folder, tmp_path / f"killed_{now:.2f}")))
+        step(period)
+
+    world.control.step_tick = watch  # pyright: ignore[reportAttributeAccessIssue]
+    assert session.run().status == "success"
+    assert len(copies) >= 4
+    for folder in copies:
+        with Run(folder) as log:
+            found = log.explanation
+        assert (folder.name, found.outcome.status) == (folder.name, "killed")
+        assert [cause.cause for cause in found.root_causes] == ["run.killed"], folder.name
