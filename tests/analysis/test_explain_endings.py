@@ -9,6 +9,7 @@ import pytest
 
 from picktree.analysis import Run
 from picktree.analysis.explain.explanation_text import notes_on, to_text
+from picktree.analysis.explain.investigation import case
 from picktree.session.mission_edits import MissionReload
 from picktree.session.session import RunRequest, Session
 
@@ -162,8 +163,11 @@ def test_a_mission_that_was_edited_while_it_ran(tmp_path: Path) -> None:
     assert "Note: the mission was edited while it ran" in text
 
 
-def test_a_run_that_was_killed_while_an_item_fell_has_no_other_cause(tmp_path: Path) -> None:
-    """The truth in the log is older than its last ticks: the item still seems to be in the hand."""
+def test_a_run_that_was_killed_while_an_item_fell_has_no_other_cause(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The truth is older than the last tick: the item seems to be in the hand still. A log without states of
+    the simulation, as older ones are, has it once a second."""
     (tmp_path / "mission.yaml").write_text(SORT, encoding="utf-8")
     (tmp_path / "scene.yaml").write_text(
         f"picktree: 1\nkind: scene\nbase: sort_small\nspawn:\n{BALL}{BLOCK}", encoding="utf-8"
@@ -176,13 +180,14 @@ def test_a_run_that_was_killed_while_an_item_fell_has_no_other_cause(tmp_path: P
         now = world.clock.now
         if world.journal.items_done > len(placed):
             placed.append(now)
-        if placed and any(abs(now - placed[-1] - late) < 0.02 for late in (0.05, 0.2, 0.4)):
+        if placed and now - placed[-1] < 0.6:
             copies.append(Path(shutil.copytree(session.folder, tmp_path / f"killed_{now:.2f}")))
         step(period)
 
     world.control.step_tick = watch  # pyright: ignore[reportAttributeAccessIssue]
     assert session.run().status == "success"
-    assert len(copies) >= 4
+    assert len(copies) >= 12
+    monkeypatch.setattr(case, "true_states", lambda _: iter(()))
     for folder in copies:
         with Run(folder) as log:
             found = log.explanation
