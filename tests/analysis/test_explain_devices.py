@@ -7,9 +7,11 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, cast
 
+import numpy as np
 import pytest
 
 from picktree.analysis import Run
+from picktree.analysis.explain.causes.device_causes import _smooth_spans
 from picktree.analysis.explain.explain import explain
 from picktree.analysis.explain.explanation_text import to_text
 from picktree.analysis.explain.investigation.explanation import Explanation
@@ -47,6 +49,8 @@ FIRST = "when: {node: Grasp, delay: 300 ms}"
         ("{fault: wrench_bias, when: {node: Grasp}, force: [0, 0, 25 N], lasts: 4 s}", "wrist.biased",
          "that were not there", "physics"),
         (f"{{fault: gripper_jam, {FIRST}, lasts: 4 s}}", "gripper.jammed", "stuck at", "physics"),
+        ("{fault: gripper_jam, when: {node: Place, delay: 200 ms}, lasts: 5 s}", "gripper.jammed", "stuck at",
+         "physics"),
         ("{fault: gripper_weak, when: {node: Grasp}, share: 3 %, lasts: 6 s}", "gripper.weak", "too weak",
          "physics"),
         ("{fault: slip, when: {node: Place, delay: 200 ms}, lasts: 400 ms}", "item.slipped",
@@ -151,6 +155,17 @@ def test_an_item_that_the_hand_cannot_take(tmp_path: Path) -> None:
     items = "  - {of: {crate: 1}, colours: [red], area: {min: [0.4, -0.1], max: [0.5, 0.1]}}\n"
     found = blind(run(tmp_path, scene=scene, items=items))
     assert first(found) == ("item.too_wide", "red_crate_1 is too wide for the hand: 95 mm at its narrowest")
+
+
+def test_a_silent_sensor_is_known_though_its_reading_turns_with_the_hand() -> None:
+    times, rng = 0.05 * np.arange(200), np.random.default_rng(3)
+    angle = np.where(times < 6.0, np.sin(times), np.sin(6.0))
+    forces = 3.0 * np.column_stack([np.cos(angle), np.sin(angle), 0.1 * angle])
+    assert not _smooth_spans(times, forces + rng.normal(0.0, 0.1, forces.shape))
+    silent = (times > 4.0) & (times < 8.0)
+    noise = np.where(silent[:, None], 0.0, rng.normal(0.0, 0.1, forces.shape))
+    ((start, end),) = [span for span in _smooth_spans(times, forces + noise) if span[1] - span[0] > 0.3]
+    assert (start, end) == (pytest.approx(4.05, abs=0.11), pytest.approx(7.85, abs=0.11))
 
 
 class FrozenCamera:
