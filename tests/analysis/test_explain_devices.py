@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from picktree.analysis import Run
-from picktree.analysis.explain.causes.device_causes import _smooth_spans
+from picktree.analysis.explain.causes.device_causes import smooth_spans
 from picktree.analysis.explain.explain import explain
 from picktree.analysis.explain.explanation_text import to_text
 from picktree.analysis.explain.investigation.explanation import Explanation
@@ -158,13 +158,13 @@ def test_an_item_that_the_hand_cannot_take(tmp_path: Path) -> None:
 
 
 def test_a_silent_sensor_is_known_though_its_reading_turns_with_the_hand() -> None:
-    times, rng = 0.05 * np.arange(200), np.random.default_rng(3)
+    times, rng = np.asarray(0.05 * np.arange(200), np.float64), np.random.default_rng(3)
     angle = np.where(times < 6.0, np.sin(times), np.sin(6.0))
     forces = 3.0 * np.column_stack([np.cos(angle), np.sin(angle), 0.1 * angle])
-    assert not _smooth_spans(times, forces + rng.normal(0.0, 0.1, forces.shape))
+    assert not smooth_spans(times, forces + rng.normal(0.0, 0.1, forces.shape))
     silent = (times > 4.0) & (times < 8.0)
     noise = np.where(silent[:, None], 0.0, rng.normal(0.0, 0.1, forces.shape))
-    ((start, end),) = [span for span in _smooth_spans(times, forces + noise) if span[1] - span[0] > 0.3]
+    ((start, end),) = [span for span in smooth_spans(times, forces + noise) if span[1] - span[0] > 0.3]
     assert (start, end) == (pytest.approx(4.05, abs=0.11), pytest.approx(7.85, abs=0.11))
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import pytest
@@ -10,6 +11,7 @@ import pytest
 from picktree.analysis import Run
 from picktree.analysis.explain.explanation_text import notes_on, to_text
 from picktree.analysis.explain.investigation import case
+from picktree.logs.run_log import RunLog
 from picktree.session.mission_edits import MissionReload
 from picktree.session.session import RunRequest, Session
 
@@ -163,6 +165,10 @@ def test_a_mission_that_was_edited_while_it_ran(tmp_path: Path) -> None:
     assert "Note: the mission was edited while it ran" in text
 
 
+def _no_states(_: RunLog) -> Iterator[tuple[float, Mapping[str, object]]]:
+    return iter(())
+
+
 def test_a_run_that_was_killed_while_an_item_fell_has_no_other_cause(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -187,7 +193,7 @@ def test_a_run_that_was_killed_while_an_item_fell_has_no_other_cause(
     world.control.step_tick = watch  # pyright: ignore[reportAttributeAccessIssue]
     assert session.run().status == "success"
     assert len(copies) >= 12
-    monkeypatch.setattr(case, "true_states", lambda _: iter(()))
+    monkeypatch.setattr(case, "true_states", _no_states)
     for folder in copies:
         with Run(folder) as log:
             found = log.explanation

@@ -34,7 +34,7 @@ def wrist_silent(case: Investigation) -> Iterator[DeviceFinding]:
     if case.run.info.backend == "physics" and len(wrenches.times) > 2:  # else it is without noise
         same = np.abs(np.diff(np.linalg.norm(wrenches.forces, axis=1))) < 1e-6
         spans = [s for s in _spans(wrenches.times[1:], same) if s[1] - s[0] > SILENT]
-        spans = spans or [s for s in _smooth_spans(wrenches.times, wrenches.forces) if s[1] - s[0] > SILENT]
+        spans = spans or [s for s in smooth_spans(wrenches.times, wrenches.forces) if s[1] - s[0] > SILENT]
     if stale:
         spans = spans or list(_spans(np.array(sorted(set(stale))), np.ones(len(set(stale)), dtype=bool), 2.0))
     if not spans:
@@ -48,7 +48,7 @@ def wrist_silent(case: Investigation) -> Iterator[DeviceFinding]:
     )
 
 
-def _smooth_spans(times: Array, forces: Array) -> tuple[tuple[float, float], ...]:
+def smooth_spans(times: Array, forces: Array) -> tuple[tuple[float, float], ...]:
     """Return when the readings (n, 3) have lost their noise: a silent sensor's last one only turns with the
     hand, in the axes of the world."""
     bends = np.asarray(np.linalg.norm(np.diff(forces, 2, axis=0), axis=1), np.float64)
