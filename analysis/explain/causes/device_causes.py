@@ -49,8 +49,10 @@ def wrist_silent(case: Investigation) -> Iterator[DeviceFinding]:
 
 
 def smooth_spans(times: Array, forces: Array) -> tuple[tuple[float, float], ...]:
-    """Return when the readings (n, 3) have lost their noise: a silent sensor's last one only turns with the
-    hand, in the axes of the world."""
+    """Return when the readings (n, 3) have lost their noise.
+
+    The last reading of a silent sensor only turns with the hand, in the axes of the world.
+    """
     bends = np.asarray(np.linalg.norm(np.diff(forces, 2, axis=0), axis=1), np.float64)
     noise = bends[bends > NOISELESS]
     return _spans(times[:-2], bends < SMOOTH * float(np.median(noise))) if len(noise) else ()
