@@ -81,10 +81,7 @@ class MissionRun(RunResult):
         rows: list[tuple[str, object]] = [
             ("status", self.status + (f": {self.message}" if self.message else "")),
             ("seed", self.seed),
-            (
-                "items",
-                f"{items.sorted} of {items.total} sorted, {items.misplaced} misplaced, {items.left} left",
-            ),
+            ("items", items.to_text()),
             ("grasps", f"{picks.held} held of {picks.tried} tried"),
             ("simulated", f"{self.sim_seconds:.1f} s"),
             *((f"failure {cause}", count) for cause, count in self.failures.items()),

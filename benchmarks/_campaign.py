@@ -24,13 +24,16 @@ from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from statistics import median
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from picktree.arithmetic import restart
 from picktree.batch.workers.executor import Executor, JobFailed, JobFinished, JobOrder
 from picktree.batch.workers.local_executor import LocalExecutor
 from picktree.errors import PicktreeError
-from picktree.session.environment import revision, sources
+from picktree.session.environment import hashes, revision, sources
+
+if TYPE_CHECKING:
+    from picktree.analysis.run import Run
 
 restart()
 
@@ -392,6 +395,22 @@ def _cpu() -> float:
     """Return the CPU time of this process and its ended children, s."""
     times = os.times()
     return times.user + times.system + times.children_user + times.children_system
+
+
+def explaining() -> str:
+    """Return a hash of the sources that explain a log; no run depends on them."""
+    files = sorted([*(ROOT / "analysis").rglob("*.py"), *(ROOT / "logs").rglob("*.py")])
+    return hashlib.sha256(repr(hashes(files)).encode()).hexdigest()[:12]
+
+
+def blind(folder: Path) -> Run:
+    """Open a run whose log holds no word of a fault."""
+    from picktree.analysis import Run
+    from picktree.world.events.run_events import FaultEvent
+
+    run = Run(folder)
+    run.__dict__["events"] = tuple(at for at in run.events if not isinstance(at.record, FaultEvent))
+    return run
 
 
 def wilson(hits: int, n: int) -> tuple[float, float]:

@@ -68,6 +68,12 @@ class Case:
     corrected: Mapping[int, str] | None = None
     """Reason why the expectation is false, by seed."""
 
+    @property
+    def inputs(self) -> tuple[object, ...]:
+        """What a run depends on."""
+        files = (self.mission, self.scene, self.faults, self.plugin)
+        return *files, self.backend, self.limit, self.ends, self.at
+
     def write(self, folder: Path) -> None:
         """Write the files that its runs need."""
         folder.mkdir(parents=True, exist_ok=True)

@@ -66,6 +66,10 @@ class Measure:
     resumed: bool = False
     """It was killed, and taken up."""
     failures: tuple[Failed, ...] = ()
+    roots: tuple[str, ...] = ()
+    """Root causes by `explain`, in its order, from a log without the events of faults."""
+    explains: str = ""
+    """Hash of the sources that explained it."""
     total: int | None = None
     sorted: int | None = None
     misplaced: int | None = None
@@ -90,6 +94,12 @@ class Measure:
         if self.fault_at is None:
             return ()
         return tuple(failure for failure in self.failures if failure.time >= self.fault_at - 1e-9)
+
+    @property
+    def to_explain(self) -> bool:
+        """A fault took effect, and after it something failed or an item is not where it belongs."""
+        missed = self.total is not None and self.sorted != self.total
+        return self.took_effect and (bool(self.after) or missed)
 
     @property
     def finished(self) -> bool:
@@ -118,6 +128,7 @@ class Measure:
     def from_json(cls, data: Mapping[str, Any]) -> Measure:
         told = dict(data)
         told["failures"] = tuple(Failed(**each) for each in told["failures"])
+        told["roots"] = tuple(told.get("roots", ()))
         told["beyond"] = tuple(Beyond(**each) for each in told["beyond"])
         return cls(**told)
 

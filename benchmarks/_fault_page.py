@@ -27,7 +27,7 @@ def targets(lines: Sequence[Line]) -> tuple[Target, ...]:
     faulty = total(own, recovery=True)
     if not faulty.runs:
         return ()
-    done, right = rate(faulty.sorted, faulty.sortable), rate(faulty.right, faulty.detected)
+    done, right = rate(faulty.sorted, faulty.sortable), rate(faulty.right, faulty.to_explain)
     return (
         Target("no crash", f"{faulty.crashed} in {faulty.runs} runs", faulty.crashed == 0),
         Target("no hang", f"{faulty.hung} in {faulty.runs} runs", faulty.hung == 0),
@@ -46,9 +46,9 @@ def to_page(lines: Sequence[Line], command: str, seeds: Sequence[int]) -> str:
     several = len(seeds) > 1
     which = f"{len(seeds)} seeds ({seeds[0]} … {seeds[-1]})" if several else f"seed {seeds[0]}"
     causes = [
-        f"| {each.fault.replace('_', ' ')} | {_counted(each.first_causes)} |"
+        f"| {each.fault.replace('_', ' ')} | {_counted(each.first_causes)} | {_counted(each.first_roots)} |"
         for each in lines
-        if each.recovery and each.first_causes and each.fault != "all faults"
+        if each.recovery and (each.first_causes or each.first_roots) and each.fault != "all faults"
     ]
     parts = [
         "# The fault campaign",
@@ -87,14 +87,14 @@ def to_page(lines: Sequence[Line], command: str, seeds: Sequence[int]) -> str:
         "lost. The true forces of contacts are not in a log: what is told here is what the wrist felt, off "
         "by the bias where the sensor is biased.",
         "",
-        "## First failures after the fault, with recovery",
+        "## First failures after the fault, and what is named first, with recovery",
         "",
-        "| fault | cause and runs |",
-        "| --- | --- |",
+        "| fault | cause of the failure and runs | root cause and runs |",
+        "| --- | --- | --- |",
         *causes,
     ]
     return "\n".join(parts) + "\n"
 
 
 def _counted(causes: Mapping[str, int]) -> str:
-    return ", ".join(f"{cause} {n}" for cause, n in causes.items())
+    return ", ".join(f"{cause} {n}" for cause, n in causes.items()) or "–"

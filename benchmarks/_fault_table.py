@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
+from fnmatch import fnmatch
 from typing import Any
 
 from _fault_measures import Measure
@@ -16,8 +17,11 @@ COLUMNS: Mapping[str, str] = {
     "took effect": "of all runs, those in which a fault did something (a `fault` event that neither waits "
     "nor finds no item; a process that was killed)",
     "detected": "of these, those that reported a failure at or after that moment",
-    "right cause": "of the detected, those whose first failure after that moment is among the accepted "
-    "causes (`expect` of the fault file)",
+    "reported": "of the detected, those whose first failure after that moment has one of the accepted causes "
+    "(`causes` of the fault file's `expect`): what the skill itself says",
+    "right cause": "of the runs in which a fault took effect and something failed after it, or an item is "
+    "not where it belongs, those in which the root cause that `picktree explain` names first is among the "
+    "accepted ones (`roots` of `expect`); it is asked of a log without the events of faults",
     "absorbed": "of the runs in which a fault took effect, those without any failure after it; beside it "
     "the items that were sorted in these, of those that could be",
     "finished": "of all runs, those whose tree came to its end in SUCCESS, whatever was sorted",
@@ -44,6 +48,8 @@ class Line:
     runs: int
     took_effect: int
     detected: int
+    reported: int
+    to_explain: int
     right: int
     absorbed: int
     absorbed_sorted: int
@@ -66,11 +72,14 @@ class Line:
     """Simulated, mean of the runs with a result."""
     first_causes: Mapping[str, int]
     """Of the first failures after the fault."""
+    first_roots: Mapping[str, int]
+    """Of the root causes that are named first."""
 
     def to_json(self) -> dict[str, Any]:
         rates = {
             "detected": rate(self.detected, self.took_effect),
-            "right": rate(self.right, self.detected),
+            "reported": rate(self.reported, self.detected),
+            "right": rate(self.right, self.to_explain),
             "finished": rate(self.finished, self.runs),
             "sorted": rate(self.sorted, self.sortable),
         }
@@ -81,6 +90,11 @@ class Line:
 def is_right(cause: str, expect: FaultExpectation) -> bool:
     """Whether a cause is among those that count as the right ones."""
     return any(matches(pattern, cause_named(cause)) for pattern in expect.causes)
+
+
+def names_root(measure: Measure, expect: FaultExpectation) -> bool:
+    """Whether the root cause that stands first is among those that count as the right ones."""
+    return bool(measure.roots) and any(fnmatch(measure.roots[0], pattern) for pattern in expect.roots)
 
 
 def sortable(measure: Measure, expect: FaultExpectation) -> int:
@@ -111,7 +125,9 @@ def line(
         runs=len(runs),
         took_effect=len(struck),
         detected=len(told),
-        right=sum(is_right(cause, expect) for cause in firsts),
+        reported=sum(is_right(cause, expect) for cause in firsts),
+        to_explain=sum(run.to_explain for run in runs),
+        right=sum(run.to_explain and names_root(run, expect) for run in runs),
         absorbed=len(silent),
         absorbed_sorted=sum(_sorted(run, expect) for run in silent),
         absorbed_sortable=sum(sortable(run, expect) for run in silent),
@@ -130,6 +146,9 @@ def line(
         resumed=sum(run.resumed for run in runs),
         seconds=round(sum(done) / len(done), 2) if done else 0.0,
         first_causes=dict(Counter(firsts).most_common()),
+        first_roots=dict(
+            Counter(run.roots[0] if run.roots else "nothing" for run in runs if run.to_explain).most_common()
+        ),
     )
 
 
@@ -137,13 +156,25 @@ def total(lines: Sequence[Line], recovery: bool) -> Line:
     """All faults of one side together; runs without any fault are not in it."""
     side = [each for each in lines if each.recovery == recovery and each.fault != "none"]
     causes: Counter[str] = Counter()
+    roots: Counter[str] = Counter()
     for each in side:
         causes.update(each.first_causes)
+        roots.update(each.first_roots)
     runs = sum(each.runs for each in side)
     sums = {
         name: sum(getattr(each, name) for each in side)
         for name in (
-            *("runs", "took_effect", "detected", "right", "absorbed", "absorbed_sorted", "absorbed_sortable"),
+            *(
+                "runs",
+                "took_effect",
+                "detected",
+                "reported",
+                "to_explain",
+                "right",
+                "absorbed",
+                "absorbed_sorted",
+                "absorbed_sortable",
+            ),
             *("finished", "sorted", "sortable", "misplaced", "on_floor", "above_force", "crossed", "beyond"),
             *("crashed", "hung", "killed", "resumed"),
         )
@@ -155,6 +186,7 @@ def total(lines: Sequence[Line], recovery: bool) -> Line:
         worst_force=max((each.worst_force for each in side), default=0.0),
         seconds=round(sum(each.seconds * each.runs for each in side) / runs, 2) if runs else 0.0,
         first_causes=dict(causes.most_common()),
+        first_roots=dict(roots.most_common()),
     )
 
 
@@ -178,8 +210,8 @@ def brief(found: Rate) -> str:
 
 
 HEADINGS = (
-    "fault", "", "took effect", "detected", "right cause", "absorbed", "finished", "sorted", "worst force",
-    "beyond", "crashed, hung", "s",
+    "fault", "", "took effect", "detected", "reported", "right cause", "absorbed", "finished", "sorted",
+    "worst force", "beyond", "crashed, hung", "s",
 )  # fmt: skip
 
 
@@ -191,7 +223,8 @@ def cells(each: Line) -> tuple[str, ...]:
         "with" if each.recovery else "without",
         f"{each.took_effect}/{each.runs}",
         brief(rate(each.detected, each.took_effect)),
-        brief(rate(each.right, each.detected)),
+        brief(rate(each.reported, each.detected)),
+        brief(rate(each.right, each.to_explain)),
         absorbed,
         brief(rate(each.finished, each.runs)),
         brief(rate(each.sorted, each.sortable)),

@@ -27,7 +27,7 @@ from pathlib import Path
 from statistics import median
 from threading import Timer
 
-from _campaign import REFERENCE_COST, ROOT, executor, options, reference
+from _campaign import REFERENCE_COST, ROOT, blind, executor, explaining, options, reference
 from _fault_measures import Cell, Measure, Measured, measured
 from _fault_page import targets, to_page
 from _fault_table import Line, line, to_text, total
@@ -276,13 +276,14 @@ def measure(rows: Sequence[Row], folder: Path) -> list[Measure]:
     """Measure each run, once."""
     known = Measured.read(folder / "measures.jsonl")
     cell: Cell | None = None
+    explains = explaining()
     for number, row in enumerate(rows):
-        if row.job in known.by_job:
+        if (one := known.by_job.get(row.job)) and one.explains == explains:
             continue
         if cell is None:
             print("measuring …", file=sys.stderr, flush=True)
             cell = Cell.of("sort_small")
-        known.add(_measure(row, folder, cell))
+        known.add(replace(_measure(row, folder, cell), explains=explains))
         if number % 100 == 99:
             print(f"  {number + 1} of {len(rows)}", file=sys.stderr, flush=True)
     return [known.by_job[row.job] for row in rows]
@@ -306,8 +307,14 @@ def _measure(row: Row, folder: Path, cell: Cell) -> Measure:
         return _measure_killed(told, _place(row, folder), cell)
     if not row.folder:
         return told
-    with Run(folder / row.folder) as log:
-        return measured(told, log, cell)
+    return _of_log(told, folder / row.folder, cell)
+
+
+def _of_log(told: Measure, folder: Path, cell: Cell) -> Measure:
+    with Run(folder) as log:
+        told = measured(told, log, cell)
+    with blind(folder) as log:
+        return replace(told, roots=tuple(root.cause for root in log.explanation.root_causes))
 
 
 def _measure_killed(told: Measure, place: Path, cell: Cell) -> Measure:
@@ -321,8 +328,7 @@ def _measure_killed(told: Measure, place: Path, cell: Cell) -> Measure:
     if folder is None:
         return told
     root = place.parent.parent
-    with Run(folder) as log:
-        told = replace(measured(told, log, cell), folder=str(folder.relative_to(root)))
+    told = replace(_of_log(told, folder, cell), folder=str(folder.relative_to(root)))
     if said["result"] is None:
         return told
     ended = RunResult.from_json_text(said["result"], place / TOLD)
@@ -338,8 +344,7 @@ def _measure_killed(told: Measure, place: Path, cell: Cell) -> Measure:
         failures=(),
         folder=str(ended.folder.relative_to(root)),
     )
-    with Run(ended.folder) as log:
-        return measured(told, log, cell)
+    return _of_log(told, ended.folder, cell)
 
 
 def table(rows: Sequence[Row], measures: Sequence[Measure]) -> list[Line]:

@@ -48,6 +48,23 @@ class ItemCount:
     misplaced: int
     left: int
     by_form: Mapping[str, FormCount]
+    without_destination: int = 0
+    """Number of items that belong into no bin and lie in none; they are not in `total`."""
+    elsewhere: int = 0
+    """Number of items that the mission put down outside of bins and holes, as the robot believes."""
+    set_aside: int = 0
+    """Number of items that the mission gave up at their place, as the robot believes."""
+
+    def to_text(self) -> str:
+        """Return a line: `4 of 6 sorted, 0 misplaced, 2 left; 2 set aside, 1 without a destination`."""
+        counts = f"{self.sorted} of {self.total} sorted, {self.misplaced} misplaced, {self.left} left"
+        others = (
+            (self.elsewhere, "put elsewhere"),
+            (self.set_aside, "set aside"),
+            (self.without_destination, "without a destination"),
+        )
+        told = ", ".join(f"{number} {words}" for number, words in others if number)
+        return f"{counts}; {told}" if told else counts
 
 
 @dataclass(frozen=True, slots=True)
@@ -210,6 +227,9 @@ class RunResult:
                 "misplaced": items.misplaced,
                 "left": items.left,
                 "by_form": by_form,
+                "without_destination": items.without_destination,
+                "elsewhere": items.elsewhere,
+                "set_aside": items.set_aside,
             },
             "picks": {
                 "tried": picks.tried,
@@ -276,8 +296,7 @@ class RunResult:
         lines = [
             f"{self.status}: {_SENTENCES[self.status]}" + (f": {self.message}" if self.message else ""),
             *self._waits(program),
-            f"items       {items.sorted} of {items.total} sorted, "
-            f"{items.misplaced} misplaced, {items.left} left",
+            f"items       {items.to_text()}",
         ]
         lines += [
             f"  {form:<10}{count.sorted} of {count.total}" for form, count in sorted(items.by_form.items())

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import Literal, Protocol, TypeAlias
 
 from ..logs.episodes.episode import EpisodeTrackerState, NodeLike, TransitionLike
 from ..logs.episodes.episode_counts import CureCount, EpisodeCounts, PlantedCount
@@ -17,8 +17,17 @@ from ..world.events.run_events import (
     DeliveryEvent,
     RecoveryEvent,
 )
-from ..world.events.skill_events import BinEmptiedEvent, ItemDoneEvent, PickEvent, SetAsideEvent
+from ..world.events.skill_events import (
+    BinEmptiedEvent,
+    ItemDoneEvent,
+    PickEvent,
+    SetAsideEvent,
+    TookStockEvent,
+)
 from ..world.journal import Entry, JournalEvent
+
+Place: TypeAlias = Literal["bin", "elsewhere", "aside"]
+"""Kinds of places where a mission leaves an item: a bin or hole, another place, where it was."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,6 +95,8 @@ class RunCountersState:
     deliveries: int = 0
     exchanges: int = 0
     set_aside: int = 0
+    places: dict[str, Place] = field(default_factory=dict[str, "Place"])
+    emptied: int = 0
     episodes: EpisodeCountersState = field(default_factory=EpisodeCountersState)
 
 
@@ -112,7 +123,11 @@ class RunCounters:
     set_aside: int = 0
     """Number of items that were given up at their place."""
     done: int = 0
-    """Number of items placed, as the robot believes."""
+    """Number of times that an item was placed, as the robot believes."""
+    places: dict[str, Place] = field(default_factory=dict[str, "Place"])
+    """Place of each item that the mission is done with, as the robot believes."""
+    emptied: int = 0
+    """Number of items in bins that were exchanged; their ids are no longer needed."""
     failures: Counter[str] = field(default_factory=Counter[str])
     """Number of failures of leaves by cause, and of branches that were stopped at their limit of time."""
     recovered: Counter[str] = field(default_factory=Counter[str])
@@ -137,6 +152,8 @@ class RunCounters:
             self.deliveries,
             self.exchanges,
             self.set_aside,
+            dict(self.places),
+            self.emptied,
             self.episodes.state(),
         )
 
@@ -154,6 +171,8 @@ class RunCounters:
             exchanges=state.exchanges,
             set_aside=state.set_aside,
             done=state.done,
+            places=dict(state.places),
+            emptied=state.emptied if state.places or state.emptied else state.done,
             failures=Counter(state.failures),
             recovered=Counter(state.recovered),
             cured=Counter(state.cured),
@@ -169,7 +188,20 @@ class RunCounters:
     def held_first_try(self) -> int:
         return self.gone_first_try + len(self.first_try)
 
+    def count(self, place: Place) -> int:
+        """Return the number of items at places of a kind, as the robot believes."""
+        there = sum(each == place for each in self.places.values())
+        return there + self.emptied if place == "bin" else there
+
+    def progress(self, total: int) -> str:
+        """Return the progress as text: `5 of 8 items done, 2 put elsewhere, 1 set aside`."""
+        others = ((self.count("elsewhere"), "put elsewhere"), (self.count("aside"), "set aside"))
+        parts = [f"{self.count('bin')} of {total} items done"]
+        return ", ".join([*parts, *(f"{number} {words}" for number, words in others if number)])
+
     def _forget(self, objects: Iterable[str]) -> None:
+        objects = set(objects)
+        self.emptied += sum(self.places.pop(each, "") == "bin" for each in objects)
         gone = self.objects.intersection(objects)
         self.gone += len(gone)
         self.gone_first_try += len(gone & self.first_try)
@@ -210,14 +242,18 @@ class RunCounters:
                 if subject not in self.objects and held:
                     self.first_try.add(subject)
                 self.objects.add(subject)
-            case ItemDoneEvent():
+            case ItemDoneEvent(object=subject, into=into):
                 self.done += 1
+                self.places[subject] = "bin" if into else "elsewhere"
+            case TookStockEvent(done=done):
+                self.places |= dict.fromkeys(done or (), "bin")
             case DeliveryEvent() | BeltStopsEvent():
                 self.deliveries += 1
             case BinExchangedEvent():
                 self.exchanges += 1
-            case SetAsideEvent():
+            case SetAsideEvent(object=subject):
                 self.set_aside += 1
+                self.places[subject] = "aside"
             case BinEmptiedEvent(objects=objects):
                 self._forget(objects)
             case RecoveryEvent(cause=cause):

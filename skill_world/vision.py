@@ -7,9 +7,12 @@ from collections.abc import Callable, Generator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TypeVar
 
+import numpy as np
+
 from ..perception.data_association import ObservationSummary, update_belief
 from ..perception.fitting.known_object_fitting import TrackedSighting
 from ..perception.fitting.view import BinView
+from ..perception.geometry.camera_geometry import depth_noise
 from ..perception.pipeline import Perception
 from ..world.belief.planning_scene import BeliefObject, PlanningScene
 from ..world.causes import Failure, perception
@@ -28,6 +31,8 @@ FRAME = 0.1
 OLDEST = 0.2
 """Maximum age of an image, s. A camera that hangs returns its last image again, and a hand at 0.25 m/s has
 moved by 5 cm in this time."""
+LEAST_NOISE = 5e-5
+"""Noise of a depth image from which no two images are the same, m. A camera without noise may repeat one."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -74,6 +79,8 @@ class Vision:
         self._width = width
         self._stopwatch = stopwatch or Stopwatch()
         self._still = frozenset(cameras) - perceive.moving
+        self._last: dict[str, RgbdImage] = {}
+        """Last image of each camera; of one that repeats itself, the first of these. No part of the state."""
         self.bins: dict[str, BinView] = {}
         """Latest view of each bin; part of the state."""
         self.looks = 0
@@ -112,7 +119,7 @@ class Vision:
         """Observe with `camera`; the belief changes after the charged time.
 
         Raises Failure: perception.not_found when there is no such camera, perception.no_image when none comes
-        within a few frames, or only old ones.
+        within a few frames, or only old ones or the same one.
         """
         shot = yield from self._patiently(lambda: self.glance(camera))
         yield from self._charge()
@@ -123,7 +130,7 @@ class Vision:
         `take_in`; the caller defers that until the charged time has passed.
 
         Raises Failure: perception.not_found when there is no such camera, perception.no_image when this frame
-        does not come, or is old.
+        does not come, is old, or is the one before again.
         """
         if camera not in self._cameras:
             raise Failure(
@@ -139,7 +146,25 @@ class Vision:
         if age > OLDEST:
             message = f"{camera} gives no new image: the last one is {age:.2f} s old"
             raise Failure(perception.NO_IMAGE, message, camera=camera, age=round(age, 3))
+        if self._is_repeated(image):
+            frozen = now - self._last[camera].stamp
+            message = f"{camera} stands still: it has given the same image for {frozen:.2f} s"
+            raise Failure(perception.NO_IMAGE, message, camera=camera, frozen=round(frozen, 3))
         return CapturedImage(image, self._joints(), self._width(), now, self._scene.held)
+
+    def _is_repeated(self, image: RgbdImage) -> bool:
+        """Return whether an image with noise equals the camera's last one; keep it as the last if not."""
+        last = self._last.setdefault(image.camera, image)
+        if (
+            image.stamp > last.stamp
+            and np.array_equal(image.depth[::16, ::16], last.depth[::16, ::16])
+            and np.array_equal(image.depth, last.depth)
+            and np.array_equal(image.colour, last.colour)
+            and depth_noise(image.depth)[0] > LEAST_NOISE
+        ):
+            return True
+        self._last[image.camera] = image
+        return False
 
     def take_in(self, shot: CapturedImage, known: Sequence[BeliefObject] = ()) -> ObservationSummary:
         """Run perception on an image and merge the result into the belief, for the time of its capture.

@@ -100,7 +100,7 @@ def _no_item(case: Investigation, item: str) -> str:
 def _unseen(case: Investigation, true: str) -> ItemStory:
     body = case.truth.tracks[true].first
     score = case.scores.get(true)
-    state = "done" if score is not None and score.verdict == "sorted" else "left"
+    state = "done" if score is not None and score.is_in_place else "left"
     return ItemStory(true, body.kind, body.colour, state, (), f"{_truth(case, true)}; never seen")
 
 
@@ -133,7 +133,7 @@ def _truth(case: Investigation, true: str) -> str:
         where += f", {1000 * score.seat.depth:.1f} mm deep"
     if score is not None and score.reason:
         where += f": {score.reason}"
-    elif score is not None and score.verdict == "sorted":
+    elif score is not None and score.is_in_place:
         where += ", where it belongs"
     elif score is not None and score.destination and score.destination == lies:
         where += ", where it belongs, but does not rest in it"

@@ -16,7 +16,7 @@ from ...logs.episodes.episode_counts import CauseCount
 from ...logs.schema.json_records import encode
 from ...world.journal import Plain
 from .failure_text import FailureText, recovery_lines
-from .investigation.explanation import Explanation, ItemStory, RootCause
+from .investigation.explanation import RATES, Explanation, ItemStory, RootCause
 from .investigation.number_wording import counted, seconds, wrapped
 
 if TYPE_CHECKING:
@@ -205,7 +205,9 @@ def to_json_text(run: Run, found: Explanation) -> str:
             ],
             "planted": [_plain(each) for each in found.recovery.planted],
         },
-        "root_causes": [_plain(cause) for cause in found.root_causes],
+        "root_causes": [
+            {**_plain(cause), "confidence_rate": RATES[cause.confidence]} for cause in found.root_causes
+        ],
         "items": [_plain(item) for item in found.items],
         "look_at": [_plain(look) for look in found.look_at],
     }

@@ -173,7 +173,7 @@ def _unsorted(case: Investigation, outcome: ExplainedOutcome) -> list[str]:
     if outcome.status == "success":
         return []
     over = outcome.status in ("success", "incomplete")
-    wrong = [true for true, judged in case.scores.items() if judged.verdict != "sorted"]
+    wrong = [true for true, judged in case.scores.items() if not judged.is_in_place]
     return [true for true in wrong if over or case.gone(true) is not None or _settled(case, true)]
 
 
@@ -191,7 +191,7 @@ COME_DOWN = 0.4
 def _why_unsorted(case: Investigation, true: str, by_failure: Mapping[int, Finding]) -> Finding | None:
     """Return why an item is not where it belongs: from its last placement, else from its last failure."""
     if (broken := crushed(case, true)) is not None:
-        return broken
+        return _why_crushed(case, true, broken, by_failure)
     names = case.believed.get(true, ())
     done = placed_at(case, true)
     if done is not None and (answer := why_not_sorted(case, true)) is not None:
@@ -208,6 +208,29 @@ def _why_unsorted(case: Investigation, true: str, by_failure: Mapping[int, Findi
     if answer is None or answer.cause not in ("mission.not_tried", "item.never_seen"):
         return answer
     return _no_time(case, true, by_failure) if answer.cause == "mission.not_tried" else _unseen(case, answer)
+
+
+ORIGINS = (
+    "camera.",
+    "wrist.",
+    "joint.",
+    "arm.",
+    "gripper.",
+    "item.heavy",
+    "item.larger",
+    "perception.mistaken",
+)
+"""Causes, or beginnings of them, by which a finger presses an item harder than it should."""
+
+
+def _why_crushed(
+    case: Investigation, true: str, broken: Finding, by_failure: Mapping[int, Finding]
+) -> Finding:
+    """Return the origin of the failure in which an item was crushed; without one, that it was crushed."""
+    time = broken.time or 0.0
+    during = (f for f in case.failures if case.visit(f).start <= time <= f.time + 1e-6)
+    origins = (by_failure[failure.number] for failure in during)
+    return next((finding for finding in origins if finding.cause.startswith(ORIGINS)), broken)
 
 
 def _no_time(case: Investigation, true: str, by_failure: Mapping[int, Finding]) -> Finding | None:
@@ -251,13 +274,15 @@ def _root(
     missed = outcome.status == "incomplete" and (bool(group.items) or first.cause.startswith("goal."))
     alike = [f for f in group.findings if f.item and f.item != first.item and f.item not in first.title]
     others = list(dict.fromkeys(f.item for f in alike))
+    broken = (crushed(case, true) for true in group.items if first.cause != "item.crushed")
+    harm = [each.title for each in broken if each is not None]
     also = [f"so it was with {', '.join(others)}, too"] if others else []
     return RootCause(
         cause=first.cause,
         title=first.title,
         failures=tuple(f.number for f in group.failures),
         ended_run=outcome.status != "success" and (ended or missed),
-        reasons=(*dict.fromkeys(first.reasons), *also),
+        reasons=(*dict.fromkeys(first.reasons), *harm, *also),
         item=first.item,
         time=first.time,
         seconds_lost=costs.get((first.cause, first.about), 0.0),

@@ -43,7 +43,10 @@ class JobItemRow:
     arrived: Annotated[float, ColumnDoc("simulated time at which it was there first; 0: at the start", "s")]
     destination: Annotated[str | None, ColumnDoc("bin where it belongs")]
     bin: Annotated[str | None, ColumnDoc("where it ended")]
-    verdict: Annotated[Literal["sorted", "misplaced", "left"], ColumnDoc("sorted, misplaced, left")]
+    verdict: Annotated[
+        Literal["sorted", "misplaced", "left", "no destination"],
+        ColumnDoc("sorted, misplaced, left, no destination"),
+    ]
 
 
 @dataclass(frozen=True, slots=True)

@@ -142,13 +142,15 @@ VIEWS = (
         "sorted_by_form",
         "which forms are sorted?",
         """
-    SELECT form, count(*) AS items, sum(verdict = 'sorted') AS sorted FROM items GROUP BY form""",
+    SELECT form, count(*) AS items, sum(verdict = 'sorted') AS sorted FROM items
+    WHERE verdict <> 'no destination' GROUP BY form""",
     ),
     SqlView(
         "sorted_by_colour",
         "which colours are sorted?",
         """
-    SELECT colour, count(*) AS items, sum(verdict = 'sorted') AS sorted FROM items GROUP BY colour""",
+    SELECT colour, count(*) AS items, sum(verdict = 'sorted') AS sorted FROM items
+    WHERE verdict <> 'no destination' GROUP BY colour""",
     ),
     SqlView(
         "sorted_by_place",
@@ -156,7 +158,7 @@ VIEWS = (
         f"""
     SELECT {cell_of("x")} * {CELL_SIZE} AS x, {cell_of("y")} * {CELL_SIZE} AS y,
            count(*) AS items, sum(verdict = 'sorted') AS sorted
-    FROM items GROUP BY 1, 2 ORDER BY 1, 2""",
+    FROM items WHERE verdict <> 'no destination' GROUP BY 1, 2 ORDER BY 1, 2""",
     ),
     SqlView(
         "slowest",

@@ -53,10 +53,12 @@ class LinesDisplay(RunDisplay):
     def __init__(self, stream: TextIO) -> None:
         self._stream = stream
         self._leaves: frozenset[str] = frozenset()
-        self._done = 0
+        self._progress = ""
         self._said_at = 0.0
 
     def started(self, run: Execution, folder: Path) -> None:
+        self._run = run
+        self._progress = run.tally.progress(run.items_total)
         self.edited(run)
         self._line(f"recording to {folder}")
 
@@ -70,9 +72,10 @@ class LinesDisplay(RunDisplay):
         for node in report.nodes:
             if node.cause and node.ticked and node.status == "FAILURE" and node.path in self._leaves:
                 self._say(now, f"{node.path}: {node.cause}: {node.message}")
-        if items_done != self._done:
-            self._done = items_done
-            self._say(now, f"{items_done} of {items_total} items done")
+        progress = self._run.tally.progress(items_total)
+        if progress != self._progress:
+            self._progress = progress
+            self._say(now, progress)
         if now - self._said_at >= _MAX_SILENCE:
             self._say(now, f"at {deepest_running(report.nodes)}")
 
@@ -101,6 +104,7 @@ class LiveDisplay(RunDisplay):
         self._live.stop()
 
     def started(self, run: Execution, folder: Path) -> None:
+        self._run = run
         self.edited(run)
         self._began = time.monotonic()
         self._live.start()
@@ -115,7 +119,7 @@ class LiveDisplay(RunDisplay):
         self._drawn_at = wall
         elapsed = wall - self._began
         footer = (
-            f"items {items_done} of {items_total}   simulated {now:.1f} s   "
+            f"{self._run.tally.progress(items_total)}   simulated {now:.1f} s   "
             f"wall {elapsed:.1f} s   {now / max(elapsed, 1e-9):.1f} × real time"
         )
         room = max(self._live.console.height - 4, 5)

@@ -13,12 +13,24 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...world.protocols import Intrinsics
 from ...world.values import Array, Pose
 
 MIN_CAMERA_DEPTH = 0.02
 """Distance from the camera's plane below which a point is not before the camera, m."""
+
+
+def depth_noise(depth: NDArray[np.float32]) -> tuple[float, float]:
+    """Return the standard deviation of the depth between neighbouring pixels, and the median depth, m."""
+    inner = depth[1:-1, 1:-1]
+    around = (depth[:-2, 1:-1], depth[2:, 1:-1], depth[1:-1, :-2], depth[1:-1, 2:])
+    known = (inner > 0) & np.logical_and.reduce([side > 0 for side in around])
+    if not bool(known.any()):
+        return 0.0, 0.7
+    bent = (inner - sum(around) / 4)[known]
+    return 1.4826 * float(np.median(np.abs(bent))) / math.sqrt(1.25), float(np.median(inner[known]))
 
 
 @lru_cache(maxsize=16)

@@ -172,6 +172,8 @@ class FaultExpectation:
     """Causes, or patterns of causes, that name the failure correctly; empty: the fault should do no harm."""
     lost: int = 0
     """Number of items that physically cannot be sorted any more."""
+    roots: tuple[str, ...] = ()
+    """Root causes, or patterns of them, by which an explanation names it correctly."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -178,7 +178,9 @@ def check_faults(document: Document, place: FaultContext | None = None) -> Check
 
     def file() -> FaultFile:
         expect = (
-            None if rest.expect is None else FaultExpectation(tuple(rest.expect.causes), rest.expect.lost)
+            None
+            if rest.expect is None
+            else FaultExpectation(tuple(rest.expect.causes), rest.expect.lost, tuple(rest.expect.roots))
         )
         return FaultFile(tuple(map(fault_of_entry, entries)), str(document.path), document.text, expect)
 

@@ -218,6 +218,8 @@ class ExpectFile(FileModel):
     causes: list[str]
     """Causes that name the failure correctly, or families of them as grasp.*; none where it should do no
     harm."""
+    roots: list[str] = Field(default_factory=list[str])
+    """Root causes by which an explanation names it correctly, or families of them as item.*."""
     lost: Annotated[int, Strict(), Field(ge=0)] = 0
     """How many items can physically not be sorted any more."""
 

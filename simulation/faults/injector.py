@@ -60,7 +60,7 @@ _DEVICE_FAULTS: tuple[type, ...] = (
     GripperJam, GripperWeak, JointWeak, Stall, WrenchBias, WrenchDead, CameraDrop, CameraShift, CameraNoise,
     CameraMislabel, NoPlan,
 )  # fmt: skip
-_PLANTED_MESSAGE = "the skill's code cannot go on"
+_RAISED_MESSAGE = "the skill's code cannot go on"
 
 
 @dataclass(frozen=True, slots=True)
@@ -346,4 +346,4 @@ def _for_ever() -> Generator[None, None, None]:
 
 def _raising() -> Generator[None, None, None]:
     yield from ()
-    raise RuntimeError(_PLANTED_MESSAGE)
+    raise RuntimeError(_RAISED_MESSAGE)

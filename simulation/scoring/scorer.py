@@ -15,7 +15,7 @@ from ...world.shapes import bottom
 from ...world.values import ObjectId
 from .truth import HoleSeating, TrueBody
 
-Verdict: TypeAlias = Literal["sorted", "misplaced", "left"]
+Verdict: TypeAlias = Literal["sorted", "misplaced", "left", "no destination"]
 
 MAX_REST_SPEED = 0.02
 """Greatest speed of an item at rest, m/s."""
@@ -46,6 +46,11 @@ class ItemScore:
     reason: str = ""
     """Reason why an item at a hole is not in it, or may not be."""
 
+    @property
+    def is_in_place(self) -> bool:
+        """Whether the item is where it belongs, or lies in no bin and belongs into none."""
+        return self.verdict in ("sorted", "no destination")
+
 
 @dataclass(frozen=True, slots=True)
 class FormScore:
@@ -59,8 +64,8 @@ class FormScore:
 
 @dataclass(frozen=True, slots=True)
 class Score:
-    """Score of a run. `total` = `sorted` + `misplaced` + `left`: all items that ever came, those taken away
-    with their bins included."""
+    """Score of a run. `total` = `sorted` + `misplaced` + `left`: all items with a destination that ever came,
+    those taken away with their bins included, and those that lie in a bin and belong into none."""
 
     total: int
     sorted: int
@@ -70,6 +75,8 @@ class Score:
     items: tuple[ItemScore, ...]
     outstanding: int = 0
     """Items that the scene's feed has not brought yet; endless entries count 0."""
+    without_destination: int = 0
+    """Items that belong into no bin and lie in none."""
 
     def reached(self, goal: str | None = None) -> bool:
         """Return whether an expression over the counts holds. Without one: whether every item is sorted, and
@@ -89,9 +96,9 @@ class Score:
 def score(truth: Iterable[TrueBody], scene: SceneDescription) -> Score:
     """Score all items against the scene's destinations.
 
-    An item is sorted when it rests in the bin of its destination; without a destination, when it is in no
-    bin. In another bin it is misplaced. Anywhere else it is left: on the table, on the floor, in the hand, or
-    removed by a fault. An item that was taken away with a bin stays in it for good.
+    An item is sorted when it rests in the bin of its destination. In another bin it is misplaced. Without a
+    destination it does not count, unless it is in a bin. Anywhere else it is left: on the table, on the
+    floor, in the hand, or removed by a fault. An item that was taken away with a bin stays in it for good.
 
     An item rests in a hole of its form when it is deep enough, upright and in no wall. Where the destination
     is a fixture, any of its holes is right. An item inside a wall is misplaced.
@@ -102,7 +109,8 @@ def score(truth: Iterable[TrueBody], scene: SceneDescription) -> Score:
     by_form: dict[str, FormScore] = {}
     for form in dict.fromkeys(item.form for item in items):
         by_form[form] = FormScore(*_counts(item for item in items if item.form == form))
-    return Score(*_counts(items), by_form, items, _outstanding(truth, scene.deliveries))
+    free = sum(item.verdict == "no destination" for item in items)
+    return Score(*_counts(items), by_form, items, _outstanding(truth, scene.deliveries), free)
 
 
 def _outstanding(truth: Iterable[TrueBody], deliveries: Iterable[Delivery]) -> int:
@@ -125,7 +133,7 @@ def _score_by_place(body: TrueBody, destination: ObjectId | None, bins: Iterable
     within = body.taken_with or next((b.id for b in bins if lies_in(b, body)), None)
     verdict: Verdict = "left"
     if (body.present or body.taken_with is not None) and within == destination:
-        verdict = "sorted"
+        verdict = "sorted" if destination is not None else "no destination"
     elif within is not None:
         verdict = "misplaced"
     return ItemScore(body.id, body.form, destination, within, verdict)
@@ -139,7 +147,7 @@ def _score_in_hole(body: TrueBody, seat: HoleSeating, destination: ObjectId | No
     elif within is not None:
         verdict = "misplaced" if destination is None or not is_at(within, destination) else "sorted"
     elif destination is None:
-        verdict = "sorted"
+        verdict = "no destination"
     if verdict == "misplaced" and not reason:
         reason = f"it belongs into {destination}" if destination else "it belongs into no hole"
     return ItemScore(body.id, body.form, destination, within, verdict, seat, reason)
@@ -185,7 +193,7 @@ def is_inside(each: Bin, body: TrueBody) -> bool:
 
 
 def _counts(items: Iterable[ItemScore]) -> tuple[int, int, int, int]:
-    verdicts = [item.verdict for item in items]
+    verdicts = [item.verdict for item in items if item.verdict != "no destination"]
     return (
         len(verdicts),
         verdicts.count("sorted"),

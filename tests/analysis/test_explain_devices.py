@@ -2,15 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
+from typing import Any, cast
 
+import numpy as np
 import pytest
 
 from picktree.analysis import Run
+from picktree.analysis.explain.causes.device_causes import smooth_spans
 from picktree.analysis.explain.explain import explain
 from picktree.analysis.explain.explanation_text import to_text
 from picktree.analysis.explain.investigation.explanation import Explanation
 from picktree.simulation.backends import Backend
+from picktree.simulation.kinematic.camera import KinematicCamera
+from picktree.simulation.physics.rgbd_camera import PhysicsCamera
+from picktree.world.protocols import RgbdImage
 
 from .test_explain_roots import BALL, BLOCK, MISSION, blind, run
 
@@ -41,6 +49,8 @@ FIRST = "when: {node: Grasp, delay: 300 ms}"
         ("{fault: wrench_bias, when: {node: Grasp}, force: [0, 0, 25 N], lasts: 4 s}", "wrist.biased",
          "that were not there", "physics"),
         (f"{{fault: gripper_jam, {FIRST}, lasts: 4 s}}", "gripper.jammed", "stuck at", "physics"),
+        ("{fault: gripper_jam, when: {node: Place, delay: 200 ms}, lasts: 5 s}", "gripper.jammed", "stuck at",
+         "physics"),
         ("{fault: gripper_weak, when: {node: Grasp}, share: 3 %, lasts: 6 s}", "gripper.weak", "too weak",
          "physics"),
         ("{fault: slip, when: {node: Place, delay: 200 ms}, lasts: 400 ms}", "item.slipped",
@@ -145,3 +155,52 @@ def test_an_item_that_the_hand_cannot_take(tmp_path: Path) -> None:
     items = "  - {of: {crate: 1}, colours: [red], area: {min: [0.4, -0.1], max: [0.5, 0.1]}}\n"
     found = blind(run(tmp_path, scene=scene, items=items))
     assert first(found) == ("item.too_wide", "red_crate_1 is too wide for the hand: 95 mm at its narrowest")
+
+
+def test_a_silent_sensor_is_known_though_its_reading_turns_with_the_hand() -> None:
+    times, rng = np.asarray(0.05 * np.arange(200), np.float64), np.random.default_rng(3)
+    angle = np.where(times < 6.0, np.sin(times), np.sin(6.0))
+    forces = 3.0 * np.column_stack([np.cos(angle), np.sin(angle), 0.1 * angle])
+    assert not smooth_spans(times, forces + rng.normal(0.0, 0.1, forces.shape))
+    silent = (times > 4.0) & (times < 8.0)
+    noise = np.where(silent[:, None], 0.0, rng.normal(0.0, 0.1, forces.shape))
+    ((start, end),) = [span for span in smooth_spans(times, forces + noise) if span[1] - span[0] > 0.3]
+    assert (start, end) == (pytest.approx(4.05, abs=0.11), pytest.approx(7.85, abs=0.11))
+
+
+class FrozenCamera:
+    """Replacement of a camera's `capture`: its picture stands still from a time on, its clock goes on."""
+
+    def __init__(self, capture: Callable[[object], RgbdImage], since: float) -> None:
+        self._capture, self._since = capture, since
+        self._last: RgbdImage | None = None
+
+    def __get__(self, camera: object, _: type) -> Callable[[], RgbdImage]:
+        def capture() -> RgbdImage:
+            image = self._capture(camera)
+            if self._last is None or image.stamp < self._since:
+                self._last = image
+            return replace(self._last, stamp=image.stamp)
+
+        return capture
+
+
+TWICE = MISSION + MISSION[MISSION.index("      - Observe") :]
+
+
+@pytest.mark.parametrize(("camera", "backend"), [(PhysicsCamera, "physics"), (KinematicCamera, "kinematic")])
+def test_a_picture_that_stands_still_is_named(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    camera: type[PhysicsCamera | KinematicCamera],
+    backend: Backend,
+) -> None:
+    monkeypatch.setattr(camera, "capture", FrozenCamera(cast("Any", camera).capture, 1.0))
+    folder = run(tmp_path, mission=TWICE, backend=backend)
+    cause = blind(folder).root_causes[0]
+    assert (cause.cause, cause.confidence) == ("camera.frozen", "likely")
+    assert cause.title.startswith("the picture of the camera overhead stood still, from ")
+    with Run(folder) as log:
+        assert any("overhead stands still" in f.message for f in explain(log).failures) == (
+            backend == "physics"
+        )

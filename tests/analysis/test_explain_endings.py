@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
+import shutil
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import pytest
 
 from picktree.analysis import Run
 from picktree.analysis.explain.explanation_text import notes_on, to_text
+from picktree.analysis.explain.investigation import case
+from picktree.logs.run_log import RunLog
 from picktree.session.mission_edits import MissionReload
 from picktree.session.session import RunRequest, Session
 
 from ..session.test_watch import LOGGED, MISSION, Editor
+from .test_explain_roots import BALL, BLOCK
+from .test_explain_roots import MISSION as SORT
 
 HEAD = "picktree: 1\nkind: mission\nscene: sort_small\n"
 PLUGIN = """
@@ -157,3 +163,39 @@ def test_a_mission_that_was_edited_while_it_ran(tmp_path: Path) -> None:
         text = to_text(log, log.explanation, str(folder))
     assert note.startswith("the mission was edited while it ran, at ")
     assert "Note: the mission was edited while it ran" in text
+
+
+def _no_states(_: RunLog) -> Iterator[tuple[float, Mapping[str, object]]]:
+    return iter(())
+
+
+def test_a_run_that_was_killed_while_an_item_fell_has_no_other_cause(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The truth is older than the last tick: the item seems to be in the hand still. A log without states of
+    the simulation, as older ones are, has it once a second."""
+    (tmp_path / "mission.yaml").write_text(SORT, encoding="utf-8")
+    (tmp_path / "scene.yaml").write_text(
+        f"picktree: 1\nkind: scene\nbase: sort_small\nspawn:\n{BALL}{BLOCK}", encoding="utf-8"
+    )
+    session = Session(RunRequest(mission=tmp_path / "mission.yaml", backend="physics", out=tmp_path / "run"))
+    world = session.execution.world
+    step, placed, copies = world.control.step_tick, list[float](), list[Path]()
+
+    def watch(period: float) -> None:
+        now = world.clock.now
+        if world.journal.items_done > len(placed):
+            placed.append(now)
+        if placed and now - placed[-1] < 0.6:
+            copies.append(Path(shutil.copytree(session.folder, tmp_path / f"killed_{now:.2f}")))
+        step(period)
+
+    world.control.step_tick = watch  # pyright: ignore[reportAttributeAccessIssue]
+    assert session.run().status == "success"
+    assert len(copies) >= 12
+    monkeypatch.setattr(case, "true_states", _no_states)
+    for folder in copies:
+        with Run(folder) as log:
+            found = log.explanation
+        assert (folder.name, found.outcome.status) == (folder.name, "killed")
+        assert [cause.cause for cause in found.root_causes] == ["run.killed"], folder.name

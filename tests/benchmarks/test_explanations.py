@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
 from typing import Any, get_args
@@ -84,7 +85,7 @@ def test_an_expectation_that_was_false_is_left_out_with_its_reason(program: Prog
     cases = {
         "made_up": case(program, program("_explanation_cases").Cause(("item.gone",)), corrected={12: "no"})
     }
-    row = told(("item.moved", "")) | {"case": "made_up", "crash": ""}
+    row = told(("item.moved", "")) | {"job": {"case": "made_up"}}
     judged = [program("explanations").judged(row | {"seed": seed}, cases) for seed in (10, 12)]
     assert [(each["verdict"], each["corrected"]) for each in judged] == [("wrong", ""), ("corrected", "no")]
     text = program("explanations").report([each | {"quoted": 1} for each in judged])
@@ -93,8 +94,40 @@ def test_an_expectation_that_was_false_is_left_out_with_its_reason(program: Prog
     assert "  item.gone  item.moved (wrong) 1" in text
 
 
-def test_the_seeds_for_the_end_are_others(program: Program, tmp_path: Path) -> None:
-    given = argparse.Namespace(only=[], first=0, runs=5, out=tmp_path, final=False)
+def test_a_confidence_is_held_against_the_rate_that_is_documented(program: Program) -> None:
+    def stated(word: str, right: int, wrong: int) -> list[dict[str, Any]]:
+        return [
+            {"causes": [{"confidence": word}], "verdict": verdict}
+            for verdict, number in (("right", right), ("wrong", wrong))
+            for _ in range(number)
+        ]
+
+    rows = [*stated("likely", 93, 7), *stated("possible", 10, 0), *stated("the log does not tell", 0, 3)]
+    likely, possible, untold = program("explanations").calibration(rows)
+    assert "93 of 100" in likely
+    assert "95 % interval 86.3 … 96.6 %; documented 95 %: within 5 points (-2.0)" in likely
+    assert "documented 80 %: NOT within 5 points (+20.0)" in possible
+    assert "0 of 3" in untold
+    assert "documented" not in untold
+    assert program("explanations").calibration([])[0].lstrip().startswith("likely")
+
+
+def test_a_log_is_explained_again_and_not_run_again(
+    program: Program, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    benchmark = program("explanations")
+    (job,) = benchmark.wanted(argparse.Namespace(only=["too_wide"], first=0, runs=1, final=False))
+    first = benchmark.one(job, tmp_path / "logs" / "a")
+    monkeypatch.delattr(benchmark, "_run")
+    again = benchmark.one(replace(job, explains="other"), tmp_path / "logs" / "b")
+    assert first["causes"] == again["causes"]
+    assert first["causes"][0]["cause"] == "item.too_wide"
+    with pytest.raises(NameError):
+        benchmark.one(replace(job, table="other"), tmp_path / "logs" / "c")
+
+
+def test_the_seeds_for_the_end_are_others(program: Program) -> None:
+    given = argparse.Namespace(only=[], first=0, runs=5, final=False)
     seeds = {job.seed for job in program("explanations").wanted(given)}
     given.final = True
     last = [job.seed for job in program("explanations").wanted(given)]

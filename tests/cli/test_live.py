@@ -14,8 +14,11 @@ from rich.console import Console
 from picktree.cli.terminal.progress import LinesDisplay, LiveDisplay, deepest_running, tree_rows
 from picktree.logs.run_result import RunResult
 from picktree.session.execution import Execution
+from picktree.session.run_tally import RunCounters
 from picktree.trees.running.runner import NodeInfo, NodeReport, TickReport
 from picktree.trees.status import NodeStatus
+from picktree.world.events.skill_events import ItemDoneEvent, SetAsideEvent
+from picktree.world.journal import JournalEvent
 
 STRUCTURE = (
     NodeInfo("Main", "Sequence", "Main", "control", None, ("Main/1", "Main/2", "Main/3"), {}),
@@ -31,9 +34,12 @@ STRUCTURE = (
 def executing(structure: tuple[NodeInfo, ...]) -> Execution:
     """A run of a tree of these nodes, as far as a display looks at it."""
     leaves = frozenset(node.path for node in structure if not node.children)
-    return cast(
-        "Execution", SimpleNamespace(tree=SimpleNamespace(structure=lambda: structure, leaves=leaves))
-    )
+    tree = SimpleNamespace(structure=lambda: structure, leaves=leaves)
+    return cast("Execution", SimpleNamespace(tree=tree, tally=RunCounters(), items_total=4))
+
+
+def happen(run: Execution, *events: JournalEvent) -> None:
+    run.tally.take(0.0, events, (), frozenset(), ())
 
 
 def report_of(
@@ -104,9 +110,11 @@ def test_lines_tell_of_items_failed_leaves_and_long_silence(result: RunResult) -
     file = io.StringIO()
     quiet = report("RUNNING", "SUCCESS", "RUNNING", "RUNNING", "IDLE", "IDLE", "IDLE")
     with LinesDisplay(file) as view:
-        view.started(executing(STRUCTURE), Path("runs/1"))
+        run = executing(STRUCTURE)
+        view.started(run, Path("runs/1"))
         view.ticked(0.05, quiet, 0, 4)
         view.ticked(3.0, RETREATING, 0, 4)
+        happen(run, ItemDoneEvent("", object="red_ball_1", into="red_bin"))
         view.ticked(9.5, quiet, 1, 4)
         view.ticked(39.4, quiet, 1, 4)
         view.ticked(39.5, quiet, 1, 4)
@@ -118,6 +126,29 @@ recording to runs/1
     3.00 s  Main/2/1: grasp.missed: the fingers hold nothing
     9.50 s  1 of 4 items done
    39.50 s  at Main/2/1
+"""
+    )
+
+
+def test_lines_tell_done_put_elsewhere_and_set_aside_apart() -> None:
+    file = io.StringIO()
+    quiet = report(*["RUNNING"] * 7)
+    with LinesDisplay(file) as view:
+        run = executing(STRUCTURE)
+        view.started(run, Path("runs/1"))
+        happen(run, ItemDoneEvent("", object="ball_1", into="red_bin"))
+        happen(run, ItemDoneEvent("", object="can_1", into=""), SetAsideEvent("", object="can_2"))
+        view.ticked(1.0, quiet, 2, 4)
+        happen(run, ItemDoneEvent("", object="ball_1", into="red_bin"))
+        view.ticked(2.0, quiet, 3, 4)
+        happen(run, ItemDoneEvent("", object="can_2", into="red_bin"))
+        view.ticked(3.0, quiet, 4, 4)
+    assert (
+        file.getvalue()
+        == """\
+recording to runs/1
+    1.00 s  1 of 4 items done, 1 put elsewhere, 1 set aside
+    3.00 s  2 of 4 items done, 1 put elsewhere
 """
     )
 
@@ -171,10 +202,12 @@ def test_live_view_draws_the_tree_and_leaves_nothing_behind(
     file = io.StringIO()
     console = Console(file=file, force_terminal=True, width=60, height=20, color_system=None)
     with LiveDisplay(console) as view:
-        view.started(executing(STRUCTURE), Path("runs/1"))
+        run = executing(STRUCTURE)
+        view.started(run, Path("runs/1"))
+        happen(run, ItemDoneEvent("", object="ball_1", into="red_bin"))
         view.ticked(12.0, RETREATING, 1, 4)
         drawn = file.getvalue()
         view.finished(result)
     assert "    ▶ SafeRetreat" in drawn
-    assert "items 1 of 4   simulated 12.0 s   wall " in drawn
+    assert "1 of 4 items done   simulated 12.0 s   wall " in drawn
     assert file.getvalue().endswith("\x1b[2K")

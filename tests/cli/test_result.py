@@ -63,6 +63,16 @@ def test_text_of_a_run_without_a_pick(result: RunResult) -> None:
     assert lines[-1] == "look at it  picktree explain /runs/1"
 
 
+def test_text_tells_apart_what_counts_as_sorted_and_what_does_not(result: RunResult) -> None:
+    items = replace(result.items, without_destination=3, elsewhere=2, set_aside=1)
+    line = replace(result, items=items).to_text().splitlines()[1]
+    assert line == (
+        "items       2 of 4 sorted, 1 misplaced, 1 left; 2 put elsewhere, 1 set aside, "
+        "3 without a destination"
+    )
+    assert RunResult.from_json_text(replace(result, items=items).to_json_text(), Path("x")).items == items
+
+
 def test_json(result: RunResult) -> None:
     assert json.loads(result.to_json_text()) == {
         "status": "success",
@@ -75,6 +85,9 @@ def test_json(result: RunResult) -> None:
             "misplaced": 1,
             "left": 1,
             "by_form": {"box": {"total": 3, "sorted": 2}, "sphere": {"total": 1, "sorted": 0}},
+            "without_destination": 0,
+            "elsewhere": 0,
+            "set_aside": 0,
         },
         "picks": {"tried": 5, "held": 4, "held_first_try": 3, "objects": 4},
         "failures": {"control.tracking": 1, "grasp.missed": 2},

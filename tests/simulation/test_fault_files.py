@@ -115,8 +115,11 @@ def test_every_kind_is_read() -> None:
 
 
 def test_what_is_expected_is_read_and_judged() -> None:
-    text = HEAD.replace("faults:\n", "expect: {causes: [grasp.*, world.disturbed], lost: 1}\nfaults: []\n")
-    assert parse_faults(text, HERE).expect == FaultExpectation(("grasp.*", "world.disturbed"), 1)
+    told = "expect: {causes: [grasp.*, world.disturbed], roots: [item.slipped], lost: 1}"
+    text = HEAD.replace("faults:\n", f"{told}\nfaults: []\n")
+    assert parse_faults(text, HERE).expect == FaultExpectation(
+        ("grasp.*", "world.disturbed"), 1, ("item.slipped",)
+    )
     assert parse_faults(f"{HEAD}{KINDS}", HERE).expect is None
 
 

@@ -71,4 +71,4 @@ def test_one_hole_may_be_the_destination() -> None:
 def test_what_belongs_nowhere_may_lie_about_but_not_fill_a_hole() -> None:
     scene = replace(SCENE, destinations=())
     inside, beside = peg("dowel_30", "round_31", 0.0), peg("dowel_30", "round_31", 0.02)
-    assert [item.verdict for item in score([inside, beside], scene).items] == ["misplaced", "sorted"]
+    assert [item.verdict for item in score([inside, beside], scene).items] == ["misplaced", "no destination"]

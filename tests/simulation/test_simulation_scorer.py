@@ -36,7 +36,7 @@ def taken_away(body: TrueBody, bin_id: str) -> TrueBody:
         (item((0.35, 0.55, 0.121)), "left"),
         (item((0.474, 0.55, 0.12)), "left"),
         (item((0.35, 0.55, 0.025), colour="green"), "misplaced"),
-        (item((0.5, 0.0, 0.02), colour="green"), "sorted"),
+        (item((0.5, 0.0, 0.02), colour="green"), "no destination"),
         (item((0.35, 0.55, -0.7)), "left"),
         (replace(item((0.35, 0.55, 0.025)), velocity=(0.0, 0.0, -0.3)), "left"),
         (replace(item((0.35, 0.55, 0.025)), present=False), "left"),
@@ -77,3 +77,12 @@ def test_what_a_feed_still_owes_is_outstanding():
     assert not some.reached() and some.reached("sorted == total and outstanding < 2")
     assert score([spawned, *[first] * 3, second], scene).reached()
     assert not score([item((0.5, 0.0, 0.02)), *[first] * 3], scene).reached()
+
+
+def test_items_without_a_destination_count_as_none_of_the_others() -> None:
+    free, sorted_ = item((0.5, 0.0, 0.02), colour="green"), item((0.35, 0.55, 0.025))
+    judged = score([free, sorted_], SCENE)
+    assert (judged.total, judged.sorted, judged.left, judged.without_destination) == (1, 1, 0, 1)
+    assert judged.reached()
+    assert not score([free, item((0.5, 0.0, 0.02))], SCENE).reached()
+    assert score([item((0.35, 0.55, 0.025), colour="green")], SCENE).misplaced == 1

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Generator
+from contextlib import closing
 from dataclasses import replace
 from typing import TypeVar
 
@@ -11,6 +12,7 @@ import pytest
 from picktree.robots.loading import load_robot
 from picktree.session.assembly import TICK_LENGTH, assemble_world
 from picktree.simulation.kinematic.backend import KinematicHardware
+from picktree.simulation.physics.backend import PhysicsHardware
 from picktree.skill_world.world import World
 from picktree.world.causes import Failure
 from picktree.world.journal import JournalEvent
@@ -79,3 +81,49 @@ def test_a_camera_without_image_is_said_and_nothing_is_believed(shots: str, mess
         assert raised.value.evidence["frames"] == 4
     assert world.vision.looks == 0
     assert world.scene.objects == ()
+
+
+class Frozen:
+    """A camera whose clock goes on while its picture stands still from a time on, s."""
+
+    def __init__(self, camera: Camera, since: float) -> None:
+        self._camera, self._since = camera, since
+        self._last: RgbdImage | None = None
+
+    def capture(self) -> RgbdImage:
+        image = self._camera.capture()
+        if self._last is None or image.stamp < self._since:
+            self._last = image
+        return replace(self._last, stamp=image.stamp)
+
+
+def test_a_picture_that_stands_still_is_no_image(monkeypatch: pytest.MonkeyPatch) -> None:
+    scene, robot = load_scene("sort_small"), load_robot("panda")
+    with closing(PhysicsHardware(scene, robot, 3)) as hardware:
+        frozen = {"overhead": Frozen(hardware.cameras["overhead"], 2.6)}
+        monkeypatch.setattr(PhysicsHardware, "cameras", frozen)
+        world = assemble_world(hardware, scene, robot, 3)
+        for _ in range(40):
+            world.control.step_tick(TICK_LENGTH)
+        for _ in range(2):
+            driven(world, world.vision.look("overhead"))
+            for _ in range(6):
+                world.control.step_tick(TICK_LENGTH)
+        taken = world.vision.newest
+        with pytest.raises(Failure) as raised:
+            driven(world, world.vision.look("overhead"))
+        assert raised.value.cause.name == "perception.no_image"
+        still = raised.value.evidence["frozen"]
+        assert still == pytest.approx(world.clock.now - taken)
+        assert str(raised.value).endswith(
+            f"overhead stands still: it has given the same image for {still:.2f} s (4 frames in 0.30 s)"
+        )
+        assert world.vision.newest == taken
+
+
+def test_an_ideal_camera_may_repeat_its_picture() -> None:
+    world = cell("x")
+    for _ in range(2):
+        driven(world, world.vision.look("overhead"))
+        world.control.step_tick(TICK_LENGTH)
+    assert world.vision.looks == 2

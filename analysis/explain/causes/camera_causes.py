@@ -5,14 +5,16 @@ from __future__ import annotations
 import math
 from collections import defaultdict
 from collections.abc import Iterable, Iterator
+from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ....files.value_wording import listed
+from ....logs.run_log import CameraImage, Stamped
+from ....perception.geometry.camera_geometry import depth_noise
 from ..investigation.case import Investigation
-from ..investigation.explanation import DeviceFinding, Finding
-from ..investigation.identities import Sighting
+from ..investigation.explanation import DeviceFinding, Finding, number
+from ..investigation.identities import FRESH, Sighting
 from ..investigation.number_wording import between, counted, distance, listed_spans, seconds
 
 REACHED = (
@@ -23,39 +25,85 @@ REACHED = (
 
 
 def camera_silent(case: Investigation) -> Iterator[DeviceFinding]:
-    """A camera gives no image when it is asked for one."""
+    """A camera gives no image, or the same one again, when it is asked for one."""
     for failure in case.failures:
         if failure.cause != "perception.no_image":
             continue
         name = str(failure.evidence.get("camera", "")) or case.camera
         start = case.visit(failure).start
-        title = f"no image came from the camera {name}, from {seconds(start)} on"
+        cause, title = "camera.silent", f"no image came from the camera {name}, from {seconds(start)} on"
+        if (still := number(failure, "frozen")) is not None:
+            start = max(failure.time - still, 0.0)
+            cause, title = "camera.frozen", _stands_still(name, start)
         yield DeviceFinding(
-            Finding("camera.silent", name, title, (failure.message,), "", start),
+            Finding(cause, name, title, (failure.message,), "", start),
             ((start, failure.time),), ("perception.*", "tree.timeout"), 0.5,
         )  # fmt: skip
 
 
+def _stands_still(camera: str, start: float) -> str:
+    return f"the picture of the camera {camera} stood still, from {seconds(start)} on"
+
+
+LOOKS = 24
+"""Images of a run that are examined, at most."""
+
+
+def looks(case: Investigation) -> tuple[Stamped[CameraImage], ...]:
+    """Return images of the fixed cameras, spread over the run."""
+    shots = case.run.shots
+    fixed = {c.name for c in case.scene.cameras if c.on != "hand"} if case.scene else set[str]()
+    theirs = [n for n, camera in enumerate(shots.cameras) if camera in fixed]
+    chosen = sorted({int(n) for n in np.linspace(0, len(theirs) - 1, min(len(theirs), LOOKS))})
+    return tuple(shots[theirs[n]] for n in chosen)
+
+
+LEAST_NOISE = 5e-4
+"""Noise of a logged depth image from which no two images are the same, m: the log has steps of 1 mm."""
+LATE = 0.5
+"""Time after its capture within which an image is in the log, s."""
+SHIFTED = 0.02
+"""Way of an item that shows in a picture, m."""
+
+
+def camera_frozen(case: Investigation) -> Iterator[DeviceFinding]:
+    """A camera gives the same image again, though it has noise, or though items were moved."""
+    shots: dict[str, list[Stamped[CameraImage]]] = defaultdict(list)
+    for shot in case.once(looks):
+        shots[shot.record.camera].append(shot)
+    for name, taken in shots.items():
+        same = [(a, b) for a, b in pairwise(taken) if np.array_equal(a.record.depth, b.record.depth)]
+        noisy = [(a, b) for a, b in same if depth_noise(a.record.depth)[0] > LEAST_NOISE]
+        frozen = noisy or [pair for pair in same if _shifted(case, pair[0].time, pair[1].time)]
+        if frozen:
+            start, end = frozen[0][0].time, frozen[-1][1].time
+            why = "and the camera has noise" if noisy else "though items were moved"
+            reasons = (f"its images of {seconds(start)} and {seconds(end)} are the same, {why}",)
+            yield DeviceFinding(
+                Finding("camera.frozen", name, _stands_still(name, start), reasons, "", start),
+                ((start, end),), (*REACHED, "perception.*", "tree.timeout"), 20.0,
+            )  # fmt: skip
+
+
+def _shifted(case: Investigation, start: float, end: float) -> bool:
+    """Return whether an item that an image showed truly lay elsewhere at the next one."""
+    shown = {each.true for each in case.identities.sightings if -LATE <= each.time - start < FRESH}
+    moved = ((case.truth.at(true, start), case.truth.at(true, end)) for true in shown - {""})
+    return any(a and (not b or math.dist(a.pose.position, b.pose.position) > SHIFTED) for a, b in moved)
+
+
 NOISY = 2.5
 """Depth that scatters this many times as much as the camera's own noise is too noisy."""
-LOOKS = 24
-"""Images of a run whose noise is measured, at most."""
 
 
 def camera_noisy(case: Investigation) -> Iterator[DeviceFinding]:
     """Depth images scatter far more than the camera's own noise."""
-    shots = case.run.shots
     cameras = {c.name: c for c in case.scene.cameras} if case.scene else {}
     spans: dict[str, list[tuple[float, float]]] = defaultdict(list)
     worst: dict[str, float] = {}
-    for n in (
-        sorted({int(n) for n in np.linspace(0, len(shots) - 1, min(len(shots), LOOKS))}) if len(shots) else ()
-    ):
-        shot = shots[n]
-        camera = cameras.get(shot.record.camera)
-        if camera is None or camera.on == "hand":
-            continue
-        scatter, depth = _depth_noise(shot.record.depth)
+    for shot in case.once(looks):
+        camera = cameras[shot.record.camera]
+        scatter, depth = depth_noise(shot.record.depth)
         usual = max(camera.depth_noise * (depth / 0.7) ** 2, 5e-4)
         if scatter > NOISY * usual + 1e-3:
             spans[camera.name].append((shot.time, shot.time))
@@ -67,17 +115,6 @@ def camera_noisy(case: Investigation) -> Iterator[DeviceFinding]:
             Finding("camera.noisy", name, title, reasons, "", times[0][0]), tuple(times),
             (*REACHED, "perception.*", "planning.*"), 20.0,
         )  # fmt: skip
-
-
-def _depth_noise(depth: NDArray[np.float32]) -> tuple[float, float]:
-    """Standard deviation of the depth between neighbouring pixels, and the median depth, m."""
-    inner = depth[1:-1, 1:-1]
-    around = (depth[:-2, 1:-1], depth[2:, 1:-1], depth[1:-1, :-2], depth[1:-1, 2:])
-    known = (inner > 0) & np.logical_and.reduce([side > 0 for side in around])
-    if not bool(known.any()):
-        return 0.0, 0.7
-    bent = (inner - sum(around) / 4)[known]
-    return 1.4826 * float(np.median(np.abs(bent))) / math.sqrt(1.25), float(np.median(inner[known]))
 
 
 OFF = 0.006

@@ -5,7 +5,10 @@ from __future__ import annotations
 import math
 
 from ....logs.schema.event_records import ImageEvent
+from ....logs.schema.records import BodyRecord
 from ....world.events.skill_events import SafetyStopEvent
+from ....world.shapes import extents
+from ..investigation.body_tracks import horizontal_distance
 from ..investigation.case import Investigation
 from ..investigation.explanation import FailureStory, Finding, number, numbers, word
 from ..investigation.number_wording import distance, force, place, seconds
@@ -18,6 +21,8 @@ STOPPED = frozenset(
 )  # fmt: skip
 AROUND = 0.15
 """Distance from the fingers' joints within which they, or the held object, may touch something, m."""
+TOUCHING = 0.005
+"""Margin around a body within which another one may touch it, m."""
 CLOSE = 0.08
 """An item nearer to the hand than that was touched rather than an unknown thing beside it, m."""
 
@@ -33,11 +38,14 @@ def touched(case: Investigation, failure: FailureStory) -> Finding | None:
     felt = _felt(failure)
     reasons = [f"at {seconds(time)} with the hand at {place(hand)}"] if hand else []
     near: list[tuple[float, str]] = []
+    held = case.truth.at(case.pairs.get(failure.item, ""), time) if pressed_from_below(failure) else None
     for true in case.truth.tracks:
         body = case.truth.at(true, time)
         if body is not None and hand is not None and failure.item not in case.believed.get(true, ()):
             away = math.dist(hand, body.pose.position)
-            if away < AROUND:
+            if away < AROUND and (
+                held is None or _reach(held) + _reach(body) > horizontal_distance(held, body)
+            ):
                 near.append((away, true))
     verb = f"the arm met something with {felt}" if felt else "the arm was stopped"
     where = f" on its way with {failure.item}" if failure.item else ""
@@ -60,11 +68,19 @@ def touched(case: Investigation, failure: FailureStory) -> Finding | None:
             return Finding("bin.crowded", target, title, tuple(reasons), failure.item, time)
         title = f"{verb}{where}: {name} lay next to it"
         return Finding("contact.item", true, title, tuple(reasons), failure.item, time)
+    if pressed_from_below(failure):
+        return None
     title = f"{verb}{where}: nothing known was near"
     about = failure.item or failure.node
     return Finding(
         word(failure, "stopped_by") or failure.cause, about, title, tuple(reasons), failure.item, time
     )
+
+
+def _reach(body: BodyRecord) -> float:
+    """Return the radius of the horizontal circle around a body, with a margin, m."""
+    low, high = extents(body.shape, body.pose.rotation())
+    return math.hypot(high[0] - low[0], high[1] - low[1]) / 2 + TOUCHING
 
 
 def _when_seen(case: Investigation, time: float) -> str:

@@ -14,7 +14,7 @@ from ....world.values import Array
 from ..investigation.case import Investigation
 from ..investigation.explanation import Confidence, DeviceFinding, Finding, number, words
 from ..investigation.number_wording import between, counted, force, listed_spans, listed_times, seconds
-from .camera_causes import camera_noisy, camera_off, camera_silent, colours_mistaken
+from .camera_causes import camera_frozen, camera_noisy, camera_off, camera_silent, colours_mistaken
 
 SENSED = ("world.disturbed", "grasp.*", "safety.*", "control.*", "place.*", "planning.start_in_collision")
 """Failures that a wrong force at the wrist may have."""
@@ -34,6 +34,7 @@ def wrist_silent(case: Investigation) -> Iterator[DeviceFinding]:
     if case.run.info.backend == "physics" and len(wrenches.times) > 2:  # else it is without noise
         same = np.abs(np.diff(np.linalg.norm(wrenches.forces, axis=1))) < 1e-6
         spans = [s for s in _spans(wrenches.times[1:], same) if s[1] - s[0] > SILENT]
+        spans = spans or [s for s in smooth_spans(wrenches.times, wrenches.forces) if s[1] - s[0] > SILENT]
     if stale:
         spans = spans or list(_spans(np.array(sorted(set(stale))), np.ones(len(set(stale)), dtype=bool), 2.0))
     if not spans:
@@ -47,6 +48,20 @@ def wrist_silent(case: Investigation) -> Iterator[DeviceFinding]:
     )
 
 
+def smooth_spans(times: Array, forces: Array) -> tuple[tuple[float, float], ...]:
+    """Return when the readings (n, 3) have lost their noise.
+
+    The last reading of a silent sensor only turns with the hand, in the axes of the world.
+    """
+    bends = np.asarray(np.linalg.norm(np.diff(forces, 2, axis=0), axis=1), np.float64)
+    noise = bends[bends > NOISELESS]
+    return _spans(times[:-2], bends < SMOOTH * float(np.median(noise))) if len(noise) else ()
+
+
+NOISELESS = 0.01
+"""Second difference of readings below which they have no noise, N."""
+SMOOTH = 0.1
+"""Share of the usual second difference of readings below which they have lost their noise."""
 SILENT = 0.25
 """Time without a new reading that counts as silence, s."""
 BIAS = 5.0
@@ -221,6 +236,31 @@ def gripper_faulty(case: Investigation) -> Iterator[DeviceFinding]:
         )  # fmt: skip
 
 
+def fingers_stuck(case: Investigation) -> Iterator[DeviceFinding]:
+    """Fingers that are told to open, and stay where they are though nothing can hold them there."""
+    gripper, states = case.run.gripper, case.devices
+    if not len(gripper.times) or len(states) < 2:
+        return
+    times = np.array([s.time for s in states])
+    width = np.interp(times, gripper.times, gripper.widths)
+    before = np.interp(times - 0.2, gripper.times, gripper.widths)
+    told = np.array([s.told_width for s in states])
+    stuck = (told > width + JAMMED) & (np.abs(width - before) < 5e-4)
+    spans = tuple(s for s in _spans(times, stuck) if s[1] - s[0] > SILENT)
+    if spans:
+        at, wanted = float(width[stuck][0]), float(told[stuck][0])
+        title = f"the fingers are stuck at {1000 * at:.0f} mm: they did not move though told to"
+        reasons = (f"they were told to open to {1000 * wanted:.0f} mm and stood still {listed_spans(spans)}",)
+        yield DeviceFinding(
+            Finding("gripper.jammed", "gripper", title, reasons, "", spans[0][0]), spans,
+            ("control.gripper", "grasp.*", "place.*"), 5.0,
+        )  # fmt: skip
+
+
+JAMMED = 0.006
+"""Opening by which fingers at rest stay behind what they are told, m."""
+
+
 def fingers_press_too_little(case: Investigation) -> Iterator[DeviceFinding]:
     """Fingers that stand on an item press with less than the command says, in readings several times."""
     gripper = case.run.gripper
@@ -293,8 +333,9 @@ def planner_refuses(case: Investigation) -> Iterator[DeviceFinding]:
 
 
 DETECTORS: tuple[Callable[[Investigation], Iterator[DeviceFinding]], ...] = (
-    wrist_silent, arm_stalled, wrist_biased, joint_weak, gripper_faulty, fingers_press_too_little,
-    camera_silent, planner_refuses, camera_noisy, camera_off, colours_mistaken,
+    wrist_silent, arm_stalled, wrist_biased, joint_weak, gripper_faulty, fingers_stuck,
+    fingers_press_too_little, camera_silent, planner_refuses, camera_frozen, camera_noisy, camera_off,
+    colours_mistaken,
 )  # fmt: skip
 
 

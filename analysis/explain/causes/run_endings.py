@@ -6,7 +6,9 @@ from statistics import median
 
 import numpy as np
 
+from ....errors import PicktreeError
 from ....files.value_wording import listed
+from ....files.yaml.reader import read
 from ....logs.visits import HALTED, Visit, covered_time
 from ....world.events.skill_events import ItemDoneEvent, SafetyStopEvent
 from ..investigation.case import Investigation
@@ -44,11 +46,23 @@ def run_ended(case: Investigation, outcome: ExplainedOutcome) -> Finding | None:
             return None
 
 
+def _goal(case: Investigation) -> str:
+    """Return the mission's own goal; empty without one."""
+    name, log = "mission.yaml", case.run.log
+    if name not in log.attachments:
+        return ""
+    try:
+        goal = read(log.attachment(name).decode("utf-8", "replace"), name).root.child("goal")
+    except PicktreeError:
+        return ""
+    return "" if goal is None else str(goal.value)
+
+
 def goal_missed(case: Investigation, outcome: ExplainedOutcome) -> Finding | None:
     """A goal that does not hold although every item lies where it belongs."""
     if outcome.status != "incomplete":
         return None
-    goal = case.goal
+    goal = _goal(case)
     title = "every item is where it belongs, and the goal is missed"
     title += f": `{goal}` does not hold" if goal else ": the scene's feed had more to bring"
     return Finding(

@@ -156,7 +156,7 @@ def true_scenes(
     looks = BodyTracks(scenes)
     known = {at.time for at in scenes}
     for time, state in states:
-        if any(abs(time - other) < 1e-6 for other in (time,) if other in known):
+        if time in known:
             continue
         placed: list[BodyRecord] = [b for _, b in looks.there(time) if b.role != "item"]
         for item in state["items"]:

@@ -15,7 +15,7 @@ import numpy as np
 
 from ....errors import PicktreeError
 from ....logs.run_log import RunLog, Stamped
-from ....logs.schema.event_records import BeliefEvent, ImageEvent
+from ....logs.schema.event_records import BeliefEvent
 from ....logs.schema.records import BodyRecord, Scene
 from ....logs.visits import Visit, VisitTree
 from ....simulation.scoring.scorer import MAX_REST_SPEED, ItemScore, score
@@ -88,11 +88,6 @@ def scene_of(log: RunLog) -> SceneDescription | None:
             return parse_scene(text, Path(folder) / "scene.yaml")
         except (PicktreeError, OSError):
             return None
-
-
-def entry_of(scene: SceneDescription | None, kind: str) -> CatalogueEntry | None:
-    """Return the catalogue entry of a kind."""
-    return None if scene is None else next((e for e in scene.catalogue if e.kind == kind), None)
 
 
 class Investigation:
@@ -217,12 +212,16 @@ class Investigation:
     def entry(self, item: str) -> CatalogueEntry | None:
         """Return the catalogue entry of a believed item's kind."""
         track = self.belief.tracks.get(item)
-        return None if track is None else entry_of(self.scene, track.bodies[-1].kind)
+        return None if track is None else self._catalogue.get(track.last.kind)
 
     def entry_of(self, true: str) -> CatalogueEntry | None:
         """Return the catalogue entry of a true item's kind."""
         track = self.truth.tracks.get(true)
-        return None if track is None else entry_of(self.scene, track.first.kind)
+        return None if track is None else self._catalogue.get(track.first.kind)
+
+    @cached_property
+    def _catalogue(self) -> Mapping[str, CatalogueEntry]:
+        return {entry.kind: entry for entry in self.scene.catalogue} if self.scene else {}
 
     def once(self, question: Callable[[Investigation], T]) -> T:
         """Return the answer to a question about the whole run, which is asked only once."""
@@ -242,18 +241,9 @@ class Investigation:
         return (same or found or [None])[0]
 
     @cached_property
-    def goal(self) -> str:
-        """The mission's own goal; empty without one."""
-        if "mission.yaml" not in self.run.log.attachments:
-            return ""
-        found = re.search(rb"^goal: *(.+?) *(?:#.*)?$", self.run.log.attachment("mission.yaml"), re.MULTILINE)
-        return found.group(1).decode("utf-8", "replace").strip("\"'") if found else ""
-
-    @cached_property
     def camera(self) -> str:
         """Name of the camera that looked first; empty when none did."""
-        looked = self.events(ImageEvent)
-        return str(looked[0].record.message).removeprefix("image from ") if looked else ""
+        return next(iter(self.run.shots.cameras), "")
 
     def visit(self, failure: FailureStory) -> Visit:
         return self.family.visits[failure.visit]
@@ -346,7 +336,7 @@ class Investigation:
         track = self.truth.tracks[id_]
         last = track.bodies[-1]
         present = self.gone(id_) is None
-        entry = entry_of(self.scene, last.kind)
+        entry = self._catalogue.get(last.kind)
         form = entry.form if entry else "box"
         return TrueBody(
             ObjectId(id_),

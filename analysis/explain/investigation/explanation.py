@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal, TypeAlias, cast
 
@@ -18,6 +19,8 @@ Confidence: TypeAlias = Literal["likely", "possible", "the log does not tell"]
 """
 CONFIDENCES: tuple[Confidence, ...] = ("likely", "possible", "the log does not tell")
 """Stated confidences, the surest first."""
+RATES: Mapping[Confidence, float | None] = {"likely": 0.95, "possible": 0.8, "the log does not tell": None}
+"""Share of causes stated with a confidence that are the true one; None: not meant as a cause."""
 
 
 @dataclass(frozen=True, slots=True)
