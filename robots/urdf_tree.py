@@ -313,10 +313,14 @@ def _number(element: ElementTree.Element | None, key: str, default: str = "") ->
 PACKAGE = "package://"
 
 
-def package_folder(package: str) -> Path | None:
-    """Return the folder of an installed Python package; None when there is no such package.
+SHARED_DATA = Path("cmeel.prefix", "share")
+"""Where packages that cmeel builds keep their data, beside the Python packages."""
 
-    Located, not imported: an import may run anything.
+
+def package_folder(package: str) -> Path | None:
+    """Return the folder of an installed Python package, or of the data of a package that cmeel built.
+
+    None: there is no such package. It is located, not imported: an import may run anything.
     """
     return _package_folder(package, tuple(sys.path))
 
@@ -329,6 +333,9 @@ def _package_folder(package: str, path: tuple[str, ...]) -> Path | None:
     except ValueError:
         spec = None
     roots = list(spec.submodule_search_locations or ()) if spec else []
+    if not roots and package and "/" not in package and package not in (".", ".."):
+        shared = (Path(folder) / SHARED_DATA / package for folder in path)
+        roots = [str(folder) for folder in shared if folder.is_dir()]
     return Path(roots[0]) if roots else None
 
 

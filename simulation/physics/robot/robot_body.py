@@ -26,7 +26,8 @@ def patched_urdf(robot: RobotDescription) -> str:
     """Return the text of the robot's URDF, patched. Raises PicktreeError for missing files, links or meshes.
 
     Every link shows its *collision* geometry: the camera sees what can be touched, which also renders ten
-    times faster than the visual meshes.
+    times faster than the visual meshes. A link without <inertial> gets one of no mass, as the planner's
+    dynamics take it: the engine would give it 1 kg.
     """
     path = Path(robot.urdf)
     try:
@@ -39,6 +40,8 @@ def patched_urdf(robot: RobotDescription) -> str:
     links = {link.get("name"): link for link in root.findall("link")}
     for link in links.values():
         _show_what_collides(link)
+        if link.find("inertial") is None:
+            _add_no_mass(link)
     for n, name in enumerate(robot.gripper.fingers):
         if name not in links:
             raise PicktreeError(f"{robot.source or robot.name}: finger link {name!r} is not in {robot.urdf}")
@@ -67,6 +70,14 @@ def _show_what_collides(link: ElementTree.Element) -> None:
         material = ElementTree.SubElement(visual, "material", name="robot_grey")
         ElementTree.SubElement(material, "color", rgba=f"{red} {green} {blue} 1")
         link.append(visual)
+
+
+def _add_no_mass(link: ElementTree.Element) -> None:
+    inertial = ElementTree.SubElement(link, "inertial")
+    ElementTree.SubElement(inertial, "mass", value="0")
+    ElementTree.SubElement(
+        inertial, "inertia", dict.fromkeys(("ixx", "ixy", "ixz", "iyy", "iyz", "izz"), "0")
+    )
 
 
 def _put_finger(link: ElementTree.Element, n: int, gripper: GripperDescription) -> None:
