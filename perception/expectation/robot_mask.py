@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Final, Protocol, cast
+from typing import Any, Final, Protocol
 
 import cv2
 import numpy as np
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ...files.disk_cache import cached_arrays
 from ...robots import urdf_tree
-from ...robots.urdf_tree import UrdfMesh, UrdfPrimitive
+from ...robots.urdf_tree import UrdfMesh, UrdfPrimitive, read_mesh
 from ...world import shapes, values
 from ...world.shapes import Shape, convex_hull, corners, inside
 from ...world.values import Array, Pose, Vector3
@@ -216,12 +216,7 @@ def _outline(path: str, scale: Vector3) -> tuple[Array, bool]:
 
     The hull of the vertices is nearly that of the mesh.
     """
-    import trimesh  # slow to import
-
-    loaded = cast(
-        "trimesh.Trimesh",
-        trimesh.load(path, force="mesh", skip_materials=True),  # pyright: ignore[reportUnknownMemberType]
-    )
+    loaded = read_mesh(path)
     vertices: Array = np.asarray(loaded.vertices, dtype=np.float64) * np.array(scale)
     hull = convex_hull(vertices)
     convex = abs(float(loaded.volume) * float(np.prod(scale))) > MIN_CONVEX_SHARE * float(hull.volume)

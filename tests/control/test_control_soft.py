@@ -63,8 +63,8 @@ def test_a_slower_trajectory_goes_the_same_way_and_nothing_is_faster_than_it_may
 
 
 def random_arm(seed: int) -> RobotModel:
-    """An arm with the iiwa's joints and links of any mass and size: some joints in line, so that together they
-    turn a hundred times less inertia than either alone."""
+    """An arm with the iiwa's joints and links of any mass and size: joints in line turn together, against a
+    hundredth of the inertia of either alone."""
     rng = np.random.default_rng(seed)
     model = RobotModel(load_robot("iiwa"))
     for k in range(1, model.n + 1):

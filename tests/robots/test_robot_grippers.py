@@ -26,7 +26,7 @@ from picktree.simulation.physics.robot.robot_body import RobotBody
 from picktree.world.shapes import corners
 from picktree.world.values import Array
 
-SHIPPED = ("xarm6", "iiwa", "panda")
+SHIPPED = ("xarm6", "iiwa", "panda", "gen3", "ur10e")
 PERIOD = 1 / 240
 
 
