@@ -130,7 +130,7 @@ def main() -> int:
     for robot in robots:
         if robot is not None:
             print(f"\n{robot}")
-        print(report([row for row in rows if row["robot"] == robot]))
+        print(report([row for row in rows if row["job"]["robot"] == robot]))
     return 0
 
 

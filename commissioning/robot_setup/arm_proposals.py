@@ -213,15 +213,17 @@ def hidden_share(model: RobotModel, q: Array) -> float:
     poses, tree = model.link_poses(q, 0.0), read_skeleton(Path(model.description.urdf))
     ends = [[poses[j.parent].position, poses[j.child].position] for j in tree.joints.values()]
     shares = np.linspace(0.0, 1.0, 9)[:, None, None]
-    low, high = (np.array(corner) for corner in WORK_AREA)
-    segments = np.array(ends)
+    low: Array = np.array(WORK_AREA[0])
+    high: Array = np.array(WORK_AREA[1])
+    segments: Array = np.array(ends)
     points = ((1.0 - shares) * segments[:, 0] + shares * segments[:, 1]).reshape(-1, 3)
     points = points[(points[:, 2] > 0.0) & (points[:, 2] < CAMERA_HEIGHT - HALF_LINK_WIDTH)]
     larger = (CAMERA_HEIGHT / (CAMERA_HEIGHT - points[:, 2]))[:, None]
     middle = (low + high) / 2
     shadow = middle + (points[:, :2] - middle) * larger
-    axes = [np.linspace(low[k], high[k], 12) for k in range(2)]
-    cells = np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 1, 2)
+    share: Array = np.linspace(0.0, 1.0, 12)
+    both = np.column_stack([np.repeat(share, len(share)), np.tile(share, len(share))])
+    cells: Array = (low + both * (high - low))[:, None]
     hidden = np.linalg.norm(cells - shadow, axis=2) < HALF_LINK_WIDTH * larger[:, 0]
     return float(hidden.any(axis=1).mean())
 

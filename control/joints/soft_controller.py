@@ -277,5 +277,5 @@ class JointSpring:
         torques are negligible."""
         if float(np.linalg.norm(torque)) <= CALM_TORQUE / 2:
             return np.zeros_like(torque)
-        way = np.linalg.solve(self.stiffness, torque)
+        way: Array = np.asarray(np.linalg.solve(self.stiffness, torque), np.float64)
         return way * (YIELD_DISTANCE / float(np.linalg.norm(way)))

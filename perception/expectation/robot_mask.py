@@ -90,6 +90,18 @@ class RobotMask:
             fill(mask, sight.pixels(points))
         return _grown(mask, MASK_GROWTH_PIXELS)
 
+    def hidden_share(self, sight: PosedCamera, points: Array, joints: Array, width: float) -> float:
+        """Return the share of the points (n, 3) in a camera's picture that the robot hides, 0 … 1.
+
+        1 where the picture shows none of them.
+        """
+        i = sight.intrinsics
+        columns, rows = np.rint(sight.pixels(points)).astype(np.int64).T
+        shown = (columns >= 0) & (columns < i.width) & (rows >= 0) & (rows < i.height)
+        if not shown.any():
+            return 1.0
+        return float(self.paint(sight, joints, width, None)[rows[shown], columns[shown]].mean())
+
     def nearby(
         self,
         sight: PosedCamera,

@@ -62,6 +62,12 @@ def test_a_slower_trajectory_goes_the_same_way_and_nothing_is_faster_than_it_may
     assert slowed_trajectory(MODEL, slow, 0.25).duration == slow.duration
 
 
+def of_box(mass: float, centre: Array, sides: Array) -> pin.Inertia:
+    """A box of that mass, kg, with its centre and its sides, m."""
+    whole = mass / 12 * np.diag(float(sides @ sides) - sides**2)
+    return cast("Any", pin.Inertia)(mass, centre, whole)
+
+
 def random_arm(seed: int) -> RobotModel:
     """An arm with the iiwa's joints and links of any mass and size: joints in line turn together, against a
     hundredth of the inertia of either alone."""
@@ -69,8 +75,8 @@ def random_arm(seed: int) -> RobotModel:
     model = RobotModel(load_robot("iiwa"))
     for k in range(1, model.n + 1):
         mass, size = 10 ** rng.uniform(-1.0, 0.7), 10 ** rng.uniform(-2.0, -0.7)
-        box = pin.Inertia.FromBox(mass, size, *(size * 10 ** rng.uniform(-0.5, 0.5, 2)))
-        model.arm.inertias[k] = pin.Inertia(mass, rng.uniform(-0.1, 0.1, 3), box.inertia)
+        sides = size * 10 ** rng.uniform(-0.5, 0.5, 3)
+        model.arm.inertias[k] = of_box(mass, rng.uniform(-0.1, 0.1, 3), sides)
     return model
 
 
