@@ -19,7 +19,7 @@ from ....world.colours import COLOURS
 from ....world.values import Array, Pose
 from ...checkpoints import ArmCommand, GripperCommand, RobotReading
 from ...engine import Client, pb
-from .linkage_motors import GearReaction, LinkageMotors
+from .linkage_motors import GearReaction, KnuckleGearReaction, LinkageMotors
 
 
 def patched_urdf(robot: RobotDescription) -> str:
@@ -125,7 +125,7 @@ class RobotBody:
         (Path(self._folder.name) / "robot.urdf").write_text(self._urdf, encoding="utf-8")
         self.fingers = fingers_of(robot.gripper)
         self._linkage: LinkageMotors | None = None
-        self._gear: GearReaction | None = None
+        self._gear: GearReaction | KnuckleGearReaction | None = None
         self.body = -1
         self.links: dict[int, str] = {}
         self._command = ArmCommand("follow", (), (), ())
@@ -216,6 +216,8 @@ class RobotBody:
         )
         if self._linkage is None:
             self._gear = GearReaction(gear, self.body, one, self._flange, self._client)
+        else:
+            self._gear = KnuckleGearReaction(gear, self.description, self._linkage.gear, self._client)
 
     def place(self, position: tuple[float, ...], velocity: tuple[float, ...]) -> None:
         """Set all joints, arm then fingers: at the start and on restore only."""
@@ -352,7 +354,7 @@ class RobotBody:
             -tz - (lx * fy - ly * fx),
         )
         if self._gear is not None:
-            x, y, z = self._gear.read(turn)
+            x, y, z = self._gear.read(turn, position)
             wrench = (wrench[0] + x, wrench[1] + y, wrench[2] + z, *wrench[3:])
         if self._command.mode == "torque":
             effort = (*self._given(self._command.torque), *effort[len(self._arm) :])
