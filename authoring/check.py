@@ -129,14 +129,18 @@ class MissionCheck:
 
 
 def check_mission(
-    document: Document, registry: NodeRegistry | None = None, known: SceneNames | None = None
+    document: Document,
+    registry: NodeRegistry | None = None,
+    known: SceneNames | None = None,
+    robot: str | None = None,
 ) -> MissionCheck:
     """Check a document of kind `mission` completely; never raises for its content.
 
-    `known`: names of scene and robot of the run, by default those that the mission names.
+    `known`: names of scene and robot of the run, by default those that the mission names. `robot`: shipped
+    robot or robot file instead of the scene's.
     """
     reading = examine(document, registry)
-    known, faults = (known, []) if known is not None else _surroundings(reading.mission)
+    known, faults = (known, []) if known is not None else _surroundings(reading.mission, robot)
     faults = [*reading.faults, *faults]
     if known is not None:
         faults += check_scene_names(reading, known)
@@ -147,12 +151,12 @@ def check_mission(
     return MissionCheck(None if wrong else reading.mission, tuple(ordered))
 
 
-def _surroundings(mission: Mission) -> tuple[SceneNames | None, list[Diagnostic]]:
+def _surroundings(mission: Mission, robot: str | None) -> tuple[SceneNames | None, list[Diagnostic]]:
     """Return the names of the mission's scene and robot; None without a scene, or with a faulty one."""
     if mission.scene is None:
         return None, []
     try:
-        return load_surroundings(mission.scene, mission.document.path.parent), []
+        return load_surroundings(mission.scene, mission.document.path.parent, robot), []
     except FileError as error:
         return None, list(error.faults)
     except PicktreeError as error:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import product
 from pathlib import Path
 from typing import Literal, TypeAlias
@@ -47,6 +47,8 @@ class Variant:
     settings: Mapping[str, str]
     label: str
     """Properties that distinguish this variant from the others of its plan."""
+    robot: str | None = None
+    """Robot that replaces the scene's; the path of a file is absolute. None: the scene's own."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,26 +66,31 @@ class BatchPlan:
     verify: bool = False
     limits: JobLimits = JobLimits()
     keep: Keep = "failures"
+    robots: tuple[str | None, ...] = (None,)
 
     def variants(self) -> Iterator[Variant]:
         """Yield every combination; the last list changes fastest."""
         names = list(self.settings)
-        for mission, scene, faults in product(self.missions, self.scenes, self.faults):
+        for mission, scene, robot, faults in product(self.missions, self.scenes, self.robots, self.faults):
             for values in product(*self.settings.values()):
                 settings = dict(zip(names, values, strict=True))
-                yield Variant(mission, scene, faults, settings, self._label(mission, scene, faults, settings))
+                variant = Variant(mission, scene, faults, settings, "", robot)
+                yield replace(variant, label=self._label(variant))
 
-    def _label(
-        self, mission: Path, scene: str | None, faults: Path | None, settings: Mapping[str, str]
-    ) -> str:
+    def _label(self, variant: Variant) -> str:
+        mission, scene, faults = variant.mission, variant.scene, variant.faults
         words: list[str] = []
         if len(self.missions) > 1:
             words.append(mission.stem)
         if len(self.scenes) > 1:
             words.append(Path(scene).stem if scene else "own scene")
+        if len(self.robots) > 1:
+            words.append(Path(variant.robot).stem if variant.robot else "own robot")
         if len(self.faults) > 1:
             words.append(faults.stem if faults else "no faults")
-        words += [f"{name}={value}" for name, value in settings.items() if len(self.settings[name]) > 1]
+        words += [
+            f"{name}={value}" for name, value in variant.settings.items() if len(self.settings[name]) > 1
+        ]
         return ", ".join(words) or mission.stem
 
 
@@ -147,6 +154,7 @@ def _request(plan: BatchPlan, variant: Variant) -> RunRequest:
         mission=variant.mission,
         scene=variant.scene,
         parameters=variant.settings,
+        robot=variant.robot,
         faults=variant.faults,
         backend=plan.backend,
         verify=plan.verify,

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
+from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal, cast
 
@@ -16,6 +17,7 @@ from ..files.value_wording import describe
 from ..files.yaml.document import Document, read_document
 from ..files.yaml.document_checker import DocumentChecker
 from ..files.yaml.file_models import FileModel, Flag, InvalidValue, quantity
+from ..robots.loading import robot_names
 from ..simulation.fault_files.fault_loading import load_faults
 from ..trees.loading.loader import SceneNames, load_surroundings
 from ..trees.running.run_settings import read_settings
@@ -126,6 +128,8 @@ class PlanFile(FileModel):
     """Mission files; paths count from this file."""
     scenes: list[Text] = Field(default_factory=list[str])
     """Shipped scenes or scene files, each instead of the missions' own."""
+    robots: list[Text] = Field(default_factory=list[str])
+    """Shipped robots or robot files, each instead of the scenes' own."""
     faults: list[Text] = Field(default_factory=list[str])
     """Faults files; 'none' is a run without faults."""
     seeds: Seeds
@@ -203,9 +207,8 @@ def check_plan(document: Document) -> CheckedFile[BatchPlan]:
 def check_files_of(plan: BatchPlan) -> Iterator[Diagnostic]:
     """Yield the errors in missions, scenes, robots and faults files that the plan names, each once."""
     seen: dict[Diagnostic, None] = {}
-    for scene in plan.scenes:
-        for mission in plan.missions:
-            seen.update(dict.fromkeys(_faults_of_mission(mission, scene)))
+    for scene, robot, mission in product(plan.scenes, plan.robots, plan.missions):
+        seen.update(dict.fromkeys(_faults_of_mission(mission, scene, robot)))
     for file in plan.faults:
         if file is not None:
             try:
@@ -222,23 +225,24 @@ def check_settings(plan: BatchPlan) -> None:
             raise PicktreeError(message)
 
 
-def _faults_of_mission(mission: Path, scene: str | None) -> Iterable[Diagnostic]:
+def _faults_of_mission(mission: Path, scene: str | None, robot: str | None) -> Iterable[Diagnostic]:
     try:
-        check = _checked(mission, scene)
+        check = _checked(mission, scene, robot)
     except FileError as error:
         return error.faults
     return check.faults
 
 
-def _checked(mission: Path, scene: str | None) -> MissionCheck:
-    known: SceneNames | None = load_surroundings(scene) if scene is not None else None
-    return check_mission(read_document(mission, "mission"), known=known)
+def _checked(mission: Path, scene: str | None, robot: str | None) -> MissionCheck:
+    document = read_document(mission, "mission")
+    known: SceneNames | None = load_surroundings(scene, robot=robot) if scene is not None else None
+    return check_mission(document, known=known, robot=robot)
 
 
 def _misfits(plan: BatchPlan, name: str) -> Iterator[str]:
     """Yield the error of a setting, for the first mission in which it is invalid."""
     for path in plan.missions:
-        mission = _checked(path, plan.scenes[0]).mission
+        mission = _checked(path, plan.scenes[0], plan.robots[0]).mission
         if mission is None:
             continue
         required = {p.key: plan.settings[p.key][0] for p in mission.parameters if p.key in plan.settings}
@@ -251,7 +255,7 @@ def _misfits(plan: BatchPlan, name: str) -> Iterator[str]:
 
 
 def _plan(file: PlanFile, source: Path, scenes_from: Path | None = None) -> BatchPlan:
-    """Return the plan. Paths count from the folder of `source`, those of scenes from `scenes_from`."""
+    """Return the plan. Paths count from the folder of `source`, of scenes and robots from `scenes_from`."""
     folder = source.parent.absolute()
     settings = {
         name: tuple(values) if isinstance(values, list) else (values,) for name, values in file.set.items()
@@ -260,7 +264,8 @@ def _plan(file: PlanFile, source: Path, scenes_from: Path | None = None) -> Batc
         name=file.name or source.stem,
         missions=tuple(folder / mission for mission in file.missions),
         seeds=file.seeds,
-        scenes=tuple(_scene(name, scenes_from or folder) for name in file.scenes) or (None,),
+        scenes=tuple(_found(name, scenes_from or folder, scene_names()) for name in file.scenes) or (None,),
+        robots=tuple(_found(name, scenes_from or folder, robot_names()) for name in file.robots) or (None,),
         faults=tuple(None if name == NO_FAULTS else folder / name for name in file.faults) or (None,),
         settings=settings,
         backend=file.backend,
@@ -270,9 +275,9 @@ def _plan(file: PlanFile, source: Path, scenes_from: Path | None = None) -> Batc
     )
 
 
-def _scene(name: str, folder: Path) -> str:
-    """Return a shipped scene's name, or the path of a scene file; its suffix may be left out."""
-    if name in scene_names():
+def _found(name: str, folder: Path, shipped: Collection[str]) -> str:
+    """Return a shipped name, or the path of a scene or robot file; its suffix may be left out."""
+    if name in shipped:
         return name
     own = folder / f"{name}.yaml"
     return str(own if own.is_file() else folder / name)

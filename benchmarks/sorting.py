@@ -2,6 +2,7 @@
 
 python benchmarks/sorting.py --scene three_bins --runs 40
 python benchmarks/sorting.py --scene dense --runs 20
+python benchmarks/sorting.py --scene sort_small --runs 20 --robot panda --robot gen3 --robot my_arm.yaml
 """
 
 from __future__ import annotations
@@ -33,6 +34,8 @@ class Job:
     seed: int
     verify: bool
     faults: str | None
+    robot: str | None = None
+    """Shipped name or path of the robot; None: the scene's."""
 
 
 def one(job: Job, folder: Path) -> Row:
@@ -47,6 +50,7 @@ def one(job: Job, folder: Path) -> Row:
         out=folder,
         verify=job.verify,
         faults=Path(job.faults) if job.faults else None,
+        robot=job.robot,
     )
     session = Session(request)
     result = session.run().to_json()
@@ -143,8 +147,14 @@ def main() -> int:
     parser = mission_options(__file__, __doc__, "sort_by_colour", "three_bins", runs=40)
     parser.add_argument("--verify", action="store_true", help="judge every trajectory by python-fcl too")
     parser.add_argument("--faults")
+    parser.add_argument("--robot", action="append", help="another robot; several times: each runs all seeds")
     given = parser.parse_args()
-    jobs = [Job(given.mission, given.scene, seed, given.verify, given.faults) for seed in seeds(given)]
+    robots: list[str | None] = given.robot or [None]
+    jobs = [
+        Job(given.mission, given.scene, seed, given.verify, given.faults, robot)
+        for seed in seeds(given)
+        for robot in robots
+    ]
     rows = campaign(
         given,
         jobs,
@@ -152,7 +162,10 @@ def main() -> int:
         cost=COST_A_RUN,
         short=lambda row: "{sorted} of {total}".format(**row["result"]["items"]),
     )
-    print(report(rows))
+    for robot in robots:
+        if robot is not None:
+            print(f"\n{robot}")
+        print(report([row for row in rows if row["job"]["robot"] == robot]))
     return 0
 
 

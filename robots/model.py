@@ -262,24 +262,36 @@ def _screws(arm: pin.Model) -> list[tuple[Array | None, Array, Array]]:
     return screws
 
 
-def _beyond_flange(model: pin.Model, flange_joint: str) -> tuple[float, Vector3]:
-    """Return the mass beyond a fixed joint, kg, and its centre in that joint's frame, with closed fingers."""
-    data = model.createData()
-    pin.framesForwardKinematics(model, data, pin.neutral(model))
+def beyond_flange(model: pin.Model, flange_joint: str) -> list[tuple[int, pin.Inertia, bool]]:
+    """Return each body beyond a fixed joint: index of a frame, inertia, and whether it moves against the
+    joint.
+
+    The inertia of one that moves is in its joint's frame, else in the frame itself.
+    """
     flange = model.getFrameId(flange_joint)
-    mass, moment = 0.0, np.zeros(3)
     beyond = [flange]
     for index, frame in enumerate(model.frames):
         if index not in beyond and frame.parentFrame in beyond:
             beyond.append(index)
+    found: list[tuple[int, pin.Inertia, bool]] = []
     for index in beyond:
         frame = model.frames[index]
         # A moving joint's inertia already holds what is fixed to it.
         moves = frame.parentJoint != model.frames[flange].parentJoint
         if moves and frame.type != pin.JOINT:
             continue
-        inertia = model.inertias[frame.parentJoint] if moves else frame.inertia
-        at = data.oMi[frame.parentJoint] if moves else data.oMf[index]
+        found.append((index, model.inertias[frame.parentJoint] if moves else frame.inertia, moves))
+    return found
+
+
+def _beyond_flange(model: pin.Model, flange_joint: str) -> tuple[float, Vector3]:
+    """Return the mass beyond a fixed joint, kg, and its centre in that joint's frame, with closed fingers."""
+    data = model.createData()
+    pin.framesForwardKinematics(model, data, pin.neutral(model))
+    flange = model.getFrameId(flange_joint)
+    mass, moment = 0.0, np.zeros(3)
+    for index, inertia, moves in beyond_flange(model, flange_joint):
+        at = data.oMi[model.frames[index].parentJoint] if moves else data.oMf[index]
         mass += inertia.mass
         moment += inertia.mass * (at.rotation @ inertia.lever + at.translation)
     if mass == 0.0:

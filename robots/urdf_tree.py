@@ -11,13 +11,16 @@ from functools import lru_cache
 from importlib.util import find_spec
 from itertools import chain
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Literal, cast
 
 from ..errors import PicktreeError
 from ..files.shipped_files import is_file
 from ..files.yaml.file_text import Unreadable, read_bytes
 from ..world.shapes import Box, Cylinder, Sphere
 from ..world.values import Pose, Vector3, vector3
+
+if TYPE_CHECKING:
+    import trimesh
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,6 +101,28 @@ def resolved_urdf(urdf: str) -> str:
     for mesh in root.iter("mesh"):
         mesh.set("filename", _resolved(urdf, mesh.get("filename", "")))
     return ElementTree.tostring(root, encoding="unicode")
+
+
+def read_mesh(path: str, *, merged: bool = True) -> trimesh.Trimesh:
+    """Read a mesh file as triangles in its own frame; `merged`: vertices at the same place become one.
+
+    Raises PicktreeError for a file or a kind of file that cannot be read.
+    """
+    import trimesh  # slow to import
+
+    try:
+        loaded = trimesh.load(path, force="mesh", skip_materials=True, process=merged)  # pyright: ignore[reportUnknownMemberType]
+    except ImportError as error:
+        raise PicktreeError(
+            f"{path}: this kind of mesh cannot be read here ({error}); "
+            "or convert it to STL or OBJ, and name that in a copy of the URDF"
+        ) from None
+    except (OSError, ValueError, IndexError, KeyError, NotImplementedError) as error:
+        raise PicktreeError(f"{path}: the mesh cannot be read: {error}") from None
+    mesh = cast("trimesh.Trimesh", loaded)
+    if len(mesh.faces) == 0:
+        raise PicktreeError(f"{path}: the mesh has no triangles; convert it anew to STL, OBJ or DAE")
+    return mesh
 
 
 MAX_BYTES = 5_000_000
@@ -313,10 +338,14 @@ def _number(element: ElementTree.Element | None, key: str, default: str = "") ->
 PACKAGE = "package://"
 
 
-def package_folder(package: str) -> Path | None:
-    """Return the folder of an installed Python package; None when there is no such package.
+SHARED_DATA = Path("cmeel.prefix", "share")
+"""Where packages that cmeel builds keep their data, beside the Python packages."""
 
-    Located, not imported: an import may run anything.
+
+def package_folder(package: str) -> Path | None:
+    """Return the folder of an installed Python package, or of the data of a package that cmeel built.
+
+    None: there is no such package. It is located, not imported: an import may run anything.
     """
     return _package_folder(package, tuple(sys.path))
 
@@ -329,6 +358,9 @@ def _package_folder(package: str, path: tuple[str, ...]) -> Path | None:
     except ValueError:
         spec = None
     roots = list(spec.submodule_search_locations or ()) if spec else []
+    if not roots and package and "/" not in package and package not in (".", ".."):
+        shared = (Path(folder) / SHARED_DATA / package for folder in path)
+        roots = [str(folder) for folder in shared if folder.is_dir()]
     return Path(roots[0]) if roots else None
 
 

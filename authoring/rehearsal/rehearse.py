@@ -18,6 +18,7 @@ from ...trees.mission import Mission
 from ...trees.running.runner import build
 from ...trees.status import NodeStatus
 from ...world.journal import Plain
+from ..check import check_mission
 from .cases.cases_schema import CaseFile, RehearsalCase
 from .checking.case_checks import examine_cases
 from .stage.mission_staging import StubbedMission, scene_of, stub_mission
@@ -30,16 +31,23 @@ DEFAULT_MAX_TICKS = 10_000
 """Default limit of a case, ticks."""
 
 
-def rehearse_files(mission: Path, cases: Path | None = None, names: Collection[str] = ()) -> Rehearsal:
+def rehearse_files(
+    mission: Path, cases: Path | None = None, names: Collection[str] = (), robot: str | None = None
+) -> Rehearsal:
     """Rehearse the files. Default for `cases`: the file with the mission's name in `cases` next to it.
 
-    Raises FileError with all errors of the mission, of its scene or of the cases.
+    `robot`: shipped robot or robot file instead of the scene's; the mission is checked with its poses. Raises
+    FileError with all errors of the mission, of its scene or of the cases.
     """
     if cases is None:
         cases = mission.parent / "cases" / mission.name
         if mission.is_file() and not cases.is_file():
             raise PicktreeError(f"there are no cases {cases}; name the file with --cases")
     loaded = load_mission(mission)
+    if robot is not None:
+        checked = check_mission(read_document(mission, "mission"), robot=robot)
+        if errors := [fault for fault in checked.faults if fault.severity == "error"]:
+            raise FileError(errors)
     found = examine_cases(read_document(cases, "cases"), loaded)
     if found.errors:
         raise FileError(found.errors)

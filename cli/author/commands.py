@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from ...errors import PicktreeError
-from ..options import JsonResult, TextFile
+from ..options import JsonResult, OtherRobot, TextFile
 from ..terminal.output import end_with, keep_stdout, painter, print_answer, show
 
 if TYPE_CHECKING:
@@ -191,6 +191,7 @@ def rehearse(
     case: Annotated[
         list[str] | None, typer.Option("--case", metavar="NAME", help="Only this case; may be repeated.")
     ] = None,
+    robot: OtherRobot = None,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Verdicts without traces.")] = False,
     full_coverage: Annotated[
         bool, typer.Option("--full-coverage", help="Exit code 1 also when a node or branch is not reached.")
@@ -208,7 +209,7 @@ def rehearse(
     from ...authoring.rehearsal.verdict.rehearsal_text import to_text
     from ...files.diagnostics.fault_rendering import fault_lines
 
-    result = rehearse_files(mission, cases, case or ())
+    result = rehearse_files(mission, cases, case or (), robot)
     if result.warnings:
         print(fault_lines(result.warnings, painter(sys.stderr)), file=sys.stderr)
     print_answer(answer, lambda: to_text(result, quiet=quiet, causes=causes), lambda: to_json_text(result))

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 
 _PLAN_OPTIONS = (
-    *("seeds", "scene", "faults", "set_", "backend", "verify"),
+    *("seeds", "scene", "robot", "faults", "set_", "backend", "verify"),
     *("limit", "wall_limit", "memory", "disk", "keep"),
 )
 """Options that a plan file replaces."""
@@ -43,6 +43,10 @@ Seeds: TypeAlias = Annotated[str, typer.Option(metavar="SEEDS", help="0:100 is h
 Scenes: TypeAlias = Annotated[
     list[str] | None,
     typer.Option(metavar="SCENE", help="Scenes to be tried, for the missions' own."),
+]
+Robots: TypeAlias = Annotated[
+    list[str] | None,
+    typer.Option(metavar="ROBOT", help="Shipped robots or robot files to be tried, for the scenes' own."),
 ]
 FaultsFiles: TypeAlias = Annotated[
     list[str] | None, typer.Option(metavar="FILE", help="Faults file, or none; several are tried.")
@@ -87,6 +91,7 @@ def run(
     mission: Missions = None,
     seeds: Seeds = "0",
     scene: Scenes = None,
+    robot: Robots = None,
     faults: FaultsFiles = None,
     set_: TriedSettings = None,
     backend: Backend = "physics",
@@ -126,6 +131,7 @@ def run(
     else:
         options = {
             "scenes": scene,
+            "robots": robot,
             "seeds": seeds,
             "backend": backend,
             "verify": verify,

@@ -5,12 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 
 from ...planning.kinematics.inverse_kinematics import InverseKinematics
 from ...robots.model import RobotModel
-from ...robots.urdf_tree import UrdfJoint, UrdfTree
+from ...robots.urdf_tree import UrdfJoint, UrdfTree, read_skeleton
 from ...world.values import Array, Pose
 
 LIMIT_RESERVE = math.radians(2.0)
@@ -114,12 +115,20 @@ def estimate(
 
 FINGER_DIRECTIONS = 8
 """Number of finger directions that are tried."""
-HOME_DISTANCES = (0.36, 0.42, 0.48, 0.3)
+HOME_DISTANCES = (0.36, 0.42, 0.48, 0.3, 0.24)
 """Horizontal distances of the tool from the base that are tried for `home`, as shares of the reach."""
 HOME_HEIGHTS = (0.5, 0.42, 0.58, 0.35, 0.65)
 """Heights of the tool over the base that are tried for `home`, as shares of the reach."""
 REST_DISTANCES = (0.3, 0.36, 0.42)
 REST_HEIGHTS = (0.55, 0.65, 0.45, 0.75)
+WORK_AREA = ((0.35, -0.25), (0.65, 0.25))
+"""Corners of the part of the table where scenes have their items, m in the world."""
+CAMERA_HEIGHT = 0.8
+"""Height of a camera above the middle of that part, m."""
+HALF_LINK_WIDTH = 0.08
+"""Half of a link's width, as far as it hides the table from the camera, m."""
+HIDING_COST = 2.0
+"""Cost of a `home` that hides the whole of that part, in units of a posture's value."""
 IK_SEED_COUNT = 4
 """Number of random configurations from which inverse kinematics starts."""
 OBSERVE_ROTATION = np.pi / 2
@@ -199,6 +208,26 @@ def _turned(model: RobotModel, free: Callable[[Array], bool], home: Array) -> Ar
     return None
 
 
+def hidden_share(model: RobotModel, q: Array) -> float:
+    """Return the share of the items' part of the table, 0 … 1, that the arm hides from a camera above it."""
+    poses, tree = model.link_poses(q, 0.0), read_skeleton(Path(model.description.urdf))
+    ends = [[poses[j.parent].position, poses[j.child].position] for j in tree.joints.values()]
+    shares = np.linspace(0.0, 1.0, 9)[:, None, None]
+    low: Array = np.array(WORK_AREA[0])
+    high: Array = np.array(WORK_AREA[1])
+    segments: Array = np.array(ends)
+    points = ((1.0 - shares) * segments[:, 0] + shares * segments[:, 1]).reshape(-1, 3)
+    points = points[(points[:, 2] > 0.0) & (points[:, 2] < CAMERA_HEIGHT - HALF_LINK_WIDTH)]
+    larger = (CAMERA_HEIGHT / (CAMERA_HEIGHT - points[:, 2]))[:, None]
+    middle = (low + high) / 2
+    shadow = middle + (points[:, :2] - middle) * larger
+    share: Array = np.linspace(0.0, 1.0, 12)
+    both = np.column_stack([np.repeat(share, len(share)), np.tile(share, len(share))])
+    cells: Array = (low + both * (high - low))[:, None]
+    hidden = np.linalg.norm(cells - shadow, axis=2) < HALF_LINK_WIDTH * larger[:, 0]
+    return float(hidden.any(axis=1).mean())
+
+
 class _Search:
     def __init__(self, model: RobotModel, free: Callable[[Array], bool], seed: int) -> None:
         self._model = model
@@ -220,7 +249,7 @@ class _Search:
                     )
                     tool = self._model.description.base_in_world @ tool
                     found += [
-                        _Posture(q, self._value(q) - (2.0 * self._extent(q, most) if folded else 0.0))
+                        _Posture(q, self._value(q) - self._cost(q, most, folded=folded))
                         for q in self._solutions(tool)
                     ]
         for posture in sorted(found, key=lambda p: (-p.value, tuple(p.q))):
@@ -257,6 +286,9 @@ class _Search:
         ease = min(float(singular[-1]) / 0.15, 1.0)
         straight = float(np.abs(q).sum()) / (np.pi * model.n)
         return ease + 2.0 * min(to_limit, 0.2) - straight - 0.5 * abs(float(q[0])) / np.pi
+
+    def _cost(self, q: Array, most: float, *, folded: bool) -> float:
+        return 2.0 * self._extent(q, most) if folded else HIDING_COST * hidden_share(self._model, q)
 
     def _extent(self, q: Array, most: float) -> float:
         base = self._model.description.base_in_world.inverse()

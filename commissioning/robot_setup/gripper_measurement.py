@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -36,6 +37,8 @@ MIN_SNAP_COSINE = np.cos(np.radians(8.0))
 """Least cosine to an axis of the hand's frame from which a direction is set to that axis."""
 EDGE_SAMPLES = 30
 """Number of points on each edge of a mesh when the rest of a finger is measured."""
+KNUCKLE_CLEARANCE = 0.002
+"""Least distance between what is held and the knuckles beside it, m: pads yield, and items tilt."""
 FINGER_BODY_SETBACK = 0.003
 """Distance of the rest of a finger behind the face of its pad, m: the pads alone grip what reaches deep."""
 MIN_FINGER_BODY_SIZE = 0.004
@@ -222,12 +225,18 @@ class GripperMeter:
         speed = min((joint.velocity or 0.1) * per_move, MAX_FINGER_SPEED)
         static = [self._motion.static(link) @ axes - shift for link in self._behind if link in self._solids]
         palm_top = max((float(points[:, 2].max()) for points in static), default=-0.03)
+        pads = (self._pad(0, axes, opened, 1.0), self._pad(1, axes, opened, -1.0))
         others = [
             link
             for link in self._skeleton.below(self._hand.palm)
             if link in self._solids and link not in (*self._behind, *self.links)
         ]
         swept = [self._motion.points(link, p) @ axes - shift for link in others for p in positions]
+        inside = [
+            self._reach_inside(link, p, axes, shift, (pads[0][0].size[0] / 2, width / 2))
+            for link in others
+            for p, width in zip(positions, widths, strict=True)
+        ]
         fingers = [self._motion.finger(0, p, axes) - shift for p in positions]
         return MeasuredGripper(
             sliders=sliders,
@@ -240,16 +249,35 @@ class GripperMeter:
             tcp_in_palm=tcp,
             tcp_comment=comment,
             tip=max(reach, 0.0),
-            palm=max(-palm_top, 0.005),
+            palm=max(-max([palm_top, *inside]), 0.005),
             max_width=widths[-1],
             max_force=force,
             force_comment=told,
             speed=max(speed, 0.01),
-            pads=(self._pad(0, axes, opened, 1.0), self._pad(1, axes, opened, -1.0)),
+            pads=pads,
             hand=hand_boxes(static, swept, palm_top, widths[-1]),
             finger=finger_box(fingers, widths),
             finger_bodies=self._bodies(axes, opened),
         )
+
+    def _reach_inside(
+        self, link: str, drive: float, axes: Array, shift: Array, half: tuple[float, float]
+    ) -> float:
+        """Return how far a link behind the pads reaches forward (+z of the TCP) between them, m.
+
+        -inf: nowhere. `half`: half of the pads' depth and of the opening, m. What is held meets the knuckles
+        of a linkage before it meets the palm.
+        """
+        points = self._along_edges(link, self._motion.points(link, drive) @ axes - shift)
+        between = (np.abs(points[:, 0]) < half[0]) & (np.abs(points[:, 1]) < half[1] + KNUCKLE_CLEARANCE)
+        return float(points[between, 2].max()) if between.any() else -math.inf
+
+    def _along_edges(self, link: str, points: Array) -> Array:
+        """Return points (m, 3) along the edges of a link's triangles, for its vertices `points` (n, 3)."""
+        corners = points[self._solids[link].triangles]
+        along = np.linspace(0.0, 1.0, EDGE_SAMPLES)[:, None, None]
+        edges = [corners[:, k] * (1 - along) + corners[:, k - 1] * along for k in range(3)]
+        return np.concatenate([edge.reshape(-1, 3) for edge in edges])
 
     def _sliders(self, closed: float, opened: float, widths: list[float]) -> tuple[str, str] | None:
         """Return the two sliding joints when the opening is the sum of their positions, which is the simpler
@@ -308,10 +336,7 @@ class GripperMeter:
 
     def _body(self, n: int, axes: Array, opened: float, side: float) -> tuple[Box, Pose] | None:
         level = self._level(n, opened, axes, side)
-        corners = self._motion.finger(n, opened, axes)[self._solids[self.links[n]].triangles]
-        along = np.linspace(0.0, 1.0, EDGE_SAMPLES)[:, None, None]
-        edges = [corners[:, k] * (1 - along) + corners[:, k - 1] * along for k in range(3)]
-        points = np.concatenate([edge.reshape(-1, 3) for edge in edges])
+        points = self._along_edges(self.links[n], self._motion.finger(n, opened, axes))
         behind = side * points[:, 1] >= side * level.y + FINGER_BODY_SETBACK
         points = points[behind & (points[:, 2] <= level.low[2])]
         if not len(points) or (np.ptp(points, axis=0) < MIN_FINGER_BODY_SIZE).any():

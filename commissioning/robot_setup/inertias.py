@@ -65,10 +65,12 @@ def _finding(
 ) -> InertiaFinding | None:
     given = _read(element)
     if given is None or given[0] <= 0.0:
-        if not moves:
-            return None  # a link fixed to another may have no mass of its own
         kind: Kind = "missing" if given is None else "zero"
         what = "has no <inertial>" if given is None else f"weighs {given[0]:g} kg"
+        if not moves:
+            # A link without geometry is a mere frame.
+            told = f"{what}, but a shape: it counts as weightless; if it is not, say so under 'inertias:'"
+            return None if solid is None else InertiaFinding(name, kind, told, None)
         instead = _from_solid(solid)
         by = f"of its hull at {DEFAULT_DENSITY:g} kg/m³" if solid is not None else "of a ball of 10 g"
         return InertiaFinding(

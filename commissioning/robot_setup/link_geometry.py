@@ -7,10 +7,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
-from typing import cast
 
 import numpy as np
-import trimesh
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
@@ -28,6 +26,7 @@ from ...robots.urdf_tree import (
     mesh_file,
     package_folder,
     parsed_urdf,
+    read_mesh,
     read_skeleton,
 )
 from ...world.shapes import Box, corners
@@ -172,7 +171,7 @@ def read_solids(urdf: Path) -> Mapping[str, LinkGeometry]:
 
 def _solid(element: UrdfMesh | UrdfPrimitive) -> LinkGeometry:
     if isinstance(element, UrdfMesh):
-        mesh = _loaded(element.path)
+        mesh = read_mesh(element.path)
         points = np.asarray(mesh.vertices, dtype=np.float64) * np.array(element.scale)
         triangles = np.asarray(mesh.faces, dtype=np.int64)
     else:
@@ -183,19 +182,6 @@ def _solid(element: UrdfMesh | UrdfPrimitive) -> LinkGeometry:
         turned = np.einsum("ij,ij->i", outward, faces.mean(axis=1) - points.mean(axis=0)) < 0
         triangles = np.where(turned[:, None], triangles[:, ::-1], triangles)
     return LinkGeometry(element.pose_in_link.apply(points), triangles)
-
-
-def _loaded(path: str) -> trimesh.Trimesh:
-    try:
-        loaded = trimesh.load(path, force="mesh", skip_materials=True)  # pyright: ignore[reportUnknownMemberType]
-    except ImportError as error:
-        raise PicktreeError(
-            f"{path}: this kind of mesh cannot be read here ({error}); "
-            "or convert it to STL or OBJ, and name that in a copy of the URDF"
-        ) from None
-    except (OSError, ValueError, IndexError, KeyError) as error:
-        raise PicktreeError(f"{path}: the mesh cannot be read: {error}") from None
-    return cast("trimesh.Trimesh", loaded)
 
 
 def _joined(solids: list[LinkGeometry]) -> LinkGeometry:

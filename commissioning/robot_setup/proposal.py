@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -87,21 +87,27 @@ def _face(skeleton: UrdfTree, arm: ArmGroup, solids: Mapping[str, LinkGeometry],
     at = skeleton.pose(carrier, {})
     axis: Array = at.rotation().T @ moved.rotation() @ np.array(last.axis)
     origin = at.inverse().apply(np.array(moved.position))
-    fixed = [link for link in skeleton.below(last.child) if link in solids]
-    points = [
-        (at.inverse() @ skeleton.pose(link, {})).apply(solids[link].points)
-        for link in fixed
-        if not _moves(skeleton, last.child, link)
-    ]
-    # Outwards is from the joint to the flange; where both coincide, from the joint to the links' points.
+
+    def middle(links: Iterable[str]) -> float | None:
+        """Return how far ahead along the axis the middle of these links' points is, m."""
+        points = [
+            (at.inverse() @ skeleton.pose(link, {})).apply(solids[link].points) @ axis
+            for link in links
+            if link in solids
+        ]
+        return float(np.mean([(p.min() + p.max()) / 2 for p in points])) if points else None
+
+    # Outwards is from the joint to the flange; where both coincide, from the link before to the last one. The
+    # last link's own points do not tell: its frame may be at its inner or at its outer face.
     ahead = -origin @ axis
-    if abs(ahead) < 1e-4 and points:
-        ahead = float((np.concatenate(points) @ axis).mean() - origin @ axis)
+    own = middle(x for x in skeleton.below(last.child) if not _moves(skeleton, last.child, x))
+    if abs(ahead) < 1e-4 and own is not None:
+        before = middle((last.parent,))
+        ahead = own - (origin @ axis if before is None else before)
     out: Array = axis if ahead >= 0.0 else -axis
     height = 0.0
     if carrier in solids:
-        own = solids[carrier].points
-        height = max(float((own @ out).max()), 0.0)
+        height = max(float((solids[carrier].points @ out).max()), 0.0)
     if float(out[2]) > 0.999:
         return Pose((0.0, 0.0, round(height, 4)))
     side = np.array([1.0, 0.0, 0.0]) if abs(float(out[0])) < 0.9 else np.array([0.0, 1.0, 0.0])

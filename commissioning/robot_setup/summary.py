@@ -7,6 +7,7 @@ from dataclasses import asdict, dataclass, replace
 
 from ...robots.description import RobotDescription
 from ...robots.model import RobotModel
+from ..robot_test_result import RobotTestResult
 from .proposal import Proposal
 from .self_collision import summary
 
@@ -49,6 +50,8 @@ class RobotSummary:
     checked_pairs: int = 0
     findings: tuple[str, ...] = ()
     picture: str = ""
+    test: RobotTestResult | None = None
+    """Self-test; None: it was not wanted."""
 
     def to_text(self) -> str:
         lines = [f"{self.name}: an arm of {len(self.joints)} joints, {self.file}", f"urdf        {self.urdf}"]
@@ -79,6 +82,9 @@ class RobotSummary:
             lines.append(f"{'look at' if k == 0 else '':<12}{finding}")
         if self.picture:
             lines.append(f"picture     {self.picture}")
+        if self.test is not None:
+            lines.append(f"self-test   {self.test.summary}")
+            lines += self.test.to_text().splitlines()[1:]
         return "\n".join(lines)
 
     def to_json_text(self) -> str:
@@ -106,7 +112,7 @@ def summary_of(robot: RobotDescription) -> RobotSummary:
     )
 
 
-def summary_of_new(proposal: Proposal, picture: str) -> RobotSummary:
+def summary_of_new(proposal: Proposal, picture: str, test: RobotTestResult | None = None) -> RobotSummary:
     """Return the summary of a proposal, with findings that its reader should examine."""
     draft = proposal.draft
     findings = [f"{f.link}: {f.sentence}" for f in draft.findings]
@@ -121,4 +127,5 @@ def summary_of_new(proposal: Proposal, picture: str) -> RobotSummary:
         checked_pairs=len(collision.checked) if collision else 0,
         findings=tuple(findings),
         picture=picture,
+        test=test,
     )

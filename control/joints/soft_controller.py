@@ -18,8 +18,15 @@ from .joint_controllers import BrakeController, TrajectoryController
 
 STIFFNESS_PER_TORQUE = 6.0
 """Stiffness of a joint over its torque limit, 1/rad."""
-MAX_NATURAL_FREQUENCY = 32.0
-"""Greatest natural frequency of a joint's spring, rad/s; control runs at 240 Hz."""
+JOINT_FREQUENCY = 32.0
+"""Greatest natural frequency of a joint's spring with the inertia that the joint sees alone, rad/s."""
+MODE_FREQUENCY = 80.0
+"""Greatest natural frequency of any mode of the arm on its springs, rad/s.
+
+Joints that turn together, as where axes are in line, have modes of far less inertia than either joint alone.
+Damping d, 1/s, sampled with the period h and one period of delay is stable for h·d < 1. Here h·d is 0.6 at
+240 Hz, whatever the arm.
+"""
 JOINT_DAMPING_RATIO = 0.9
 """Damping ratio."""
 CONTACT_STIFFNESS_SHARE = 0.2
@@ -87,9 +94,6 @@ class JointImpedanceController(TrajectoryController):
 
     def start(self, now: float, state: JointState, setpoint: JointCommand) -> None:
         super().start(now, state, JointCommand(state.position.copy(), np.zeros_like(state.position)))
-        mass = self._model.mass_matrix(state.position)
-        self._stiff = stiffness(self._model, mass)
-        self._stiffness, self._damping = self._stiff, damping(mass, self._stiff)
         self._driven: Array = state.effort.copy()
         self._usual: Array | None = None
         self._force: Array = np.array(self._wrist.force)
@@ -101,12 +105,13 @@ class JointImpedanceController(TrajectoryController):
         before = self.progress
         command = super().update(now, state)
         aim, speed = command.position, command.velocity
+        mass = model.mass_matrix(q)
+        spring = JointSpring(model, mass)
         if not self.touched and self._feels(external):
-            self._anchor: Array = self._behind() + _yield_motion(external - self._usual_torque(), self._stiff)
+            self._anchor: Array = self._behind() + spring.yield_motion(external - self._usual_torque())
             self._until = self._elapsed + YIELD_TIME
-            self._stiffness = CONTACT_STIFFNESS_SHARE * self._stiff
-            self._damping = damping(model.mass_matrix(q), self._stiffness)
         if self.touched:
+            spring = JointSpring(model, mass, CONTACT_STIFFNESS_SHARE)
             self.progress = before
             aim, speed = self._anchor, np.zeros_like(v)
             self.done = self._elapsed >= self._until
@@ -114,7 +119,7 @@ class JointImpedanceController(TrajectoryController):
         else:
             feed = self._acceleration()
         torque = model.inverse_dynamics(q, v, feed) - model.jacobian(q).T @ self._carried
-        torque += self._stiffness * (aim - q) + self._damping @ (speed - v)
+        torque += spring.torque(aim - q, speed - v)
         self._driven = np.clip(torque, -model.torque_limit, model.torque_limit)
         return TorqueCommand(self._driven)
 
@@ -206,14 +211,11 @@ class GravityCompensationController:
 
     def start(self, now: float, state: JointState, setpoint: JointCommand) -> None:
         q, model = state.position, self._model
-        mass = model.mass_matrix(q)
-        self._stiffness = stiffness(model, mass)
-        self._damping = damping(mass, self._stiffness)
         self._begun: Array = q.copy()
         self._anchor: Array = q.copy()
         self._driven: Array = state.effort.copy()
-        self._off = _yield_motion(
-            static_external_torque(model, state) - model.jacobian(q).T @ self._carried, self._stiffness
+        self._off = JointSpring(model, model.mass_matrix(q)).yield_motion(
+            static_external_torque(model, state) - model.jacobian(q).T @ self._carried
         )
 
     def update(self, now: float, state: JointState) -> TorqueCommand:
@@ -221,15 +223,16 @@ class GravityCompensationController:
         hanging = model.jacobian(q).T @ self._carried
         external = self._observer.watch(state, self._driven) - hanging
         self._since += self._period
+        spring = JointSpring(model, model.mass_matrix(q))
         anchor = self._led(q)
         if self._since > 2 * CONTACT_FREE_TIME:
             self.pressed = float(np.linalg.norm(external))
             quiet = self.pressed < CALM_TORQUE and float(np.abs(v).max()) < CALM_SPEED
             self._calm = self._calm + self._period if quiet else 0.0
             if self._since > 4 * CONTACT_FREE_TIME and self.pressed >= CALM_TORQUE:
-                self._off, self._since = _yield_motion(external, self._stiffness), 0.0
+                self._off, self._since = spring.yield_motion(external), 0.0
         torque = model.inverse_dynamics(q, v, np.zeros_like(v)) - hanging
-        torque += self._stiffness * (anchor - q) - self._damping @ v
+        torque += spring.torque(anchor - q, -v)
         self._driven = np.clip(torque, -model.torque_limit, model.torque_limit)
         return TorqueCommand(self._driven)
 
@@ -245,29 +248,34 @@ class GravityCompensationController:
         return self._anchor + min(1.0, (self._since - CONTACT_FREE_TIME) / CONTACT_FREE_TIME) * self._off
 
 
-def _yield_motion(torque: Array, stiff: Array) -> Array:
-    """Return a joint motion (n,) of length `YIELD_DISTANCE` along these torques, rad; zero when the torques
-    are
-    negligible."""
-    way = torque / stiff
-    size = float(np.linalg.norm(way))
-    return (
-        way * (YIELD_DISTANCE / size)
-        if float(np.linalg.norm(torque)) > CALM_TORQUE / 2
-        else np.zeros_like(way)
-    )
+class JointSpring:
+    """Damped spring between an arm and its anchor, for the inertia `mass` (n, n) that the arm has now.
 
+    Each joint has a stiffness of its own; modes of the arm that would be faster than `MODE_FREQUENCY` become
+    softer. Damping is by double diagonalisation of stiffness and inertia, as for the tool.
+    """
 
-def stiffness(model: RobotModel, mass: Array) -> Array:
-    """Return the stiffness (n,) of each joint's soft spring, Nm/rad, for the arm's inertia `mass` (n, n)."""
-    return np.minimum(STIFFNESS_PER_TORQUE * model.torque_limit, MAX_NATURAL_FREQUENCY**2 * np.diagonal(mass))
+    def __init__(self, model: RobotModel, mass: Array, share: float = 1.0) -> None:
+        """`share`: share of the stiffness that remains."""
+        wanted = np.minimum(STIFFNESS_PER_TORQUE * model.torque_limit, JOINT_FREQUENCY**2 * np.diagonal(mass))
+        lower = np.linalg.cholesky(mass)
+        inverse = np.linalg.inv(lower)
+        squares, modes = np.linalg.eigh((inverse * wanted) @ inverse.T)
+        squares = share * np.clip(squares, 0.0, MODE_FREQUENCY**2)
+        shape = lower @ modes
+        self.stiffness: Array = (shape * squares) @ shape.T
+        """Stiffness (n, n), Nm/rad."""
+        self.damping: Array = (shape * (2.0 * JOINT_DAMPING_RATIO * np.sqrt(squares))) @ shape.T
+        """Damping (n, n), Nm·s/rad."""
 
+    def torque(self, offset: Array, speed: Array) -> Array:
+        """Return the torque (n,), Nm, for an anchor that is `offset` rad ahead and `speed` rad/s faster."""
+        return self.stiffness @ offset + self.damping @ speed
 
-def damping(mass: Array, stiff: Array) -> Array:
-    """Return the damping (n, n) of that spring by double diagonalisation of stiffness and inertia, as for the
-    tool."""
-    lower = np.linalg.cholesky(mass)
-    inverse = np.linalg.inv(lower)
-    squares, modes = np.linalg.eigh(inverse @ np.diag(stiff) @ inverse.T)
-    shape = lower @ modes
-    return (shape * (2.0 * JOINT_DAMPING_RATIO * np.sqrt(np.maximum(squares, 0.0)))) @ shape.T
+    def yield_motion(self, torque: Array) -> Array:
+        """Return a joint motion (n,) of length `YIELD_DISTANCE` along these torques, rad; zero when the
+        torques are negligible."""
+        if float(np.linalg.norm(torque)) <= CALM_TORQUE / 2:
+            return np.zeros_like(torque)
+        way: Array = np.asarray(np.linalg.solve(self.stiffness, torque), np.float64)
+        return way * (YIELD_DISTANCE / float(np.linalg.norm(way)))

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from ...robots.urdf_tree import read_mesh
 from ...world.scene.description import Hole
 from ...world.shapes import Box, ConvexMesh, Cylinder, Shape, Sphere, convex_hull
 from ...world.values import Array, Pose, Vector3
@@ -139,9 +140,7 @@ def load_mesh(path: str, most: int) -> Mesh:
     if path.lower().endswith(".obj"):
         vertices, faces, colours = _read_obj(Path(path))
     else:
-        import trimesh  # slow to import, and rarely needed
-
-        loaded = trimesh.load_mesh(path, process=False)  # pyright: ignore[reportUnknownMemberType]
+        loaded = read_mesh(path, merged=False)
         vertices = np.asarray(loaded.vertices, dtype=np.float64)
         faces = np.asarray(loaded.faces, dtype=np.int64)
         colours = np.tile(np.array(WHITE), (len(faces), 1))

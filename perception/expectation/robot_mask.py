@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Final, Protocol, cast
+from typing import Any, Final, Protocol
 
 import cv2
 import numpy as np
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ...files.disk_cache import cached_arrays
 from ...robots import urdf_tree
-from ...robots.urdf_tree import UrdfMesh, UrdfPrimitive
+from ...robots.urdf_tree import UrdfMesh, UrdfPrimitive, read_mesh
 from ...world import shapes, values
 from ...world.shapes import Shape, convex_hull, corners, inside
 from ...world.values import Array, Pose, Vector3
@@ -89,6 +89,18 @@ class RobotMask:
         for points in self._placed(sight, joints, width, held):
             fill(mask, sight.pixels(points))
         return _grown(mask, MASK_GROWTH_PIXELS)
+
+    def hidden_share(self, sight: PosedCamera, points: Array, joints: Array, width: float) -> float:
+        """Return the share of the points (n, 3) in a camera's picture that the robot hides, 0 … 1.
+
+        1 where the picture shows none of them.
+        """
+        i = sight.intrinsics
+        columns, rows = np.rint(sight.pixels(points)).astype(np.int64).T
+        shown = (columns >= 0) & (columns < i.width) & (rows >= 0) & (rows < i.height)
+        if not shown.any():
+            return 1.0
+        return float(self.paint(sight, joints, width, None)[rows[shown], columns[shown]].mean())
 
     def nearby(
         self,
@@ -216,12 +228,7 @@ def _outline(path: str, scale: Vector3) -> tuple[Array, bool]:
 
     The hull of the vertices is nearly that of the mesh.
     """
-    import trimesh  # slow to import
-
-    loaded = cast(
-        "trimesh.Trimesh",
-        trimesh.load(path, force="mesh", skip_materials=True),  # pyright: ignore[reportUnknownMemberType]
-    )
+    loaded = read_mesh(path)
     vertices: Array = np.asarray(loaded.vertices, dtype=np.float64) * np.array(scale)
     hull = convex_hull(vertices)
     convex = abs(float(loaded.volume) * float(np.prod(scale))) > MIN_CONVEX_SHARE * float(hull.volume)

@@ -5,10 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import trimesh
 
 from ...robots.model import TCP_FRAME, RobotModel, pose_of
-from ...robots.urdf_tree import UrdfMesh, UrdfPrimitive, link_geometry
+from ...robots.urdf_tree import UrdfMesh, UrdfPrimitive, link_geometry, read_mesh
 from ...world.belief.planning_scene import BeliefObject, PlanningScene
 from ...world.trajectory import Trajectory
 from ...world.values import Array
@@ -219,7 +218,7 @@ class _View:
 def _solid_of(element: UrdfMesh | UrdfPrimitive) -> FclSolid:
     if isinstance(element, UrdfPrimitive):
         return solid(element.shape)
-    mesh: trimesh.Trimesh = trimesh.load_mesh(element.path)  # pyright: ignore[reportUnknownMemberType]
+    mesh = read_mesh(element.path)
     return hull(np.array(mesh.vertices, dtype=np.float64) * np.array(element.scale))
 
 

@@ -6,12 +6,13 @@ from pathlib import Path
 
 import pytest
 
-from picktree.batch.plan import BatchPlan
+from picktree.batch.plan import BatchPlan, jobs_of
 from picktree.batch.plan_loading import check_plan, load_plan
 from picktree.batch.workers.batch import Batch
 from picktree.batch.workers.executor import Executor
 from picktree.batch.workers.local_executor import LocalExecutor
 from picktree.errors import PicktreeError
+from picktree.files.marks import FileError
 from picktree.files.yaml.document import read_document
 from picktree.session.session import RunRequest, Session
 
@@ -82,6 +83,19 @@ def test_a_plan_file_says_all_of_it(tmp_path: Path) -> None:
         "three_bins, Grasp.force=15 N",
         "three_bins, Grasp.force=30",
     ]
+
+
+def test_a_plan_tries_robots_and_refuses_those_that_are_none(tmp_path: Path) -> None:
+    file = tmp_path / "arms.yaml"
+    text = f"picktree: 1\nkind: plan\nmissions: [{ONE_PICK}]\nrobots: [iiwa, xarm6]\nseeds: 0\n"
+    file.write_text(f"{text}backend: kinematic\n")
+    loaded = load_plan(file)
+    assert [(v.label, v.robot) for v in loaded.variants()] == [("iiwa", "iiwa"), ("xarm6", "xarm6")]
+    jobs = jobs_of(loaded, tmp_path / "batch")
+    assert len({job.id for job in jobs}) == 2
+    file.write_text(text.replace("iiwa", "iwaa"))
+    with pytest.raises(FileError, match=r"there is no robot file .*/iwaa"):
+        load_plan(file)
 
 
 @pytest.mark.parametrize(

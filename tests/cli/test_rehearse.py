@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from picktree.cli.app import answer
+from picktree.robots.loading import SHIPPED
 
 from ..commands import call
 
@@ -95,6 +96,22 @@ def test_one_case_without_its_trace(capsys: pytest.CaptureFixture[str]) -> None:
 passed  blocked: SUCCESS after 5 ticks, 0.25 s
 to and fro: 1 of 1 case passed
 """
+    )
+
+
+@pytest.mark.usefixtures("files")
+def test_another_robot_must_have_the_poses(files: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    panda = (SHIPPED / "panda.yaml").read_text(encoding="utf-8")
+    (files / "lean.yaml").write_text(re.sub(r"  (observe|rest): .*\n", "", panda), encoding="utf-8")
+    (files / "m.yaml").write_text(
+        MISSION.replace("trees:", "scene: sort_small\ntrees:").replace("[GoTo,", "[{GoTo: {pose: observe}},")
+    )
+    order = ["rehearse", "m.yaml", "--cases", "c.yaml", "--case", "blocked", "-q", "--robot"]
+    assert answer([*order, "iiwa"]) == 0
+    assert answer([*order, "lean.yaml"]) == 2
+    assert capsys.readouterr().err.startswith(
+        "m.yaml:9:26: error P240: Main/Recover/Sequence/GoTo: port 'pose': the robot 'lean' has no pose "
+        "'observe' (known: home)\n"
     )
 
 

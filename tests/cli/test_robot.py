@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 
 from picktree.analysis.resim import resim
 from picktree.analysis.resim import resim as child
@@ -15,6 +16,7 @@ from picktree.cli.author.file_schemas import CHECKS
 from picktree.commissioning.robot_setup.proposal import ProposalRequest, propose
 from picktree.files.diagnostics.file_checks import check_files
 from picktree.robots.loading import load_robot
+from picktree.robots.model import RobotModel
 
 PANDA = "pybullet_data:franka_panda/panda.urdf"
 LIMIT = '<limit lower="-2" upper="2" effort="20" velocity="2"/>'
@@ -92,6 +94,18 @@ def test_a_proposal_is_the_same_each_time_and_says_where_things_come_from(tmp_pa
     assert gripper.max_width - shipped.max_width == pytest.approx(0.0016, abs=3e-4)
     assert first.robot.tcp_in_link.position[2] == pytest.approx(0.155, abs=2e-3)
     assert gripper.tip == pytest.approx(shipped.tip, abs=2e-3)
+    # Between the fingers the knuckles stand out from the palm, by the links' own meshes.
+    model = RobotModel(first.robot)
+    ahead = -np.inf
+    for opening in np.linspace(0.02, gripper.max_width, 6).tolist():
+        tcp, poses = model.tcp(model.named("home")), model.link_poses(model.named("home"), opening)
+        for mesh in model.collision_meshes():
+            if "knuckle" in mesh.link:
+                vertices = np.asarray(trimesh.load(mesh.path, force="mesh").vertices)
+                points = (tcp.inverse() @ poses[mesh.link] @ mesh.pose_in_link).apply(vertices)
+                inside = points[(np.abs(points[:, 1]) < opening / 2) & (np.abs(points[:, 0]) < 0.01)]
+                ahead = max(ahead, inside[:, 2].max(initial=-np.inf))
+    assert -0.05 < ahead < -gripper.palm
 
 
 def test_a_hand_is_mounted_on_an_arm_without(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -207,7 +221,7 @@ def test_show_tells_what_a_robot_file_says(capfd: pytest.CaptureFixture[str]) ->
     assert capfd.readouterr().err == "unknown robot 'xarm66' (did you mean 'xarm6'?)\n"
 
 
-@pytest.mark.parametrize("robot", ["xarm6", "iiwa"])
+@pytest.mark.parametrize("robot", ["xarm6", "iiwa", "gen3", "ur10e"])
 def test_one_pick_on_each_arm(
     robot: str, tmp_path: Path, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -2,12 +2,21 @@
 
 from __future__ import annotations
 
+import math
+from types import SimpleNamespace
+from typing import Any, cast
+
 import numpy as np
+import pinocchio as pin
+import pytest
 
 from picktree.control.commands import ContactThresholds
 from picktree.control.execution.motions import slowed_trajectory
 from picktree.control.joints.external_torque import ExternalTorqueObserver
-from picktree.world.values import JointState
+from picktree.control.joints.soft_controller import GravityCompensationController, JointImpedanceController
+from picktree.robots.loading import load_robot
+from picktree.robots.model import RobotModel
+from picktree.world.values import Array, JointState
 
 from ..planning.motion_cell import down
 from .control_cell import HOME, MODEL, Cell, reach, swing
@@ -51,3 +60,58 @@ def test_a_slower_trajectory_goes_the_same_way_and_nothing_is_faster_than_it_may
     ]
     assert 0.02 < max(speeds) <= 0.051
     assert slowed_trajectory(MODEL, slow, 0.25).duration == slow.duration
+
+
+def of_box(mass: float, centre: Array, sides: Array) -> pin.Inertia:
+    """A box of that mass, kg, with its centre and its sides, m."""
+    whole = mass / 12 * np.diag(float(sides @ sides) - sides**2)
+    return cast("Any", pin.Inertia)(mass, centre, whole)
+
+
+def random_arm(seed: int) -> RobotModel:
+    """An arm with the iiwa's joints and links of any mass and size: joints in line turn together, against a
+    hundredth of the inertia of either alone."""
+    rng = np.random.default_rng(seed)
+    model = RobotModel(load_robot("iiwa"))
+    for k in range(1, model.n + 1):
+        mass, size = 10 ** rng.uniform(-1.0, 0.7), 10 ** rng.uniform(-2.0, -0.7)
+        sides = size * 10 ** rng.uniform(-0.5, 0.5, 3)
+        model.arm.inertias[k] = of_box(mass, rng.uniform(-0.1, 0.1, 3), sides)
+    return model
+
+
+def follow(controller: Any, model: RobotModel, q: Array, steps: int, rng: np.random.Generator) -> list[Array]:
+    """Configurations of an arm under a torque controller with noisy encoders, each command a period late."""
+    v, path = np.zeros(model.n), [q]
+    torque = model.gravity(q)
+    controller.start(0.0, JointState(q, v, torque), cast("Any", SimpleNamespace(position=q)))
+    for step in range(steps):
+        noise = rng.normal(size=(2, model.n)) * [[1e-5], [1e-4]]
+        command = controller.update(step * PERIOD, JointState(q + noise[0], v + noise[1], torque))
+        v = v + model.forward_dynamics(q, v, torque) * PERIOD
+        q = q + v * PERIOD
+        torque = command.torque
+        path.append(q)
+        assert np.abs(v).max() < 2.0, f"unstable after {step} periods"
+    return path
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_soft_motions_are_stable_on_any_arm(seed: int) -> None:
+    rng, model = np.random.default_rng(100 + seed), random_arm(seed)
+    start = rng.uniform(model.lower, model.upper) * 0.8
+    goal = np.clip(start + rng.uniform(-0.6, 0.6, model.n), model.lower, model.upper)
+    wrist = cast("Any", SimpleNamespace(force=(0.0, 0.0, 0.0)))
+    soft = JointImpedanceController(
+        swing(start, goal, 2.0),
+        model,
+        PERIOD,
+        wrist=wrist,
+        carried=np.zeros(3),
+        torque=math.inf,
+        force=math.inf,
+    )
+    offset = start + rng.uniform(-0.01, 0.01, model.n)
+    assert np.abs(follow(soft, model, offset, 720, rng)[-1] - goal).max() < 0.02
+    drift = GravityCompensationController(model, PERIOD, np.zeros(3))
+    assert np.abs(follow(drift, model, start, 240, rng)[-1] - start).max() < 0.05

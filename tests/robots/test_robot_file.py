@@ -139,7 +139,7 @@ def test_a_urdf_that_is_no_xml(robot_file: Path) -> None:
 
 
 def test_unknown_robots() -> None:
-    assert robot_names() == ("iiwa", "panda", "xarm6")
+    assert robot_names() == ("gen3", "iiwa", "panda", "ur10e", "xarm6")
     with pytest.raises(PicktreeError) as caught:
         load_robot("pnada")
     assert str(caught.value) == "unknown robot 'pnada' (did you mean 'panda'?)"

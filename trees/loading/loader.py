@@ -38,13 +38,15 @@ class SceneNames:
     names: Mapping[NameKind, tuple[str, ...]]
 
 
-def load_surroundings(name: str, beside: Path | None = None) -> SceneNames:
+def load_surroundings(name: str, beside: Path | None = None, robot: str | None = None) -> SceneNames:
     """Load the names of a shipped scene, or of a scene file relative to `beside`, and of its robot.
 
+    `robot`: shipped robot or robot file instead of the scene's; its path counts from the working directory.
     Raises FileError for a faulty file, PicktreeError when there is none.
     """
     scene = load_scene(name, beside)
-    return scene_names(scene, load_robot(scene.robot, Path(scene.source).parent))
+    own = Path(scene.source).parent
+    return scene_names(scene, load_robot(robot or scene.robot, Path.cwd() if robot else own))
 
 
 def scene_names(scene: SceneDescription, robot: RobotDescription) -> SceneNames:

@@ -7,13 +7,17 @@ of the linkage would do. A gear could do that too, but pybullet leaves gear forc
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+import numpy as np
+import pinocchio as pin
+
 from ....errors import PicktreeError
-from ....robots.description import GripperDescription
+from ....robots.description import GripperDescription, RobotDescription
 from ....robots.finger_linkage import LinkageFingers
-from ....world.values import Pose, Quaternion, Vector3, rotated
+from ....robots.model import RobotModel, beyond_flange
+from ....world.values import Array, Pose, Quaternion, Vector3, rotated
 from ...checkpoints import GripperCommand
 from ...engine import pb
 
@@ -42,12 +46,70 @@ class GearReaction:
         finger_in_hand = Pose(hand[4], hand[5]).inverse() @ Pose(finger[4], finger[5])
         self._axis: Vector3 = rotated(finger_in_hand.orientation, pb.getJointInfo(body, slider, client)[13])
 
-    def read(self, turn: Quaternion) -> Vector3:
-        """Return the missing force on the wrist in the world's axes, N; `turn` is the hand's orientation in
-        the world."""
+    def read(self, turn: Quaternion, position: Sequence[float]) -> Vector3:
+        """Return the missing force on the wrist in the world's axes, N.
+
+        `turn`: the hand's orientation in the world; `position`: that of the arm's joints, then of the
+        fingers', rad or m.
+        """
         force = -2.0 * MISSING_GEAR_SHARE * pb.getConstraintState(self._gear, self._client)[0]
         x, y, z = rotated(turn, self._axis)
         return (force * x, force * y, force * z)
+
+
+MAX_STALE_MOTION = 0.1
+"""Greatest motion of a joint after which the response to the knuckles' gear is computed again, rad."""
+
+
+class KnuckleGearReaction:
+    """Gear reaction between two knuckles, which the wrist reading lacks.
+
+    The engine leaves the gear's torques out of its joint feedback, as if they accelerated the robot: the
+    reading misses the momentum that they would give the hand in a second. It is M⁻¹ of the whole robot, times
+    the gear's torques, seen by the masses beyond the wrist.
+    """
+
+    def __init__(self, gear: int, robot: RobotDescription, ratio: float, client: int) -> None:
+        """`gear`: the constraint; `ratio`: its ratio."""
+        linkage = robot.gripper.linkage
+        if linkage is None:
+            raise PicktreeError("the gripper has no linkage")
+        self._gear, self._client = gear, client
+        self._model = model = RobotModel(robot)
+        self._data = model.full.createData()
+        self._torques: Array = np.zeros(model.full.nv)
+        for name, share in zip(linkage.knuckles, (1.0, ratio), strict=True):
+            self._torques[model.full.joints[model.full.getJointId(name)].idx_v] = share
+        self._bodies: list[tuple[int, float, Array]] = []
+        """Parent joint, mass, kg, and centre of mass in the joint's frame, m, of each part of the hand."""
+        for index, inertia, moves in beyond_flange(model.full, robot.flange_joint):
+            frame = model.full.frames[index]
+            centre = inertia.lever.copy() if moves else frame.placement.act(inertia.lever)
+            self._bodies.append((frame.parentJoint, inertia.mass, centre))
+        self._seen: Array | None = None
+        self._response: Array = np.zeros(3)
+
+    def read(self, turn: Quaternion, position: Sequence[float]) -> Vector3:
+        """Return the missing force on the wrist as `GearReaction` does."""
+        now = np.array(position)
+        if self._seen is None or float(np.abs(now - self._seen).max()) > MAX_STALE_MOTION:
+            self._seen, self._response = now, self._respond(now)
+        x, y, z = (-pb.getConstraintState(self._gear, self._client)[0] * self._response).tolist()
+        return (x, y, z)
+
+    def _respond(self, position: Array) -> Array:
+        """Return the rate of the hand's momentum (3,) in the world's axes, N, for a gear torque of 1 Nm."""
+        model, full, data = self._model, self._model.full, self._data
+        q = model.full_q(position[: model.n], model.fingers.width(position[model.n :].tolist()))
+        upper: Array = np.triu(pin.crba(full, data, q))
+        acceleration = np.linalg.solve(upper + np.triu(upper, 1).T, self._torques)
+        pin.computeJointJacobians(full, data, q)
+        rate = np.zeros(3)
+        for joint, mass, lever in self._bodies:
+            jacobian = pin.getJointJacobian(full, data, joint, pin.LOCAL_WORLD_ALIGNED)
+            linear, angular = jacobian[:3] @ acceleration, jacobian[3:] @ acceleration
+            rate += mass * (linear + np.cross(angular, data.oMi[joint].rotation @ lever))
+        return rate
 
 
 KNUCKLE_GAIN = 0.2

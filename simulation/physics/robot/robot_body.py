@@ -19,14 +19,15 @@ from ....world.colours import COLOURS
 from ....world.values import Array, Pose
 from ...checkpoints import ArmCommand, GripperCommand, RobotReading
 from ...engine import Client, pb
-from .linkage_motors import GearReaction, LinkageMotors
+from .linkage_motors import GearReaction, KnuckleGearReaction, LinkageMotors
 
 
 def patched_urdf(robot: RobotDescription) -> str:
     """Return the text of the robot's URDF, patched. Raises PicktreeError for missing files, links or meshes.
 
     Every link shows its *collision* geometry: the camera sees what can be touched, which also renders ten
-    times faster than the visual meshes.
+    times faster than the visual meshes. A link without <inertial> gets one of no mass, as the planner's
+    dynamics take it: the engine would give it 1 kg.
     """
     path = Path(robot.urdf)
     try:
@@ -39,6 +40,8 @@ def patched_urdf(robot: RobotDescription) -> str:
     links = {link.get("name"): link for link in root.findall("link")}
     for link in links.values():
         _show_what_collides(link)
+        if link.find("inertial") is None:
+            _add_no_mass(link)
     for n, name in enumerate(robot.gripper.fingers):
         if name not in links:
             raise PicktreeError(f"{robot.source or robot.name}: finger link {name!r} is not in {robot.urdf}")
@@ -67,6 +70,14 @@ def _show_what_collides(link: ElementTree.Element) -> None:
         material = ElementTree.SubElement(visual, "material", name="robot_grey")
         ElementTree.SubElement(material, "color", rgba=f"{red} {green} {blue} 1")
         link.append(visual)
+
+
+def _add_no_mass(link: ElementTree.Element) -> None:
+    inertial = ElementTree.SubElement(link, "inertial")
+    ElementTree.SubElement(inertial, "mass", value="0")
+    ElementTree.SubElement(
+        inertial, "inertia", dict.fromkeys(("ixx", "ixy", "ixz", "iyy", "iyz", "izz"), "0")
+    )
 
 
 def _put_finger(link: ElementTree.Element, n: int, gripper: GripperDescription) -> None:
@@ -114,7 +125,7 @@ class RobotBody:
         (Path(self._folder.name) / "robot.urdf").write_text(self._urdf, encoding="utf-8")
         self.fingers = fingers_of(robot.gripper)
         self._linkage: LinkageMotors | None = None
-        self._gear: GearReaction | None = None
+        self._gear: GearReaction | KnuckleGearReaction | None = None
         self.body = -1
         self.links: dict[int, str] = {}
         self._command = ArmCommand("follow", (), (), ())
@@ -205,6 +216,8 @@ class RobotBody:
         )
         if self._linkage is None:
             self._gear = GearReaction(gear, self.body, one, self._flange, self._client)
+        else:
+            self._gear = KnuckleGearReaction(gear, self.description, self._linkage.gear, self._client)
 
     def place(self, position: tuple[float, ...], velocity: tuple[float, ...]) -> None:
         """Set all joints, arm then fingers: at the start and on restore only."""
@@ -341,7 +354,7 @@ class RobotBody:
             -tz - (lx * fy - ly * fx),
         )
         if self._gear is not None:
-            x, y, z = self._gear.read(turn)
+            x, y, z = self._gear.read(turn, position)
             wrench = (wrench[0] + x, wrench[1] + y, wrench[2] + z, *wrench[3:])
         if self._command.mode == "torque":
             effort = (*self._given(self._command.torque), *effort[len(self._arm) :])

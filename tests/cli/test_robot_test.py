@@ -1,0 +1,171 @@
+"""picktree robot test: a verdict a line, and what spoils a robot is found and named."""
+
+from __future__ import annotations
+
+import json
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from picktree.cli.app import answer
+from picktree.commissioning.robot_setup.model_checks import RobotUnderTest, Verdict, check_model
+from picktree.robots.loading import SHIPPED, load_robot
+from picktree.robots.urdf_tree import resolved_urdf
+
+MASSES, LIMITS, HOME, FINGERS, TOOL = "masses", "limits", "home", "fingers", "tool frame"
+
+
+def panda(
+    folder: Path, urdf: Callable[[ElementTree.Element], None] = lambda root: None, **lines: str
+) -> Path:
+    """Write a Panda whose URDF was changed, and whose file has other lines that begin with these words."""
+    root = ElementTree.fromstring(resolved_urdf(load_robot("panda").urdf))
+    urdf(root)
+    ElementTree.ElementTree(root).write(folder / "arm.urdf")
+    text = (SHIPPED / "panda.yaml").read_text(encoding="utf-8")
+    for word, line in {"urdf": "urdf: arm.urdf", **lines}.items():
+        old = next(each for each in text.splitlines() if each.strip().startswith(f"{word}:"))
+        text = text.replace(old, line, 1)
+    (folder / "arm.yaml").write_text(text, encoding="utf-8")
+    return folder / "arm.yaml"
+
+
+def failed(file: Path) -> list[Verdict]:
+    return [v for v in check_model(RobotUnderTest.of(load_robot(str(file)))) if not v.good]
+
+
+def one(root: ElementTree.Element, kind: str, name: str) -> ElementTree.Element:
+    return next(each for each in root.findall(kind) if each.get("name") == name)
+
+
+def child(element: ElementTree.Element, tag: str) -> ElementTree.Element:
+    found = element.find(tag)
+    assert found is not None
+    return found
+
+
+def test_a_good_robot_passes(tmp_path: Path) -> None:
+    assert failed(panda(tmp_path)) == []
+
+
+@pytest.mark.parametrize("name", ["xarm6", "iiwa", "gen3", "ur10e"])
+def test_the_models_of_shipped_robots_pass(name: str) -> None:
+    assert [v for v in check_model(RobotUnderTest.of(load_robot(name))) if not v.good] == []
+
+
+def test_a_link_without_inertia_is_named(tmp_path: Path) -> None:
+    def spoil(root: ElementTree.Element) -> None:
+        link = one(root, "link", "panda_link4")
+        link.remove(child(link, "inertial"))
+
+    (found,) = failed(panda(tmp_path, spoil))
+    assert (found.name, found.measured) == (MASSES, "panda_link4 has no <inertial>, but a joint moves it")
+    assert found.change == (
+        "give panda_link4 a right <inertial> in the URDF, or an entry under 'inertias:' in arm.yaml"
+    )
+
+
+def test_wrong_limits_are_named(tmp_path: Path) -> None:
+    def spoil(root: ElementTree.Element) -> None:
+        child(one(root, "joint", "panda_joint2"), "limit").set("effort", "8.7")
+        child(one(root, "joint", "panda_joint4"), "limit").set("lower", "-1")
+
+    (found,) = failed(panda(tmp_path, spoil))
+    assert found.name == LIMITS
+    assert "panda_joint2 exerts 87 Nm, beyond the URDF's 8.7 Nm" in found.measured
+    assert "panda_joint4 turns from -3.0718 to -0.0698 rad, beyond the URDF's -1 … " in found.measured
+    assert "'joints:' in arm.yaml" in found.change
+
+
+def test_a_joint_too_weak_for_gravity_is_named(tmp_path: Path) -> None:
+    line = "  panda_joint2: {lower: -1.7, upper: 1.7, velocity: 2.175, acceleration: 7.5, torque: 20}"
+    (found,) = failed(panda(tmp_path, panda_joint2=line))
+    assert found.name == LIMITS
+    assert found.measured.startswith("panda_joint2 exerts 20 Nm, and gravity alone needs ")
+
+
+def test_a_home_in_self_collision_is_named(tmp_path: Path) -> None:
+    (found,) = failed(panda(tmp_path, home="  home: [0, -1.7, 0, -3.05, 0, 0.4, 0.785]"))
+    assert found.name == HOME
+    assert " mm in each other" in found.measured
+    assert "'home' under 'poses:' in arm.yaml" in found.change
+
+
+def test_swapped_fingers_are_named(tmp_path: Path) -> None:
+    def spoil(root: ElementTree.Element) -> None:
+        for name, axis in (("panda_finger_joint1", "0 -1 0"), ("panda_finger_joint2", "0 1 0")):
+            child(one(root, "joint", name), "axis").set("xyz", axis)
+
+    found = failed(panda(tmp_path, spoil))[0]
+    assert found.name == FINGERS
+    assert found.measured.startswith("panda_leftfinger is on the TCP's -y side")
+    assert "under 'gripper:' in arm.yaml" in found.change
+
+
+@pytest.mark.parametrize(
+    ("line", "told", "change"),
+    [
+        ("tcp: {link: panda_hand, at: [0, 0, 0.16]}", "between the pads is at 0.0, 0.0, -5", "'at:'"),
+        ("tcp: {link: panda_hand, at: [0.03, 0, 0.105]}", "between the pads is at -30.0,", "'at:'"),
+        ("tcp: {link: panda_hand, at: [0, 0, 0.105], rpy: [0, 180 deg, 0]}", "points back", "'rpy:'"),
+    ],
+)  # fmt: skip
+def test_a_wrong_tool_frame_is_named(line: str, told: str, change: str, tmp_path: Path) -> None:
+    found = {v.name: v for v in failed(panda(tmp_path, tcp=line))}[TOOL]
+    assert told in found.measured
+    assert change in found.change and "in arm.yaml" in found.change
+
+
+def test_a_hand_that_points_back_is_named(tmp_path: Path) -> None:
+    def spoil(root: ElementTree.Element) -> None:
+        child(one(root, "joint", "panda_hand_joint"), "origin").set("rpy", "3.14159265 0 -0.785398")
+
+    found = {v.name: v for v in failed(panda(tmp_path, spoil))}[TOOL]
+    assert found.measured.startswith("the hand points back at the arm")
+
+
+def test_the_trials_in_physics_give_a_table_and_a_page(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    # The hand hangs before the camera.
+    file = panda(tmp_path, home="  home: [0, 0.05, 0, -1.75, 0, 1.8, 0.785]")
+    assert answer(["robot", "test", str(file), "--page", str(tmp_path / "arm.html")]) == 1
+    shown = capfd.readouterr().out
+    for name in ("effort at rest", "track", "brake", "soft retreat", "open and close"):
+        assert f"  ok      {name:<14}  " in shown
+    assert "  FAILED  camera's view   overhead: the arm hides " in shown
+    assert "to change: choose another 'home' under 'poses:' in arm.yaml" in shown
+    page = (tmp_path / "arm.html").read_text(encoding="utf-8")
+    assert "<h1>Self-test of arm</h1>" in page
+    assert page.count("<td class=good>ok</td>") == shown.count("  ok      ")
+    assert "data:image/png;base64," in page
+
+
+def test_a_new_robot_is_tested(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    made = ["robot", "new", "pybullet_data:franka_panda/panda.urdf", "-o", str(tmp_path / "arm.yaml")]
+    assert answer([*made, "--samples", "500", "--json"]) == 0
+    said = json.loads(capfd.readouterr().out)
+    assert [v["name"] for v in said["test"]["verdicts"] if not v["good"]] == []
+
+
+def test_a_run_that_sees_nothing_says_that_the_arm_is_in_the_way(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    file = panda(tmp_path, home="  home: [0, 0.05, 0, -1.75, 0, 1.8, 0.785]")
+    mission = Path(__file__).parents[2] / "examples" / "sort_by_colour.yaml"
+    scene = tmp_path / "hidden.yaml"
+    scene.write_text(
+        "picktree: 1\nkind: scene\nbase: three_bins\nspawn:\n  - of: {block: 1}\n    colours: [red]\n"
+        "    area: {min: [0.48, -0.04], max: [0.56, 0.04]}\n",
+        encoding="utf-8",
+    )
+    arguments = ["run", str(mission), "--scene", str(scene), "--robot", str(file), "--out", str(tmp_path)]
+    assert answer([*arguments, "--backend", "kinematic"]) == 1
+    shown = capfd.readouterr().out
+    assert (
+        "incomplete: the tree ended in SUCCESS, but the goal is missed: the arm hides where the items are"
+        in shown
+    )
+    assert "'home' under 'poses:' in arm.yaml" in shown
