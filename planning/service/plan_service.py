@@ -18,6 +18,7 @@ from ...world.belief.planning_scene import PlanningScene
 from ...world.causes import Failure
 from ...world.computing_time import ComputeTimeAccount, Stopwatch
 from ...world.journal import Journal, PlanEntry
+from ...world.planner_names import AUTO
 from ...world.random_streams import RandomStreams
 from ...world.trajectory import Trajectory
 from ...world.values import Array, Bounds, Pose
@@ -78,6 +79,7 @@ class PlanService:
         width: Callable[[], float],
         now: Callable[[], float] = lambda: math.inf,
         workspace: Bounds | None = None,
+        planner: str = AUTO,
         verify: bool = False,
         stopwatch: Stopwatch | None = None,
     ) -> None:
@@ -93,7 +95,7 @@ class PlanService:
         self._configuration = configuration
         self._stopwatch = stopwatch or Stopwatch()
         self.solver = RequestSolver(
-            model, scene, configuration=configuration, width=width, workspace=workspace
+            model, scene, configuration=configuration, width=width, workspace=workspace, planner=planner
         )
         self._meter = CostMeter(self.solver.collision, self.solver.ik, thinking, cost)
         self._ahead = LookaheadPlanner(thinking, now)
