@@ -19,8 +19,10 @@ def main() -> None:
     if isinstance(stdout, TextIOWrapper):
         stdout.reconfigure(errors="backslashreplace")  # a terminal that knows no '…' still shows the rest
     code = answer(sys.argv[1:])
-    # Python looks for garbage as it ends, too, and what lives until then has none: a seventh of a check.
-    gc.freeze()
+    # Python looks for garbage as it ends, too, and what lives until then has none: a seventh of a check. With
+    # OMPL it must look: nanobind reports on stderr what is left of its types.
+    if "ompl" not in sys.modules:
+        gc.freeze()
     sys.exit(code)
 
 

@@ -522,15 +522,17 @@ class ForAttempt(Node):
     ) -> None: ...
 
 class PlanWith(Node):
-    """While its child runs, motions are planned with another seed, more collision checks, or more room.
+    """While its child runs, motions are planned with other seed, budget, clearance or planner.
 
     It holds for what the child itself plans, and only in its own ticks: however the child ends, everything is
-    planned as before afterwards. Where one stands in the other, budgets multiply and clearances add up.
+    planned as before afterwards. Where one stands in the other, budgets multiply, clearances add up, and the
+    inner seed and planner count.
 
     Ports:
         seed: another number, other random trees; 0 for the usual ones; at least 0; default 0.
         budget: how many times the collision checks that a plan may take otherwise; more than 0, at most 100; default 1.0.
         clearance: how much more room free motions keep than the usual margins, m; at least 0, at most 0.1; default 0.0.
+        planner: the planner of free motions, as `bit_star`; the usual one unless given.
     """
 
     def __init__(
@@ -539,6 +541,7 @@ class PlanWith(Node):
         seed: int | str = ...,
         budget: float | str = ...,
         clearance: float | str = ...,
+        planner: str = ...,
         name: str = ...,
         **conditions: Unpack[Conditions],
     ) -> None: ...

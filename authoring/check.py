@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 
 from ..errors import PicktreeError
 from ..files.expressions.expression import ExpressionError
@@ -20,6 +21,7 @@ from ..trees.wiring.key_writers import NodeExpression, PlacedNode, TreeKeys, exp
 from ..trees.wiring.value_sources import DEFAULT
 from ..trees.wiring.wiring_faults import expression_fault
 from ..world.belief.facts import ASIDE
+from ..world.planner_names import is_planner, suggest_planner, unknown_planner
 from .lint import lint
 
 _CODE = "P240"
@@ -56,12 +58,16 @@ def _named(arrival: ArrivingValue, known: SceneNames) -> Iterator[Diagnostic]:
     names = known.names.get(what, ())
     given = [name for value in values for name in (value if isinstance(value, list) else [value])]
     wrong = [name for name in given if name not in names]
+    if what == "planner":
+        wrong = [name for name in wrong if not is_planner(str(name))]
     if wrong and (arrival.source.certain or len(wrong) == len(given)):
         owner = f"robot {known.robot!r}" if what == "pose" else f"scene {known.scene!r}"
-        message = f"port {at.port.key!r}: the {owner} has no {what} {wrong[0]!r}"
+        lacks = f"the {owner} has no {what} {wrong[0]!r}"
+        message = f"port {at.port.key!r}: {unknown_planner(str(wrong[0])) if what == 'planner' else lacks}"
         if at.text == DEFAULT:
             message += ", which is the default"
-        hints = [suggest_name(str(wrong[0]), names), *arrival.hints()]
+        suggest = suggest_planner if what == "planner" else partial(suggest_name, known=names)
+        hints = [suggest(str(wrong[0])), *arrival.hints()]
         yield Diagnostic(at.mark, at.trail, message, "; ".join(filter(None, hints)), _CODE)
 
 

@@ -110,6 +110,9 @@ def plan(
     budget: Annotated[
         int | None, typer.Option(min=1, metavar="N", help="Collision checks.", show_default="20000")
     ] = None,
+    planner: Annotated[
+        str, typer.Option(metavar="NAME", help="As rrt_connect, bit_star, aorrtc; a wrong name lists all.")
+    ] = "",
     verify: Annotated[
         bool, typer.Option("--verify", help="Judge the trajectory by a second collision checker.")
     ] = False,
@@ -143,6 +146,7 @@ def plan(
             line,
             quantity("--clearance", clearance, "m") if clearance else 0.0,
             DEFAULT_CHECK_BUDGET if budget is None else budget,
+            planner,
             verify,
             picture,
             parse_view(view),

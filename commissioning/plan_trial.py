@@ -95,6 +95,8 @@ class PlanQuery:
     line: bool = False
     clearance: float = 0.0
     budget: int = DEFAULT_CHECK_BUDGET
+    planner: str = ""
+    """Name of the planner; empty: that of scene or robot."""
     verify: bool = False
     picture: Path | None = None
     view: PictureView | None = None
@@ -107,7 +109,12 @@ def plan_in_scene(asked: PlanQuery) -> PlanAnswer:
     q = parse_start(world, asked.begin) if asked.begin else world.robot.named(HOME_POSE)
     constraints: tuple[Constraint, ...] = () if asked.upright is None else (UprightConstraint(asked.upright),)
     request = Request(
-        NamedGoal(HOME_POSE), q, constraints=constraints, clearance=asked.clearance, budget=asked.budget
+        NamedGoal(HOME_POSE),
+        q,
+        constraints=constraints,
+        clearance=asked.clearance,
+        budget=asked.budget,
+        planner=asked.planner,
     )
     goal = parse_goal(world, asked.to, request, line=asked.line)
     tried = _first_success(world, goal)

@@ -9,6 +9,7 @@ import numpy as np
 
 from ..errors import PicktreeError
 from ..world.causes import Cause, Evidence, Failure
+from ..world.planner_names import is_planner, suggest_planner, unknown_planner
 from ..world.trajectory import Trajectory
 from ..world.values import Array, Bounds, ObjectId, Pose, Vector3
 
@@ -145,6 +146,8 @@ class Request:
     scaling: Scaling = Scaling()
     budget: int = DEFAULT_CHECK_BUDGET
     """Collision checks that the request may spend."""
+    planner: str = ""
+    """Name of the planner, see `world/planner_names.py`; empty: that of `PlanWith`, scene or robot."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -153,7 +156,8 @@ class PlannedPath:
 
     path: Array
     planner: str
-    """Planner that found it: `direct`, `RRTConnect`, `CBiRRT`, `line` or `chain`."""
+    """Planner that found it: the chosen one's name; of `auto`: `direct`, `RRTConnect` or `CBiRRT`; `line`,
+    `chain`."""
     checks: int
     """Number of spent collision checks of configurations."""
     goal_index: int = 0
@@ -208,20 +212,24 @@ class PlannerOverrides:
     """Factor on the collision checks that a request may spend."""
     clearance: float = 0.0
     """Addition to the clearance of free motions, m. A straight line goes close to bodies on purpose."""
+    planner: str = ""
+    """Name of the planner; empty: the usual one."""
 
     def __and__(self, inner: PlannerOverrides) -> PlannerOverrides:
         """Combine two overrides, the other within this one."""
         seed = inner.seed or self.seed
-        return PlannerOverrides(seed, self.budget * inner.budget, self.clearance + inner.clearance)
+        planner = inner.planner or self.planner
+        return PlannerOverrides(seed, self.budget * inner.budget, self.clearance + inner.clearance, planner)
 
     def of(self, request: Request) -> Request:
         """Return the request with the overrides applied."""
-        if self.budget == 1.0 and not self.clearance:
+        if self.budget == 1.0 and not self.clearance and not self.planner:
             return request
         budget = max(1, round(request.budget * self.budget))
         straight = isinstance(request.target, LineGoal | OffsetGoal)
         clearance = request.clearance + (0.0 if straight else self.clearance)
-        return replace(request, budget=budget, clearance=clearance)
+        planner = request.planner or self.planner
+        return replace(request, budget=budget, clearance=clearance, planner=planner)
 
     def stream(self, name: str) -> str:
         """Return the stream of random numbers that replaces the one of that name."""
@@ -245,6 +253,8 @@ def check_request(model: RobotModel, request: Request) -> None:
         raise PicktreeError(f"a clearance of {request.clearance * 1000:g} mm: it must not be negative")
     if request.budget < 1:
         raise PicktreeError(f"a budget of {request.budget} checks: at least one is needed")
+    if request.planner and not is_planner(request.planner):
+        raise PicktreeError(f"{unknown_planner(request.planner)}: {suggest_planner(request.planner)}")
     shares = astuple(request.scaling)
     if not all(0 < share <= 1 for share in shares):
         raise PicktreeError(f"a scaling of {shares[0]:g} and {shares[1]:g}: both must be above 0, at most 1")

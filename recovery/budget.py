@@ -163,10 +163,11 @@ def budgets_above(node: Node) -> tuple[Budget, ...]:
 
 
 class PlanWith(Decorator):
-    """While its child runs, motions are planned with another seed, more collision checks, or more room.
+    """While its child runs, motions are planned with other seed, budget, clearance or planner.
 
     It holds for what the child itself plans, and only in its own ticks: however the child ends, everything is
-    planned as before afterwards. Where one stands in the other, budgets multiply and clearances add up.
+    planned as before afterwards. Where one stands in the other, budgets multiply, clearances add up, and the
+    inner seed and planner count.
     """
 
     flow = ChildFlow()
@@ -191,16 +192,19 @@ class PlanWith(Decorator):
         least=0,
         most=0.1,
     )
+    planner: In[str] = port(
+        "the planner of free motions, as `bit_star`; the usual one unless given", default="", names="planner"
+    )
 
     @classmethod
     def check_ports(cls, given: PortValues) -> tuple[str, ...]:
-        if not given.any_of("seed", "budget", "clearance"):
-            return ("without `seed`, `budget` or `clearance` it changes nothing",)
+        if not given.any_of("seed", "budget", "clearance", "planner"):
+            return ("without `seed`, `budget`, `clearance` or `planner` it changes nothing",)
         return ()
 
     def on_tick(self) -> NodeStatus:
         # A rehearsal has no planner.
         plan = cast("PlanService | None", getattr(self.world, "plan", None))
-        manner = PlannerOverrides(self.seed, self.budget, self.clearance)
+        manner = PlannerOverrides(self.seed, self.budget, self.clearance, self.planner)
         with plan.in_manner(manner) if plan is not None else nullcontext():
             return self.relay()

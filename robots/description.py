@@ -117,6 +117,8 @@ class RobotDescription:
     """Pairs of links that are not checked against each other."""
     payload: float | None = None
     """Rated payload at the flange, the hand itself included, kg. None: unknown."""
+    planner: str = ""
+    """Planner of its free motions; empty: `auto`."""
     source: str = ""
     text: str = ""
     tool: Pose = field(default_factory=Pose)

@@ -94,6 +94,7 @@ def _described(
         ),
         disabled_pairs=robot.disabled_pairs,
         payload=robot.payload,
+        planner=robot.planner or "",
         source=str(document.path),
         text=document.text,
     )

@@ -7,6 +7,7 @@ from typing import Annotated
 from pydantic import Field
 
 from ..files.yaml.file_models import Angle, Angles, FileModel, Force, Mass, Sizes, Vector, quantity
+from ..world.planner_names import PlannerName
 from ..world.shapes import Box
 from ..world.values import Pose
 from .description import PadContact
@@ -171,5 +172,7 @@ class RobotFile(FileModel):
     """Rated payload: what may hang on the flange, the hand itself included. Not watched unless given."""
     gripper: GripperFile
     """Its gripper."""
+    planner: PlannerName | None = None
+    """Planner of its free motions, unless the scene says another; `auto` unless one of the two files says."""
     disabled_pairs: tuple[tuple[str, str], ...] = ()
     """Pairs of links that are not checked for collision: neighbours, and those that never meet."""

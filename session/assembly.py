@@ -21,6 +21,7 @@ from ..world.belief.facts import AttemptMemory
 from ..world.belief.planning_scene import PlanningScene
 from ..world.computing_time import ComputeTimeAccount, Stopwatch
 from ..world.journal import Journal
+from ..world.planner_names import AUTO
 from ..world.protocols import Hardware
 from ..world.random_streams import RandomStreams
 from ..world.scene.description import SceneDescription
@@ -66,6 +67,7 @@ def assemble_world(
         width=lambda: gripper.widest(),
         now=lambda: hardware.clock.now,
         workspace=scene.limits.workspace,
+        planner=scene.planner or robot.planner or AUTO,
         verify=verify,
         worker=planning_worker,
         stopwatch=watch,

@@ -129,9 +129,9 @@ def table(
 T = TypeVar("T")
 
 
-NameKind: TypeAlias = Literal["camera", "pose", "bin", "hole", "fixture", "kind", "colour"]
+NameKind: TypeAlias = Literal["camera", "pose", "bin", "hole", "fixture", "kind", "colour", "planner"]
 """Kind of name that a text port accepts: camera, bin, hole (or a fixture with holes), fixture, kind or colour
-of items, or named pose.
+of items, named pose, or planner.
 
 Where scene and robot are known, only their names are valid.
 """

@@ -29,6 +29,7 @@ _NAME_WORDS = {
     "fixture": "name of a fixture or bin of the scene",
     "kind": "name of a kind of the scene's catalogue",
     "colour": "name of a colour",
+    "planner": "name of a planner",
 }
 
 _ASSIGNMENTS = "Assignments, as `tries := tries + 1`, several with `;`: made when the node "

@@ -16,6 +16,7 @@ from ...trees.loading.tree_ports import TreePorts
 from ...trees.mission import Mission
 from ...trees.ports import NameKind, PortDeclaration
 from ...trees.values.fault_collector import MissionDiagnostics
+from ...world.planner_names import planner_names
 from ...world.scene.loading.scene_loading import scene_names
 from .mission_schema import MissionSpecifics
 from .port_schema import ProposedNames
@@ -95,7 +96,7 @@ def one_mission(document: Document, registry: NodeRegistry) -> MissionSpecifics:
     # A tree with the name of a node is an error, and no tree.
     trees = {name: ports for name, ports in trees.items() if registry.find(name) is None}
     known = _known(mission)
-    names = ProposedNames(known.names, all=True) if known else ProposedNames()
+    names = ProposedNames({**known.names, "planner": planner_names()}, all=True) if known else ProposedNames()
     return MissionSpecifics(True, scene_names(), trees, names)
 
 

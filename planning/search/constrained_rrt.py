@@ -20,7 +20,8 @@ from ..kinematics.configuration_cost import configuration_cost
 from ..path_constraints import PROJECTION_RESERVE, PathConstraints
 from ..requests import Scaling
 from ..timing.time_parameterization import time_corners, time_smooth
-from .joint_planner import CORNER_RADII, FoundPath
+from .joint_planner import CORNER_RADII, IMPROVING_SHARE, FoundPath
+from .path_search import ConstraintProjection, PathPlanner, SearchProblem
 
 PLANNER_NAME = "CBiRRT"
 MAX_TREE_STEP = 0.3
@@ -56,8 +57,12 @@ class ConstrainedPlanner:
         collision: CollisionChecker,
         checks: int,
         constraints: PathConstraints,
+        planner: PathPlanner | None = None,
     ) -> None:
-        """Set the budget: `checks` of `collision`, and projections, that the search may spend."""
+        """Set the budget: `checks` of `collision`, and projections, that the search may spend.
+
+        `planner` is that of `around`; None: projected trees.
+        """
         self._model = model
         self._way = way
         self._start = start
@@ -65,6 +70,7 @@ class ConstrainedPlanner:
         self._collision = collision
         self._constraints = constraints
         self._end = collision.checks + constraints.projections + checks
+        self._planner = planner
 
     def direct(self, goals: Sequence[Array]) -> FoundPath | None:
         """Plan a straight edge in joint space to one of the goals, where the constraints hold on it; None: no
@@ -82,22 +88,31 @@ class ConstrainedPlanner:
         return None
 
     def around(self, goals: Sequence[Array], seed: int) -> FoundPath | None:
-        """Plan by projected trees to any of the goals. None: the budget is spent, or no timing keeps margins
-        and constraints."""
+        """Plan by the planner to any of the goals. None: the budget is spent, or no timing keeps margins and
+        constraints."""
         lower: Array = np.min([self._model.planned_lower, self._start, *goals], axis=0)
         upper: Array = np.max([self._model.planned_upper, self._start, *goals], axis=0)
         stride = min(MAX_TREE_STEP, float(np.sqrt(CURVATURE_DIVISOR * self._constraints.room / 2)))
         rng = np.random.default_rng(seed)
         for attempt in range(SEARCH_ATTEMPTS):
             search = _Search(self, lower, upper, stride / 2**attempt, EDGE_RESOLUTION / 2**attempt, rng)
-            path = search.connect(self._start, goals)
+            path = (
+                search.connect(self._start, goals)
+                if self._planner is None
+                else search.by(self._planner, self._start, goals)
+            )
             if path is None:
                 return None
             path = search.shortened(path)
             trajectory = self._timed(path)
             if trajectory is not None:
                 nearest = [float(np.abs(goal - path[-1]).max()) for goal in goals]
-                return FoundPath(path, PLANNER_NAME, int(np.argmin(nearest)), trajectory)
+                return FoundPath(
+                    path,
+                    self._planner.name if self._planner else PLANNER_NAME,
+                    int(np.argmin(nearest)),
+                    trajectory,
+                )
         return None
 
     def project(
@@ -106,17 +121,27 @@ class ConstrainedPlanner:
         """Return a configuration near q where the constraints hold with a reserve, or None."""
         return self._constraints.project(q, lower, upper, reserve)
 
+    def hold(self, q: Array) -> bool:
+        """Whether the constraints hold."""
+        return self._constraints.hold(q)
+
+    @property
+    def left(self) -> int:
+        """Number of checks and projections that are left."""
+        return max(0, self._end - self._collision.checks - self._constraints.projections)
+
     @property
     def spent(self) -> bool:
         """Whether the budget is used up."""
-        return self._collision.checks + self._constraints.projections >= self._end
+        return not self.left
 
-    def _free(self, q: Array) -> bool:
+    def free(self, q: Array) -> bool:
+        """Whether a configuration keeps margins and constraints, and the budget is not used up."""
         return not self.spent and self._constraints.hold(q) and self._way.free(q)
 
     def edge(self, a: Array, b: Array, resolution: float) -> bool:
         """Whether the straight segment from a (exclusive) to b is free and keeps the constraints."""
-        return edge_free(self._free, a, b, resolution)
+        return edge_free(self.free, a, b, resolution)
 
     def _timed(self, path: Array) -> Trajectory | None:
         """Return the fastest of the timings that stay free and keep the constraints; None: there is none."""
@@ -206,6 +231,35 @@ class _Search:
             turn = 1 - turn
             target = self._sample()
         return None
+
+    def by(self, planner: PathPlanner, start: Array, goals: Sequence[Array]) -> Array | None:
+        """Return a path (m, n) by a chosen planner, or None when the budget is spent."""
+        lower, upper = self._lower, self._upper
+        constraint = ConstraintProjection(
+            self._planner.hold, lambda q: self._planner.project(q, lower, upper), self._stride
+        )
+
+        def edge(a: Array, b: Array) -> bool:
+            return self._planner.edge(a, b, self._resolution)
+
+        left = self._planner.left
+        path = planner.solve(
+            SearchProblem(
+                lower,
+                upper,
+                start,
+                goals,
+                self._planner.free,
+                edge,
+                edge,
+                lambda: self._planner.spent,
+                lambda: self._planner.left <= (1.0 - IMPROVING_SHARE) * left,
+                left,
+                self._rng,
+                constraint=constraint,
+            )
+        )
+        return None if path is None else np.array(path)
 
     def _sample(self) -> Array:
         q = self._rng.uniform(self._lower, self._upper)

@@ -1,5 +1,8 @@
 """Joint planner: from a configuration to any of several others, by the direct edge first, else by
-RRT-Connect. A retreat path leads out of a narrow place: back along the tool for as long as that is free."""
+RRT-Connect or a chosen planner.
+
+A retreat path leads out of a narrow place: back along the tool for as long as that is free.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +19,8 @@ from ..collision.trajectory_check import EdgeSteps, StartTolerance, first_collis
 from ..kinematics.configuration_cost import configuration_cost
 from ..requests import Scaling
 from ..timing.time_parameterization import time_corners
-from .rrt_connect import EdgeFree, Rooted, rrt_connect, shortcut_path
+from .path_search import EdgeFree, PathPlanner, SearchProblem
+from .rrt_connect import Rooted, rrt_connect, shortcut_path
 
 CORNER_RADII = (0.1, 0.05, 0.02, 0.005)
 """Distances at which corners are cut, tried in this order until the timed path is free, rad."""
@@ -26,6 +30,8 @@ ON_PATH_DISTANCE = 1e-4
 """Distance from a path below which a configuration is on a straight part of it, rad."""
 MAX_RETREATING_GOALS = 4
 """Number of goals, the nearest first, for which a retreat path is planned."""
+IMPROVING_SHARE = 0.7
+"""Share of the budget that is left after which an optimising planner ends with its path."""
 
 
 class CheckBudget:
@@ -35,8 +41,18 @@ class CheckBudget:
         self._collision = collision
         self._end = collision.checks + checks
 
+    @property
+    def left(self) -> int:
+        """Number of checks that are left."""
+        return max(0, self._end - self._collision.checks)
+
     def is_spent(self) -> bool:
         return self._collision.checks >= self._end
+
+    def enough(self) -> Callable[[], bool]:
+        """Return the condition that ends the improvement of a path."""
+        end = self._collision.checks + IMPROVING_SHARE * self.left
+        return lambda: self._collision.checks >= end
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -63,13 +79,16 @@ class JointPlanner:
         start: Array,
         scaling: Scaling | None,
         budget: CheckBudget,
+        planner: PathPlanner | None = None,
     ) -> None:
+        """Set the planner of `around`; None: RRT-Connect with retreat paths."""
         self._model = model
         self._way = way
         self._start = start
         self._scaling = scaling
         self._budget = budget
         self._strides = EdgeSteps(model)
+        self._planner = planner
 
     def direct(self, goals: Sequence[Array]) -> FoundPath | None:
         """Plan a straight edge in joint space to one of the goals: the nearest first, with discomfort as a
@@ -89,10 +108,9 @@ class JointPlanner:
         return None
 
     def around(self, goals: Sequence[Array], seed: int) -> FoundPath | None:
-        """Plan by RRT-Connect to any of the goals. None: the budget is spent, or no timing keeps the
+        """Plan by the planner to any of the goals. None: the budget is spent, or no timing keeps the
         margins."""
-        # Start and goals may be nearer to the limits than the planned configurations between them.
-        lower, upper = self._model.planned_lower, self._model.planned_upper
+        planner = self._planner or PathPlanner("RRTConnect", self._rrt_connect)
         # A path that grazes between its steps is searched again with smaller ones.
         for attempt, share in enumerate(STEP_SHARES):
             strides = EdgeSteps(self._model, share)
@@ -104,20 +122,49 @@ class JointPlanner:
             def between(a: Array, b: Array, strides: EdgeSteps = strides) -> bool:
                 return strides.free(self._free, a, b, ends_free=True)
 
-            def rooted(q: Array, edge: EdgeFree = edge) -> Rooted:
-                return q, retreat_path(self._model, edge, q)
-
-            ends = self._near_first(goals, rooted)
-            spent = self._budget.is_spent
-            path = rrt_connect(lower, upper, rooted(self._start), ends, edge, between, spent, rng)
+            path = planner.solve(self._problem(goals, edge, between, rng))
             if path is None:
                 return None
             corners = np.array(shortcut_path(path, between, rng))
             missed = [float(np.abs(goal - corners[-1]).max()) for goal in goals]
-            found = self._timed(corners, "RRTConnect", int(np.argmin(missed)))
+            found = self._timed(corners, planner.name, int(np.argmin(missed)))
             if found is not None:
                 return found
         return None
+
+    def _problem(
+        self, goals: Sequence[Array], edge: EdgeFree, between: EdgeFree, rng: np.random.Generator
+    ) -> SearchProblem:
+        return SearchProblem(
+            np.min([self._model.planned_lower, self._start, *goals], axis=0),
+            np.max([self._model.planned_upper, self._start, *goals], axis=0),
+            self._start,
+            goals,
+            self._free,
+            edge,
+            between,
+            self._budget.is_spent,
+            self._budget.enough(),
+            self._budget.left,
+            rng,
+            lambda q: retreat_path(self._model, edge, q),
+        )
+
+    def _rrt_connect(self, problem: SearchProblem) -> Sequence[Array] | None:
+        def rooted(q: Array) -> Rooted:
+            return q, problem.retreat(q)
+
+        # Start and goals may be nearer to the limits than the planned configurations between them.
+        return rrt_connect(
+            self._model.planned_lower,
+            self._model.planned_upper,
+            rooted(self._start),
+            self._near_first(problem.goals, rooted),
+            problem.edge,
+            problem.between,
+            problem.spent,
+            problem.rng,
+        )
 
     def _near_first(self, goals: Sequence[Array], rooted: Callable[[Array], Rooted]) -> list[Rooted]:
         nearest = sorted(goals, key=lambda q: float(np.linalg.norm(q - self._start)))

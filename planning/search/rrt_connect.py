@@ -14,6 +14,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from ...world.values import Array
+from .path_search import EdgeFree
 
 MAX_EXTENSION = 1.0
 """Greatest extension of a tree, rad."""
@@ -24,9 +25,6 @@ MAX_FAILED_SHORTCUTS = 20
 MIN_SHORTCUT_GAIN = 0.02
 """Share of a path's length below which a shortcut is not tried."""
 
-EdgeFree = Callable[[Array, Array], bool]
-"""Whether everything between two configurations is free, and the second one, where that is not known
-before."""
 Rooted = tuple[Array, Sequence[Array]]
 """Root (n,) and a chain of configurations that leads away from it by free edges."""
 

@@ -16,6 +16,7 @@ from ...world.belief.planning_scene import PlanningScene
 from ...world.causes import Failure
 from ...world.computing_time import ComputeTimeAccount, Stopwatch
 from ...world.journal import Journal
+from ...world.planner_names import AUTO
 from ...world.random_streams import RandomStreams
 from ...world.trajectory import Trajectory
 from ...world.values import Array, Bounds, Pose
@@ -83,6 +84,7 @@ class PlanService:
         width: Callable[[], float],
         now: Callable[[], float] = lambda: math.inf,
         workspace: Bounds | None = None,
+        planner: str = AUTO,
         verify: bool = False,
         worker: bool = False,
         stopwatch: Stopwatch | None = None,
@@ -101,11 +103,13 @@ class PlanService:
         self._width = width
         self._stopwatch = stopwatch or Stopwatch()
         self.solver = RequestSolver(
-            model, scene, configuration=configuration, width=width, workspace=workspace
+            model, scene, configuration=configuration, width=width, workspace=workspace, planner=planner
         )
         self._meter = CostMeter(self.solver.collision, self.solver.ik, thinking, cost)
         beside = (
-            PlanningWorker(lambda: ChainSolver(model, scene, workspace)) if worker and not verify else None
+            PlanningWorker(lambda: ChainSolver(model, scene, workspace, planner))
+            if worker and not verify
+            else None
         )
         self._ahead = LookaheadPlanner(now, cost, self._solve_ahead, self._resolved, beside)
         self._judge = _verifier(model) if verify else None

@@ -71,8 +71,10 @@ def solve_chain(solver: RequestSolver, order: ChainOrder) -> ChainAnswer:
 class ChainSolver:
     """Solver of chains that takes belief, arm and fingers from each order."""
 
-    def __init__(self, model: RobotModel, scene: PlanningScene, workspace: Bounds | None) -> None:
-        """Use the fixtures and bins of `scene`."""
+    def __init__(
+        self, model: RobotModel, scene: PlanningScene, workspace: Bounds | None, planner: str
+    ) -> None:
+        """Use the fixtures and bins of `scene`, and the planner of that name."""
         self._scene = scene.supposing()
         self._start = model.named("home")
         self._width = 0.0
@@ -82,6 +84,7 @@ class ChainSolver:
             configuration=lambda: self._start,
             width=lambda: self._width,
             workspace=workspace,
+            planner=planner,
         )
 
     def solve(self, order: ChainOrder) -> ChainAnswer:

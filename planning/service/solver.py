@@ -15,6 +15,7 @@ from ...robots.model import RobotModel
 from ...world.belief.planning_scene import PlanningScene
 from ...world.causes import Failure
 from ...world.computing_time import ComputeTimeAccount
+from ...world.planner_names import AUTO
 from ...world.trajectory import Trajectory
 from ...world.values import Array, Bounds, Pose
 from ..collision.collision_bodies import CollisionMargins
@@ -47,6 +48,7 @@ from ..search.goal_configurations import (
     GoalSet,
 )
 from ..search.joint_planner import CheckBudget, FoundPath, JointPlanner
+from ..search.path_search import PathPlanner, load_planner
 from ..timing.time_parameterization import time_smooth
 
 
@@ -65,8 +67,10 @@ class RequestSolver:
         width: Callable[[], float],
         workspace: Bounds | None = None,
         margins: CollisionMargins | None = None,
+        planner: str = AUTO,
     ) -> None:
-        """Use `configuration` and `width` for arm (n,) rad and fingers (m) where a request gives none."""
+        """Use `configuration` and `width` for arm (n,) rad and fingers (m), and the planner of that name,
+        where a request gives none."""
         self.model = model
         self.collision = CollisionChecker(model, margins, workspace=workspace)
         self.ik = InverseKinematics(model)
@@ -76,6 +80,7 @@ class RequestSolver:
         self._configuration = configuration
         self._width = width
         self._workspace = workspace
+        self._usual = planner
 
     def solve(self, request: Request, seed: int) -> MotionPlan:
         """Plan a request. Fails with planning.*, see `PlanService.solve`."""
@@ -135,11 +140,12 @@ class RequestSolver:
 
     def _plan(self, begun: _Begun, goal: Goal, seed: int, *, timed: bool) -> PlannedPath:
         constraints = begun.constraints
-        planner = self._planner(begun, timed=timed)
+        chosen = self._chosen(begun.request)
+        planner = self._planner(begun, chosen, timed=timed)
         inspection = GoalInspection(self.model, self.collision, constraints, self._workspace)
         goals = GoalSet(self.model, self.ik, inspection, begun.way, begun.start, constraints, goal)
         try:
-            found, reached = self._found(planner, goals, seed)
+            found, reached = self._found(planner, goals, seed, direct=chosen is None)
             if found is None or self.finds_nothing:
                 raise self._not_found(begun, [target.q for target in reached])
         finally:
@@ -147,26 +153,43 @@ class RequestSolver:
         checks, index = self.collision.checks - begun.checks, reached[found.goal].index
         return _planned(found.trajectory, PlannedPath(found.path, found.planner, checks, index))
 
-    def _planner(self, begun: _Begun, *, timed: bool) -> JointPlanner | ConstrainedPlanner:
+    def _chosen(self, request: Request) -> PathPlanner | None:
+        """Return the planner of a request; None: `auto`. Raises PicktreeError for an unknown name."""
+        name = request.planner or self._usual
+        return None if name == AUTO else load_planner(name)
+
+    def _planner(
+        self, begun: _Begun, chosen: PathPlanner | None, *, timed: bool
+    ) -> JointPlanner | ConstrainedPlanner:
         way, start, request = begun.way, begun.start, begun.request
         if request.constraints:
             return ConstrainedPlanner(
-                self.model, way, start, request.scaling, self.collision, request.budget, begun.constraints
+                self.model,
+                way,
+                start,
+                request.scaling,
+                self.collision,
+                request.budget,
+                begun.constraints,
+                chosen,
             )
         budget = CheckBudget(self.collision, request.budget)
-        return JointPlanner(self.model, way, start, request.scaling if timed else None, budget)
+        return JointPlanner(self.model, way, start, request.scaling if timed else None, budget, chosen)
 
     def _found(
-        self, planner: JointPlanner | ConstrainedPlanner, goals: GoalSet, seed: int
+        self, planner: JointPlanner | ConstrainedPlanner, goals: GoalSet, seed: int, *, direct: bool
     ) -> tuple[FoundPath | None, list[GoalConfiguration]]:
-        """Return the planner's path, and the goal configurations that it planned for."""
-        for near in goals.near():
+        """Return the planner's path, and the goal configurations that it planned for.
+
+        With `direct` straight edges are tried first.
+        """
+        for near in goals.near() if direct else ():
             found = planner.direct([target.q for target in near])
             if found is not None:
                 return found, near
         targets = goals.all(seed)
         ends = [target.q for target in targets]
-        return planner.direct(ends) or planner.around(ends, seed), targets
+        return (planner.direct(ends) if direct else None) or planner.around(ends, seed), targets
 
     def _not_found(self, begun: _Begun, ends: Sequence[Array]) -> Failure:
         """Build the failure with its obstructions. Their search is charged, but not to the budget."""

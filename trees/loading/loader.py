@@ -13,6 +13,7 @@ from ...files.value_wording import suggest_name
 from ...files.yaml.document import Document, read_document
 from ...robots.description import RobotDescription
 from ...robots.loading import load_robot
+from ...world.planner_names import BUILT_IN
 from ...world.scene.description import SceneDescription
 from ...world.scene.loading.scene_loading import load_scene
 from ..mission import FilesOnDisk, Mission, MissionFiles, TreeSpec, check_calls
@@ -62,6 +63,7 @@ def scene_names(scene: SceneDescription, robot: RobotDescription) -> SceneNames:
         "fixture": (*(str(fixture.id) for fixture in scene.fixtures), *bins),
         "kind": tuple(entry.kind for entry in scene.catalogue),
         "colour": tuple(colours),
+        "planner": tuple(BUILT_IN),
     }
     return SceneNames(scene.name, robot.name, names)
 

@@ -304,6 +304,8 @@ class SceneDescription:
     tool_error: Pose = field(default_factory=Pose)
     """Where the TCP really is, seen from where the robot file says: the hand is mounted off by it. Only the
     simulation reads it."""
+    planner: str = ""
+    """Planner of free motions; empty: that of the robot."""
     calibration: SceneCalibration | None = None
     """Calibration of cameras and tool; the poses in `cameras` contain its corrections already."""
 

@@ -23,6 +23,7 @@ from ...files.yaml.file_models import (
     quantity,
 )
 from ..colours import ITEM_COLOURS
+from ..planner_names import PlannerName
 from .body_schema import CatalogueFile, Corner, FixtureFile, UnknownFile
 from .description import SafetyLimits, SensorNoise, Thinking
 
@@ -282,6 +283,8 @@ class RestFile(FileModel):
     """Limits that the safety monitor enforces."""
     thinking: ThinkingFile = ThinkingFile()
     """Simulated time that computing costs."""
+    planner: PlannerName | None = None
+    """Planner of free motions, instead of the robot file's; `auto` unless one of the two files says."""
     sensors: SensorsFile = SensorsFile()
     """Noise of the sensors other than the cameras."""
     checkpoint_every: Count = 4

@@ -216,6 +216,7 @@ class _Parts:
             unknown=tuple(hidden_body(name, entry) for name, entry in self.unknown.items()),
             tool_error=Pose.from_rpy(rest.tool_error.offset, rest.tool_error.rpy),
             calibration=known,
+            planner=rest.planner or "",
         )
 
     def _robot(self, name: str) -> Path | None:
