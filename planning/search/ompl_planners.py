@@ -1,4 +1,6 @@
-"""OMPL's planners as path searches, in joint space or on the path constraints (projected state space).
+"""OMPL's planners as path searches.
+
+They search joint space; under path constraints, the projected state space.
 
 Sucan, Moll and Kavraki, "The Open Motion Planning Library", IEEE Robotics & Automation Magazine 19 (2012);
 constraints: Kingston, Moll and Kavraki, "Exploring implicit spaces for constrained sampling-based planning",
