@@ -6,12 +6,16 @@ A retreat path leads out of a narrow place: back along the tool for as long as t
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import cast
 
 import numpy as np
 
+from ...errors import PicktreeError
 from ...robots.model import RobotModel
+from ...world.planner_names import BUILT_IN, installed_planners, suggest_planner, unknown_planner
 from ...world.trajectory import Trajectory
 from ...world.values import Array
 from ..collision.collision_checker import CollisionChecker
@@ -19,7 +23,7 @@ from ..collision.trajectory_check import EdgeSteps, StartTolerance, first_collis
 from ..kinematics.configuration_cost import configuration_cost
 from ..requests import Scaling
 from ..timing.time_parameterization import time_corners
-from .path_search import EdgeFree, PathPlanner, SearchProblem
+from .path_search import EdgeFree, PathPlanner, PathSearch, SearchProblem
 from .rrt_connect import Rooted, rrt_connect, shortcut_path
 
 CORNER_RADII = (0.1, 0.05, 0.02, 0.005)
@@ -202,6 +206,28 @@ def _distance_to_path(path: Array, q: Array) -> float:
     share = np.clip(np.einsum("ij,ij->i", q - path[:-1], along) / squared, 0.0, 1.0)
     apart: Array = np.linalg.norm(path[:-1] + share[:, None] * along - q, axis=1)
     return float(apart.min())
+
+
+def load_planner(name: str) -> PathPlanner:
+    """Return the planner of a name other than `auto`.
+
+    Raises PicktreeError for an unknown name, and for a plug-in that cannot be imported.
+    """
+    if name in BUILT_IN:
+        from .ompl_planners import ompl_search  # imports OMPL
+
+        return PathPlanner(name, ompl_search(name))
+    entry = installed_planners().get(name)
+    if entry is None:
+        raise PicktreeError(f"{unknown_planner(name)}: {suggest_planner(name)}")
+    try:
+        search = entry.load()
+    except (Exception, SystemExit) as error:
+        told = re.sub(r"\s+", " ", str(error)) or type(error).__name__
+        raise PicktreeError(f"the planner {name!r} ({entry.value}) cannot be imported: {told}") from error
+    if not callable(search):
+        raise PicktreeError(f"the planner {name!r} ({entry.value}) is no function of a SearchProblem")
+    return PathPlanner(name, cast("PathSearch", search))
 
 
 RETREAT_STEP = 0.03

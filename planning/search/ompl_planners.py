@@ -1,9 +1,13 @@
-"""OMPL's planners as path searches, in joint space or on the path constraints (projected state space).
+"""OMPL's planners as path searches.
 
-Sucan, Moll and Kavraki, "The Open Motion Planning Library", IEEE Robotics & Automation Magazine 19 (2012);
-constraints: Kingston, Moll and Kavraki, "Exploring implicit spaces for constrained sampling-based planning",
-IJRR 38 (2019). The configurations and edges are checked by the request's functions only. Each search seeds
-OMPL's generator, makes all objects anew and ends on a count, so the same problem gives the same path.
+They search joint space; under path constraints, the projected state space.
+
+The request's functions alone check configurations and edges. Each search seeds OMPL's generator, makes its
+objects anew and ends on a count. So the same problem gives the same path.
+
+Sucan, Moll and Kavraki, "The Open Motion Planning Library", IEEE RAM 19 (2012).
+Kingston, Moll and Kavraki, "Exploring implicit spaces for constrained sampling-based planning", IJRR 38
+(2019).
 """
 
 from __future__ import annotations

@@ -1,19 +1,17 @@
-"""Interface of path planners: the problem that each solves, and the planner of a name.
+"""Interface of path planners: the problem that each solves.
 
 Built-in planners and those of plug-ins (entry point group `picktree.planners`) have the same form.
 """
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TypeAlias, cast
+from typing import TypeAlias
 
 import numpy as np
 
 from ...errors import PicktreeError
-from ...world.planner_names import BUILT_IN, installed_planners, suggest_planner, unknown_planner
 from ...world.values import Array
 
 EdgeFree = Callable[[Array, Array], bool]
@@ -104,25 +102,3 @@ class PathPlanner:
             message = f"the planner {self.name!r} returned a path that does not lead from the start to a goal"
             raise PicktreeError(message)
         return path
-
-
-def load_planner(name: str) -> PathPlanner:
-    """Return the planner of a name other than `auto`.
-
-    Raises PicktreeError for an unknown name, and for a plug-in that cannot be imported.
-    """
-    if name in BUILT_IN:
-        from .ompl_planners import ompl_search  # imports OMPL
-
-        return PathPlanner(name, ompl_search(name))
-    entry = installed_planners().get(name)
-    if entry is None:
-        raise PicktreeError(f"{unknown_planner(name)}: {suggest_planner(name)}")
-    try:
-        search = entry.load()
-    except (Exception, SystemExit) as error:
-        told = re.sub(r"\s+", " ", str(error)) or type(error).__name__
-        raise PicktreeError(f"the planner {name!r} ({entry.value}) cannot be imported: {told}") from error
-    if not callable(search):
-        raise PicktreeError(f"the planner {name!r} ({entry.value}) is no function of a SearchProblem")
-    return PathPlanner(name, cast("PathSearch", search))

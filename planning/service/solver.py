@@ -47,8 +47,8 @@ from ..search.goal_configurations import (
     GoalConfiguration,
     GoalSet,
 )
-from ..search.joint_planner import CheckBudget, FoundPath, JointPlanner
-from ..search.path_search import PathPlanner, load_planner
+from ..search.joint_planner import CheckBudget, FoundPath, JointPlanner, load_planner
+from ..search.path_search import PathPlanner
 from ..timing.time_parameterization import time_smooth
 
 
