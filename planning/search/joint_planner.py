@@ -16,14 +16,19 @@ from ..collision.trajectory_check import EdgeSteps, StartTolerance, first_collis
 from ..kinematics.configuration_cost import configuration_cost
 from ..requests import Scaling
 from ..timing.time_parameterization import time_corners
-from .rrt_connect import EdgeFree, Rooted, rrt_connect, shortcut_path
+from .rrt_connect import EdgeFree, Rooted, improve_path, rrt_connect, shorten_path
 
+PLANNER_NAME = "RRTConnect"
 CORNER_RADII = (0.1, 0.05, 0.02, 0.005)
 """Distances at which corners are cut, tried in this order until the timed path is free, rad."""
 STEP_SHARES = (1.0, 0.5, 0.25)
 """Shares of the greatest step of an edge, tried in this order while paths graze."""
 ON_PATH_DISTANCE = 1e-4
 """Distance from a path below which a configuration is on a straight part of it, rad."""
+MAX_PLAIN_CHECKS = 200
+"""Number of checks of a first search without retreat paths. Where it suffices, paths are shorter."""
+MAX_IMPROVING_CHECKS = 600
+"""Number of checks of each of the searches that improve a path."""
 MAX_RETREATING_GOALS = 4
 """Number of goals, the nearest first, for which a retreat path is planned."""
 
@@ -34,6 +39,10 @@ class CheckBudget:
     def __init__(self, collision: CollisionChecker, checks: int) -> None:
         self._collision = collision
         self._end = collision.checks + checks
+
+    def share(self, checks: int) -> CheckBudget:
+        """Return a budget of a number of checks within this one."""
+        return CheckBudget(self._collision, min(checks, self._end - self._collision.checks))
 
     def is_spent(self) -> bool:
         return self._collision.checks >= self._end
@@ -70,6 +79,8 @@ class JointPlanner:
         self._scaling = scaling
         self._budget = budget
         self._strides = EdgeSteps(model)
+        # Start and goals may be nearer to the limits than the planned configurations between them.
+        self._limits = model.planned_lower, model.planned_upper
 
     def direct(self, goals: Sequence[Array]) -> FoundPath | None:
         """Plan a straight edge in joint space to one of the goals: the nearest first, with discomfort as a
@@ -91,33 +102,65 @@ class JointPlanner:
     def around(self, goals: Sequence[Array], seed: int) -> FoundPath | None:
         """Plan by RRT-Connect to any of the goals. None: the budget is spent, or no timing keeps the
         margins."""
-        # Start and goals may be nearer to the limits than the planned configurations between them.
-        lower, upper = self._model.planned_lower, self._model.planned_upper
         # A path that grazes between its steps is searched again with smaller ones.
         for attempt, share in enumerate(STEP_SHARES):
-            strides = EdgeSteps(self._model, share)
-            rng = np.random.default_rng([seed, attempt])
-
-            def edge(a: Array, b: Array, strides: EdgeSteps = strides) -> bool:
-                return strides.free(self._free, a, b)
-
-            def between(a: Array, b: Array, strides: EdgeSteps = strides) -> bool:
-                return strides.free(self._free, a, b, ends_free=True)
-
-            def rooted(q: Array, edge: EdgeFree = edge) -> Rooted:
-                return q, retreat_path(self._model, edge, q)
-
-            ends = self._near_first(goals, rooted)
-            spent = self._budget.is_spent
-            path = rrt_connect(lower, upper, rooted(self._start), ends, edge, between, spent, rng)
+            edges, rng = self._edges(share), np.random.default_rng([seed, attempt])
+            path = self._plain(edges, goals, MAX_PLAIN_CHECKS, rng) or self._retreating(edges, goals, rng)
             if path is None:
                 return None
-            corners = np.array(shortcut_path(path, between, rng))
-            missed = [float(np.abs(goal - corners[-1]).max()) for goal in goals]
-            found = self._timed(corners, "RRTConnect", int(np.argmin(missed)))
+            found = self._at_goal(shorten_path(path, *edges), goals)
             if found is not None:
                 return found
         return None
+
+    def improved(self, found: FoundPath, seed: int) -> FoundPath:
+        """Spend the budget on further searches to the same goal. Returns the shortest path whose trajectory
+        is free: at worst the given one."""
+        edges, rng = self._edges(1.0), np.random.default_rng([seed, len(STEP_SHARES)])
+        goals = [found.path[-1]]
+        before = list(found.path)
+        path = improve_path(
+            before,
+            lambda: self._plain(edges, goals, MAX_IMPROVING_CHECKS, rng),
+            *edges,
+            self._budget.is_spent,
+        )
+        if path is before:
+            return found
+        # Timing and its check are not part of the budget.
+        return self._timed(np.array(path), PLANNER_NAME, found.goal) or found
+
+    def _edges(self, share: float) -> tuple[EdgeFree, EdgeFree]:
+        """Return the checks of edges with a share of the greatest steps; for the second one the ends are
+        known to be free."""
+        strides = EdgeSteps(self._model, share)
+        return (
+            lambda a, b: strides.free(self._free, a, b),
+            lambda a, b: strides.free(self._free, a, b, ends_free=True),
+        )
+
+    def _plain(
+        self, edges: tuple[EdgeFree, EdgeFree], goals: Sequence[Array], checks: int, rng: np.random.Generator
+    ) -> list[Array] | None:
+        """Search without retreat paths, with a number of checks at most."""
+        budget = self._budget.share(checks)
+        return rrt_connect(
+            *self._limits, (self._start, ()), [(q, ()) for q in goals], *edges, budget.is_spent, rng
+        )
+
+    def _retreating(
+        self, edges: tuple[EdgeFree, EdgeFree], goals: Sequence[Array], rng: np.random.Generator
+    ) -> list[Array] | None:
+        def rooted(q: Array) -> Rooted:
+            return q, retreat_path(self._model, edges[0], q)
+
+        ends, spent = self._near_first(goals, rooted), self._budget.is_spent
+        return rrt_connect(*self._limits, rooted(self._start), ends, *edges, spent, rng)
+
+    def _at_goal(self, path: list[Array], goals: Sequence[Array]) -> FoundPath | None:
+        """Time a path to one of the goals. None: no trajectory on it is free."""
+        missed = [float(np.abs(goal - path[-1]).max()) for goal in goals]
+        return self._timed(np.array(path), PLANNER_NAME, int(np.argmin(missed)))
 
     def _near_first(self, goals: Sequence[Array], rooted: Callable[[Array], Rooted]) -> list[Rooted]:
         nearest = sorted(goals, key=lambda q: float(np.linalg.norm(q - self._start)))
