@@ -24,7 +24,9 @@ NEAR_SHARE = 0.7
 NEAR_MARGIN = 0.5
 """Distance by which that box is wider than start and goal, rad."""
 MIN_GAIN = 0.005
-"""Share of a path's length below which a corner is not cut or moved."""
+"""Share of a path's length below which a corner is not cut."""
+MIN_MOVE_GAIN = 0.015
+"""Share below which a corner is not moved: that takes the checks of two whole edges."""
 FIRST_CUT = 0.5
 """First distance from a corner at which it is cut, as a share of the lengths of its two edges together."""
 CUT_REDUCTION = 0.7
@@ -266,7 +268,7 @@ def _move_corners(path: list[Array], edge: EdgeFree, between: EdgeFree) -> list[
     Geraerts and Overmars, "Creating high-quality paths for motion planning", IJRR 26 (2007): partial
     shortcuts.
     """
-    points, left = list(path), MIN_GAIN * path_length(path)
+    points, left = list(path), MIN_MOVE_GAIN * path_length(path)
     failed: list[set[int]] = [set() for _ in points]
     for _ in range(MAX_CORNER_MOVES):
         moves = [
