@@ -71,23 +71,17 @@ def archive(given: Path | None) -> Path | None:
     return next((place / ARCHIVE for place in PLACES if (place / ARCHIVE).exists()), None)
 
 
-def problems(path: Path, scenes: list[str], runs: int, model: RobotModel) -> list[Problem]:
-    """The first `runs` problems of each scene."""
-    texts: dict[tuple[str, str, int], str] = {}
+def problems(path: Path, scene: str, first: int, count: int, model: RobotModel) -> list[Problem]:
+    """Return `count` problems of a scene, from the one at index `first` on."""
+    texts: dict[tuple[str, int], str] = {}
     with tarfile.open(path) as tar:
         for member in tar:
             found = re.search(r"(\w+)_panda/(scene|request)(\d+)\.yaml$", member.name)
             content = tar.extractfile(member) if found else None
-            if found and content is not None and found[1] in scenes:
-                texts[found[1], found[2], int(found[3])] = content.read().decode()
-    made: list[Problem] = []
-    for scene in scenes:
-        numbers = sorted(number for name, kind, number in texts if (name, kind) == (scene, "scene"))
-        for number in numbers[:runs]:
-            world = _load(texts[scene, "scene", number])
-            request = _load(texts[scene, "request", number])
-            made.append(_problem(scene, number, world, request, model))
-    return made
+            if found and content is not None and found[1] == scene:
+                texts[found[2], int(found[3])] = content.read().decode()
+    numbers = sorted(number for kind, number in texts if kind == "scene")[first : first + count]
+    return [_problem(scene, k, _load(texts["scene", k]), _load(texts["request", k]), model) for k in numbers]
 
 
 def beyond_limits(problem: Problem, model: RobotModel) -> str:

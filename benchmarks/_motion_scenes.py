@@ -1,4 +1,4 @@
-"""Our scenes: the plans that a pick asks for, in every shipped scene, beside a bare OMPL solve."""
+"""Our scenes: the plans that a pick asks for, in every shipped scene, beside OMPL as a reference."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import picktree.world
-from _bare_ompl import BarePlanner
 from _motion_tables import Column, Part, Table, Value, median, p95, share
+from _ompl_reference import OmplReference
 from picktree.commissioning.plan_trial import build
 from picktree.manipulation.grasp.grasp_candidates import grasp_candidates
 from picktree.manipulation.place.release_poses import free_cells, heap_heights, release_poses
@@ -24,15 +24,13 @@ from picktree.world.values import Array
 
 ABOVE = 0.1
 """Of the pre-grasp over the grasp, and of the lift, m."""
-CLEAR = 0.0005
-"""Bare OMPL knows one margin for all pairs: the narrowest of ours, m."""
 KINDS = ("to the pre-grasp", "line down", "lift", "over the bin")
 MEANING = """
 What is spawned is believed exactly as it is; for each item, from where the arm was left: over its best
 grasp that neighbours leave free, straight down onto it, straight up with it, and over its bin. ms: from
-request to timed trajectory, re-checked. direct: answered by a straight edge in joint space. bare OMPL:
-RRT-Connect with OMPL's own simplification from the same start to the same end with 0.5 mm margin, nothing
-in the hand, not timed. clashes: trajectories in which the judge (python-fcl) finds penetration.
+request to timed trajectory, re-checked. direct: answered by a straight edge in joint space. OMPL: its
+RRT-Connect and simplification from the same start to the same end, with our checks, margins and timing.
+clashes: trajectories in which the judge (python-fcl) finds penetration.
 """
 
 COLUMNS = (
@@ -41,8 +39,8 @@ COLUMNS = (
     Column("direct", "d"),
     Column("ms", ".1f"),
     Column("p95", ".1f"),
-    Column("bare OMPL", ".1f"),
-    Column("ms / bare", ".2f"),
+    Column("OMPL", ".1f"),
+    Column("ms / OMPL", ".2f"),
     Column("clashes", "d"),
     Column("judge, ms", ".1f"),
 )
@@ -57,7 +55,7 @@ class _Tally:
     direct: int = 0
     clashes: int = 0
     ms: list[float] = field(default_factory=list[float])
-    bare: list[float] = field(default_factory=list[float])
+    reference: list[float] = field(default_factory=list[float])
     ratios: list[float] = field(default_factory=list[float])
     judging: list[float] = field(default_factory=list[float])
     """CPU milliseconds of the judge."""
@@ -96,12 +94,13 @@ def _requests(world: World, item: BeliefObject, at: Array) -> Generator[tuple[st
         yield KINDS[3], Request(PoseGoal(poses), at, width=width, holding=holding)
 
 
-def _bare(world: World, plan: MotionPlan, width: float) -> float | None:
-    """CPU milliseconds of the bare solve from the plan's start to its end; None when there was none."""
-    planner = BarePlanner(world.robot, world.scene, width, (), CLEAR)
+def _reference(world: World, plan: MotionPlan, request: Request) -> float | None:
+    """Return the reference's CPU milliseconds from the plan's start to its end; None: no motion was found."""
+    solver, reference = world.plan.solver, OmplReference(world.robot)
+    scene, width = solver.scene(request), solver.width(request)
     begun = time.process_time()
-    path = planner.plan(plan.trajectory.start, plan.trajectory.end, 1)
-    return None if path is None else (time.process_time() - begun) * 1e3
+    found = reference.plan(scene, width, plan.trajectory.start, plan.trajectory.end, 1)
+    return None if found is None or found.trajectory is None else (time.process_time() - begun) * 1e3
 
 
 def _pick(
@@ -130,10 +129,10 @@ def _pick(
             tally.clashes += bool(judge.judge(plan.trajectory, solver.scene(request), width))
             tally.judging.append((time.process_time() - begun) * 1e3)
             if isinstance(request.target, PoseGoal):
-                bare = _bare(world, plan, width)
-                if bare is not None:
-                    tally.bare.append(bare)
-                    tally.ratios.append(spent / bare)
+                other = _reference(world, plan, request)
+                if other is not None:
+                    tally.reference.append(other)
+                    tally.ratios.append(spent / other)
             at = plan.trajectory.end
             kind, request = requests.send(at)
     except StopIteration:
@@ -191,7 +190,7 @@ def _row(scene: str, kind: str, tally: _Tally) -> tuple[Value, ...]:
         tally.direct,
         median(tally.ms),
         p95(tally.ms),
-        median(tally.bare),
+        median(tally.reference),
         median(tally.ratios),
         tally.clashes,
         median(tally.judging),

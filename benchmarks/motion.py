@@ -22,7 +22,6 @@ from pathlib import Path
 import _motion_collision
 import _motion_ik
 import _motion_lines
-import _motion_maker
 import _motion_scenes
 import _motion_timing
 from _motion_tables import Part, Table
@@ -32,7 +31,6 @@ PARTS: tuple[Part, ...] = (
     _motion_ik.PART,
     _motion_lines.PART,
     _motion_scenes.PART,
-    _motion_maker.PART,
     _motion_timing.PART,
 )
 

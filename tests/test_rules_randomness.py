@@ -224,7 +224,10 @@ def test_every_generator_is_keyed() -> None:
         "planning/search/constrained_rrt.py": ["np.random.default_rng(seed)"],
         "planning/search/goal_configurations.py": ["np.random.default_rng(seed)"],
         "planning/failures/obstructions.py": ["np.random.default_rng(0)"],
-        "planning/search/joint_planner.py": ["np.random.default_rng([seed, attempt])"],
+        "planning/search/joint_planner.py": [
+            "np.random.default_rng([seed, attempt])",
+            "np.random.default_rng([seed, len(STEP_SHARES)])",
+        ],
         # Samples of a robot file that is made; no run depends on them.
         "commissioning/robot_setup/arm_proposals.py": [
             "np.random.default_rng([seed, 3])",

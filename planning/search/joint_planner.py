@@ -24,14 +24,19 @@ from ..kinematics.configuration_cost import configuration_cost
 from ..requests import Scaling
 from ..timing.time_parameterization import time_corners
 from .path_search import EdgeFree, PathPlanner, PathSearch, SearchProblem
-from .rrt_connect import Rooted, rrt_connect, shortcut_path
+from .rrt_connect import Rooted, improve_path, rrt_connect, shorten_path
 
+PLANNER_NAME = "RRTConnect"
 CORNER_RADII = (0.1, 0.05, 0.02, 0.005)
 """Distances at which corners are cut, tried in this order until the timed path is free, rad."""
 STEP_SHARES = (1.0, 0.5, 0.25)
 """Shares of the greatest step of an edge, tried in this order while paths graze."""
 ON_PATH_DISTANCE = 1e-4
 """Distance from a path below which a configuration is on a straight part of it, rad."""
+MAX_PLAIN_CHECKS = 200
+"""Number of checks of a first search without retreat paths. Where it suffices, paths are shorter."""
+MAX_IMPROVING_CHECKS = 600
+"""Number of checks of each of the searches that improve a path."""
 MAX_RETREATING_GOALS = 4
 """Number of goals, the nearest first, for which a retreat path is planned."""
 IMPROVING_SHARE = 0.7
@@ -49,6 +54,10 @@ class CheckBudget:
     def left(self) -> int:
         """Number of checks that are left."""
         return max(0, self._end - self._collision.checks)
+
+    def share(self, checks: int) -> CheckBudget:
+        """Return a budget of a number of checks within this one."""
+        return CheckBudget(self._collision, min(checks, self.left))
 
     def is_spent(self) -> bool:
         return self._collision.checks >= self._end
@@ -92,7 +101,7 @@ class JointPlanner:
         self._scaling = scaling
         self._budget = budget
         self._strides = EdgeSteps(model)
-        self._planner = planner
+        self._planner = planner or PathPlanner(PLANNER_NAME, self._rrt_connect)
 
     def direct(self, goals: Sequence[Array]) -> FoundPath | None:
         """Plan a straight edge in joint space to one of the goals: the nearest first, with discomfort as a
@@ -114,31 +123,47 @@ class JointPlanner:
     def around(self, goals: Sequence[Array], seed: int) -> FoundPath | None:
         """Plan by the planner to any of the goals. None: the budget is spent, or no timing keeps the
         margins."""
-        planner = self._planner or PathPlanner("RRTConnect", self._rrt_connect)
         # A path that grazes between its steps is searched again with smaller ones.
         for attempt, share in enumerate(STEP_SHARES):
-            strides = EdgeSteps(self._model, share)
-            rng = np.random.default_rng([seed, attempt])
-
-            def edge(a: Array, b: Array, strides: EdgeSteps = strides) -> bool:
-                return strides.free(self._free, a, b)
-
-            def between(a: Array, b: Array, strides: EdgeSteps = strides) -> bool:
-                return strides.free(self._free, a, b, ends_free=True)
-
-            path = planner.solve(self._problem(goals, edge, between, rng))
+            problem = self._problem(goals, share, np.random.default_rng([seed, attempt]))
+            path = self._planner.solve(problem)
             if path is None:
                 return None
-            corners = np.array(shortcut_path(path, between, rng))
+            corners = shorten_path(path, problem.edge, problem.between)
             missed = [float(np.abs(goal - corners[-1]).max()) for goal in goals]
-            found = self._timed(corners, planner.name, int(np.argmin(missed)))
+            found = self._timed(np.array(corners), self._planner.name, int(np.argmin(missed)))
             if found is not None:
                 return found
         return None
 
-    def _problem(
-        self, goals: Sequence[Array], edge: EdgeFree, between: EdgeFree, rng: np.random.Generator
-    ) -> SearchProblem:
+    def within(self, budget: CheckBudget) -> JointPlanner:
+        """Return the planner of the same request with another budget."""
+        return JointPlanner(self._model, self._way, self._start, self._scaling, budget)
+
+    def improved(self, found: FoundPath, seed: int) -> FoundPath:
+        """Spend the budget on further searches to the same goal. Returns the shortest path whose trajectory
+        is free: at worst the given one."""
+        problem = self._problem([found.path[-1]], 1.0, np.random.default_rng([seed, len(STEP_SHARES)]))
+        before = list(found.path)
+        path = improve_path(
+            before,
+            lambda: self._plain(problem, MAX_IMPROVING_CHECKS),
+            problem.edge,
+            problem.between,
+            problem.spent,
+        )
+        if path is before:
+            return found
+        # Timing and its check are not part of the budget.
+        return self._timed(np.array(path), found.planner, found.goal) or found
+
+    def _problem(self, goals: Sequence[Array], share: float, rng: np.random.Generator) -> SearchProblem:
+        """Return the search problem with a share of the greatest steps."""
+        strides = EdgeSteps(self._model, share)
+
+        def edge(a: Array, b: Array) -> bool:
+            return strides.free(self._free, a, b)
+
         return SearchProblem(
             np.min([self._model.planned_lower, self._start, *goals], axis=0),
             np.max([self._model.planned_upper, self._start, *goals], axis=0),
@@ -146,7 +171,7 @@ class JointPlanner:
             goals,
             self._free,
             edge,
-            between,
+            lambda a, b: strides.free(self._free, a, b, ends_free=True),
             self._budget.is_spent,
             self._budget.enough(),
             self._budget.left,
@@ -155,20 +180,26 @@ class JointPlanner:
         )
 
     def _rrt_connect(self, problem: SearchProblem) -> Sequence[Array] | None:
+        return self._plain(problem, MAX_PLAIN_CHECKS) or self._retreating(problem)
+
+    def _plain(self, problem: SearchProblem, checks: int) -> list[Array] | None:
+        """Search without retreat paths, with a number of checks at most."""
+        ends = [(q, ()) for q in problem.goals]
+        return self._connected(problem, (problem.start, ()), ends, self._budget.share(checks))
+
+    def _retreating(self, problem: SearchProblem) -> list[Array] | None:
         def rooted(q: Array) -> Rooted:
             return q, problem.retreat(q)
 
+        ends = self._near_first(problem.goals, rooted)
+        return self._connected(problem, rooted(problem.start), ends, self._budget)
+
+    def _connected(
+        self, problem: SearchProblem, start: Rooted, goals: Sequence[Rooted], budget: CheckBudget
+    ) -> list[Array] | None:
         # Start and goals may be nearer to the limits than the planned configurations between them.
-        return rrt_connect(
-            self._model.planned_lower,
-            self._model.planned_upper,
-            rooted(self._start),
-            self._near_first(problem.goals, rooted),
-            problem.edge,
-            problem.between,
-            problem.spent,
-            problem.rng,
-        )
+        limits = self._model.planned_lower, self._model.planned_upper
+        return rrt_connect(*limits, start, goals, problem.edge, problem.between, budget.is_spent, problem.rng)
 
     def _near_first(self, goals: Sequence[Array], rooted: Callable[[Array], Rooted]) -> list[Rooted]:
         nearest = sorted(goals, key=lambda q: float(np.linalg.norm(q - self._start)))

@@ -1,4 +1,5 @@
-"""RRT-Connect between a start and any of several goals, and shortcuts of the found path.
+"""RRT-Connect between a start and any of several goals, shortening of the found path, and its improvement by
+further searches.
 
 Kuffner and LaValle, "RRT-Connect: an efficient approach to single-query path planning", ICRA 2000. The
 nearest node is found by comparing all: in trees of some hundred nodes that costs less than a collision check.
@@ -8,8 +9,9 @@ Both trees may begin with a retreat path from their roots, see `joint_planner`.
 from __future__ import annotations
 
 import math
-from bisect import bisect
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -18,12 +20,24 @@ from .path_search import EdgeFree
 
 MAX_EXTENSION = 1.0
 """Greatest extension of a tree, rad."""
-SHORTCUT_ATTEMPTS = 120
-"""Number of attempts to shorten a path between two random points."""
-MAX_FAILED_SHORTCUTS = 20
-"""Number of failed attempts in a row after which shortening ends."""
-MIN_SHORTCUT_GAIN = 0.02
-"""Share of a path's length below which a shortcut is not tried."""
+NEAR_SHARE = 0.7
+"""Share of the samples from the box that start and goal span: paths there are shorter and found sooner."""
+NEAR_MARGIN = 0.5
+"""Distance by which that box is wider than start and goal, rad."""
+MIN_GAIN = 0.005
+"""Share of a path's length below which a corner is not cut."""
+MIN_MOVE_GAIN = 0.015
+"""Share below which a corner is not moved: that takes the checks of two whole edges."""
+FIRST_CUT = 0.5
+"""First distance from a corner at which it is cut, as a share of the lengths of its two edges together."""
+CUT_REDUCTION = 0.7
+"""Factor on that distance after a cut that was not free."""
+MAX_CORNER_MOVES = 60
+"""Number of attempts to move corners of a path."""
+MOVE_SHARES = (0.5, 0.25)
+"""Shares of the way to the straight line by which a corner is moved in all joints together."""
+MAX_LENGTH_RATIO = 1.3
+"""Ratio of a further path's length to the best one's above which it is not shortened."""
 
 Rooted = tuple[Array, Sequence[Array]]
 """Root (n,) and a chain of configurations that leads away from it by free edges."""
@@ -43,7 +57,7 @@ def rrt_connect(
 
     `edge` checks the second configuration, too; `between` does not.
     """
-    ours, theirs = _Tree([start]), _Tree(goals)
+    ours, theirs, samples = _Tree([start]), _Tree(goals), _Samples(lower, upper, start, goals, rng)
     forward = True
     for end in ours.ends:
         for other in theirs.ends:
@@ -53,7 +67,7 @@ def rrt_connect(
         # The smaller tree grows, so that a tree in a narrow place is not left behind.
         if ours.count > theirs.count:
             ours, theirs, forward = theirs, ours, not forward
-        new = _extend(ours, rng.uniform(lower, upper), edge)
+        new = _extend(ours, samples.draw(), edge)
         if new is None:
             continue
         met = _connect(theirs, ours.points[new], edge, between)
@@ -63,8 +77,11 @@ def rrt_connect(
     return None
 
 
-def shortcut_path(path: list[Array], between: EdgeFree, rng: np.random.Generator) -> list[Array]:
-    """Return a path with the same ends and free edges that is no longer; `between` gets free ends only."""
+def shorten_path(path: list[Array], edge: EdgeFree, between: EdgeFree) -> list[Array]:
+    """Return a path with the same ends and free edges that is no longer.
+
+    Corners are skipped, then cut, then moved towards the straight line between their neighbours.
+    """
     known: dict[tuple[bytes, bytes], bool] = {}
 
     def asked_once(a: Array, b: Array) -> bool:
@@ -73,7 +90,35 @@ def shortcut_path(path: list[Array], between: EdgeFree, rng: np.random.Generator
             known[key] = between(a, b)
         return known[key]
 
-    return _skip_corners(_cut_shortcuts(_skip_corners(path, asked_once), asked_once, rng), asked_once)
+    path = _skip_corners(_cut_corners(_skip_corners(path, asked_once), asked_once), asked_once)
+    return _skip_corners(_move_corners(path, edge, between), asked_once)
+
+
+def path_length(path: Sequence[Array]) -> float:
+    """Return the length of a path, rad."""
+    return sum(_distance(a, b) for a, b in pairwise(path))
+
+
+def improve_path(
+    path: list[Array],
+    search: Callable[[], list[Array] | None],
+    edge: EdgeFree,
+    between: EdgeFree,
+    give_up: Callable[[], bool],
+) -> list[Array]:
+    """Return the shortest of a path and of those that further searches find, shortened, before `give_up`.
+
+    `search` returns another path with the same ends each time, or None where it has spent its own checks.
+    """
+    length = path_length(path)
+    while not give_up():
+        found = search()
+        if found is None or path_length(other := _skip_corners(found, between)) > MAX_LENGTH_RATIO * length:
+            continue
+        other = shorten_path(other, edge, between)
+        if path_length(other) < length:
+            path, length = other, path_length(other)
+    return path
 
 
 class _Tree:
@@ -117,6 +162,27 @@ class _Tree:
         return path
 
 
+class _Samples:
+    """Targets of the trees' growth: near start and goal, and everywhere within the limits."""
+
+    def __init__(
+        self, lower: Array, upper: Array, start: Rooted, goals: Sequence[Rooted], rng: np.random.Generator
+    ) -> None:
+        ends: Array = np.array([goal for goal, _ in goals])
+        self._everywhere = lower, upper
+        self._lower = np.maximum(np.minimum(start[0], ends) - NEAR_MARGIN, lower)
+        self._upper = np.minimum(np.maximum(start[0], ends) + NEAR_MARGIN, upper)
+        self._rng = rng
+
+    def draw(self) -> Array:
+        """Return a configuration (n,)."""
+        lower, upper = self._everywhere
+        if self._rng.random() < NEAR_SHARE:
+            k = int(self._rng.integers(len(self._lower))) if len(self._lower) > 1 else 0
+            lower, upper = self._lower[k], self._upper[k]
+        return self._rng.uniform(lower, upper)
+
+
 def _extend(tree: _Tree, towards: Array, edge: EdgeFree) -> int | None:
     """Add a node at most RANGE from the nearest one, if the edge is free. Returns its number, else None."""
     k, distance = tree.nearest(towards)
@@ -147,32 +213,94 @@ def _skip_corners(path: list[Array], between: EdgeFree) -> list[Array]:
     return kept
 
 
-def _cut_shortcuts(path: list[Array], between: EdgeFree, rng: np.random.Generator) -> list[Array]:
-    """Cut a path short between random points.
+def _cut_corners(path: list[Array], between: EdgeFree) -> list[Array]:
+    """Cut corners off, the one that gains most first, each as far from its tip as is free."""
+    points, shares, left = list(path), [FIRST_CUT] * len(path), MIN_GAIN * path_length(path)
+    cuts: dict[tuple[int, int, int, float], _Cut] = {}
 
-    Geraerts and Overmars, "Creating high-quality paths for motion planning", IJRR 26 (2007).
-    """
-    failed, along = 0, _cumulative_lengths(path)
-    for low, high in np.sort(rng.random((SHORTCUT_ATTEMPTS, 2)), axis=1).tolist():
-        if len(path) < 3 or failed == MAX_FAILED_SHORTCUTS:
+    def cut(k: int) -> _Cut:
+        around = points[k - 1], points[k], points[k + 1]
+        key = id(around[0]), id(around[1]), id(around[2]), shares[k]
+        if key not in cuts:
+            cuts[key] = _cut(*around, shares[k])
+        return cuts[key]
+
+    while len(points) > 2:
+        k = max(range(1, len(points) - 1), key=lambda k: cut(k).gain)
+        best = cut(k)
+        if best.gain < left:
             break
-        low, high = low * along[-1], high * along[-1]
-        i, j = bisect(along, low) - 1, min(bisect(along, high) - 1, len(path) - 2)
-        if i == j:
-            continue
-        a = path[i] + (path[i + 1] - path[i]) * ((low - along[i]) / (along[i + 1] - along[i]))
-        b = path[j] + (path[j + 1] - path[j]) * ((high - along[j]) / (along[j + 1] - along[j]))
-        if high - low - math.sqrt(float((b - a) @ (b - a))) < MIN_SHORTCUT_GAIN * along[-1]:
-            continue
-        if between(a, b):
-            path, failed = [*path[: i + 1], a, b, *path[j + 1 :]], 0
-            along = _cumulative_lengths(path)
+        if between(best.before, best.after):
+            new = [q for q in (best.before, best.after) if q is not points[k - 1] and q is not points[k + 1]]
+            points[k : k + 1] = new
+            shares[k : k + 1] = [FIRST_CUT] * len(new)
         else:
-            failed += 1
-    return path
+            shares[k] *= CUT_REDUCTION
+    return points
 
 
-def _cumulative_lengths(path: list[Array]) -> list[float]:
-    """Return the length of the path up to each point, rad."""
-    steps: Array = np.diff(np.array(path), axis=0)
-    return [0.0, *np.cumsum(np.sqrt(np.einsum("ij,ij->i", steps, steps))).tolist()]
+@dataclass(frozen=True, slots=True, eq=False)
+class _Cut:
+    """Edge that cuts a corner off, from a point before it to one after it, and the length that it saves,
+    rad."""
+
+    gain: float
+    around: tuple[Array, Array, Array]
+    """Corner and its neighbours: they live as long as the cut, so their identities stay unique."""
+    before: Array
+    after: Array
+
+
+def _cut(a: Array, corner: Array, b: Array, share: float) -> _Cut:
+    to_a, to_b = _distance(a, corner), _distance(corner, b)
+    off = share * (to_a + to_b)
+    before = a if off >= to_a else corner + (a - corner) * (off / to_a)
+    after = b if off >= to_b else corner + (b - corner) * (off / to_b)
+    gain = min(off, to_a) + min(off, to_b) - _distance(before, after)
+    return _Cut(gain, (a, corner, b), before, after)
+
+
+def _move_corners(path: list[Array], edge: EdgeFree, between: EdgeFree) -> list[Array]:
+    """Move corners towards the straight line between their neighbours, in all joints or in one of them.
+
+    Geraerts and Overmars, "Creating high-quality paths for motion planning", IJRR 26 (2007): partial
+    shortcuts.
+    """
+    points, left = list(path), MIN_MOVE_GAIN * path_length(path)
+    failed: list[set[int]] = [set() for _ in points]
+    for _ in range(MAX_CORNER_MOVES):
+        moves = [
+            (*_best_move(points[k - 1], points[k], points[k + 1], failed[k]), k)
+            for k in range(1, len(points) - 1)
+        ]
+        gain, number, corner, k = max(moves, key=lambda move: move[0], default=(0.0, 0, path[0], 0))
+        if gain < left:
+            break
+        if edge(points[k - 1], corner) and between(corner, points[k + 1]):
+            points[k] = corner
+            for near in (k - 1, k, k + 1):
+                failed[near].clear()
+        else:
+            failed[k].add(number)
+    return points
+
+
+def _best_move(a: Array, corner: Array, b: Array, failed: set[int]) -> tuple[float, int, Array]:
+    """Return the gain, rad, the number, and the result (n,) of the move of a corner that gains most."""
+    to_a, to_b = _distance(a, corner), _distance(corner, b)
+    straight = a + (b - a) * (to_a / max(to_a + to_b, 1e-12))
+    n = len(corner)
+    moved = np.repeat(corner[None], n + len(MOVE_SHARES), axis=0)
+    moved[np.arange(n), np.arange(n)] = straight
+    for k, share in enumerate(MOVE_SHARES, n):
+        moved[k] += (straight - corner) * share
+    lengths: Array = np.sqrt(np.square(moved - a).sum(axis=1)) + np.sqrt(np.square(moved - b).sum(axis=1))
+    gains = to_a + to_b - lengths
+    gains[list(failed)] = 0.0
+    number = int(gains.argmax())
+    return float(gains[number]), number, moved[number].copy()
+
+
+def _distance(a: Array, b: Array) -> float:
+    along = b - a
+    return math.sqrt(float(along @ along))

@@ -47,7 +47,7 @@ from ..search.goal_configurations import (
     GoalConfiguration,
     GoalSet,
 )
-from ..search.joint_planner import CheckBudget, FoundPath, JointPlanner, load_planner
+from ..search.joint_planner import PLANNER_NAME, CheckBudget, FoundPath, JointPlanner, load_planner
 from ..search.path_search import PathPlanner
 from ..timing.time_parameterization import time_smooth
 
@@ -74,6 +74,8 @@ class RequestSolver:
         self.model = model
         self.collision = CollisionChecker(model, margins, workspace=workspace)
         self.ik = InverseKinematics(model)
+        self.improving = 0
+        """Number of collision checks that may be spent on a shorter path where a search found one."""
         self.finds_nothing = False
         """Whether each request is answered as if no path was found: for injected faults."""
         self._scene = scene
@@ -150,6 +152,8 @@ class RequestSolver:
                 raise self._not_found(begun, [target.q for target in reached])
         finally:
             self.ik.solves += constraints.projections
+        if self.improving and found.planner == PLANNER_NAME and isinstance(planner, JointPlanner):
+            found = planner.within(CheckBudget(self.collision, self.improving)).improved(found, seed)
         checks, index = self.collision.checks - begun.checks, reached[found.goal].index
         return _planned(found.trajectory, PlannedPath(found.path, found.planner, checks, index))
 

@@ -53,7 +53,7 @@ class PathLimits:
     def __init__(self, model: RobotModel, stretches: Sequence[ScaledStretch]) -> None:
         self.jerk: Array = model.acceleration_limit / ACCELERATION_RISE_TIME
         self._model = model
-        self._data = model.arm.createData()
+        self._pool = pin.ModelPool(model.arm, 1)
         self._ends = np.array([stretch.end for stretch in stretches[:-1]])
         self._velocity = np.array([stretch.scaling.velocity for stretch in stretches])
         self._acceleration = np.array([stretch.scaling.acceleration for stretch in stretches])
@@ -127,12 +127,11 @@ class PathLimits:
         return factor
 
     def _weight(self, q: Array) -> Array:
-        arm, data = self._model.arm, self._data
-        return np.array([pin.computeGeneralizedGravity(arm, data, each) for each in q])
+        still = np.zeros_like(q)
+        return self._rnea(q, still, still)
 
     def _rnea(self, q: Array, v: Array, a: Array) -> Array:
-        arm, data = self._model.arm, self._data
-        return np.array([pin.rnea(arm, data, *each) for each in zip(q, v, a, strict=True)])
+        return pin.rneaInParallel(1, self._pool, q.T, v.T, a.T).T
 
     def _left(self, weight: Array) -> Array:
         limit = self._model.torque_limit
