@@ -11,7 +11,7 @@ ROOMS := $(patsubst %/__init__.py,%,$(wildcard */__init__.py))
 RUN := $(VENV)/.ready-run
 DEV := $(VENV)/.ready-dev
 RUN_TAKES := 340 MB to download, 1.4 GB of disk, about a minute
-DEV_TAKES := 760 MB to download, 2.7 GB of disk, about two minutes in all
+DEV_TAKES := 840 MB to download, 2.9 GB of disk, about two minutes in all
 
 # The first interpreter that is a Python 3.11; `make PYTHON=/path/to/python3.11` overrides it.
 version_of = $(shell "$(1)" -c 'import sys; print(*sys.version_info[:2], sep=".")' 2>/dev/null)

@@ -219,9 +219,10 @@ def test(
     page: RobotTestPage = None,
     json: JsonResult = False,
 ) -> None:
-    """Test a robot in physics: masses and limits, home, fingers and tool frame; effort at rest, tracking,
-    braking, a soft retreat, the gripper, the camera's view, and grasps.
+    """Test a robot in physics: its model, motions, gripper, and two grasps.
 
+    The tests: masses, limits, home, fingers, tool frame; effort at rest, tracking, braking, a soft retreat,
+    the gripper, the camera's view. Then a block and a can are grasped.
     What fails says what to change in which file. Exit code 0: all tests are passed; 1: one failed.
     """
     answer = keep_stdout() if json else None

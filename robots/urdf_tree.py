@@ -117,7 +117,7 @@ def read_mesh(path: str, *, merged: bool = True) -> trimesh.Trimesh:
             f"{path}: this kind of mesh cannot be read here ({error}); "
             "or convert it to STL or OBJ, and name that in a copy of the URDF"
         ) from None
-    except (OSError, ValueError, IndexError, KeyError, NotImplementedError) as error:
+    except Exception as error:  # noqa: BLE001 - the library of each format has errors of its own
         raise PicktreeError(f"{path}: the mesh cannot be read: {error}") from None
     mesh = cast("trimesh.Trimesh", loaded)
     if len(mesh.faces) == 0:

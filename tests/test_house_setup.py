@@ -35,10 +35,10 @@ def test_each_library_stands_once() -> None:
     assert sorted(names) == sorted(set(names))
 
 
-def test_development_takes_all_extras_but_the_robots_of_others() -> None:
+def test_development_takes_all_extras() -> None:
     extras = PROJECT["project"]["optional-dependencies"]
     taken = set().union(*(r.extras for r in map(Requirement, extras["dev"]) if r.name == "picktree"))
-    assert taken == extras.keys() - {"dev", "robots"}
+    assert taken == extras.keys() - {"dev"}
 
 
 def test_every_library_is_pinned_within_its_range() -> None:
@@ -118,7 +118,7 @@ def test_says_first_what_it_takes_and_does_it_once(checkout: Checkout) -> None:
     assert checkout.out.startswith(f"Installing what runs need {into} 340 MB to download, ")
     assert checkout.make("setup") == []
     assert checkout.make("dev") == MORE
-    assert checkout.out.startswith(f"Installing what tests and checks need {into} 760 MB to download, ")
+    assert checkout.out.startswith(f"Installing what tests and checks need {into} 840 MB to download, ")
     assert checkout.make("setup", "dev") == []
 
 

@@ -15,6 +15,7 @@ from picktree.errors import PicktreeError
 from picktree.files.marks import FileError
 from picktree.robots.loading import load_robot, parse_robot, robot_names
 from picktree.robots.model import RobotModel
+from picktree.robots.urdf_tree import read_mesh
 from picktree.simulation.physics.robot.robot_body import patched_urdf
 
 URDF = """\
@@ -232,3 +233,33 @@ def test_positions_of_an_arm_that_slides_are_those_of_its_tcp(robot_file: Path) 
     positions = [model.tcp(q).position for q in path]
     np.testing.assert_allclose(model.tcp_positions(path), positions, rtol=0, atol=1e-12)
     assert np.ptp(np.array(positions), axis=0).min() > 0.1
+
+
+def test_a_mesh_that_cannot_be_read_is_one_clear_error(tmp_path: Path) -> None:
+    for name, text in (("broken.dae", "<COLLADA"), ("empty.stl", "solid a\nendsolid a\n"), ("a.xyzw", "1")):
+        (tmp_path / name).write_text(text, encoding="utf-8")
+        with pytest.raises(PicktreeError, match=rf"{name}: the mesh "):
+            read_mesh(str(tmp_path / name))
+
+
+def test_a_mesh_whose_library_is_missing_says_what_would_help(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def no_library(*_: object, **__: object) -> None:
+        raise ImportError("no module named 'collada'")
+
+    monkeypatch.setattr(trimesh, "load", no_library)
+    with pytest.raises(PicktreeError, match="or convert it to STL or OBJ, and name that in a copy"):
+        read_mesh(str(tmp_path / "a.dae"))
+
+
+def test_models_of_an_extra_that_is_not_installed_name_it(tmp_path: Path) -> None:
+    text = load_robot("panda").text.replace("pybullet_data:franka_panda", "compas_fabs:franka_panda")
+    (tmp_path / "arm.yaml").write_text(text, encoding="utf-8")
+    with pytest.raises(FileError, match="there is no installed package 'compas_fabs'"):
+        load_robot(str(tmp_path / "arm.yaml"))
+    sys_path = [folder for folder in sys.path if not (Path(folder) / "compas_fab").is_dir()]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(sys, "path", sys_path)
+        with pytest.raises(FileError, match=r"'compas_fab' \(pip install 'picktree\[robots\]' has it\)"):
+            load_robot("ur10e")

@@ -64,9 +64,9 @@ MAX_STALE_MOTION = 0.1
 class KnuckleGearReaction:
     """Gear reaction between two knuckles, which the wrist reading lacks.
 
-    The engine leaves the gear's torques out of its joint feedback, as if they accelerated the robot: the
-    reading misses the momentum that they would give the hand in a second. It is M⁻¹ of the whole robot, times
-    the gear's torques, seen by the masses beyond the wrist.
+    The engine leaves the gear's torques out of its joint feedback, as if they accelerated the robot. The
+    reading misses the momentum that they would give the hand in a second: M⁻¹ of the whole robot times these
+    torques, summed over the masses of the hand.
     """
 
     def __init__(self, gear: int, robot: RobotDescription, ratio: float, client: int) -> None:
