@@ -365,3 +365,21 @@ def test_an_obstacle_that_turns_out_to_be_two_items_is_none_any_more() -> None:
     assert obstacles(scene)
     look(scene, *two, now=2)
     assert [o.kind for o in scene.objects] == ["can", "can"]
+
+
+@pytest.mark.parametrize(("turn", "high"), [(0.0, 0.2), (0.3, 0.28), (1.2, 0.2)])
+def test_what_comes_beside_the_arm_is_covered_up_to_the_arm(turn: float, high: float) -> None:
+    hand = Robot(Box((0.12, 0.2, 0.15)), Pose((0.52, 0.1, 0.30)))
+    bar = Thing(Box((0.05, 0.2, 0.05)), Pose.from_rpy((0.52, -0.06, high), (0.0, 0.0, turn)), "blue")
+    scene = empty_scene()
+    look(scene, bar, Thing(hand.box, hand.pose, "white"), now=1, robot=hand)
+    assert [str(o.id) for o in scene.objects] == ["obstacle_1"]
+    assert share_covered(scene, bar) > 0.7, "the arm itself hides the rest"
+
+
+def test_a_cable_at_the_arm_is_of_the_arm() -> None:
+    hand = Robot(Box((0.12, 0.2, 0.15)), Pose((0.52, 0.1, 0.30)))
+    cable = Thing(Box((0.03, 0.06, 0.02)), Pose((0.52, -0.02, 0.32)), "white")
+    scene = empty_scene()
+    look(scene, cable, Thing(hand.box, hand.pose, "white"), now=1, robot=hand)
+    assert not obstacles(scene)
