@@ -40,7 +40,7 @@ HELD_DISTANCE = 0.06
 CERTAIN_CONFIDENCE = 0.6
 """Confidence from which a detection is an object of its own, even next to hidden objects."""
 MIN_SHARE_IN_VOLUME = 0.6
-"""Share of its cells in those of an obstacle from which a detection may be a part of it: what leans on an
+"""Share of its cells in those of an obstacle from which a detection may be a part of it. What leans on an
 obstacle or stands close to it has fewer."""
 VOLUME_MARGIN = 0.02
 """Distance beside a detection within which an obstacle's cells may be due to the same item, m: cells reach
@@ -161,7 +161,8 @@ def _outside_volumes(
 ) -> list[Detection]:
     """Leave out the detections that are parts of a believed obstacle, unless a believed item may be there.
 
-    An obstacle whose cells the detections explain, or rays clear, turns out to be items."""
+    An obstacle whose cells the detections explain, or rays clear, turns out to be items.
+    """
     parts: set[int] = set()
     for volume in volumes:
         cells = cells_of(volume)

@@ -26,8 +26,8 @@ HULL_DIRECTIONS = 96
 ATTACHED_PIXELS = 16
 """Distance from the model within which connected pixels belong to the robot, pixels."""
 MAX_STEP_OF_BODY, MIN_BODY_PIXELS = 0.02, 20
-"""Greatest difference in height of neighbouring pixels of one surface, m, and least number of its pixels
-beyond that distance at which it is another body."""
+"""Greatest step in height between neighbouring pixels of one surface, m, and least number of its pixels
+beyond that distance. With as many it is another body."""
 _FAR = 1e6
 MOUNTING_ERROR = 0.015
 """Greatest apparent displacement of the hand by an error of a camera's mounting, m."""

@@ -24,11 +24,11 @@ MAX_SPLIT_MISFIT_SHARE = 0.7
 GOOD_SPLIT_MISFIT = 1.3
 """Misfit below which the search for more parts ends."""
 MAX_NOTCHES = 0.12
-"""Share of notches in its convex hull up to which a blob may be one body, larger than any item: touching
+"""Share of notches in its convex hull up to which a blob may be one body, larger than any item. Touching
 items leave notches between them, unless they are flush."""
 MAX_FLUSH_MISFIT, MAX_FLUSH_SHARED_VOLUME = 0.9, 0.08
 """Greatest misfit of flush items, and greatest share of one's volume inside another. Rows of items measure
-0.5 to 0.85, and 0.04; items that do not add up to one long body measure more, of one of both."""
+0.5 to 0.85, and 0.04; items that do not add up to a long body exceed one of the limits."""
 MIN_STACKED_MISFIT = 2.2
 """Misfit below which a part that stands on the table is not lifted onto others."""
 MAX_PART_MISFIT = 5.5
