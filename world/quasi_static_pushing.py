@@ -120,14 +120,18 @@ class PlanarPushModel:
         """
         parts = [_Slider(shape, at, fixed=True) for shape, at in tool]
         moved: set[str] = set()
+        apart: set[str] = set()
         for round_ in range(MAX_SOLVER_ROUNDS):
-            worst = 0.0
+            worst, most = 0.0, deepest if round_ == 0 else math.inf
             for name, body in self._bodies.items():
-                for part in parts:
-                    depth = _separate(part, body, deepest if round_ == 0 else math.inf)
-                    if depth > MAX_RESIDUAL_DEPTH:
-                        moved.add(name)
-                    worst = max(worst, depth)
+                if name in apart and name not in moved:
+                    continue
+                reached = max([_separate(part, body, most) for part in parts], default=0.0)
+                if reached > MAX_RESIDUAL_DEPTH:
+                    moved.add(name)
+                elif reached == 0.0 and most == math.inf:
+                    apart.add(name)
+                worst = max(worst, reached)
             worst = max(worst, self._among(moved))
             if worst < MAX_RESIDUAL_DEPTH or not moved:
                 break

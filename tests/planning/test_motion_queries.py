@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -79,6 +80,25 @@ def test_what_the_hand_would_touch() -> None:
     tall = item("tall", Box((0.03, 0.03, 0.2)), Pose((0.5, 0.09, 0.1)))
     scene.put(tall, "test")
     assert ("hand", "tall") in {(c.a, c.b) for c in queries.hand_contacts(down(0.5, 0.0, 0.02), 0.0)}
+
+
+def test_the_clearance_of_the_hand_is_that_of_its_nearest_contact() -> None:
+    queries = SceneQueries(MODEL, scene := table_scene())
+    rng = np.random.default_rng(2)
+    for k in range(4):
+        x, y = rng.uniform([0.42, -0.08], [0.58, 0.08])
+        scene.put(item(f"block_{k}", Box((0.04, 0.04, 0.05)), Pose((x, y, 0.025))), "test")
+    met = 0
+    for _ in range(40):
+        tcp = down(*rng.uniform([0.4, -0.1, 0.012], [0.6, 0.1, 0.09]))
+        width, margin = float(rng.uniform(0.0, 0.08)), float(rng.choice([0.003, 0.008]))
+        contacts = queries.hand_contacts(tcp, width, ("block_0",), margin)
+        nearest = contacts[0].distance if contacts else math.inf
+        assert queries.hand_clearance(tcp, width, ("block_0",), margin, -math.inf) == nearest
+        early = queries.hand_clearance(tcp, width, ("block_0",), margin, 0.002)
+        assert (early < 0.002) is (nearest < 0.002)
+        met += nearest < 0.002
+    assert 0 < met < 40
 
 
 def test_bodies_that_just_touch_in_a_symmetric_way_are_measured() -> None:
