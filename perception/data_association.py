@@ -12,9 +12,11 @@ import numpy as np
 
 from ..files.library_parts import library_part
 from ..world.belief.planning_scene import BeliefObject, PlanningScene
+from ..world.shapes import inside
 from ..world.values import ObjectId, Pose
 from .fitting.view import Detection, PerceivedView, UnexplainedPatch
 from .voxels.obstacle_volumes import update_volumes
+from .voxels.space_carving import cell_centres, cells_in_body, cells_of, retained_cells
 
 if TYPE_CHECKING:
     from scipy.optimize import linear_sum_assignment
@@ -37,6 +39,14 @@ HELD_DISTANCE = 0.06
 """Distance from the held object within which a detection of its colour is the held object, m."""
 CERTAIN_CONFIDENCE = 0.6
 """Confidence from which a detection is an object of its own, even next to hidden objects."""
+MIN_SHARE_IN_VOLUME = 0.6
+"""Share of its cells in those of an obstacle from which a detection may be a part of it. What leans on an
+obstacle or stands close to it has fewer."""
+VOLUME_MARGIN = 0.02
+"""Distance beside a detection within which an obstacle's cells may be due to the same item, m: cells reach
+beyond the true surface."""
+MAX_UNEXPLAINED_SHARE = 0.25
+"""Share of an obstacle's cells, beside those of all detections in it, above which it is still there."""
 
 Cost: TypeAlias = Callable[[BeliefObject, Detection], float]
 
@@ -70,6 +80,8 @@ def update_belief(
         held = replace(held, pose=held_at)
     detections = [d for d in view.detections if held is None or not _is_held(held, d)]
     items = [o for o in scene.objects if o.role == "item" and not o.attached]
+    volumes = [o for o in scene.objects if o.role == "obstacle" and not o.attached]
+    detections = _outside_volumes(detections, items, volumes, view)
     matched = _assignment(items, detections, _nearness)
     missing = [o for o in items if o.id not in matched and _is_place_empty(view, o)]
     matched |= _assignment(missing, _unmatched(detections, matched), _displacement)
@@ -139,6 +151,33 @@ def _displacement(item: BeliefObject, detection: Detection) -> float:
 
 def _is_held(held: BeliefObject, detection: Detection) -> bool:
     return detection.colour == held.colour and held.pose.distance(detection.pose) < HELD_DISTANCE
+
+
+def _outside_volumes(
+    detections: Sequence[Detection],
+    items: Sequence[BeliefObject],
+    volumes: Sequence[BeliefObject],
+    view: PerceivedView,
+) -> list[Detection]:
+    """Leave out the detections that are parts of a believed obstacle, unless a believed item may be there.
+
+    An obstacle whose cells the detections explain, or rays clear, turns out to be items.
+    """
+    parts: set[int] = set()
+    for volume in volumes:
+        cells = cells_of(volume)
+        within = [
+            d
+            for d in detections
+            if float(np.isin(cells_in_body(d.shape, d.pose), cells).mean()) > MIN_SHARE_IN_VOLUME
+            and not any(math.isfinite(_nearness(o, d)) for o in items)
+        ]
+        rest = retained_cells(view, cells) if within else cells
+        for d in within:
+            rest = rest[~inside(d.shape, d.pose, cell_centres(rest), VOLUME_MARGIN)]
+        if len(rest) > MAX_UNEXPLAINED_SHARE * len(cells):
+            parts |= {id(d) for d in within}
+    return [d for d in detections if id(d) not in parts]
 
 
 def _is_place_empty(view: PerceivedView, item: BeliefObject) -> bool:

@@ -197,6 +197,18 @@ def _hiding_pixels(
     return hidden
 
 
+def notches(picture: SegmentationInput, blob: Blob) -> float:
+    """Return the share of the blob's convex hull in which something behind or beside it is seen."""
+    x, y, w, h = (int(n) for n in cv2.boundingRect(blob.hull.astype(np.float32)))
+    corners = np.round(blob.hull - (x, y)).astype(np.int32)
+    filled = cv2.fillConvexPoly(np.zeros((h, w), np.uint8), corners, 1)
+    border = cv2.BORDER_CONSTANT  # what the fill has of the pixels beside the hull is no notch
+    inside = cv2.erode(filled, np.ones((3, 3), np.uint8), borderType=border, borderValue=0).astype(np.bool_)
+    inside[blob.patch.rows - y, blob.patch.columns - x] = False
+    beside = int((inside & ~_hiding_pixels(picture, blob.patch, y, x, h, w)).sum())
+    return beside / (beside + blob.area)
+
+
 def _samples(
     picture: SegmentationInput, patch: PixelPatch, inside: NDArray[np.bool_], y: int, x: int
 ) -> tuple[Array, Array]:

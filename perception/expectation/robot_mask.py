@@ -25,6 +25,10 @@ HULL_DIRECTIONS = 96
 """Number of directions; the furthest point in each represents a link's hull."""
 ATTACHED_PIXELS = 16
 """Distance from the model within which connected pixels belong to the robot, pixels."""
+MAX_STEP_OF_BODY, MIN_BODY_PIXELS = 0.02, 20
+"""Greatest step in height between neighbouring pixels of one surface, m, and least number of its pixels
+beyond that distance. With as many it is another body."""
+_FAR = 1e6
 MOUNTING_ERROR = 0.015
 """Greatest apparent displacement of the hand by an error of a camera's mounting, m."""
 HAND_REACH = 0.4
@@ -173,8 +177,8 @@ def add_attached_parts(
 ) -> NDArray[np.bool_]:
     """Add to the mask what is connected to it, higher than `above` m and at most HANGS pixels away.
 
-    These are cables, and parts that the model lacks. Anything that goes on beyond may be a body behind the
-    robot.
+    These are cables, and parts that the model lacks. What goes on beyond, at an even height, is a body beside
+    or behind the robot, and left out as a whole.
     """
     high = known & (height > above) & ~robot
     if not robot.any() or int(high.sum()) < 4:
@@ -185,7 +189,20 @@ def add_attached_parts(
     touched[np.unique(marks[robot])] = True
     kernel = np.ones((2 * ATTACHED_PIXELS + 1, 2 * ATTACHED_PIXELS + 1), dtype=np.uint8)
     near = cv2.dilate(robot.astype(np.uint8), kernel).astype(np.bool_)
-    return touched[marks] & near
+    return touched[marks] & near & ~_bodies(high, height, near)
+
+
+def _bodies(high: NDArray[np.bool_], height: Array, near: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Select the pixels (h, w) of surfaces that go on beyond the `near` ones without a step in height."""
+    kernel = np.ones((3, 3), dtype=np.uint8)
+    highest = cv2.dilate(np.where(high, height, -_FAR), kernel)
+    lowest = cv2.erode(np.where(high, height, _FAR), kernel)
+    even = high & (highest - lowest <= MAX_STEP_OF_BODY)
+    count, found = cv2.connectedComponents(even.astype(np.uint8), connectivity=4)
+    marks = np.asarray(found, dtype=np.intp)
+    goes_on = np.bincount(marks[even & ~near], minlength=count) >= MIN_BODY_PIXELS
+    inner = (goes_on[marks] & even).astype(np.uint8)
+    return cv2.dilate(inner, kernel).astype(np.bool_) & high
 
 
 _MAKERS: Final = (

@@ -3,6 +3,8 @@ reassigned between fits."""
 
 from __future__ import annotations
 
+import itertools
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import cv2
@@ -12,7 +14,7 @@ from numpy.typing import NDArray
 from ...world.shapes import extents, inside, ray_hits
 from ...world.values import Array, Pose
 from ..geometry.silhouette_fitting import StandingPose, silhouette
-from ..segmentation import Blob, Pixels, SegmentationInput, outline_patch
+from ..segmentation import Blob, Pixels, SegmentationInput, notches, outline_patch
 from .item_fitting import Hypothesis, ItemFitter
 
 MAX_PARTS = 4
@@ -21,6 +23,12 @@ MAX_SPLIT_MISFIT_SHARE = 0.7
 """Greatest misfit of a split, as a share of the whole blob's."""
 GOOD_SPLIT_MISFIT = 1.3
 """Misfit below which the search for more parts ends."""
+MAX_NOTCHES = 0.12
+"""Share of notches in its convex hull up to which a blob may be one body, larger than any item. Touching
+items leave notches between them, unless they are flush."""
+MAX_FLUSH_MISFIT, MAX_FLUSH_SHARED_VOLUME = 0.9, 0.08
+"""Greatest misfit of flush items, and greatest share of one's volume inside another. Rows of items measure
+0.5 to 0.85, and 0.04; items that do not add up to a long body exceed one of the limits."""
 MIN_STACKED_MISFIT = 2.2
 """Misfit below which a part that stands on the table is not lifted onto others."""
 MAX_PART_MISFIT = 5.5
@@ -32,8 +40,11 @@ MIN_PART_DISTANCE = 0.010
 MAX_SHARED_VOLUME = 0.3
 """Share of a part's volume inside another part from which one of them does not exist: a leaning item is cut
 into such parts. Estimated poses of items that touch overlap by less."""
-_LATTICE = (np.stack(np.meshgrid(*[np.arange(7)] * 3, indexing="ij"), axis=-1).reshape(-1, 3) + 0.5) / 7.0
-"""Points (343, 3) of the unit cube."""
+_LATTICE, _FINE_LATTICE = (
+    (np.stack(np.meshgrid(*[np.arange(n)] * 3, indexing="ij"), axis=-1).reshape(-1, 3) + 0.5) / n
+    for n in (7, 20)
+)
+"""Points (343, 3) and (8000, 3) of the unit cube."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,6 +60,7 @@ def split_blob(
 ) -> list[BlobPart] | None:
     """Split the blob into items. None when no split explains it clearly better than `misfit`."""
     patch = blob.patch
+    convex = notches(picture, blob) < MAX_NOTCHES
     best: tuple[float, list[BlobPart]] | None = None
     for count in range(2, min(MAX_PARTS, fitter.at_most(blob)) + 1):
         for cut in _cuts(picture, blob, count):
@@ -56,6 +68,8 @@ def split_blob(
             if parts is None:
                 continue
             score = _misfit(parts)
+            if convex and (score > MAX_FLUSH_MISFIT or not _are_flush(parts)):
+                continue
             if best is None or score < 0.9 * best[0]:
                 best = (score, parts)
         if best is not None and best[0] < GOOD_SPLIT_MISFIT:
@@ -165,26 +179,35 @@ def _misfit(parts: list[BlobPart]) -> float:
     return sum(p.hypotheses[0].misfit * p.hypotheses[0].weight for p in parts) / weight
 
 
-def _are_distinct(parts: list[BlobPart]) -> bool:
-    """Return whether the parts can be there together: solid items are not inside each other."""
-    stands = [p.hypotheses[0].stand for p in parts]
+def _are_flush(parts: list[BlobPart]) -> bool:
+    """Return whether hardly any of a part is inside another: only then may there be no notch between them."""
     return all(
-        float(np.linalg.norm(a.centre - b.centre)) > MIN_PART_DISTANCE and not _interlocked(a, b)
-        for i, a in enumerate(stands)
-        for b in stands[i + 1 :]
+        share <= MAX_FLUSH_SHARED_VOLUME for a, b in _pairs(parts) for share in _shares(a, b, _FINE_LATTICE)
     )
 
 
-def _interlocked(one: StandingPose, other: StandingPose) -> bool:
-    """Return whether more than a share of one item, from its middle to its faces, lies in the other."""
-    return any(_share_inside(a, b) > MAX_SHARED_VOLUME for a, b in ((one, other), (other, one)))
+def _are_distinct(parts: list[BlobPart]) -> bool:
+    """Return whether the parts can be there together: solid items are not inside each other."""
+    return all(
+        float(np.linalg.norm(a.centre - b.centre)) > MIN_PART_DISTANCE
+        and max(_shares(a, b, _LATTICE)) <= MAX_SHARED_VOLUME
+        for a, b in _pairs(parts)
+    )
 
 
-def _share_inside(one: StandingPose, other: StandingPose) -> float:
-    """Return the share of an item's volume that lies in the other, by a lattice of points."""
+def _pairs(parts: list[BlobPart]) -> Iterable[tuple[StandingPose, StandingPose]]:
+    return itertools.combinations([part.hypotheses[0].stand for part in parts], 2)
+
+
+def _shares(one: StandingPose, other: StandingPose, lattice: Array) -> tuple[float, float]:
+    """Return the share of each item's volume that lies in the other, by a lattice (n, 3) of points."""
+    return _share_inside(one, other, lattice), _share_inside(other, one, lattice)
+
+
+def _share_inside(one: StandingPose, other: StandingPose, lattice: Array) -> float:
     turn, shape = one.turned, one.rest.entry.shape
     low, high = extents(shape, np.eye(3))
-    local = low + (high - low) * _LATTICE
+    local = low + (high - low) * lattice
     own = local[inside(shape, Pose(), local)]
     there = Pose.from_rotation(other.centre, other.turned)
     return float(inside(other.rest.entry.shape, there, own @ turn.T + one.centre).mean())

@@ -220,8 +220,9 @@ def points_of(picture: SegmentationInput, rows: Pixels, columns: Pixels) -> Arra
     return picture.sight.origin + rays * picture.depth[rows, columns][:, None]
 
 
-PIXEL_HALF_WIDTH = 2.0
-"""Half width of the square that each pixel stands for, pixels: at edges every second pixel is lost."""
+PIXEL_HALF_WIDTH = 1.0
+"""Half width of the square that each pixel stands for, pixels: at edges every second pixel is lost. With 2
+pixels volumes were 5 mm wider all round, with half a pixel 1 % of a post was left out."""
 CLEARING_SIGMAS = 2.5
 """Sigmas of depth noise by which the surface must lie beyond a cell, so that the ray passes the cell."""
 DEPTH_NOISE = 0.002

@@ -6,8 +6,10 @@ import math
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from picktree.perception.data_association import update_belief
+from picktree.perception.fitting.view import Detection
 from picktree.perception.pipeline import Perception
 from picktree.perception.voxels.obstacle_volumes import merge_cells
 from picktree.perception.voxels.space_carving import (
@@ -25,7 +27,9 @@ from picktree.world.values import Array, ObjectId, Pose
 
 from .perception_pictures import (
     BLOCK,
+    BRICK,
     CAN,
+    LYING,
     RED_BIN,
     SCENE,
     Robot,
@@ -280,3 +284,102 @@ def test_a_hull_stands_for_many_blocks_where_it_is_tight() -> None:
     loose = movable_bodies([replace(post, shape=shape, pose=pose, blocks=blocks)])
     assert [b.name for b in loose] == ["obstacle_1"] * len(blocks)
     assert len(blocks) == 2
+
+
+LONG = [
+    standing(Cylinder(0.018, 0.26), 0.46, -0.03, 2.3, "red", lying=True),
+    standing(Cylinder(0.025, 0.36), 0.55, -0.15, 0.4, "blue", lying=True),
+    standing(Cylinder(0.0155, 0.17), 0.4, -0.05, -1.0, "yellow", lying=True),
+    standing(Box((0.20, 0.045, 0.05)), 0.40, -0.2, 0.8, "yellow"),
+    standing(Box((0.28, 0.036, 0.061)), 0.54, -0.05, -0.9, "green"),
+    standing(Box((0.08, 0.08, 0.08)), 0.5, 0.1, 0.5, "green"),
+    standing(Box((0.12, 0.12, 0.04)), 0.45, -0.2, 0.2, "blue"),
+]
+HAND = Robot(Box((0.1, 0.1, 0.1)), Pose((0.52, -0.09, 0.4)))
+
+
+@pytest.mark.parametrize("thing", LONG, ids=lambda t: f"{t.colour} {t.shape}")
+def test_what_is_larger_than_every_item_is_no_row_of_items(thing: Thing) -> None:
+    scene = empty_scene()
+    for now, robot in ((1.0, None), (2.0, HAND), (3.0, None)):
+        update_belief(scene, view_of([thing], scene=scene, seed=int(now), robot=robot), now)
+        assert [o.role for o in scene.objects] == ["obstacle"]
+    assert share_covered(scene, thing) > 0.97
+
+
+def test_flush_items_in_a_row_are_items() -> None:
+    rows = (
+        [standing(BLOCK, 0.40 + 0.0405 * k, -0.1, 0.0, "red") for k in range(4)],
+        [standing(BRICK, 0.50, -0.2 + 0.0305 * k, 0.0, "green") for k in range(3)],
+        [standing(CAN, 0.45, -0.2 + 0.0705 * k, 0.0, "blue", lying=True) for k in range(3)],
+    )
+    for row in rows:
+        view = view_of(row)
+        assert sorted(d.kind for d in view.detections) == sorted(k for k in kinds_of(row))
+        assert not view.unexplained
+
+
+def kinds_of(things: list[Thing]) -> list[str]:
+    return [{BLOCK: "block", BRICK: "brick", CAN: "can"}[thing.shape] for thing in things]  # pyright: ignore[reportArgumentType]
+
+
+PIPE = Thing(Cylinder(0.02, 0.26), Pose((0.45, -0.1, 0.02), LYING.orientation), "red")
+"""A pipe as thick as a can, and 26 cm long."""
+
+
+@pytest.mark.parametrize("at", [(0.45, -0.19, 0.3), (0.45, -0.01, 0.3), (0.43, -0.06, 0.35)])
+def test_a_part_of_a_believed_obstacle_is_no_item(at: tuple[float, float, float]) -> None:
+    """The arm leaves a piece in sight that looks like an item; and so do false detections of any kind."""
+    scene = empty_scene()
+    look(scene, PIPE, now=1)
+    view = view_of([PIPE], scene=scene, seed=2, robot=Robot(Box((0.12, 0.2, 0.1)), Pose(at)))
+    can = standing(CAN, 0.45, -0.12, 0.0, "red", lying=True)
+    false = Detection("can", "cylinder", CAN, "red", can.pose, 0.001, 0.01, 0.9, math.pi)
+    update_belief(scene, replace(view, detections=(*view.detections, false)), 2.0)
+    assert [o.role for o in scene.objects] == ["obstacle"]
+
+
+@pytest.mark.parametrize("colour", ["red", "green"])
+def test_items_beside_and_against_an_obstacle_are_found(colour: str) -> None:
+    items = [
+        standing(BLOCK, 0.45 + 0.02 + 0.022, -0.15, 0.0, "green"),
+        standing(CAN, 0.45 - 0.02 - 0.021, -0.05, 0.0, "green"),
+        standing(BRICK, 0.56, -0.1, 0.5, "red"),
+    ]
+    thing = replace(PIPE, colour="red" if colour == "red" else "white")
+    scene = empty_scene()
+    look(scene, thing, now=1)
+    look(scene, thing, *items, now=2)
+    assert sorted(o.kind for o in scene.objects if o.role == "item") == ["block", "brick", "can"]
+    assert [str(o.id) for o in obstacles(scene)] == ["obstacle_1"]
+    # An item that was there first stays believed though the obstacle has come against it.
+    look(scene, thing, *items, now=3)
+    assert len(scene.objects) == 4
+
+
+def test_an_obstacle_that_turns_out_to_be_two_items_is_none_any_more() -> None:
+    two = [standing(CAN, 0.45, -0.1 + 0.0705 * k, 0.0, "red", lying=True) for k in range(2)]
+    grey = [replace(one, colour="grey") for one in two]
+    scene = empty_scene()
+    look(scene, *grey, now=1)
+    assert obstacles(scene)
+    look(scene, *two, now=2)
+    assert [o.kind for o in scene.objects] == ["can", "can"]
+
+
+@pytest.mark.parametrize(("turn", "high"), [(0.0, 0.2), (0.3, 0.28), (1.2, 0.2)])
+def test_what_comes_beside_the_arm_is_covered_up_to_the_arm(turn: float, high: float) -> None:
+    hand = Robot(Box((0.12, 0.2, 0.15)), Pose((0.52, 0.1, 0.30)))
+    bar = Thing(Box((0.05, 0.2, 0.05)), Pose.from_rpy((0.52, -0.06, high), (0.0, 0.0, turn)), "blue")
+    scene = empty_scene()
+    look(scene, bar, Thing(hand.box, hand.pose, "white"), now=1, robot=hand)
+    assert [str(o.id) for o in scene.objects] == ["obstacle_1"]
+    assert share_covered(scene, bar) > 0.7, "the arm itself hides the rest"
+
+
+def test_a_cable_at_the_arm_is_of_the_arm() -> None:
+    hand = Robot(Box((0.12, 0.2, 0.15)), Pose((0.52, 0.1, 0.30)))
+    cable = Thing(Box((0.03, 0.06, 0.02)), Pose((0.52, -0.02, 0.32)), "white")
+    scene = empty_scene()
+    look(scene, cable, Thing(hand.box, hand.pose, "white"), now=1, robot=hand)
+    assert not obstacles(scene)

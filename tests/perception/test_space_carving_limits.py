@@ -272,13 +272,13 @@ def cells_at(*points: tuple[float, float, float]) -> Array:
     return cell_keys(np.floor(np.array(points) / (0.01, 0.01, 0.02)).astype(np.int64))
 
 
-def test_a_pixel_shows_what_lies_within_two_pixels_of_it() -> None:
+def test_a_pixel_shows_what_lies_within_one_pixel_of_it() -> None:
     view = synthetic_view(raised(0.11, (slice(12, 13), slice(45, 46))))
     step = 0.89 * 0.01
     expected = cells_at(
         *(
             (step * (15 + du), step * (8 + dv), 0.11)
-            for du, dv in ((0, 0), (2, 2), (2, -2), (-2, 2), (-2, -2))
+            for du, dv in ((0, 0), (1, 1), (1, -1), (-1, 1), (-1, -1))
         )
     )
     assert len(expected) == 5
@@ -339,7 +339,7 @@ def test_what_is_not_above_its_support_takes_nothing_up() -> None:
         supports=lambda points: np.where(points[:, 0] < 0.14, 0.12, 0.0),
     )
     cells = cell_indices(occupied_cells(view, [patch_of(pixel)]))
-    assert cells[:, 0].min() == 15  # of the five points those two are above theirs
+    assert cells[:, 0].min() == 14  # of the five points those two are above theirs
     assert len(cells) == 12
     assert len(occupied_cells(view, [])) == 0
 

@@ -222,8 +222,8 @@ def test_what_went_a_little_aside_is_the_same_and_what_is_far_off_another() -> N
     alone = scene_with()
     look(alone, view, (patch,))
     cells = cell_indices(cells_of(alone.objects[0]))
-    assert np.ptp(cells[:, 0]) == 6
-    for by, name in ((1, "obstacle_1"), (2, "obstacle_2")):  # 4.5 and 5.5 cm
+    assert np.ptp(cells[:, 0]) == 4
+    for by, name in ((2, "obstacle_1"), (3, "obstacle_2")):  # 4.5 and 5.5 cm
         for sign in (1, -1):
             scene = scene_with(obstacle(beside(cells, by, sign)))
             look(scene, view, (patch,))
