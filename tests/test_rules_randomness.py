@@ -109,6 +109,33 @@ def test_one_seed_one_digest_in_another_process_with_another_hash_seed(
     assert digests["kinematic"] != digests["physics"]
 
 
+PLANNED_BEFORE = """\
+import sys
+from picktree.session.arithmetic_probe import arithmetic
+if sys.argv[1] == "plan":
+    from picktree.planning.requests import PoseGoal, Request
+    from tests.planning.motion_cell import Cell, Pose, np, shelf_scene
+    left = Pose.from_rpy((0.6, 0.17, 0.4), (0.0, np.pi / 2, 0.0))
+    Cell(shelf_scene(), verify=False).plan.solver.solve(Request(PoseGoal((left,))), 1)
+print(arithmetic().probe["coal"])
+"""
+
+
+def test_what_is_planned_before_a_run_leaves_its_distances_alone() -> None:
+    """The first computation of coal in a process decides the last bits of the later ones."""
+    told = {
+        subprocess.run(
+            [sys.executable, "-c", PLANNED_BEFORE, what],
+            cwd=ROOT,
+            capture_output=True,
+            text=True,
+            check=True,
+        ).stdout
+        for what in ("plan", "nothing")
+    }
+    assert len(told) == 1
+
+
 @pytest.mark.parametrize("backend", BACKENDS)
 def test_neither_a_second_judge_nor_an_onlooker_nor_a_debugger_changes_the_digest(
     backend: Backend, digests: dict[Backend, str], tmp_path: Path
@@ -225,8 +252,8 @@ def test_every_generator_is_keyed() -> None:
         "planning/search/goal_configurations.py": ["np.random.default_rng(seed)"],
         "planning/failures/obstructions.py": ["np.random.default_rng(0)"],
         "planning/search/joint_planner.py": [
-            "np.random.default_rng([seed, attempt])",
             "np.random.default_rng([seed, len(STEP_SHARES)])",
+            "np.random.default_rng([seed, attempt])",
         ],
         # Samples of a robot file that is made; no run depends on them.
         "commissioning/robot_setup/arm_proposals.py": [

@@ -154,6 +154,7 @@ class PlanningWorker:
     def _serve(self, connection: Connection) -> None:
         """Answer orders until the other process closes the connection or ends."""
         signal.signal(signal.SIGINT, signal.SIG_IGN)
+        signal.signal(signal.SIGTERM, signal.SIG_DFL)  # instead of the handler that ends a run
         # An open log would look as if its run still went on when only the worker is left.
         os.closerange(_STANDARD_STREAMS, connection.fileno())
         os.closerange(connection.fileno() + 1, os.sysconf("SC_OPEN_MAX"))

@@ -168,6 +168,12 @@ def test_a_silent_sensor_is_known_though_its_reading_turns_with_the_hand() -> No
     assert (start, end) == (pytest.approx(4.05, abs=0.11), pytest.approx(7.85, abs=0.11))
 
 
+def test_a_sensor_is_not_silent_when_the_arm_rests_between_jerks() -> None:
+    times, rng = np.asarray(0.05 * np.arange(200), np.float64), np.random.default_rng(4)
+    jerks = np.where(((times > 3.0) & (times < 9.0))[:, None], rng.normal(0.0, 8.0, (200, 3)), 0.0)
+    assert not smooth_spans(times, jerks + rng.normal(0.0, 0.05, jerks.shape))
+
+
 class FrozenCamera:
     """Replacement of a camera's `capture`: its picture stands still from a time on, its clock goes on."""
 

@@ -55,13 +55,15 @@ def smooth_spans(times: Array, forces: Array) -> tuple[tuple[float, float], ...]
     """
     bends = np.asarray(np.linalg.norm(np.diff(forces, 2, axis=0), axis=1), np.float64)
     noise = bends[bends > NOISELESS]
-    return _spans(times[:-2], bends < SMOOTH * float(np.median(noise))) if len(noise) else ()
+    return _spans(times[:-2], bends < SMOOTH * float(np.quantile(noise, AT_REST))) if len(noise) else ()
 
 
 NOISELESS = 0.01
 """Second difference of readings below which they have no noise, N."""
+AT_REST = 0.2
+"""Quantile of the second differences that is due to noise alone: most of the others are accelerations."""
 SMOOTH = 0.1
-"""Share of the usual second difference of readings below which they have lost their noise."""
+"""Share of it below which readings have lost their noise."""
 SILENT = 0.25
 """Time without a new reading that counts as silence, s."""
 BIAS = 5.0
