@@ -41,7 +41,7 @@ BLOCK = 10
 COST = 0.3
 """CPU seconds of a problem with one seed: both planners, both judgements, and making the checkers."""
 PUBLISHED = """
-Published, and not comparable line by line:
+Figures of others, not comparable line by line:
   VAMP, `scripts/README.md` of KavrakiLab/vamp: all 700 problems on a Ryzen 9 7950X, search 35 µs in the
     median and 343 µs at p95, simplification 57 and 156 µs, mean length 5.18 rad; 86 µs of search on a machine
     like this one. Vectorised C++, spheres for links, no margin, no timing, no check of a trajectory.
