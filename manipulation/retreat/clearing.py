@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, TypeVar
 import numpy as np
 
 from ...control.commands import ContactThresholds, JointImpedanceResult
-from ...control.safety.motion_lease import above_limit
 from ...planning.requests import DIRECTIONS, ContactPair, Direction, Scaling
 from ...world.causes import Failure
 from ...world.events.skill_events import GaveWayEvent, SafetyAcknowledgedEvent
@@ -105,6 +104,8 @@ class RetreatMotion:
             left = yield from self._stopping(world.move.give_way(self.carried, node=self._node), pressed)
             if left < pressed:
                 break
+        from ...control.safety.motion_lease import above_limit  # slow to import, with pinocchio
+
         felt = float(np.linalg.norm(contact))
         above = above_limit(felt, world.control.monitor.limits.force)
         wrist = f" and {felt:.0f} N at the wrist{above}" if above else ""

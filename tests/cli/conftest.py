@@ -59,6 +59,7 @@ def stage(monkeypatch: pytest.MonkeyPatch) -> Stage:
             self,
             request: dict[str, Any],
             observers: Sequence[object] = (),
+            planning_worker: bool = False,
         ) -> None:
             stage.requests.append(request)
             stage.observers.append([type(each).__name__ for each in observers])

@@ -173,7 +173,7 @@ from conftest import RESULT
 from picktree.cli.app import answer
 
 class Session:
-    def __init__(self, request, observers=()): pass
+    def __init__(self, request, observers=(), planning_worker=False): pass
     def run(self):
         print("printed in Python")
         os.write(1, b"printed in C\\n")

@@ -93,8 +93,7 @@ def off(overhead: Pose = OVERHEAD_OFF, wrist: Pose = HAND_OFF) -> SceneDescripti
 
 
 def grasped(kind: str, *, servo: bool) -> tuple[Cell, BeliefObject, Pose]:
-    """The cell with the arm as it was when the fingers began to close on the item, the item as believed then,
-    and where it truly was."""
+    """Return the cell as the fingers began to close on the item, its belief, and its true pose."""
     cell = Cell(LOOK, off(), "kinematic", 3)
     cell.finish()
     target = next(o for o in cell.world.scene.objects if o.kind == kind)

@@ -94,7 +94,7 @@ trees:
 
 
 def test_its_package_is_found_by_its_entry_point(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    (folder / "my_cell").mkdir()
+    (folder / "my_cell").mkdir(exist_ok=True)
     (folder / "my_cell" / "__init__.py").write_text("")
     (folder / "my_cell" / "skills.py").write_text(FILES["plugins/probe.py"])
     site = folder / "site"

@@ -470,11 +470,22 @@ def test_shipped_scenes_are_read_and_their_logged_text_gives_them_again(name: st
         "thin": 10,
         "tall": 8,
         "calibrating": 0,
+        "self_test": 2,
     }.get(name, 12)
     loads = (*scene.spawn, *(delivery.load for delivery in scene.deliveries))
     assert sum(number for load in loads for _, number in load.counts) == total
     forms = {scene.entry(kind).form for load in loads for kind, _ in load.counts}
-    if name not in ("pegs", "kit", "touching", "fragile", "heavy", "calibrating", "thin", "tall"):
+    if name not in (
+        "pegs",
+        "kit",
+        "touching",
+        "fragile",
+        "heavy",
+        "calibrating",
+        "thin",
+        "tall",
+        "self_test",
+    ):
         assert forms - {"mesh"} == {"box", "cylinder", "sphere", "plate"}
     assert ("mesh" in forms) == name.startswith(("three_bins", "continuous", "belt"))
 

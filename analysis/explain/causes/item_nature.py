@@ -56,6 +56,14 @@ def larger(case: Investigation, failure: FailureStory) -> Finding | None:
     return None
 
 
+def another_size(case: Investigation, true: str) -> Finding | None:
+    """Whether an item that was not recognised truly has another size than its kind."""
+    factor = size_of(case, true, case.truth.tracks[true].times[-1])
+    if 1 / LARGER <= factor <= LARGER:
+        return None
+    return _another_size(case, true, case.name_of(true), factor)
+
+
 def _another_size(case: Investigation, true: str, item: str, factor: float) -> Finding:
     body = case.truth.tracks[true].last
     names = case.believed.get(true, ())

@@ -13,7 +13,7 @@ from ..investigation.case import Investigation
 from ..investigation.explanation import FailureStory, Finding
 from ..investigation.number_wording import between, distance, place, seconds
 from .held_items import held_periods
-from .item_nature import appeared
+from .item_nature import another_size, appeared
 from .item_whereabouts import NOWHERE, never_seen, way_since
 
 BESIDE_IT = 1.0
@@ -25,7 +25,12 @@ PUSHED = 0.35
 def why_not_sorted(case: Investigation, true: str) -> Finding | None:
     """Return why the scorer calls an item left or misplaced; None when the log does not tell."""
     if not case.believed.get(true):
-        return _gone_before_seen(case, true) or appeared(case, true) or never_seen(case, true)
+        return (
+            _gone_before_seen(case, true)
+            or appeared(case, true)
+            or another_size(case, true)
+            or never_seen(case, true)
+        )
     done = _placed(case, true)
     if done is None:
         return _taken(case, true, "") or _set_aside(case, true) or _not_tried(case, true)

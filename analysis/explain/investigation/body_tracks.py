@@ -99,6 +99,13 @@ class BodyTracks:
         found = ((id_, self.at(id_, time)) for id_ in self.tracks)
         return [(id_, body) for id_, body in found if body is not None]
 
+    def about(self, time: float) -> list[tuple[str, BodyRecord]]:
+        """Return all bodies as of `there`, and those that came between that message and the next one."""
+        number = bisect.bisect_right(self.times, time + 1e-6)
+        following = self.times[number] if number < len(self.times) else time
+        came = [t for t in self.tracks.values() if time + 1e-6 < t.times[0] <= following + 1e-6]
+        return [*self.there(time), *((track.id, track.first) for track in came)]
+
     def gone(self, id_: str) -> tuple[float, float] | None:
         """Between which times a body vanished for good, s; None when it is there at the end."""
         track = self.tracks.get(id_)

@@ -21,8 +21,8 @@ OTHER_COLOUR_NEAR = 0.03
 """The same for an item of another colour, m."""
 OTHER_COLOUR, OTHER_KIND = 0.05, 0.02
 """Distances that a difference in colour, or in kind, is worth, m: both may be misjudged."""
-FRESH = 0.06
-"""A belief this young shows the item as the camera saw it, s."""
+FRESH = 0.16
+"""A belief this young shows the item as the camera saw it, s: thinking about it takes up to three ticks."""
 ALIKE = 0.35
 """Share of the mean by which offsets that have one origin may scatter."""
 MIN_COMMON = 0.006
@@ -72,7 +72,7 @@ class Identities:
         return [each for time in sorted(looks) for each in self._assigned(time, looks[time])]
 
     def _assigned(self, time: float, seen: list[tuple[str, BodyRecord]]) -> Iterator[Sighting]:
-        true = self._truth.there(time)
+        true = self._truth.about(time)
         common = common_offset(seen, true)
         cost = np.array([[_unlike(body, other, common) for _, other in true] for _, body in seen])
         pairs: dict[int, int] = {}
