@@ -130,8 +130,8 @@ T = TypeVar("T")
 
 
 NameKind: TypeAlias = Literal["camera", "pose", "bin", "hole", "fixture", "kind", "colour", "planner"]
-"""Kind of name that a text port accepts: a camera, bin, fixture, kind or colour of items, named pose, planner,
-or a hole (also a fixture with holes).
+"""Kind of name that a text port accepts: camera, bin, hole (or fixture with holes), fixture, kind or
+colour of items, named pose, planner.
 
 Where scene and robot are known, only their names are valid.
 """
