@@ -216,7 +216,7 @@ def test_a_worker_ends_with_the_process_that_it_plans_for() -> None:
     with tempfile.TemporaryDirectory() as folder, (Path(folder) / "log").open("w") as log:
         fcntl.flock(log, fcntl.LOCK_EX)
         cell = costly_cell(worker=True)
-        cell.plan.ahead(DEAR)
+        assert cell.plan.ahead(DEAR).ready > 0.0  # an answer: the worker is at work
         child = planning_workers()[-1]
         held = {os.path.realpath(f"/proc/{child.pid}/fd/{n}") for n in os.listdir(f"/proc/{child.pid}/fd")}
         del cell
