@@ -71,6 +71,16 @@ def archive(given: Path | None) -> Path | None:
     return next((place / ARCHIVE for place in PLACES if (place / ARCHIVE).exists()), None)
 
 
+def required_archive(given: Path | None) -> Path | None:
+    """Return the file to read. None: there is none, which is printed."""
+    path = archive(given)
+    if path is not None and path.exists():
+        return path
+    where = "beside the project" if path is None else str(path)
+    print(f"no {ARCHIVE} {where}: nothing to do; --data FOLDER says where it is")
+    return None
+
+
 def problems(path: Path, scene: str, first: int, count: int, model: RobotModel) -> list[Problem]:
     """Return `count` problems of a scene, from the one at index `first` on."""
     texts: dict[tuple[str, int], str] = {}

@@ -70,7 +70,7 @@ class Case:
 
     @property
     def inputs(self) -> tuple[object, ...]:
-        """What a run depends on."""
+        """Inputs that a run depends on."""
         files = (self.mission, self.scene, self.faults, self.plugin)
         return *files, self.backend, self.limit, self.ends, self.at
 

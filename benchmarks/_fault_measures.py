@@ -28,7 +28,7 @@ FLOOR = -0.05
 
 @dataclass(frozen=True, slots=True)
 class Beyond:
-    """By how much a limit of the monitor was exceeded at worst."""
+    """Amount by which a limit of the monitor was exceeded at worst."""
 
     limit: str
     """joint_limit (rad), workspace (m)"""
@@ -171,7 +171,7 @@ class Cell:
 
 
 def measured(measure: Measure, run: Run, cell: Cell) -> Measure:
-    """With what the log tells: when the fault struck, failures, forces, limits."""
+    """Return the measure with what the log tells: when the fault struck, failures, forces, limits."""
     wrenches = np.linalg.norm(run.wrenches.forces, axis=1)
     stops = [at.record.extra for at in run.events if isinstance(at.record, SafetyStopEvent)]
     stopped = [math.hypot(*force) for stop in stops if (force := _force(stop))]
@@ -207,7 +207,7 @@ def struck_at(run: Run) -> float | None:
 def exceeded(
     model: RobotModel, limits: SafetyLimits, positions: Numbers, velocities: Numbers
 ) -> Iterable[Beyond]:
-    """Of the monitor's limits on places, those that were exceeded, and what braking allows for.
+    """Yield the monitor's limits on places that were exceeded, and what braking allows for.
 
     positions, velocities: (ticks, joints), rad, rad/s. A joint that crosses a limit at speed v stands after
     v²/2a; for the tool the time that the slowest joint needs, v/a, at the tool's speed. Both get one tick's

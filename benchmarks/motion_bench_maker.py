@@ -21,7 +21,7 @@ from pathlib import Path
 from statistics import median
 from typing import Any
 
-from _bench_maker import ARCHIVE, SCENES, WANTED, Problem, admitted, archive, beyond_limits, problems
+from _bench_maker import ARCHIVE, SCENES, WANTED, Problem, admitted, beyond_limits, problems, required_archive
 from _campaign import Row, campaign, finished, options, rate
 from _ompl_reference import OmplReference
 from picktree.planning.collision.collision_bodies import CollisionMargins
@@ -204,10 +204,8 @@ def main() -> int:
     parser.add_argument("--seeds", type=int, default=2, metavar="N", help="planner seeds, from --first on; 2")
     parser.add_argument("--data", type=Path, help=f"the folder of {ARCHIVE}, or the file")
     given = parser.parse_args()
-    path = archive(given.data)
-    if path is None or not path.exists():
-        where = "beside the project" if path is None else str(path)
-        print(f"no {ARCHIVE} {where}: nothing to do; --data FOLDER says where it is")
+    path = required_archive(given.data)
+    if path is None:
         return 0
     jobs = [
         Job(scene, begin, min(BLOCK, given.runs - begin), seed, str(path.absolute()))

@@ -17,7 +17,7 @@ import time
 from dataclasses import dataclass
 from pathlib import Path
 
-from _bench_maker import ARCHIVE, SCENES, Problem, admitted, archive, beyond_limits, problems
+from _bench_maker import ARCHIVE, SCENES, Problem, admitted, beyond_limits, problems, required_archive
 from picktree.planning.collision.collision_bodies import CollisionMargins
 from picktree.planning.collision.trajectory_judge import TrajectoryVerifier
 from picktree.planning.requests import DEFAULT_CHECK_BUDGET, JointGoal, Request
@@ -103,10 +103,8 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--data", type=Path, help=f"the folder of {ARCHIVE}, or the file")
     given = parser.parse_args()
-    path = archive(given.data)
-    if path is None or not path.exists():
-        where = "beside the project" if path is None else str(path)
-        print(f"no {ARCHIVE} {where}: nothing to do; --data FOLDER says where it is")
+    path = required_archive(given.data)
+    if path is None:
         return 0
     scenes = given.scene or list(SHOWN)
     planners = [AUTO, *(name for name in given.planner or planner_names() if name != AUTO)]

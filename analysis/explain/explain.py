@@ -1,4 +1,4 @@
-"""Why a run ended as it did, from its log alone."""
+"""Explanation of why a run ended as it did, from its log alone."""
 
 from __future__ import annotations
 

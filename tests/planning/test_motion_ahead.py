@@ -16,7 +16,9 @@ from typing import TypeVar
 import numpy as np
 import pytest
 
+from picktree.errors import PicktreeError
 from picktree.planning.requests import JointGoal, LineGoal, MotionPlan, PlannerOverrides, PoseGoal, Request
+from picktree.planning.service.planning_worker import ChainAnswer, ChainOrder, ChainSolver, PlanningWorker
 from picktree.world.causes import Failure, planning
 from picktree.world.journal import PlanEntry
 from picktree.world.shapes import Box
@@ -210,6 +212,26 @@ def test_a_worker_that_died_is_replaced_by_this_process() -> None:
     for left in planning_workers():
         left.join()
     assert planned_ahead(costly_cell(worker=True), killed=True) == planned_ahead(costly_cell(), killed=False)
+
+
+class Refusing(ChainSolver):
+    """Solver that refuses each order, as a plug-in's planner may."""
+
+    def __init__(self) -> None:
+        pass
+
+    def solve(self, order: ChainOrder) -> ChainAnswer:
+        raise PicktreeError("refused")
+
+
+def test_an_error_of_the_worker_is_told_by_this_process_alone(capfd: pytest.CaptureFixture[str]) -> None:
+    worker, order = PlanningWorker(Refusing), costly_cell().plan.ahead(DEAR).order
+    assert worker.send(order)
+    with pytest.raises(PicktreeError, match=r"^refused$"):
+        worker.receive(order)
+    for each in planning_workers():
+        each.join(30.0)
+    assert capfd.readouterr() == ("", "")
 
 
 def test_a_worker_ends_with_the_process_that_it_plans_for() -> None:

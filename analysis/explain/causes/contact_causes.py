@@ -84,7 +84,7 @@ def _reach(body: BodyRecord) -> float:
 
 
 def _when_seen(case: Investigation, time: float) -> str:
-    """When the robot last looked before it."""
+    """Return when the robot last looked before it."""
     looks = case.events(ImageEvent, start=0.0, end=time)
     return f"it was looked for the last time at {seconds(looks[-1].time)}" if looks else "nobody had looked"
 

@@ -31,7 +31,7 @@ class GripPeriod:
     """One closing of the fingers on something."""
 
     closed: float
-    """When the fingers began to close, s."""
+    """Time at which the fingers began to close, s."""
     force: float
     """The greatest force of a finger, N."""
     load: float
@@ -120,7 +120,7 @@ class HeldPeriod:
     start: float
     end: float
     left: tuple[float, float] | None
-    """Between which times the item left the fingers while it was believed in them, s; None: it did not."""
+    """Times between which the item left the fingers while it was believed in them, s; None: it did not."""
     flung: bool = False
     """Whether it left faster than it can fall."""
     unclear: bool = False
@@ -188,7 +188,7 @@ def _flung(case: Investigation, true: str, before: float, time: float) -> bool |
 
 
 def left_the_hand(case: Investigation, failure: FailureStory) -> Finding | None:
-    """Why an item that was believed in the hand is not there; None when it is, or was never."""
+    """Return why an item that was believed in the hand is not there; None when it is, or was never."""
     if failure.cause not in HOLDING:
         return None
     true = case.pairs.get(failure.item)

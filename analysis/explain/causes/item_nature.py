@@ -10,6 +10,7 @@ from ....world.shapes import extents
 from ..investigation.case import Investigation
 from ..investigation.explanation import FailureStory, Finding, number
 from ..investigation.number_wording import between, counted, place, seconds
+from .item_whereabouts import in_picture
 
 LARGER = 1.08
 """A true size of this many times the catalogue's is another one."""
@@ -57,7 +58,10 @@ def larger(case: Investigation, failure: FailureStory) -> Finding | None:
 
 
 def another_size(case: Investigation, true: str) -> Finding | None:
-    """Whether an item that was not recognised truly has another size than its kind."""
+    """Whether an item that a camera shows, and that was not recognised, has another size than its kind."""
+    cameras = [camera for camera in case.scene.cameras if camera.on == "world"] if case.scene else []
+    if not any(in_picture(camera, case.truth.tracks[true].first) for camera in cameras):
+        return None
     factor = size_of(case, true, case.truth.tracks[true].times[-1])
     if 1 / LARGER <= factor <= LARGER:
         return None

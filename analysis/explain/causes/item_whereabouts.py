@@ -61,7 +61,7 @@ def wrong_location_cause(case: Investigation, failure: FailureStory) -> Finding 
 
 
 def _reached(case: Investigation, failure: FailureStory) -> float:
-    """When the fingers closed, else when it failed."""
+    """Return when the fingers closed, else when it failed."""
     visit = case.visit(failure)
     grip = grip_within(case, visit.start, failure.time) if failure.cause.startswith("grasp.") else None
     return failure.time if grip is None else grip.closed
@@ -117,13 +117,13 @@ def _moved(
 
 
 def _settled(case: Investigation, item: str, until: float) -> float:
-    """Since when the belief has had the item where it has it at that time, s."""
+    """Return since when the belief has had the item where it has it at that time, s."""
     changes = [at.time for at in case.changes(item, end=until)]
     return changes[-1] if changes else 0.0
 
 
 def way_since(case: Investigation, true: str, seen: float, until: float) -> ItemDisplacement | None:
-    """How a true item moved away between two times, if it did; None for one that was carried."""
+    """Return how a true item moved away between two times, if it did; None for one that was carried."""
     track = case.truth.tracks[true]
     bodies = [
         (t, b) for t, b in zip(track.times, track.bodies, strict=True) if seen <= t <= until + case.sampled

@@ -18,7 +18,7 @@ from .held_items import held_periods
 
 
 def run_ended(case: Investigation, outcome: ExplainedOutcome) -> Finding | None:
-    """Why the run ended when that was not the mission's doing."""
+    """Return why the run ended when that was not the mission's doing."""
     match outcome.status:
         case "timeout":
             running = [v for v in case.family.visits if v.outcome == "RUNNING"]

@@ -73,7 +73,7 @@ def after_wrong_bin(case: Investigation, failure: FailureStory) -> Finding | Non
 
 
 def placed_at(case: Investigation, true: str) -> float | None:
-    """When it was last placed somewhere, as the robot believed; None when it never was."""
+    """Return when it was last placed somewhere, as the robot believed; None when it never was."""
     done = _placed(case, true)
     return None if done is None else done[0]
 

@@ -1,4 +1,4 @@
-"""Where things were over a run: as the robot believed, and as they truly were, for the analyst only."""
+"""Places of things over a run: as the robot believed, and as they truly were, for the analyst only."""
 
 from __future__ import annotations
 
@@ -38,19 +38,19 @@ class BodyTrack:
 
     @property
     def last_speed(self) -> float:
-        """Between the last two messages, m/s; 0 when there is only one."""
+        """Speed between the last two messages, m/s; 0 when there is only one."""
         if len(self.times) < 2:
             return 0.0
         way = math.dist(self.bodies[-1].pose.position, self.bodies[-2].pose.position)
         return way / max(self.times[-1] - self.times[-2], 1e-3)
 
     def before(self, time: float) -> BodyRecord | None:
-        """As of the last message at `time` or before that had it."""
+        """Return the body as of the last message at `time` or before that had it."""
         number = bisect.bisect_right(self.times, time + 1e-6)
         return self.bodies[number - 1] if number else None
 
     def after(self, time: float) -> BodyRecord | None:
-        """As of the first message at `time` or after that had it."""
+        """Return the body as of the first message at `time` or after that had it."""
         number = bisect.bisect_left(self.times, time - 1e-6)
         return self.bodies[number] if number < len(self.bodies) else None
 
@@ -107,7 +107,7 @@ class BodyTracks:
         return [*self.there(time), *((track.id, track.first) for track in came)]
 
     def gone(self, id_: str) -> tuple[float, float] | None:
-        """Between which times a body vanished for good, s; None when it is there at the end."""
+        """Return the times between which a body vanished for good, s; None when it is there at the end."""
         track = self.tracks.get(id_)
         if track is None or not self.times or track.times[-1] >= self.times[-1] - 1e-6:
             return None

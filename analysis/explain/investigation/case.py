@@ -166,8 +166,10 @@ class Investigation:
         return found
 
     def gone(self, true: str) -> tuple[float, float] | None:
-        """Between which times a true item vanished, s; None when it is there at the end, or when it was taken
-        away with its bin."""
+        """Return the times between which a true item vanished, s.
+
+        None when it is there at the end, or when it was taken away with its bin.
+        """
         return None if true in self.departed else self.truth.gone(true)
 
     @cached_property
@@ -202,7 +204,7 @@ class Investigation:
         ]
 
     def name_of(self, true: str) -> str:
-        """How a reader knows a true item: by its believed name, else by what it is."""
+        """Return how a reader knows a true item: by its believed name, else by what it is."""
         names = self.believed.get(true, ())
         if names:
             return names[0]
