@@ -56,12 +56,16 @@ def pytest_configure(config: pytest.Config) -> None:
 
 @pytest.hookimpl(wrapper=True)
 def pytest_collection() -> Generator[None, object, object]:
-    """Collect without looking for garbage: all that comes to be stays until the end."""
+    """Collect without looking for garbage: all that comes to be stays until the end.
+
+    Afterwards garbage is looked for more seldom than usual: it took a tenth of the time.
+    """
     gc.disable()
     try:
         return (yield)
     finally:
         gc.freeze()
+        gc.set_threshold(10_000, 10, 10)
         gc.enable()
 
 
