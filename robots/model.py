@@ -134,9 +134,7 @@ class RobotModel:
 
     def mass_matrix(self, q: Array) -> Array:
         """Return the joint-space inertia (n, n), kg·m²."""
-        upper: Array = np.triu(pin.crba(self.arm, self._data, q))
-        strictly_lower: Array = np.triu(upper, 1).T
-        return upper + strictly_lower
+        return pin.crba(self.arm, self._data, q).copy()
 
     def forward_dynamics(self, q: Array, v: Array, tau: Array, wrench_at_tcp: Array | None = None) -> Array:
         """Return the acceleration (n,) under torques and a wrench (6,) *on* the TCP: force, torque in

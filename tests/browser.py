@@ -21,7 +21,10 @@ FLAGS = (
     "--enable-unsafe-swiftshader",  # WebGL without a graphics card
     "--use-angle=swiftshader",
     "--ignore-gpu-blocklist",
+    "--disable-gpu-compositing",  # what is no WebGL is drawn without its emulation
 )
+_EMULATED = "GL Driver Message"
+"""Part of the warnings about the pace of emulated WebGL."""
 READY = "html[data-ready=yes]"
 PATIENCE = 300.0
 """Wall seconds after which something that is waited for will not come, however busy the machine is."""
@@ -75,7 +78,14 @@ class Chromium:
         page = context.new_page()
         if script:
             page.add_init_script(script)
-        page.on("console", lambda m: told.problems.append(m.text) if m.type in ("error", "warning") else None)
+        page.on(
+            "console",
+            lambda m: (
+                told.problems.append(m.text)
+                if m.type in ("error", "warning") and _EMULATED not in m.text
+                else None
+            ),
+        )
         page.on("pageerror", lambda error: told.problems.append(str(error)))
         page.on(
             "request", lambda r: told.requests.append(r.url) if not r.url.startswith((own, "blob:")) else None

@@ -17,7 +17,7 @@ import pytest
 from picktree.files.shipped_files import rooms
 
 from .commands import call
-from .house.figures import figures, folder_sizes, lone_folders, long_modules
+from .house.figures import docstring_figures, folder_sizes, lone_folders, long_modules
 from .house.source import House, When, circles, own_house
 from .rooms import PACKAGES, PROJECT, ROOMS, ROOT
 
@@ -82,7 +82,7 @@ def test_files_and_folders_are_read_at_a_sitting(house: House) -> None:
 
 def test_docstrings_get_no_more_obscure(house: House) -> None:
     """They begin with a verb or a noun, and their first sentence has 25 words at most."""
-    found = figures(house)["docstrings"]
+    found = docstring_figures(house)
     assert found["docstrings"] > 8000
     assert found["obscure first word"] == 0
     assert found["first sentence of more than 25 words"] <= 1

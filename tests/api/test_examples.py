@@ -15,7 +15,9 @@ from pathlib import Path
 import pytest
 
 import picktree as pt
+from picktree.batch.workers import local_executor
 
+from ..commands import forked_worker
 from ..rooms import ROOT
 from .notebook import code_cells
 
@@ -50,7 +52,9 @@ def test_program(program: Path, capsys: pytest.CaptureFixture[str], empty_folder
     assert printed or {file.suffix for file in empty_folder.iterdir()} == {".png"}
 
 
-def test_document(empty_folder: Path) -> None:
+def test_document(empty_folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its batch has a forked worker; the program `compare` starts one as anybody does."""
+    monkeypatch.setattr(local_executor, "_started", forked_worker)
     shutil.copytree(ROOT / "examples" / "plugins", empty_folder / "plugins")
     text = (ROOT / "docs" / "python.md").read_text(encoding="utf-8")
     blocks = re.findall(r"^```python\n(.*?)^```", text, re.MULTILINE | re.DOTALL)

@@ -48,6 +48,7 @@ FOUND = {
 }
 
 
+@pytest.mark.slow
 def test_jobs_that_end_their_process_cost_themselves_alone(tmp_path: Path, workers: LocalExecutor) -> None:
     mission = troubled(tmp_path, ENDS, endless=11, picking=True)
     limits = JobLimits(memory=700_000_000, disk=50_000_000, simulated=60.0)
@@ -74,6 +75,7 @@ def test_jobs_that_end_their_process_cost_themselves_alone(tmp_path: Path, worke
     assert not list((tmp_path / "batch/jobs").glob("*/tmp"))
 
 
+@pytest.mark.slow
 def test_a_job_that_hangs_is_ended_and_says_where(tmp_path: Path, worker: Executor) -> None:
     """Its second try gives what it gives alone; `test_jobs_that_end_their_process` has two lost tries."""
     hanging = 'if not (HERE / "hung").exists():\n    (HERE / "hung").touch()\n    time.sleep(600)'

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import shutil
@@ -27,6 +28,7 @@ from picktree.cli.app import answer
 from picktree.errors import PicktreeError
 from picktree.logs.optional_libraries import install_command
 
+from ..benchmarks.test_campaign import BENCHMARKS, PROGRAM
 from ..commands import until
 from ..needs import RAY, needs
 from .processes import alive, below, name
@@ -232,6 +234,16 @@ def test_a_node_with_another_picktree_is_refused(
     assert two.slots == 2
 
 
+def test_a_campaign_runs_on_a_cluster(cluster: str, tmp_path: Path) -> None:
+    squares = tmp_path / "squares.py"
+    squares.write_text(PROGRAM.format(benchmarks=str(BENCHMARKS), place=str(tmp_path)))
+    options = ["--ray", cluster, "--workers", "1", "--out", str(tmp_path / "results")]
+    done = subprocess.run([sys.executable, squares, *options], capture_output=True, text=True, check=False)
+    assert done.stdout == "[0, 1]\n", done.stderr
+    lines = (tmp_path / "results" / "results.jsonl").read_text().splitlines()
+    assert [json.loads(line)["row"] for line in lines] == [{"seed": n, "square": n * n} for n in range(2)]
+
+
 def test_the_sources_of_a_worker_are_those_of_its_runs_and_of_batches() -> None:
     found = set(installed().sources)
     assert {
@@ -331,7 +343,9 @@ def _ip(words: str) -> str:
 
 
 @pytest.mark.slow
-def test_a_node_that_is_lost_costs_its_jobs_one_try(tmp_path: Path, cluster: str) -> None:
+def test_a_node_that_is_lost_costs_its_jobs_one_try(tmp_path: Path, cluster: str, two: RayExecutor) -> None:
+    """It comes last: the cluster goes on looking for the node for a minute."""
+    two.close()  # its workers would take the CPU of a node that joins
     doing = """
         if once(seed):
             while not (HERE / "go").exists():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -20,7 +21,7 @@ from picktree.batch.results.tables import (
     PlantedRow,
 )
 
-from ..browser import Chromium
+from ..browser import Chromium, Told
 from ..needs import CHROMIUM, needs
 from .test_store import ITEMS, MISSED, SLIP, SUCCESS
 
@@ -82,64 +83,74 @@ def texts(page: Any, selector: str) -> list[str]:
     return [text.strip() for text in page.locator(selector).all_text_contents() if text.strip()]
 
 
-def test_it_says_what_came_of_the_batch_without_a_word_or_a_request(report: Path, chromium: Chromium) -> None:
-    with chromium.page(report) as (page, told):
-        assert page.title() == "Batch grip"
-        assert page.locator("#subtitle").inner_text() == (
-            "23 of 24 jobs run, goal reached 19 of 23 (82.6 %, 62.9 … 93.0 %)"
-        )
-        first = page.locator("#recipes tbody tr").first.locator("td").all_inner_texts()
-        assert first == [
-            "Grasp.force=1.5 N", "12", "66.7 % (39.1 … 86.2 %)", "83.3 % (64.1 … 93.3 %)",
-            "66.7 % (39.1 … 86.2 %)", "687 (600 … 720)", "0",
-        ]  # fmt: skip
-        for figure in ("success", "rates", "phases", "causes", "forms", "colours", "places"):
-            assert page.locator(f"#{figure} svg").count() >= 1, figure
-        # Pareto: causes in order, and the line's shares.
-        pareto = texts(page, "#causes svg text")
-        assert [t for t in pareto if "." in t] == ["grasp.slipped", "world.lost"]
-        assert [t for t in pareto if t.endswith(" %")] == ["67 %", "100 %"]
-        cures = page.locator("#cures table").first.locator("tbody tr")
-        assert [cures.nth(n).locator("td").all_inner_texts() for n in range(cures.count())] == [
-            ["world.lost", "4", "0.0 % (0.0 … 49.0 %)", "–", "40", "nobody, 4 times"],
-            ["grasp.slipped", "4", "100.0 % (51.0 … 100.0 %)", "1.0", "10", "LookAgain 4 of 4"],
-        ]
-        planted = page.locator("#cures table.planted tbody td").all_inner_texts()
-        assert planted == ["slip", "4", "4 grasp.slipped, cured"]
-        assert texts(page, "#phases figure span")[:2] == ["observe", "think"]
-        assert (told.problems, told.requests) == ([], [])
+@pytest.fixture(scope="module")
+def desk(report: Path, chromium: Chromium) -> Iterator[tuple[Any, Told]]:
+    """One page for most tests: loading it costs more than they do."""
+    with chromium.page(report) as opened:
+        yield opened
 
 
-def test_root_causes_stand_with_the_goals_that_they_cost_and_a_typical_job(
-    report: Path, chromium: Chromium
-) -> None:
-    with chromium.page(report) as (page, _):
-        rows = page.locator("#roots tbody tr")
-        assert [rows.nth(n).locator("td").all_inner_texts() for n in range(rows.count())] == [
-            ["perception.mistaken", "3", "3", "seed 3, Grasp.force=1.5 N\n4.00 s: slipped"],
-            ["item.slippery", "2", "1", "seed 0, Grasp.force=1.5 N\n4.00 s: slipped"],
-        ]
-        assert (
-            page.locator("#worst li")
-            .nth(1)
-            .inner_text()
-            .startswith("incomplete seed 3, Grasp.force=1.5 N, 1 item not sorted perception.mistaken")
-        )
-        page.get_by_role("radio", name=LABELS[1]).check()
-        assert rows.locator("td").all_inner_texts() == ["item.slippery", "1", "0", "seed 8, Grasp.force=30 N"]
+@pytest.fixture
+def page(desk: tuple[Any, Told]) -> Iterator[Any]:
+    """Page of all recipes; its errors and requests fail the test."""
+    page, told = desk
+    page.get_by_role("radio", name="all recipes").check()
+    yield page
+    assert (told.problems, told.requests) == ([], [])
 
 
-def test_what_is_below_the_choice_is_of_the_chosen_recipe(report: Path, chromium: Chromium) -> None:
-    with chromium.page(report) as (page, _):
-        missed = "#places g[aria-label=text] text"
-        assert texts(page, "#choice label") == ["all recipes", *LABELS]
-        assert texts(page, missed) == ["4"]  # beside it every item was sorted
-        page.get_by_role("radio", name=LABELS[1]).check()
-        assert texts(page, "#causes") == texts(page, "#cures") == ["Nothing failed."]
-        assert texts(page, missed) == []
-        page.get_by_role("radio", name=LABELS[0]).check()
-        assert page.locator("#causes svg").count() >= 1
-        assert texts(page, missed) == ["4"]
+def test_it_says_what_came_of_the_batch_without_a_word_or_a_request(page: Any) -> None:
+    assert page.title() == "Batch grip"
+    assert page.locator("#subtitle").inner_text() == (
+        "23 of 24 jobs run, goal reached 19 of 23 (82.6 %, 62.9 … 93.0 %)"
+    )
+    first = page.locator("#recipes tbody tr").first.locator("td").all_inner_texts()
+    assert first == [
+        "Grasp.force=1.5 N", "12", "66.7 % (39.1 … 86.2 %)", "83.3 % (64.1 … 93.3 %)",
+        "66.7 % (39.1 … 86.2 %)", "687 (600 … 720)", "0",
+    ]  # fmt: skip
+    for figure in ("success", "rates", "phases", "causes", "forms", "colours", "places"):
+        assert page.locator(f"#{figure} svg").count() >= 1, figure
+    # Pareto: causes in order, and the line's shares.
+    pareto = texts(page, "#causes svg text")
+    assert [t for t in pareto if "." in t] == ["grasp.slipped", "world.lost"]
+    assert [t for t in pareto if t.endswith(" %")] == ["67 %", "100 %"]
+    cures = page.locator("#cures table").first.locator("tbody tr")
+    assert [cures.nth(n).locator("td").all_inner_texts() for n in range(cures.count())] == [
+        ["world.lost", "4", "0.0 % (0.0 … 49.0 %)", "–", "40", "nobody, 4 times"],
+        ["grasp.slipped", "4", "100.0 % (51.0 … 100.0 %)", "1.0", "10", "LookAgain 4 of 4"],
+    ]
+    planted = page.locator("#cures table.planted tbody td").all_inner_texts()
+    assert planted == ["slip", "4", "4 grasp.slipped, cured"]
+    assert texts(page, "#phases figure span")[:2] == ["observe", "think"]
+
+
+def test_root_causes_stand_with_the_goals_that_they_cost_and_a_typical_job(page: Any) -> None:
+    rows = page.locator("#roots tbody tr")
+    assert [rows.nth(n).locator("td").all_inner_texts() for n in range(rows.count())] == [
+        ["perception.mistaken", "3", "3", "seed 3, Grasp.force=1.5 N\n4.00 s: slipped"],
+        ["item.slippery", "2", "1", "seed 0, Grasp.force=1.5 N\n4.00 s: slipped"],
+    ]
+    assert (
+        page.locator("#worst li")
+        .nth(1)
+        .inner_text()
+        .startswith("incomplete seed 3, Grasp.force=1.5 N, 1 item not sorted perception.mistaken")
+    )
+    page.get_by_role("radio", name=LABELS[1]).check()
+    assert rows.locator("td").all_inner_texts() == ["item.slippery", "1", "0", "seed 8, Grasp.force=30 N"]
+
+
+def test_what_is_below_the_choice_is_of_the_chosen_recipe(page: Any) -> None:
+    missed = "#places g[aria-label=text] text"
+    assert texts(page, "#choice label") == ["all recipes", *LABELS]
+    assert texts(page, missed) == ["4"]  # beside it every item was sorted
+    page.get_by_role("radio", name=LABELS[1]).check()
+    assert texts(page, "#causes") == texts(page, "#cures") == ["Nothing failed."]
+    assert texts(page, missed) == []
+    page.get_by_role("radio", name=LABELS[0]).check()
+    assert page.locator("#causes svg").count() >= 1
+    assert texts(page, missed) == ["4"]
 
 
 def test_a_job_tells_of_itself_and_the_worst_lead_on(report: Path, chromium: Chromium) -> None:
@@ -168,15 +179,14 @@ def test_a_job_tells_of_itself_and_the_worst_lead_on(report: Path, chromium: Chr
         assert page.title() == "the run"
 
 
-def test_pointing_at_a_figure_tells_the_numbers(report: Path, chromium: Chromium) -> None:
-    with chromium.page(report) as (page, _):
-        page.locator("#success circle").first.hover(force=True)
-        page.wait_for_timeout(200)
-        assert "8 of 12, 39.1 … 86.2 %" in " ".join(texts(page, "#success g[aria-label=tip] text"))
-        page.locator("#places g[aria-label=rect] rect").first.hover(force=True)
-        page.wait_for_timeout(200)
-        told = " ".join(texts(page, "#places g[aria-label=tip] text"))
-        assert "23 of 23 sorted" in told and "0.40 … 0.45 m" in told
+def test_pointing_at_a_figure_tells_the_numbers(page: Any) -> None:
+    page.locator("#success circle").first.hover(force=True)
+    page.wait_for_timeout(200)
+    assert "8 of 12, 39.1 … 86.2 %" in " ".join(texts(page, "#success g[aria-label=tip] text"))
+    page.locator("#places g[aria-label=rect] rect").first.hover(force=True)
+    page.wait_for_timeout(200)
+    told = " ".join(texts(page, "#places g[aria-label=tip] text"))
+    assert "23 of 23 sorted" in told and "0.40 … 0.45 m" in told
 
 
 @pytest.mark.parametrize("dark", [False, True])

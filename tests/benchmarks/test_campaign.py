@@ -17,6 +17,7 @@ from typing import Any
 
 import pytest
 
+from picktree.batch.cluster import ray_executor
 from picktree.batch.workers.executor import Event, JobFailed, JobFinished, JobOrder
 
 BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
@@ -213,8 +214,14 @@ def test_two_campaigns_do_not_share_a_folder(squares: Squares) -> None:
         assert squares.run()[1].endswith("results: another process runs this campaign\n")
 
 
-def test_a_campaign_runs_on_a_ray_cluster(squares: Squares) -> None:
-    pytest.importorskip("ray")
-    done = subprocess.run(squares.command("--ray", "local"), capture_output=True, text=True, check=False)
-    assert done.stdout == "[0, 1]\n", done.stderr
-    assert [line["row"] for line in squares.lines()] == [{"seed": n, "square": n * n} for n in range(2)]
+@pytest.mark.parametrize(("option", "address"), [("local", None), ("10.0.0.1:6379", "10.0.0.1:6379")])
+def test_a_campaign_takes_the_ray_cluster_of_its_option(
+    program: Callable[[str], ModuleType],
+    monkeypatch: pytest.MonkeyPatch,
+    option: str,
+    address: str | None,
+) -> None:
+    """`tests/batch/test_ray.py` runs one on a cluster."""
+    monkeypatch.setattr(ray_executor, "RayExecutor", lambda *given: given)
+    given = program("_campaign").options(__file__, "", runs=1).parse_args(["--ray", option, "--workers", "3"])
+    assert program("_campaign").executor(given) == (3, address)

@@ -65,15 +65,17 @@ class CallRecord:
 
 
 class CallCounter:
-    """Counter of the calls on this thread between `start` and `stop`."""
+    """Counter of the calls on this thread between `start` and `stop`; one that is off costs no time."""
 
-    def __init__(self) -> None:
+    def __init__(self, *, on: bool = True) -> None:
         self._profile = cProfile.Profile()
+        self._on = on
 
     def start(self) -> None:
         gc.collect()
         gc.disable()
-        self._profile.enable()
+        if self._on:
+            self._profile.enable()
 
     def stop(self) -> None:
         self._profile.disable()
@@ -99,13 +101,11 @@ def room_of(code: CodeType | str) -> str:
     return file.relative_to(ROOT).parts[0]
 
 
-def run_calls(golden: str, out: Path) -> dict[str, int]:
-    """Count the calls of a golden run, from its first tick to its result."""
+def golden_run(golden: str, out: Path, counter: CallCounter) -> None:
+    """Execute a golden run. The counter is on from its first tick to its result."""
     from picktree.session.observer import Observer
     from picktree.session.session import Session
     from tests.golden.runs import GOLDEN
-
-    counter = CallCounter()
 
     class Counting(Observer):
         def started(self, run: object, folder: Path) -> None:
@@ -115,32 +115,35 @@ def run_calls(golden: str, out: Path) -> dict[str, int]:
             counter.stop()
 
     Session(GOLDEN[golden].request(out), observers=[Counting()]).run()
-    return counter.by_room()
 
 
-def command_calls(*words: str) -> dict[str, int]:
-    """Count the calls of a command line."""
+def command(counter: CallCounter, *words: str) -> None:
+    """Execute a command line."""
     from picktree.cli.app import answer
 
-    counter = CallCounter()
     with Path(os.devnull).open("w", encoding="utf-8") as nowhere, redirect_stdout(nowhere):
         counter.start()
         answer(words)
         counter.stop()
-    return counter.by_room()
 
 
 def counted(folder: Path) -> dict[str, dict[str, int]]:
     """Count the calls of each run and command in this process; logs go into the folder."""
     jam = folder / "jam"
-    works: dict[str, Callable[[], dict[str, int]]] = {
-        "pick": lambda: run_calls("pick", folder),
-        "kinematic": lambda: run_calls("kinematic", folder),
-        "check": lambda: command_calls("check", str(ROOT / "examples" / "sort_tirelessly.yaml")),
-        "explain": lambda: command_calls("explain", str(next(jam.iterdir()))),
+    works: dict[str, Callable[[CallCounter], None]] = {
+        "pick": lambda counter: golden_run("pick", folder, counter),
+        "kinematic": lambda counter: golden_run("kinematic", folder, counter),
+        "check": lambda counter: command(counter, "check", str(ROOT / "examples" / "sort_tirelessly.yaml")),
+        "explain": lambda counter: command(counter, "explain", str(next(jam.iterdir()))),
     }
-    run_calls("jam", jam)
-    return {name: (work(), work())[1] for name, work in works.items()}
+    golden_run("jam", jam, CallCounter(on=False))
+    found: dict[str, dict[str, int]] = {}
+    for name, work in works.items():
+        work(CallCounter(on=False))
+        counter = CallCounter()
+        work(counter)
+        found[name] = counter.by_room()
+    return found
 
 
 @contextmanager

@@ -9,6 +9,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
+from .source import nested
+
 OBSCURE_FIRST_WORDS = frozenset(
     ("Of", "What", "Who", "Whoever", "That", "With", "By", "From", "In", "On", "To", "For", "Upon")
 )
@@ -63,7 +65,7 @@ def docstrings(tree: ast.Module) -> list[Docstring]:
 
 def _below(node: ast.AST, *, attributes: bool) -> Iterator[Docstring]:
     """Yield the docstrings in the statements of a node. `attributes`: they are in no function."""
-    for child in ast.iter_child_nodes(node):
+    for child in nested(node):
         match child:
             case ast.ClassDef():
                 yield from _of_suite(child.body[:1])

@@ -8,7 +8,7 @@ from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
-from .source import House, Module
+from .source import House, Module, nested
 
 _CONSTANT = re.compile(r"_*[A-Z][A-Z0-9_]*")
 _TYPE_VARIABLES = ("TypeVar", "TypeVarTuple", "ParamSpec", "NewType")
@@ -107,7 +107,7 @@ def _top(suite: Iterable[ast.AST]) -> Iterator[ast.stmt]:
         if isinstance(node, ast.stmt | ast.ExceptHandler | ast.match_case) and not isinstance(
             node, ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef
         ):
-            yield from _top(ast.iter_child_nodes(node))
+            yield from _top(nested(node))
 
 
 def _last_name(function: ast.expr) -> str:

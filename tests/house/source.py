@@ -155,6 +155,16 @@ def _folder(root: Path, package: str, places: Mapping[str, str]) -> Path:
     return root.joinpath(places.get(above, "."), *below)
 
 
+_SUITES = ("body", "handlers", "orelse", "finalbody", "cases")
+"""Fields of statements, handlers and cases that hold statements, in the order of the text."""
+
+
+def nested(node: ast.AST) -> Iterator[ast.AST]:
+    """Yield the statements, handlers and cases directly below a node. Expressions are left out unread."""
+    for field in _SUITES:
+        yield from getattr(node, field, ())
+
+
 def import_statements(
     suite: Iterable[ast.AST], when: When = When.LOADING
 ) -> Iterator[tuple[ast.Import | ast.ImportFrom, When]]:
@@ -169,7 +179,7 @@ def import_statements(
                 yield from import_statements(node.body, When.TYPING)
                 yield from import_statements(node.orelse, when)
             case ast.stmt() | ast.ExceptHandler() | ast.match_case():
-                yield from import_statements(ast.iter_child_nodes(node), when)
+                yield from import_statements(nested(node), when)
             case _:
                 pass
 
@@ -180,7 +190,7 @@ def statements(suite: Iterable[ast.AST]) -> Iterator[ast.stmt]:
         if isinstance(node, ast.stmt):
             yield node
         if isinstance(node, ast.stmt | ast.ExceptHandler | ast.match_case):
-            yield from statements(ast.iter_child_nodes(node))
+            yield from statements(nested(node))
 
 
 def _names(file: Module, statement: ast.Import | ast.ImportFrom) -> list[tuple[str, str]]:

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import gc
 import importlib
-import os
-import subprocess
 import sys
 from collections.abc import Iterator
 from dataclasses import replace
+from hashlib import sha256
 from math import radians
 from pathlib import Path
 
@@ -42,6 +41,7 @@ from picktree.world.scene.description import Fixture
 from picktree.world.shapes import Box
 from picktree.world.values import Array, ObjectId, Pose
 
+from ..other_process import OtherProcess
 from .motion_cell import MODEL, Cell, down, run
 
 OMPL = tuple(name for name in BUILT_IN if name != AUTO)
@@ -117,11 +117,10 @@ def test_a_search_ends_with_its_budget(name: str, constraints: tuple[UprightCons
 def test_plans_do_not_depend_on_what_memory_held_before() -> None:
     names = ("rrt_star", "informed_rrt_star", "bit_star", "aorrtc", "prm_star")
     first = [solver().solve(request(name), 2).checks for name in names]
-    held: list[list[bytes]] = []
-    for k in range(2):
-        held.append([bytes(int(size)) for size in np.random.default_rng(k).integers(10, 400, 40_000)])
-        held[0] = held[0][::2]
-        assert [solver().solve(request(name), 2).checks for name in names] == first
+    sizes = np.random.default_rng(0).integers(10, 400, 40_000).tolist()
+    held = [bytes(size) for size in sizes][::2]
+    assert [solver().solve(request(name), 2).checks for name in names] == first
+    assert len(held) == 20_000
 
 
 @pytest.mark.parametrize("name", OMPL)
@@ -165,30 +164,17 @@ def test_a_search_leaves_nothing_of_ompl_behind(name: str) -> None:
     assert not {"_Validator", "_Projection", "_OmplSearch"} & set(left)
 
 
-PRINT_PLANS = """
-import hashlib
-from tests.planning.test_planners import OMPL, request, solver
-for name in OMPL:
-    plan = solver().solve(request(name), 7)
-    print(name, plan.checks, hashlib.sha256(plan.trajectory.position.tobytes()).hexdigest())
-"""
+def plan_digests() -> list[tuple[str, int, str]]:
+    """Name, collision checks and digest of the plan of each planner."""
+    plans = {name: solver().solve(request(name), 7) for name in OMPL}
+    return [
+        (name, plan.checks, sha256(plan.trajectory.position.tobytes()).hexdigest())
+        for name, plan in plans.items()
+    ]
 
 
-@pytest.mark.slow
-def test_plans_are_the_same_in_every_process() -> None:
-    printed: set[str] = set()
-    for salt in ("0", "1", "4711"):
-        ran = subprocess.run(
-            [sys.executable, "-c", PRINT_PLANS],
-            env={**os.environ, "PYTHONHASHSEED": salt},
-            cwd=Path(__file__).parents[2],
-            capture_output=True,
-            text=True,
-            check=True,
-        )
-        printed.add(ran.stdout)
-    (only,) = printed
-    assert [line.split()[0] for line in only.splitlines()] == list(OMPL)
+def test_plans_are_the_same_in_every_process(elsewhere: OtherProcess) -> None:
+    assert elsewhere.call(plan_digests) == plan_digests()
 
 
 # Where it is chosen.

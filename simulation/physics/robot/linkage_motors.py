@@ -101,8 +101,7 @@ class KnuckleGearReaction:
         """Return the rate of the hand's momentum (3,) in the world's axes, N, for a gear torque of 1 Nm."""
         model, full, data = self._model, self._model.full, self._data
         q = model.full_q(position[: model.n], model.fingers.width(position[model.n :].tolist()))
-        upper: Array = np.triu(pin.crba(full, data, q))
-        acceleration = np.linalg.solve(upper + np.triu(upper, 1).T, self._torques)
+        acceleration = np.linalg.solve(pin.crba(full, data, q), self._torques)
         pin.computeJointJacobians(full, data, q)
         rate = np.zeros(3)
         for joint, mass, lever in self._bodies:
