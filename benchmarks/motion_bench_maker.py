@@ -8,6 +8,9 @@ CPU milliseconds of one thread, for the whole way: the planning scene into the c
 shortened path, the timed trajectory and its check. The reference gets there by OMPL's RRT-Connect and
 simplification, with picktree's collision checks, edge steps, margins, timing and check. Both are judged by
 python-fcl.
+
+A second table has the paths that look-ahead makes of the same searches, with the checks that it may spend,
+and the shortest of the reference's paths over eight planner seeds.
 """
 
 from __future__ import annotations
@@ -27,6 +30,7 @@ from _ompl_reference import OmplReference
 from picktree.planning.collision.collision_bodies import CollisionMargins
 from picktree.planning.collision.trajectory_judge import TrajectoryVerifier
 from picktree.planning.requests import JointGoal, Request
+from picktree.planning.service.planning_worker import IMPROVING_CHECKS
 from picktree.planning.service.solver import RequestSolver
 from picktree.robots.loading import load_robot
 from picktree.robots.model import RobotModel
@@ -38,8 +42,12 @@ import numpy as np
 
 BLOCK = 10
 """Number of problems of a job."""
-COST = 0.3
+COST = 0.4
 """CPU seconds of a problem with one seed: both planners, both judgements, and making the checkers."""
+BEST_OF = 8
+"""Number of the reference's planner seeds whose shortest path counts in the second table."""
+FURTHER_COST = 0.06
+"""CPU seconds of the reference alone."""
 PUBLISHED = """
 Figures of others, not comparable line by line:
   VAMP, `scripts/README.md` of KavrakiLab/vamp: all 700 problems on a Ryzen 9 7950X, search 35 µs in the
@@ -59,6 +67,8 @@ class Job:
     count: int
     seed: int
     data: str
+    further: tuple[int, ...] = ()
+    """Planner seeds with which only the reference plans."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,8 +95,8 @@ class Bench:
         self._model = model
         self._judge = TrajectoryVerifier(model)
 
-    def ours(self, problem: Problem, margin: float, seed: int) -> Attempt:
-        """Plan a problem with picktree."""
+    def ours(self, problem: Problem, margin: float, seed: int, improving: int = 0) -> Attempt:
+        """Plan a problem with picktree. `improving`: number of checks that a shorter path may cost."""
         solver = RequestSolver(
             self._model,
             problem.world,
@@ -94,6 +104,7 @@ class Bench:
             width=lambda: problem.width,
             margins=CollisionMargins(margin, margin, margin, margin),
         )
+        solver.improving = improving
         request = Request(JointGoal(problem.goal), allowed=problem.allowed)
         begun = time.process_time()
         try:
@@ -142,8 +153,19 @@ def one(job: Job, folder: Path) -> Row:
             left_out.append(f"{problem.name}: the goal penetrates by {-margin * 1000:.1f} mm")
         else:
             ours = asdict(bench.ours(problem, margin, job.seed))
+            ahead = asdict(bench.ours(problem, margin, job.seed, IMPROVING_CHECKS))
             reference = asdict(bench.reference(problem, margin, job.seed))
-            answers.append({"problem": problem.name, "margin": margin, "ours": ours, "reference": reference})
+            others = [bench.reference(problem, margin, seed) for seed in job.further]
+            answers.append(
+                {
+                    "problem": problem.name,
+                    "margin": margin,
+                    "ours": ours,
+                    "ahead": ahead,
+                    "reference": reference,
+                    "further": [each.length for each in others if each.solved],
+                }
+            )
     return {"answers": answers, "left_out": left_out}
 
 
@@ -164,9 +186,29 @@ def report(rows: list[Row]) -> str:
             lines.append(f"{name:17} {_part(of_scene, 'ours')}   {_part(of_scene, 'reference')}")
     lines.append(f"{'all':17} {_part(answers, 'ours')}   {_part(answers, 'reference')}")
     lines.append("median and p95: CPU ms; checks, length (rad), s (duration of the trajectory): medians")
-    for planner in ("ours", "reference"):
+    lines += ["", *_lengths(answers)]
+    for planner in ("ours", "ahead", "reference"):
         lines += ["", *_faults(answers, planner)]
     return "\n".join([*lines, PUBLISHED])
+
+
+def _lengths(answers: list[Row]) -> list[str]:
+    """Return the lines of the second table: paths as they are, from look-ahead, and the reference's best."""
+    best: dict[str, list[float]] = {}
+    for answer in answers:
+        solved = [answer["reference"]["length"]] if answer["reference"]["solved"] else []
+        best.setdefault(answer["problem"], []).extend([*solved, *answer["further"]])
+    runs = max(map(len, best.values()), default=0)
+    lines = [f"{'length, rad':17} {'picktree':>9} {'ahead':>9} {f'OMPL, best of {runs}':>18}"]
+    for scene, name in [*SCENES.items(), ("", "all")]:
+        of = [a for a in answers if not scene or a["problem"].startswith(f"{scene} ")]
+        shortest = [min(best[p]) for p in {a["problem"]: 0 for a in of} if best[p]]
+        if of and shortest:
+            mine, ahead = (
+                _median([a[part] for a in of if a[part]["solved"]], "length") for part in ("ours", "ahead")
+            )
+            lines.append(f"{name:17} {mine:9.2f} {ahead:9.2f} {median(shortest):18.2f}")
+    return [*lines, "medians; ahead: as look-ahead plans, with a shorter path searched for"]
 
 
 def _part(answers: list[Row], planner: str) -> str:
@@ -208,7 +250,14 @@ def main() -> int:
     if path is None:
         return 0
     jobs = [
-        Job(scene, begin, min(BLOCK, given.runs - begin), seed, str(path.absolute()))
+        Job(
+            scene,
+            begin,
+            min(BLOCK, given.runs - begin),
+            seed,
+            str(path.absolute()),
+            tuple(range(given.first + given.seeds, given.first + BEST_OF)) if seed == given.first else (),
+        )
         for scene in given.scene or SCENES
         for begin in range(0, given.runs, BLOCK)
         for seed in range(given.first, given.first + given.seeds)
@@ -217,7 +266,7 @@ def main() -> int:
         given,
         jobs,
         one,
-        cost=lambda job: job.count * COST,
+        cost=lambda job: job.count * (COST + FURTHER_COST * len(job.further)),
         short=lambda row: f"{len(row['answers'])} problems",
     )
     print(report(rows))

@@ -16,7 +16,7 @@ from ..world.shapes import inside
 from ..world.values import ObjectId, Pose
 from .fitting.view import Detection, PerceivedView, UnexplainedPatch
 from .voxels.obstacle_volumes import update_volumes
-from .voxels.space_carving import cell_centres, cells_in_body, cells_of, retained_cells
+from .voxels.space_carving import Keys, cell_centres, cells_in_body, cells_of, retained_cells
 
 if TYPE_CHECKING:
     from scipy.optimize import linear_sum_assignment
@@ -169,7 +169,7 @@ def _outside_volumes(
         within = [
             d
             for d in detections
-            if float(np.isin(cells_in_body(d.shape, d.pose), cells).mean()) > MIN_SHARE_IN_VOLUME
+            if _share_within(cells_in_body(d.shape, d.pose), cells) > MIN_SHARE_IN_VOLUME
             and not any(math.isfinite(_nearness(o, d)) for o in items)
         ]
         rest = retained_cells(view, cells) if within else cells
@@ -178,6 +178,11 @@ def _outside_volumes(
         if len(rest) > MAX_UNEXPLAINED_SHARE * len(cells):
             parts |= {id(d) for d in within}
     return [d for d in detections if id(d) not in parts]
+
+
+def _share_within(part: Keys, whole: Keys) -> float:
+    """Return the share of cells that are among others; 0 of a body too flat to hold the middle of a cell."""
+    return float(np.isin(part, whole).mean()) if len(part) else 0.0
 
 
 def _is_place_empty(view: PerceivedView, item: BeliefObject) -> bool:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from ..world.belief.planning_scene import BeliefObject
 from ..world.protocols import RgbdImage
 from ..world.scene.description import SceneDescription
-from ..world.shapes import top
+from ..world.shapes import Shape, top
 from ..world.values import Array, Pose
 from . import segmentation
 from .expectation.backdrop import (
@@ -137,6 +137,7 @@ class Perception:
             picture.blocked,
             finding.reach(),
             self._floors.supports,
+            lambda points, distance: self._robot.within(points, joints, width, _in_hand(held), distance),
         )
 
     def follow(
@@ -162,7 +163,7 @@ class Perception:
         believed = PosedCamera.at(image.intrinsics, image.camera_in_world)
         backdrop = self._backdrop(believed, image)
         label = segmentation.labels(image.colour)
-        in_hand = None if held is None or held.object_in_tcp is None else (held.shape, held.object_in_tcp)
+        in_hand = _in_hand(held)
         if moving:
             # From near, items and fingers may fill more of the picture than the table does.
             clutter = (label > 0) | self._robot.nearby(believed, depth, joints, width, in_hand)
@@ -213,6 +214,11 @@ class Perception:
 
     def floor(self, x: float, y: float, below: float) -> SupportSurface:
         return self._floors.under(x, y, below)
+
+
+def _in_hand(held: BeliefObject | None) -> tuple[Shape, Pose] | None:
+    """Return the shape of what is held with its pose in the TCP frame."""
+    return None if held is None or held.object_in_tcp is None else (held.shape, held.object_in_tcp)
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,6 +15,8 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from ...planning.requests import HeldObject, PoseGoal, Request
 from ...skill_world.world import PlaceCandidate
 from ...world.belief.hole_matching import fitting_hole
@@ -67,6 +69,10 @@ LOW_TIPS_COST = 5.0
 """Cost of a grasp whose finger tips do not stay above the hole, s."""
 PRESSING_RELEASE_COST = 4.0
 """Cost of a place where the opening fingers would press against a neighbour, s."""
+MAX_TURNED_GRASPS = 4
+"""Number of grasps whose approach is tried from other configurations at the pre-grasp."""
+MIN_POSTURE_DIFFERENCE = 0.1
+"""Difference of a joint at which two configurations are different ones, rad."""
 MAX_UNREACHED_TURNS = 4
 """Unreached rotations over one cell after which the next cell is tried."""
 
@@ -140,6 +146,8 @@ class CandidateSearch:
         self._number = itertools.count()
         self._places: dict[str, _Places] = {}
         self._barren = 0
+        self._turned: set[str] = set()
+        """Names of the grasps whose approach is tried from other configurations, too."""
         self._start = world.control.held_position
         tcp = world.robot.tcp(self._start)
         for grasp in grasps:
@@ -232,9 +240,11 @@ class CandidateSearch:
         yield from self._next_level(held)
 
     def _reach(self, tcp: Pose, near: Array, grasp: GraspCandidate) -> ReachResult:
+        return self._world.plan.reached(self._request(tcp, near, grasp))
+
+    def _request(self, tcp: Pose, near: Array, grasp: GraspCandidate) -> Request:
         pair = (("gripper", str(self._belief.id)),)
-        request = Request(PoseGoal((tcp,)), start=near, width=grasp.opening, allowed=pair)
-        return self._world.plan.reached(request)
+        return Request(PoseGoal((tcp,)), start=near, width=grasp.opening, allowed=pair)
 
     # ---- place
 
@@ -350,6 +360,8 @@ class CandidateSearch:
             self.refused = failure
             self._refuse(branch, planned(pick_candidates.APPROACH_STAGE, failure))
             self._drop(grasp)
+            for other in self._other_postures(branch):
+                self._push(other)
             return None
         self.trail.passed(grasp, pick_candidates.APPROACH_STAGE)
         return PickPlaceCandidate(
@@ -363,6 +375,21 @@ class CandidateSearch:
             branch.known,
             plan,
         )
+
+    def _other_postures(self, branch: _Branch) -> Iterator[_Branch]:
+        """Yield the candidate with other configurations at the pre-grasp, after the nearest one has failed.
+
+        From another one the arm may go straight down where its elbow would touch something before.
+        """
+        assert branch.over is not None
+        if branch.grasp.name in self._turned or len(self._turned) == MAX_TURNED_GRASPS:
+            return
+        self._turned.add(branch.grasp.name)
+        tcp = branch.grasp.tcp_in_world.shifted((0.0, 0.0, self._world.handling.approach))
+        for over in self._world.plan.postures(self._request(tcp, self._start, branch.grasp)):
+            if np.abs(over - branch.over).max() > MIN_POSTURE_DIFFERENCE:
+                longer = joint_travel_time(self._world.robot, self._start, over)
+                yield replace(branch, over=over, known=branch.known + longer)
 
     def _drop(self, grasp: GraspCandidate) -> None:
         """Remove all candidates of a grasp whose approach cannot be planned."""

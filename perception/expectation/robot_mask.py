@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -124,22 +125,36 @@ class RobotMask:
         rows, columns = np.nonzero(depth > 0)
         pixels = np.stack([columns, rows], axis=1).astype(np.float64)
         points = sight.origin + sight.directions(pixels) * depth[rows, columns][:, None]
-        tcp, poses = self._robot.tcp(joints), self._robot.link_poses(joints, width)
-        near = np.flatnonzero(((points - np.array(tcp.position)) ** 2).sum(axis=1) < reach**2)
-        of_robot = np.zeros(len(points), dtype=np.bool_)
-        for link, hull in self._hulls:
-            middle = poses[link].apply(hull.middle)
-            away = ((points[near] - middle) ** 2).sum(axis=1)
-            about = near[away < (hull.radius + MOUNTING_ERROR) ** 2]
-            local = poses[link].inverse().apply(points[about])
-            of_robot[about] |= np.all(local @ hull.normals.T <= hull.offsets + MOUNTING_ERROR, axis=1)
-        if held is not None:
-            shape, in_tcp = held
-            of_robot[near] |= inside(shape, tcp @ in_tcp, points[near], MOUNTING_ERROR)
+        of_robot = self.within(points, joints, width, held, MOUNTING_ERROR, reach)
         found = np.zeros(depth.shape, dtype=np.uint8)
         found[rows[of_robot], columns[of_robot]] = 1
         # Depth is often lost at the edges of near bodies.
         return found.astype(np.bool_) | (_grown(found, 2) & (depth <= 0))
+
+    def within(
+        self,
+        points: Array,
+        joints: Array,
+        width: float,
+        held: tuple[Shape, Pose] | None,
+        distance: float,
+        reach: float = math.inf,
+    ) -> NDArray[np.bool_]:
+        """Select the points (n, 3) of the world within `distance` m of the robot or the held object, at most
+        `reach` m from the TCP."""
+        tcp, poses = self._robot.tcp(joints), self._robot.link_poses(joints, width)
+        near = np.flatnonzero(((points - np.array(tcp.position)) ** 2).sum(axis=1) < reach**2)
+        found = np.zeros(len(points), dtype=np.bool_)
+        for link, hull in self._hulls:
+            middle = poses[link].apply(hull.middle)
+            away = ((points[near] - middle) ** 2).sum(axis=1)
+            about = near[away < (hull.radius + distance) ** 2]
+            local = poses[link].inverse().apply(points[about])
+            found[about] |= np.all(local @ hull.normals.T <= hull.offsets + distance, axis=1)
+        if held is not None:
+            shape, in_tcp = held
+            found[near] |= inside(shape, tcp @ in_tcp, points[near], distance)
+        return found
 
     def fingers(self, joints: Array, width: float) -> tuple[ConvexFacets, ...]:
         """Return the fingers in the world; none when a finger is not convex."""

@@ -129,6 +129,8 @@ class PerceivedView:
     """
     supports: Callable[[Array], Array]
     """Support heights below points, see `backdrop.SupportSurfaces.supports`."""
+    robot: Callable[[Array, float], NDArray[np.bool_]]
+    """Selection of the points (n, 3) of the world within a distance, m, of the robot and of what it holds."""
 
     def look(self, shape: Shape, pose: Pose, colour: str) -> BodyVisibility:
         """Count what the picture shows where the body should be."""

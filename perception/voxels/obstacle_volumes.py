@@ -3,11 +3,13 @@ hidden cells stay.
 
 A cell is occupied when something unexplained was seen in it or above it, and no ray has passed it since.
 Cells stay where the picture shows nothing of them: behind the robot, behind nearer bodies, out of the view.
+What is seen for the first time may go on there: cells beside it behind the robot, or out of the view, are
+occupied until rays pass them.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import cv2
@@ -31,6 +33,7 @@ from .space_carving import (
     occupied_cells,
     retained_cells,
     surface_of,
+    unseen_cells,
 )
 
 MAX_BOXES = 24
@@ -141,7 +144,8 @@ def update_volumes(
         name: _outside_items(retained_cells(view, _unless_item(cells, items)), items)
         for name, cells in former.items()
     }
-    seen = _components(np.unique(np.concatenate([new, *kept.values()])), view, patches)
+    hidden = _hidden_parts(scene, view, new, former.values())
+    seen = _components(np.unique(np.concatenate([new, hidden, *kept.values()])), view, patches)
     names = _match_former(seen, former)
     for name, each in zip(names, seen, strict=True):
         _store_obstacle(
@@ -155,6 +159,17 @@ def update_volumes(
     for name in gone:
         scene.remove(name, REASON_GONE)
     return gone
+
+
+def _hidden_parts(scene: PlanningScene, view: PerceivedView, new: Keys, former: Iterable[Keys]) -> Keys:
+    """Return the cells that new parts of obstacles may take up where the picture shows nothing.
+
+    What was believed before has been seen from there already, as its rim has, which comes and goes.
+    """
+    known = np.unique(np.concatenate([NO_CELLS, *former]))
+    fresh = new[~adjacent_cells(new, known)] if len(known) else new
+    items = [o for o in scene.objects if o.role == "item"]
+    return _outside_items(unseen_cells(view, fresh), items) if len(fresh) else NO_CELLS
 
 
 def _outside_items(cells: Keys, items: Sequence[BeliefObject]) -> Keys:

@@ -250,6 +250,47 @@ def retained_cells(view: PerceivedView, known: Keys) -> Keys:
     return known[~_cells_passed_by_rays(view, known, 0.0, window=False)] if len(known) else known
 
 
+UNSEEN_REACH = 0.05
+"""Distance over which an obstacle may go on where the picture shows nothing, m."""
+ROBOT_MARGIN = 0.03
+"""Distance from the robot within which nothing else is supposed, m."""
+_SIDES = np.array([(1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0)])
+
+
+def unseen_cells(view: PerceivedView, cells: Keys) -> Keys:
+    """Return the cells in which an obstacle of the given cells may go on: where the picture shows nothing.
+
+    They are at the same heights, hang together with the cells, and are at most UNSEEN_REACH away, behind the
+    robot or beyond the picture's edge. No ray passes them.
+    """
+    reached, front = cells, cells
+    for _ in range(round(UNSEEN_REACH / float(CELL_SIZE[0]))):
+        around = (cell_indices(front)[:, None, :] + _SIDES[None]).reshape(-1, 3)
+        beside = np.setdiff1d(cell_keys(around), reached, assume_unique=True)
+        # A cell and those above and below it: `>>` leaves their place on the table.
+        front = beside[np.isin(beside >> _BITS, beside[_shown_nowhere(view, beside)] >> _BITS)]
+        front = front[~_cells_passed_by_rays(view, front, 0.0, window=False)]
+        front = front[~view.robot(cell_centres(front), ROBOT_MARGIN)]
+        reached = np.union1d(reached, front)
+        if not len(front):
+            break
+    return np.setdiff1d(reached, cells, assume_unique=True)
+
+
+def _shown_nowhere(view: PerceivedView, cells: Keys) -> NDArray[np.bool_]:
+    """Select the cells (n,) behind the robot or beyond the picture's edge, above their supports."""
+    points = cell_centres(cells)
+    depth = (points - view.sight.origin) @ view.sight.rotation[:, 2]
+    u, v = np.round(view.sight.pixels(points)).astype(np.int64).T
+    h, w = view.reach.shape
+    unseen = (depth < 0.05) | (u < 0) | (v < 0) | (u >= w) | (v >= h)
+    within = np.flatnonzero(~unseen)
+    rows, columns = v[within], u[within]
+    # Before the robot a ray passes, too.
+    unseen[within] = (view.reach[rows, columns] == 0) & (depth[within] > view.depth[rows, columns])
+    return unseen & (points[:, 2] > view.supports(points))
+
+
 def surface_of(view: PerceivedView, patch: UnexplainedPatch) -> Keys:
     """Return the cells in which the patch's surface lies."""
     return cell_keys(np.floor(_surface_points(view, patch) / CELL_SIZE).astype(np.int64))

@@ -46,7 +46,7 @@ from .lookahead_planning import (
 from .motion_chain import DEFAULT_LINE_ROUNDING, MotionChain, split_into_legs
 from .plan_quality import PlanQuality, PlanQualityMeter, combine_qualities, plan_entry
 from .planning_worker import ChainAnswer, ChainOrder, ChainSolver, PlanningWorker, solve_chain
-from .solver import CostMeter, MeasuredCost, ReachResult, RequestSolver, check_reach
+from .solver import CostMeter, MeasuredCost, ReachResult, RequestSolver, check_reach, free_postures
 
 if TYPE_CHECKING:
     from ..collision.trajectory_judge import TrajectoryVerifier
@@ -322,6 +322,15 @@ class PlanService:
         """
         with self.checking():
             return check_reach(self.solver, self._manner.of(request), lambda: self._streams.at("ik", 0))
+
+    def postures(self, request: Request) -> list[Array]:
+        """Return configurations (n,) free of collision at the pose of a request's goal, the nearest to its
+        start first.
+
+        Their scene and their cost are those of `reached`.
+        """
+        with self.checking():
+            return free_postures(self.solver, self._manner.of(request), self._streams.at("ik", 0))
 
     def quality(self, plan: MotionPlan) -> PlanQuality:
         """Measure a plan's length, clearance, and distance to singularities and joint limits. Not charged: it

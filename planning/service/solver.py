@@ -364,6 +364,20 @@ def check_reach(
     return ReachResult(None, len(solutions), least)
 
 
+def free_postures(solver: RequestSolver, request: Request, rng: np.random.Generator) -> list[Array]:
+    """Return free, comfortable configurations (n,) at the first pose of a request's goal, the nearest to its
+    start first."""
+    assert isinstance(request.target, PoseGoal), "a pose is asked for"
+    solver.look(request)
+    near = solver.start(request)
+    found = solver.ik.solutions(request.target.tcp_in_world[0], rng, near, SOLUTIONS_PER_POSE)
+    return [
+        q
+        for q in found
+        if configuration_cost(solver.model, q) < UNCOMFORTABLE_COST and solver.collision.free(q)
+    ]
+
+
 def _is_hand_contact(solver: RequestSolver, request: Request, contact: ContactPair) -> bool:
     """Whether the hand or the held object touches a surrounding body. It then does so at this pose in any
     posture of the arm."""

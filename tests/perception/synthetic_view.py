@@ -6,6 +6,7 @@ from collections.abc import Callable
 from types import MappingProxyType
 
 import numpy as np
+from numpy.typing import NDArray
 
 from picktree.perception import segmentation
 from picktree.perception.fitting.view import PerceivedView, UnexplainedPatch
@@ -32,6 +33,7 @@ def synthetic_view(
     label: Array | None = None,
     blocked: Array | None = None,
     supports: Callable[[Array], Array] = flat,
+    robot: Callable[[Array, float], NDArray[np.bool_]] | None = None,
 ) -> PerceivedView:
     """`depth` (h, w): of the picture, m; `reach` the same unless it is said."""
     seen = np.broadcast_to(np.asarray(depth, dtype=np.float64), (HIGH, WIDE)).copy()
@@ -40,7 +42,7 @@ def synthetic_view(
     masked = np.zeros((HIGH, WIDE), dtype=np.bool_) if blocked is None else blocked
     return PerceivedView(
         "overhead", 1.0, (), (), MappingProxyType({}), SIGHT, seen, colours, masked,
-        free.astype(np.float32), supports,
+        free.astype(np.float32), supports, robot or (lambda points, _: np.zeros(len(points), dtype=np.bool_)),
     )  # fmt: skip
 
 

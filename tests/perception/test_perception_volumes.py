@@ -14,6 +14,7 @@ from picktree.perception.pipeline import Perception
 from picktree.perception.voxels.obstacle_volumes import merge_cells
 from picktree.perception.voxels.space_carving import (
     CELL_SIZE,
+    UNSEEN_REACH,
     cell_centres,
     cell_keys,
     cells_in_body,
@@ -53,6 +54,13 @@ def look(scene: PlanningScene, *things: Thing, now: float, robot: Robot | None =
 
 def obstacles(scene: PlanningScene) -> list[BeliefObject]:
     return [o for o in scene.objects if o.role == "obstacle"]
+
+
+def in_picture(x: float, z: float) -> bool:
+    """Whether the camera sees that place above y = 0."""
+    sight = view_of(()).sight
+    (u, v), (h, w) = sight.pixels(np.array([[x, 0.0, z]]))[0], view_of(()).depth.shape
+    return 0 <= u < w and 0 <= v < h
 
 
 def taken_up(scene: PlanningScene) -> Array:
@@ -135,8 +143,43 @@ def test_what_the_arm_hid_of_it_grows_when_it_is_seen() -> None:
     scene = empty_scene()
     look(scene, wall, Thing(hand.box, hand.pose, "white"), now=1, robot=hand)
     assert share_covered(scene, wall) < 0.8
-    assert "more of it was seen" in look(scene, wall, now=2)
+    assert "it was seen to take up other space" in look(scene, wall, now=2)
     assert share_covered(scene, wall) > 0.999
+
+
+def test_what_comes_may_go_on_behind_the_arm_until_it_is_seen_there() -> None:
+    """More than half of a post shows beside the hand that hides the rest of it."""
+    post = Thing(Box((0.06, 0.12, 0.3)), Pose((0.5, 0.15, 0.15)), "grey")
+    hand = Robot(Box((0.12, 0.08, 0.05)), Pose((0.5, 0.175, 0.45)))
+    scene = empty_scene()
+    look(scene, post, Thing(hand.box, hand.pose, "white"), now=1, robot=hand)
+    assert share_covered(scene, post) > 0.95
+    points = taken_up(scene)
+    assert not inside(hand.box, hand.pose, points, 0.03).any(), "the arm stands there itself"
+    assert np.abs(points[:, :2] - post.pose.position[:2]).max() < 0.06 + 0.022 + UNSEEN_REACH
+    look(scene, post, now=2)
+    assert share_covered(scene, post) > 0.999
+    assert np.abs(taken_up(scene)[:, :2] - post.pose.position[:2]).max() < 0.06 + 0.022
+
+
+def test_what_comes_may_go_on_beyond_the_edge_of_the_picture() -> None:
+    edge = next(x for x in np.arange(0.5, 2.0, 0.01) if not in_picture(x, 0.3))
+    post = Thing(Box((0.06, 0.06, 0.3)), Pose((float(edge), 0.0, 0.15)), "grey")
+    scene = empty_scene()
+    look(scene, post, now=1)
+    high = taken_up(scene)
+    high = high[high[:, 2] > 0.2]
+    assert high[:, 0].max() > edge + 0.02, "its outer half is not in the picture"
+
+
+def test_what_is_known_does_not_grow_behind_the_arm() -> None:
+    scene = empty_scene()
+    look(scene, POST, now=1)
+    before = taken_up(scene)
+    for n, y in enumerate((0.10, 0.15, 0.20), 2):
+        hand = Robot(Box((0.25, 0.05, 0.05)), Pose((0.5, y, 0.5)))
+        look(scene, POST, Thing(hand.box, hand.pose, "white"), now=n, robot=hand)
+    assert abs(len(taken_up(scene)) - len(before)) <= 0.03 * len(before)
 
 
 def test_below_a_bar_that_is_seen_to_hang_there_is_room() -> None:

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
 import pytest
 from pydantic import TypeAdapter
 
@@ -22,7 +23,7 @@ from picktree.world.belief.facts import GRASP, AttemptMemory, Refusal
 from picktree.world.causes import Cause, Failure, FailureReport, control, planning
 from picktree.world.events.skill_events import PickEvent
 from picktree.world.scene.description import SceneDescription
-from picktree.world.values import ObjectId
+from picktree.world.values import Array, ObjectId
 
 from .cell import Cell, items, mission
 
@@ -372,3 +373,44 @@ def test_recovery_gives_up_what_nothing_has_changed() -> None:
         failure = failed(cell, recover)
         assert str(failure.cause) == "grasp.no_candidate" and failure.evidence["unchanged"] is True
         assert len(cell.happened("recovery")) == handled
+
+
+def test_a_grasp_is_approached_from_another_posture_when_the_nearest_leads_nowhere(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Its elbow may touch something on the straight way down, in that posture alone."""
+    cell, (block,) = looked(block=1)
+    asked, through = list[Array](), cell.world.plan.through
+
+    def blocked_once(legs: Any, **options: Any) -> Any:
+        over = legs[0].target.position
+        asked.append(over)
+        if np.abs(over - asked[0]).max() < 0.1:
+            raise Failure(planning.NO_PATH, "the elbow is in the way")
+        return (yield from through(legs, **options))
+
+    monkeypatch.setattr(cell.world.plan, "through", blocked_once)
+    cell.start(mission(f"Grasp: {{object: {block}, onward: false}}"))
+    cell.finish()
+    assert cell.tree.failure is None and cell.world.scene.held is not None
+    robot = cell.world.robot
+    assert len(asked) == 2
+    assert robot.tcp(asked[1]).distance(robot.tcp(asked[0])) < 1e-3, "it is the same grasp"
+
+
+def test_postures_are_tried_for_a_few_grasps_only(monkeypatch: pytest.MonkeyPatch) -> None:
+    cell, (block,) = looked(block=1)
+    postures, turned = cell.world.plan.postures, list[Request]()
+
+    def blocked(legs: Any, **options: Any) -> Any:
+        raise Failure(planning.NO_PATH, "nothing is free")
+        yield
+
+    def counted(request: Request) -> list[Array]:
+        turned.append(request)
+        return postures(request)
+
+    monkeypatch.setattr(cell.world.plan, "through", blocked)
+    monkeypatch.setattr(cell.world.plan, "postures", counted)
+    assert str(failed(cell, f"Grasp: {{object: {block}}}").cause) == "planning.no_path"
+    assert 1 < len(turned) <= 4
