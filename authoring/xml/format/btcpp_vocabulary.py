@@ -82,6 +82,7 @@ FOREIGN: Final[dict[str, str]] = {
     "WasEntryUpdated": "compare the value with a copy of the old one in a Condition",
     "SkipUnlessUpdated": "compare the value with a copy of the old one in a _skipIf",
     "WaitValueUpdate": "compare the value with a copy of the old one in a Condition",
+    "TryCatch": "a Recover comes near; its give_up runs before it fails",
     "ManualSelector": "there is no choosing by hand",
     "SubTreePlus": "this is of format 3; in format 4 it is <SubTree>",
     "SequenceStar": "this is of format 3; in format 4 it is <SequenceWithMemory>",
