@@ -7,6 +7,7 @@ import re
 from collections.abc import Iterable
 from itertools import islice
 
+_CURLY = "“”„‟‘’‚‛«»"
 _MOST = 1000
 """Names that are looked at; each costs some microseconds."""
 
@@ -14,6 +15,8 @@ _MOST = 1000
 def suggest_name(name: str, known: Iterable[str]) -> str:
     """A hint: "did you mean 'Grasp'?", or "known: a, b, c", or nothing when nothing is known."""
     names = list(dict.fromkeys(islice(known, _MOST)))
+    if len(name) > 2 and name[0] in _CURLY and name[-1] in _CURLY and name[1:-1] in names:
+        return f"these quotes are part of the text: write {name[1:-1]}"
     lowered = {n.lower(): n for n in reversed(names)}
     # difflib is quadratic in the length: a name of 10,000 letters is no typo.
     close = difflib.get_close_matches(name[:60].lower(), lowered, n=1, cutoff=0.6)
@@ -60,6 +63,7 @@ def listed(words: Iterable[str], most: int | None = None, last: str = "and") -> 
 
 _TRUE, _FALSE = ("yes", "y", "on"), ("no", "n", "off")
 _GROUPED = re.compile(r"[-+]?[0-9][0-9_]*(?:\.[0-9_]*)?")
+_PLAIN = re.compile(r"[-+]?[0-9]+(?:\.[0-9]+)?")
 _BINARY = re.compile(r"[-+]?0b[01_]+")
 _COMMA = re.compile(r"[-+]?[0-9]+,[0-9]+")
 
@@ -81,10 +85,14 @@ def suggest_number(value: object) -> str:
 
     >>> suggest_number("1_000"), suggest_number("0b101"), suggest_number("0,5"), suggest_number("ten")
     ('write 1000', 'write 5', 'write 0.5', '')
+    >>> suggest_number("3")
+    'without quotes: 3'
     """
     if not isinstance(value, str) or len(value) > 40:
         return ""
-    text = value.strip()
+    text = value.strip().strip(_CURLY)
+    if _PLAIN.fullmatch(text):
+        return f"without quotes: {text}"
     if _BINARY.fullmatch(text) and text[-1] != "_":
         return f"write {int(text.replace('_', ''), 2)}"
     if "_" in text and _GROUPED.fullmatch(text):

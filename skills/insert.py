@@ -83,6 +83,7 @@ class Insert(Skill):
     )
     uses = (ARM, GRIPPER)
     limit = 300.0
+    hand_before = "full"
     hand_after = "empty"
 
     def run(self, world: World) -> Steps:

@@ -51,6 +51,7 @@ class Place(Skill):
     )
     uses = (ARM, GRIPPER)
     takes_over = True
+    hand_before = "full"
     hand_after = "empty"
 
     @classmethod

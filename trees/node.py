@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Collection, Iterator, Mapping
-from typing import ClassVar, Self, cast
+from typing import ClassVar, Literal, Self, cast
 
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
@@ -57,6 +57,8 @@ class Node(DescribedNode):
     causes: ClassVar[tuple[Cause | Family, ...]] = ()
     """Causes with which the node itself may fail; those of its children are added."""
     uses: ClassVar[tuple[Resource, ...]] = ()
+    hand_before: ClassVar[Literal["any", "full"]] = "any"
+    """Content of the hand that the node needs at its start."""
     hand_after: ClassVar[Hand] = "unchanged"
     """Content of the hand after the node's success."""
     shares: ClassVar[tuple[Resource, ...]] = ()

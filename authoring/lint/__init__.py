@@ -7,10 +7,18 @@ from collections.abc import Callable, Iterable
 from ...files.marks import Diagnostic
 from ...trees.loading.loader import SceneNames
 from ...trees.mission import Mission
-from .arm_use import at_the_same_time, left_in_hand, started_anew
-from .endless_loops import endless, unbounded_recovery, vain_attempts
+from .arm_use import at_the_same_time, left_in_hand, nothing_held, started_anew
+from .endless_loops import endless, only_failing, unbounded_recovery, vain_attempts
 from .mission_survey import LintModel
-from .needless_nodes import needless_defaults, needless_handlers, unhandled, unreachable, without_effect
+from .needless_nodes import (
+    needless_defaults,
+    needless_handlers,
+    short_timeouts,
+    unhandled,
+    unknown_objects,
+    unreachable,
+    without_effect,
+)
 from .unused import breakpoints, never_read, read_before_written, unused_files, unused_ports, unused_trees
 
 RULES: tuple[Callable[[LintModel], Iterable[Diagnostic]], ...] = (
@@ -20,11 +28,15 @@ RULES: tuple[Callable[[LintModel], Iterable[Diagnostic]], ...] = (
     needless_handlers,
     unreachable,
     endless,
+    only_failing,
     unbounded_recovery,
     vain_attempts,
     without_effect,
     needless_defaults,
+    short_timeouts,
+    unknown_objects,
     left_in_hand,
+    nothing_held,
     at_the_same_time,
     started_anew,
     unused_trees,

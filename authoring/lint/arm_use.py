@@ -12,7 +12,7 @@ from ...trees.declaration import Resource
 from ...trees.flow import IDLE, AtOnce, ChildFlow, Choice, Flow, Loop, Once, Turns
 from ...trees.mission import NodeSpec
 from .mission_survey import LintModel
-from .outcomes import FIRST_FILLER, FlowState
+from .outcomes import EMPTY, FIRST_FILLER, FlowState
 
 
 def left_in_hand(survey: LintModel) -> Iterator[Diagnostic]:
@@ -34,6 +34,16 @@ def left_in_hand(survey: LintModel) -> Iterator[Diagnostic]:
             message = f"the mission may end with what {filler.name} took still in the hand, when {when}"
             hint = "on the way out, place it, or let 'SafeRetreat: {hand: open}' see to it"
             yield survey.fault(at, message, hint, code="P330")
+
+
+def nothing_held(survey: LintModel) -> Iterator[Diagnostic]:
+    """P333: what is put somewhere was not taken before."""
+    for spec in survey.nodes():
+        if spec.node is None or spec.node.hand_before != "full" or not survey.started(spec):
+            continue
+        if survey.entries(spec) and all(state.hand == EMPTY for state in survey.entries(spec)):
+            message = f"the hand holds nothing here: no way to this {spec.name} takes anything before it"
+            yield survey.fault(spec, message, "a Grasp before it", code="P333")
 
 
 def _fails(failures: list[tuple[str, ...]]) -> str:

@@ -142,6 +142,21 @@ def endless(survey: LintModel) -> Iterator[Diagnostic]:
             yield survey.fault(spec, message, hint, code="P321")
 
 
+def only_failing(survey: LintModel) -> Iterator[Diagnostic]:
+    """P327: a mission that cannot succeed, however well all goes."""
+    main = survey.main
+    if main is None or main.success or main.skipped or not main.failure:
+        return
+    root = survey.mission.main.root
+    if not survey.own(root.mark) or next(endless(survey), None) is not None:
+        return
+    message = "the mission can only end by failing: no way through it succeeds"
+    hint = "a ForceSuccess or an Inverter around what fails in the end"
+    if any(spec.id == KeepRunningUntilFailure.__name__ for spec in survey.nodes(KeepRunningUntilFailure)):
+        hint = "KeepRunningUntilFailure fails in the end: a Repeat with 'while', or a ForceSuccess around it"
+    yield survey.fault(root, message, hint, code="P327")
+
+
 def _repeat(survey: LintModel, spec: NodeSpec, context: NodeContext) -> Iterator[Diagnostic]:
     if survey.walk.number(spec, "num_cycles") != -1:
         return

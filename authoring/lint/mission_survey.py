@@ -11,7 +11,7 @@ from ...trees.mission import MAIN, Mission, NodeSpec, TreeSpec, bottom_up, reach
 from ...trees.node import Node
 from ...trees.wiring.key_writers import PlacedNode, placed_nodes
 from .flow_analysis import FlowAnalysis
-from .outcomes import EMPTY, KEPT, Outcomes
+from .outcomes import EMPTY, KEPT, FlowState, Outcomes
 
 
 class LintModel:
@@ -87,6 +87,16 @@ class LintModel:
             for ends in self._found.get(id(spec), ()):
                 known.take(ends)
         return known
+
+    def entries(self, spec: NodeSpec) -> tuple[FlowState, ...]:
+        """The states that the node was reached in."""
+        return tuple(
+            state
+            for name in self.mission.trees
+            for frame in self.walk.frames_of(name)
+            for other, state in frame.memo
+            if other == id(spec)
+        )
 
     @cached_property
     def _found(self) -> dict[int, list[Outcomes]]:

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 
 from ...files.marks import Diagnostic
-from ...trees.controls import Switch
+from ...trees.controls import Switch, Timeout
 from ...trees.controls.decorator import Decorator
 from ...trees.mission import NodeSpec
-from ...trees.values.references import ATTRIBUTE_TYPES, Reference
+from ...trees.values.references import ATTRIBUTE_TYPES, Constant, Reference
 from ...trees.wiring.key_writers import PlacedNode
 from ...world.causes import internal, tree
 from .failure_reasons import UNREPORTED, joined
@@ -216,3 +217,41 @@ def _values(place: PlacedNode) -> tuple[str, ...]:
 
 
 _BOOL = ("true", "false")
+
+
+MIN_BARE_TIMEOUT = 500.0
+"""Number of a Timeout below which one without a unit is taken for seconds, ms."""
+
+
+def short_timeouts(survey: LintModel) -> Iterator[Diagnostic]:
+    """P345: a Timeout of a bare number that is no longer than some ticks."""
+    for spec in survey.nodes(Timeout):
+        bound = spec.ports.get("msec")
+        if (
+            isinstance(bound, Constant)
+            and isinstance(bound.text, int | float)
+            and bound.text < MIN_BARE_TIMEOUT
+        ):
+            message = (
+                f"{bound.text:g} counts milliseconds, and a tick takes 50: hardly anything ends within it"
+            )
+            hint = f"write {bound.text:g} s, or {bound.text:g} ms where that is meant"
+            yield survey.fault(spec, message, hint, code="P345", at="msec")
+
+
+def unknown_objects(survey: LintModel) -> Iterator[Diagnostic]:
+    """P346: the name of an object that nothing in the scene will have."""
+    known = survey.known
+    if known is None:
+        return
+    kinds = known.names.get("kind", ())
+    for spec in survey.nodes():
+        for port in spec.node.declaration.ports if spec.node is not None else ():
+            bound = spec.ports.get(port.key)
+            if port.type.name != "object" or port.names or not isinstance(bound, Constant) or not bound.value:
+                continue
+            name = str(bound.value)
+            if not any(re.fullmatch(rf"\w+_{re.escape(kind)}_\d+|obstacle_\d+", name) for kind in kinds):
+                message = f"port {port.key!r}: no object of the scene {known.scene!r} gets the name {name!r}"
+                hint = f"a name is colour, kind and number, as 'red_{kinds[0]}_1'; or a key, as '{{item}}'"
+                yield survey.fault(spec, message, hint if kinds else "", code="P346", at=port.key)

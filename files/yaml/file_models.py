@@ -112,12 +112,29 @@ def quantity(
         if least is not None and number < least:
             raise InvalidValue(f"{written} is less than {in_unit(least, unit, written)}", code="P107")
         if most is not None and number > most:
-            raise InvalidValue(f"{written} is more than {in_unit(most, unit, written)}", code="P107")
+            meant = _smaller_unit(value, unit, above, least, most)
+            raise InvalidValue(f"{written} is more than {in_unit(most, unit, written)}", meant, code="P107")
         return number
 
     given = {"exclusiveMinimum": above, "minimum": least, "maximum": most}
     bounds = tuple((key, bound) for key, bound in given.items() if bound is not None)
     return Quantity(read, float | str, unit, bounds)
+
+
+_SMALLER_UNITS: Final = {"rad": "deg", "kg": "g", "m": "mm", "s": "ms"}
+
+
+def _smaller_unit(
+    value: str | int | float, unit: str, above: float | None, least: float | None, most: float
+) -> str:
+    """Return the hint that a bare number was meant in a smaller unit, where it is within the bounds so."""
+    smaller = _SMALLER_UNITS.get(unit)
+    if isinstance(value, str) or smaller is None:
+        return ""
+    meant = f"{value} {smaller}"
+    number = parse_quantity(meant, unit)
+    fits = number <= most and (above is None or number > above) and (least is None or number >= least)
+    return f"write {meant}" if fits else ""
 
 
 def as_mapping(key: str, given: object) -> BeforeValidator:
@@ -147,6 +164,8 @@ Size = Annotated[float, quantity("m", above=0, most=100)]
 Angle = Annotated[float, quantity("rad")]
 Duration = Annotated[float, quantity("s", least=0)]
 Mass = Annotated[float, quantity("kg", above=0)]
+ItemMass = Annotated[float, quantity("kg", above=0, most=20)]
+"""Mass of what an arm on a table takes."""
 Force = Annotated[float, quantity("N", above=0)]
 Share = Annotated[float, quantity("", least=0, most=1)]
 Vector = tuple[Length, Length, Length]

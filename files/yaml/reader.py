@@ -74,6 +74,12 @@ def yaml_fault(error: yaml.YAMLError, text: str, file: str) -> Diagnostic:
         return Diagnostic(Mark(file, 1, 1), "", f"not valid YAML: {error}", code="P101")
     problem, context = str(error.problem or error.context or "unknown problem"), str(error.context or "")
     at, start = error.problem_mark or error.context_mark, error.context_mark or error.problem_mark
+    indented = _wrong_indent(text, at) if at is not None and "mapping values" in problem else None
+    if indented is not None:
+        line, column, words = indented
+        return Diagnostic(
+            Mark(file, line, column), "", f"not valid YAML: {words.message}", words.hint, "P101"
+        )
     words = _words(problem, context, text, at)
     if words is None:
         words = _Words(problem, context if error.problem else "")
@@ -81,6 +87,38 @@ def yaml_fault(error: yaml.YAMLError, text: str, file: str) -> Diagnostic:
     place = start if words.at_start else at
     mark = Mark(file, 1, 1) if place is None else Mark(file, place.line + 1, place.column + 1)
     return Diagnostic(mark, "", f"not valid YAML: {words.message}", hint, "P101")
+
+
+def _wrong_indent(text: str, at: yaml.Mark) -> tuple[int, int, _Words] | None:
+    """Return line, column and words for a key that libyaml takes for more of the value above it; None: it is
+    none."""
+    lines = text.splitlines()
+    here = lines[at.line]
+    indent = len(here) - len(here.lstrip())
+    above = next((k for k in range(at.line - 1, -1, -1) if _code(lines[k])), None)
+    if above is None or ":" not in here[indent:] or ":" in here[indent : at.column]:
+        return None
+    before = _code(lines[above])
+    column, said = len(before) - len(before.lstrip()), before.strip().removeprefix("- ")
+    if _KEY_AND_VALUE.fullmatch(said) and indent > column:
+        key = here.strip().partition(":")[0]
+        message = f"{key!r} is indented deeper than {said.partition(':')[0]!r} above it, which has a value"
+        return at.line + 1, indent + 1, _Words(message, f"begin it in column {column + 1}")
+    words = said.split()
+    if 1 < len(words) <= 3 and ":" not in said and words[0].isidentifier():
+        value = " ".join(words[1:])
+        return above + 1, column + len(words[0]) + 1, _Words(
+            "a ':' is missing behind this key", f"write '{words[0]}: {value}'"
+        )  # fmt: skip
+    return None
+
+
+_KEY_AND_VALUE = re.compile(r"[\w.]+:\s+[^\s{\[|>&!][^:]*")
+
+
+def _code(line: str) -> str:
+    """Return a line without its comment, and without blanks at the end."""
+    return re.sub(r"(^|\s)#.*", "", line).rstrip()
 
 
 def _words(problem: str, context: str, text: str, at: yaml.Mark | None) -> _Words | None:

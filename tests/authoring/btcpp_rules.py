@@ -48,6 +48,9 @@ BUILT_IN: dict[str, Node] = {
         for n in range(2, 7)
     },
     **_decorators("Inverter", "KeepRunningUntilFailure", "ForceSuccess", "ForceFailure"),
+    "TryCatch": Node("Control", {"catch_on_halt": "bool"}),
+    **{name: Node("Decorator", {"entry": ANY}) for name in ("SkipUnlessUpdated", "WaitValueUpdate")},
+    "WasEntryUpdated": Node("Action", {"entry": ANY}),
     "RetryUntilSuccessful": Node("Decorator", {"num_attempts": "int"}),
     "Repeat": Node("Decorator", {"num_cycles": "int"}),
     "Timeout": Node("Decorator", {"msec": "unsigned"}),
@@ -71,7 +74,30 @@ BUILT_IN: dict[str, Node] = {
 
 def complaints(text: str) -> list[str]:
     """Why BehaviorTree.CPP would refuse the file; empty when it would not."""
-    return list(_Judge(ET.fromstring(text)).all())
+    judge = _Judge(ET.fromstring(text))
+    return [*judge.all(), *judge.made()]
+
+
+@dataclass
+class _Board:
+    """A blackboard while trees are made: the types of its entries, and keys that are the caller's."""
+
+    types: dict[str, str] = field(default_factory=dict[str, str])
+    outer: _Board | None = None
+    remapped: dict[str, str] = field(default_factory=dict[str, str])
+
+    def find(self, key: str) -> tuple[_Board, str]:
+        if key in self.types or self.outer is None or key not in self.remapped:
+            return self, key
+        return self.outer.find(self.remapped[key])
+
+
+def _stored(text: str) -> str:
+    """The type of a literal of a sub-tree's port, from 4.9.1 on."""
+    if re.fullmatch(r"-?\d+", text, re.ASCII) and abs(int(text)) < 2**63:
+        return "int" if -(2**31) <= int(text) < 2**31 else "long"
+    number = re.fullmatch(r"-?((\d+\.?\d*|\.\d+)(e[-+]?\d+)?|inf|infinity|nan)", text.lower(), re.ASCII)
+    return "double" if number else "std::string"
 
 
 class _Judge:
@@ -127,7 +153,6 @@ class _Judge:
         if len(tree) != 1:
             yield f"the tree {identity} has {len(tree)} children"
         self.instances: set[str] = set()
-        self.types: dict[str, str] = {}
         for child in tree:
             yield from self.node(child)
 
@@ -170,20 +195,52 @@ class _Judge:
             if key not in node.ports:
                 yield f"a port with name [{key}] is found in <{element.tag}>"
                 continue
-            kind = node.ports[key]
-            bare = value.strip(" ")
-            if len(bare) >= 3 and bare[0] == "{" and bare[-1] == "}":
-                # How a program types the ports of its own nodes is its affair.
-                yield from self.entry(bare[1:-1], kind if element.tag in BUILT_IN else ANY)
-            elif not _converts(value, kind):
-                yield f"[{key}] with value [{value}] can not be converted to {kind}"
+            if not _pointer(value) and not _converts(value, node.ports[key]):
+                yield f"[{key}] with value [{value}] can not be converted to {node.ports[key]}"
 
-    def entry(self, key: str, kind: str) -> Iterator[str]:
-        """The types of an entry of the blackboard: the first one is decisive, unless it is a text."""
-        if kind == ANY:
+    # The types of keys, as trees are made.
+
+    def made(self) -> Iterator[str]:
+        for name in ["Main"] if "Main" in self.trees else self.trees:
+            yield from self.make(self.trees[name], _Board(), 0)
+
+    def make(self, element: ET.Element, board: _Board, depth: int) -> Iterator[str]:
+        if depth > 300:
             return
-        first = self.types.setdefault(key, kind)
-        if first not in (kind, "std::string"):
+        for child in element:
+            if child.tag == "SubTree":
+                below = self.board(child, board)
+                if child.get("ID") in self.trees:
+                    yield from self.make(self.trees[child.get("ID", "")], below, depth + 1)
+                continue
+            node = self.nodes.get(child.tag, Node("Action"))
+            for key, value in child.attrib.items():
+                if key in node.ports and _pointer(value):
+                    yield from self.entry(board, value.strip(" ")[1:-1], node.ports[key])
+            yield from self.make(child, board, depth)
+
+    def board(self, call: ET.Element, outer: _Board) -> _Board:
+        given = {
+            key: value for key, value in call.attrib.items() if key[:1].isalpha() and key not in RESERVED
+        }
+        model = self.models.get(call.get("ID", ""), ())
+        given = {
+            port.get("name", ""): port.get("default", "") for port in model if port.get("default")
+        } | given
+        board = _Board(outer=outer)
+        for key, value in given.items():
+            if _pointer(value):
+                board.remapped[key] = value.strip(" ")[1:-1]
+            else:
+                board.types[key] = _stored(value)
+        return board
+
+    def entry(self, board: _Board, key: str, kind: str) -> Iterator[str]:
+        """The first type of an entry is decisive, unless it is a text."""
+        kind = kind.replace("ObjectId", "std::string")
+        board, key = board.find(key)
+        first = board.types.setdefault(key, kind)
+        if ANY not in (kind, first) and first not in (kind, "std::string"):
             yield f"[{key}] is {first}, and later {kind}"
 
     def subtree(self, element: ET.Element, identity: str) -> Iterator[str]:
@@ -217,11 +274,18 @@ class _Judge:
         yield from (f"Error in the script {script!r}" for script in found if not parses(script))
 
 
+def _pointer(value: str) -> bool:
+    bare = value.strip(" ")
+    return len(bare) >= 3 and bare[0] == "{" and bare[-1] == "}"
+
+
 def _converts(value: str, kind: str) -> bool:
     if kind == "int":
         return re.fullmatch(r"-?\d+", value) is not None and abs(int(value)) < 2**31
     if kind == "unsigned":
         return re.fullmatch(r"\d+", value) is not None and int(value) < 2**32
+    if kind.startswith("std::vector<") and kind != "std::vector<std::string>" and value.startswith("json:"):
+        return False  # 4.7 cannot read it
     if kind == "double":
         return re.fullmatch(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?", value) is not None
     if kind == "bool":

@@ -94,12 +94,26 @@ WRITES = {
     "what a call leaves out and BehaviorTree.CPP wants": (
         " Main: {Sub: {}}\n Sub:\n  ports: {label: {type: string, default: ''}, "
         "found: {type: list of string, direction: out}}\n  Find: {ids: [], found: '{found}'}",
-        '<SubTree ID="Sub" label="" found="{_unused_found}" _left_out="label found"/>\n',
+        '<SubTree ID="Sub" label="" found="{_unused_Sub_found}" _left_out="label found"/>\n',
     ),
     "two calls of the same name": (
         " Main: {Sequence: [{Sub: {name: one}}, {Sub: {name: one}}, Sub]}\n Sub: AlwaysSuccess",
         '<Sequence>\n  <SubTree ID="Sub" name="one"/>\n  <SubTree ID="Sub" name="one (2)" _name="one"/>\n'
         '  <SubTree ID="Sub"/>\n</Sequence>\n',
+    ),
+    "a name with a character that BehaviorTree.CPP refuses there": (
+        ' Main: {AlwaysSuccess: {name: "a\\x7fb"}}', '<AlwaysSuccess name="ab" _name="a\x7fb"/>\n'
+    ),
+    "numbers of a sub-tree's port, as the types that read them want it": (
+        " Main: {Sub: {n: 600, f: 600, t: 600, u: 600, x: 600}}\n Sub:\n"
+        "  ports: {n: int, f: float, t: {type: float, unit: ms}, u: float, x: any}\n"
+        "  Sequence: [{Repeat: {num_cycles: '{n}', do: AlwaysSuccess}}, {Take: {object: a, force: '{f}'}}, "
+        "{Delay: {delay_msec: '{t}', do: AlwaysSuccess}}, {Timeout: {msec: '{u}', do: AlwaysSuccess}}]",
+        '<SubTree ID="Sub" n="600" f="600.0" t="600 ms" u="600 " x="600"/>\n',
+    ),
+    "a list of one number of a sub-tree's port": (
+        " Main: {Sub: {l: [1]}}\n Sub: {ports: {l: list of int}, Log: {message: a, value: '{l}'}}",
+        '<SubTree ID="Sub" l="json:[1]"/>\n',
     ),
 }  # fmt: skip
 
@@ -148,6 +162,16 @@ def test_ports_of_trees_are_declared_with_all_that_a_mission_says_of_them() -> N
     )
 
 
+def test_a_declared_port_gives_way_where_its_type_would_clash() -> None:
+    """Of two types of a key only one can be BehaviorTree.CPP's own; the model leaves the other open."""
+    trees = (
+        " Main:\n  ports: {n: {type: int, default: 1}}\n"
+        "  Repeat: {num_cycles: '{n}', do: {Take: {object: a, force: '{n}'}}}"
+    )
+    assert '<input_port name="force" type="BT::AnyTypeAllowed" default="30">' in models(trees)
+    assert '<input_port name="force" type="double" default="30">' in models(trees.replace("'{n}'}}}", "2}}}"))
+
+
 REFUSED = {
     " Main: Sleep\n Sleep: AlwaysSuccess": [
         "P920 mission.yaml:5:2: trees.Sleep: 'Sleep' is a name of BehaviorTree.CPP's own "
@@ -167,6 +191,15 @@ REFUSED = {
     ],
     ' Main: {Log: {message: "\\a"}}': [
         "P924 mission.yaml:1:1: <Log>: no XML file can hold the character U+0007 (leave it out)"
+    ],
+    " Main: {Repeat: {num_cycles: 3000000000, do: AlwaysSuccess}}": [
+        "P923 mission.yaml:4:30: Main/Repeat: port 'num_cycles': BehaviorTree.CPP counts with 32 bits, "
+        "not to 3000000000"
+    ],
+    " Main: {Sub: {s: '3'}}\n"
+    " Sub: {ports: {s: string}, Switch: {variable: '{s}', cases: {a: AlwaysSuccess}}}": [
+        "P926 mission.yaml:4:18: Main/Sub: port 's': BehaviorTree.CPP takes '3' for a number, and a node "
+        "reads a text from it (write a text that is no number, or set a key with SetBlackboard and give that)"
     ],
     " Main:\n  ports: {n: {type: int, default: 1}}\n"
     "  Repeat: {num_cycles: '{n}', do: {Timeout: {msec: '{n}', do: AlwaysSuccess}}}": [

@@ -67,6 +67,9 @@ def test_any_mission_survives(text: str) -> None:
          "Error in the script 'a.b'"),
         ('<root BTCPP_format="4"><BehaviorTree ID="A"><Timeout msec="0.5"><AlwaysSuccess/></Timeout>'
          "</BehaviorTree></root>", "[msec] with value [0.5] can not be converted to unsigned"),
+        ('<root BTCPP_format="4"><BehaviorTree ID="Main"><SubTree ID="B" t="600"/></BehaviorTree>'
+         '<BehaviorTree ID="B"><Delay delay_msec="{t}"><AlwaysSuccess/></Delay></BehaviorTree></root>',
+         "[t] is int, and later unsigned"),
         ('<root BTCPP_format="4"><BehaviorTree ID="A"><SubTree ID="B"/></BehaviorTree></root>',
          "Can't find a tree with name: B"),
     ],

@@ -99,7 +99,10 @@ class ChildReader:
             count, parts = len(value), self.listed(value, loc, trail, names)
         if count < slot.least or (slot.most is not None and count > slot.most):
             limit = f"at least {slot.least}" if slot.most is None else f"{slot.least} to {slot.most}"
-            message = f"{declaration.id} has {count} children; it takes {limit}"
+            limit = f"{slot.least}" if slot.least == slot.most else limit
+            message = (
+                f"{declaration.id} has {count} {'child' if count == 1 else 'children'}; it takes {limit}"
+            )
             self._fault(loc, trail, message, code="P229")
         return parts
 

@@ -22,6 +22,7 @@ from ..values.fault_collector import MissionDiagnostics
 from ..values.port_types import PortValues, show
 from ..values.references import Binding, Constant, ExpressionLocator
 from .children import NAME_PATTERN, ChildNames, ChildReader, Filled, labels_of
+from .foreign_words import foreign_word
 from .port_wires import PortReader
 from .registry import NodeRegistry
 
@@ -41,6 +42,12 @@ class _Site:
         return self.loc != self.start
 
 
+def _brief(value: Value) -> str:
+    """Return a node of a list in a word."""
+    name = next(iter(value), "") if isinstance(value, dict) else value
+    return name[:30] if isinstance(name, str) else "…"
+
+
 class NodeSpecReader:
     """Reader of the nodes of one document."""
 
@@ -53,8 +60,11 @@ class NodeSpecReader:
         pointer: ExpressionLocator,
         *,
         lacking: bool = False,
+        ambiguous: frozenset[str] = frozenset(),
     ) -> None:
-        """`lacking`: a file with more trees could not be read, so unknown names are not reported."""
+        """`lacking`: a file with more trees could not be read, so unknown names are not reported.
+        `ambiguous`: names of trees that are names of nodes, too, which is a fault already."""
+        self._ambiguous = ambiguous
         self._lacking = lacking
         self._document = document
         self._registry = registry
@@ -92,6 +102,10 @@ class NodeSpecReader:
                 message = f"a node is a mapping with one key, its ID; here are {len(keys)}: {shown}"
                 hint = f"what belongs to {show(keys[0])} is indented under it"
                 self._fault(loc, above, message, hint, code="P215")
+            case list() if value:
+                shown = ", ".join([*map(_brief, value[:3]), *(["…"] if len(value) > 3 else [])])
+                hint = f"write 'Sequence: [{shown}]'"
+                self._fault(loc, above, "here a node must stand, not a list", hint, code="P216")
             case _:
                 hint = "as 'Grasp: {object: \"{item}\"}' or a bare ID"
                 self._fault(loc, above, "here a node must stand", hint, code="P216")
@@ -109,6 +123,8 @@ class NodeSpecReader:
             self._fault((*loc, "name"), site.trail, message, code="P217")
         if identity in self._trees:
             return self._subtree(identity, name, body, site)
+        if identity in self._ambiguous:
+            return None  # the tree of that name is a fault already
         node = self._registry.find(identity)
         if node is None:
             self._unknown(identity, body, above, site)
@@ -119,8 +135,9 @@ class NodeSpecReader:
         loc = site.loc
         key = bool(loc) and loc[-1] == identity
         if IDENTIFIER.fullmatch(identity):
-            hint = self._faults.nearest(identity, (*self._trees, *self._registry.ids()))
-            detail, near = "", hint.startswith("did you mean")
+            foreign = foreign_word(identity)
+            hint = foreign or self._faults.nearest(identity, (*self._trees, *self._registry.ids()))
+            detail, near = "", bool(foreign) or hint.startswith("did you mean")
             if not near:
                 hint = "`picktree nodes` lists those that there are"
             if not near and self._registry.problems:

@@ -12,6 +12,7 @@ from typing import Final, Literal, cast
 
 from ...files.expressions.expression import Expression, ExpressionError
 from ...files.marks import Diagnostic, Location
+from ...files.value_wording import suggest_number
 from ...files.yaml.document import Document
 from ...files.yaml.reader import Value
 from ...world.journal import Plain
@@ -107,7 +108,9 @@ class PortReader:
         except ExpressionError as error:
             self._expression_fault(error, value, loc, trail, what)
         except ValueError as error:
-            self._fault(loc, trail, f"{what}: {error}", port.doc, code="P220")
+            number = port.type.name in ("int", "float") and not port.type.many
+            hint = (suggest_number(value) if number else "") or port.doc
+            self._fault(loc, trail, f"{what}: {error}", hint, code="P220")
         return None
 
     def _reference(

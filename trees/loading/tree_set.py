@@ -152,10 +152,19 @@ class TreeSetReader:
                 if self._named_well(document, name, homes):
                     homes[name] = document
                     ports[name] = declared.of(name, body)
+        ambiguous = frozenset(
+            name for _, found in bodies for name in found if self._registry.find(name) is not None
+        )
         trees: dict[str, TreeSpec] = {}
         for document, found in bodies:
             grammar = NodeSpecReader(
-                document, self._registry, ports, self._faults, self._pointer, lacking=self._lacking
+                document,
+                self._registry,
+                ports,
+                self._faults,
+                self._pointer,
+                lacking=self._lacking,
+                ambiguous=ambiguous,
             )
             for name, body in found.items():
                 root = self._root(document, grammar, name, body) if homes.get(name) is document else None

@@ -14,8 +14,8 @@ from ...files.yaml.file_models import (
     FileModel,
     Force,
     InvalidValue,
+    ItemMass,
     Length,
-    Mass,
     Name,
     Size,
     Sizes,
@@ -189,7 +189,7 @@ class CatalogueFile(FileModel):
     """A flat box; its height, the last number, is at most a third of the shorter side."""
     mesh: Annotated[MeshFile | None, as_mapping("file", MeshFile | str | None)] = None
     """A convex body of another shape; a bare text is its mesh file."""
-    mass: Mass
+    mass: ItemMass
     """Mass of one item."""
     friction: Annotated[float, quantity("", least=0, most=2)]
     """Coulomb's coefficient against the table and the fingers."""

@@ -19,11 +19,13 @@ from ..format import btcpp_vocabulary, tree_nodes_model
 from ..format.btcpp_vocabulary import SlotRow, indexes_text, table_text
 from ..format.element import Comments, Element
 from ..format.literal_text import is_pointer, value_text
+from .key_types import KeyTypes, fits
 from .script_export import NotExpressible, assignments_script, constant_script, expression_text, script
 
 MAX_LINE_LENGTH = 110
 """Maximum length of a line; longer elements have each attribute on a separate line."""
 _UNFIT = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+_DELETE = "\x7f"
 _ESCAPES = {"&": "&amp;", "<": "&lt;", ">": "&gt;"}
 _IN_ATTRIBUTES = {**_ESCAPES, '"': "&quot;", "\t": "&#9;", "\n": "&#10;", "\r": "&#13;"}
 
@@ -85,8 +87,7 @@ class XmlExporter:
         self._models: dict[str, Element] = {}
         self._called: set[str] = set()
         """Names of the sub-tree instances of the present tree: each may be used once."""
-        self._types: dict[str, str] = {}
-        """C++ types of the present tree's keys, as BehaviorTree.CPP's own nodes need them."""
+        self._types = KeyTypes(mission)
 
     def root(self) -> Element:
         """Return the root element of the file."""
@@ -97,6 +98,7 @@ class XmlExporter:
         if MAIN in self._mission.trees:
             attributes["main_tree_to_execute"] = MAIN
         root = Element("root", attributes, parts, comments=comments)
+        self.faults += self._types.faults
         self._check_characters(root)
         return root
 
@@ -106,7 +108,7 @@ class XmlExporter:
                         "give the tree another name", code="P920")  # fmt: skip
         for port in tree.ports:
             self._check_port(port, tree.mark, f"trees.{tree.name}")
-        self._called, self._types = set(), {}
+        self._called = set()
         comments = self._above(tree.mark)
         root = self.node(tree.root, tree.name)
         return Element("BehaviorTree", {"ID": tree.name}, (root,), comments=comments)
@@ -118,7 +120,7 @@ class XmlExporter:
             fields = tree_nodes_model.head(self._mission) if index == 0 else []
             if self.included(tree):
                 fields.append({tree_nodes_model.INCLUDED: "true"})
-            yield tree_nodes_model.tree_model(tree, fields)
+            yield tree_nodes_model.tree_model(tree, fields, self._default)
 
     def included(self, tree: TreeSpec) -> bool:
         """Whether the tree is in another file."""
@@ -152,7 +154,9 @@ class XmlExporter:
             case "Repeat" if "while" in spec.ports:
                 self._use(
                     btcpp_vocabulary.REPEAT_WHILE,
-                    lambda: tree_nodes_model.repeat_while_model(node.declaration),
+                    lambda: tree_nodes_model.repeat_while_model(
+                        node.declaration, self._types.loose(btcpp_vocabulary.REPEAT_WHILE)
+                    ),
                 )
                 return self._plain(spec, node, btcpp_vocabulary.REPEAT_WHILE, trail)
             case identity if identity in btcpp_vocabulary.SHARED_NODES:
@@ -163,7 +167,8 @@ class XmlExporter:
                     self._fault(spec.mark, trail, message, "give the node another ID", code="P920")
                 for port in node.declaration.ports:
                     self._check_port(port, spec.mark, trail)
-                self._use(identity, lambda: tree_nodes_model.node_model(node.declaration))
+                loose = self._types.loose(identity)
+                self._use(identity, lambda: tree_nodes_model.node_model(node.declaration, loose))
                 return self._plain(spec, node, identity, trail)
 
     def _plain(self, spec: NodeSpec, node: type[Node], identity: str, trail: str) -> Element:
@@ -185,21 +190,43 @@ class XmlExporter:
 
     def _bound(self, bound: Binding, port: PortDeclaration, spec: NodeSpec, trail: str) -> str:
         if isinstance(bound, Reference):
-            self._check_type(bound, port, spec, trail)
             return str(bound)
-        text = value_text(bound.value, port.type)
         mark = spec.places.get(port.key, spec.mark)
+        text = (
+            value_text(bound.value, port.type) if spec.node else self._given(bound.value, port, spec, trail)
+        )
         self._check_text(text, f"port {port.key!r}", mark, trail)
-        if spec.id in ("Timeout", "Delay") and not _whole(bound.value):
+        kind = btcpp_vocabulary.PORT_TYPES.get(port.key, "")
+        if spec.id in btcpp_vocabulary.SHARED_NODES and not fits(kind, bound.value):
+            message = f"port {port.key!r}: BehaviorTree.CPP counts with 32 bits, not to {text}"
+            self._fault(mark, trail, message, code="P923")
+        elif spec.id in btcpp_vocabulary.SHARED_NODES and kind == "unsigned" and not _whole(bound.value):
             message = f"port {port.key!r}: BehaviorTree.CPP counts whole milliseconds, not {text}"
             self._fault(mark, trail, message, code="P923")
         return text
+
+    def _given(self, value: object, port: PortDeclaration, spec: NodeSpec, trail: str) -> str:
+        """Return the literal of a sub-tree's port."""
+        text = self._types.literal(spec.id, port, value)
+        if text is None:
+            self._fault(spec.mark_at(port.key), trail, *_a_number(port.key, value), code="P926")
+        return text or ""
+
+    def _default(self, tree: TreeSpec, port: PortDeclaration) -> str:
+        """Return the default of a tree's port."""
+        text = self._types.literal(tree.name, port, port.default)
+        if text is None:
+            mark = tree.places.get(port.key, tree.mark)
+            self._fault(mark, f"trees.{tree.name}", *_a_number(port.key, port.default), code="P926")
+        return text or ""
 
     def _named(self, spec: NodeSpec, identity: str) -> dict[str, str]:
         """Return the attribute `name` if the node's name differs from its ID, else nothing."""
         name = spec.name.partition("#")[0]
         if name == spec.id:
             return {}
+        if _DELETE in name:  # which BehaviorTree.CPP refuses in a name
+            return {"name": name.replace(_DELETE, ""), btcpp_vocabulary.OWN_NAME: name}
         return {btcpp_vocabulary.OWN_NAME: name} if name == identity else {"name": name}
 
     def _condition(self, spec: NodeSpec) -> Element:
@@ -265,7 +292,7 @@ class XmlExporter:
                 attributes[port.key] = self._bound(bound, port, spec, trail)
             elif port.direction == "out":
                 # Without a key to write to, BehaviorTree.CPP refuses the whole file.
-                attributes[port.key] = f"{{_unused_{port.key}}}"
+                attributes[port.key] = f"{{_unused_{spec.id}_{port.key}}}"
                 left_out.append(port.key)
             elif value_text(port.default, port.type) == "":
                 # BehaviorTree.CPP ignores an empty default.
@@ -277,7 +304,8 @@ class XmlExporter:
 
     def _instance(self, spec: NodeSpec) -> dict[str, str]:
         """Return the name of a sub-tree instance; BehaviorTree.CPP refuses equal names in one tree."""
-        name = self._named(spec, spec.id).get("name")
+        named = self._named(spec, spec.id)
+        name = named.get("name")
         if name is None:
             return {}
         instance, number = name, 1
@@ -285,7 +313,8 @@ class XmlExporter:
             number += 1
             instance = f"{name} ({number})"
         self._called.add(instance)
-        return {"name": instance} | ({btcpp_vocabulary.OWN_NAME: name} if instance != name else {})
+        own = {btcpp_vocabulary.OWN_NAME: name} if instance != name else {}
+        return {"name": instance} | own | {key: value for key, value in named.items() if key != "name"}
 
     # Conditions.
 
@@ -311,21 +340,6 @@ class XmlExporter:
             return Element(btcpp_vocabulary.GUARDED, ours, (element,))
 
     # Faults.
-
-    def _check_type(self, bound: Reference, port: PortDeclaration, spec: NodeSpec, trail: str) -> None:
-        """Check a key's type: BehaviorTree.CPP derives it from the first port of its own that the key is
-        wired to."""
-        if (
-            spec.id not in (*btcpp_vocabulary.SHARED_NODES, "Switch")
-            or port.key not in btcpp_vocabulary.PORT_TYPES
-        ):
-            return
-        kind = btcpp_vocabulary.PORT_TYPES[port.key]
-        first = self._types.setdefault(str(bound), kind)
-        if first not in (kind, "std::string"):
-            message = f"port {port.key!r}: {bound} is {first} at another node, and {kind} here"
-            hint = "BehaviorTree.CPP wants one type for each key; use two"
-            self._fault(spec.places.get(port.key, spec.mark), trail, message, hint, code="P925")
 
     def _check_port(self, port: PortDeclaration, mark: Mark, trail: str) -> None:
         if port.key == "ID":
@@ -356,6 +370,12 @@ def _with(element: Element, attributes: Mapping[str, str]) -> Element:
 
 def _assignments(assignments: Iterable[Assignment]) -> str:
     return "; ".join(f"{a.key} {':=' if a.new else '='} {expression_text(a.value.root)}" for a in assignments)
+
+
+def _a_number(key: str, value: object) -> tuple[str, str]:
+    """Return message and hint of a text that BehaviorTree.CPP stores as a number."""
+    message = f"port {key!r}: BehaviorTree.CPP takes {value!r} for a number, and a node reads a text from it"
+    return message, "write a text that is no number, or set a key with SetBlackboard and give that"
 
 
 def _whole(value: object) -> bool:

@@ -6,6 +6,8 @@ import re
 from collections.abc import Iterable
 from typing import Final, NamedTuple
 
+from ....trees.loading.foreign_words import FOREIGN_WORDS
+
 _ENTRY = re.compile(r"\s*((?:[^\\;=]|\\.)*?)\s*=\s*(\d{1,6})\s*(?:;|$)")
 _SPECIAL = re.compile(r"[\\;=]")
 
@@ -74,18 +76,13 @@ TRANSLATED: Final = frozenset(
 )  # fmt: skip
 """Nodes of BehaviorTree.CPP that the import translates to other nodes."""
 FOREIGN: Final[dict[str, str]] = {
-    "AsyncSequence": "Sequence comes near; here no Sequence is interrupted between two children",
-    "AsyncFallback": "Fallback comes near; here no Fallback is interrupted between two children",
-    "SequenceWithMemory": "Sequence comes near; it begins anew after a failure",
-    "ParallelAll": "Parallel comes near; it does not wait for the others once its count is reached",
-    "UnsetBlackboard": "a key cannot be taken away; write null with SetBlackboard",
-    "WasEntryUpdated": "compare the value with a copy of the old one in a Condition",
-    "SkipUnlessUpdated": "compare the value with a copy of the old one in a _skipIf",
-    "WaitValueUpdate": "compare the value with a copy of the old one in a Condition",
-    "ManualSelector": "there is no choosing by hand",
-    "SubTreePlus": "this is of format 3; in format 4 it is <SubTree>",
-    "SequenceStar": "this is of format 3; in format 4 it is <SequenceWithMemory>",
-}
+    name: FOREIGN_WORDS[name]
+    for name in (
+        "AsyncSequence", "AsyncFallback", "SequenceWithMemory", "ParallelAll", "UnsetBlackboard",
+        "WasEntryUpdated", "SkipUnlessUpdated", "WaitValueUpdate", "TryCatch", "ManualSelector",
+        "SubTreePlus", "SequenceStar",
+    )
+}  # fmt: skip
 """Nodes of BehaviorTree.CPP without a counterpart, and the nearest alternative."""
 BUILT_IN: Final = SHARED_NODES | TRANSLATED | (frozenset(FOREIGN) - {"SubTreePlus", "SequenceStar"})
 

@@ -17,9 +17,10 @@ from ....trees.values.port_types import PortType
 from ....world.journal import Plain
 
 JSON: Final = "json:"
+ANY_TYPE: Final = "BT::AnyTypeAllowed"
 _TYPES: Final = {
     "string": "std::string", "int": "int", "float": "double", "bool": "bool", "object": "ObjectId",
-    "expression": "std::string", "any": "BT::AnyTypeAllowed",
+    "expression": "std::string", "any": ANY_TYPE,
 }  # fmt: skip
 _NAMES: Final = {
     "std::string": "string", "int": "int", "double": "float", "bool": "bool", "ObjectId": "object",
@@ -29,6 +30,7 @@ _NAMES: Final = {
 _MIN_EXPONENT_NUMBER: Final = 1e15
 """Limit from which numbers are written with an exponent."""
 _VECTOR = re.compile(r"std::vector<\s*(?P<of>[\w: ]+?)\s*(?:,.*)?>")
+_BEHIND = re.compile(r"(?<=[\d.]) (ms)?$", re.ASCII)
 _TRUTH = {"true": True, "True": True, "TRUE": True, "1": True,
           "false": False, "False": False, "FALSE": False, "0": False}  # fmt: skip
 
@@ -70,14 +72,15 @@ def read_value(text: str, kind: PortType) -> Value:
         return None
     match kind.name:
         case "int" | "float":
-            number = _resolved(text)
+            # As a sub-tree's port has it, where BehaviorTree.CPP must not take it for a number.
+            number = _resolved(_BEHIND.sub("", text))
             if isinstance(number, float) and number.is_integer() and abs(number) < _MIN_EXPONENT_NUMBER:
                 return int(number)
             return number if type(number) in (int, float) else text
         case "bool":
             return _TRUTH.get(text, text)
         case "any":
-            return _json(text) if text.startswith(JSON) else _resolved(text)
+            return _json(text) if text.startswith(JSON) else _resolved(_BEHIND.sub("", text))
         case _:
             return text
 
@@ -116,7 +119,9 @@ def _scalar_text(value: str | int | float | bool) -> str:
 
 def _any_text(value: Plain) -> str:
     # Texts that would be read as another value, and values that are no scalars.
-    plain = isinstance(value, str) and not value.startswith(JSON) and _resolved(value) == value
+    plain = (
+        isinstance(value, str) and not value.startswith(JSON) and _resolved(_BEHIND.sub("", value)) == value
+    )
     if plain or (isinstance(value, bool | int) and not isinstance(value, str)):
         return _scalar_text(cast("str | int | bool", value))
     return repr(value) if isinstance(value, float) else JSON + json.dumps(value, ensure_ascii=False)

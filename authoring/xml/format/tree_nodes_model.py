@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from typing import Final
 
 from ....trees.declaration import NodeDeclaration
@@ -12,7 +12,7 @@ from ....trees.ports import PortDeclaration
 from ....trees.values.port_types import PortType
 from . import btcpp_vocabulary
 from .element import Element
-from .literal_text import JSON, default_text, type_text, value_text
+from .literal_text import JSON, default_text, type_text
 
 UNIT: Final = "unit"
 CHOICES: Final = "choices"
@@ -21,15 +21,15 @@ INCLUDED: Final = "included"
 _TEXT: Final = PortType("string")
 
 
-def node_model(declaration: NodeDeclaration) -> Element:
-    """Return the model of a node that a program registers under its own ID."""
+def node_model(declaration: NodeDeclaration, loose: Collection[str] = ()) -> Element:
+    """Return the model of a node that a program registers under its own ID; `loose` ports are of any type."""
     slots = [slot for slot in declaration.slots if slot.key != "do"]
     kind = {"action": "Action", "condition": "Condition", "decorator": "Decorator"}.get(
         declaration.kind, "Control"
     )
     if slots and kind == "Decorator":
         kind = "Control"
-    ports = [_node_port(port) for port in declaration.ports]
+    ports = [_node_port(port, loose) for port in declaration.ports]
     for slot in slots:
         said = {"one": "the child", "many": "children, as 1;2", "table": "as name=child"}[slot.arity]
         text = f"{slot.doc}: {said}, counted from 0"
@@ -50,8 +50,8 @@ def guarded_model() -> Element:
     return Element("Decorator", {"ID": btcpp_vocabulary.GUARDED}, tuple(ports))
 
 
-def repeat_while_model(declaration: NodeDeclaration) -> Element:
-    ports = tuple(_node_port(port) for port in declaration.ports)
+def repeat_while_model(declaration: NodeDeclaration, loose: Collection[str] = ()) -> Element:
+    ports = tuple(_node_port(port, loose) for port in declaration.ports)
     return Element("Decorator", {"ID": btcpp_vocabulary.REPEAT_WHILE}, ports)
 
 
@@ -62,9 +62,16 @@ def switch_model(cases: int) -> Element:
     return Element("Control", {"ID": f"Switch{cases}"}, ports)
 
 
-def tree_model(tree: TreeSpec, metadata: Iterable[Mapping[str, str]]) -> Element:
-    """Return the ports of a tree, for `Main` the mission's parameters. The metadata hold the file's head."""
-    parts = [_tree_port(port) for port in tree.ports]
+def tree_model(
+    tree: TreeSpec,
+    metadata: Iterable[Mapping[str, str]],
+    default: Callable[[TreeSpec, PortDeclaration], str],
+) -> Element:
+    """Return the ports of a tree, for `Main` the mission's parameters. The metadata hold the file's head.
+
+    `default` returns the text of a port's default.
+    """
+    parts = [_tree_port(port, default(tree, port) if _has_default(port) else "") for port in tree.ports]
     fields = tuple(Element("Metadata", field) for field in metadata)
     if fields:
         parts.append(Element("MetadataFields", {}, fields))
@@ -88,11 +95,11 @@ def head(mission: Mission) -> list[dict[str, str]]:
     return fields
 
 
-def _node_port(port: PortDeclaration) -> Element:
+def _node_port(port: PortDeclaration, loose: Collection[str]) -> Element:
     what = "output_port" if port.direction == "out" else "input_port"
     text = port.doc + (f" [{port.unit}]" if port.unit else "")
     # A list of `any` takes the type of its values.
-    kind = PortType("any") if port.type.name == "any" else port.type
+    kind = PortType("any") if port.type.name == "any" or port.key in loose else port.type
     return _port(what, port.key, kind, default_text(port), text)
 
 
@@ -103,13 +110,17 @@ def _port(what: str, key: str, kind: PortType, default: str, text: str) -> Eleme
     return Element(what, attributes, text=text)
 
 
-def _tree_port(port: PortDeclaration) -> Element:
+def _has_default(port: PortDeclaration) -> bool:
+    return port.direction == "in" and not port.required
+
+
+def _tree_port(port: PortDeclaration, default: str) -> Element:
     """Return a port of a tree. BehaviorTree.CPP reads `default` and `description`; the import reads the
     rest."""
     what = "output_port" if port.direction == "out" else "input_port"
     attributes = {"name": port.key, "type": type_text(port.type)}
-    if port.direction == "in" and not port.required:
-        attributes["default"] = value_text(port.default, port.type)
+    if _has_default(port):
+        attributes["default"] = default
     if port.doc:
         attributes["description"] = port.doc
     if port.unit is not None:

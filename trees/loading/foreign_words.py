@@ -1,0 +1,105 @@
+"""Names of nodes in BehaviorTree.CPP, Nav2, py_trees and game engines, and what to write here."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Final
+
+FOREIGN_WORDS: Final[Mapping[str, str]] = {
+    # BehaviorTree.CPP
+    "AsyncFallback": "Fallback comes near; here no Fallback is interrupted between two children",
+    "AsyncSequence": "Sequence comes near; here no Sequence is interrupted between two children",
+    "LoopBool": "a loop over a list is 'ForEach: {in: …, out: \"{key}\", do: …}'",
+    "LoopDouble": "a loop over a list is 'ForEach: {in: …, out: \"{key}\", do: …}'",
+    "LoopInt": "a loop over a list is 'ForEach: {in: …, out: \"{key}\", do: …}'",
+    "LoopString": "a loop over a list is 'ForEach: {in: …, out: \"{key}\", do: …}'",
+    "ManualSelector": "there is no choosing by hand",
+    "ParallelAll": "Parallel comes near; it does not wait for the others once its count is reached",
+    "Precondition": "a condition stands at the node itself, as '_skipIf: …' or '_failureIf: …'",
+    "Script": "an assignment stands at a node, as '_post: \"key := expression\"'; or SetBlackboard",
+    "ScriptCondition": "an expression is asked by 'Condition: {if: …}'",
+    "SequenceStar": "this is of format 3; in format 4 it is <SequenceWithMemory>",
+    "SequenceWithMemory": "Sequence comes near; it begins anew after a failure",
+    "SkipUnlessUpdated": "compare the value with a copy of the old one in a _skipIf",
+    "Sleep": "waiting is 'Delay: {delay_msec: 500 ms, do: AlwaysSuccess}'",
+    "SubTree": "a tree is used by its name, as 'PutDown: {object: \"{item}\"}'",
+    "SubTreePlus": "this is of format 3; in format 4 it is <SubTree>",
+    "Switch2": "Switch, with any number of cases",
+    "Switch3": "Switch, with any number of cases",
+    "Switch4": "Switch, with any number of cases",
+    "Switch5": "Switch, with any number of cases",
+    "Switch6": "Switch, with any number of cases",
+    "TryCatch": "a Recover comes near; its give_up runs before it fails",
+    "UnsetBlackboard": "a key cannot be taken away; write null with SetBlackboard",
+    "WaitValueUpdate": "compare the value with a copy of the old one in a Condition",
+    "WasEntryUpdated": "compare the value with a copy of the old one in a Condition",
+    # Nav2
+    "BackUp": "Jog moves the tool, SafeRetreat gets the arm clear",
+    "DistanceController": "how often a child is ticked cannot be bounded; a Delay in it waits",
+    "DriveOnHeading": "Jog moves the tool, GoTo the arm",
+    "GoalUpdated": "ask for the change in a Condition",
+    "PipelineSequence": "ReactiveSequence comes near; it asks earlier children anew at each tick",
+    "RateController": "how often a child is ticked cannot be bounded; a Delay in it waits",
+    "SingleTrigger": "RunOnce, with 'then_skip: false'",
+    "SpeedController": "how often a child is ticked cannot be bounded; a Delay in it waits",
+    "Wait": "waiting is 'Delay: {delay_msec: 500 ms, do: AlwaysSuccess}'",
+    # py_trees
+    "CheckBlackboardVariableExists": "ask for the key in a Condition, as 'Condition: {if: key != null}'",
+    "CheckBlackboardVariableValue": "ask for the value in a Condition, as 'Condition: {if: key == 3}'",
+    "EternalGuard": "a condition stands at the node itself, as '_while: …'",
+    "Failure": "AlwaysFailure",
+    "FailureIsRunning": "RetryUntilSuccessful, with 'num_attempts: -1'",
+    "FailureIsSuccess": "ForceSuccess",
+    "OneShot": "RunOnce",
+    "Retry": "RetryUntilSuccessful, or a Recover where the cause decides",
+    "RunningIsFailure": "a Timeout bounds how long a child may be RUNNING",
+    "RunningIsSuccess": "a Timeout bounds how long a child may be RUNNING",
+    "SetBlackboardVariable": "SetBlackboard",
+    "StatusToBlackboard": "an assignment stands at the node itself, as '_onSuccess: …' and '_onFailure: …'",
+    "Success": "AlwaysSuccess",
+    "SuccessIsFailure": "ForceFailure",
+    "SuccessIsRunning": "KeepRunningUntilFailure",
+    "TickCounter": "waiting is 'Delay: {delay_msec: 500 ms, do: AlwaysSuccess}'",
+    "UnsetBlackboardVariable": "a key cannot be taken away; write null with SetBlackboard",
+    "WaitForBlackboardVariable": "wait by 'RetryUntilSuccessful: {num_attempts: -1, do: {Condition: …}}'",
+    # Words of every day, and of game engines
+    "Catch": "Recover",
+    "Cooldown": "a Delay in it waits",
+    "Drop": "Place puts down, OpenGripper lets go",
+    "Failer": "AlwaysFailure, or ForceFailure around a child",
+    "For": "ForEach over a list, Repeat for a number of times",
+    "If": "IfThenElse, or '_skipIf: …' at the node itself",
+    "Limiter": "Repeat and RetryUntilSuccessful count; Budget bounds recovery",
+    "Look": "Observe",
+    "Loop": "Repeat for a number of times, ForEach over a list",
+    "Move": "GoTo for a named pose, Jog for a distance",
+    "MoveTo": "GoTo for a named pose, Jog for a distance",
+    "Negate": "Inverter",
+    "Not": "Inverter",
+    "Pick": "Grasp",
+    "PickUp": "Grasp",
+    "Priority": "Fallback",
+    "PrioritySelector": "Fallback",
+    "Release": "OpenGripper lets go, Place puts down",
+    "Repeater": "Repeat",
+    "Selector": "Fallback",
+    "SelectorWithMemory": "Fallback",
+    "Succeeder": "AlwaysSuccess, or ForceSuccess around a child",
+    "Try": "Fallback tries one after the other, Recover handles causes",
+    "UntilFail": "KeepRunningUntilFailure",
+    "UntilFailure": "KeepRunningUntilFailure",
+    "UntilSuccess": "RetryUntilSuccessful",
+    "While": "'Repeat: {while: …, do: …}' for a loop, WhileDoElse for a choice at each tick",
+}
+"""Hint for each name that is no node here; a single word is the node that is meant."""
+_FOLDED: Final = {word.casefold(): hint for word, hint in FOREIGN_WORDS.items()}
+
+
+def foreign_word(name: str) -> str:
+    """Return what to write for a node of another library or engine; "" for an unknown word.
+
+    >>> foreign_word("selector"), foreign_word("Graps")
+    ("did you mean 'Fallback'?", '')
+    """
+    hint = _FOLDED.get(name.replace("_", "").casefold(), "")
+    return f"did you mean {hint!r}?" if hint.isidentifier() else hint
