@@ -41,7 +41,9 @@ def is_expression(walk: SchemaWalk, path: Location) -> bool:
     """Whether an expression or an assignment may stand at a location of a mission."""
     if path and path[-1] in (*PRECONDITIONS, *POSTCONDITIONS):
         return True
-    return any(set(types_of(part)) == {"string", "boolean", "number"} for part in walk.at(path))
+    if len(path) < 2 or not isinstance(path[-1], str) or not isinstance(path[-2], str):
+        return False
+    return set(types_of(walk.port(path[-2], path[-1]))) == {"string", "boolean", "number"}
 
 
 def proposals(cursor: Cursor, walk: SchemaWalk, library: Iterable[tuple[str, str]] = ()) -> list[Proposal]:

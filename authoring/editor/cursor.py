@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
-from ...files.marks import Location
+from ...files.marks import Location, Mark
 from ...files.yaml.reader import YamlNode
 from .text_repair import CURSOR, read_repaired
 
@@ -114,10 +114,50 @@ def cursor_at(text: str, place: Place, file: str) -> Cursor | None:
     )
 
 
-def settled(cursor: Cursor, text: str, file: str) -> Cursor:
-    """Return the cursor in the text as it is written: no mark shifts the columns behind it."""
+def cursor_on(text: str, place: Place, file: str) -> Cursor | None:
+    """Return the key or value that covers a place in the text as it is written; None for neither."""
     reading = read_repaired(text, file)
-    return cursor if reading is None else replace(cursor, root=reading[0].root)
+    lines = text.split("\n")
+    if reading is None or place.line >= len(lines):
+        return None
+    line = lines[place.line]
+    for path, written, mark, parent in _texts(reading[0].root, place.line + 1):
+        start = mark.column - 1 + (line[mark.column - 1 : mark.column] in ("'", '"'))
+        if start <= place.character <= start + len(written):
+            is_key = isinstance(parent.value, dict) and parent.keys.get(written) == mark
+            word = Span(Place(place.line, start), Place(place.line, start + len(written)))
+            return Cursor(
+                reading[0].root,
+                path,
+                written,
+                is_key,
+                frozenset(),
+                False,
+                False,
+                isinstance(parent.value, list),
+                word,
+                line[:start],
+                line[start + len(written) :],
+                place,
+                line,
+            )
+    return None
+
+
+def _texts(root: YamlNode, line: int) -> Iterator[tuple[Location, str, Mark, YamlNode]]:
+    """Yield location, text, mark and parent of the keys and texts that begin in a line."""
+    todo: list[tuple[Location, YamlNode]] = [((), root)]
+    while todo:
+        path, node = todo.pop()
+        for key, child in node.entries.items():
+            if node.keys[key].line == line:
+                yield path, key, node.keys[key], node
+            todo.append(((*path, key), child))
+        todo += [((*path, index), child) for index, child in enumerate(node.items)]
+        below: list[tuple[str | int, YamlNode]] = [*node.entries.items(), *enumerate(node.items)]
+        for step, child in below:
+            if child.mark.line == line and isinstance(child.value, str):
+                yield (*path, step), child.value, child.mark, node
 
 
 def _matched(found: re.Match[str] | None) -> str:

@@ -136,7 +136,7 @@ def _keys_of(cursor: Cursor, walk: SchemaWalk) -> Iterator[KeyPlace]:
 
 
 def _key_at(cursor: Cursor, walk: SchemaWalk) -> KeyPlace | None:
-    """Return the key of the blackboard under the cursor. The cursor's text is read without its mark."""
+    """Return the key of the blackboard under the cursor."""
     for place in _keys_of(cursor, walk):
         if place.mark.line == cursor.word.start.line + 1 and _covers(place, cursor):
             return place

@@ -18,7 +18,7 @@ from ..schema.mission_context import any_mission, one_mission
 from ..schema.mission_schema import MissionSpecifics, mission_schema
 from ..schema.schema_parts import Schema
 from .completion import Proposal, proposals
-from .cursor import Cursor, Place, Span, cursor_at, settled
+from .cursor import Cursor, Place, Span, cursor_at, cursor_on
 from .navigation import Edit, definition, hover, rename, renamed_span
 from .schema_walk import SchemaWalk
 from .text_repair import read_repaired
@@ -70,7 +70,7 @@ class OpenFile:
 
     def hover(self, place: Place) -> tuple[Span, str] | None:
         """Return the documentation of what stands at a place."""
-        cursor = self._settled(place)
+        cursor = self._on(place)
         if cursor is None:
             return None
         words = hover(cursor, self._walk(cursor.root))
@@ -78,28 +78,27 @@ class OpenFile:
 
     def definition(self, place: Place) -> Mark | None:
         """Return where the sub-tree, file or key at a place is defined."""
-        cursor = self._settled(place)
+        cursor = self._on(place)
         if cursor is None or self._kind != "mission":
             return None
         return definition(cursor, self._walk(cursor.root), self._document(cursor.root))
 
     def renamed_span(self, place: Place) -> Span | None:
         """Return the key of the blackboard at a place."""
-        cursor = self._settled(place)
+        cursor = self._on(place)
         if cursor is None or self._kind != "mission":
             return None
         return renamed_span(cursor, self._walk(cursor.root), self._text)
 
     def rename(self, place: Place, name: str) -> list[Edit]:
         """Return the edits that rename a key of the blackboard. Raises PicktreeError."""
-        cursor = self._settled(place)
+        cursor = self._on(place)
         if cursor is None or self._kind != "mission":
             raise PicktreeError("there is no key of the blackboard here")
         return rename(cursor, self._walk(cursor.root), name, self._text)
 
-    def _settled(self, place: Place) -> Cursor | None:
-        cursor = cursor_at(self._text, place, str(self._path)) if self._kind else None
-        return None if cursor is None else settled(cursor, self._text, str(self._path))
+    def _on(self, place: Place) -> Cursor | None:
+        return cursor_on(self._text, place, str(self._path)) if self._kind else None
 
     def _document(self, root: YamlNode) -> Document:
         data = root.value if isinstance(root.value, dict) else {}

@@ -18,6 +18,7 @@ class SchemaWalk:
 
     def __init__(self, root: Schema) -> None:
         self._root = root
+        self._definitions = schema(root.get("definitions"))
 
     def at(self, path: Location) -> list[Schema]:
         """Return the parts that describe the value at a location."""
@@ -42,6 +43,11 @@ class SchemaWalk:
         target = part.get("$ref")
         return self.resolved(self._definition(target)) | part if isinstance(target, str) else part
 
+    def port(self, node: str, key: str) -> Schema:
+        """Return the schema of a key of a node or sub-tree; empty for none."""
+        body = self._definition(f"{_NODE}{node}") or self._definition(f"{_TREE}{node}")
+        return schema(schema(body.get("properties")).get(key))
+
     def _parts(self, part: Schema) -> Iterator[Schema]:
         """Yield a schema and those that hold with it: references, alternatives, conditional branches."""
         todo, seen = [part], 0
@@ -59,8 +65,7 @@ class SchemaWalk:
                 todo += filter(None, map(schema, branches))
 
     def _definition(self, reference: str) -> Schema:
-        definitions = schema(self._root.get("definitions"))
-        return schema(definitions.get(reference.rpartition("/")[2]))
+        return schema(self._definitions.get(reference.rpartition("/")[2]))
 
     def _below(self, part: Schema, step: str | int) -> Iterator[Schema]:
         if isinstance(step, int):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import gc
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import BinaryIO, Final
 
@@ -72,13 +72,13 @@ class Session:
         found = document.position_codec.position_from_client_units(document.lines, position)
         return Place(found.line, found.character)
 
-    def range(self, uri: str, span: Span) -> types.Range:
+    def range(self, uri: str, span: Span, lines: Sequence[str] | None = None) -> types.Range:
+        """Return a span for the client. `lines`: those of the document, where they were split already."""
         document = self.document(uri)
+        split = document.lines if lines is None else lines
 
         def position(place: Place) -> types.Position:
-            if place.line >= len(document.lines):
-                return types.Position(place.line, place.character)
-            before = document.lines[place.line][: place.character]
+            before = split[place.line][: place.character] if place.line < len(split) else ""
             return types.Position(place.line, document.position_codec.client_num_units(before))
 
         return types.Range(position(span.start), position(span.end))
@@ -99,7 +99,8 @@ class Session:
         if is_ours(document.source):
             raw = document.source.encode("utf-8", errors="replace")
             report = check_files([UnsavedText(_path(uri), raw)], CHECKS)
-            found = [self._diagnostic(uri, fault) for fault in report.faults]
+            lines = document.source.split("\n")
+            found = [self._diagnostic(uri, fault, lines) for fault in report.faults]
         self._publish(uri, found)
 
     def close(self, uri: str) -> None:
@@ -115,13 +116,12 @@ class Session:
         if due is not None:
             due.cancel()
 
-    def _diagnostic(self, uri: str, fault: Diagnostic) -> types.Diagnostic:
-        lines = self.document(uri).source.split("\n")
+    def _diagnostic(self, uri: str, fault: Diagnostic, lines: list[str]) -> types.Diagnostic:
         message = fault.message + (f" ({fault.hint})" if fault.hint else "")
         message += f"\n{fault.detail}" if fault.detail else ""
         severity = types.DiagnosticSeverity
         found = types.Diagnostic(
-            self.range(uri, token_span(fault, lines)),
+            self.range(uri, token_span(fault, lines), lines),
             message,
             severity.Error if fault.severity == "error" else severity.Warning,
             fault.code,
@@ -129,13 +129,13 @@ class Session:
         )
         if fault.mark.file != str(_path(uri)):
             at = types.Location(_uri(fault.mark.file), _start(fault.mark))
-            found.range = self.range(uri, _mention(fault.mark.file, lines))
+            found.range = self.range(uri, _mention(fault.mark.file, lines), lines)
             found.related_information = [types.DiagnosticRelatedInformation(at, message)]
             found.message = f"{fault.mark}: {message}"
             return found
         fix = quick_fix(fault, lines)
         if fix is not None:
-            place = self.range(uri, fix.span)
+            place = self.range(uri, fix.span, lines)
             found.data = {
                 "text": fix.text,
                 "range": [place.start.line, place.start.character, place.end.line, place.end.character],
