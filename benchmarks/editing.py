@@ -1,4 +1,4 @@
-"""CPU time of `picktree lsp` for one edit in a large mission: the check, a completion, a hover.
+"""CPU time of `picktree lsp` for one edit in a large mission: errors, linter, completion, hover.
 
 The server is driven over stdio as an editor drives it. The CPU time is that of its whole process, divided by
 the number of edits.
@@ -81,6 +81,12 @@ class Editor:
         self._client.text_document_did_change(types.DidChangeTextDocumentParams(document, [change]))
         await self._checked.wait()
 
+    async def lint(self) -> None:
+        """Await also the linter, which looks at the mission when no further edit comes."""
+        await self.edit()
+        self._checked.clear()
+        await self._checked.wait()
+
     async def complete(self) -> None:
         line = self.text.count("\n") - 1
         column = self.text.split("\n")[line].index("{object: ") + 1
@@ -104,7 +110,13 @@ async def measure(nodes: int, edits: int, rounds: int) -> None:
     editor = Editor(nodes)
     await editor.start()
     print(f"{nodes} nodes, {len(editor.text)} characters, {editor.faults} faults; median of {rounds} rounds")
-    for name, action in ("check", editor.edit), ("completion", editor.complete), ("hover", editor.hover):
+    actions = {
+        "errors": editor.edit,
+        "and linter": editor.lint,
+        "completion": editor.complete,
+        "hover": editor.hover,
+    }
+    for name, action in actions.items():
         await action()
         taken: list[float] = []
         for _ in range(rounds):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import gc
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import BinaryIO, Final
 
@@ -14,6 +14,7 @@ from pygls.lsp.server import LanguageServer
 from pygls.uris import from_fs_path, to_fs_path
 from pygls.workspace import TextDocument
 
+from ...authoring.check import check_mission
 from ...authoring.editor.completion import Proposal, ProposalKind
 from ...authoring.editor.cursor import Place, Span
 from ...authoring.editor.navigation import Edit
@@ -21,13 +22,18 @@ from ...authoring.editor.open_file import OpenFile
 from ...authoring.editor.quick_fixes import quick_fix, token_span
 from ...authoring.schema.schema_parts import Schema
 from ...errors import PicktreeError
-from ...files.diagnostics.file_checks import UnsavedText, check_files, is_ours
+from ...files.diagnostics.file_checks import Check, UnsavedText, check_files, is_ours
 from ...files.marks import Diagnostic, Mark
+from ...files.yaml.document import Document
 from ...trees.loading.registry import NodeRegistry
 from .file_schemas import CHECKS, file_schema
 
 QUIET: Final = 0.1
 """Time without a further edit after which a text is checked, s."""
+IDLE: Final = 0.3
+"""Time after the errors of a large text until it is checked with the linter, s."""
+LARGE: Final = 15_000
+"""Number of characters from which the errors of a mission are shown before the linter has looked at it."""
 _SOURCE: Final = "picktree"
 _KINDS: Mapping[ProposalKind, types.CompletionItemKind] = {
     "node": types.CompletionItemKind.Class,
@@ -36,6 +42,16 @@ _KINDS: Mapping[ProposalKind, types.CompletionItemKind] = {
     "value": types.CompletionItemKind.Value,
     "blackboard": types.CompletionItemKind.Variable,
 }
+
+
+_Severity = types.DiagnosticSeverity
+
+
+def _mission_errors(document: Document) -> tuple[Diagnostic, ...]:
+    return check_mission(document, linted=False).faults
+
+
+_CHECKS_FOR_ERRORS: Mapping[str, Check] = {**CHECKS, "mission": _mission_errors}
 
 
 def schema_of(kind: str) -> Schema:
@@ -58,6 +74,8 @@ class Session:
         self._server = server
         self._registry = NodeRegistry()
         self._due: dict[str, asyncio.TimerHandle] = {}
+        self._warnings: dict[str, list[types.Diagnostic]] = {}
+        """Warnings of the last whole check, by file."""
 
     def document(self, uri: str) -> TextDocument:
         return self._server.workspace.get_text_document(uri)
@@ -89,22 +107,36 @@ class Session:
     # Diagnostics.
 
     def check_soon(self, uri: str) -> None:
+        large = len(self.document(uri).source) > LARGE
+        self._later(QUIET, self._check_for_errors if large else self.check, uri)
+
+    def _later(self, pause: float, action: Callable[[str], None], uri: str) -> None:
         self._forget(uri)
-        self._due[uri] = asyncio.get_running_loop().call_later(QUIET, self.check, uri)
+        self._due[uri] = asyncio.get_running_loop().call_later(pause, action, uri)
+
+    def _check_for_errors(self, uri: str) -> None:
+        """Show the errors with the warnings that were there, and check with the linter when all is quiet."""
+        found = [each for each in self._found(uri, _CHECKS_FOR_ERRORS) if each.severity == _Severity.Error]
+        self._publish(uri, found if found else self._warnings.get(uri, []))
+        self._later(IDLE, self.check, uri)
 
     def check(self, uri: str) -> None:
         self._forget(uri)
-        document = self.document(uri)
-        found: list[types.Diagnostic] = []
-        if is_ours(document.source):
-            raw = document.source.encode("utf-8", errors="replace")
-            report = check_files([UnsavedText(_path(uri), raw)], CHECKS)
-            lines = document.source.split("\n")
-            found = [self._diagnostic(uri, fault, lines) for fault in report.faults]
+        found = self._found(uri, CHECKS)
+        self._warnings[uri] = [each for each in found if each.severity == _Severity.Warning]
         self._publish(uri, found)
+
+    def _found(self, uri: str, checks: Mapping[str, Check]) -> list[types.Diagnostic]:
+        text = self.document(uri).source
+        if not is_ours(text):
+            return []
+        report = check_files([UnsavedText(_path(uri), text.encode("utf-8", errors="replace"))], checks)
+        lines = text.split("\n")
+        return [self._diagnostic(uri, fault, lines) for fault in report.faults]
 
     def close(self, uri: str) -> None:
         self._forget(uri)
+        self._warnings.pop(uri, None)
         self._publish(uri, [])
 
     def _publish(self, uri: str, found: list[types.Diagnostic]) -> None:
@@ -119,11 +151,10 @@ class Session:
     def _diagnostic(self, uri: str, fault: Diagnostic, lines: list[str]) -> types.Diagnostic:
         message = fault.message + (f" ({fault.hint})" if fault.hint else "")
         message += f"\n{fault.detail}" if fault.detail else ""
-        severity = types.DiagnosticSeverity
         found = types.Diagnostic(
             self.range(uri, token_span(fault, lines), lines),
             message,
-            severity.Error if fault.severity == "error" else severity.Warning,
+            _Severity.Error if fault.severity == "error" else _Severity.Warning,
             fault.code,
             source=_SOURCE,
         )

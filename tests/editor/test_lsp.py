@@ -94,6 +94,18 @@ def test_what_check_finds_is_underlined_as_one_types(editor: Editor) -> None:
     assert [each["code"] for each in found if each["severity"] == 1] == []
 
 
+def test_errors_of_a_large_mission_do_not_wait_for_the_linter(editor: Editor) -> None:
+    large = MAIN + "      - {Sequence: [AlwaysSuccess]}  # a comment\n" * 400
+    assert editor.check(large) == []
+    warned = editor.server.underlined()
+    assert {each["severity"] for each in warned} == {2}
+    # Until the linter has looked again, its warnings stay.
+    assert editor.check(large + "# more\n") == warned
+    assert editor.server.underlined() == warned
+    (fault,) = editor.check(large + "      - Graps: {object: x}\n")
+    assert fault["severity"] == 1
+
+
 def test_faults_of_each_kind_and_of_files_named_are_underlined(editor: Editor, tmp_path: Path) -> None:
     for kind in ("scene", "robot", "faults", "cases", "plan"):
         found = editor.check(f"picktree: 1\nkind: {kind}\nnonsense: 3\n")
