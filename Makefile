@@ -95,7 +95,7 @@ docs: $(RUN)
 
 # The documentation with an index and search, in site/. Exit code 1 also for a link that leads nowhere.
 site: $(DEV)
-	@NO_MKDOCS_2_WARNING=1 "$(BIN)/python" -m mkdocs build --strict --quiet && echo "See it: $(BIN)/python -m http.server -d site"
+	@NO_MKDOCS_2_WARNING=1 "$(BIN)/python" -m mkdocs build --strict && echo "See it: $(BIN)/python -m http.server -d site"
 
 # The scripts and the style of a report, from analysis/report/page/src; a test says when they are out of date.
 page: tests/logs/node/node_modules/.package-lock.json
