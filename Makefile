@@ -1,4 +1,4 @@
-# The verbs: setup, demo, dev, packages, test, check, docs, page, golden, calls, bench, campaign, atlas, mutants, house.
+# The verbs: setup, demo, dev, packages, test, check, docs, site, page, golden, calls, bench, campaign, atlas, mutants, house.
 # Each does what it depends on.
 
 VENV ?= .venv
@@ -18,7 +18,7 @@ version_of = $(shell "$(1)" -c 'import sys; print(*sys.version_info[:2], sep="."
 PYTHON ?= $(firstword $(foreach p,python3.11 python3 python,$(if $(filter 3.11,$(call version_of,$(p))),$(p))) python3.11)
 WRONG_PYTHON = picktree needs Python 3.11; '$(PYTHON)' is $(or $(patsubst %,Python %,$(call version_of,$(PYTHON))),missing or no Python) (name another: make PYTHON=/path/to/python3.11)
 
-.PHONY: setup demo dev packages test check docs page pictures golden calls bench campaign atlas mutants house clean
+.PHONY: setup demo dev packages test check docs site page pictures golden calls bench campaign atlas mutants house clean
 .NOTPARALLEL:
 
 setup: $(RUN)
@@ -92,6 +92,10 @@ docs: $(RUN)
 	"$(BIN)/python" -c 'from picktree.logs.schema import event_records as e; print(e.events_page(), end="")' \
 		> docs/events.md; \
 	"$(BIN)/picktree" render examples/sort_by_colour.yaml -o docs/tree.svg
+
+# The documentation with an index and search, in site/. Exit code 1 also for a link that leads nowhere.
+site: $(DEV)
+	@NO_MKDOCS_2_WARNING=1 "$(BIN)/python" -m mkdocs build --strict && echo "See it: $(BIN)/python -m http.server -d site"
 
 # The scripts and the style of a report, from analysis/report/page/src; a test says when they are out of date.
 page: tests/logs/node/node_modules/.package-lock.json

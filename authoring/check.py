@@ -139,18 +139,20 @@ def check_mission(
     registry: NodeRegistry | None = None,
     known: SceneNames | None = None,
     robot: str | None = None,
+    *,
+    linted: bool = True,
 ) -> MissionCheck:
     """Check a document of kind `mission` completely; never raises for its content.
 
     `known`: names of scene and robot of the run, by default those that the mission names. `robot`: shipped
-    robot or robot file instead of the scene's.
+    robot or robot file instead of the scene's. `linted`: whether the linter looks at it, too.
     """
     reading = examine(document, registry)
     known, faults = (known, []) if known is not None else _surroundings(reading.mission, robot)
     faults = [*reading.faults, *faults]
     if known is not None:
         faults += check_scene_names(reading, known)
-    if not any(fault.severity == "error" for fault in faults):
+    if linted and not any(fault.severity == "error" for fault in faults):
         faults += lint(reading.mission, known)
     ordered = sorted(dict.fromkeys(faults), key=lambda fault: fault.mark)
     wrong = any(fault.severity == "error" for fault in reading.faults)

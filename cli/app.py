@@ -19,7 +19,7 @@ from ..errors import PicktreeError
 from ..files.marks import FileError
 from .analyse.commands import diff, explain, export, layout, replay, report, snapshot, video
 from .analyse.resim import resim, whatif
-from .author.commands import check, convert, explain_code, nodes, rehearse, render, schema
+from .author.commands import check, convert, explain_code, lsp, nodes, rehearse, render, schema
 from .author.new import new
 from .batch.commands import batch
 from .cache import cache
@@ -37,6 +37,7 @@ COMMANDS: Mapping[str, Callable[..., None] | typer.Typer] = {
     "export": export,
     "layout": layout,
     "new": new,
+    "lsp": lsp,
     "nodes": nodes,
     "plan": plan,
     "rehearse": rehearse,

@@ -15,8 +15,8 @@ from picktree.files.disk_cache import VARIABLE
 
 EXAMPLES = Path(__file__).resolve().parent.parent / "examples"
 LARGE = {
-    "PIL", "coal", "cv2", "fcl", "google", "matplotlib", "mcap", "numpy", "ompl", "orjson", "pinocchio",
-    "py_trees", "pybullet", "pydantic", "rich", "scipy", "toppra", "trimesh", "yaml",
+    "PIL", "coal", "cv2", "fcl", "google", "lsprotocol", "matplotlib", "mcap", "numpy", "ompl", "orjson",
+    "pinocchio", "py_trees", "pybullet", "pydantic", "pygls", "rich", "scipy", "toppra", "trimesh", "yaml",
 }  # fmt: skip
 """Libraries whose packages take milliseconds or more to import."""
 COMMAND = """

@@ -10,10 +10,11 @@ from typing import cast
 
 from ...errors import PicktreeError
 from ...files.yaml.document import Document
-from ...trees.loading.loader import SceneNames, examine, load_surroundings
+from ...trees.loading.loader import SceneNames, load_surroundings
 from ...trees.loading.registry import NodeRegistry
 from ...trees.loading.tree_ports import TreePorts
-from ...trees.mission import Mission
+from ...trees.loading.tree_set import IncludeReader
+from ...trees.mission import FilesOnDisk
 from ...trees.ports import NameKind, PortDeclaration
 from ...trees.values.fault_collector import MissionDiagnostics
 from ...world.planner_names import planner_names
@@ -81,10 +82,8 @@ def one_mission(document: Document, registry: NodeRegistry) -> MissionSpecifics:
 
     Raises PicktreeError for a plug-in that fails.
     """
-    mission = examine(document, registry).mission
-    files = (mission.document, *mission.included)
     trees: dict[str, tuple[PortDeclaration, ...]] = {}
-    for file in files:
+    for file in mission_files(document):
         plugins = file.data.get("plugins")
         for plugin in plugins if isinstance(plugins, list) else []:
             if isinstance(plugin, str) and plugin:
@@ -95,15 +94,22 @@ def one_mission(document: Document, registry: NodeRegistry) -> MissionSpecifics:
             trees[name] = declared.of(name, body)
     # A tree with the name of a node is an error, and no tree.
     trees = {name: ports for name, ports in trees.items() if registry.find(name) is None}
-    known = _known(mission)
+    known = _known(document)
     names = ProposedNames({**known.names, "planner": planner_names()}, all=True) if known else ProposedNames()
     return MissionSpecifics(True, scene_names(), trees, names)
 
 
-def _known(mission: Mission) -> SceneNames | None:
-    if mission.scene is None:
+def mission_files(document: Document) -> tuple[Document, ...]:
+    """Return a mission, and the files that it includes as far as they can be read."""
+    files = FilesOnDisk(document.path.parent)
+    return (document, *IncludeReader(files, MissionDiagnostics()).of(document))
+
+
+def _known(document: Document) -> SceneNames | None:
+    scene = document.data.get("scene")
+    if not isinstance(scene, str) or not scene:
         return None
     try:
-        return load_surroundings(mission.scene, mission.document.path.parent)
+        return load_surroundings(scene, document.path.parent)
     except PicktreeError:
         return None

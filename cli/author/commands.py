@@ -1,4 +1,4 @@
-"""Commands of an author: check, explain-code, convert, nodes, rehearse, render, schema."""
+"""Commands of an author: check, explain-code, convert, lsp, nodes, rehearse, render, schema."""
 
 from __future__ import annotations
 
@@ -293,3 +293,15 @@ def schema(
             particular = one_mission(read_document(mission, "mission"), nodes)
         found = mission_schema(nodes, particular)
     show(to_text(found), output)
+
+
+def lsp() -> None:
+    """Serve an editor by the language server protocol, over stdin and stdout."""
+    from ... import __version__
+    from ...logs.optional_libraries import optional_import
+
+    answer = keep_stdout()
+    with optional_import("lsp", "pygls", "The language server"):
+        from .language_server import serve
+
+    serve(sys.stdin.buffer, answer.buffer, __version__)

@@ -119,6 +119,11 @@ def _count(number: int, what: str) -> str:
     return f"{number} {what}" + ("s" if number != 1 else "")
 
 
+def is_ours(text: str) -> bool:
+    """Whether a YAML text is, or is to become, one of picktree's files."""
+    return _OURS.search(text) is not None
+
+
 def check_files(paths: Iterable[Path | UnsavedText], checks: Mapping[str, Check]) -> CheckReport:
     """Check files, folders (all YAML files in them that are ours) and given texts, each once."""
     return _Round(checks).of(paths)
@@ -204,7 +209,7 @@ class _Round:
             text = read_text(file)
         except FileError:
             return True
-        if _OURS.search(text):
+        if is_ours(text):
             return True
         self._left_out.append(str(file))
         return False

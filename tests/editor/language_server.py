@@ -125,6 +125,29 @@ class LanguageServer:
         answer = self._request("textDocument/hover", _at(path, line, column))
         return answer["contents"]["value"] if answer else ""
 
+    def ask(self, method: str, path: Path, line: int, column: int, **more: object) -> Any:
+        """The plain answer about a place: a result, or an error object."""
+        return self._request(method, _at(path, line, column) | more)
+
+    def change(self, path: Path, text: str) -> None:
+        """Replace the text of an open file."""
+        self._version += 1
+        document = {"uri": path.as_uri(), "version": self._version}
+        self._notify("textDocument/didChange", {"textDocument": document, "contentChanges": [{"text": text}]})
+
+    def underlined(self) -> list[dict[str, Any]]:
+        """What is underlined after the last change, as the protocol has it."""
+        while True:
+            published = self._published.get(timeout=SECONDS)
+            if published.get("version") == self._version:
+                return published["diagnostics"]
+
+    def fixes(self, path: Path, diagnostic: dict[str, Any]) -> list[dict[str, Any]]:
+        """The quick fixes of one fault."""
+        context = {"diagnostics": [diagnostic]}
+        place = {"textDocument": {"uri": path.as_uri()}, "range": diagnostic["range"], "context": context}
+        return self._request("textDocument/codeAction", place)
+
     # The protocol: JSON-RPC with a header of its own.
 
     def _request(self, method: str, params: object) -> Any:
@@ -152,7 +175,7 @@ class LanguageServer:
 
     def _receive(self, message: dict[str, Any]) -> None:
         if "method" not in message:
-            self._answers[message["id"]].put(message.get("result"))
+            self._answers[message["id"]].put(message.get("result", message.get("error")))
         elif "id" in message:
             self._send({"id": message["id"], "result": self._answer(message)})
         elif message["method"] == "textDocument/publishDiagnostics":

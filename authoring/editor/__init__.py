@@ -1,0 +1,1 @@
+"""Editor support: what completion, hover, definition, rename and quick fixes answer, without a protocol."""

@@ -1,0 +1,211 @@
+"""Completion: what may be written at the cursor, by the schema of the file and the keys of its tree."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from typing import Literal, TypeAlias, cast
+
+from ...files.marks import Location
+from ...files.yaml.reader import resolve
+from ...trees.declaration import POSTCONDITIONS, PRECONDITIONS
+from ...trees.values.references import ATTRIBUTES
+from ...world.belief.facts import FACTS
+from ..schema.schema_parts import Schema, schema
+from .cursor import Cursor
+from .schema_walk import SchemaWalk, markdown_of, node_ids, types_of
+from .text_repair import CURSOR
+from .tree_keys import key_places, tree_of
+
+ProposalKind: TypeAlias = Literal["node", "tree", "key", "value", "blackboard"]
+
+_OPEN_REFERENCE = re.compile(rf"\{{(?P<written>[\w.]*){CURSOR}")
+_PLAIN = re.compile(r"[A-Za-z_][\w ./-]*")
+
+
+@dataclass(frozen=True, slots=True)
+class Proposal:
+    """One thing that may be written; `snippet` is the text for the word at the cursor, with tab stops."""
+
+    label: str
+    kind: ProposalKind
+    snippet: str
+    doc: str = ""
+    include: str = ""
+    """File of the library that the mission must include for it; empty: none."""
+
+
+def is_expression(walk: SchemaWalk, path: Location) -> bool:
+    """Whether an expression or an assignment may stand at a location of a mission."""
+    if path and path[-1] in (*PRECONDITIONS, *POSTCONDITIONS):
+        return True
+    if len(path) < 2 or not isinstance(path[-1], str) or not isinstance(path[-2], str):
+        return False
+    return set(types_of(walk.port(path[-2], path[-1]))) == {"string", "boolean", "number"}
+
+
+def proposals(cursor: Cursor, walk: SchemaWalk, library: Iterable[tuple[str, str]] = ()) -> list[Proposal]:
+    """Return what may be written at the cursor.
+
+    `library`: sub-trees that are not included, each with its file.
+    """
+    reference = _OPEN_REFERENCE.match(cursor.scalar)
+    # `{item}` without quotes is a mapping for YAML: only a quoted one is a reference.
+    if reference is not None and not cursor.is_key:
+        return list(_keys(cursor, walk, reference["written"], braces=True))
+    if not cursor.is_key and is_expression(walk, cursor.path) and not cursor.in_list:
+        written = cursor.scalar.partition(CURSOR)[0]
+        word = re.search(r"[\w.]*\Z", written)
+        return list(_keys(cursor, walk, word[0] if word else "", braces=False))
+    found: dict[str, Proposal] = {}
+    parts = walk.at(cursor.path)
+    as_key = cursor.is_key or cursor.alone or cursor.in_list
+    if as_key and not (cursor.in_list and not cursor.alone):
+        for proposal in _mapping_keys(cursor, walk, parts):
+            found.setdefault(proposal.label, proposal)
+    for proposal in _nodes(cursor, walk, parts, library):
+        found.setdefault(proposal.label, proposal)
+    if not cursor.is_key:
+        for proposal in _values(cursor, parts):
+            found.setdefault(proposal.label, proposal)
+    return list(found.values())
+
+
+# Keys of the blackboard.
+
+
+def _keys(cursor: Cursor, walk: SchemaWalk, written: str, *, braces: bool) -> Iterator[Proposal]:
+    close = _closing(cursor) if braces else ""
+    if "." in written:
+        owner = written.rpartition(".")[0]
+        for name in ATTRIBUTES:
+            text = f"{owner}.{name}"
+            yield Proposal(text, "blackboard", _escaped(text + close), "Attribute of the object.")
+        return
+    tree = tree_of(cursor.path)
+    found: dict[str, str] = {}
+    if tree is not None:
+        for place in key_places(cursor.root, tree, lambda path: is_expression(walk, path)):
+            if place.kind != "name":
+                what = "Port" if place.kind == "port" else "Key"
+                found.setdefault(place.key, f"{what} of the tree {tree}.")
+    if not braces:
+        found |= {name: "Fact of the world." for name in FACTS if name not in found}
+    for name, doc in found.items():
+        yield Proposal(name, "blackboard", _escaped(name + close), doc)
+
+
+def _closing(cursor: Cursor) -> str:
+    """Return what is missing behind a reference: its brace, and its quote where none follows."""
+    if re.match(r"[\w.]*\}", cursor.behind):
+        return ""
+    quoted = cursor.before.rstrip("{").endswith('"')
+    return "}" + ('"' if quoted and not cursor.behind.startswith('"') else "")
+
+
+# Nodes and sub-trees.
+
+
+def _nodes(
+    cursor: Cursor, walk: SchemaWalk, parts: list[Schema], library: Iterable[tuple[str, str]]
+) -> Iterator[Proposal]:
+    offered: dict[str, Schema] = {}
+    for part in parts:
+        if cursor.is_key or cursor.alone or cursor.in_list or "string" in types_of(part):
+            offered |= node_ids(part)
+    for name, reference in offered.items():
+        if name in cursor.siblings:
+            continue
+        body = walk.resolved(reference)
+        kind: ProposalKind = "tree" if str(reference["$ref"]).startswith("#/definitions/tree.") else "node"
+        yield Proposal(name, kind, _call(cursor, name, body), markdown_of([body]))
+    if offered:
+        for name, file in library:
+            if name not in offered:
+                yield Proposal(name, "tree", _call(cursor, name, {}), f"Sub-tree of {file}.", file)
+
+
+def _call(cursor: Cursor, name: str, body: Schema) -> str:
+    """Return the text of a node with what it needs."""
+    if cursor.behind.lstrip(" ").startswith(":"):
+        return name
+    types = types_of(body)
+    required = [str(key) for key in cast("list[object]", body.get("required", []))]
+    if required:
+        keys = [
+            f"{key}: {_stop(n, schema(body.get('properties')), key)}" for n, key in enumerate(required, 1)
+        ]
+        call = f"{name}: {{{', '.join(keys)}\\}}"
+    elif "array" in types and "null" not in types:
+        block = cursor.alone and not cursor.flow
+        indent = "  " * (2 if cursor.before.rstrip().endswith("-") else 1)
+        call = f"{name}:\n{indent}- $0" if block else f"{name}: [$1]"
+    elif not cursor.is_key:
+        return name
+    else:
+        call = f"{name}: {{$1\\}}"
+    return call if cursor.is_key or cursor.alone or cursor.in_list else f"{{{call}\\}}"
+
+
+def _stop(number: int, properties: Schema, key: str) -> str:
+    """Return a tab stop with a usual value of the key."""
+    usual = _examples(schema(properties.get(key)))
+    return f"${{{number}:{_escaped(_yaml(usual[0]))}}}" if usual else f"${number}"
+
+
+# Keys and values.
+
+
+def _mapping_keys(cursor: Cursor, walk: SchemaWalk, parts: list[Schema]) -> Iterator[Proposal]:
+    nodes = {name for part in parts for name in node_ids(part)}
+    colon = "" if cursor.behind.lstrip(" ").startswith(":") else ": "
+    for name, below in walk.properties(parts).items():
+        if name not in nodes and name not in cursor.siblings:
+            known = walk.resolved(below)
+            yield Proposal(name, "key", f"{_escaped(name)}{colon}$0" if colon else name, markdown_of([known]))
+
+
+def _values(cursor: Cursor, parts: list[Schema]) -> Iterator[Proposal]:
+    quoted = cursor.before[-1:] in ('"', "'")
+    for part in parts:
+        for value in _examples(part):
+            text = str(value) if quoted and isinstance(value, str) else _yaml(value)
+            yield Proposal(_label(value), "value", _escaped(text), markdown_of([part]))
+
+
+def _examples(part: Schema) -> list[object]:
+    """Return the values that a schema names, the only ones before the usual ones."""
+    found: list[object] = []
+    for key in ("enum", "examples"):
+        values = part.get(key)
+        if isinstance(values, list):
+            found += cast("list[object]", values)
+    if "const" in part:
+        found.append(part["const"])
+    for snippet in cast("list[object]", part.get("defaultSnippets", [])):
+        found.append(schema(snippet).get("body"))
+    if "boolean" in types_of(part) and "number" not in types_of(part):
+        found += [True, False]
+    if "default" in part and part["default"] not in found:
+        found.append(part["default"])
+    for below in cast("list[object]", part.get("anyOf", [])):
+        found += [value for value in _examples(schema(below)) if value not in found]
+    return found
+
+
+def _label(value: object) -> str:
+    return value if isinstance(value, str) else json.dumps(value)
+
+
+def _yaml(value: object) -> str:
+    """Return a value as YAML writes it in one line."""
+    if isinstance(value, str) and _PLAIN.fullmatch(value) and resolve(value) == value:
+        return value
+    return json.dumps(value, ensure_ascii=False)
+
+
+def _escaped(text: str) -> str:
+    """Return a text in which a snippet's signs stand for themselves."""
+    return re.sub(r"[\\$}]", r"\\\g<0>", text)

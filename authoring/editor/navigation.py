@@ -1,0 +1,182 @@
+"""Hover, definition and rename at a cursor."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from ...errors import PicktreeError
+from ...files.marks import Mark
+from ...files.yaml.document import Document
+from ...files.yaml.reader import YamlNode
+from ...trees.declaration import IDENTIFIER
+from ...trees.mission import path_of
+from ..schema.mission_context import mission_files
+from .completion import is_expression
+from .cursor import Cursor, Place, Span
+from .schema_walk import SchemaWalk, markdown_of, node_ids
+from .tree_keys import KeyPlace, key_places, tree_of
+
+_OUTPUT = "*output:"
+
+
+@dataclass(frozen=True, slots=True)
+class Edit:
+    """Replacement of a part of the text."""
+
+    span: Span
+    text: str
+
+
+def hover(cursor: Cursor, walk: SchemaWalk) -> str:
+    """Return the documentation of the node, port, key or value under the cursor; empty for none."""
+    found = _key_at(cursor, walk)
+    if found is not None and found.kind != "port":
+        return _key_words(cursor, walk, found)
+    if cursor.is_key:
+        return markdown_of(walk.at((*cursor.path, cursor.written)))
+    parts = walk.at(cursor.path)
+    for part in parts:
+        reference = node_ids(part).get(cursor.written)
+        if reference is not None:
+            return markdown_of([walk.resolved(reference)])
+    return markdown_of(parts)
+
+
+def _key_words(cursor: Cursor, walk: SchemaWalk, place: KeyPlace) -> str:
+    tree = tree_of(place.path) or ""
+    every = [each for each in _keys_of(cursor, walk) if each.key == place.key]
+    lines = [f"Key `{place.key}` of the tree {tree}."]
+    port = next((each for each in every if each.kind == "port"), None)
+    if port is not None:
+        said = markdown_of(walk.at(port.path))
+        node = _node_at(cursor.root, (*port.path, "doc"))
+        doc = f": {node.value}" if node is not None and isinstance(node.value, str) else ""
+        lines.append(f"Port of the tree{doc}." if doc or said else "Port of the tree.")
+    for each in every:
+        if _writes(each, walk):
+            owner = next((str(step) for step in reversed(each.path[:-1]) if isinstance(step, str)), tree)
+            about = markdown_of(walk.at(each.path))
+            lines.append(f"Written by {owner}, line {each.mark.line}.\n\n{about}")
+    return "\n\n".join(lines)
+
+
+def _writes(place: KeyPlace, walk: SchemaWalk) -> bool:
+    if place.kind == "reference":
+        return _OUTPUT in markdown_of(walk.at(place.path))
+    return place.kind == "assignment"
+
+
+def definition(cursor: Cursor, walk: SchemaWalk, document: Document) -> Mark | None:
+    """Return the place where the sub-tree, file or key under the cursor is defined."""
+    if cursor.path[:1] == ("include",):
+        path = path_of(cursor.written, document.path.parent)
+        return Mark(str(path), 1, 1) if path.is_file() else None
+    found = _key_at(cursor, walk)
+    if found is not None:
+        every = [each for each in _keys_of(cursor, walk) if each.key == found.key]
+        writers = [each for each in every if each.kind == "port" or _writes(each, walk)]
+        return next((Mark(str(document.path), e.mark.line, e.mark.column) for e in writers), None)
+    return _tree_mark(cursor.written, document) if _calls(cursor, walk) else None
+
+
+def _calls(cursor: Cursor, walk: SchemaWalk) -> bool:
+    """Whether a node or sub-tree stands under the cursor."""
+    return any(cursor.written in node_ids(part) for part in walk.at(cursor.path))
+
+
+def _tree_mark(name: str, document: Document) -> Mark | None:
+    for file in mission_files(document):
+        trees = file.root.entries.get("trees")
+        if trees is not None and name in trees.keys:
+            mark = trees.keys[name]
+            return Mark(str(Path(mark.file).absolute()), mark.line, mark.column)
+    return None
+
+
+def renamed_span(cursor: Cursor, walk: SchemaWalk, text: str) -> Span | None:
+    """Return the key under the cursor that can be renamed; None when there is none."""
+    found = _key_at(cursor, walk)
+    return None if found is None else _span(found.mark, found.at, found.key, text.split("\n"))
+
+
+def rename(cursor: Cursor, walk: SchemaWalk, name: str, text: str) -> list[Edit]:
+    """Return the edits that rename the key under the cursor in its whole tree.
+
+    The name of a port changes at the calls of the tree in this file, too. Raises PicktreeError for a name
+    that is none or is taken, and for a key in a text that is not written as it reads.
+    """
+    found = _key_at(cursor, walk)
+    if found is None:
+        raise PicktreeError("there is no key of the blackboard here")
+    if not IDENTIFIER.fullmatch(name):
+        raise PicktreeError(f"{name!r} is no key: a letter or '_', then letters, digits and '_'")
+    every = list(_keys_of(cursor, walk))
+    tree = tree_of(found.path) or ""
+    if any(each.key == name for each in every):
+        raise PicktreeError(f"the tree {tree!r} has a key {name!r} already")
+    lines = text.split("\n")
+    places = [(each.mark, each.at) for each in every if each.key == found.key]
+    if any(each.key == found.key and each.kind == "port" for each in every):
+        places += [(mark, 0) for mark in _calls_with(cursor.root, tree, found.key)]
+    edits: list[Edit] = []
+    for mark, at in places:
+        span = _span(mark, at, found.key, lines)
+        if span is None:
+            raise PicktreeError(f"line {mark.line}: write the text in one line and without escapes first")
+        edits.append(Edit(span, name))
+    return edits
+
+
+def _keys_of(cursor: Cursor, walk: SchemaWalk) -> Iterator[KeyPlace]:
+    tree = tree_of(cursor.path)
+    if tree is not None:
+        yield from key_places(cursor.root, tree, lambda path: is_expression(walk, path))
+
+
+def _key_at(cursor: Cursor, walk: SchemaWalk) -> KeyPlace | None:
+    """Return the key of the blackboard under the cursor."""
+    for place in _keys_of(cursor, walk):
+        if place.mark.line == cursor.word.start.line + 1 and _covers(place, cursor):
+            return place
+    return None
+
+
+def _covers(place: KeyPlace, cursor: Cursor) -> bool:
+    if place.kind == "port":
+        return cursor.is_key and (*cursor.path, cursor.written) == place.path
+    if cursor.is_key or cursor.path != place.path:
+        return False
+    word = cursor.word
+    quote = 1 if cursor.line[place.mark.column - 1 : place.mark.column] in ("'", '"') else 0
+    start = place.mark.column - 1 + quote + place.at
+    return start <= cursor.place.character <= start + len(place.key) and word.start.line == cursor.place.line
+
+
+def _span(mark: Mark, at: int, key: str, lines: list[str]) -> Span | None:
+    """Return where a key stands in the text; None when it is not written as it reads."""
+    line = lines[mark.line - 1]
+    start = mark.column - 1 + (1 if line[mark.column - 1 : mark.column] in ("'", '"') else 0) + at
+    if line[start : start + len(key)] != key:
+        return None
+    return Span(Place(mark.line - 1, start), Place(mark.line - 1, start + len(key)))
+
+
+def _calls_with(root: YamlNode, tree: str, port: str) -> Iterator[Mark]:
+    """Yield the marks of a port where the tree is called."""
+    trees = root.entries.get("trees")
+    todo = [] if trees is None else list(trees.entries.values())
+    while todo:
+        node = todo.pop()
+        call = node.entries.get(tree)
+        if call is not None and port in call.keys:
+            yield call.keys[port]
+        todo += [*node.entries.values(), *node.items]
+
+
+def _node_at(root: YamlNode, path: tuple[str | int, ...]) -> YamlNode | None:
+    node: YamlNode | None = root
+    for step in path:
+        node = node.child(step) if node is not None else None
+    return node

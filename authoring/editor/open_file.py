@@ -1,0 +1,141 @@
+"""Open file of an editor: its unsaved text, and what the editor may ask about a place in it."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from functools import lru_cache
+from pathlib import Path
+from typing import TypeAlias
+
+from ...errors import PicktreeError
+from ...files.marks import Mark
+from ...files.yaml.document import KINDS, Document, read_document
+from ...files.yaml.reader import YamlNode
+from ...trees.loading.registry import NodeRegistry
+from ...trees.mission import IN_LIBRARY, LIBRARY, MAIN, library_names, path_of
+from ..schema.mission_context import any_mission, one_mission
+from ..schema.mission_schema import MissionSpecifics, mission_schema
+from ..schema.schema_parts import Schema
+from .completion import Proposal, proposals
+from .cursor import Cursor, Place, Span, cursor_at, cursor_on
+from .navigation import Edit, definition, hover, rename, renamed_span
+from .schema_walk import SchemaWalk
+from .text_repair import read_repaired
+
+SchemaOf: TypeAlias = Callable[[str], Schema]
+"""Schema of a kind of file other than missions."""
+
+_KIND = re.compile(rf"^[{{\s]*kind\s*:\s*(?P<kind>{'|'.join(KINDS)})\b", re.MULTILINE)
+
+
+class OpenFile:
+    """Text of one file at one version."""
+
+    def __init__(self, path: Path, text: str, registry: NodeRegistry, schema_of: SchemaOf) -> None:
+        self._path, self._text = path, text
+        self._registry, self._schema_of = registry, schema_of
+        found = _KIND.search(text)
+        self._kind = found["kind"] if found else ""
+
+    def complete(self, place: Place) -> tuple[Span, list[Proposal]] | None:
+        """Return what may be written at a place, and the word that it replaces."""
+        cursor = cursor_at(self._text, place, str(self._path))
+        if cursor is None or not self._kind:
+            return None
+        library = []
+        if self._kind == "mission":
+            library = [pair for pair in library_trees() if pair[1] not in _included(cursor.root)]
+        return cursor.word, proposals(cursor, self._walk(cursor.root), library)
+
+    def include_edit(self, name: str) -> Edit | None:
+        """Return the edit that includes a file; None where it is included, or has no place."""
+        reading = read_repaired(self._text, str(self._path))
+        root = reading[0].root if reading is not None else None
+        if root is None or name in _included(root):
+            return None
+        lines = self._text.split("\n")
+        entry = root.entries.get("include")
+        if entry is None:
+            row = root.keys["trees"].line - 1 if "trees" in root.keys else len(lines)
+            return Edit(Span(Place(row, 0), Place(row, 0)), f"include: [{name}]\n")
+        row, column = entry.mark.line - 1, entry.mark.column - 1
+        if lines[row][column : column + 1] == "[":
+            place, text = Place(row, column + 1), name + (", " if entry.items else "")
+        elif entry.items:
+            place, text = Place(row, column), f"- {name}\n{' ' * column}"
+        else:
+            return None
+        return Edit(Span(place, place), text)
+
+    def hover(self, place: Place) -> tuple[Span, str] | None:
+        """Return the documentation of what stands at a place."""
+        cursor = self._on(place)
+        if cursor is None:
+            return None
+        words = hover(cursor, self._walk(cursor.root))
+        return (cursor.word, words) if words else None
+
+    def definition(self, place: Place) -> Mark | None:
+        """Return where the sub-tree, file or key at a place is defined."""
+        cursor = self._on(place)
+        if cursor is None or self._kind != "mission":
+            return None
+        return definition(cursor, self._walk(cursor.root), self._document(cursor.root))
+
+    def renamed_span(self, place: Place) -> Span | None:
+        """Return the key of the blackboard at a place."""
+        cursor = self._on(place)
+        if cursor is None or self._kind != "mission":
+            return None
+        return renamed_span(cursor, self._walk(cursor.root), self._text)
+
+    def rename(self, place: Place, name: str) -> list[Edit]:
+        """Return the edits that rename a key of the blackboard. Raises PicktreeError."""
+        cursor = self._on(place)
+        if cursor is None or self._kind != "mission":
+            raise PicktreeError("there is no key of the blackboard here")
+        return rename(cursor, self._walk(cursor.root), name, self._text)
+
+    def _on(self, place: Place) -> Cursor | None:
+        return cursor_on(self._text, place, str(self._path)) if self._kind else None
+
+    def _document(self, root: YamlNode) -> Document:
+        data = root.value if isinstance(root.value, dict) else {}
+        return Document(self._path, self._text, self._kind, data, root)
+
+    def _walk(self, root: YamlNode) -> SchemaWalk:
+        if self._kind != "mission":
+            return _other(self._schema_of, self._kind)
+        registry = self._registry.copy()
+        return SchemaWalk(mission_schema(registry, self._specifics(root, registry)))
+
+    def _specifics(self, root: YamlNode, registry: NodeRegistry) -> MissionSpecifics:
+        try:
+            found = one_mission(self._document(root), registry)
+        except PicktreeError:
+            return any_mission()
+        trees = {name: ports for name, ports in found.trees.items() if name.isidentifier() and name != MAIN}
+        known = found.known if found.known.all else any_mission().known
+        return MissionSpecifics(True, found.scenes, trees, known)
+
+
+@lru_cache(maxsize=16)
+def _other(schema_of: SchemaOf, kind: str) -> SchemaWalk:
+    return SchemaWalk(schema_of(kind))
+
+
+@lru_cache(maxsize=1)
+def library_trees() -> tuple[tuple[str, str], ...]:
+    """Return the sub-trees that come with picktree, each with the name under which it is included."""
+    found: list[tuple[str, str]] = []
+    for name in library_names():
+        file = f"{IN_LIBRARY}{name}"
+        trees = read_document(path_of(file, LIBRARY), "mission").data.get("trees")
+        found += [(tree, file) for tree in (trees if isinstance(trees, dict) else {})]
+    return tuple(found)
+
+
+def _included(root: YamlNode) -> tuple[str, ...]:
+    entry = root.entries.get("include")
+    return tuple(str(item.value) for item in entry.items) if entry is not None else ()

@@ -1,0 +1,62 @@
+"""Quick fixes: the replacement that a fault's hint names."""
+
+from __future__ import annotations
+
+import re
+
+from ...files.marks import Diagnostic
+from .cursor import Place, Span
+from .navigation import Edit
+
+_NEW = re.compile(
+    r"""did\ you\ mean\ '(?P<near>[^']+)'\?
+    | write\ (?:'(?P<single>[^']+)'|(?P<double>"\{[\w.]+\}")|(?P<bare>[\w.+-]+)(?=$|;))
+      (?:\ for\ '(?P<old>[^']+)')?""",
+    re.VERBOSE,
+)
+_QUOTED = re.compile(r"'([^']+)'")
+_TOKEN = re.compile(r"\"[^\"]*\"|'[^']*'|[^\s,\[\]{}:]+|.")
+
+
+def token_span(fault: Diagnostic, lines: list[str]) -> Span:
+    """Return the word at which a fault stands."""
+    row = max(fault.mark.line, 1) - 1
+    line = lines[row] if row < len(lines) else ""
+    start = min(max(fault.mark.column, 1) - 1, len(line))
+    found = _TOKEN.match(line, start)
+    return Span(Place(row, start), Place(row, found.end() if found else start))
+
+
+def quick_fix(fault: Diagnostic, lines: list[str]) -> Edit | None:
+    """Return the edit that a fault's hint names; None when it names none, or its word is not found."""
+    hint = _NEW.search(fault.hint) or _NEW.search(fault.message)
+    if hint is None:
+        return None
+    new = hint["near"] or hint["single"] or hint["double"] or hint["bare"]
+    if " " in new or "…" in new or fault.mark.line > len(lines) or not fault.mark.line:
+        return None
+    if hint["double"]:
+        return _reference(fault, lines, new)
+    words = [hint["old"]] if hint["old"] else _QUOTED.findall(fault.message)
+    row = fault.mark.line - 1
+    for word in words:
+        at = _find(word, lines[row], fault.mark.column - 1)
+        if at is not None and word != new:
+            return Edit(Span(Place(row, at), Place(row, at + len(word))), new)
+    return None
+
+
+def _reference(fault: Diagnostic, lines: list[str], new: str) -> Edit | None:
+    """Replace a key without quotes or braces by a reference."""
+    row, start = fault.mark.line - 1, fault.mark.column - 1
+    key = re.escape(new[2:-2])
+    found = re.compile(rf"\{{\s*{key}\s*\}}|\"?{key}\"?(?![\w.])").match(lines[row], start)
+    return Edit(Span(Place(row, start), Place(row, found.end())), new) if found else None
+
+
+def _find(word: str, line: str, start: int) -> int | None:
+    """Return where a whole word stands in a line, at or behind `start`."""
+    edge = r"(?<!\w)" if word[:1].isalnum() else ""
+    end = r"(?!\w)" if word[-1:].isalnum() else ""
+    found = re.compile(f"{edge}{re.escape(word)}{end}").search(line, start)
+    return found.start() if found else None

@@ -1,0 +1,83 @@
+"""Blackboard keys of one tree as they are written in a text, for completion, hover and rename.
+
+The text may be unfinished, so keys are found in its values and not in nodes.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import TypeAlias
+
+from ...files.marks import Location, Mark
+from ...files.yaml.reader import YamlNode
+from ...trees.declaration import POSTCONDITIONS, PRECONDITIONS
+from .text_repair import CURSOR
+
+IsExpression: TypeAlias = Callable[[Location], bool]
+"""Whether an expression may stand at a location."""
+
+_REFERENCE = re.compile(r"\{([A-Za-z_]\w*)((?:\.\w*)*)\}?")
+_TOKEN = re.compile(
+    r"'[^']*'|\"[^\"]*\"|(?P<dot>\.\s*)?(?P<name>[A-Za-z_]\w*)(?P<set>\s*(?:[-+*/:]?=)(?!=))?"
+)
+_WORDS = frozenset({"and", "or", "not", "if", "else", "in", "true", "false", "null"})
+
+
+@dataclass(frozen=True, slots=True)
+class KeyPlace:
+    """Occurrence of a key: mark of the value in which it stands, and its first character in the value."""
+
+    key: str
+    path: Location
+    mark: Mark
+    at: int
+    """Index in the value; 0 for the name of a port."""
+    kind: str
+    """Kind: "port", "reference", "name" in an expression, or "assignment"."""
+
+
+def tree_of(path: Location) -> str | None:
+    """Return the tree in which a location of a mission is."""
+    return path[1] if len(path) > 1 and path[0] == "trees" and isinstance(path[1], str) else None
+
+
+def key_places(root: YamlNode, tree: str, is_expression: IsExpression) -> Iterator[KeyPlace]:
+    """Yield the occurrences of keys in a tree, its ports first."""
+    trees = root.entries.get("trees")
+    body = trees.entries.get(tree) if trees is not None else None
+    if body is None:
+        return
+    ports = body.entries.get("ports")
+    for name, mark in (ports.keys if ports is not None else {}).items():
+        if CURSOR not in name:
+            yield KeyPlace(name, ("trees", tree, "ports", name), mark, 0, "port")
+    for path, node in _scalars(body, ("trees", tree)):
+        if path[2:3] == ("ports",):
+            continue
+        text = str(node.value)
+        reference = _REFERENCE.fullmatch(text)
+        if reference is not None:
+            yield KeyPlace(reference[1], path, node.mark, 1, "reference")
+        elif not text.startswith("{") and (_is_condition(path) or is_expression(path)):
+            for found in _TOKEN.finditer(text):
+                if found["name"] and not found["dot"] and found["name"].lower() not in _WORDS:
+                    kind = "assignment" if found["set"] and path[-1] in POSTCONDITIONS else "name"
+                    yield KeyPlace(found["name"], path, node.mark, found.start("name"), kind)
+
+
+def _is_condition(path: Location) -> bool:
+    return path[-1] in PRECONDITIONS or path[-1] in POSTCONDITIONS
+
+
+def _scalars(root: YamlNode, above: Location) -> Iterator[tuple[Location, YamlNode]]:
+    todo: list[tuple[Location, YamlNode]] = [(above, root)]
+    while todo:
+        path, node = todo.pop()
+        if isinstance(node.value, str):
+            if CURSOR not in node.value:
+                yield path, node
+            continue
+        todo += reversed([((*path, key), child) for key, child in node.entries.items()])
+        todo += reversed([((*path, index), child) for index, child in enumerate(node.items)])
