@@ -98,12 +98,18 @@ class PlanningScene:
     ) -> None:
         self.fixtures: Mapping[str, Fixture] = {f.id: f for f in fixtures}
         self.bins: Mapping[str, Bin] = {b.id: b for b in bins}
+        """Bins and totes."""
         self._destination = destination
         self._objects: dict[ObjectId, BeliefObject] = {}
         self._allowed: dict[frozenset[str], int] = {}
         self._changes: list[BeliefChange] = []
         self._version = 0
         self._numbers: dict[str, int] = {}
+
+    @property
+    def totes(self) -> Mapping[str, Bin]:
+        """Containers from which items are taken."""
+        return {name: each for name, each in self.bins.items() if each.is_tote}
 
     @property
     def version(self) -> int:

@@ -64,13 +64,16 @@ class Fixture:
 
 @dataclass(frozen=True, slots=True)
 class Bin:
-    """An open-topped box. `size` is the outside (x, y, z); the frame is the centre of its underside."""
+    """An open-topped box, bin or tote. `size` is the outside (x, y, z); the frame is the centre of its
+    underside."""
 
     id: ObjectId
     size: Vector3
     wall: float
     pose: Pose
     colour: str = "grey"
+    is_tote: bool = False
+    """Whether items are taken from it; into other bins they are put."""
 
     def parts(self) -> tuple[tuple[Box, Pose], ...]:
         """Floor and four walls, with their poses in the world."""

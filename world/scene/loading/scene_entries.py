@@ -105,19 +105,20 @@ def _corners(raw: bytes, suffix: str, scale: float) -> Array:
 
 RESERVED_NAMES = ("arm", "gripper", "hand", "aside")
 """Names that the belief uses for other things."""
+CONTAINERS = ("bin", "tote")
 MAX_PLATE_HEIGHT_RATIO = 1 / 3
 """A plate's height is at most this share of its shorter side."""
 
 
 def check_body(check: DocumentChecker, name: str, entry: FixtureFile) -> None:
-    """Faults of a fixture or a bin."""
+    """Faults of a fixture, a bin or a tote."""
     loc: Location = ("fixtures", name)
     which = check.one_of(loc, FixtureFile.one_of)
-    if name in RESERVED_NAMES or (which == "bin" and name == "table"):
+    if name in RESERVED_NAMES or (which in CONTAINERS and name == "table"):
         hint = (
             f"no body may be called {', '.join(RESERVED_NAMES)}"
             if name in RESERVED_NAMES
-            else "the table is no bin"
+            else f"the table is no {which}"
         )
         check.fault(loc, f"the name {name!r} is taken", hint, code="P403", key=True)
     with check.readable():
@@ -125,8 +126,8 @@ def check_body(check: DocumentChecker, name: str, entry: FixtureFile) -> None:
             message = "'rpy' and 'yaw' exclude each other"
             check.fault((*loc, "yaw"), message, "give one of them", code="P112", key=True)
     with check.readable():
-        if which == "bin" and entry.rpy is not None:
-            check.fault((*loc, "rpy"), "a bin stands upright: give its 'yaw'", code="P405", key=True)
+        if which in CONTAINERS and entry.rpy is not None:
+            check.fault((*loc, "rpy"), f"a {which} stands upright: give its 'yaw'", code="P405", key=True)
         if which == "belt" and entry.rpy is not None:
             check.fault((*loc, "rpy"), "a belt lies level: give its 'yaw'", code="P405", key=True)
     with check.readable():
@@ -146,17 +147,17 @@ def _check_marker(check: DocumentChecker, loc: Location, entry: FixtureFile) -> 
 
 
 def _check_walls(check: DocumentChecker, loc: Location, entry: FixtureFile, which: str | None) -> None:
-    if which not in (None, "bin") and entry.wall is not None:
-        check.fault((*loc, "wall"), "only a bin has walls", code="P112", key=True)
-    if which == "bin" and entry.wall is None:
-        check.fault(
-            loc, "'wall' is missing", "the thickness of the bin's walls, as 5 mm", code="P105", key=True
-        )
-    if which == "bin" and entry.wall is not None and entry.bin is not None:
-        x, y, z = entry.bin
+    if which not in (None, *CONTAINERS) and entry.wall is not None:
+        check.fault((*loc, "wall"), "only a bin or tote has walls", code="P112", key=True)
+    if which in CONTAINERS and entry.wall is None:
+        hint = f"the thickness of the {which}'s walls, as 5 mm"
+        check.fault(loc, "'wall' is missing", hint, code="P105", key=True)
+    outside = entry.bin or entry.tote
+    if which in CONTAINERS and entry.wall is not None and outside is not None:
+        x, y, z = outside
         if 2 * entry.wall >= min(x, y) or entry.wall >= z:
             message = f"walls of {check.written((*loc, 'wall'), entry.wall, 'm')} leave no room inside"
-            check.fault((*loc, "wall"), message, "'bin' is the outside", code="P404")
+            check.fault((*loc, "wall"), message, f"{which!r} is the outside", code="P404")
 
 
 def _check_drive(check: DocumentChecker, loc: Location, entry: FixtureFile, which: str | None) -> None:
@@ -177,10 +178,11 @@ def _check_drive(check: DocumentChecker, loc: Location, entry: FixtureFile, whic
 
 
 def body(name: str, entry: FixtureFile) -> Fixture | Bin:
-    """A fixture or a bin without faults. A belt is a fixture, too."""
+    """A fixture, bin or tote without faults. A belt is a fixture, too."""
     pose = Pose.from_rpy(entry.at, entry.rpy or (0.0, 0.0, entry.yaw or 0.0))
-    if entry.bin is not None and entry.wall is not None:
-        return Bin(ObjectId(name), entry.bin, entry.wall, pose, entry.colour)
+    outside = entry.bin or entry.tote
+    if outside is not None and entry.wall is not None:
+        return Bin(ObjectId(name), outside, entry.wall, pose, entry.colour, entry.tote is not None)
     if entry.belt is not None:
         return Fixture(
             ObjectId(name), Box(entry.belt), pose.shifted((0.0, 0.0, entry.belt[2] / 2)), entry.colour

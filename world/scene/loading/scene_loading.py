@@ -233,7 +233,7 @@ class _Parts:
             return [
                 body(name, entry)
                 for name, entry in self.bodies.items()
-                if (entry.bin is not None and entry.wall is not None)
+                if ((entry.bin or entry.tote) is not None and entry.wall is not None)
                 or entry.box is not None
                 or entry.belt is not None
                 or entry.marker is not None
@@ -338,7 +338,7 @@ class _Parts:
     def _may_be_bin(self, name: str) -> bool:
         with self.checker.readable():
             entry = self.bodies[name]
-            return entry.bin is not None or (
+            return (entry.bin or entry.tote) is not None or (
                 entry.box is None and entry.belt is None and entry.marker is None
             )
         return True
