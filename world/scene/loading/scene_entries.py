@@ -17,7 +17,7 @@ from ...shapes import Box, ConvexMesh, Cylinder, Shape, Sphere
 from ...values import Array, ObjectId, Pose, Vector3
 from ..body_schema import FORMS, CatalogueFile, FixtureFile, UnknownFile
 from ..calibration_results import MIN_TARGET_SIZE, tiles_on
-from ..description import Bin, CameraDescription, CatalogueEntry, Fixture, Form
+from ..description import ASSORTMENT, Bin, CameraDescription, CatalogueEntry, Fixture, Form
 from ..scene_schema import CameraFile
 from .hole_loading import check_holes, holes, uncertainty
 
@@ -105,6 +105,11 @@ def _corners(raw: bytes, suffix: str, scale: float) -> Array:
 
 RESERVED_NAMES = ("arm", "gripper", "hand", "aside")
 """Names that the belief uses for other things."""
+RESERVED_KINDS = {
+    "unknown": "it stands for what fits no kind",
+    ASSORTMENT: "it stands for things of the assortment",
+}
+"""Names that no kind may have, with the reason."""
 CONTAINERS = ("bin", "tote")
 MAX_PLATE_HEIGHT_RATIO = 1 / 3
 """A plate's height is at most this share of its shorter side."""
@@ -278,9 +283,8 @@ def kind(check: DocumentChecker, name: str, entry: CatalogueFile) -> CatalogueEn
     """A kind of the catalogue; None when it has faults."""
     loc: Location = ("catalogue", name)
     form = check.one_of(loc, CatalogueFile.one_of)
-    if name == "unknown":
-        hint = "it stands for what fits no kind"
-        check.fault(loc, "the name 'unknown' is taken", hint, code="P403", key=True)
+    if name in RESERVED_KINDS:
+        check.fault(loc, f"the name {name!r} is taken", RESERVED_KINDS[name], code="P403", key=True)
     named: Form | None = next((f for f in FORMS if f == form), None)
     with check.readable():
         shape = _shape(check, loc, entry)

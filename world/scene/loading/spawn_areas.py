@@ -13,7 +13,7 @@ from ....files.value_wording import describe, suggest_name
 from ....files.yaml.document_checker import DocumentChecker
 from ...shapes import Box, Cylinder, Shape, Sphere, corners
 from ...values import Bounds
-from ..description import Bin, CatalogueEntry, Fixture
+from ..description import ASSORTMENT, Bin, CatalogueEntry, Fixture
 from ..scene_schema import AreaFile, SpawnFile
 
 MAX_COVERED_SHARE = 0.8
@@ -38,16 +38,43 @@ def check_spawn(
     catalogue: Mapping[str, CatalogueEntry | None],
     bodies: Sequence[Fixture | Bin] | None,
     workspace: Bounds | None,
+    assorted: bool = False,
 ) -> None:
-    """Faults of one spawn entry. Faulty kinds count as none; None stands for what could not be read."""
+    """Faults of one spawn entry. `assorted`: whether the scene has an assortment. Faulty kinds count as none; None stands for what could not be read."""
     loc: Location = ("spawn", n)
-    check_kinds(check, loc, entry, catalogue)
+    check_kinds(check, loc, entry, {**catalogue, ASSORTMENT: None} if assorted else catalogue)
     with check.readable():
-        if check_area(check, loc, entry.area, bodies, workspace):
+        _check_heap(check, loc, entry, bodies)
+    with check.readable():
+        may_lie = entry.area is not None and check_area(check, loc, entry.area, bodies, workspace)
+        if may_lie and entry.area is not None and entry.drop is None:
             check_crowding(check, loc, entry, entry.area, 0.0 if entry.touching else entry.gap, catalogue)
         if entry.touching and entry.tumbled:
             message = "'touching' and 'tumbled' exclude each other: what is dropped comes to lie anywhere"
             check.fault((*loc, "touching"), message, "give one of them", code="P112", key=True)
+
+
+def _check_heap(
+    check: DocumentChecker, loc: Location, entry: SpawnFile, bodies: Sequence[Fixture | Bin] | None
+) -> None:
+    """Faults of how and into what items are poured."""
+    if entry.area is None and entry.into is None:
+        hint = "a rectangle on the table; or 'into', a tote"
+        check.fault(loc, "'area' is missing", hint, code="P105", key=True)
+    if entry.area is not None and entry.into is not None:
+        message = "'area' and 'into' exclude each other"
+        check.fault((*loc, "into"), message, "give one of them", code="P112", key=True)
+    totes = [str(b.id) for b in bodies or () if isinstance(b, Bin) and b.is_tote]
+    if entry.into is not None and bodies is not None and entry.into not in totes:
+        hint = suggest_name(entry.into, totes)
+        check.fault((*loc, "into"), f"there is no tote {entry.into!r}", hint, code="P416")
+    if entry.drop is None and (entry.into is not None or ASSORTMENT in entry.of):
+        hint = "items are poured into a tote, and so are things of an assortment: 'drop: heap'"
+        check.fault(loc, "'drop' is missing", hint, code="P105", key=True)
+    for name in ("tumbled", "touching"):
+        if entry.drop is not None and getattr(entry, name):
+            message = f"'drop' and {name!r} exclude each other: what is poured comes to lie anywhere"
+            check.fault((*loc, name), message, "give one of them", code="P112", key=True)
 
 
 def check_kinds(
