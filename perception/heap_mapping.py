@@ -7,6 +7,7 @@ neighbour the picture shows nothing: the cells there are filled as solid columns
 from __future__ import annotations
 
 import itertools
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import cv2
@@ -14,8 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..world.belief.height_map import HeightMap
-from ..world.values import Array, Pose
+from ..world.belief.planning_scene import BeliefObject, ObstacleBlock
+from ..world.scene.description import Bin
+from ..world.shapes import Box
+from ..world.values import Array, ObjectId, Pose
 from .geometry.camera_geometry import PosedCamera, rays_of
+from .segmentation import SegmentationInput
 
 CELL = 0.002
 """Edge length of a cell, m."""
@@ -25,6 +30,14 @@ MAX_GAP_CELLS = 60
 """Greatest length of a filled gap behind a cliff, cells."""
 HOLE_ROUNDS = 2
 """Rounds in which single missing cells get the height of their highest neighbour."""
+
+
+COARSE, HEIGHT_STEP = 6, 0.006
+"""Edge length in cells, and step of height, m, of the columns that are collision geometry."""
+EMPTY_HEIGHT, EMPTY_AREA = 0.007, 8e-5
+"""Height above the floor, m, and area above it, m², up to which a tote counts as empty: depth has noise."""
+HEAP_KIND = "heap"
+"""Kind of a heap in the belief."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,15 +57,24 @@ class HeapRegion:
     reach: float = 0.25
     """Height above the floor up to which depth belongs to the heap, m."""
 
+    @classmethod
+    def of(cls, tote: Bin) -> HeapRegion:
+        x, y, z = tote.size
+        corner = tote.pose @ Pose((-x / 2, -y / 2, 0.0))
+        return cls(corner, (x, y), tote.wall, z, tote.wall)
+
 
 def map_heights(
-    sight: PosedCamera, depth: Array, hidden: NDArray[np.bool_], region: HeapRegion, cell: float = CELL
+    picture: SegmentationInput, hidden: NDArray[np.bool_], tote: Bin, former: HeightMap | None = None
 ) -> HeightMap:
-    """Return the height map of a region, seen at `depth` (h, w), m. `hidden` (h, w) marks pixels of the
-    robot."""
+    """Return the height map of a tote's inside. `hidden` (h, w) marks pixels of the robot.
+
+    Cells that are hidden now keep their `former` heights.
+    """
+    region, cell, sight = HeapRegion.of(tote), CELL, picture.sight
     n, m = (max(1, round(length / cell)) for length in region.size)
     heights = np.full(n * m, -np.inf)
-    points = _points(sight, depth, hidden, region)
+    points = _points(sight, picture.depth, hidden, region)
     if points is not None:
         _raise_cells(heights, points, region, cell, (n, m))
     heights = heights.reshape(n, m)
@@ -63,7 +85,72 @@ def map_heights(
         walls[:k] = walls[-k:] = walls[:, :k] = walls[:, -k:] = True
     seen = np.isfinite(heights)
     heights = np.where(seen, np.maximum(heights, region.floor), np.nan)
-    return HeightMap.of(region.frame, cell, region.floor, max(region.rim, region.floor), heights, walls)
+    labels = _labels(sight, picture.label, region.frame, cell, heights)
+    if former is not None and former.shape == (n, m):
+        heights = np.where(seen, heights, former.heights())
+        labels = np.where(seen, labels, former.labels())
+    return HeightMap.of(region.frame, cell, (region.floor, region.rim), heights, walls, labels)
+
+
+def _labels(
+    sight: PosedCamera, label: NDArray[np.uint8], frame: Pose, cell: float, heights: Array
+) -> NDArray[np.uint8]:
+    """Return the labels (n, m) of the pixels that show the tops of the cells."""
+    n, m = heights.shape
+    i, j = np.divmod(np.arange(n * m), m)
+    tops = np.column_stack([(i + 0.5) * cell, (j + 0.5) * cell, np.nan_to_num(heights).ravel()])
+    columns, rows = np.round(sight.pixels(frame.apply(tops))).astype(np.intp).T
+    h, w = label.shape
+    inside = (rows >= 0) & (rows < h) & (columns >= 0) & (columns < w) & np.isfinite(heights).ravel()
+    found = np.zeros(n * m, dtype=np.uint8)
+    found[inside] = label[rows[inside], columns[inside]]
+    return found.reshape(n, m)
+
+
+def heap_object(tote: Bin, heap: HeightMap, now: float) -> BeliefObject | None:
+    """Return the heap as an obstacle of merged columns, which are collision geometry. None: it is empty."""
+    heights, walls = heap.heights(), heap.beside_walls()
+    inner = np.where(walls, heap.floor, np.where(np.isfinite(heights), heights, heap.rim))
+    seen = np.isfinite(heights) & ~walls
+    if np.count_nonzero(seen & (heights > heap.floor + EMPTY_HEIGHT)) * heap.cell**2 < EMPTY_AREA:
+        return None
+    blocks = tuple(_merged_columns(inner, heap))
+    low, high = tote.inside()
+    top = max(block.at[2] + block.size[2] / 2 for block in blocks) if blocks else low[2]
+    middle = ((low[2] + top) / 2,)
+    shape = Box((high[0] - low[0], high[1] - low[1], max(1e-3, top - low[2])))
+    pose = tote.pose.shifted((0.0, 0.0, middle[0]))
+    offset = (-tote.size[0] / 2, -tote.size[1] / 2, -middle[0])
+    moved = tuple(
+        ObstacleBlock(b.size, (b.at[0] + offset[0], b.at[1] + offset[1], b.at[2] + offset[2])) for b in blocks
+    )
+    return BeliefObject(
+        ObjectId(f"{tote.id}_heap"), "obstacle", HEAP_KIND, "unknown", shape, "grey", pose, 0.002, 0.0, 1.0,
+        now, place=str(tote.id), blocks=moved,
+    )  # fmt: skip
+
+
+def _merged_columns(heights: Array, heap: HeightMap) -> Iterator[ObstacleBlock]:
+    """Yield boxes from the floor up in the map's frame: coarse cells of the same rounded height, merged."""
+    n, m = (-(-length // COARSE) for length in heights.shape)
+    padded = np.full((n * COARSE, m * COARSE), heap.floor)
+    padded[: heights.shape[0], : heights.shape[1]] = heights
+    coarse = padded.reshape(n, COARSE, m, COARSE).max(axis=(1, 3)) - heap.floor
+    steps = np.where(coarse > EMPTY_HEIGHT, np.ceil(coarse / HEIGHT_STEP), 0).astype(np.intp)
+    side = COARSE * heap.cell
+    for i, j in np.ndindex(n, m):
+        step = steps[i, j]
+        if step == 0:
+            continue
+        wide = 1
+        while j + wide < m and steps[i, j + wide] == step:
+            wide += 1
+        deep = 1
+        while i + deep < n and bool((steps[i + deep, j : j + wide] == step).all()):
+            deep += 1
+        steps[i : i + deep, j : j + wide] = 0
+        size = (deep * side, wide * side, float(step) * HEIGHT_STEP)
+        yield ObstacleBlock(size, ((i + deep / 2) * side, (j + wide / 2) * side, heap.floor + size[2] / 2))
 
 
 def _points(

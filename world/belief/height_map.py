@@ -18,6 +18,8 @@ CHANGED_DEPTH = 0.003
 """Change of the depth from which on a place counts as changed, m."""
 BARRED_RADIUS = 0.012
 """Distance around a failed grasp within which no other one begins, m."""
+WALL_SHADOW = 0.006
+"""Distance from a wall up to which depth may belong to the wall, m."""
 _UNSEEN, _WALL = -32768, -32767
 
 
@@ -38,17 +40,28 @@ class HeightMap:
     """Height of the walls in the frame, m; that of the floor without walls."""
     packed: str = field(repr=False)
     """Heights in steps of `RESOLUTION`, compressed."""
+    packed_labels: str = field(repr=False)
+    """Labels of the cells' colours, compressed."""
 
     @classmethod
     def of(
-        cls, frame: Pose, cell: float, floor: float, rim: float, heights: Array, walls: NDArray[np.bool_]
+        cls,
+        frame: Pose,
+        cell: float,
+        levels: tuple[float, float],
+        heights: Array,
+        walls: NDArray[np.bool_],
+        labels: NDArray[np.uint8],
     ) -> HeightMap:
-        """Return the map of heights (n, m), m; NaN: never seen. `walls` (n, m) marks cells of a tote's
-        walls."""
+        """Return the map of heights (n, m), m; NaN: never seen. `levels`: floor and rim. `walls` (n, m) marks
+        cells of a tote's walls; `labels` (n, m) are colours, 0: none."""
         steps = np.where(np.isfinite(heights), np.round(np.nan_to_num(heights) / RESOLUTION), _UNSEEN)
         steps = np.where(walls, _WALL, steps).astype("<i2")
-        packed = base64.b64encode(zlib.compress(steps.tobytes(), 1)).decode()
-        return cls(frame, cell, (heights.shape[0], heights.shape[1]), floor, rim, packed)
+        packed, tints = (
+            base64.b64encode(zlib.compress(values.tobytes(), 1)).decode() for values in (steps, labels)
+        )
+        floor, rim = levels
+        return cls(frame, cell, (heights.shape[0], heights.shape[1]), floor, rim, packed, tints)
 
     def heights(self) -> Array:
         """Return the heights (n, m), m, read-only; NaN: never seen. Walls have the rim's height."""
@@ -57,6 +70,25 @@ class HeightMap:
     def walls(self) -> NDArray[np.bool_]:
         """Return the cells (n, m) of walls, read-only."""
         return _unpacked(self)[1]
+
+    def beside_walls(self) -> NDArray[np.bool_]:
+        """Return the cells (n, m) of walls and next to them: depth there may belong to the wall."""
+        import cv2  # slow to import
+
+        side = 2 * round(WALL_SHADOW / self.cell) + 1
+        wide = cv2.dilate(self.walls().astype(np.uint8), np.ones((side, side), np.uint8))
+        return wide.astype(np.bool_)
+
+    def labels(self) -> NDArray[np.uint8]:
+        """Return the labels (n, m) of the cells' colours, read-only; 0: no colour."""
+        raw = zlib.decompress(base64.b64decode(self.packed_labels))
+        return np.frombuffer(raw, np.uint8).reshape(self.shape)
+
+    def with_heights(self, heights: Array) -> HeightMap:
+        """Return the map with other heights (n, m), m."""
+        return HeightMap.of(
+            self.frame, self.cell, (self.floor, self.rim), heights, self.walls(), self.labels()
+        )
 
     def centres(self, cells: NDArray[np.intp]) -> Array:
         """Return the middles (k, 2) of cells (k, 2) in the frame, m."""
