@@ -14,8 +14,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ..world.belief.height_map import HeightMap
-from ..world.belief.planning_scene import BeliefObject, ObstacleBlock
+from ..world.belief.height_map import Heap, HeightMap
+from ..world.belief.planning_scene import BeliefObject, ObstacleBlock, PlanningScene
 from ..world.scene.description import Bin
 from ..world.shapes import Box
 from ..world.values import Array, ObjectId, Pose
@@ -65,18 +65,19 @@ class HeapRegion:
 
 
 def map_heights(
-    picture: SegmentationInput, hidden: NDArray[np.bool_], tote: Bin, former: HeightMap | None = None
-) -> HeightMap:
+    picture: SegmentationInput, hidden: NDArray[np.bool_], tote: Bin
+) -> HeightMap | None:
     """Return the height map of a tote's inside. `hidden` (h, w) marks pixels of the robot.
 
-    Cells that are hidden now keep their `former` heights.
+    None: the picture shows nothing of it.
     """
     region, cell, sight = HeapRegion.of(tote), CELL, picture.sight
     n, m = (max(1, round(length / cell)) for length in region.size)
     heights = np.full(n * m, -np.inf)
     points = _points(sight, picture.depth, hidden, region)
-    if points is not None:
-        _raise_cells(heights, points, region, cell, (n, m))
+    if points is None:
+        return None
+    _raise_cells(heights, points, region, cell, (n, m))
     heights = heights.reshape(n, m)
     heights = _without_holes(heights)
     walls = np.zeros((n, m), dtype=np.bool_)
@@ -86,9 +87,6 @@ def map_heights(
     seen = np.isfinite(heights)
     heights = np.where(seen, np.maximum(heights, region.floor), np.nan)
     labels = _labels(sight, picture.label, region.frame, cell, heights)
-    if former is not None and former.shape == (n, m):
-        heights = np.where(seen, heights, former.heights())
-        labels = np.where(seen, labels, former.labels())
     return HeightMap.of(region.frame, cell, (region.floor, region.rim), heights, walls, labels)
 
 
@@ -105,6 +103,26 @@ def _labels(
     found = np.zeros(n * m, dtype=np.uint8)
     found[inside] = label[rows[inside], columns[inside]]
     return found.reshape(n, m)
+
+
+def heap_id(tote: str) -> ObjectId:
+    """Return the id of a tote's heap in the belief."""
+    return ObjectId(f"{tote}_heap")
+
+
+def update_heap(
+    scene: PlanningScene, tote: Bin, seen: HeightMap, former: Heap | None, now: float
+) -> Heap:
+    """Merge a new map of a tote into the belief, and return its heap. Failed places are forgotten where the
+    depth has changed."""
+    there = seen.over(None if former is None else former.map)
+    heap = Heap(there, () if former is None else tuple(p for p in former.barred if p.holds(there)))
+    found = heap_object(tote, there, now)
+    if found is None:
+        scene.remove(heap_id(tote.id), "the tote was seen empty")
+    else:
+        scene.put(found, "seen")
+    return heap
 
 
 def heap_object(tote: Bin, heap: HeightMap, now: float) -> BeliefObject | None:
@@ -125,7 +143,7 @@ def heap_object(tote: Bin, heap: HeightMap, now: float) -> BeliefObject | None:
         ObstacleBlock(b.size, (b.at[0] + offset[0], b.at[1] + offset[1], b.at[2] + offset[2])) for b in blocks
     )
     return BeliefObject(
-        ObjectId(f"{tote.id}_heap"), "obstacle", HEAP_KIND, "unknown", shape, "grey", pose, 0.002, 0.0, 1.0,
+        heap_id(tote.id), "heap", HEAP_KIND, "unknown", shape, "grey", pose, 0.002, 0.0, 1.0,
         now, place=str(tote.id), blocks=moved,
     )  # fmt: skip
 

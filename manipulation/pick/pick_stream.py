@@ -125,7 +125,7 @@ class CandidateSearch:
         purpose."""
         self._world, self._belief, self._node = world, belief, node
         # Nobody knows where a thing of a heap belongs before it is in the hand.
-        into = None if belief.role == "obstacle" else world.scene.destination(belief.id)
+        into = None if belief.role == "heap" else world.scene.destination(belief.id)
         self._target: BinTarget | None = None
         """Destination bin. None: no destination, or a hole, which the insertion finds by contact with the
         item held."""

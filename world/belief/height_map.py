@@ -79,6 +79,16 @@ class HeightMap:
         wide = cv2.dilate(self.walls().astype(np.uint8), np.ones((side, side), np.uint8))
         return wide.astype(np.bool_)
 
+    def over(self, former: HeightMap | None) -> HeightMap:
+        """Fill the unseen cells with those of a former map of the same place."""
+        if former is None or (former.frame, former.shape) != (self.frame, self.shape):
+            return self
+        heights, seen = self.heights(), np.isfinite(self.heights())
+        labels = np.where(seen, self.labels(), former.labels())
+        levels, walls = (self.floor, self.rim), self.walls()
+        filled = np.where(seen, heights, former.heights())
+        return HeightMap.of(self.frame, self.cell, levels, filled, walls, labels)
+
     def labels(self) -> NDArray[np.uint8]:
         """Return the labels (n, m) of the cells' colours, read-only; 0: no colour."""
         raw = zlib.decompress(base64.b64decode(self.packed_labels))

@@ -12,7 +12,7 @@ from ..scene.description import Bin, Fixture
 from ..shapes import Shape
 from ..values import ObjectId, Pose, Vector3
 
-Role: TypeAlias = Literal["item", "obstacle"]
+Role: TypeAlias = Literal["item", "obstacle", "heap"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,7 +31,8 @@ class BeliefObject:
 
     id: ObjectId
     role: Role
-    """`item`: fitted to the catalogue; `obstacle`: depth that nothing known explains."""
+    """`item`: fitted to the catalogue, or a thing lifted out of a heap; `obstacle`: depth that nothing known
+    explains; `heap`: what lies in a tote."""
     kind: str
     """Catalogue kind, or `unknown`."""
     form: str
