@@ -31,7 +31,7 @@ class PickAny(Skill):
     tote: In[ObjectId] = port("the tote to pick from", key="from", names="tote")
     thing: Out[ObjectId] = port("id of the thing in the hand", key="out")
     camera: In[str] = port("the camera that sees into the tote", default="overhead", names="camera")
-    force: In[float] = port("grip force of each finger at most", unit="N", default=20.0, above=0)
+    force: In[float] = port("grip force of each finger at most", unit="N", default=30.0, above=0)
     attempts: In[int] = port("grasps that are tried, with a look before each", default=3, least=1)
     speed: In[float] = port(
         "share of the joints' speed limits: 1 for as fast as allowed", default=1.0, above=0, most=1

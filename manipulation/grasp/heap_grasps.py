@@ -68,7 +68,7 @@ class Tier:
 
 
 STRICT = Tier(0.011, 5, 0.6, 0.40, 0.003, 0.85)
-LOOSE = Tier(0.009, 3, 1.2, 0.75, 0.002, 0.60)
+LOOSE = Tier(0.0075, 3, 1.2, 0.75, 0.002, 0.60)
 
 
 @dataclass(frozen=True, slots=True)

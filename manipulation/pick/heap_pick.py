@@ -25,7 +25,6 @@ from ..carry.weighing import register_payload, update_payload_mass
 from ..grasp.compliant_closing import GripForce, close, grip_force
 from ..grasp.heap_grasps import grasps
 from ..grasp.straight_lines import LIFT_GUARD_FORCE, lift
-from ..place.dropped_objects import release_object
 from ..replanning import plan_after_stop
 from .pick_candidates import PickPlaceCandidate, count_rejections, describe_rejections
 from .pick_stream import CandidateSearch
@@ -85,6 +84,7 @@ def pick_any(world: World, task: HeapPickTask, attempts: int) -> Doing[ObjectId]
         try:
             return (yield from _pick(world, task, belief, candidate))
         except Failure as failure:
+            yield from _let_go(world)
             _bar(world, task.tote, candidate)
             if left == 0 or failure.cause not in RETRY_CAUSES:
                 raise
@@ -140,9 +140,6 @@ def _pick(
     if hold.held and hold.load is not None:
         update_payload_mass(world, hold, press)
         return thing.id
-    world.scene.remove(thing.id, "not felt in the hand")
-    world.control.wrist.carry(None)
-    yield from world.gripper.open()
     cause = grasp.MISSED if hold.empty else grasp.SLIPPED
     raise Failure(
         cause,
@@ -241,6 +238,15 @@ def _lift_out(world: World, task: HeapPickTask, thing: BeliefObject) -> Doing[No
         yield from lift(world, thing.id, task.node, max(rise, world.handling.approach))
 
 
+def _let_go(world: World) -> Doing[None]:
+    """Open the hand after a failed grasp. Nobody knows where the thing in it comes to lie."""
+    held = world.scene.held
+    if held is not None:
+        world.scene.remove(held.id, "the grasp has failed")
+        world.control.wrist.carry(None)
+    yield from world.gripper.open()
+
+
 def _rise(world: World, task: HeapPickTask) -> Doing[None]:
     """Move the empty hand straight up above the rim, as far as that is free."""
     tips = world.control.tcp.position[2] - world.robot.description.gripper.tip
@@ -261,9 +267,6 @@ def _rim(tote: Bin) -> float:
 
 def _bar(world: World, tote: ObjectId, candidate: PickPlaceCandidate) -> None:
     """Bar the place of a failed grasp, until the depth there changes."""
-    held = world.scene.held
-    if held is not None:
-        release_object(world.scene, "the grasp has failed")
     heap = world.vision.heaps[str(tote)]
     tip = world.robot.description.gripper.tip
     point = candidate.grasp.tcp_in_world.apply(np.array([0.0, 0.0, tip]))

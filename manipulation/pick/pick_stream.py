@@ -197,8 +197,10 @@ class CandidateSearch:
 
     def _hand_fits(self, branch: _Branch) -> Iterator[_Branch]:
         grasp, world = branch.grasp, self._world
+        # A heap's map has the walls of its tote, and grasps of it keep the hand from them.
+        known = (self._belief.id, *((self._belief.place,) if self._belief.role == "heap" else ()))
         contacts = world.queries.hand_contacts(
-            grasp.tcp_in_world, grasp.opening, ignore=(self._belief.id,), margin=grasp.margin
+            grasp.tcp_in_world, grasp.opening, ignore=known, margin=grasp.margin
         )
         if contacts:
             self._refuse(branch, touching(pick_candidates.HAND_STAGE, "the hand", contacts[0]))
