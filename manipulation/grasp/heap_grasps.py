@@ -28,6 +28,8 @@ OPENING_SHARES = (1.0, 0.8, 0.6, 0.42, 0.28)
 """Openings of the search as shares of the gripper's greatest one."""
 TIP_CLEARANCE, SIDE_CLEARANCE, PALM_CLEARANCE = 0.002, 0.0015, 0.005
 """Clearance below the finger tips, at the sides of the fingers, and around the palm, m."""
+WALL_CELLS = 5
+"""Width of the square by which walls are enlarged for the hand, cells: the camera may hang 4 mm off."""
 MAX_OVERLAP, USEFUL_OVERLAP = 0.028, 0.018
 """Greatest overlap of the pads with a thing, and the one from which on more is no better, m."""
 CONTACT_LEVEL, DEEP_LEVEL = 0.003, 0.009
@@ -209,6 +211,8 @@ def _view(heap: HeightMap, tilt: float, azimuth: float) -> _View:
     unknown = ~np.isfinite(heights)
     low = max(heap.rim, float(np.nanmax(np.where(walls, -1.0, heights), initial=heap.floor)))
     solid = np.where(unknown, low if unknown.mean() < 0.5 else heap.floor + 0.05, heights)
+    near = cv2.dilate(heap.walls().astype(np.uint8), np.ones((WALL_CELLS, WALL_CELLS), np.uint8)) > 0
+    solid = np.where(near, np.maximum(solid, heap.rim), solid)
     things = np.where(unknown | walls, heap.floor - 0.01, heights)
     if tilt == 0.0:
         pad = int(0.03 / heap.cell)

@@ -35,8 +35,8 @@ if TYPE_CHECKING:
 
 RIM_CLEARANCE = 0.03
 """Clearance of a lifted thing above the rim of its tote, m."""
-HULL_MARGIN = 0.003
-"""Inflation of a thing's hull, m: the map has cells of 2 mm."""
+HULL_MARGIN = 0.006
+"""Inflation of a thing's hull, m: cells of 2 mm, and parts of it that others hide."""
 MAX_STEP = 0.006
 """Step of height between cells from which on they belong to two things, m."""
 MAX_THING = 0.06
