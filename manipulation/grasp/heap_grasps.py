@@ -360,8 +360,10 @@ class _Sweep:
         overlap = np.minimum(top - tips, USEFUL_OVERLAP)
         off = np.abs(first + last) / 2 * cell
         aside = self._aside(picked, tips)
+        width = (last - first + 1) * cell
         score = (
-            (USEFUL_OVERLAP - overlap) / 0.012
+            0.5 * width / self._hand.max_width
+            + (USEFUL_OVERLAP - overlap) / 0.012
             + off / 0.02
             + 0.5 * aside / 0.02
             + 0.4 * lean
@@ -371,7 +373,6 @@ class _Sweep:
             + 0.6 * (float(np.nanmax(self.things)) - top) / 0.05
             + (0.5 if self._approach.tilt else 0.0)
         )
-        width = (last - first + 1) * cell
         return [
             self._candidate(picked[k], float(tips[k]), opening, float(width[k]), float(score[k]) / 3, azimuth)
             for k in np.flatnonzero(kept)
