@@ -64,9 +64,7 @@ class HeapRegion:
         return cls(corner, (x, y), tote.wall, z, tote.wall)
 
 
-def map_heights(
-    picture: SegmentationInput, hidden: NDArray[np.bool_], tote: Bin
-) -> HeightMap | None:
+def map_heights(picture: SegmentationInput, hidden: NDArray[np.bool_], tote: Bin) -> HeightMap | None:
     """Return the height map of a tote's inside. `hidden` (h, w) marks pixels of the robot.
 
     None: the picture shows nothing of it.
@@ -110,9 +108,7 @@ def heap_id(tote: str) -> ObjectId:
     return ObjectId(f"{tote}_heap")
 
 
-def update_heap(
-    scene: PlanningScene, tote: Bin, seen: HeightMap, former: Heap | None, now: float
-) -> Heap:
+def update_heap(scene: PlanningScene, tote: Bin, seen: HeightMap, former: Heap | None, now: float) -> Heap:
     """Merge a new map of a tote into the belief, and return its heap. Failed places are forgotten where the
     depth has changed."""
     there = seen.over(None if former is None else former.map)
@@ -171,9 +167,7 @@ def _merged_columns(heights: Array, heap: HeightMap) -> Iterator[ObstacleBlock]:
         yield ObstacleBlock(size, ((i + deep / 2) * side, (j + wide / 2) * side, heap.floor + size[2] / 2))
 
 
-def _points(
-    sight: PosedCamera, depth: Array, hidden: NDArray[np.bool_], region: HeapRegion
-) -> Array | None:
+def _points(sight: PosedCamera, depth: Array, hidden: NDArray[np.bool_], region: HeapRegion) -> Array | None:
     """Return the points (h, w, 3) of the picture's window about the region, in its frame; NaN: unknown."""
     x, y = region.size
     box = np.array(list(itertools.product((0.0, x), (0.0, y), (0.0, region.floor + region.reach))))

@@ -22,8 +22,8 @@ from ..simulation.checkpoints import json_bytes, json_values
 from ..simulation.faults.injector import FaultInjector, FaultState
 from ..skill_world.world import World
 from ..trees.running.runner import BehaviourTree
-from ..world.belief.height_map import Heap
 from ..world.belief.facts import FeedProgressState, Refusal
+from ..world.belief.height_map import Heap
 from ..world.belief.planning_scene import SceneSnapshot
 from .run_tally import RunCounters, RunCountersState
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from ..manipulation.pick.heap_pick import HeapPickTask, pick_any
+from ..manipulation.pick.heap_pick import HeapPickTask, pick_any, thing_in_hand
 from ..trees.ports import In, Out, port
 from ..trees.skill import ARM, CAMERA, GRIPPER, Skill, Steps
 from ..world.causes import control, grasp, perception, planning, safety
@@ -19,9 +19,10 @@ class PickAny(Skill):
     """Pick some thing out of a tote, without knowing its shape, size or weight.
 
     The camera maps the heights of what lies in the tote. The hand's shape is swept over the map: vertical
-    grasps come first, then tilted ones, then looser demands. What the wrist feels after the lift tells whether
-    something is held. The thing is then an object of the belief with its hull, colour and weight, for `Place`.
-    A place where a grasp has failed is left out until the depth there changes.
+    grasps come first, then tilted ones, then looser demands. What the wrist feels after the lift tells
+    whether something is held. The thing is then an object of the belief with its hull, colour and weight, for
+    `Place`. A thing that the hand holds already is kept. A place where a grasp has failed is left out until
+    the depth there changes.
     """
 
     example = """
@@ -56,4 +57,5 @@ class PickAny(Skill):
         world.handover.drop()
         yield from world.move.rest()
         task = HeapPickTask(self.tote, self.path, self.camera, self.force, self.speed)
-        self.thing = yield from pick_any(world, task, self.attempts)
+        held = yield from thing_in_hand(world)
+        self.thing = held or (yield from pick_any(world, task, self.attempts))

@@ -1,14 +1,12 @@
 """Grasps of things in a heap, from its height map alone: no shape, no catalogue, no random numbers.
 
-The hand is swept over the map by dilation, for each approach and twelve yaws. That gives the lowest height of
-the finger tips at each cell. Profiles between the pads rank what is left. The idea to search a depth map
-for the hand's own shape is that of Fischinger and Vincze (IROS 2012); the protocol of the benchmark is that of
-VGN (Breyer et al., CoRL 2020).
+The hand is swept over the map by dilation, for each approach and twelve yaws. That gives the lowest height
+of the finger tips at each cell. Profiles between the pads rank what is left. Height maps were searched for
+places that a hand fits by Fischinger and Vincze (IROS 2012); here its dimensions come from the robot's model.
 """
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -39,8 +37,8 @@ SAME_CONTACT = 0.003
 KEPT_PER_SWEEP, BLOCK = 24, 4
 """Places that are profiled for each yaw and opening, at most one in a block of so many cells squared."""
 PROFILE_ROWS, PROFILE_REACH, AXIS_REACH = 4, 22, 20
-"""Half-sizes in cells: of a profile across the pads and along the closing direction, and of the region in which
-the middle of a thing is searched."""
+"""Half-sizes in cells: of a profile across the pads and along the closing direction, and of the region in
+which the middle of a thing is searched."""
 FAR_BELOW = np.float32(-1.0)
 """Height outside of the map, m: other checks are made there."""
 MAX_CANDIDATES = 48
@@ -234,8 +232,10 @@ def _columns(heights: Array, cell: float, floor: float) -> Array:
     """Return points (k, 3) on the tops of columns, and on their sides down to the lowest neighbour, m."""
     n, m = heights.shape
     lowest = np.asarray(cv2.erode(heights, np.ones((3, 3), np.uint8)), np.float64)
-    count = np.maximum(1, np.ceil((heights - np.maximum(lowest, floor - 0.01)) / cell)).astype(np.intp).ravel()
-    at = np.repeat(np.arange(n * m), count)
+    count = (
+        np.maximum(1, np.ceil((heights - np.maximum(lowest, floor - 0.01)) / cell)).astype(np.intp).ravel()
+    )
+    at: NDArray[np.intp] = np.repeat(np.arange(n * m), count)
     step = np.arange(len(at)) - np.repeat(np.cumsum(count) - count, count)
     z = heights.ravel()[at] - step * cell
     return np.column_stack([(at // m + 0.5) * cell, (at % m + 0.5) * cell, z])
@@ -265,9 +265,7 @@ def _search(heap: HeightMap, hand: HandShape, approach: Approach, azimuth: float
 class _Sweep:
     """Search of one view for one closing direction, in an image whose columns lie along it."""
 
-    def __init__(
-        self, view: _View, yaw: float, hand: HandShape, approach: Approach, heap: HeightMap
-    ) -> None:
+    def __init__(self, view: _View, yaw: float, hand: HandShape, approach: Approach, heap: HeightMap) -> None:
         self._view, self._yaw, self._hand, self._approach, self._heap = view, yaw, hand, approach, heap
         n, m = view.solid.shape
         side = math.ceil(math.hypot(n, m))
@@ -296,7 +294,9 @@ class _Sweep:
             rows = 2 * math.ceil((block.half_x + gap) / cell) + 1
             inner, outer = offset + block.inner, offset + block.outer + gap
             wide = max(1, math.ceil((outer - inner) / cell) + 1)
-            swept = cv2.dilate(self.solid, np.ones((rows, wide | 1), np.uint8)) - np.float32(block.above - below)
+            swept = cv2.dilate(self.solid, np.ones((rows, wide | 1), np.uint8)) - np.float32(
+                block.above - below
+            )
             shift = round((inner + outer) / 2 / cell)
             for sign in (-1, 1):
                 lowest = np.maximum(lowest, _shifted(swept, sign * shift))
@@ -349,9 +349,10 @@ class _Sweep:
         last_deep = np.where(on_right & high.any(axis=2), right_deep, -99).max(axis=1)
         lean = np.maximum(first_deep - first, last - last_deep) / slope
         skew = np.maximum(_skew(left, on_left, rows), _skew(right, on_right, rows))
-        inside = (columns >= first[:, None]) & (columns <= last[:, None])
-        filled = (low & inside[:, None, :] & there[:, :, None]).sum(axis=(1, 2))
-        solid = filled / np.maximum(1, (inside[:, None, :] & there[:, :, None]).sum(axis=(1, 2)))
+        inside: NDArray[np.bool_] = np.logical_and(columns >= first[:, None], columns <= last[:, None])
+        spanned = np.logical_and(inside[:, None, :], there[:, :, None])
+        filled = np.count_nonzero(low & spanned, axis=(1, 2))
+        solid = filled / np.maximum(1, np.count_nonzero(spanned, axis=(1, 2)))
         room = opening / 2 - np.maximum(-first, last) * cell
         touching = np.minimum(on_left.sum(axis=1), on_right.sum(axis=1))
         kept = (touching >= tier.rows) & (lean <= tier.slope) & (skew <= tier.skew)

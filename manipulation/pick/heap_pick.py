@@ -1,4 +1,4 @@
-"""Pick of any thing from a heap: the best grasp of its height map, and the thing as it is believed after it."""
+"""Pick of any thing from a heap: the best grasp of its height map, and the belief of what it holds."""
 
 from __future__ import annotations
 
@@ -70,6 +70,18 @@ def look_into_tote(world: World, task: HeapPickTask) -> Doing[BeliefObject]:
     if found is None:
         raise Failure(grasp.NO_CANDIDATE, f"{task.tote} is empty", object=task.tote, empty=True)
     return found
+
+
+def thing_in_hand(world: World) -> Doing[ObjectId | None]:
+    """Return the thing that the hand holds already. None: it is empty, and open."""
+    held = world.scene.held
+    if held is None:
+        return None
+    hold = yield from measure_grip(world)
+    if hold.held:
+        return held.id
+    yield from _let_go(world)
+    return None
 
 
 def pick_any(world: World, task: HeapPickTask, attempts: int) -> Doing[ObjectId]:
@@ -196,7 +208,7 @@ def _cells_between(world: World, heap: HeightMap, width: float) -> tuple[NDArray
     high = (heights > tip[2]) & ~heap.beside_walls() & (away < MAX_THING)
     rough = np.ptp(np.stack([_neighbour(heights, a, b) for a, b in ((0, 0), (1, 0), (0, 1))]), axis=0)
     joined = (high & (rough < MAX_STEP)).astype(np.uint8)
-    _, parts = cv2.connectedComponents(joined, connectivity=4)
+    parts = np.asarray(cv2.connectedComponents(joined, connectivity=4)[1], dtype=np.intp)
     near = parts[high & (away < max(width / 2, 0.006))]
     own = [part for part in np.unique(near) if part > 0]
     found = high & (np.isin(parts, own) | (away < 0.008))
@@ -292,5 +304,3 @@ def _note(
             force=world.gripper.force,
         )
     )
-
-

@@ -59,8 +59,8 @@ class KinematicHardware:
         self._real = real = displace_fixtures(scene, seed, level=True)
         if scene.heaped:
             raise PicktreeError(
-                f"{scene.source or scene.name}: items are poured into a heap, which needs physics: without it "
-                "nothing falls or leans; run it with '--backend physics'"
+                f"{scene.source or scene.name}: items are poured into a heap, which needs physics: "
+                "without it nothing falls or leans; run it with '--backend physics'"
             )
         items = spawn_items(scene, seed)
         self._inventory = Inventory(scene, items)

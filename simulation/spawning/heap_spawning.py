@@ -56,9 +56,11 @@ def mesh_files(meshes: str) -> tuple[Path, ...]:
     """Return the OBJ files of a set or folder, sorted by path."""
     if meshes not in PACKAGE_SETS:
         return tuple(sorted(Path(meshes).glob("*.obj")))
-    import pybullet_data  # its folder is large, its import is not
+    from importlib.util import find_spec
 
-    folder = Path(pybullet_data.getDataPath()) / meshes
+    package = find_spec("pybullet_data")
+    assert package is not None and package.origin is not None, "it comes with pybullet"
+    folder = Path(package.origin).parent / meshes
     found = sorted(folder.glob("*/*.obj"))
     if not found:
         raise PicktreeError(f"the set {meshes!r} is not installed with pybullet: {folder} is empty")
@@ -89,7 +91,7 @@ def draw_things(assortment: Assortment, number: int, rng: np.random.Generator) -
             least = f"{assortment.least_mass * 1000:g} g"
             raise PicktreeError(
                 f"{assortment.meshes}: all {len(files)} meshes are lighter than {least} at "
-                f"{assortment.density:g} kg/m³; give a greater 'density' or 'scale', or a smaller 'least_mass'"
+                f"{assortment.density:g} kg/m³; give a greater 'density' or 'scale', or another 'least_mass'"
             )
     return found
 
@@ -218,7 +220,7 @@ def pour_poses(
     layer = columns[0] * columns[1]
     poses: list[Pose] = []
     order = [int(k) for n in range(0, len(shapes), layer) for k in rng.permutation(layer)]
-    for n, (_entry, turn) in enumerate(zip(shapes, turns, strict=True)):
+    for n, turn in enumerate(turns):
         i, j = divmod(order[n], columns[1])
         spare = [max(0.0, length / count - cell) for length, count in zip(size, columns, strict=True)]
         x, y = (

@@ -54,7 +54,10 @@ def test_two_parts_of_a_thing_are_weighed_apart(tmp_path: Path):
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        (CUBE.replace("v 20 20 20", "v nan 20 20") + FACES, "the mesh is broken: a vertex is not a finite number"),
+        (
+            CUBE.replace("v 20 20 20", "v nan 20 20") + FACES,
+            "the mesh is broken: a vertex is not a finite number",
+        ),
         (CUBE.replace("20\n", "0\n") + FACES, "the mesh is broken: a part has no volume"),
         (CUBE.replace("20\n", "1\n") + FACES, "the mesh is 1.0 mm thick; at least 2 mm are wanted"),
         ("v 1 2\nf 1 2 3\n", "the mesh is broken: it is no OBJ file"),

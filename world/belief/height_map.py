@@ -102,7 +102,7 @@ class HeightMap:
 
     def centres(self, cells: NDArray[np.intp]) -> Array:
         """Return the middles (k, 2) of cells (k, 2) in the frame, m."""
-        return (cells + 0.5) * self.cell
+        return (cells.astype(np.float64) + 0.5) * self.cell
 
     def around(self, x: float, y: float, radius: float) -> Array:
         """Return the heights (k,) within a square of half-width `radius` m about a point of the frame, m."""

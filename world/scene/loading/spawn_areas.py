@@ -40,7 +40,10 @@ def check_spawn(
     workspace: Bounds | None,
     assorted: bool = False,
 ) -> None:
-    """Faults of one spawn entry. `assorted`: whether the scene has an assortment. Faulty kinds count as none; None stands for what could not be read."""
+    """Faults of one spawn entry. Faulty kinds count as none; None stands for what could not be read.
+
+    `assorted`: whether the scene has an assortment.
+    """
     loc: Location = ("spawn", n)
     check_kinds(check, loc, entry, {**catalogue, ASSORTMENT: None} if assorted else catalogue)
     with check.readable():
