@@ -832,9 +832,10 @@ class PickAny(Node):
     """Pick some thing out of a tote, without knowing its shape, size or weight.
 
     The camera maps the heights of what lies in the tote. The hand's shape is swept over the map: vertical
-    grasps come first, then tilted ones, then looser demands. What the wrist feels after the lift tells whether
-    something is held. The thing is then an object of the belief with its hull, colour and weight, for `Place`.
-    A place where a grasp has failed is left out until the depth there changes.
+    grasps come first, then tilted ones, then looser demands. What the wrist feels after the lift tells
+    whether something is held. The thing is then an object of the belief with its hull, colour and weight, for
+    `Place`. A thing that the hand holds already is kept. A place where a grasp has failed is left out until
+    the depth there changes.
 
     Ports:
         from_: the tote to pick from.

@@ -7,7 +7,7 @@ neighbour the picture shows nothing: the cells there are filled as solid columns
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import cv2
@@ -86,6 +86,14 @@ def map_heights(picture: SegmentationInput, hidden: NDArray[np.bool_], tote: Bin
     heights = np.where(seen, np.maximum(heights, region.floor), np.nan)
     labels = _labels(sight, picture.label, region.frame, cell, heights)
     return HeightMap.of(region.frame, cell, (region.floor, region.rim), heights, walls, labels)
+
+
+def map_totes(
+    picture: SegmentationInput, hidden: NDArray[np.bool_], totes: Iterable[Bin]
+) -> dict[ObjectId, HeightMap]:
+    """Return the height maps of the totes that a picture shows."""
+    found = ((tote.id, map_heights(picture, hidden, tote)) for tote in totes)
+    return {name: heap for name, heap in found if heap is not None}
 
 
 def _labels(

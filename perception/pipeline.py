@@ -11,12 +11,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ..world.belief.height_map import HeightMap
 from ..world.belief.planning_scene import BeliefObject
 from ..world.protocols import RgbdImage
 from ..world.scene.description import SceneDescription
 from ..world.shapes import top
-from ..world.values import Array, ObjectId, Pose
+from ..world.values import Array, Pose
 from . import segmentation
 from .expectation.backdrop import (
     MIN_FRONT_DEPTH,
@@ -42,7 +41,7 @@ from .fitting.known_object_fitting import NEAR_DEPTH_SIGMA, TrackedSighting, kno
 from .fitting.view import Detection, PerceivedView, UnexplainedPatch, bin_height_map
 from .geometry.camera_geometry import PosedCamera, register_hand_camera
 from .geometry.resting_poses import HoleMouths, catalogue_poses
-from .heap_mapping import map_heights
+from .heap_mapping import map_totes
 from .segmentation import (
     Blob,
     PixelPatch,
@@ -105,7 +104,7 @@ class Perception:
         self._noise = {c.name: max(c.depth_noise, 2e-4) for c in description.cameras}
         self.moving = frozenset(c.name for c in description.cameras if c.on == "hand")
         """Names of the cameras on the hand."""
-        self._totes = [each for each in description.bins if each.is_tote]
+        self.totes = {str(each.id): each for each in description.bins if each.is_tote}
         self._backdrops: dict[tuple[object, Pose], BackgroundModel] = {}
 
     def detect(
@@ -140,14 +139,8 @@ class Perception:
             picture.blocked,
             finding.reach(),
             self._floors.supports,
-            self._heaps(shot),
+            map_totes(shot.picture, shot.robot, () if shot.moving else self.totes.values()),
         )
-
-    def _heaps(self, shot: _Shot) -> dict[ObjectId, HeightMap]:
-        """Map the insides of the totes that a camera outside of the hand shows."""
-        totes = () if shot.moving else self._totes
-        found = ((tote.id, map_heights(shot.picture, shot.robot, tote)) for tote in totes)
-        return {name: heap for name, heap in found if heap is not None}
 
     def follow(
         self,
@@ -220,10 +213,6 @@ class Perception:
         """Select the points (n, 3) of the world that belong to a heap in a bin: at most `over` m above its
         rim."""
         return self._floors.in_heap(points, over)
-
-    def is_tote(self, place: str) -> bool:
-        """Return whether a place is a tote. What lies in it is mapped as a heap, and recognised nowhere."""
-        return any(place == tote.id for tote in self._totes)
 
     def floor(self, x: float, y: float, below: float) -> SupportSurface:
         return self._floors.under(x, y, below)
@@ -317,7 +306,7 @@ class _Finding:
 
     def _item(self, patch: PixelPatch) -> None:
         floor = self._floor(patch.rows, patch.columns, patch.top)
-        if patch.top - floor.height < MIN_ITEM_HEIGHT or self.perception.is_tote(floor.place):
+        if patch.top - floor.height < MIN_ITEM_HEIGHT or floor.place in self.perception.totes:
             return
         blob = outline_patch(self.picture, patch)
         heaped = (0.0, math.inf) if floor.in_bin else (GOOD_MISFIT, MAX_HOVER_HEIGHT)

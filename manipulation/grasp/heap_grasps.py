@@ -19,6 +19,7 @@ from ...robots.description import GripperDescription
 from ...world.belief.height_map import BARRED_RADIUS, Heap, HeightMap
 from ...world.values import Array, Pose
 from .grasp_candidates import GraspCandidate
+from .hand_shape import Block, HandShape
 
 YAWS = 12
 """Closing directions over half a turn."""
@@ -37,8 +38,8 @@ SAME_CONTACT = 0.003
 KEPT_PER_SWEEP, BLOCK = 24, 4
 """Places that are profiled for each yaw and opening, at most one in a block of so many cells squared."""
 PROFILE_ROWS, PROFILE_REACH, AXIS_REACH = 4, 22, 20
-"""Half-sizes in cells: of a profile across the pads and along the closing direction, and of the region in
-which the middle of a thing is searched."""
+"""Half-sizes in cells: of a profile across and along the closing direction, and of the search for a thing's
+ends."""
 FAR_BELOW = np.float32(-1.0)
 """Height outside of the map, m: other checks are made there."""
 MAX_CANDIDATES = 48
@@ -96,52 +97,6 @@ STAGES: tuple[tuple[Approach, ...], ...] = (
     ),
 )
 """Approaches from the surest on. The next stage is tried when no grasp of the last one is left."""
-
-
-@dataclass(frozen=True, slots=True)
-class Block:
-    """Box of the hand in the view along its approach. x lies across the pads, y along their motion, m."""
-
-    half_x: float
-    inner: float
-    outer: float
-    """Sides along y, beyond the pad's face for a finger, or from the middle of the hand."""
-    above: float
-    """Height of its underside above the finger tips."""
-
-
-@dataclass(frozen=True, slots=True)
-class HandShape:
-    """Hand in the view along its approach."""
-
-    tip: float
-    """Reach of the finger tips beyond the TCP, m."""
-    max_width: float
-    fingers: tuple[Block, ...]
-    """Parts of one finger, from the pad's face outwards."""
-    palm: tuple[Block, ...]
-
-    @classmethod
-    def of(cls, gripper: GripperDescription) -> HandShape:
-        pad, pad_in_link = gripper.pads[0]
-        fingers = [Block(pad.size[0] / 2, 0.0, pad.size[1], 0.0)]
-        face = abs(pad_in_link.position[1]) - pad.size[1] / 2
-        for box, in_link in gripper.finger_bodies[:1]:
-            middle = abs(in_link.position[1]) - face
-            end = pad_in_link.position[2] + pad.size[2] / 2
-            above = end - in_link.position[2] - box.size[2] / 2
-            half = box.size[1] / 2
-            fingers.append(Block(box.size[0] / 2, middle - half, middle + half, max(0.0, above)))
-        palm = [
-            Block(
-                box.size[0] / 2 + abs(pose.position[0]),
-                0.0,
-                box.size[1] / 2 + abs(pose.position[1]),
-                gripper.tip - pose.position[2] - box.size[2] / 2,
-            )
-            for box, pose in gripper.hand
-        ]
-        return cls(gripper.tip, gripper.max_width, tuple(fingers), tuple(palm))
 
 
 @dataclass(frozen=True, eq=False)
@@ -349,8 +304,8 @@ class _Sweep:
         last_deep = np.where(on_right & high.any(axis=2), right_deep, -99).max(axis=1)
         lean = np.maximum(first_deep - first, last - last_deep) / slope
         skew = np.maximum(_skew(left, on_left, rows), _skew(right, on_right, rows))
-        inside: NDArray[np.bool_] = np.logical_and(columns >= first[:, None], columns <= last[:, None])
-        spanned = np.logical_and(inside[:, None, :], there[:, :, None])
+        inside = (columns >= first[:, None, None]) & (columns <= last[:, None, None])
+        spanned = inside & there[:, :, None]
         filled = np.count_nonzero(low & spanned, axis=(1, 2))
         solid = filled / np.maximum(1, np.count_nonzero(spanned, axis=(1, 2)))
         room = opening / 2 - np.maximum(-first, last) * cell

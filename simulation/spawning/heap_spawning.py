@@ -21,8 +21,8 @@ from ...world.values import Array, ObjectId, Pose, Quaternion, Vector3
 from ..footprints import support_height
 
 PACKAGE_SETS = ("random_urdfs",)
-"""Sets that come with pybullet. Their broken meshes are left out: in `random_urdfs` number 168 has no finite
-vertex, and four others are thinner than a millimetre at 9 mm a unit."""
+"""Sets that come with pybullet. Broken meshes are left out. In `random_urdfs` number 168 has no finite
+vertex; four others are thinner than a millimetre at 9 mm a unit."""
 MIN_THICKNESS = 0.002
 """Least thickness of a thing, m: twice the engine's margin of compound shapes."""
 POUR_GAP = 0.004
@@ -219,7 +219,7 @@ def pour_poses(
         )
     layer = columns[0] * columns[1]
     poses: list[Pose] = []
-    order = [int(k) for n in range(0, len(shapes), layer) for k in rng.permutation(layer)]
+    order = [int(k) for _ in range(0, len(shapes), layer) for k in rng.permutation(layer)]
     for n, turn in enumerate(turns):
         i, j = divmod(order[n], columns[1])
         spare = [max(0.0, length / count - cell) for length, count in zip(size, columns, strict=True)]

@@ -115,8 +115,8 @@ class UncertaintyFile(FileModel):
 
 
 class FixtureFile(FileModel):
-    """Body that stays where it is: a box as a table or shelf, a bin into which items are put, a tote from
-    which items are taken, a belt with items on it, or a calibration target."""
+    """Body that stays where it is: a box as a table or shelf, a bin, a tote, a belt with items on it, or a
+    calibration target."""
 
     one_of: ClassVar[tuple[str, ...]] = ("box", "bin", "tote", "belt", "marker")
     """Exactly one of these is given."""

@@ -74,8 +74,8 @@ class SpawnFile(FileModel):
     into: str | None = None
     """Tote, by its name under `fixtures`, into which the items are poured. Needs `drop: heap`."""
     drop: Literal["heap"] | None = None
-    """With `heap` the items fall on one another in any orientation, and come to rest before the run begins.
-    Only physics can do that."""
+    """Pouring: with `heap` the items fall in any orientation and come to rest before the run begins. Only
+    physics can do that."""
     gap: Annotated[float, quantity("m", least=0, most=1)] = 0.025
     """Free distance between any two items as seen from above."""
     lying: Share = 0.0

@@ -21,7 +21,6 @@ from ..body_schema import CatalogueFile, FixtureFile, UnknownFile
 from ..calibration_results import SceneCalibration
 from ..description import (
     MIN_FELT_MASS,
-    Assortment,
     Bin,
     CatalogueEntry,
     Destination,
@@ -31,7 +30,6 @@ from ..description import (
     SafetyLimits,
     SceneDescription,
     SensorNoise,
-    Spawn,
     Thinking,
 )
 from ..destinations import can_hold, rule_names
@@ -47,7 +45,7 @@ from ..scene_schema import (
 from .feed_loading import belt, check_belts, check_feed, delivery
 from .hole_loading import check_fits, holes
 from .scene_entries import body, camera, check_body, check_camera, check_unknown, hidden_body, kind
-from .spawn_areas import check_spawn
+from .spawn_areas import assortment, check_assortment, check_spawn, spawn
 
 
 def condition(
@@ -69,8 +67,6 @@ def condition(
 SHIPPED = Path(__file__).parents[2] / "scenes"
 ROBOTS = Path(__file__).parents[2] / "robots"
 MAX_BASES = 5
-MESH_SETS = ("random_urdfs",)
-"""Sets of meshes that come with a package."""
 MAX_ENTRIES = 200
 """Maximum number of entries of a section, for the simulator's sake."""
 MAX_RULE_TRIALS = 2_000_000
@@ -175,7 +171,9 @@ class _Parts:
         self.catalogue = {name: kind(check, name, entry) for name, entry in self.kinds.items()}
         self._check_calibration()
         standing = self._standing()
-        assorted = self._check_assortment()
+        assorted = True
+        with check.readable():
+            assorted = check_assortment(check, self.rest.assortment)
         for n, entry in enumerate(self.spawn):
             if check.full:
                 break
@@ -203,7 +201,7 @@ class _Parts:
             bins=tuple(bins.values()),
             cameras=tuple(camera(name, entry).calibrated(known) for name, entry in self.cameras.items()),
             catalogue=tuple(k for k in self.catalogue.values() if k is not None),
-            spawn=tuple(_spawn(entry, bins) for entry in self.spawn),
+            spawn=tuple(spawn(entry, bins) for entry in self.spawn),
             destinations=tuple(Destination(d.where, ObjectId(d.to)) for d in self.destinations),
             limits=SafetyLimits(
                 limits.force, Bounds(limits.workspace.min, limits.workspace.max), limits.payload
@@ -221,35 +219,8 @@ class _Parts:
             tool_error=Pose.from_rpy(rest.tool_error.offset, rest.tool_error.rpy),
             calibration=known,
             planner=rest.planner or "",
-            assortment=None
-            if rest.assortment is None
-            else Assortment(
-                self._meshes(rest.assortment.meshes),
-                rest.assortment.scale,
-                rest.assortment.density,
-                rest.assortment.friction,
-                rest.assortment.least_mass,
-            ),
+            assortment=assortment(self.document, rest.assortment),
         )
-
-    def _meshes(self, name: str) -> str:
-        """Return the name of a set, or the path of a folder, which counts from the file that names it."""
-        if name in MESH_SETS:
-            return name
-        return str((Path(self.document.mark(("assortment", "meshes")).file).parent / name).resolve())
-
-    def _check_assortment(self) -> bool:
-        """Check the assortment, and return whether there is one or it could not be read."""
-        with self.checker.readable():
-            found = self.rest.assortment
-            if found is None:
-                return False
-            folder = Path(self._meshes(found.meshes))
-            if found.meshes not in MESH_SETS and not any(folder.glob("*.obj")):
-                message = f"there are no OBJ files in {found.meshes!r}"
-                hint = f"a folder beside this file, or {', '.join(MESH_SETS)}"
-                self.checker.fault(("assortment", "meshes"), message, hint, code="P409")
-        return True
 
     def _robot(self, name: str) -> Path | None:
         """The robot's file; its path counts from the file that names it: this one or its base."""
@@ -392,24 +363,4 @@ def _calibration(found: CalibrationFile | None) -> SceneCalibration | None:
         tcp=Pose.from_rpy(found.tcp.offset, found.tcp.rpy),
         date=found.date,
         by=found.by,
-    )
-
-
-def _spawn(entry: SpawnFile, bins: Mapping[str, Bin]) -> Spawn:
-    if entry.area is not None:
-        area = (entry.area.min, entry.area.max)
-    else:
-        assert entry.into is not None
-        (x, y, _), (wide, deep, _) = bins[entry.into].pose.position, bins[entry.into].size
-        area = ((x - wide / 2, y - deep / 2), (x + wide / 2, y + deep / 2))
-    return Spawn(
-        counts=tuple(entry.of.items()),
-        colours=entry.colours,
-        area=area,
-        gap=entry.gap,
-        lying=entry.lying,
-        tumbled=entry.tumbled,
-        touching=entry.touching,
-        into=None if entry.into is None else ObjectId(entry.into),
-        heap=entry.drop is not None,
     )

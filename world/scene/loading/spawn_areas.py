@@ -4,17 +4,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
 from typing import Protocol
 
 import numpy as np
 
 from ....files.marks import Location
 from ....files.value_wording import describe, suggest_name
+from ....files.yaml.document import Document
 from ....files.yaml.document_checker import DocumentChecker
 from ...shapes import Box, Cylinder, Shape, Sphere, corners
-from ...values import Bounds
-from ..description import ASSORTMENT, Bin, CatalogueEntry, Fixture
-from ..scene_schema import AreaFile, SpawnFile
+from ...values import Bounds, ObjectId
+from ..description import ASSORTMENT, Assortment, Bin, CatalogueEntry, Fixture, Spawn
+from ..scene_schema import AreaFile, AssortmentFile, SpawnFile
 
 MAX_COVERED_SHARE = 0.8
 """Share of an area that items and their gaps may cover."""
@@ -204,3 +206,55 @@ def _outline(shape: Shape, gap: float, lying: float) -> Outline:
             # A hull fills at least half of the rectangle around it.
             share = 1.0 if isinstance(shape, Box) else 0.5
             return share * float(spread[0] + gap) * float(spread[1] + gap), float(np.hypot(*spread)) / 2
+
+
+MESH_SETS = ("random_urdfs",)
+"""Sets of meshes that come with a package."""
+
+
+def check_assortment(check: DocumentChecker, entry: AssortmentFile | None) -> bool:
+    """Check the assortment, and return whether there is one."""
+    if entry is None:
+        return False
+    folder = Path(_meshes(check.document, entry.meshes))
+    if entry.meshes not in MESH_SETS and not any(folder.glob("*.obj")):
+        hint = f"a folder beside this file, or {', '.join(MESH_SETS)}"
+        message = f"there are no OBJ files in {entry.meshes!r}"
+        check.fault(("assortment", "meshes"), message, hint, code="P409")
+    return True
+
+
+def assortment(document: Document, entry: AssortmentFile | None) -> Assortment | None:
+    """The assortment of a file without faults; None: it has none."""
+    if entry is None:
+        return None
+    meshes = _meshes(document, entry.meshes)
+    return Assortment(meshes, entry.scale, entry.density, entry.friction, entry.least_mass)
+
+
+def _meshes(document: Document, name: str) -> str:
+    """Return the name of a set, or the path of a folder, which counts from the file that names it."""
+    if name in MESH_SETS:
+        return name
+    return str((Path(document.mark(("assortment", "meshes")).file).parent / name).resolve())
+
+
+def spawn(entry: SpawnFile, bins: Mapping[str, Bin]) -> Spawn:
+    """A spawn entry without faults."""
+    if entry.area is not None:
+        area = (entry.area.min, entry.area.max)
+    else:
+        assert entry.into is not None
+        (x, y, _), (wide, deep, _) = bins[entry.into].pose.position, bins[entry.into].size
+        area = ((x - wide / 2, y - deep / 2), (x + wide / 2, y + deep / 2))
+    return Spawn(
+        counts=tuple(entry.of.items()),
+        colours=entry.colours,
+        area=area,
+        gap=entry.gap,
+        lying=entry.lying,
+        tumbled=entry.tumbled,
+        touching=entry.touching,
+        into=None if entry.into is None else ObjectId(entry.into),
+        heap=entry.drop is not None,
+    )
