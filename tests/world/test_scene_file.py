@@ -496,10 +496,13 @@ def test_shipped_scenes_are_read_and_their_logged_text_gives_them_again(name: st
         "tall": 8,
         "calibrating": 0,
         "self_test": 2,
+        "tote": 18,
     }.get(name, 12)
     loads = (*scene.spawn, *(delivery.load for delivery in scene.deliveries))
     assert sum(number for load in loads for _, number in load.counts) == total
-    forms = {scene.entry(kind).form for load in loads for kind, _ in load.counts}
+    kinds = {kind for load in loads for kind, _ in load.counts} - {"assortment"}
+    assert (scene.assortment is not None) == (name == "tote")
+    forms = {scene.entry(kind).form for kind in kinds}
     if name not in (
         "pegs",
         "kit",
