@@ -513,6 +513,7 @@ def test_shipped_scenes_are_read_and_their_logged_text_gives_them_again(name: st
         "thin",
         "tall",
         "self_test",
+        "tote",
     ):
         assert forms - {"mesh"} == {"box", "cylinder", "sphere", "plate"}
     assert ("mesh" in forms) == name.startswith(("three_bins", "continuous", "belt"))

@@ -115,8 +115,8 @@ class UncertaintyFile(FileModel):
 
 
 class FixtureFile(FileModel):
-    """Body that stays where it is: a box as a table or shelf, a bin, a tote, a belt with items on it, or a
-    calibration target."""
+    """Body that stays where it is: a box as a table or shelf, a bin, a tote, a belt with items on it, a
+    target."""
 
     one_of: ClassVar[tuple[str, ...]] = ("box", "bin", "tote", "belt", "marker")
     """Exactly one of these is given."""
