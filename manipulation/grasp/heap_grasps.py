@@ -293,7 +293,7 @@ class _Sweep:
         between = np.abs(columns) * cell <= opening / 2
         patch = np.where(between, patch, FAR_BELOW)
         low, high = (patch >= (tips[:, None, None] + level) for level in (CONTACT_LEVEL, DEEP_LEVEL))
-        there = low.any(axis=2)
+        there: NDArray[np.bool_] = np.asarray(low.any(axis=2), dtype=np.bool_)
         sides = [_side(mask, flip, columns) for mask in (low, high) for flip in (False, True)]
         left, right, left_deep, right_deep = sides
         first, last = np.where(there, left, 99).min(axis=1), np.where(there, right, -99).max(axis=1)
