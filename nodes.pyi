@@ -828,6 +828,37 @@ class Grasp(Node):
         **conditions: Unpack[Conditions],
     ) -> None: ...
 
+class PickAny(Node):
+    """Pick some thing out of a tote, without knowing its shape, size or weight.
+
+    The camera maps the heights of what lies in the tote. The hand's shape is swept over the map: vertical
+    grasps come first, then tilted ones, then looser demands. What the wrist feels after the lift tells
+    whether something is held. The thing is then an object of the belief with its hull, colour and weight, for
+    `Place`. A thing that the hand holds already is kept. A place where a grasp has failed is left out until
+    the depth there changes.
+
+    Ports:
+        from_: the tote to pick from.
+        out: id of the thing in the hand. Output: the key to write, as '{out}'.
+        camera: the camera that sees into the tote; default overhead.
+        force: grip force of each finger at most, N; more than 0; default 30.0.
+        attempts: grasps that are tried, with a look before each; at least 1; default 3.
+        speed: share of the joints' speed limits: 1 for as fast as allowed; more than 0, at most 1; default 1.0.
+    """
+
+    def __init__(
+        self,
+        *,
+        from_: str,
+        out: str = ...,
+        camera: str = ...,
+        force: float | str = ...,
+        attempts: int | str = ...,
+        speed: float | str = ...,
+        name: str = ...,
+        **conditions: Unpack[Conditions],
+    ) -> None: ...
+
 class Place(Node):
     """Place the held object into a bin, over the lowest part of its heap, or down at a point.
 

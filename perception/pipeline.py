@@ -41,6 +41,7 @@ from .fitting.known_object_fitting import NEAR_DEPTH_SIGMA, TrackedSighting, kno
 from .fitting.view import Detection, PerceivedView, UnexplainedPatch, bin_height_map
 from .geometry.camera_geometry import PosedCamera, register_hand_camera
 from .geometry.resting_poses import HoleMouths, catalogue_poses
+from .heap_mapping import map_totes
 from .segmentation import (
     Blob,
     PixelPatch,
@@ -103,6 +104,7 @@ class Perception:
         self._noise = {c.name: max(c.depth_noise, 2e-4) for c in description.cameras}
         self.moving = frozenset(c.name for c in description.cameras if c.on == "hand")
         """Names of the cameras on the hand."""
+        self.totes = {str(each.id): each for each in description.bins if each.is_tote}
         self._backdrops: dict[tuple[object, Pose], BackgroundModel] = {}
 
     def detect(
@@ -138,6 +140,7 @@ class Perception:
             finding.reach(),
             self._floors.supports,
             lambda points, distance: self._robot.within(points, joints, width, _in_hand(held), distance),
+            map_totes(shot.picture, shot.robot, () if shot.moving else self.totes.values()),
         )
 
     def follow(
@@ -309,7 +312,7 @@ class _Finding:
 
     def _item(self, patch: PixelPatch) -> None:
         floor = self._floor(patch.rows, patch.columns, patch.top)
-        if patch.top - floor.height < MIN_ITEM_HEIGHT:
+        if patch.top - floor.height < MIN_ITEM_HEIGHT or floor.place in self.perception.totes:
             return
         blob = outline_patch(self.picture, patch)
         heaped = (0.0, math.inf) if floor.in_bin else (GOOD_MISFIT, MAX_HOVER_HEIGHT)

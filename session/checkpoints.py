@@ -23,6 +23,7 @@ from ..simulation.faults.injector import FaultInjector, FaultState
 from ..skill_world.world import World
 from ..trees.running.runner import BehaviourTree
 from ..world.belief.facts import FeedProgressState, Refusal
+from ..world.belief.height_map import Heap
 from ..world.belief.planning_scene import SceneSnapshot
 from .run_tally import RunCounters, RunCountersState
 
@@ -72,6 +73,8 @@ class RunState:
     """Events of the feed that the robot has received so far."""
     refusals: Mapping[str, Refusal] = field(default_factory=dict[str, Refusal])
     """See `AttemptMemory`."""
+    heaps: Mapping[str, Heap] = field(default_factory=dict[str, Heap])
+    """Heaps of the totes as they were seen last."""
 
     def to_json(self) -> bytes:
         return json_bytes(self)
@@ -135,6 +138,7 @@ def take_checkpoint(
         recording=recording,
         noticed=world.noticed.state(),
         refusals=dict(world.attempts.refusals),
+        heaps=dict(world.vision.heaps),
     )
 
 
@@ -159,6 +163,7 @@ def restore_checkpoint(world: World, state: RunState) -> None:
     world.journal.items_done = state.items_done
     world.noticed.restore(state.noticed)
     world.vision.looks = state.looks
+    world.vision.heaps = dict(state.heaps)
     world.vision.bins = {
         name: BinView(np.array([[math.nan if h is None else h for h in row] for row in rows]))
         for name, rows in state.bins_seen.items()

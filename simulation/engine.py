@@ -74,6 +74,8 @@ friction, at three times the cost."""
 CONTACT_DISTANCE = 0.005
 """Distance, m, from which the engine keeps contact points and enlarges bounding boxes. Its own value of 20 mm
 costs a dense scene twice the time and wakes neighbours that nothing touches."""
+HEAP_CONTACT_DISTANCE = 0.002
+"""Contact distance of scenes with heaps, m. A heap of 20 items takes two thirds of the time with it."""
 ERROR_REDUCTION, CONTACT_REDUCTION, FINE_REDUCTION = 0.2, 0.08, 0.8
 """Share of a joint error, and of a penetration, that one step corrects: everyday values are the engine's own.
 
@@ -104,7 +106,7 @@ def set_step_rate(rate: int, client: int) -> None:
     )
 
 
-def reset(client: int) -> None:
+def reset(client: int, contact_distance: float = CONTACT_DISTANCE) -> None:
     """Remove all bodies from a client and set gravity, the everyday step and the solver."""
     pb.resetSimulation(physicsClientId=client)
     pb.setGravity(0, 0, -GRAVITY, physicsClientId=client)
@@ -112,7 +114,7 @@ def reset(client: int) -> None:
     pb.setPhysicsEngineParameter(
         solverResidualThreshold=RESIDUAL_THRESHOLD,
         deterministicOverlappingPairs=1,
-        contactBreakingThreshold=CONTACT_DISTANCE,
+        contactBreakingThreshold=contact_distance,
         jointFeedbackMode=pb.JOINT_FEEDBACK_IN_WORLD_SPACE,
         physicsClientId=client,
     )

@@ -13,7 +13,9 @@ from ..perception.data_association import ObservationSummary, update_belief
 from ..perception.fitting.known_object_fitting import TrackedSighting
 from ..perception.fitting.view import BinView
 from ..perception.geometry.camera_geometry import depth_noise
+from ..perception.heap_mapping import update_heap
 from ..perception.pipeline import Perception
+from ..world.belief.height_map import Heap
 from ..world.belief.planning_scene import BeliefObject, PlanningScene
 from ..world.causes import Failure, perception
 from ..world.computing_time import ComputeTimeAccount, Stopwatch
@@ -83,6 +85,8 @@ class Vision:
         """Last image of each camera; of one that repeats itself, the first of these. No part of the state."""
         self.bins: dict[str, BinView] = {}
         """Latest view of each bin; part of the state."""
+        self.heaps: dict[str, Heap] = {}
+        """Heap of each tote that was seen; part of the state."""
         self.looks = 0
         """Number of observations merged into the belief; part of the state."""
         self.newest = 0.0
@@ -180,6 +184,9 @@ class Vision:
         for name, seen in view.bins.items():
             still = image.camera in self._still
             self.bins[str(name)] = seen if still else seen.over(self.bins.get(str(name)))
+        for name, heap in view.heaps.items():
+            tote, former = self._scene.bins[name], self.heaps.get(str(name))
+            self.heaps[str(name)] = update_heap(self._scene, tote, heap, former, shot.stamp)
         self.looks += 1
         self.newest = max(self.newest, shot.stamp)
         findings = tuple(f"{d.colour} {d.kind}" for d in view.detections)

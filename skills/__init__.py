@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from .insert import Insert as Insert
     from .jog import Jog as Jog
     from .observe import Observe as Observe
+    from .pick_any import PickAny as PickAny
     from .place import Place as Place
     from .push import Push as Push
     from .survey import Survey as Survey
@@ -32,6 +33,7 @@ if TYPE_CHECKING:
 MODULES = {
     "Observe": "observe",
     "Grasp": "grasp",
+    "PickAny": "pick_any",
     "Place": "place",
     "Insert": "insert",
     "Push": "push",

@@ -129,8 +129,10 @@ def table(
 T = TypeVar("T")
 
 
-NameKind: TypeAlias = Literal["camera", "pose", "bin", "hole", "fixture", "kind", "colour", "planner"]
-"""Kind of name that a text port accepts: camera, bin, hole (or fixture with holes), fixture, kind or
+NameKind: TypeAlias = Literal[
+    "camera", "pose", "bin", "tote", "hole", "fixture", "kind", "colour", "planner"
+]  # fmt: skip
+"""Kind of name that a text port accepts: camera, bin, tote, hole (or fixture with holes), fixture, kind or
 colour of items, named pose, planner.
 
 Where scene and robot are known, only their names are valid.

@@ -25,6 +25,7 @@ _NAME_WORDS = {
     "camera": "name of a camera of the scene",
     "pose": "name of a pose of the robot",
     "bin": "name of a bin of the scene",
+    "tote": "name of a tote of the scene",
     "hole": "name of a hole of the scene, or of a fixture with holes",
     "fixture": "name of a fixture or bin of the scene",
     "kind": "name of a kind of the scene's catalogue",

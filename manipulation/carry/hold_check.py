@@ -65,11 +65,14 @@ class GripCheck:
     load: float | None
     light: LightObject | None = None
     """Believed object, where its weight cannot be felt. None: the load has to show it."""
+    thin: bool = False
+    """Whether the object may be so thin that its width does not tell it from nothing."""
 
     @property
     def empty(self) -> bool:
-        """Whether the fingers have met."""
-        return self.width <= MAX_EMPTY_WIDTH
+        """Whether the fingers have met, and no load shows that a thin object is between them."""
+        felt = self.thin and self.load is not None and self.load >= MIN_HELD_LOAD
+        return self.width <= MAX_EMPTY_WIDTH and not felt
 
     @property
     def loaded(self) -> bool:
@@ -97,7 +100,9 @@ class GripCheck:
 
 def check_grip(world: World, load: float | None) -> GripCheck:
     """Return the grip check of the believed held object for the present opening and a measured load, N."""
-    return GripCheck(world.gripper.width, load, _light_object(world))
+    held = world.scene.held
+    thin = held is not None and held.kind == "unknown"
+    return GripCheck(world.gripper.width, load, _light_object(world), thin)
 
 
 def measure_grip(world: World) -> Doing[GripCheck]:

@@ -209,7 +209,8 @@ class GripMonitor:
     def watch(self) -> Failure | None:
         """Return the failure that stops the arm. None: there is none. For `ArmMotion.along` and `finish`."""
         width = self._grip.width
-        if width <= MAX_EMPTY_WIDTH or abs(width - self._width) > MAX_OPENING_CHANGE:
+        met = width <= MAX_EMPTY_WIDTH < self._width
+        if met or abs(width - self._width) > MAX_OPENING_CHANGE:
             return Failure(grasp.SLIPPED, "the fingers move")
         return Failure(grasp.SLIPPED, "less is felt than was taken up") if self._slip.watch() else None
 

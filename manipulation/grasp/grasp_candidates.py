@@ -54,6 +54,15 @@ class GraspCandidate:
     """Whether the descent ends by contact, not by position."""
     score: float
     """Score of the candidate; lower is better."""
+    tilted: bool = False
+    """Whether the hand comes along its own axis instead of straight down."""
+
+    def pre_grasp(self, height: float) -> Pose:
+        """Return the TCP pose in the world from which the hand comes straight, `height` m before the
+        grasp."""
+        if self.tilted:
+            return self.tcp_in_world @ Pose((0.0, 0.0, -height))
+        return self.tcp_in_world.shifted((0.0, 0.0, height))
 
 
 @dataclass(frozen=True, slots=True)

@@ -42,12 +42,15 @@ def descend_until_contact(
             yield from _move_up(world, rise, 0.5, node)
 
 
-def lift(world: World, object_id: ObjectId, node: str) -> Doing[None]:
-    """Lift the hand straight up from between the neighbours, with or without the object."""
+def lift(world: World, object_id: ObjectId, node: str, rise: float | None = None) -> Doing[None]:
+    """Lift the hand straight up from between the neighbours, with or without the object, by `rise` m.
+
+    Default: the approach.
+    """
     guard = world.handling.guard + (0.0 if world.scene.held is None else LIFT_GUARD_FORCE)
     near = [name for name in _neighbours(world) if name != object_id]
     with world.scene.allow(*(("gripper", name) for name in (object_id, *near))):
-        yield from _move_up(world, world.handling.approach, 0.3, node, guard)
+        yield from _move_up(world, world.handling.approach if rise is None else rise, 0.3, node, guard)
 
 
 def lift_off(world: World, node: str) -> Doing[None]:

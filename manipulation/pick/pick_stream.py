@@ -130,7 +130,8 @@ class CandidateSearch:
         """`grasps`: grasps to choose from. `node`: key of the planner's randomness, and name of the
         purpose."""
         self._world, self._belief, self._node = world, belief, node
-        into = world.scene.destination(belief.id)
+        # Nobody knows where a thing of a heap belongs before it is in the hand.
+        into = None if belief.role == "heap" else world.scene.destination(belief.id)
         self._target: BinTarget | None = None
         """Destination bin. None: no destination, or a hole, which the insertion finds by contact with the
         item held."""
@@ -204,8 +205,10 @@ class CandidateSearch:
 
     def _hand_fits(self, branch: _Branch) -> Iterator[_Branch]:
         grasp, world = branch.grasp, self._world
+        # A heap's map has the walls of its tote, and grasps of it keep the hand from them.
+        known = (self._belief.id, *((self._belief.place,) if self._belief.role == "heap" else ()))
         contacts = world.queries.hand_contacts(
-            grasp.tcp_in_world, grasp.opening, ignore=(self._belief.id,), margin=grasp.margin
+            grasp.tcp_in_world, grasp.opening, ignore=known, margin=grasp.margin
         )
         if contacts:
             self._refuse(branch, touching(pick_candidates.HAND_STAGE, "the hand", contacts[0]))
@@ -220,7 +223,7 @@ class CandidateSearch:
     def _grasp_reached(self, branch: _Branch) -> Iterator[_Branch]:
         grasp = branch.grasp
         tcp = grasp.tcp_in_world
-        over = self._reach(tcp.shifted((0.0, 0.0, self._world.handling.approach)), self._start, grasp)
+        over = self._reach(grasp.pre_grasp(self._world.handling.approach), self._start, grasp)
         if over.q is None:
             self._refuse(branch, unreached(pick_candidates.PRE_GRASP_STAGE, "the pre-grasp", over))
             return

@@ -130,6 +130,8 @@ class ItemFitter:
         """Return the greatest number of items that may make up the blob, by its area and that of the smallest
         stable pose."""
         depth = float(blob.depths.mean()) if len(blob.depths) else 1.0
+        if not self.rests:
+            return 0
         least = min(rest.footprint for rest in self.rests) * (self.sight.intrinsics.fx / depth) ** 2
         return int(blob.area / (0.6 * least))
 

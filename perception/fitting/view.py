@@ -7,12 +7,13 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from ...world.belief.height_map import HeightMap
 from ...world.scene.description import Bin, Form
 from ...world.shapes import Box, Shape, Sphere, ray_hits
 from ...world.values import Array, ObjectId, Pose
@@ -131,6 +132,8 @@ class PerceivedView:
     """Support heights below points, see `backdrop.SupportSurfaces.supports`."""
     robot: Callable[[Array, float], NDArray[np.bool_]]
     """Selection of the points (n, 3) of the world within a distance, m, of the robot and of what it holds."""
+    heaps: Mapping[ObjectId, HeightMap] = field(default_factory=dict[ObjectId, HeightMap])
+    """Height maps of the totes that the picture shows."""
 
     def look(self, shape: Shape, pose: Pose, colour: str) -> BodyVisibility:
         """Count what the picture shows where the body should be."""

@@ -57,6 +57,11 @@ class KinematicHardware:
         same = robot.tool == scene.tool
         self._believed = self.model if same else RobotModel(replace(robot, tool=scene.tool))
         self._real = real = displace_fixtures(scene, seed, level=True)
+        if scene.heaped:
+            raise PicktreeError(
+                f"{scene.source or scene.name}: items are poured into a heap, which needs physics: "
+                "without it nothing falls or leans; run it with '--backend physics'"
+            )
         items = spawn_items(scene, seed)
         self._inventory = Inventory(scene, items)
         self._boards = HoledFixtures(real.fixtures)

@@ -22,6 +22,7 @@ from ..checkpoints import Checkpoint, RobotReading
 from ..engine import (
     CONTACT_DISTANCE,
     EVERYDAY_STEP_RATE,
+    HEAP_CONTACT_DISTANCE,
     RESIDUAL_THRESHOLD,
     RESOLUTION,
     SOLVER_ITERATIONS,
@@ -70,6 +71,7 @@ class PhysicsHardware:
         self.seed = seed
         self._real = displace_fixtures(scene, seed)
         self._streams = RandomStreams(seed)
+        self._contact_distance = HEAP_CONTACT_DISTANCE if scene.heaped else CONTACT_DISTANCE
         client = Client()
         self.close = client.close
         """Function that frees the client. That happens by itself when hardware and devices are no longer
@@ -113,7 +115,7 @@ class PhysicsHardware:
             self._items.spawn(self._static.names)
             self.penetrations.watch(self._items.numbers, self._static.holed)
             self._belts.build(self._static.names)
-            self._items.settle()
+            self._items.settle(scene)
             self._senses.reading = self._body.read()
             self._initial = tuple(replace(s, asleep=False) for s in self._items.states())
         else:
@@ -163,7 +165,7 @@ class PhysicsHardware:
             "step": f"{1 / EVERYDAY_STEP_RATE:.9f} s",
             "solver_iterations": str(SOLVER_ITERATIONS),
             "solver_residual_threshold": str(RESIDUAL_THRESHOLD),
-            "contact_distance": f"{CONTACT_DISTANCE} m",
+            "contact_distance": f"{self._contact_distance} m",
             "gravity": f"{GRAVITY} m/s²",
             "sleep_after": f"{SLEEP_CHECK_INTERVAL * REST.checks / EVERYDAY_STEP_RATE:.2f} s",
         }
@@ -378,7 +380,7 @@ class PhysicsHardware:
 
     def _empty(self, obstacles: Iterable[Fixture]) -> None:
         """Reset the simulation to one without items and belts; everything else is added in a fixed order."""
-        reset(self._client)
+        reset(self._client, self._contact_distance)
         self._senses.pace(EVERYDAY_STEP_RATE)
         self.period = self._body.period = self._senses.period
         self._static.load()

@@ -25,6 +25,7 @@ from ...world.values import Array, ObjectId, Pose, Vector3
 from ..engine import pb
 from ..faults.planted_obstacles import HiddenObstacles
 from ..footprints import floor_height, support_height
+from ..spawning.heap_spawning import PartsMesh
 from ..spawning.spawn import SpawnedItem
 
 
@@ -150,17 +151,20 @@ def add_item(item: SpawnedItem, pose: Pose, client: int) -> int:
     check_body(item.id, item.entry.shape, pose)
     if not (math.isfinite(item.entry.mass) and item.entry.mass > 0):
         raise PicktreeError(f"{item.id}: mass {item.entry.mass} kg; it must be positive")
+    mesh = item.mesh
     body = pb.createMultiBody(
         item.entry.mass,
-        _collision(item.entry.shape, client),
-        _visual(item.entry.shape, item.colour, client),
+        _collision(item.entry.shape, client) if mesh is None else _parts_collision(mesh, client),
+        _visual(item.entry.shape, item.colour, client)
+        if mesh is None
+        else _parts_visual(mesh, item.colour, client),
         pose.position,
         pose.orientation,
         useMaximalCoordinates=1,
         physicsClientId=client,
     )
     set_friction(body, item.entry.friction, client)
-    rolling = ROLLING_FRICTION if item.entry.form in ROUND_FORMS else 0.0
+    rolling = ROLLING_FRICTION if item.entry.form in ROUND_FORMS and item.heap is None else 0.0
     pb.changeDynamics(
         body,
         -1,
@@ -172,7 +176,32 @@ def add_item(item: SpawnedItem, pose: Pose, client: int) -> int:
     if isinstance(item.entry.shape, ConvexMesh):
         pb.changeDynamics(body, -1, collisionMargin=0.0, physicsClientId=client)
         set_mass(body, item.entry.shape, item.entry.mass, client)
+    if mesh is not None:
+        moments = [item.entry.mass * moment for moment in mesh.inertia]
+        pb.changeDynamics(body, -1, localInertiaDiagonal=moments, physicsClientId=client)
     return body
+
+
+def _parts_collision(mesh: PartsMesh, client: int) -> int:
+    """Create the collision shape of a mesh: one hull for each part of its file."""
+    return pb.createCollisionShape(
+        pb.GEOM_MESH,
+        fileName=mesh.file,
+        meshScale=[mesh.scale] * 3,
+        collisionFramePosition=[-c for c in mesh.centre],
+        physicsClientId=client,
+    )
+
+
+def _parts_visual(mesh: PartsMesh, colour: str, client: int) -> int:
+    return pb.createVisualShape(
+        pb.GEOM_MESH,
+        fileName=mesh.file,
+        meshScale=[mesh.scale] * 3,
+        rgbaColor=_rgba(colour),
+        visualFramePosition=[-c for c in mesh.centre],
+        physicsClientId=client,
+    )
 
 
 def set_friction(body: int, friction: float, client: int) -> None:

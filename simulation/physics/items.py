@@ -13,6 +13,7 @@ from ...world.values import ObjectId, Pose, Vector3
 from ..checkpoints import BodyState, DynamicsChange
 from ..engine import pb
 from ..scoring.truth import TrueBody
+from ..spawning.heap_spawning import check_contained
 from ..spawning.inventory import Inventory, InventoryState, departed
 from ..spawning.spawn import SpawnedItem
 from .bodies import add_item, forget_contacts, set_friction, set_mass
@@ -22,6 +23,10 @@ from .sleeping_items import SleepingItems
 ZERO_VELOCITY = (0.0, 0.0, 0.0)
 MAX_SETTLING_STEPS = 600
 """Greatest number of steps before time 0, if an item never comes to rest."""
+MAX_POURING_STEPS = 1200
+"""The same number for scenes with heaps: layers of items fall for up to a second."""
+CREEP_SPEED, CREEP_SPIN = 0.004, 0.1
+"""Speed, m/s, and angular speed, rad/s, below which the items of a heap count as resting before time 0."""
 
 
 class PhysicsItems:
@@ -101,13 +106,29 @@ class PhysicsItems:
         self._bumps = {}
         self.sleepers.watch(self._numbers, fixed)
 
-    def settle(self) -> None:
-        """Step the simulation until all items are at rest, before time 0."""
-        for _ in range(MAX_SETTLING_STEPS):
+    def settle(self, scene: SceneDescription) -> None:
+        """Step the simulation until all items are at rest, before time 0. A heap need not rest wholly.
+
+        Raises PicktreeError when poured items do not stay in their tote.
+        """
+        for step in range(MAX_POURING_STEPS if scene.heaped else MAX_SETTLING_STEPS):
             pb.stepSimulation(self._client)
             self.stepped()
-            if self.sleepers.quiet:
-                return
+            if self.sleepers.quiet or (scene.heaped and step % 24 == 23 and self._nearly_rests()):
+                break
+        for n, spawn in enumerate(scene.spawn):
+            if spawn.heap and spawn.into is not None:
+                tote = next(each for each in scene.bins if each.id == spawn.into)
+                own = [item for item in self.inventory.here.values() if item.heap == n]
+                lying = ((item.id, item.entry, self.true(self._state(item.id)).pose) for item in own)
+                check_contained(tote, lying, f"{scene.source or scene.name}: spawn[{n}]")
+
+    def _nearly_rests(self) -> bool:
+        """Return whether no item moves faster than a heap creeps."""
+        return all(
+            max(map(abs, velocity)) < CREEP_SPEED and max(map(abs, spin)) < CREEP_SPIN
+            for velocity, spin in (pb.getBaseVelocity(n, self._client) for n in self._numbers.values())
+        )
 
     def stepped(self) -> None:
         """Apply bumps and update sleep after a step."""

@@ -98,7 +98,8 @@ def score(truth: Iterable[TrueBody], scene: SceneDescription) -> Score:
 
     An item is sorted when it rests in the bin of its destination. In another bin it is misplaced. Without a
     destination it does not count, unless it is in a bin. Anywhere else it is left: on the table, on the
-    floor, in the hand, or removed by a fault. An item that was taken away with a bin stays in it for good.
+    floor, in a tote, in the hand, or removed by a fault. An item that was taken away with a bin stays in it
+    for good.
 
     An item rests in a hole of its form when it is deep enough, upright and in no wall. Where the destination
     is a fixture, any of its holes is right. An item inside a wall is misplaced.
@@ -130,11 +131,15 @@ def _item_score(body: TrueBody, destination: ObjectId | None, bins: Iterable[Bin
 def _score_by_place(body: TrueBody, destination: ObjectId | None, bins: Iterable[Bin]) -> ItemScore:
     if body.seat is not None:
         return _score_in_hole(body, body.seat, destination)
-    within = body.taken_with or next((b.id for b in bins if lies_in(b, body)), None)
+    around = next((b for b in bins if b.id == body.taken_with or lies_in(b, body)), None)
+    within = around.id if around is not None else body.taken_with
+    in_tote = around is not None and around.is_tote
     verdict: Verdict = "left"
-    if (body.present or body.taken_with is not None) and within == destination:
-        verdict = "sorted" if destination is not None else "no destination"
-    elif within is not None:
+    if destination is None and (within is None or in_tote) and body.present:
+        verdict = "no destination"
+    elif destination is not None and within == destination:
+        verdict = "sorted"
+    elif within is not None and not in_tote:
         verdict = "misplaced"
     return ItemScore(body.id, body.form, destination, within, verdict)
 

@@ -18,6 +18,7 @@ from ...world.scene.description import NO_UNCERTAINTY, CatalogueEntry, Fixture, 
 from ...world.shapes import Shape, bottom, scaled
 from ...world.values import Array, ObjectId, Pose, Quaternion, quaternion_product
 from ..footprints import Footprint, distance, footprint, support_height
+from .heap_spawning import PartsMesh, draw_entries, pour_poses
 from .touching_items import lay_out_touching
 
 TUMBLE_HEIGHT = 0.1
@@ -43,6 +44,10 @@ class SpawnedItem:
     """Whether the item falls from `pose` instead of standing there."""
     brought_by: int | None = None
     """Entry of the feed that brought the item; None: it was there at the start."""
+    mesh: PartsMesh | None = None
+    """Mesh of a thing of the assortment; None: the kind's shape is the item's."""
+    heap: int | None = None
+    """Entry of `spawn` that pours the item into a heap; None: it is in no heap at the start."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,6 +71,9 @@ def spawn_items(scene: SceneDescription, seed: int) -> tuple[SpawnedItem, ...]:
     for n, spawn in enumerate(scene.spawn):
         where = f"{scene.source or scene.name}: spawn[{n}]"
         rng = streams.at("spawn", n)
+        if spawn.heap:
+            items += _pour(scene, n, rng, len(items), where)
+            continue
         load = draw_load(scene, spawn, rng)
         shapes = [scene.entry(item.kind).shape for item in load]
         beside = None
@@ -83,6 +91,22 @@ def spawn_items(scene: SceneDescription, seed: int) -> tuple[SpawnedItem, ...]:
             items.append(set_down(scene, spawn, item, place, name, where))
         taken += [o.at(p) for o, p in zip(outlines, places, strict=True)]
     return tuple(items)
+
+
+def _pour(
+    scene: SceneDescription, n: int, rng: np.random.Generator, first: int, where: str
+) -> list[SpawnedItem]:
+    """Return the items of a heap above their place, numbered from `first` on."""
+    spawn = scene.spawn[n]
+    drawn = draw_entries(scene, spawn, rng)
+    entries = [entry for entry, _ in drawn]
+    colours = _colours(spawn, len(drawn), rng)
+    turns = _turns(replace(spawn, tumbled=True), entries, rng)
+    poses = pour_poses(scene, spawn, entries, turns, rng, where)
+    return [
+        SpawnedItem(item_id(first + k), entry, colour, pose, dropped=True, mesh=mesh, heap=n)
+        for k, ((entry, mesh), colour, pose) in enumerate(zip(drawn, colours, poses, strict=True))
+    ]
 
 
 def item_id(number: int) -> ObjectId:

@@ -51,6 +51,15 @@ def test_an_item_is_judged_by_where_it_rests(body: TrueBody, verdict: str):
     assert [i.verdict for i in score([body], SCENE).items] == [verdict]
 
 
+@pytest.mark.parametrize(
+    ("colour", "verdict"), [("red", "left"), ("green", "no destination"), ("blue", "sorted")]
+)
+def test_an_item_in_a_tote_is_in_no_bin(colour: str, verdict: str):
+    bins = tuple(replace(each, is_tote=each.id == "blue_bin") for each in SCENE.bins)
+    body = item((0.35, -0.55, 0.025), colour=colour)
+    assert [i.verdict for i in score([body], replace(SCENE, bins=bins)).items] == [verdict]
+
+
 def test_the_score_counts_in_all_and_by_form():
     bodies = [
         item((0.35, 0.55, 0.025)),

@@ -101,8 +101,16 @@ REPLACED = [
     ),
     ("yaw: 90 deg", "rpy: [0, 9 deg, 0]", "6:52: fixtures.belt.rpy: a belt lies level: give its 'yaw'"),
     ("wall: 5 mm", "wall: 5 mm, eye: 0", "7:48: fixtures.bin_a.eye: only a belt has 'eye'"),
-    ("at: [0.55, 0, 0]", "at: [0.55, 0, 0], wall: 5 mm", "6:52: fixtures.belt.wall: only a bin has walls"),
-    ("{box: [1.2, 1.6, 0.04], ", "{", "5:3: fixtures.table: 'box', 'bin', 'belt' or 'marker' is missing"),
+    (
+        "at: [0.55, 0, 0]",
+        "at: [0.55, 0, 0], wall: 5 mm",
+        "6:52: fixtures.belt.wall: only a bin or tote has walls",
+    ),
+    (
+        "{box: [1.2, 1.6, 0.04], ",
+        "{",
+        "5:3: fixtures.table: 'box', 'bin', 'tote', 'belt' or 'marker' is missing",
+    ),
     (
         "exchange:",
         "limits: {workspace: {min: [0, -0.2, 0], max: [0.8, 0.2, 1]}}\nexchange:",

@@ -10,6 +10,7 @@ import trimesh
 
 from picktree.errors import PicktreeError
 from picktree.files.marks import FileError
+from picktree.world.belief.planning_scene import PlanningScene
 from picktree.world.scene.destinations import destination_rule
 from picktree.world.scene.loading.scene_loading import load_scene, parse_scene, scene_names
 from picktree.world.shapes import Box, ConvexMesh, Cylinder, Sphere
@@ -42,6 +43,15 @@ def faults(text: str, path: Path = HERE) -> str:
     with pytest.raises(FileError) as caught:
         parse_scene(text, path)
     return str(caught.value)
+
+
+def test_a_tote_is_a_container_from_which_items_are_taken() -> None:
+    tote = "  bin_b: {tote: [0.37, 0.27, 0.12], wall: 4 mm, at: [0.5, -0.5, 0], yaw: 90 deg}\n"
+    scene = parse_scene(SCENE.replace("cameras:", tote + "cameras:"), HERE)
+    belief = PlanningScene(scene.fixtures, scene.bins)
+    assert list(belief.bins) == ["bin_a", "bin_b"] and list(belief.totes) == ["bin_b"]
+    low, high = belief.totes["bin_b"].inside()
+    assert low == pytest.approx((-0.181, -0.131, 0.004)) and high == pytest.approx((0.181, 0.131, 0.12))
 
 
 def test_a_scene_is_read() -> None:
@@ -179,6 +189,21 @@ REPLACED = [
         "",
         "6:3: fixtures.bin_a: 'wall' is missing (the thickness of the bin's walls, as 5 mm)",
     ),
+    (
+        "  bin_a: {bin: [0.25, 0.20, 0.10], wall: 5 mm,",
+        "  bin_a: {bin: [0.25, 0.2, 0.1], tote: [0.37, 0.27, 0.12], wall: 5 mm,",
+        "6:3: fixtures.bin_a: 'bin' and 'tote' exclude each other (give one of them)",
+    ),
+    (
+        "{bin: [0.25, 0.20, 0.10], wall: 5 mm,",
+        "{tote: [0.37, 0.27, 0.12],",
+        "6:3: fixtures.bin_a: 'wall' is missing (the thickness of the tote's walls, as 5 mm)",
+    ),
+    (
+        "{bin: [0.25, 0.20, 0.10], wall: 5 mm,",
+        "{tote: [0.25, 0.20, 0.10], wall: 15 cm,",
+        "6:43: fixtures.bin_a.wall: walls of 15 cm leave no room inside ('tote' is the outside)",
+    ),
     ("yaw: 90 deg", "rpy: [0, 0, 1]", "6:67: fixtures.bin_a.rpy: a bin stands upright: give its 'yaw'"),
     ("yaw: 90 deg", "yaw: 90 N", "6:72: fixtures.bin_a.yaw: '90 N' is a force, not an angle (as 5 deg)"),
     (
@@ -195,7 +220,7 @@ REPLACED = [
     (
         "at: [0.5, 0, -0.02]}",
         "at: [0.5, 0, -0.02], wall: 1}",
-        "5:55: fixtures.table.wall: only a bin has walls",
+        "5:55: fixtures.table.wall: only a bin or tote has walls",
     ),
     (
         "  bin_a: {bin",
@@ -471,10 +496,13 @@ def test_shipped_scenes_are_read_and_their_logged_text_gives_them_again(name: st
         "tall": 8,
         "calibrating": 0,
         "self_test": 2,
+        "tote": 18,
     }.get(name, 12)
     loads = (*scene.spawn, *(delivery.load for delivery in scene.deliveries))
     assert sum(number for load in loads for _, number in load.counts) == total
-    forms = {scene.entry(kind).form for load in loads for kind, _ in load.counts}
+    kinds = {kind for load in loads for kind, _ in load.counts} - {"assortment"}
+    assert (scene.assortment is not None) == (name == "tote")
+    forms = {scene.entry(kind).form for kind in kinds}
     if name not in (
         "pegs",
         "kit",
@@ -485,6 +513,7 @@ def test_shipped_scenes_are_read_and_their_logged_text_gives_them_again(name: st
         "thin",
         "tall",
         "self_test",
+        "tote",
     ):
         assert forms - {"mesh"} == {"box", "cylinder", "sphere", "plate"}
     assert ("mesh" in forms) == name.startswith(("three_bins", "continuous", "belt"))

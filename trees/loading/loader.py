@@ -59,6 +59,7 @@ def scene_names(scene: SceneDescription, robot: RobotDescription) -> SceneNames:
         "camera": tuple(camera.name for camera in scene.cameras),
         "pose": tuple(robot.named),
         "bin": bins,
+        "tote": tuple(str(body.id) for body in scene.bins if body.is_tote),
         "hole": tuple(str(each.id) for fixture in bored for each in (fixture, *fixture.holes)),
         "fixture": (*(str(fixture.id) for fixture in scene.fixtures), *bins),
         "kind": tuple(entry.kind for entry in scene.catalogue),

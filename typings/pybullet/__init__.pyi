@@ -170,6 +170,9 @@ def createCollisionShape(
     halfExtents: Sequence[float] = ...,
     height: float = ...,
     vertices: Sequence[Sequence[float]] = ...,
+    fileName: str = ...,
+    meshScale: Sequence[float] = ...,
+    collisionFramePosition: Sequence[float] = ...,
     physicsClientId: int = ...,
 ) -> int: ...
 def createCollisionShapeArray(
@@ -192,6 +195,9 @@ def createVisualShape(
     indices: Sequence[int] = ...,
     normals: Sequence[Sequence[float]] = ...,
     rgbaColor: Sequence[float] = ...,
+    fileName: str = ...,
+    meshScale: Sequence[float] = ...,
+    visualFramePosition: Sequence[float] = ...,
     physicsClientId: int = ...,
 ) -> int: ...
 def changeVisualShape(

@@ -184,13 +184,15 @@ def facts(
     scene: PlanningScene, *, looked: bool, stopped: bool, exhausted: bool, done: int, now: float
 ) -> Mapping[str, bool | int | float | str]:
     """Their values. `items_left` is true before anybody has looked, too: nothing is known of the table.
+    It is true while a heap is left.
 
     `exhausted`: the feed's line says that nothing more will come; `done`: items placed so far.
     """
     held = scene.held
     left = len(items_to_do(scene))
+    heaped = any(o.role == "heap" and o.place != ASIDE for o in scene.objects)
     return {
-        "items_left": left > 0 or not looked,
+        "items_left": left > 0 or heaped or not looked,
         "items_to_do": left,
         "holding": held is not None,
         "held_object": held.id if held else "",

@@ -12,7 +12,7 @@ from ..scene.description import Bin, Fixture
 from ..shapes import Shape
 from ..values import ObjectId, Pose, Vector3
 
-Role: TypeAlias = Literal["item", "obstacle"]
+Role: TypeAlias = Literal["item", "obstacle", "heap"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,7 +31,8 @@ class BeliefObject:
 
     id: ObjectId
     role: Role
-    """`item`: fitted to the catalogue; `obstacle`: depth that nothing known explains."""
+    """`item`: fitted to the catalogue, or a thing lifted out of a heap; `obstacle`: depth that nothing known
+    explains; `heap`: what lies in a tote."""
     kind: str
     """Catalogue kind, or `unknown`."""
     form: str
@@ -98,12 +99,18 @@ class PlanningScene:
     ) -> None:
         self.fixtures: Mapping[str, Fixture] = {f.id: f for f in fixtures}
         self.bins: Mapping[str, Bin] = {b.id: b for b in bins}
+        """Bins and totes."""
         self._destination = destination
         self._objects: dict[ObjectId, BeliefObject] = {}
         self._allowed: dict[frozenset[str], int] = {}
         self._changes: list[BeliefChange] = []
         self._version = 0
         self._numbers: dict[str, int] = {}
+
+    @property
+    def totes(self) -> Mapping[str, Bin]:
+        """Containers from which items are taken."""
+        return {name: each for name, each in self.bins.items() if each.is_tote}
 
     @property
     def version(self) -> int:

@@ -115,16 +115,19 @@ class UncertaintyFile(FileModel):
 
 
 class FixtureFile(FileModel):
-    """Body that stays where it is: a box as a table or shelf, a bin, a belt with items on it, or a
-    calibration target."""
+    """Body that stays where it is: a box as a table or shelf, a bin, a tote, a belt with items on it, a
+    target."""
 
-    one_of: ClassVar[tuple[str, ...]] = ("box", "bin", "belt", "marker")
+    one_of: ClassVar[tuple[str, ...]] = ("box", "bin", "tote", "belt", "marker")
     """Exactly one of these is given."""
 
     box: Sizes | None = None
-    """Edge lengths along x, y, z; `at` is its centre. Either this, `bin` or `belt`."""
+    """Edge lengths along x, y, z; `at` is its centre. Either this, `bin`, `tote` or `belt`."""
     bin: Sizes | None = None
     """Outside lengths of an open bin along x, y, z; `at` is the centre of its underside. Needs `wall`."""
+    tote: Sizes | None = None
+    """Outside lengths of an open container along x, y, z, like a bin, from which items are taken. Needs
+    `wall`."""
     belt: Sizes | None = None
     """Length, width and height of a belt that runs along its own +x; `at` is the centre of its underside.
     Needs `speed` and `eye`."""
@@ -138,7 +141,7 @@ class FixtureFile(FileModel):
     yaw: Angle | None = None
     """How it is turned about the world's z, where that is all. Not beside `rpy`."""
     wall: Size | None = None
-    """Thickness of a bin's walls and floor."""
+    """Thickness of the walls and floor of a bin or tote."""
     speed: BeltSpeed | None = None
     """Speed of a belt while it runs."""
     eye: Length | None = None

@@ -64,13 +64,16 @@ class Fixture:
 
 @dataclass(frozen=True, slots=True)
 class Bin:
-    """An open-topped box. `size` is the outside (x, y, z); the frame is the centre of its underside."""
+    """An open-topped box, bin or tote. `size` is the outside (x, y, z); the frame is the centre of its
+    underside."""
 
     id: ObjectId
     size: Vector3
     wall: float
     pose: Pose
     colour: str = "grey"
+    is_tote: bool = False
+    """Whether items are taken from it; into other bins they are put."""
 
     def parts(self) -> tuple[tuple[Box, Pose], ...]:
         """Floor and four walls, with their poses in the world."""
@@ -158,6 +161,29 @@ class Spawn:
     """Dropped from 10 cm in any orientation instead of set down."""
     touching: bool = False
     """Set down side by side, each touching another."""
+    into: ObjectId | None = None
+    """Tote into which the items are poured; None: they come onto the table."""
+    heap: bool = False
+    """Whether the items are poured, and come to rest on one another before the run begins."""
+
+
+ASSORTMENT = "assortment"
+"""Name that stands for things of the assortment where a spawn entry asks for kinds."""
+
+
+@dataclass(frozen=True, slots=True)
+class Assortment:
+    """Things without a catalogue. Only the simulation and the scorer may look at it."""
+
+    meshes: str
+    """Name of a set that comes with a package, or path of a folder with OBJ files."""
+    scale: float
+    """Factor from the files' lengths to metres."""
+    density: float
+    """Density, kg/m³."""
+    friction: float
+    least_mass: float = 0.0
+    """Mass below which things are left out, kg."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -308,6 +334,13 @@ class SceneDescription:
     """Planner of free motions; empty: that of the robot."""
     calibration: SceneCalibration | None = None
     """Calibration of cameras and tool; the poses in `cameras` contain its corrections already."""
+    assortment: Assortment | None = None
+    """Things without a catalogue; None: there are none."""
+
+    @property
+    def heaped(self) -> bool:
+        """Whether items are poured into heaps."""
+        return any(spawn.heap for spawn in self.spawn)
 
     @property
     def tool(self) -> Pose:

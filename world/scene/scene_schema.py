@@ -66,11 +66,16 @@ class SpawnFile(FileModel):
     """Items that are set down at random where a run begins; where, follows from scene and seed alone."""
 
     of: Annotated[dict[str, Count], Field(min_length=1)]
-    """How many of each kind of the catalogue."""
+    """How many of each kind of the catalogue. `assortment` stands for items of the scene's `assortment`."""
     colours: Annotated[tuple[ItemColour, ...], Field(min_length=1)]
     """Given out in turn, shuffled: with three colours a third of the items has each."""
-    area: AreaFile
-    """Where on the table."""
+    area: AreaFile | None = None
+    """Where on the table. Either this or `into`."""
+    into: str | None = None
+    """Tote, by its name under `fixtures`, into which the items are poured. Needs `drop: heap`."""
+    drop: Literal["heap"] | None = None
+    """Pouring: with `heap` the items fall in any orientation and come to rest before the run begins. Only
+    physics can do that."""
     gap: Annotated[float, quantity("m", least=0, most=1)] = 0.025
     """Free distance between any two items as seen from above."""
     lying: Share = 0.0
@@ -271,6 +276,22 @@ class SensorsFile(FileModel):
     """Share by which the bias wanders within minutes."""
 
 
+class AssortmentFile(FileModel):
+    """Things without a catalogue: only the simulation and the scorer know their shapes."""
+
+    meshes: str
+    """Folder with OBJ files beside this file, or `random_urdfs`, the set of 999 things that comes with
+    pybullet. Each `o` group of a file is a convex part."""
+    scale: Annotated[float, Field(gt=0, le=1000)] = 1.0
+    """Factor from the files' lengths to metres."""
+    density: Annotated[float, Field(gt=0, le=25000)] = 500.0
+    """Density, kg/m³; with the parts' volume it gives the mass."""
+    friction: Annotated[float, Field(gt=0, le=2)] = 0.5
+    """Coulomb friction of each thing."""
+    least_mass: Mass = 0.001
+    """Things that are lighter are left out: a wrist does not feel them in the hand."""
+
+
 class RestFile(FileModel):
     """Keys of a scene file beside its sections."""
 
@@ -297,6 +318,8 @@ class RestFile(FileModel):
     tool_error: Annotated[ToolErrorFile, as_mapping("offset", ToolErrorFile | Vector)] = ToolErrorFile()
     """Where the hand is really mounted, seen from where the robot file has it; three lengths stand for
     `offset`. Only the simulation knows."""
+    assortment: AssortmentFile | None = None
+    """Things without a catalogue, for entries of `spawn` that ask for `assortment`."""
     calibration: CalibrationFile | None = None
     """Corrections of cameras and tool after calibrating; `picktree calibrate` writes them."""
 

@@ -199,7 +199,7 @@ def _may_feed(check: DocumentChecker, entry: FeedFile, name: str, bodies: Mappin
 
 def _may_be_belt(check: DocumentChecker, entry: FixtureFile) -> bool:
     with check.readable():
-        return entry.belt is not None or (entry.box is None and entry.bin is None)
+        return entry.belt is not None or (entry.box is None and entry.bin is None and entry.tote is None)
     return True
 
 

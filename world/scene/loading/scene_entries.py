@@ -17,7 +17,7 @@ from ...shapes import Box, ConvexMesh, Cylinder, Shape, Sphere
 from ...values import Array, ObjectId, Pose, Vector3
 from ..body_schema import FORMS, CatalogueFile, FixtureFile, UnknownFile
 from ..calibration_results import MIN_TARGET_SIZE, tiles_on
-from ..description import Bin, CameraDescription, CatalogueEntry, Fixture, Form
+from ..description import ASSORTMENT, Bin, CameraDescription, CatalogueEntry, Fixture, Form
 from ..scene_schema import CameraFile
 from .hole_loading import check_holes, holes, uncertainty
 
@@ -105,19 +105,25 @@ def _corners(raw: bytes, suffix: str, scale: float) -> Array:
 
 RESERVED_NAMES = ("arm", "gripper", "hand", "aside")
 """Names that the belief uses for other things."""
+RESERVED_KINDS = {
+    "unknown": "it stands for what fits no kind",
+    ASSORTMENT: "it stands for things of the assortment",
+}
+"""Names that no kind may have, with the reason."""
+CONTAINERS = ("bin", "tote")
 MAX_PLATE_HEIGHT_RATIO = 1 / 3
 """A plate's height is at most this share of its shorter side."""
 
 
 def check_body(check: DocumentChecker, name: str, entry: FixtureFile) -> None:
-    """Faults of a fixture or a bin."""
+    """Faults of a fixture, a bin or a tote."""
     loc: Location = ("fixtures", name)
     which = check.one_of(loc, FixtureFile.one_of)
-    if name in RESERVED_NAMES or (which == "bin" and name == "table"):
+    if name in RESERVED_NAMES or (which in CONTAINERS and name == "table"):
         hint = (
             f"no body may be called {', '.join(RESERVED_NAMES)}"
             if name in RESERVED_NAMES
-            else "the table is no bin"
+            else f"the table is no {which}"
         )
         check.fault(loc, f"the name {name!r} is taken", hint, code="P403", key=True)
     with check.readable():
@@ -125,8 +131,8 @@ def check_body(check: DocumentChecker, name: str, entry: FixtureFile) -> None:
             message = "'rpy' and 'yaw' exclude each other"
             check.fault((*loc, "yaw"), message, "give one of them", code="P112", key=True)
     with check.readable():
-        if which == "bin" and entry.rpy is not None:
-            check.fault((*loc, "rpy"), "a bin stands upright: give its 'yaw'", code="P405", key=True)
+        if which in CONTAINERS and entry.rpy is not None:
+            check.fault((*loc, "rpy"), f"a {which} stands upright: give its 'yaw'", code="P405", key=True)
         if which == "belt" and entry.rpy is not None:
             check.fault((*loc, "rpy"), "a belt lies level: give its 'yaw'", code="P405", key=True)
     with check.readable():
@@ -146,17 +152,17 @@ def _check_marker(check: DocumentChecker, loc: Location, entry: FixtureFile) -> 
 
 
 def _check_walls(check: DocumentChecker, loc: Location, entry: FixtureFile, which: str | None) -> None:
-    if which not in (None, "bin") and entry.wall is not None:
-        check.fault((*loc, "wall"), "only a bin has walls", code="P112", key=True)
-    if which == "bin" and entry.wall is None:
-        check.fault(
-            loc, "'wall' is missing", "the thickness of the bin's walls, as 5 mm", code="P105", key=True
-        )
-    if which == "bin" and entry.wall is not None and entry.bin is not None:
-        x, y, z = entry.bin
+    if which not in (None, *CONTAINERS) and entry.wall is not None:
+        check.fault((*loc, "wall"), "only a bin or tote has walls", code="P112", key=True)
+    if which in CONTAINERS and entry.wall is None:
+        hint = f"the thickness of the {which}'s walls, as 5 mm"
+        check.fault(loc, "'wall' is missing", hint, code="P105", key=True)
+    outside = entry.bin or entry.tote
+    if which in CONTAINERS and entry.wall is not None and outside is not None:
+        x, y, z = outside
         if 2 * entry.wall >= min(x, y) or entry.wall >= z:
             message = f"walls of {check.written((*loc, 'wall'), entry.wall, 'm')} leave no room inside"
-            check.fault((*loc, "wall"), message, "'bin' is the outside", code="P404")
+            check.fault((*loc, "wall"), message, f"{which!r} is the outside", code="P404")
 
 
 def _check_drive(check: DocumentChecker, loc: Location, entry: FixtureFile, which: str | None) -> None:
@@ -177,10 +183,11 @@ def _check_drive(check: DocumentChecker, loc: Location, entry: FixtureFile, whic
 
 
 def body(name: str, entry: FixtureFile) -> Fixture | Bin:
-    """A fixture or a bin without faults. A belt is a fixture, too."""
+    """A fixture, bin or tote without faults. A belt is a fixture, too."""
     pose = Pose.from_rpy(entry.at, entry.rpy or (0.0, 0.0, entry.yaw or 0.0))
-    if entry.bin is not None and entry.wall is not None:
-        return Bin(ObjectId(name), entry.bin, entry.wall, pose, entry.colour)
+    outside = entry.bin or entry.tote
+    if outside is not None and entry.wall is not None:
+        return Bin(ObjectId(name), outside, entry.wall, pose, entry.colour, entry.tote is not None)
     if entry.belt is not None:
         return Fixture(
             ObjectId(name), Box(entry.belt), pose.shifted((0.0, 0.0, entry.belt[2] / 2)), entry.colour
@@ -276,9 +283,8 @@ def kind(check: DocumentChecker, name: str, entry: CatalogueFile) -> CatalogueEn
     """A kind of the catalogue; None when it has faults."""
     loc: Location = ("catalogue", name)
     form = check.one_of(loc, CatalogueFile.one_of)
-    if name == "unknown":
-        hint = "it stands for what fits no kind"
-        check.fault(loc, "the name 'unknown' is taken", hint, code="P403", key=True)
+    if name in RESERVED_KINDS:
+        check.fault(loc, f"the name {name!r} is taken", RESERVED_KINDS[name], code="P403", key=True)
     named: Form | None = next((f for f in FORMS if f == form), None)
     with check.readable():
         shape = _shape(check, loc, entry)

@@ -30,7 +30,6 @@ from ..description import (
     SafetyLimits,
     SceneDescription,
     SensorNoise,
-    Spawn,
     Thinking,
 )
 from ..destinations import can_hold, rule_names
@@ -46,7 +45,7 @@ from ..scene_schema import (
 from .feed_loading import belt, check_belts, check_feed, delivery
 from .hole_loading import check_fits, holes
 from .scene_entries import body, camera, check_body, check_camera, check_unknown, hidden_body, kind
-from .spawn_areas import check_spawn
+from .spawn_areas import assortment, check_assortment, check_spawn, spawn
 
 
 def condition(
@@ -172,10 +171,13 @@ class _Parts:
         self.catalogue = {name: kind(check, name, entry) for name, entry in self.kinds.items()}
         self._check_calibration()
         standing = self._standing()
+        assorted = True
+        with check.readable():
+            assorted = check_assortment(check, self.rest.assortment)
         for n, entry in enumerate(self.spawn):
             if check.full:
                 break
-            check_spawn(check, n, entry, self.catalogue, standing, workspace)
+            check_spawn(check, n, entry, self.catalogue, standing, workspace, assorted)
         self._check_feed(standing, workspace)
         self._check_weights()
         for n, entry in enumerate(self.destinations):
@@ -199,7 +201,7 @@ class _Parts:
             bins=tuple(bins.values()),
             cameras=tuple(camera(name, entry).calibrated(known) for name, entry in self.cameras.items()),
             catalogue=tuple(k for k in self.catalogue.values() if k is not None),
-            spawn=tuple(_spawn(entry) for entry in self.spawn),
+            spawn=tuple(spawn(entry, bins) for entry in self.spawn),
             destinations=tuple(Destination(d.where, ObjectId(d.to)) for d in self.destinations),
             limits=SafetyLimits(
                 limits.force, Bounds(limits.workspace.min, limits.workspace.max), limits.payload
@@ -217,6 +219,7 @@ class _Parts:
             tool_error=Pose.from_rpy(rest.tool_error.offset, rest.tool_error.rpy),
             calibration=known,
             planner=rest.planner or "",
+            assortment=assortment(self.document, rest.assortment),
         )
 
     def _robot(self, name: str) -> Path | None:
@@ -233,7 +236,7 @@ class _Parts:
             return [
                 body(name, entry)
                 for name, entry in self.bodies.items()
-                if (entry.bin is not None and entry.wall is not None)
+                if ((entry.bin or entry.tote) is not None and entry.wall is not None)
                 or entry.box is not None
                 or entry.belt is not None
                 or entry.marker is not None
@@ -338,7 +341,7 @@ class _Parts:
     def _may_be_bin(self, name: str) -> bool:
         with self.checker.readable():
             entry = self.bodies[name]
-            return entry.bin is not None or (
+            return (entry.bin or entry.tote) is not None or (
                 entry.box is None and entry.belt is None and entry.marker is None
             )
         return True
@@ -360,16 +363,4 @@ def _calibration(found: CalibrationFile | None) -> SceneCalibration | None:
         tcp=Pose.from_rpy(found.tcp.offset, found.tcp.rpy),
         date=found.date,
         by=found.by,
-    )
-
-
-def _spawn(entry: SpawnFile) -> Spawn:
-    return Spawn(
-        counts=tuple(entry.of.items()),
-        colours=entry.colours,
-        area=(entry.area.min, entry.area.max),
-        gap=entry.gap,
-        lying=entry.lying,
-        tumbled=entry.tumbled,
-        touching=entry.touching,
     )

@@ -4,17 +4,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
 from typing import Protocol
 
 import numpy as np
 
 from ....files.marks import Location
 from ....files.value_wording import describe, suggest_name
+from ....files.yaml.document import Document
 from ....files.yaml.document_checker import DocumentChecker
 from ...shapes import Box, Cylinder, Shape, Sphere, corners
-from ...values import Bounds
-from ..description import Bin, CatalogueEntry, Fixture
-from ..scene_schema import AreaFile, SpawnFile
+from ...values import Bounds, ObjectId
+from ..description import ASSORTMENT, Assortment, Bin, CatalogueEntry, Fixture, Spawn
+from ..scene_schema import AreaFile, AssortmentFile, SpawnFile
 
 MAX_COVERED_SHARE = 0.8
 """Share of an area that items and their gaps may cover."""
@@ -38,16 +40,46 @@ def check_spawn(
     catalogue: Mapping[str, CatalogueEntry | None],
     bodies: Sequence[Fixture | Bin] | None,
     workspace: Bounds | None,
+    assorted: bool = False,
 ) -> None:
-    """Faults of one spawn entry. Faulty kinds count as none; None stands for what could not be read."""
+    """Faults of one spawn entry. Faulty kinds count as none; None stands for what could not be read.
+
+    `assorted`: whether the scene has an assortment.
+    """
     loc: Location = ("spawn", n)
-    check_kinds(check, loc, entry, catalogue)
+    check_kinds(check, loc, entry, {**catalogue, ASSORTMENT: None} if assorted else catalogue)
     with check.readable():
-        if check_area(check, loc, entry.area, bodies, workspace):
+        _check_heap(check, loc, entry, bodies)
+    with check.readable():
+        may_lie = entry.area is not None and check_area(check, loc, entry.area, bodies, workspace)
+        if may_lie and entry.area is not None and entry.drop is None:
             check_crowding(check, loc, entry, entry.area, 0.0 if entry.touching else entry.gap, catalogue)
         if entry.touching and entry.tumbled:
             message = "'touching' and 'tumbled' exclude each other: what is dropped comes to lie anywhere"
             check.fault((*loc, "touching"), message, "give one of them", code="P112", key=True)
+
+
+def _check_heap(
+    check: DocumentChecker, loc: Location, entry: SpawnFile, bodies: Sequence[Fixture | Bin] | None
+) -> None:
+    """Faults of how and into what items are poured."""
+    if entry.area is None and entry.into is None:
+        hint = "a rectangle on the table; or 'into', a tote"
+        check.fault(loc, "'area' is missing", hint, code="P105", key=True)
+    if entry.area is not None and entry.into is not None:
+        message = "'area' and 'into' exclude each other"
+        check.fault((*loc, "into"), message, "give one of them", code="P112", key=True)
+    totes = [str(b.id) for b in bodies or () if isinstance(b, Bin) and b.is_tote]
+    if entry.into is not None and bodies is not None and entry.into not in totes:
+        hint = suggest_name(entry.into, totes)
+        check.fault((*loc, "into"), f"there is no tote {entry.into!r}", hint, code="P416")
+    if entry.drop is None and (entry.into is not None or ASSORTMENT in entry.of):
+        hint = "items are poured into a tote, and so are things of an assortment: 'drop: heap'"
+        check.fault(loc, "'drop' is missing", hint, code="P105", key=True)
+    for name in ("tumbled", "touching"):
+        if entry.drop is not None and getattr(entry, name):
+            message = f"'drop' and {name!r} exclude each other: what is poured comes to lie anywhere"
+            check.fault((*loc, name), message, "give one of them", code="P112", key=True)
 
 
 def check_kinds(
@@ -174,3 +206,55 @@ def _outline(shape: Shape, gap: float, lying: float) -> Outline:
             # A hull fills at least half of the rectangle around it.
             share = 1.0 if isinstance(shape, Box) else 0.5
             return share * float(spread[0] + gap) * float(spread[1] + gap), float(np.hypot(*spread)) / 2
+
+
+MESH_SETS = ("random_urdfs",)
+"""Sets of meshes that come with a package."""
+
+
+def check_assortment(check: DocumentChecker, entry: AssortmentFile | None) -> bool:
+    """Check the assortment, and return whether there is one."""
+    if entry is None:
+        return False
+    folder = Path(_meshes(check.document, entry.meshes))
+    if entry.meshes not in MESH_SETS and not any(folder.glob("*.obj")):
+        hint = f"a folder beside this file, or {', '.join(MESH_SETS)}"
+        message = f"there are no OBJ files in {entry.meshes!r}"
+        check.fault(("assortment", "meshes"), message, hint, code="P409")
+    return True
+
+
+def assortment(document: Document, entry: AssortmentFile | None) -> Assortment | None:
+    """The assortment of a file without faults; None: it has none."""
+    if entry is None:
+        return None
+    meshes = _meshes(document, entry.meshes)
+    return Assortment(meshes, entry.scale, entry.density, entry.friction, entry.least_mass)
+
+
+def _meshes(document: Document, name: str) -> str:
+    """Return the name of a set, or the path of a folder, which counts from the file that names it."""
+    if name in MESH_SETS:
+        return name
+    return str((Path(document.mark(("assortment", "meshes")).file).parent / name).resolve())
+
+
+def spawn(entry: SpawnFile, bins: Mapping[str, Bin]) -> Spawn:
+    """A spawn entry without faults."""
+    if entry.area is not None:
+        area = (entry.area.min, entry.area.max)
+    else:
+        assert entry.into is not None
+        (x, y, _), (wide, deep, _) = bins[entry.into].pose.position, bins[entry.into].size
+        area = ((x - wide / 2, y - deep / 2), (x + wide / 2, y + deep / 2))
+    return Spawn(
+        counts=tuple(entry.of.items()),
+        colours=entry.colours,
+        area=area,
+        gap=entry.gap,
+        lying=entry.lying,
+        tumbled=entry.tumbled,
+        touching=entry.touching,
+        into=None if entry.into is None else ObjectId(entry.into),
+        heap=entry.drop is not None,
+    )

@@ -1,0 +1,53 @@
+"""Hand as boxes in the view along its approach, with dimensions from the robot's model."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from ...robots.description import GripperDescription
+
+
+@dataclass(frozen=True, slots=True)
+class Block:
+    """Box of the hand in the view along its approach. x lies across the pads, y along their motion, m."""
+
+    half_x: float
+    inner: float
+    outer: float
+    """Sides along y, beyond the pad's face for a finger, or from the middle of the hand."""
+    above: float
+    """Height of its underside above the finger tips."""
+
+
+@dataclass(frozen=True, slots=True)
+class HandShape:
+    """Hand in the view along its approach."""
+
+    tip: float
+    """Reach of the finger tips beyond the TCP, m."""
+    max_width: float
+    fingers: tuple[Block, ...]
+    """Parts of one finger, from the pad's face outwards."""
+    palm: tuple[Block, ...]
+
+    @classmethod
+    def of(cls, gripper: GripperDescription) -> HandShape:
+        pad, pad_in_link = gripper.pads[0]
+        fingers = [Block(pad.size[0] / 2, 0.0, pad.size[1], 0.0)]
+        face = abs(pad_in_link.position[1]) - pad.size[1] / 2
+        for box, in_link in gripper.finger_bodies[:1]:
+            middle = abs(in_link.position[1]) - face
+            end = pad_in_link.position[2] + pad.size[2] / 2
+            above = end - in_link.position[2] - box.size[2] / 2
+            half = box.size[1] / 2
+            fingers.append(Block(box.size[0] / 2, middle - half, middle + half, max(0.0, above)))
+        palm = [
+            Block(
+                box.size[0] / 2 + abs(pose.position[0]),
+                0.0,
+                box.size[1] / 2 + abs(pose.position[1]),
+                gripper.tip - pose.position[2] - box.size[2] / 2,
+            )
+            for box, pose in gripper.hand
+        ]
+        return cls(gripper.tip, gripper.max_width, tuple(fingers), tuple(palm))

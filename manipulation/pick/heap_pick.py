@@ -1,0 +1,306 @@
+"""Pick of any thing from a heap: the best grasp of its height map, and the belief of what it holds."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from ...perception import segmentation
+from ...perception.heap_mapping import heap_id, heap_object
+from ...planning.requests import OffsetGoal
+from ...world.belief.height_map import BarredPlace, Heap, HeightMap
+from ...world.belief.planning_scene import BeliefObject
+from ...world.causes import Failure, grasp, perception
+from ...world.causes import world as world_causes
+from ...world.events.skill_events import PickEvent
+from ...world.scene.description import Bin
+from ...world.shapes import ConvexMesh, convex_hull, top
+from ...world.values import Array, ObjectId, Pose
+from ..carry.hold_check import GripCheck, measure_grip
+from ..carry.weighing import register_payload, update_payload_mass
+from ..grasp.compliant_closing import GripForce, close, grip_force
+from ..grasp.heap_grasps import grasps
+from ..grasp.straight_lines import LIFT_GUARD_FORCE, lift
+from ..replanning import plan_after_stop
+from .pick_candidates import PickPlaceCandidate, count_rejections, describe_rejections
+from .pick_stream import CandidateSearch
+
+if TYPE_CHECKING:
+    from ...control.execution.trajectory_motion import Doing
+    from ...skill_world.world import World
+
+RIM_CLEARANCE = 0.03
+"""Clearance of a lifted thing above the rim of its tote, m."""
+HULL_MARGIN = 0.006
+"""Inflation of a thing's hull, m: cells of 2 mm, and parts of it that others hide."""
+MAX_STEP = 0.006
+"""Step of height between cells from which on they belong to two things, m."""
+MAX_THING = 0.06
+"""Distance from the grasp up to which cells may belong to the thing, m."""
+RETRY_CAUSES = (grasp.MISSED, grasp.SLIPPED, world_causes.DISTURBED)
+"""Failures of one grasp after which another one is tried."""
+
+
+@dataclass(frozen=True, slots=True)
+class HeapPickTask:
+    """Pick of any thing of a tote, for the node that runs it."""
+
+    tote: ObjectId
+    node: str
+    camera: str
+    force: float
+    """Greatest grip force of each finger, N."""
+    speed: float
+    """Share of the joints' speed limits, 0 … 1."""
+
+
+def look_into_tote(world: World, task: HeapPickTask) -> Doing[BeliefObject]:
+    """Look at the tote, and return its heap. Raises grasp.no_candidate when it is empty, and
+    perception.not_found when the camera does not show it."""
+    yield from world.control.settle()
+    before = world.vision.heaps.get(task.tote)
+    yield from world.vision.look(task.camera)
+    if world.vision.heaps.get(task.tote) is before:
+        raise Failure(perception.NOT_FOUND, f"{task.camera} does not show {task.tote}", object=task.tote)
+    found = world.scene.find(heap_id(task.tote))
+    if found is None:
+        raise Failure(grasp.NO_CANDIDATE, f"{task.tote} is empty", object=task.tote, empty=True)
+    return found
+
+
+def thing_in_hand(world: World) -> Doing[ObjectId | None]:
+    """Return the thing that the hand holds already. None: it is empty, and open."""
+    held = world.scene.held
+    if held is None:
+        return None
+    hold = yield from measure_grip(world)
+    if hold.held:
+        return held.id
+    yield from _let_go(world)
+    return None
+
+
+def pick_any(world: World, task: HeapPickTask, attempts: int) -> Doing[ObjectId]:
+    """Pick some thing of the tote, and return its id. The arm ends above the rim with the thing in the hand.
+
+    A place where a grasp has failed is barred until the depth there changes. Raises grasp.no_candidate, the
+    failure of the last of `attempts` grasps, and the failures of motions.
+    """
+    for left in reversed(range(attempts)):
+        belief = yield from look_into_tote(world, task)
+        candidate = yield from _find(world, task, belief)
+        try:
+            return (yield from _pick(world, task, belief, candidate))
+        except Failure as failure:
+            yield from _let_go(world)
+            _bar(world, task.tote, candidate)
+            if left == 0 or failure.cause not in RETRY_CAUSES:
+                raise
+            yield from _rise(world, task)
+    raise AssertionError("at least one attempt")
+
+
+def _find(world: World, task: HeapPickTask, belief: BeliefObject) -> Doing[PickPlaceCandidate]:
+    """Return the best grasp that the arm reaches, from the surest stage that has one, with its approach."""
+    heap = world.vision.heaps[task.tote]
+    trails, ranked = list[str](), 0
+    for offered in grasps(heap, world.robot.description.gripper):
+        ranked += len(offered)
+        if not offered:
+            continue
+        search = CandidateSearch(world, belief, offered, task.node)
+        found = yield from plan_after_stop(world, lambda s=search: s.find(speed=task.speed), task.node)
+        if found is not None:
+            return found
+        trail = search.trail.entry()
+        trails.append(describe_rejections(count_rejections(trail.tried, trail.into)))
+    barred = f", {len(heap.barred)} places failed before and look the same" if heap.barred else ""
+    why = "; ".join(trails) or "nothing is high and free enough for the fingers"
+    raise Failure(
+        grasp.NO_CANDIDATE,
+        f"none of {ranked} grasps in {task.tote} is free and reachable: {why}{barred}",
+        object=task.tote,
+        candidates=ranked,
+        barred=len(heap.barred),
+    )
+
+
+def _pick(
+    world: World, task: HeapPickTask, belief: BeliefObject, candidate: PickPlaceCandidate
+) -> Doing[ObjectId]:
+    """Grasp, lift and weigh. Raises grasp.missed or grasp.slipped when nothing is held after the lift."""
+    press = grip_force(None, task.force, world.robot.description.gripper)
+    yield from world.control.settle()
+    world.control.zero()
+    world.gripper.start(candidate.grasp.opening)
+    trajectory = candidate.approach.trajectory
+    yield from world.move.along(
+        trajectory, guard=world.handling.guard, watch=world.gripper.late, node=task.node
+    )
+    closed = yield from close(world, press, task.node)
+    thing = _believe_thing(world, task, closed.width, press)
+    hold = GripCheck(closed.width, None)
+    try:
+        yield from _lift_out(world, task, thing)
+        hold = yield from measure_grip(world)
+    finally:
+        _note(world, task, thing, candidate, hold)
+    if hold.held and hold.load is not None:
+        update_payload_mass(world, hold, press)
+        return thing.id
+    cause = grasp.MISSED if hold.empty else grasp.SLIPPED
+    raise Failure(
+        cause,
+        f"{task.tote}: nothing is held after the lift ({hold})",
+        object=task.tote,
+        candidate=candidate.grasp.name,
+        width=hold.width,
+        load=hold.load,
+    )
+
+
+def _believe_thing(world: World, task: HeapPickTask, width: float, press: GripForce) -> BeliefObject:
+    """Put the thing between the fingers into the belief, attached, and take it out of the heap's map."""
+    heap = world.vision.heaps[task.tote]
+    cells, tip = _cells_between(world, heap.map, width)
+    shape, pose = _hull(heap.map, cells, tip)
+    labels = heap.map.labels()[cells]
+    known = np.bincount(labels[labels > 0], minlength=1) if (labels > 0).any() else np.zeros(1, np.intp)
+    colour = segmentation.LABEL_NAMES[int(known.argmax())] if known.any() else "grey"
+    thing = BeliefObject(
+        world.scene.new_id("thing"), "item", "unknown", "mesh", shape, colour, pose, 0.01, 0.3, 0.5,
+        world.clock.now, place=task.tote,
+    )  # fmt: skip
+    heights = np.where(cells, np.minimum(heap.map.heights(), max(tip, heap.map.floor)), heap.map.heights())
+    lowered = replace(heap, map=heap.map.with_heights(heights))
+    _store(world, task.tote, lowered)
+    world.scene.put(thing, "taken out of a heap")
+    object_in_tcp = world.control.tcp.inverse() @ pose
+    register_payload(world, press, None, object_in_tcp)
+    world.scene.attach(thing.id, object_in_tcp)
+    return world.scene.get(thing.id)
+
+
+def _store(world: World, tote: ObjectId, heap: Heap) -> None:
+    """Replace what is believed of a tote's heap."""
+    world.vision.heaps[str(tote)] = heap
+    found = heap_object(world.scene.bins[tote], heap.map, world.clock.now)
+    if found is None:
+        world.scene.remove(heap_id(tote), "its last thing was taken")
+    else:
+        world.scene.put(found, "a thing was taken")
+
+
+def _cells_between(world: World, heap: HeightMap, width: float) -> tuple[NDArray[np.bool_], float]:
+    """Return the cells (n, m) of the thing between the fingers, and the height of their tips, in the map's
+    frame. Cells that hang together without a step belong to it."""
+    tcp = world.control.tcp
+    inverse = heap.frame.inverse()
+    tip = inverse.apply(tcp.apply(np.array([0.0, 0.0, world.robot.description.gripper.tip])))
+    heights = np.nan_to_num(heap.heights(), nan=-1.0)
+    n, m = heap.shape
+    i, j = np.meshgrid(np.arange(n), np.arange(m), indexing="ij")
+    away = np.hypot((i + 0.5) * heap.cell - tip[0], (j + 0.5) * heap.cell - tip[1])
+    high = (heights > tip[2]) & ~heap.beside_walls() & (away < MAX_THING)
+    rough = np.ptp(np.stack([_neighbour(heights, a, b) for a, b in ((0, 0), (1, 0), (0, 1))]), axis=0)
+    joined = (high & (rough < MAX_STEP)).astype(np.uint8)
+    parts = np.asarray(cv2.connectedComponents(joined, connectivity=4)[1], dtype=np.intp)
+    near = parts[high & (away < max(width / 2, 0.006))]
+    own = [part for part in np.unique(near) if part > 0]
+    found = high & (np.isin(parts, own) | (away < 0.008))
+    if not found.any():
+        found = away < 0.008
+    return found, float(tip[2])
+
+
+def _neighbour(heights: Array, a: int, b: int) -> Array:
+    return np.roll(heights, (a, b), axis=(0, 1))
+
+
+def _hull(heap: HeightMap, cells: NDArray[np.bool_], tip: float) -> tuple[ConvexMesh, Pose]:
+    """Return the hull of the seen surface, inflated, and its pose in the world.
+
+    It reaches down to the tote's floor: what is below the finger tips is hidden, and may hang on the thing.
+    """
+    i, j = np.nonzero(cells)
+    heights = np.nan_to_num(heap.heights()[i, j], nan=tip)
+    x, y = (i + 0.5) * heap.cell, (j + 0.5) * heap.cell
+    above = np.column_stack([x, y, np.maximum(heights, tip + 0.004)])
+    points = np.concatenate([above, np.column_stack([x, y, np.full(len(x), min(tip, heap.floor))])])
+    corners = np.array([[a, b, c] for a in (-1, 1) for b in (-1, 1) for c in (-1, 1)]) * HULL_MARGIN
+    points = (points[:, None, :] + corners[None, :, :]).reshape(-1, 3)
+    points = points[np.sort(convex_hull(points).vertices)]
+    world_points = heap.frame.apply(points)
+    middle = (world_points.min(axis=0) + world_points.max(axis=0)) / 2
+    vertices = tuple((float(a), float(b), float(c)) for a, b, c in world_points - middle)
+    return ConvexMesh(vertices, "seen"), Pose((float(middle[0]), float(middle[1]), float(middle[2])))
+
+
+def _lift_out(world: World, task: HeapPickTask, thing: BeliefObject) -> Doing[None]:
+    """Lift the thing straight up until it is above the rim."""
+    tote = world.scene.bins[task.tote]
+    bottom = thing.pose.position[2] - (top(thing.shape, thing.pose) - thing.pose.position[2])
+    rise = _rim(tote) + RIM_CLEARANCE - bottom
+    names = (task.tote, heap_id(task.tote))
+    with world.scene.allow(*((side, name) for side in ("gripper", thing.id) for name in names)):
+        yield from lift(world, thing.id, task.node, max(rise, world.handling.approach))
+
+
+def _let_go(world: World) -> Doing[None]:
+    """Open the hand after a failed grasp. Nobody knows where the thing in it comes to lie."""
+    held = world.scene.held
+    if held is not None:
+        world.scene.remove(held.id, "the grasp has failed")
+        world.control.wrist.carry(None)
+    yield from world.gripper.open()
+
+
+def _rise(world: World, task: HeapPickTask) -> Doing[None]:
+    """Move the empty hand straight up above the rim, as far as that is free."""
+    tips = world.control.tcp.position[2] - world.robot.description.gripper.tip
+    rise = _rim(world.scene.bins[task.tote]) + RIM_CLEARANCE - tips
+    if rise <= 0.0:
+        return
+    yield from world.move.rest()
+    up = OffsetGoal((0.0, 0.0, rise), least_fraction=0.1)
+    with world.scene.allow(("gripper", task.tote), ("gripper", heap_id(task.tote))):
+        plan = yield from world.plan.line(up, scaling=world.handling.slowly, node=task.node)
+        guard = world.handling.guard + LIFT_GUARD_FORCE
+        yield from world.move.along(plan.trajectory, guard=guard, node=task.node)
+
+
+def _rim(tote: Bin) -> float:
+    return tote.pose.position[2] + tote.size[2]
+
+
+def _bar(world: World, tote: ObjectId, candidate: PickPlaceCandidate) -> None:
+    """Bar the place of a failed grasp, until the depth there changes."""
+    heap = world.vision.heaps[str(tote)]
+    tip = world.robot.description.gripper.tip
+    point = candidate.grasp.tcp_in_world.apply(np.array([0.0, 0.0, tip]))
+    x, y, _ = heap.map.frame.inverse().apply(point)
+    place = BarredPlace.of(heap.map, float(x), float(y))
+    world.vision.heaps[str(tote)] = replace(heap, barred=(*heap.barred, place))
+
+
+def _note(
+    world: World, task: HeapPickTask, thing: BeliefObject, candidate: PickPlaceCandidate, hold: GripCheck
+) -> None:
+    held = hold.load is not None and hold.held
+    world.journal.note(
+        PickEvent(
+            f"{thing.id} from {task.tote}: {'held' if held else 'not held'}",
+            task.node,
+            object=thing.id,
+            form=thing.form,
+            candidate=candidate.grasp.name,
+            held=held,
+            width=hold.width,
+            load=hold.load,
+            force=world.gripper.force,
+        )
+    )

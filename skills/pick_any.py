@@ -1,0 +1,61 @@
+"""PickAny: pick some thing out of a tote, whatever it is."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from ..manipulation.pick.heap_pick import HeapPickTask, pick_any, thing_in_hand
+from ..trees.ports import In, Out, port
+from ..trees.skill import ARM, CAMERA, GRIPPER, Skill, Steps
+from ..world.causes import control, grasp, perception, planning, safety
+from ..world.causes import world as world_causes
+from ..world.values import ObjectId
+
+if TYPE_CHECKING:
+    from ..skill_world.world import World
+
+
+class PickAny(Skill):
+    """Pick some thing out of a tote, without knowing its shape, size or weight.
+
+    The camera maps the heights of what lies in the tote. The hand's shape is swept over the map: vertical
+    grasps come first, then tilted ones, then looser demands. What the wrist feels after the lift tells
+    whether something is held. The thing is then an object of the belief with its hull, colour and weight, for
+    `Place`. A thing that the hand holds already is kept. A place where a grasp has failed is left out until
+    the depth there changes.
+    """
+
+    example = """
+    PickAny: {from: tote, out: "{thing}"}
+    """
+
+    tote: In[ObjectId] = port("the tote to pick from", key="from", names="tote")
+    thing: Out[ObjectId] = port("id of the thing in the hand", key="out")
+    camera: In[str] = port("the camera that sees into the tote", default="overhead", names="camera")
+    force: In[float] = port("grip force of each finger at most", unit="N", default=30.0, above=0)
+    attempts: In[int] = port("grasps that are tried, with a look before each", default=3, least=1)
+    speed: In[float] = port(
+        "share of the joints' speed limits: 1 for as fast as allowed", default=1.0, above=0, most=1
+    )
+    causes = (
+        perception.NOT_FOUND,
+        perception.NO_IMAGE,
+        grasp.NO_CANDIDATE,
+        grasp.MISSED,
+        grasp.SLIPPED,
+        planning.ANY,
+        control.ANY,
+        safety.ANY,
+        world_causes.DISTURBED,
+        world_causes.UNKNOWN_OBJECT,
+    )
+    hand_after = "full"
+    uses = (ARM, GRIPPER, CAMERA)
+    limit = 240.0
+
+    def run(self, world: World) -> Steps:
+        world.handover.drop()
+        yield from world.move.rest()
+        task = HeapPickTask(self.tote, self.path, self.camera, self.force, self.speed)
+        held = yield from thing_in_hand(world)
+        self.thing = held or (yield from pick_any(world, task, self.attempts))

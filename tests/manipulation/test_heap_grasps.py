@@ -1,0 +1,118 @@
+"""Grasps from a height map alone: bars and walls of known heights, without a scene."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from picktree.manipulation.grasp.heap_grasps import STAGES, grasps
+from picktree.perception.heap_mapping import heap_object
+from picktree.robots.loading import load_robot
+from picktree.world.belief.height_map import BarredPlace, Heap, HeightMap
+from picktree.world.scene.description import Bin
+from picktree.world.values import Array, ObjectId, Pose
+
+GRIPPER = load_robot("panda").gripper
+TOTE = Bin(ObjectId("tote"), (0.3, 0.3, 0.12), 0.004, Pose((0.5, 0.0, 0.0)), is_tote=True)
+FLOOR = 0.004
+
+
+def heap(heights: Array) -> Heap:
+    walls = np.ones(heights.shape, dtype=np.bool_)
+    walls[2:-2, 2:-2] = False
+    labels = np.zeros(heights.shape, dtype=np.uint8)
+    frame = Pose((0.35, -0.15, 0.0))
+    return Heap(HeightMap.of(frame, 0.002, (FLOOR, 0.12), heights, walls, labels))
+
+
+def floor() -> Array:
+    return np.full((150, 150), FLOOR)
+
+
+def bar(x: int = 75, y: int = 75) -> Array:
+    """Bar of 60 × 24 × 30 mm along x, with its middle at a cell."""
+    heights = floor()
+    heights[x - 15 : x + 15, y - 6 : y + 6] = FLOOR + 0.03
+    return heights
+
+
+def vertical(one: Heap):
+    return next(grasps(one, GRIPPER, STAGES[:1]))
+
+
+def test_the_best_grasp_of_a_bar_closes_across_its_middle_and_stays_above_the_floor():
+    best = vertical(heap(bar()))[0]
+    x, y, z = best.tcp_in_world.position
+    assert (x, y) == pytest.approx((0.5, 0.0), abs=0.012)
+    assert abs(best.tcp_in_world.rotation()[1, 1]) > math.cos(math.radians(16))
+    assert best.expected_width == pytest.approx(0.024, abs=0.005)
+    assert FLOOR + 0.001 < z - GRIPPER.tip < FLOOR + 0.03 - 0.009
+    assert best.opening > best.expected_width
+
+
+def test_an_empty_tote_has_no_grasps_and_no_object():
+    assert all(not stage for stage in grasps(heap(floor()), GRIPPER))
+    assert heap_object(TOTE, heap(floor()).map, 1.0) is None
+
+
+def test_nothing_unseen_is_free():
+    heights = bar()
+    heights[40:110, 82:120] = np.nan
+    for one in vertical(heap(heights)):
+        tips = [one.tcp_in_world.apply(np.array([0.0, side * one.opening / 2, 0.0])) for side in (-1, 1)]
+        cells = [(round((p[0] - 0.35) / 0.002), round((p[1] + 0.15) / 0.002)) for p in tips]
+        assert all(np.isfinite(heights[cell]) for cell in cells)
+
+
+def test_a_wall_is_not_gripped():
+    heights = floor()
+    assert not vertical(heap(heights))
+    heights[:5] = 0.12
+    assert not vertical(heap(heights))
+
+
+def test_a_bar_beside_a_wall_is_reached_by_tilting_alone():
+    beside = heap(bar(y=146 - 8))
+    assert not vertical(beside)
+    tilted = next(grasps(beside, GRIPPER, STAGES[1:2]))
+    assert tilted and all(one.tilted for one in tilted)
+    back = tilted[0].pre_grasp(0.08)
+    assert back.distance(tilted[0].tcp_in_world) == pytest.approx(0.08)
+    assert abs(back.position[1] - tilted[0].tcp_in_world.position[1]) > 0.01
+
+
+def test_a_place_that_failed_is_barred_until_its_depth_changes():
+    there = heap(bar())
+    best = vertical(there)[0]
+    x, y, _ = there.map.frame.inverse().apply(np.array(best.tcp_in_world.position))
+    barred = replace(there, barred=(BarredPlace.of(there.map, x, y),))
+    assert best.name not in {one.name for one in vertical(barred)}
+    moved = replace(barred, map=heap(bar() + 0.004 * (bar() > FLOOR)).map)
+    near = [one for one in vertical(moved) if one.tcp_in_world.distance(best.tcp_in_world) < 0.012]
+    assert near
+
+
+def test_two_searches_give_the_same_grasps():
+    assert list(grasps(heap(bar()), GRIPPER)) == list(grasps(heap(bar()), GRIPPER))
+
+
+def test_a_heap_is_an_obstacle_of_columns_that_cover_it():
+    there = heap_object(TOTE, heap(bar()).map, 1.0)
+    assert there is not None and there.role == "heap"
+    points = np.array([(0.5, 0.0, FLOOR + 0.029), (0.5, 0.05, FLOOR + 0.029)])
+    local = points - np.array(there.pose.position)
+    within = [
+        any(np.all(np.abs(p - np.array(b.at)) <= np.array(b.size) / 2 + 1e-9) for b in there.blocks)
+        for p in local
+    ]
+    assert within == [True, False]
+
+
+def test_unseen_cells_keep_what_was_seen_before():
+    before, now = heap(bar()).map, bar()
+    now[60:70] = np.nan
+    assert np.allclose(heap(now).map.over(before).heights(), before.heights(), atol=1e-4)
+    assert np.isnan(heap(now).map.over(None).heights()[60:70, 10:140]).all()

@@ -1,0 +1,152 @@
+"""Height map of a heap: one height for each cell of a tote, or of a place on a table."""
+
+from __future__ import annotations
+
+import base64
+import zlib
+from dataclasses import dataclass, field
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..values import Array, Pose
+
+RESOLUTION = 1e-4
+"""Step of the stored heights, m."""
+CHANGED_DEPTH = 0.003
+"""Change of the depth from which on a place counts as changed, m."""
+BARRED_RADIUS = 0.012
+"""Distance around a failed grasp within which no other one begins, m."""
+WALL_SHADOW = 0.006
+"""Distance from a wall up to which depth may belong to the wall, m."""
+_UNSEEN, _WALL = -32768, -32767
+
+
+@dataclass(frozen=True, slots=True)
+class HeightMap:
+    """Heights above the frame's origin: solid columns from the floor up. Cells that were never seen are
+    unknown, not free."""
+
+    frame: Pose
+    """Frame of the map in the world: the corner of cell (0, 0), z up."""
+    cell: float
+    """Edge length of a cell, m."""
+    shape: tuple[int, int]
+    """Number of cells along x and y."""
+    floor: float
+    """Height of the floor in the frame, m."""
+    rim: float
+    """Height of the walls in the frame, m; that of the floor without walls."""
+    packed: str = field(repr=False)
+    """Heights in steps of `RESOLUTION`, compressed."""
+    packed_labels: str = field(repr=False)
+    """Labels of the cells' colours, compressed."""
+
+    @classmethod
+    def of(
+        cls,
+        frame: Pose,
+        cell: float,
+        levels: tuple[float, float],
+        heights: Array,
+        walls: NDArray[np.bool_],
+        labels: NDArray[np.uint8],
+    ) -> HeightMap:
+        """Return the map of heights (n, m), m; NaN: never seen. `levels`: floor and rim. `walls` (n, m) marks
+        cells of a tote's walls; `labels` (n, m) are colours, 0: none."""
+        steps = np.where(np.isfinite(heights), np.round(np.nan_to_num(heights) / RESOLUTION), _UNSEEN)
+        steps = np.where(walls, _WALL, steps).astype("<i2")
+        packed, tints = (
+            base64.b64encode(zlib.compress(values.tobytes(), 1)).decode() for values in (steps, labels)
+        )
+        floor, rim = levels
+        return cls(frame, cell, (heights.shape[0], heights.shape[1]), floor, rim, packed, tints)
+
+    def heights(self) -> Array:
+        """Return the heights (n, m), m, read-only; NaN: never seen. Walls have the rim's height."""
+        return _unpacked(self)[0]
+
+    def walls(self) -> NDArray[np.bool_]:
+        """Return the cells (n, m) of walls, read-only."""
+        return _unpacked(self)[1]
+
+    def beside_walls(self) -> NDArray[np.bool_]:
+        """Return the cells (n, m) of walls and next to them: depth there may belong to the wall."""
+        import cv2  # slow to import
+
+        side = 2 * round(WALL_SHADOW / self.cell) + 1
+        wide = cv2.dilate(self.walls().astype(np.uint8), np.ones((side, side), np.uint8))
+        return wide.astype(np.bool_)
+
+    def over(self, former: HeightMap | None) -> HeightMap:
+        """Fill the unseen cells with those of a former map of the same place."""
+        if former is None or (former.frame, former.shape) != (self.frame, self.shape):
+            return self
+        heights, seen = self.heights(), np.isfinite(self.heights())
+        labels = np.where(seen, self.labels(), former.labels())
+        levels, walls = (self.floor, self.rim), self.walls()
+        filled = np.where(seen, heights, former.heights())
+        return HeightMap.of(self.frame, self.cell, levels, filled, walls, labels)
+
+    def labels(self) -> NDArray[np.uint8]:
+        """Return the labels (n, m) of the cells' colours, read-only; 0: no colour."""
+        raw = zlib.decompress(base64.b64decode(self.packed_labels))
+        return np.frombuffer(raw, np.uint8).reshape(self.shape)
+
+    def with_heights(self, heights: Array) -> HeightMap:
+        """Return the map with other heights (n, m), m."""
+        return HeightMap.of(
+            self.frame, self.cell, (self.floor, self.rim), heights, self.walls(), self.labels()
+        )
+
+    def centres(self, cells: NDArray[np.intp]) -> Array:
+        """Return the middles (k, 2) of cells (k, 2) in the frame, m."""
+        return (cells.astype(np.float64) + 0.5) * self.cell
+
+    def around(self, x: float, y: float, radius: float) -> Array:
+        """Return the heights (k,) within a square of half-width `radius` m about a point of the frame, m."""
+        rows, columns = (
+            slice(max(0, int((at - radius) / self.cell)), max(0, int((at + radius) / self.cell) + 1))
+            for at in (x, y)
+        )
+        return self.heights()[rows, columns].ravel()
+
+
+@lru_cache(maxsize=8)
+def _unpacked(packed: HeightMap) -> tuple[Array, NDArray[np.bool_]]:
+    steps = np.frombuffer(zlib.decompress(base64.b64decode(packed.packed)), "<i2").reshape(packed.shape)
+    heights = np.where(steps == _UNSEEN, np.nan, steps * RESOLUTION)
+    walls = steps == _WALL
+    heights[walls] = packed.rim
+    heights.flags.writeable = walls.flags.writeable = False
+    return heights, walls
+
+
+@dataclass(frozen=True, slots=True)
+class BarredPlace:
+    """Place of a failed grasp, with the depth that was seen there before."""
+
+    at: tuple[float, float]
+    """Point in the map's frame, m."""
+    heights: tuple[float, ...]
+    """Heights about it before the attempt, m; -1: never seen."""
+
+    @classmethod
+    def of(cls, heap: HeightMap, x: float, y: float) -> BarredPlace:
+        return cls((x, y), tuple(np.nan_to_num(heap.around(x, y, BARRED_RADIUS), nan=-1.0).tolist()))
+
+    def holds(self, heap: HeightMap) -> bool:
+        """Return whether the depth there is still as it was at the attempt."""
+        now = np.nan_to_num(heap.around(*self.at, BARRED_RADIUS), nan=-1.0)
+        if len(now) != len(self.heights):
+            return False
+        return float(np.mean(np.abs(now - np.array(self.heights)) > CHANGED_DEPTH)) < 0.25
+
+
+@dataclass(frozen=True, slots=True)
+class Heap:
+    """Heap of a belief object: its height map, and the places where grasps have failed."""
+
+    map: HeightMap
+    barred: tuple[BarredPlace, ...] = ()
