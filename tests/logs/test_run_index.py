@@ -113,6 +113,17 @@ def test_a_run_that_goes_on_is_read_once_and_again_at_its_end(
     assert next(index.rows()).status != "running"
 
 
+def test_a_run_whose_process_dies_without_another_write_is_killed(runs: Path) -> None:
+    log = runs / rows(runs)[0].log
+    whole = log.read_bytes()
+    log.write_bytes(whole[: len(whole) * 2 // 3])
+    index = RunIndex(runs)
+    with log.open("rb") as writing:
+        fcntl.flock(writing, fcntl.LOCK_EX)
+        assert [row.status for row in index.rows()] == ["running", "success"]
+    assert [row.status for row in index.rows()] == ["killed", "success"]
+
+
 def count_opened(monkeypatch: pytest.MonkeyPatch) -> list[object]:
     opened: list[object] = []
     real = run_index.RunLog
