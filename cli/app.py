@@ -17,7 +17,7 @@ from typer.core import TyperCommand, TyperGroup
 
 from ..errors import PicktreeError
 from ..files.marks import FileError
-from .analyse.commands import diff, explain, export, layout, replay, report, snapshot, video
+from .analyse.commands import diff, explain, export, layout, replay, report, runs, snapshot, video
 from .analyse.resim import resim, whatif
 from .author.commands import check, convert, explain_code, lsp, nodes, rehearse, render, schema
 from .author.new import new
@@ -46,6 +46,7 @@ COMMANDS: Mapping[str, Callable[..., None] | typer.Typer] = {
     "report": report,
     "resim": resim,
     "run": run,
+    "runs": runs,
     "schema": schema,
     "snapshot": snapshot,
     "video": video,

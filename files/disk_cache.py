@@ -83,6 +83,22 @@ def cached_arrays(
     return _decoded(data)
 
 
+def kept(kind: str, inputs: Iterable[str], makers: Iterable[Maker]) -> bytes | None:
+    """Return what `keep` has put under these inputs; None when there is nothing.
+
+    Unlike an array, it may be out of date: the content itself must say what it was made from.
+    """
+    folder = cache_folder()
+    return None if folder is None else _read(folder / _entry_name(kind, inputs, makers))
+
+
+def keep(kind: str, inputs: Iterable[str], makers: Iterable[Maker], data: bytes) -> None:
+    """Put data into the cache, in place of the former under these inputs, as far as the disk permits."""
+    folder = cache_folder()
+    if folder is not None:
+        _write(folder / _entry_name(kind, inputs, makers), data)
+
+
 @dataclass(frozen=True, slots=True)
 class CacheContent:
     """Folder of the cache (None: there is none), number of its entries, and their size in bytes."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import re
 import shlex
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
@@ -13,6 +12,7 @@ from pathlib import Path
 from ...errors import PicktreeError
 from ...files.diagnostics.fault_rendering import Paint, plain
 from ...files.value_wording import listed
+from ...logs.run_index import logs_below
 from ...logs.run_log import find_log
 from ..run import Run
 from .explain import explain
@@ -64,17 +64,6 @@ def holds_runs(where: str) -> bool:
         return folder.is_dir() and not find_log(folder)
     except PicktreeError:
         return bool(logs_below(folder))
-
-
-def logs_below(folder: Path) -> tuple[Path, ...]:
-    """Return the logs in a folder and those below it, further files of rotated logs left out."""
-    found = sorted(folder.rglob("*.mcap"))
-    return tuple(log for log in found if not _is_later_part(log))
-
-
-def _is_later_part(log: Path) -> bool:
-    part = re.fullmatch(r"(.+)-\d{4,}", log.stem)
-    return part is not None and log.with_stem(part.group(1)).exists()
 
 
 def explain_runs(folder: Path, say: Callable[[str], None] = lambda text: None) -> ExplainedRuns:

@@ -1,18 +1,21 @@
-"""Commands that answer from a log: diff, explain, layout, export, report, replay, snapshot, video."""
+"""Commands that answer from logs: diff, explain, layout, export, report, replay, runs, snapshot, video."""
 
 from __future__ import annotations
 
 import os
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Annotated, Literal, TextIO
+from typing import TYPE_CHECKING, Annotated, Literal, TextIO
 
 import typer
 
-from ..options import JsonResult, JsonWritten, Log, Show, View
+from ..options import JsonAnswer, JsonResult, JsonWritten, Log, Show, View
 from ..terminal.output import StatusLine, end_with, json_text, keep_stdout, painter, print_answer, program
+
+if TYPE_CHECKING:
+    from ...logs.run_index import RunIndex, RunRow
 
 
 def diff(
@@ -82,6 +85,74 @@ def _explain_runs(folder: Path, answer: TextIO | None) -> None:
         lambda: runs_text(found, program(), painter(sys.stdout)),
         lambda: runs_json_text(found),
     )
+
+
+def runs(
+    folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="The runs below it are listed.")] = Path(
+        "runs"
+    ),
+    where: Annotated[
+        str | None,
+        typer.Option(metavar="CONDITION", help="List these alone, as \"status == 'failure' and lost > 20\"."),
+    ] = None,
+    keep: Annotated[
+        int, typer.Option(min=0, metavar="N", help="Leave out the N that were written last.")
+    ] = 0,
+    prune: Annotated[bool, typer.Option("--prune", help="Delete the runs that are listed.")] = False,
+    yes: Annotated[bool, typer.Option("--yes", help="Delete without asking.")] = False,
+    json: JsonAnswer = False,
+) -> None:
+    """List the runs below a folder, newest first: mission, seed, status, items sorted, time lost, cause.
+
+    A condition has the names status, mission, scene, robot, backend, seed, sorted, total, misplaced, held,
+    seconds, lost, cause, causes, age (days) and folder.
+    """
+    answer = keep_stdout() if json else None
+
+    from ...errors import PicktreeError
+    from ...logs.run_index import RunFilter, RunIndex, heading, line
+
+    if prune and where is None and not keep:
+        raise PicktreeError("--prune deletes what is listed: say what with --where CONDITION, or --keep N")
+    index = RunIndex(folder)
+    found: list[RunRow] = []
+    for number, row in enumerate(index.select(None if where is None else RunFilter.parse(where))):
+        if number < keep:
+            continue
+        if answer is None:
+            print(line(row) if found else f"{heading()}\n{line(row)}", flush=not found)
+        found.append(row)
+    refused = _prune(index, found, yes=yes) if prune else []
+    for sentence in refused:
+        print(sentence, file=sys.stderr)
+    if not found and answer is None:
+        none = "no run that meets the condition" if where or keep else "no run yet"
+        print(f"{folder}: {none}; `picktree run MISSION` makes one")
+    if answer is not None:
+        with answer:
+            answer.write(json_text([row.to_json() for row in found]))
+    end_with(not refused)
+
+
+def _prune(index: RunIndex, found: Sequence[RunRow], *, yes: bool) -> list[str]:
+    """Delete runs after a confirmation; return why some were not deleted. Raises PicktreeError where nobody
+    can confirm."""
+    from ...errors import PicktreeError
+
+    size = f"{len(found)} runs, {sum(row.size for row in found) / 1e6:.1f} MB"
+    if found and not yes:
+        if not sys.stdin.isatty():
+            raise PicktreeError(f"--prune would delete {size}; say --yes where nobody can be asked")
+        if not typer.confirm(f"Delete {size}?", err=True):
+            return []
+    refused: list[str] = []
+    for row in found:
+        try:
+            index.delete(row)
+        except PicktreeError as error:
+            refused.append(str(error))
+    print(f"{len(found) - len(refused)} of {size} deleted", file=sys.stderr)
+    return refused
 
 
 def layout(
