@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from ..manipulation.pick.heap_pick import HeapPickTask, pick_any, thing_in_hand
 from ..trees.ports import In, Out, port
 from ..trees.skill import ARM, CAMERA, GRIPPER, Skill, Steps
 from ..world.causes import control, grasp, perception, planning, safety
@@ -54,6 +53,9 @@ class PickAny(Skill):
     limit = 240.0
 
     def run(self, world: World) -> Steps:
+        # OpenCV, which the search among grasps takes, is slow to load, and a check does without.
+        from ..manipulation.pick.heap_pick import HeapPickTask, pick_any, thing_in_hand
+
         world.handover.drop()
         yield from world.move.rest()
         task = HeapPickTask(self.tote, self.path, self.camera, self.force, self.speed)

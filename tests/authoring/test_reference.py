@@ -32,7 +32,7 @@ def mission(node: NodeDeclaration, given: dict[str, str]) -> Document:
     ports = {key: {"type": kind} for key, kind in given.items()}
     body = "\n".join(f"    {line}" for line in node.example.splitlines())
     head = f"    ports: {ports}\n" if ports else ""
-    scene = "calibrating" if "target:" in body else "three_bins"
+    scene = "calibrating" if "target:" in body else "tote" if "tote" in body else "three_bins"
     text = f"picktree: 1\nkind: mission\nscene: {scene}\ntrees:\n  Main:\n{head}{body}\n"
     return read_document(Path("example.yaml"), "mission", text)
 

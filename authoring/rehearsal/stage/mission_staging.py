@@ -91,7 +91,8 @@ class LeafStub(Node, abstract=True):
             inputs = {port.key: self.input(port.key) for port in self.declaration.inputs}
             given = {key: Constant(value, None) for key, value in inputs.items()}
             hand, _ = self.declaration.hand_with({**self.wiring.ports, **given})
-            self._stage.belief.succeeded(self.declaration, hand, inputs, of_itself=answer is None)
+            given = inputs | (dict(answer.outputs) if answer else {})
+            self._stage.belief.succeeded(self.declaration, hand, given, of_itself=answer is None)
             flow = self.declaration.flow
             emptied, unless = flow.empties if isinstance(flow, LeafFlow) else ("", "")
             if emptied and not inputs.get(unless):

@@ -109,6 +109,8 @@ class Belief:
     ) -> None:
         """Apply a leaf's success, with `hand` as declared; `of_itself`: no case has defined the answer.
 
+        Outputs that the answer gives are among the inputs.
+
         Raises Failure when the leaf must fail instead, Contradiction when it cannot succeed.
         """
         if Resource.ARM in leaf.uses and self._set.get("stopped", self._stopped):
@@ -223,12 +225,12 @@ def _of_kind(belief: BeliefObject, kind: str, known: CatalogueEntry | None) -> B
     return replace(belief, kind=kind, form=known.form, shape=known.shape)
 
 
-def _object_of(leaf: NodeDeclaration, inputs: Mapping[str, Any]) -> str | None:
-    """Return the object that a leaf takes or releases: its first object input that is no place of the
-    scene."""
-    for port in leaf.inputs:
+def _object_of(leaf: NodeDeclaration, values: Mapping[str, Any]) -> str | None:
+    """Return the object that a leaf takes or releases: its first object port that is no place of the
+    scene, or else the object that it says it has taken."""
+    for port in (*leaf.inputs, *(leaf.outputs if leaf.hand_after == "full" else ())):
         if port.type.name == "object" and not port.type.many and port.names is None:
-            return str(inputs[port.key]) if inputs.get(port.key) else None
+            return str(values[port.key]) if values.get(port.key) else None
     return None
 
 
