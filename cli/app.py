@@ -24,10 +24,12 @@ from .author.new import new
 from .batch.commands import batch
 from .cache import cache
 from .commission import calibrate, plan, robot
+from .run.attach import attach
 from .run.run import run
 from .terminal.output import painter
 
 COMMANDS: Mapping[str, Callable[..., None] | typer.Typer] = {
+    "attach": attach,
     "calibrate": calibrate,
     "check": check,
     "convert": convert,

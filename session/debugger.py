@@ -43,9 +43,13 @@ class Debugger(Observer):
     like any other: KeyboardInterrupt interrupts it.
     """
 
-    def __init__(self, prompt: DebuggerPrompt, *, at_start: bool = True) -> None:
-        """`at_start`: also stop before the first node starts, so that breakpoints can be set."""
+    def __init__(
+        self, prompt: DebuggerPrompt, *, at_start: bool = True, file_breakpoints: bool = True
+    ) -> None:
+        """`at_start`: also stop before the first node starts, so that breakpoints can be set.
+        `file_breakpoints`: stop at the breakpoints of the mission's file, too."""
         self._prompt = prompt
+        self._file_breakpoints = file_breakpoints
         self._tree: BehaviourTree | None = None
         self._breakpoints: dict[int, Breakpoint] = {}
         self._of_the_file: set[int] = set()
@@ -78,7 +82,7 @@ class Debugger(Observer):
             self._breakpoints.pop(number, None)
         self._of_the_file.clear()
         for node in tree.nodes:
-            if node.wiring.breakpoint is not None:
+            if self._file_breakpoints and node.wiring.breakpoint is not None:
                 self._of_the_file.add(self.add(node.path, node.wiring.breakpoint))
 
     def pause_after_tick(self) -> None:

@@ -140,7 +140,9 @@ class DebugPrompt(CommandPrompt):
                 "blackboard [KEY]", "the keys that contain KEY, with their values", self._show_blackboard
             ),
             Command("belief [ID]", "the objects that the robot believes in", self._show_belief),
-            Command("print EXPRESSION", "its value, as a node sees it where the run stands", self._print),
+            Command(
+                "print EXPRESSION", "its value, as a node sees it where the run stands", self._print, "p"
+            ),
             Command("step [N]", "to the end of the present or next tick, of N ticks", self._step),
             Command("next", "to the next start or end of a node", self._next, "n"),
             Command("continue", "to the next breakpoint", lambda _: True),

@@ -204,15 +204,21 @@ class _Watchers:
     def observers(self) -> Generator[tuple[Observer, ...]]:
         """Return the observers; displays and servers are open in the block."""
         from ..terminal.progress import run_display
+        from .attach_server import AttachServer
         from .operator_prompt import operators
 
-        with run_display(to_stderr=self.to_stderr, lines=self.debug) as view, self._live_view() as live:
+        with (
+            run_display(to_stderr=self.to_stderr, lines=self.debug) as view,
+            self._live_view() as live,
+            AttachServer() as attached,
+        ):
             yield (
                 *([self.profiler] if self.profiler is not None else ()),
                 view,
                 *live,
                 *([self.pacer] if self.pacer is not None else ()),
                 *([self._debugger()] if self.debug else ()),
+                attached,
                 *operators(self._stream, view.aside),
             )
 
