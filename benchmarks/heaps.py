@@ -49,6 +49,7 @@ def one(job: Job, folder: Path) -> Row:
     execution = session.execution
     truth = execution.hardware.truth()
     scored = score(truth, execution.recipe.scene)
+    bins = {bin_.id for bin_ in execution.recipe.scene.bins if not bin_.is_tote}
     by_class: dict[str, Counter[str]] = {}
     for body, item in zip(truth, scored.items, strict=True):
         by_class.setdefault(body.colour, Counter())[item.verdict] += 1
@@ -58,7 +59,7 @@ def one(job: Job, folder: Path) -> Row:
         forces = run.wrenches.forces
     return {
         "classes": by_class,
-        "cleared": sum(item.bin is not None for item in scored.items),
+        "cleared": sum(item.bin in bins for item in scored.items),
         "total": len(scored.items),
         "grasps": [[_stage(pick.candidate), _end(pick, placed)] for pick in picks],
         "failures": dict(result.failures),

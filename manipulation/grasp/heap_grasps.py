@@ -274,10 +274,35 @@ class _Sweep:
         top = cv2.dilate(self.things, np.ones((rows, wide), np.uint8))
         tips = np.maximum(lowest, top - np.float32(MAX_OVERLAP))
         overlap = np.where(tips > FAR_BELOW / 2, top - tips, -1.0)
-        picked = _best_of_blocks(np.minimum(overlap, USEFUL_OVERLAP) + 0.05 * top, overlap >= tier.overlap)
+        allowed = overlap >= tier.overlap
+        allowed[allowed] = self._within_walls(np.argwhere(allowed), tips[allowed], opening)
+        picked = _best_of_blocks(np.minimum(overlap, USEFUL_OVERLAP) + 0.05 * top, allowed)
         if not len(picked):
             return []
         return self._ranked(picked, tips[picked[:, 0], picked[:, 1]], opening, azimuth)
+
+    def _within_walls(self, at: NDArray[np.intp], tips: Heights, opening: float) -> NDArray[np.bool_]:
+        """Return whether both tips are on the inner side of the walls, or above the rim: a finger outside
+        closes on the wall."""
+        points = self._points(at, tips)
+        aside = opening / 2 * self._closing()
+        cell = self._heap.cell
+        far = (np.array(self._heap.shape) - 1) * cell
+        within = np.ones(len(at), dtype=np.bool_)
+        for ends in (points - aside, points + aside):
+            inside = np.all((ends[:, :2] > cell) & (ends[:, :2] < far), axis=1)
+            within &= inside | (ends[:, 2] >= self._heap.rim)
+        return within
+
+    def _points(self, at: NDArray[np.intp], heights: Array | Heights) -> Array:
+        """Return the points (k, 3) in the map's frame of pixels (k, 2) at heights (k,) of the view, m."""
+        offsets = (at[:, ::-1] - self._middle) @ self._to_view.T
+        across = self._view.corner + (self._centre + offsets) * self._view.cell
+        return np.column_stack([across, heights]) @ self._view.axes.T
+
+    def _closing(self) -> Array:
+        """Return the closing direction (3,) in the map's frame."""
+        return self._view.axes @ np.array([math.cos(self._yaw), math.sin(self._yaw), 0.0])
 
     def _ranked(
         self, picked: NDArray[np.intp], tips: Heights, opening: float, azimuth: float
@@ -348,13 +373,9 @@ class _Sweep:
     def _candidate(
         self, at: NDArray[np.intp], tip: float, opening: float, width: float, score: float, azimuth: float
     ) -> GraspCandidate:
-        view, hand = self._view, self._hand
-        offset = self._to_view @ np.array([at[1] - self._middle, at[0] - self._middle])
-        x, y = view.corner + (self._centre + offset) * view.cell
-        z = view.axes[:, 2]
-        closing = view.axes @ np.array([math.cos(self._yaw), math.sin(self._yaw), 0.0])
+        z, closing = self._view.axes[:, 2], self._closing()
         rotation = np.column_stack([np.cross(closing, -z), closing, -z])
-        point = view.axes @ np.array([x, y, tip + hand.tip])
+        point = self._points(at[None], np.array([tip + self._hand.tip]))[0]
         pose = self._heap.frame @ Pose.from_rotation((point[0], point[1], point[2]), rotation)
         leaning = "" if self._approach.tilt == 0.0 else f" to {azimuth:.0f}"
         name = (
