@@ -101,7 +101,8 @@ def _labels(
 ) -> NDArray[np.uint8]:
     """Return the labels (n, m) of the pixels that show the tops of the cells."""
     n, m = heights.shape
-    i, j = np.divmod(np.arange(n * m), m)
+    cells: NDArray[np.intp] = np.arange(n * m, dtype=np.intp)
+    i, j = cells // m, cells % m
     tops = np.column_stack([(i + 0.5) * cell, (j + 0.5) * cell, np.nan_to_num(heights).ravel()])
     columns, rows = np.round(sight.pixels(frame.apply(tops))).astype(np.intp).T
     h, w = label.shape

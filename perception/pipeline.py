@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from ..world.belief.planning_scene import BeliefObject
 from ..world.protocols import RgbdImage
 from ..world.scene.description import SceneDescription
-from ..world.shapes import Shape, top
+from ..world.shapes import top
 from ..world.values import Array, Pose
 from . import segmentation
 from .expectation.backdrop import (
@@ -25,7 +25,7 @@ from .expectation.backdrop import (
     level_camera,
     table_of,
 )
-from .expectation.robot_mask import ATTACHED_HEIGHT, RobotMask, RobotShape, add_attached_parts
+from .expectation.robot_mask import ATTACHED_HEIGHT, RobotMask, RobotShape, add_attached_parts, held_part
 from .fitting.blob_splitting import split_blob
 from .fitting.item_fitting import (
     GOOD_MISFIT,
@@ -93,9 +93,9 @@ class Perception:
         self._description = description
         self._robot = RobotMask(robot)
         self._table = table
-        self._table_z = (
-            table_z if table_z is not None else 0.0 if table is None else top(table.shape, table.pose)
-        )
+        if table_z is None:
+            table_z = 0.0 if table is None else top(table.shape, table.pose)
+        self._table_z = table_z
         self.rests = catalogue_poses(description.catalogue)
         self.tallest = max((rest.height for rest in self.rests), default=0.0)
         """Height of the tallest item in its tallest stable pose, m."""
@@ -122,8 +122,7 @@ class Perception:
         recognised.
         """
         shot = self._shot(image, joints, width, held)
-        picture = shot.picture
-        finding = _Finding(self, shot, known)
+        picture, finding = shot.picture, _Finding(self, shot, known)
         finding.items()
         finding.things()
         bins = {b.id: bin_height_map(picture, shot.robot, b, shot.noise) for b in self._description.bins}
@@ -139,7 +138,7 @@ class Perception:
             picture.blocked,
             finding.reach(),
             self._floors.supports,
-            lambda points, distance: self._robot.within(points, joints, width, _in_hand(held), distance),
+            lambda points, distance: self._robot.within(points, joints, width, held_part(held), distance),
             map_totes(shot.picture, shot.robot, () if shot.moving else self.totes.values()),
         )
 
@@ -166,7 +165,7 @@ class Perception:
         believed = PosedCamera.at(image.intrinsics, image.camera_in_world)
         backdrop = self._backdrop(believed, image)
         label = segmentation.labels(image.colour)
-        in_hand = _in_hand(held)
+        in_hand = held_part(held)
         if moving:
             # From near, items and fingers may fill more of the picture than the table does.
             clutter = (label > 0) | self._robot.nearby(believed, depth, joints, width, in_hand)
@@ -217,11 +216,6 @@ class Perception:
 
     def floor(self, x: float, y: float, below: float) -> SupportSurface:
         return self._floors.under(x, y, below)
-
-
-def _in_hand(held: BeliefObject | None) -> tuple[Shape, Pose] | None:
-    """Return the shape of what is held with its pose in the TCP frame."""
-    return None if held is None or held.object_in_tcp is None else (held.shape, held.object_in_tcp)
 
 
 @dataclass(frozen=True, eq=False)

@@ -33,6 +33,7 @@ MEASURING = {
     "session/live_view.py",
     "session/observer.py",
     "session/profiling/profiler.py",
+    "logs/run_index.py",  # the age of a run
     "api/batches.py",
     "analysis/report/report.py",
     "analysis/resim/resim.py",

@@ -161,6 +161,8 @@ class TreeSpec:
     root: NodeSpec
     places: Mapping[str, Mark] = field(default_factory=dict[str, Mark])
     """Places of the port declarations, by key."""
+    doc: str = ""
+    """The tree in a sentence or two, for people."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -83,6 +83,7 @@ def one_mission(document: Document, registry: NodeRegistry) -> MissionSpecifics:
     Raises PicktreeError for a plug-in that fails.
     """
     trees: dict[str, tuple[PortDeclaration, ...]] = {}
+    docs: dict[str, str] = {}
     for file in mission_files(document):
         plugins = file.data.get("plugins")
         for plugin in plugins if isinstance(plugins, list) else []:
@@ -92,11 +93,12 @@ def one_mission(document: Document, registry: NodeRegistry) -> MissionSpecifics:
         declared = TreePorts(file, MissionDiagnostics())
         for name, body in (bodies if isinstance(bodies, dict) else {}).items():
             trees[name] = declared.of(name, body)
+            docs[name] = declared.doc(name, body)
     # A tree with the name of a node is an error, and no tree.
     trees = {name: ports for name, ports in trees.items() if registry.find(name) is None}
     known = _known(document)
     names = ProposedNames({**known.names, "planner": planner_names()}, all=True) if known else ProposedNames()
-    return MissionSpecifics(True, scene_names(), trees, names)
+    return MissionSpecifics(True, scene_names(), trees, names, docs)
 
 
 def mission_files(document: Document) -> tuple[Document, ...]:

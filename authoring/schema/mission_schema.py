@@ -76,6 +76,8 @@ class MissionSpecifics:
         default_factory=dict[str, "tuple[PortDeclaration, ...]"]
     )
     known: ProposedNames = field(default_factory=ProposedNames)
+    docs: Mapping[str, str] = field(default_factory=dict[str, str])
+    """What the sub-trees say of themselves."""
 
 
 def mission_schema(registry: NodeRegistry, particular: MissionSpecifics) -> Schema:
@@ -105,7 +107,7 @@ def mission_schema(registry: NodeRegistry, particular: MissionSpecifics) -> Sche
             for node in declared
         },
         **{
-            f"tree.{name}": tree_schema(name, ports, particular.known)
+            f"tree.{name}": tree_schema(name, ports, particular.known, particular.docs.get(name, ""))
             for name, ports in particular.trees.items()
         },
     }
@@ -196,15 +198,24 @@ def _tree(ids: NodeIds) -> Schema:
         },
         "additionalProperties": ref("treePort"),
     }
-    with_ports: Schema = {"minProperties": 2, "maxProperties": 2}
+    doc: Schema = {"type": "string", "description": "The tree in a sentence or two, for people."}
     return {
         "type": ["object", "string"],
-        "properties": ids.properties() | {"ports": ports},
+        "properties": ids.properties() | {"doc": doc, "ports": ports},
         "if": {"type": "object", "required": ["ports"]},
-        "then": with_ports,
-        "else": {"minProperties": 1, "maxProperties": 1},
+        "then": _one_more_with_doc(2),
+        "else": _one_more_with_doc(1),
         "allOf": [if_bare()],
     } | ids.others()
+
+
+def _one_more_with_doc(keys: int) -> Schema:
+    """Return that there are so many keys, and one more where one is `doc`."""
+    return {
+        "if": {"type": "object", "required": ["doc"]},
+        "then": {"minProperties": keys + 1, "maxProperties": keys + 1},
+        "else": {"minProperties": keys, "maxProperties": keys},
+    }
 
 
 def _tree_port() -> Schema:

@@ -138,13 +138,13 @@ def node_schema(
     return found | ({"required": required} if required else {})
 
 
-def tree_schema(name: str, ports: tuple[PortDeclaration, ...], known: ProposedNames) -> Schema:
-    """Return the schema of the body of a sub-tree's call."""
+def tree_schema(name: str, ports: tuple[PortDeclaration, ...], known: ProposedNames, doc: str = "") -> Schema:
+    """Return the schema of the body of a sub-tree's call; `doc`: what the tree says of itself."""
     required = [p.key for p in ports if p.required]
     properties: dict[str, Schema] = {port.key: port_schema(port, known) for port in ports}
     return {
         "title": name,
-        "description": f"The sub-tree {name} of this mission.",
+        "description": doc or f"The sub-tree {name} of this mission.",
         "type": ["object"] if required else ["object", "null"],
         "properties": properties | common_properties(),
         "additionalProperties": False,

@@ -16,6 +16,8 @@ from ..options import JsonResult, OtherRobot, TextFile
 from ..terminal.output import end_with, keep_stdout, painter, print_answer, show
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from ...trees.declaration import NodeDeclaration
     from ...trees.loading.registry import NodeRegistry
 
@@ -144,7 +146,8 @@ def nodes(
     declared = (*known.declarations(), *trees)
     causes = known.causes
     if name is not None:
-        declared = (_named(name, declared),)
+        library = () if any(node.id == name for node in declared) else _library_trees(known)
+        declared = (_named(name, (*declared, *library)),)
     entries = tuple(node_entry(node, causes, known.find(node.id)) for node in declared)
     if json:
         listed = {"nodes": [asdict(entry) for entry in entries]}
@@ -167,19 +170,35 @@ def _named(name: str, declared: tuple[NodeDeclaration, ...]) -> NodeDeclaration:
     raise PicktreeError(f"there is no node {name!r}" + (f" ({hint})" if hint else ""))
 
 
-def _sub_trees(path: Path, known: NodeRegistry) -> tuple[NodeDeclaration, ...]:
-    """Return the mission's sub-trees as nodes; the nodes of its plug-ins are added to `known`."""
+def _sub_trees(path: Path, known: NodeRegistry, *, included: bool = True) -> tuple[NodeDeclaration, ...]:
+    """Return the mission's sub-trees as nodes; the nodes of its plug-ins are added to `known`.
+
+    Without `included` only those of the file itself.
+    """
     from ...authoring.schema.mission_context import one_mission
     from ...files.yaml.document import read_document
     from ...trees.declaration import NodeDeclaration
     from ...trees.mission import MAIN
 
-    mission = one_mission(read_document(path, "mission"), known)
+    document = read_document(path, "mission")
+    mission, own = one_mission(document, known), document.data.get("trees")
     return tuple(
-        NodeDeclaration(name, f"A sub-tree of {path.name}.", "subtree", ports)
+        NodeDeclaration(name, mission.docs.get(name) or f"A sub-tree of {path.name}.", "subtree", ports)
         for name, ports in mission.trees.items()
-        if name != MAIN
+        if name != MAIN and (included or (isinstance(own, dict) and name in own))
     )
+
+
+def _library_trees(known: NodeRegistry) -> Iterator[NodeDeclaration]:
+    """Yield the sub-trees that come with picktree, each with the `include` that it takes."""
+    from ...trees.declaration import NodeDeclaration
+    from ...trees.mission import LIBRARY, library_names
+
+    for library in library_names():
+        path = LIBRARY / f"{library}.yaml"
+        for tree in _sub_trees(path, known, included=False):
+            taken = f"A sub-tree of picktree's library: a mission takes it by 'include: [library/{library}]'."
+            yield NodeDeclaration(tree.id, f"{tree.doc} {taken}", "subtree", tree.ports)
 
 
 def rehearse(

@@ -187,10 +187,10 @@ def _columns(heights: Array, cell: float, floor: float) -> Array:
     """Return points (k, 3) on the tops of columns, and on their sides down to the lowest neighbour, m."""
     n, m = heights.shape
     lowest = np.asarray(cv2.erode(heights, np.ones((3, 3), np.uint8)), np.float64)
-    count = (
-        np.maximum(1, np.ceil((heights - np.maximum(lowest, floor - 0.01)) / cell)).astype(np.intp).ravel()
-    )
-    at: NDArray[np.intp] = np.repeat(np.arange(n * m), count)
+    depth: Array = np.ceil((heights - np.maximum(lowest, floor - 0.01)) / cell)
+    count: NDArray[np.intp] = np.maximum(1, depth).astype(np.intp).ravel()
+    cells: NDArray[np.intp] = np.arange(n * m, dtype=np.intp)
+    at: NDArray[np.intp] = np.repeat(cells, count)
     step = np.arange(len(at)) - np.repeat(np.cumsum(count) - count, count)
     z = heights.ravel()[at] - step * cell
     return np.column_stack([(at // m + 0.5) * cell, (at % m + 0.5) * cell, z])

@@ -16,6 +16,7 @@ from ...files.disk_cache import cached_arrays
 from ...robots import urdf_tree
 from ...robots.urdf_tree import UrdfMesh, UrdfPrimitive, read_mesh
 from ...world import shapes, values
+from ...world.belief.planning_scene import BeliefObject
 from ...world.shapes import Shape, convex_hull, corners, inside
 from ...world.values import Array, Pose, Vector3
 from ..geometry.camera_geometry import ConvexFacets, PosedCamera
@@ -175,6 +176,11 @@ class RobotMask:
             before = sight.before(points)
             if len(before):
                 yield before
+
+
+def held_part(held: BeliefObject | None) -> tuple[Shape, Pose] | None:
+    """Return the shape of what is held with its pose in the TCP frame."""
+    return None if held is None or held.object_in_tcp is None else (held.shape, held.object_in_tcp)
 
 
 def _grown(mask: NDArray[np.uint8], pixels: int) -> NDArray[np.bool_]:

@@ -135,7 +135,7 @@ def test_annotations_of_github_are_escaped(folder: Path, capsys: pytest.CaptureF
         2,
         "::error file=50%25%2C a%3Ab.yaml,line=4,col=1,title=P104 Unknown key"
         "::5%25\\n: unknown key '5%25\\n' (known: base, robot, limits, thinking, planner, sensors, "
-        "checkpoint_every, goal, exchange, tool_error, calibration, fixtures, unknown, cameras, catalogue, "
+        "checkpoint_every, goal, exchange, tool_error, assortment, calibration, fixtures, unknown, cameras, catalogue, "
         "spawn, feed, destinations)\n"
         "1 error in 1 file; `picktree explain-code P104` explains it\n",
     )

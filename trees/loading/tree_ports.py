@@ -38,6 +38,16 @@ class TreePorts:
         self._document = document
         self._faults = faults
 
+    def doc(self, tree: str, body: Value) -> str:
+        """Return what a tree says of itself under `doc`; "" for nothing."""
+        value = body.get("doc") if isinstance(body, dict) else None
+        if value is None or isinstance(value, str):
+            return (value or "").strip()
+        self._fault(
+            ("trees", tree, "doc"), "'doc' is a text", "a sentence that says what the tree does", code="P211"
+        )
+        return ""
+
     def of(self, tree: str, body: Value) -> tuple[PortDeclaration, ...]:
         """Return the ports of a tree, given the tree's whole body."""
         loc: Location = ("trees", tree, "ports")

@@ -146,12 +146,14 @@ class TreeSetReader:
         bodies = [(document, self._bodies(document)) for document in documents]
         ports: dict[str, tuple[PortDeclaration, ...]] = {}
         homes: dict[str, Document] = {}
+        docs: dict[str, str] = {}
         for document, found in bodies:
             declared = TreePorts(document, self._faults)
             for name, body in found.items():
                 if self._named_well(document, name, homes):
                     homes[name] = document
                     ports[name] = declared.of(name, body)
+                    docs[name] = declared.doc(name, body)
         ambiguous = frozenset(
             name for _, found in bodies for name in found if self._registry.find(name) is not None
         )
@@ -171,7 +173,7 @@ class TreeSetReader:
                 if root is not None:
                     mark = document.key_mark(("trees", name))
                     places = {p.key: document.mark(("trees", name, "ports", p.key)) for p in ports[name]}
-                    trees[name] = TreeSpec(name, mark, ports[name], root, places)
+                    trees[name] = TreeSpec(name, mark, ports[name], root, places, docs[name])
         return trees
 
     def _bodies(self, document: Document) -> Mapping[str, Value]:
@@ -212,7 +214,7 @@ class TreeSetReader:
     def _root(self, document: Document, grammar: NodeSpecReader, name: str, body: Value) -> NodeSpec | None:
         loc: Location = ("trees", name)
         if isinstance(body, dict):
-            body = {key: value for key, value in body.items() if key != "ports"}
+            body = {key: value for key, value in body.items() if key not in ("ports", "doc")}
             if not body:
                 message = f"the tree {name!r} has no node"
                 self._fault(document, loc, message, code="P210", key=True)

@@ -75,7 +75,8 @@ def tree_model(
     fields = tuple(Element("Metadata", field) for field in metadata)
     if fields:
         parts.append(Element("MetadataFields", {}, fields))
-    return Element("SubTree", {"ID": tree.name}, tuple(parts))
+    said = {"description": tree.doc} if tree.doc else {}
+    return Element("SubTree", {"ID": tree.name, **said}, tuple(parts))
 
 
 def head(mission: Mission) -> list[dict[str, str]]:

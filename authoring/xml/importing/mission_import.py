@@ -247,7 +247,9 @@ class _Importer:
         for name, element in source.trees.items():
             if name not in source.included and element.children:
                 root = reader.node(element.children[0], self._called(name))
-                body = _tree(root, declared[name], element)
+                model = source.models.get(name)
+                doc = model.get("description") or "" if model is not None else ""
+                body = _tree(root, declared[name], element, doc)
                 trees.put(self._called(name), body, element.place("ID"))
         self._refuse([*self._twice(), *ports.faults, *reader.faults])
         whole = MarkedValue.mapping(source.root.mark)
@@ -298,18 +300,21 @@ class _Importer:
                 yield Diagnostic(given.place("ID"), name, message, hint, "P916")
 
 
-def _tree(root: NodeDraft, ports: tuple[TreePort, ...], element: Element) -> MarkedValue:
+def _tree(root: NodeDraft, ports: tuple[TreePort, ...], element: Element, doc: str) -> MarkedValue:
     """Return the body under the tree's name."""
     written = root.written()
-    if not ports:
+    if not ports and not doc:
         written.comments = (*element.comments, *written.comments)
         return written
     body = MarkedValue.mapping(element.mark)
     body.comments = element.comments
+    if doc:
+        body.put("doc", MarkedValue(element.mark, doc))
     declared = MarkedValue.mapping(element.mark)
     for port in ports:
         declared.put(port.key, port.declared(), port.mark)
-    body.put("ports", declared)
+    if ports:
+        body.put("ports", declared)
     if written.entries is None:
         body.put(root.id, MarkedValue.mapping(root.mark))
     else:
