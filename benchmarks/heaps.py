@@ -76,12 +76,12 @@ def _end(pick: PickEvent, placed: set[str]) -> str:
 
 
 def _stage(candidate: str) -> str:
-    """Stage of the search from which a grasp comes: its name is followed by where it is."""
+    """Return the stage of the search from which a grasp comes: its name begins with it."""
     return candidate.split(" yaw ")[0].split(" to ")[0]
 
 
 def _scene(job: Job, folder: Path) -> str:
-    """The scene, with another camera or friction laid on it."""
+    """Return the scene, with another camera or friction laid on it."""
     camera: dict[str, Any] = {}
     if job.noise is not None:
         camera["depth_noise"] = job.noise

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...robots.description import GripperDescription
-from ...world.belief.height_map import BARRED_RADIUS, Heap, HeightMap
+from ...world.belief.height_map import Heap, HeightMap
 from ...world.values import Array, Pose
 from .grasp_candidates import GraspCandidate
 from .hand_shape import Block, HandShape
@@ -128,17 +128,9 @@ def grasps(
             for k in range(approach.azimuths):
                 azimuth = 2 * math.pi * k / approach.azimuths
                 found += _search(heap.map, shape, approach, azimuth)
-        free = [one for one in found if not _is_barred(heap, one, gripper.tip)]
+        tip = np.array([0.0, 0.0, gripper.tip])
+        free = [one for one in found if not heap.bars(one.tcp_in_world.apply(tip))]
         yield tuple(_distinct(sorted(free, key=lambda one: (one.score, one.name))))
-
-
-def _is_barred(heap: Heap, one: GraspCandidate, tip: float) -> bool:
-    point = one.tcp_in_world.apply(np.array([0.0, 0.0, tip]))
-    x, y, _ = heap.map.frame.inverse().apply(point)
-    return any(
-        math.hypot(x - place.at[0], y - place.at[1]) < BARRED_RADIUS and place.holds(heap.map)
-        for place in heap.barred
-    )
 
 
 def _distinct(ranked: Sequence[GraspCandidate]) -> list[GraspCandidate]:
@@ -275,24 +267,12 @@ class _Sweep:
         tips = np.maximum(lowest, top - np.float32(MAX_OVERLAP))
         overlap = np.where(tips > FAR_BELOW / 2, top - tips, -1.0)
         allowed = overlap >= tier.overlap
-        allowed[allowed] = self._within_walls(np.argwhere(allowed), tips[allowed], opening)
+        points, aside = self._points(np.argwhere(allowed), tips[allowed]), opening / 2 * self._closing()
+        allowed[allowed] = self._heap.inside(points - aside) & self._heap.inside(points + aside)
         picked = _best_of_blocks(np.minimum(overlap, USEFUL_OVERLAP) + 0.05 * top, allowed)
         if not len(picked):
             return []
         return self._ranked(picked, tips[picked[:, 0], picked[:, 1]], opening, azimuth)
-
-    def _within_walls(self, at: NDArray[np.intp], tips: Heights, opening: float) -> NDArray[np.bool_]:
-        """Return whether both tips are on the inner side of the walls, or above the rim: a finger outside
-        closes on the wall."""
-        points = self._points(at, tips)
-        aside = opening / 2 * self._closing()
-        cell = self._heap.cell
-        far = (np.array(self._heap.shape) - 1) * cell
-        within = np.ones(len(at), dtype=np.bool_)
-        for ends in (points - aside, points + aside):
-            inside = np.all((ends[:, :2] > cell) & (ends[:, :2] < far), axis=1)
-            within &= inside | (ends[:, 2] >= self._heap.rim)
-        return within
 
     def _points(self, at: NDArray[np.intp], heights: Array | Heights) -> Array:
         """Return the points (k, 3) in the map's frame of pixels (k, 2) at heights (k,) of the view, m."""
