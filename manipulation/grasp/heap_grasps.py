@@ -219,7 +219,7 @@ class _Sweep:
         # Image pixel (column, row) = (along the closing direction, across it).
         c, s = math.cos(yaw), math.sin(yaw)
         self._to_view = np.array([[c, -s], [s, c]])
-        """From offsets (along, across) of the image to offsets (x, y) of the view."""
+        """Turn offsets (along, across) of the image into offsets (x, y) of the view."""
         self._middle, self._centre = (side - 1) / 2, np.array([(n - 1) / 2, (m - 1) / 2])
         # cv2 maps (column, row) of the image to (column, row) of the source: source row is x, column is y.
         matrix = np.array([[s, c, 0.0], [c, -s, 0.0]])
