@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...robots.description import GripperDescription
-from ...world.belief.height_map import BARRED_RADIUS, Heap, HeightMap
+from ...world.belief.height_map import Heap, HeightMap
 from ...world.values import Array, Pose
 from .grasp_candidates import GraspCandidate
 from .hand_shape import Block, HandShape
@@ -128,17 +128,9 @@ def grasps(
             for k in range(approach.azimuths):
                 azimuth = 2 * math.pi * k / approach.azimuths
                 found += _search(heap.map, shape, approach, azimuth)
-        free = [one for one in found if not _is_barred(heap, one, gripper.tip)]
+        tip = np.array([0.0, 0.0, gripper.tip])
+        free = [one for one in found if not heap.bars(one.tcp_in_world.apply(tip))]
         yield tuple(_distinct(sorted(free, key=lambda one: (one.score, one.name))))
-
-
-def _is_barred(heap: Heap, one: GraspCandidate, tip: float) -> bool:
-    point = one.tcp_in_world.apply(np.array([0.0, 0.0, tip]))
-    x, y, _ = heap.map.frame.inverse().apply(point)
-    return any(
-        math.hypot(x - place.at[0], y - place.at[1]) < BARRED_RADIUS and place.holds(heap.map)
-        for place in heap.barred
-    )
 
 
 def _distinct(ranked: Sequence[GraspCandidate]) -> list[GraspCandidate]:
@@ -227,7 +219,7 @@ class _Sweep:
         # Image pixel (column, row) = (along the closing direction, across it).
         c, s = math.cos(yaw), math.sin(yaw)
         self._to_view = np.array([[c, -s], [s, c]])
-        """From offsets (along, across) of the image to offsets (x, y) of the view."""
+        """Turn offsets (along, across) of the image into offsets (x, y) of the view."""
         self._middle, self._centre = (side - 1) / 2, np.array([(n - 1) / 2, (m - 1) / 2])
         # cv2 maps (column, row) of the image to (column, row) of the source: source row is x, column is y.
         matrix = np.array([[s, c, 0.0], [c, -s, 0.0]])
@@ -274,10 +266,23 @@ class _Sweep:
         top = cv2.dilate(self.things, np.ones((rows, wide), np.uint8))
         tips = np.maximum(lowest, top - np.float32(MAX_OVERLAP))
         overlap = np.where(tips > FAR_BELOW / 2, top - tips, -1.0)
-        picked = _best_of_blocks(np.minimum(overlap, USEFUL_OVERLAP) + 0.05 * top, overlap >= tier.overlap)
+        allowed = overlap >= tier.overlap
+        points, aside = self._points(np.argwhere(allowed), tips[allowed]), opening / 2 * self._closing()
+        allowed[allowed] = self._heap.inside(points - aside) & self._heap.inside(points + aside)
+        picked = _best_of_blocks(np.minimum(overlap, USEFUL_OVERLAP) + 0.05 * top, allowed)
         if not len(picked):
             return []
         return self._ranked(picked, tips[picked[:, 0], picked[:, 1]], opening, azimuth)
+
+    def _points(self, at: NDArray[np.intp], heights: Array | Heights) -> Array:
+        """Return the points (k, 3) in the map's frame of pixels (k, 2) at heights (k,) of the view, m."""
+        offsets = (at[:, ::-1] - self._middle) @ self._to_view.T
+        across = self._view.corner + (self._centre + offsets) * self._view.cell
+        return np.column_stack([across, heights]) @ self._view.axes.T
+
+    def _closing(self) -> Array:
+        """Return the closing direction (3,) in the map's frame."""
+        return self._view.axes @ np.array([math.cos(self._yaw), math.sin(self._yaw), 0.0])
 
     def _ranked(
         self, picked: NDArray[np.intp], tips: Heights, opening: float, azimuth: float
@@ -348,13 +353,9 @@ class _Sweep:
     def _candidate(
         self, at: NDArray[np.intp], tip: float, opening: float, width: float, score: float, azimuth: float
     ) -> GraspCandidate:
-        view, hand = self._view, self._hand
-        offset = self._to_view @ np.array([at[1] - self._middle, at[0] - self._middle])
-        x, y = view.corner + (self._centre + offset) * view.cell
-        z = view.axes[:, 2]
-        closing = view.axes @ np.array([math.cos(self._yaw), math.sin(self._yaw), 0.0])
+        z, closing = self._view.axes[:, 2], self._closing()
         rotation = np.column_stack([np.cross(closing, -z), closing, -z])
-        point = view.axes @ np.array([x, y, tip + hand.tip])
+        point = self._points(at[None], np.array([tip + self._hand.tip]))[0]
         pose = self._heap.frame @ Pose.from_rotation((point[0], point[1], point[2]), rotation)
         leaning = "" if self._approach.tilt == 0.0 else f" to {azimuth:.0f}"
         name = (

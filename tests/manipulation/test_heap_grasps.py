@@ -74,6 +74,18 @@ def test_a_wall_is_not_gripped():
     assert not vertical(heap(heights))
 
 
+def test_no_wall_is_between_the_fingers():
+    heights = floor()
+    heights[60:90, 9:21] = FLOOR + 0.10  # 14 mm from the wall: a finger fits outside of the tote only
+    heights[60:90, 69:81] = FLOOR + 0.10
+    found = [one for stage in grasps(heap(heights), GRIPPER, STAGES[:2]) for one in stage]
+    assert len(found) > 10
+    for one in found:
+        for side in (-1, 1):
+            tip = one.tcp_in_world.apply(np.array([0.0, side * one.opening / 2, GRIPPER.tip]))
+            assert abs(tip[0] - 0.5) < 0.15 and abs(tip[1]) < 0.15
+
+
 def test_a_bar_beside_a_wall_is_reached_by_tilting_alone():
     beside = heap(bar(y=146 - 8))
     assert not vertical(beside)

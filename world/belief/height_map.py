@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import math
 import zlib
 from dataclasses import dataclass, field
 from functools import lru_cache
@@ -79,6 +80,13 @@ class HeightMap:
         wide = cv2.dilate(self.walls().astype(np.uint8), np.ones((side, side), np.uint8))
         return wide.astype(np.bool_)
 
+    def inside(self, points: Array) -> NDArray[np.bool_]:
+        """Return whether points (k, 3) of the frame are on the inner side of the walls, or above the rim: a
+        finger beyond a wall closes on it."""
+        far = (np.array(self.shape) - 1) * self.cell
+        within = np.all((points[:, :2] > self.cell) & (points[:, :2] < far), axis=1)
+        return within | (points[:, 2] >= self.rim)
+
     def over(self, former: HeightMap | None) -> HeightMap:
         """Fill the unseen cells with those of a former map of the same place."""
         if former is None or (former.frame, former.shape) != (self.frame, self.shape):
@@ -150,3 +158,11 @@ class Heap:
 
     map: HeightMap
     barred: tuple[BarredPlace, ...] = ()
+
+    def bars(self, point: Array) -> bool:
+        """Return whether a grasp failed at a point of the world, and the depth there is still the same."""
+        x, y, _ = self.map.frame.inverse().apply(point)
+        return any(
+            math.hypot(x - place.at[0], y - place.at[1]) < BARRED_RADIUS and place.holds(self.map)
+            for place in self.barred
+        )
