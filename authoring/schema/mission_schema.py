@@ -77,7 +77,7 @@ class MissionSpecifics:
     )
     known: ProposedNames = field(default_factory=ProposedNames)
     docs: Mapping[str, str] = field(default_factory=dict[str, str])
-    """What the sub-trees say of themselves."""
+    """Texts under `doc` of the sub-trees, by name."""
 
 
 def mission_schema(registry: NodeRegistry, particular: MissionSpecifics) -> Schema:
