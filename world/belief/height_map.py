@@ -81,8 +81,10 @@ class HeightMap:
         return wide.astype(np.bool_)
 
     def inside(self, points: Array) -> NDArray[np.bool_]:
-        """Return whether points (k, 3) of the frame are on the inner side of the walls, or above the rim: a
-        finger beyond a wall closes on it."""
+        """Select the points (k, 3) of the frame on the inner side of the walls, or above the rim.
+
+        A finger beyond a wall closes on it.
+        """
         far = (np.array(self.shape) - 1) * self.cell
         within = np.all((points[:, :2] > self.cell) & (points[:, :2] < far), axis=1)
         return within | (points[:, 2] >= self.rim)

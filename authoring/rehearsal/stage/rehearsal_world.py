@@ -226,8 +226,10 @@ def _of_kind(belief: BeliefObject, kind: str, known: CatalogueEntry | None) -> B
 
 
 def _object_of(leaf: NodeDeclaration, values: Mapping[str, Any]) -> str | None:
-    """Return the object that a leaf takes or releases: its first object port that is no place of the
-    scene, or else the object that it says it has taken."""
+    """Return the object that a leaf takes or releases: the first at an object port, but for places.
+
+    A leaf without such an input says which it has taken.
+    """
     for port in (*leaf.inputs, *(leaf.outputs if leaf.hand_after == "full" else ())):
         if port.type.name == "object" and not port.type.many and port.names is None:
             return str(values[port.key]) if values.get(port.key) else None
