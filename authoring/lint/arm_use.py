@@ -41,7 +41,8 @@ def nothing_held(survey: LintModel) -> Iterator[Diagnostic]:
     for spec in survey.nodes():
         if spec.node is None or spec.node.hand_before != "full" or not survey.started(spec):
             continue
-        if survey.entries(spec) and all(state.hand == EMPTY for state in survey.entries(spec)):
+        entries = survey.entries(spec)
+        if entries and all(state.hand == EMPTY for state in entries):
             message = f"the hand holds nothing here: no way to this {spec.name} takes anything before it"
             yield survey.fault(spec, message, "a Grasp before it", code="P333")
 

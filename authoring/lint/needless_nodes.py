@@ -245,13 +245,16 @@ def unknown_objects(survey: LintModel) -> Iterator[Diagnostic]:
     if known is None:
         return
     kinds = known.names.get("kind", ())
+    # Names that perception and `PickAny` give, whatever the catalogue says.
+    patterns = (r"(obstacle|thing)_\d+", *(rf"\w+_{re.escape(kind)}_\d+" for kind in kinds))
     for spec in survey.nodes():
         for port in spec.node.declaration.ports if spec.node is not None else ():
             bound = spec.ports.get(port.key)
             if port.type.name != "object" or port.names or not isinstance(bound, Constant) or not bound.value:
                 continue
             name = str(bound.value)
-            if not any(re.fullmatch(rf"\w+_{re.escape(kind)}_\d+|obstacle_\d+", name) for kind in kinds):
+            if not any(re.fullmatch(pattern, name) for pattern in patterns):
                 message = f"port {port.key!r}: no object of the scene {known.scene!r} gets the name {name!r}"
-                hint = f"a name is colour, kind and number, as 'red_{kinds[0]}_1'; or a key, as '{{item}}'"
-                yield survey.fault(spec, message, hint if kinds else "", code="P346", at=port.key)
+                like = f"colour, kind and number, as 'red_{kinds[0]}_1'" if kinds else "'thing' and a number"
+                hint = f"a name is {like}; or a key, as '{{item}}'"
+                yield survey.fault(spec, message, hint, code="P346", at=port.key)

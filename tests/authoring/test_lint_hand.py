@@ -140,3 +140,15 @@ def test_users_that_do_not_meet(node: str) -> None:
 )  # fmt: skip
 def test_a_skill_that_a_reactive_node_starts_at_each_tick(node: str, finding: str) -> None:
     assert users(node, rest="  Go: {GoTo: {pose: home}}\n" if "Go}" in node else "") == [finding]
+
+
+def test_objects_of_a_scene_without_a_catalogue_are_things() -> None:
+    def place(name: str) -> list[str]:
+        nodes = 'PickAny: {from: tote, out: "{thing}"}', f"Place: {{object: {name}, into: red_bin}}"
+        return lint("scene: tote\n" + main(*nodes), "P346")
+
+    assert place("thing_1") == []
+    assert place("nonsense_7") == [
+        "P346 6:25 Main/Sequence/Place: port 'object': no object of the scene 'tote' gets the name "
+        "'nonsense_7' (a name is 'thing' and a number; or a key, as '{item}')"
+    ]
