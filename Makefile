@@ -86,6 +86,8 @@ check: $(DEV)
 docs: $(RUN)
 	@set -e; for kind in mission scene robot faults cases plan; do \
 		"$(BIN)/picktree" schema $$kind --shipped --output schemas/$$kind.json; done; \
+	for kind in scene robot faults cases plan; do \
+		"$(BIN)/picktree" schema $$kind --markdown --output docs/reference-$$kind.md; done; \
 	"$(BIN)/picktree" nodes --shipped --markdown --output docs/nodes.md; \
 	"$(BIN)/picktree" nodes --shipped --stub --output nodes.pyi; \
 	"$(BIN)/picktree" explain-code --index > docs/codes.md; \

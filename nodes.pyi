@@ -33,6 +33,19 @@ class Sequence(Node):
         **conditions: Unpack[Conditions],
     ) -> None: ...
 
+class SequenceWithMemory(Node):
+    """A Sequence that goes on with the child that failed or was halted, also when it is started again.
+
+    Children before that one are not ticked again until all have succeeded. SKIPPED when all were skipped in
+    one go."""
+
+    def __init__(
+        self,
+        *children: Child,
+        name: str = ...,
+        **conditions: Unpack[Conditions],
+    ) -> None: ...
+
 class Fallback(Node):
     """Ticks its children in order until one succeeds; goes on with the child that was RUNNING.
 
@@ -63,6 +76,19 @@ class ReactiveFallback(Node):
 
     When an earlier child runs or succeeds, a later one that was RUNNING is halted, after the earlier was
     ticked. Both hold the arm for a moment, and the one that acquired it last keeps it."""
+
+    def __init__(
+        self,
+        *children: Child,
+        name: str = ...,
+        **conditions: Unpack[Conditions],
+    ) -> None: ...
+
+class PipelineSequence(Node):
+    """Ticks its children again at each tick, from the first to the furthest that has run, as Nav2's.
+
+    A child that runs again does not hold up those behind it that have begun. It ends when a child fails, or
+    when the last has succeeded; what still runs is then halted. SKIPPED when all were skipped."""
 
     def __init__(
         self,
@@ -107,6 +133,24 @@ class Parallel(Node):
         *children: Child,
         success_count: int | str = ...,
         failure_count: int | str = ...,
+        name: str = ...,
+        **conditions: Unpack[Conditions],
+    ) -> None: ...
+
+class ParallelAll(Node):
+    """Ticks all children in each tick until every one has ended, whatever the others do.
+
+    It then fails when `max_failures` children or more have failed: with the first failure, the others'
+    attached. A skipped child needs no end; SKIPPED when all were skipped.
+
+    Ports:
+        max_failures: how many failures are too many; -1 when all failed, -2 when all but one; default 1.
+    """
+
+    def __init__(
+        self,
+        *children: Child,
+        max_failures: int | str = ...,
         name: str = ...,
         **conditions: Unpack[Conditions],
     ) -> None: ...
@@ -291,6 +335,25 @@ class Delay(Node):
         **conditions: Unpack[Conditions],
     ) -> None: ...
 
+class RateController(Node):
+    """Begins a round of its child at most `hz` times a second, as Nav2's; RUNNING in between.
+
+    The first round begins at once, the next when that time has passed since the last success. A child that
+    runs is ticked at each tick. It is made for the children of a PipelineSequence: a parent that resets it
+    after its end begins the next round at once.
+
+    Ports:
+        hz: rounds a second; more than 0; default 10.0.
+    """
+
+    def __init__(
+        self,
+        *children: Child,
+        hz: float | str = ...,
+        name: str = ...,
+        **conditions: Unpack[Conditions],
+    ) -> None: ...
+
 class RunOnce(Node):
     """Runs its child until it has ended once; after that it is SKIPPED, or answers as the child did then.
 
@@ -302,6 +365,40 @@ class RunOnce(Node):
         self,
         *children: Child,
         then_skip: bool | str = ...,
+        name: str = ...,
+        **conditions: Unpack[Conditions],
+    ) -> None: ...
+
+class SkipUnlessUpdated(Node):
+    """Ticks its child when the key was written since the last time; otherwise it is SKIPPED.
+
+    A child that runs is ticked until it ends. A write of an equal value counts, too.
+
+    Ports:
+        entry: the key whose writes count.
+    """
+
+    def __init__(
+        self,
+        *children: Child,
+        entry: object,
+        name: str = ...,
+        **conditions: Unpack[Conditions],
+    ) -> None: ...
+
+class WaitValueUpdate(Node):
+    """Ticks its child when the key was written since the last time; until then it is RUNNING.
+
+    A child that runs is ticked until it ends. A write of an equal value counts, too.
+
+    Ports:
+        entry: the key whose writes count.
+    """
+
+    def __init__(
+        self,
+        *children: Child,
+        entry: object,
         name: str = ...,
         **conditions: Unpack[Conditions],
     ) -> None: ...
@@ -341,6 +438,21 @@ class Condition(Node):
         **conditions: Unpack[Conditions],
     ) -> None: ...
 
+class WasEntryUpdated(Node):
+    """Whether the key was written since the node was ticked last. A write of an equal value counts, too.
+
+    Ports:
+        entry: the key whose writes count.
+    """
+
+    def __init__(
+        self,
+        *,
+        entry: object,
+        name: str = ...,
+        **conditions: Unpack[Conditions],
+    ) -> None: ...
+
 class SetBlackboard(Node):
     """Writes a value to the blackboard.
 
@@ -358,6 +470,23 @@ class SetBlackboard(Node):
         **conditions: Unpack[Conditions],
     ) -> None: ...
 
+class Script(Node):
+    """Assigns to keys of the blackboard: `key := expression`, several with `;`.
+
+    `:=` makes the key where there is none; `=`, `+=`, `-=`, `*=` and `/=` change one that is there.
+
+    Ports:
+        code: the assignments, as `n := 3; n += 1`.
+    """
+
+    def __init__(
+        self,
+        *,
+        code: str,
+        name: str = ...,
+        **conditions: Unpack[Conditions],
+    ) -> None: ...
+
 class Log(Node):
     """Writes a sentence, and a value if given, into the record.
 
@@ -371,6 +500,21 @@ class Log(Node):
         *,
         message: str,
         value: object = ...,
+        name: str = ...,
+        **conditions: Unpack[Conditions],
+    ) -> None: ...
+
+class Sleep(Node):
+    """Waits that long, RUNNING, and then succeeds. 0 succeeds at once.
+
+    Ports:
+        msec: simulated time to wait, ms; at least 0.
+    """
+
+    def __init__(
+        self,
+        *,
+        msec: float | str,
         name: str = ...,
         **conditions: Unpack[Conditions],
     ) -> None: ...
@@ -829,18 +973,18 @@ class Grasp(Node):
     ) -> None: ...
 
 class PickAny(Node):
-    """Pick some thing out of a tote, without knowing its shape, size or weight.
+    """Pick some thing out of a tote or a pile, without knowing its shape, size or weight.
 
-    The camera maps the heights of what lies in the tote. The hand's shape is swept over the map: vertical
+    The camera maps the heights of what lies there. The hand's shape is swept over the map: vertical
     grasps come first, then tilted ones, then looser demands. What the wrist feels after the lift tells
     whether something is held. The thing is then an object of the belief with its hull, colour and weight, for
     `Place`. A thing that the hand holds already is kept. A place where a grasp has failed is left out until
     the depth there changes.
 
     Ports:
-        from_: the tote to pick from.
+        from_: the tote, or the fixture with a pile, to pick from.
         out: id of the thing in the hand. Output: the key to write, as '{out}'.
-        camera: the camera that sees into the tote; default overhead.
+        camera: the camera that sees the heap; default overhead.
         force: grip force of each finger at most, N; more than 0; default 30.0.
         attempts: grasps that are tried, with a look before each; at least 1; default 3.
         speed: share of the joints' speed limits: 1 for as fast as allowed; more than 0, at most 1; default 1.0.
@@ -962,6 +1106,33 @@ class Push(Node):
         **conditions: Unpack[Conditions],
     ) -> None: ...
 
+class Stir(Node):
+    """Push through the heap in a tote with closed fingers, for when nothing in it can be grasped.
+
+    The strokes are planned from the height map. What lies against a wall is pushed off it; otherwise a stroke
+    goes through the highest part. After each the arm moves out of the view and looks. A stroke that changed
+    nothing is not repeated. Grasps that failed where the depth has changed may be tried again.
+
+    Ports:
+        in_: the tote to stir in.
+        camera: the camera that sees into the tote; default overhead.
+        strokes: strokes that are tried until things lie elsewhere; at least 1, at most 20; default 4.
+        speed: of the tool while it pushes, m/s; more than 0, at most 0.2; default 0.08.
+        force: of the things on the tool that stops a stroke, N; more than 0; default 15.0.
+    """
+
+    def __init__(
+        self,
+        *,
+        in_: str,
+        camera: str = ...,
+        strokes: int | str = ...,
+        speed: float | str = ...,
+        force: float | str = ...,
+        name: str = ...,
+        **conditions: Unpack[Conditions],
+    ) -> None: ...
+
 class GoTo(Node):
     """Move the arm, free of collisions, to a named configuration of the robot file.
 
@@ -1036,7 +1207,8 @@ class AwaitItems(Node):
     ) -> None: ...
 
 class ExchangeBin(Node):
-    """Ask for an empty bin in a full one's place, and wait until it stands there.
+    """Ask for an empty bin in a full one's place, and wait until it stands there. A tote into which the feed
+    of the scene pours comes back full, until all has come.
 
     With `fill` it asks only for a bin whose heap, as seen, is at least so high, and succeeds at once for
     another. What was believed to lie in the bin goes with it. The arm must be clear of the bin, also with an

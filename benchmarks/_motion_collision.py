@@ -23,7 +23,7 @@ REACH = 0.002
 """How near to its margin a pair is measured, m."""
 HALVINGS = 40
 COSTS = """
-ours: Collision.free. bare call: pinocchio's computeCollisions with the broad phase that ours uses; AABB
+ours: Collision.free. bare call: pinocchio's computeCollisions with all bodies in one naive manager; AABB
 tree: with the other one that misses nothing; naive: every pair. All with the same pairs and margins, up
 to the first hit. python-fcl: the judge's tightest pair, 200 configurations at once. Medians over scenes
 of 200.
@@ -37,7 +37,7 @@ python-fcl's distance should be the margin, and the worst is told.
 
 @dataclass
 class _Tally:
-    """What was found for one robot."""
+    """Answers of the checker for one robot."""
 
     configurations: int = 0
     free: int = 0
@@ -48,7 +48,7 @@ class _Tally:
     times: dict[str, list[float]] = field(default_factory=dict[str, list[float]])
     """Of one configuration, in µs, the mean of each scene."""
     ratios: list[float] = field(default_factory=list[float])
-    """Ours to the bare call with the same broad phase, of each scene."""
+    """Ours to the bare call with all bodies in one naive manager, of each scene."""
 
 
 class _Bare:

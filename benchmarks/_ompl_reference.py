@@ -59,7 +59,7 @@ class OmplReference:
         ou.RNG.setSeed(seed)
         found: ReferencePlan | None = None
         for share in STEP_SHARES:
-            path = self._path(way, EdgeSteps(self._model, share), start, goal)
+            path = self._path(way, EdgeSteps(self._model).scaled(share), start, goal)
             if path is None:
                 return found
             found = ReferencePlan(path, self._timed(way, path))
@@ -118,7 +118,7 @@ class _Edges(ob.MotionValidator):
     def checkMotion(self, a: ob.State, b: ob.State) -> bool:  # noqa: N802
         """Whether all steps from a (exclusive) to b are free."""
         n = self._n
-        return self._strides.free(self._way.free, np.array(a[0:n]), np.array(b[0:n]))
+        return self._strides.free(self._way.count_free, np.array(a[0:n]), np.array(b[0:n]))
 
 
 ou.setLogLevel(ou.LOG_NONE)

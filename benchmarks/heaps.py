@@ -1,7 +1,13 @@
-"""Campaign: things that nobody has catalogued are taken out of a tote; how many, and what goes wrong.
+"""Campaign: things that nobody has catalogued are taken out of a heap; how many, and what goes wrong.
 
     python benchmarks/heaps.py --runs 20 --first 100
     python benchmarks/heaps.py --runs 20 --first 100 --friction 0.3
+    python benchmarks/heaps.py --scene pile --runs 40 --first 200
+    python benchmarks/heaps.py --scene packed --runs 40 --first 200
+
+A scene with a tote is emptied by `examples/empty_the_tote.yaml`. On a table each run is a round after VGN's
+protocol (Breyer et al., CoRL 2020): five to ten things, and the end after two failures in a row. It runs
+`examples/clear_the_pile.yaml`.
 
 A grasp is a closing of the fingers. It succeeds when the thing is still held after the transport, just before
 the hand opens above the bin. Cleared are things that end in any bin, as the simulator has them. Runs with
@@ -11,20 +17,29 @@ another noise, camera or friction are laid on the scene: the robot is not told o
 from __future__ import annotations
 
 import json
+import random
 import sys
 from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from _campaign import MissionJob, Row, campaign, finished, mission_options, rate, seeds
+from _campaign import ROOT, MissionJob, Row, campaign, finished, mission_options, rate, seeds
 from picktree.world.events.skill_events import ItemDoneEvent, PickEvent
 
 import numpy as np
+import yaml
+
+if TYPE_CHECKING:
+    from picktree.session.session import RunRequest
 
 COST_A_RUN = 60.0
 """CPU seconds of 18 things, for the forecast."""
+ROUND_THINGS = (5, 10)
+"""Least and greatest number of things of a round on the table."""
+ROUND = {"Recover.attempts": "2", "PickAny.attempts": "1"}
+"""Settings of a round: the second failure in a row ends it."""
 
 
 @dataclass(frozen=True)
@@ -40,10 +55,10 @@ class Job(MissionJob):
 def one(job: Job, folder: Path) -> Row:
     """Run one seed; its counts by the scorer, and its grasps by the log."""
     from picktree.analysis.run import Run
-    from picktree.session.session import RunRequest, Session
+    from picktree.session.session import Session
     from picktree.simulation.scoring.scorer import score
 
-    request = RunRequest(mission=Path(job.mission), scene=_scene(job, folder), seed=job.seed, out=folder)
+    request = _request(job, folder)
     session = Session(request)
     result = session.run()
     execution = session.execution
@@ -63,6 +78,7 @@ def one(job: Job, folder: Path) -> Row:
         "total": len(scored.items),
         "grasps": [[_stage(pick.candidate), _end(pick, placed)] for pick in picks],
         "failures": dict(result.failures),
+        "ended": result.message,
         "crushed": len(result.crushed),
         "force": round(float(np.linalg.norm(forces, axis=1).max(initial=0.0)), 1),
         "seconds": round(result.sim_seconds, 2),
@@ -80,14 +96,31 @@ def _stage(candidate: str) -> str:
     return candidate.split(" yaw ")[0].split(" to ")[0]
 
 
-def _scene(job: Job, folder: Path) -> str:
-    """Return the scene, with another camera or friction laid on it."""
+def _request(job: Job, folder: Path) -> RunRequest:
+    """Return the request of one run; a heap on a table is a round."""
+    from picktree.session.session import RunRequest
+    from picktree.world.scene.loading.scene_loading import load_scene
+
+    scene = load_scene(job.scene)
+    heap = next(spawn for spawn in scene.spawn if spawn.drop is not None)
+    if heap.into is not None:
+        laid = _scene(job, folder, {})
+        return RunRequest(Path(job.mission), laid, seed=job.seed, out=folder)
+    spawn = yaml.safe_load(scene.text)["spawn"]
+    spawn[scene.spawn.index(heap)]["of"] = {"assortment": random.Random(job.seed).randint(*ROUND_THINGS)}
+    laid = _scene(job, folder, {"spawn": spawn})
+    mission = ROOT / "examples" / "clear_the_pile.yaml"
+    return RunRequest(mission, laid, seed=job.seed, out=folder, parameters=ROUND)
+
+
+def _scene(job: Job, folder: Path, patch: dict[str, Any]) -> str:
+    """Return the scene, with a patch and another camera or friction laid on it."""
     camera: dict[str, Any] = {}
     if job.noise is not None:
         camera["depth_noise"] = job.noise
     if job.camera_off:
         camera["error"] = [job.camera_off, 0.0, 0.0]
-    patch: dict[str, Any] = {"cameras": {"overhead": camera}} if camera else {}
+    patch = patch | ({"cameras": {"overhead": camera}} if camera else {})
     if job.friction is not None:
         patch["assortment"] = {"friction": job.friction}
     if not patch:
@@ -116,6 +149,7 @@ def report(rows: list[Row]) -> str:
         *_by_stage(grasps),
         rate("held after the lift", sum(end != "missed" for _, end in grasps), len(grasps)),
         rate("  lost in transport", sum(end == "lost" for _, end in grasps), len(grasps)),
+        f"ended by a failure: {sum(bool(row['ended']) for row in done)} of {len(done)} runs",
         rate("cleared", sum(row["cleared"] for row in done), total),
         rate("sorted", verdicts["sorted"], total),
         *(rate(f"  {name}", by["sorted"], by.total()) for name, by in sorted(classes.items())),

@@ -19,7 +19,7 @@ from _campaign import rate
 from picktree.perception.fitting.hole_mouths import detect_hole
 from picktree.simulation.engine import Client
 from picktree.simulation.physics.bodies import add_scenery
-from picktree.simulation.physics.rgbd_camera import CameraRenderer, intrinsics
+from picktree.simulation.physics.rgbd_camera import CameraRenderer
 from picktree.simulation.sensor_noise import noisy_colour, noisy_depth
 from picktree.simulation.spawning.spawn import displace_fixtures
 from picktree.world.protocols import RgbdImage
@@ -47,7 +47,7 @@ class Miss:
 
 
 def picture(camera: CameraDescription, client: int, believed: Pose, rng: np.random.Generator) -> RgbdImage:
-    """From somewhere above a believed mouth."""
+    """Take a picture from a random place above a believed mouth."""
     distance, around, aslant = rng.uniform(0.17, 0.25), rng.uniform(-3, 3), rng.uniform(0, 0.4)
     x, y, z = believed.position
     at = (
@@ -62,7 +62,7 @@ def picture(camera: CameraDescription, client: int, believed: Pose, rng: np.rand
     seen = CameraRenderer(camera).render(client, optical)
     depth = np.where(np.isfinite(seen.depth), seen.depth, np.float32(0.0))
     colour = noisy_colour(seen.colour, rng)
-    return RgbdImage("wrist", colour, noisy_depth(depth, camera, rng), 0.0, intrinsics(camera), optical)
+    return RgbdImage("wrist", colour, noisy_depth(depth, camera, rng), 0.0, camera.intrinsics, optical)
 
 
 def looked(scene: SceneDescription, seed: int) -> list[tuple[Hole, Miss | None]]:
@@ -70,7 +70,7 @@ def looked(scene: SceneDescription, seed: int) -> list[tuple[Hole, Miss | None]]
     rng = np.random.default_rng([seed, 11])
     really = displace_fixtures(scene, seed)
     client = Client()
-    add_scenery(really, client.id)
+    add_scenery(really.fixtures, really.bins, client.id)
     camera = replace(scene.cameras[0], near=0.05)
     board, truly = scene.fixture("board"), really.fixture("board")
     found: list[tuple[Hole, Miss | None]] = []

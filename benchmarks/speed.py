@@ -4,27 +4,34 @@ The second table has the CPU seconds of the runs by part of the work.
 
     python benchmarks/speed.py --runs 5                          # make bench
     python benchmarks/speed.py --only "sort_by_colour,check" --against ../before
+    python benchmarks/speed.py --only "sort_by_colour,sort_past_obstacles" --cores 2 --runs 3
 
 Each round measures the reference before and after each command: a fixed computation of pybullet and Python
 without picktree. The ratio to it says more than seconds, which vary with machine and load. `--against`
 measures another checkout in alternation, which has an environment of its own in .venv; the last columns are
 the ratios to it. Rounds of a clean checkout are kept by commit.
+
+`--cores N` measures the ticks of runs instead, on one core, on two, and so on up to N: each run once by the
+wall clock and once by the CPU time of the thread that ticks, which other programs hardly change.
 """
 
 from __future__ import annotations
 
+import argparse
 import json
 import os
 import subprocess
 import sys
 import time
 from collections.abc import Mapping, Sequence
+from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 from statistics import median
 from tempfile import TemporaryDirectory
 
 from _campaign import REFERENCE_COST, ROOT, Row, campaign, finished, options, reference, seeds
+from picktree.logs.run_log import RunLog
 from picktree.session.environment import revision
 
 PARTS = ("physics", "control", "planning", "perception", "rendering", "tree", "logging", "rest")
@@ -67,6 +74,12 @@ def _run(name: str, mission: str, cost: float, *words: str) -> Measured:
     return Measured(name, line, cost)
 
 
+BY_WALL = BY_PART.replace("time.perf_counter = time.thread_time", "pass")
+"""As BY_PART, by the wall clock."""
+LONG_TICK = 0.02
+"""Time of a tick from which it counts as long, s."""
+
+
 MEASURED = (
     _run("sort_by_colour", "sort_by_colour", 7.5, "--scene", "three_bins"),
     _run("dense", "sort_by_colour", 11.0, "--scene", "dense"),
@@ -95,7 +108,18 @@ class Round:
     """Commit; of a checkout with changes, or with another one beside it, the time of the measurement, too."""
 
 
-def measure(command: Measured, checkout: Path, values: Mapping[str, object]) -> Row:
+@dataclass(frozen=True)
+class TickRound:
+    """One measurement of the ticks of each run, on that number of cores."""
+
+    seed: int
+    names: tuple[str, ...]
+    cores: int
+    state: str
+    """As of a `Round`."""
+
+
+def measure(command: Measured, checkout: Path, values: Mapping[str, object], program: str = BY_PART) -> Row:
     """Run a command of a checkout once: its CPU time, and for a run what its result says.
 
     Raises RuntimeError for a command that was not carried out.
@@ -104,7 +128,7 @@ def measure(command: Measured, checkout: Path, values: Mapping[str, object]) -> 
     python = sys.executable if checkout == ROOT else str(checkout / ".venv" / "bin" / "python")
     before = os.times()
     done = subprocess.run(
-        [python, *(("-c", BY_PART) if command.runs else ("-m", "picktree")), *words],
+        [python, *(("-c", program) if command.runs else ("-m", "picktree")), *words],
         cwd=checkout,
         capture_output=True,
         text=True,
@@ -125,7 +149,53 @@ def measure(command: Measured, checkout: Path, values: Mapping[str, object]) -> 
         "log": result["log"],
         "simulated": result["sim_seconds"],
         "run_cpu": result["cpu_seconds"],
+        "wall": result["wall_seconds"]["total"],
     }
+
+
+def ticks(job: TickRound, out: Path) -> Row:
+    """Measure the ticks of each run by both clocks, on the first cores that this process may use."""
+    os.sched_setaffinity(0, sorted(os.sched_getaffinity(0))[: job.cores])
+    measured: dict[str, Row] = {}
+    with TemporaryDirectory(prefix="ticks-") as folder:
+        for command in (command for command in MEASURED if command.name in job.names):
+            measured[command.name] = {}
+            for clock, program in (("wall", BY_WALL), ("cpu", BY_PART)):
+                values = {"seed": job.seed, "out": f"{folder}/{clock}", "log": ""}
+                row = measure(command, ROOT, values, program)
+                with closing(RunLog(row["log"])) as log:
+                    times = [at.record.total for at in log.timings()]
+                measured[command.name][clock] = {"wall": row["wall"], "ticks": times}
+    return {"measured": measured}
+
+
+def tick_table(rows: Sequence[Row], names: Sequence[str]) -> str:
+    """Return the table of ticks in Markdown: medians over the rounds on each number of cores."""
+    head = [
+        "",
+        "cores",
+        "wall s",
+        *(f"{what}, {clock}" for clock in CLOCKS.values() for what in TICK_FIGURES),
+    ]
+    lines = ["| " + " | ".join(head) + " |", "|---" * len(head) + "|"]
+    for name in names:
+        for cores in sorted({row["job"]["cores"] for row in rows}):
+            each: list[Row] = [row["measured"][name] for row in rows if row["job"]["cores"] == cores]
+            cells = [name, str(cores), f"{median(row['wall']['wall'] for row in each):.1f}"]
+            for clock in CLOCKS:
+                times = [row[clock]["ticks"] for row in each]
+                count, long = (
+                    median(map(len, times)),
+                    median(sum(t > LONG_TICK for t in run) for run in times),
+                )
+                cells.append(f"{long:.0f} of {count:.0f}")
+                cells.append(f"{1000 * median(map(max, times)):.0f}")
+            lines.append("| " + " | ".join(cells) + " |")
+    return "\n".join(lines)
+
+
+CLOCKS = {"wall": "wall", "cpu": "CPU"}
+TICK_FIGURES = (f"ticks above {1000 * LONG_TICK:.0f} ms", "longest, ms")
 
 
 def one(job: Round, out: Path) -> Row:
@@ -211,6 +281,7 @@ def main() -> int:
     parser = options(__file__, __doc__, runs=5, what="rounds; round N has seed N")
     parser.add_argument("--only", default="", metavar="NAMES", help="these commands, with commas between")
     parser.add_argument("--against", metavar="CHECKOUT", help="another checkout to compare with")
+    parser.add_argument("--cores", type=int, metavar="N", help="measure ticks on 1 … N cores instead")
     parser.set_defaults(workers=1)
     given = parser.parse_args()
     try:
@@ -219,6 +290,8 @@ def main() -> int:
         parser.error(str(error))
     state = revision() or "installed"
     kept = "dirty" not in state and not given.against
+    if given.cores:
+        return _main_of_ticks(given, names, state if kept else f"{state} {time.time():.0f}")
     rounds = [
         Round(seed, names, given.against, state if kept else f"{state} {time.time():.0f}")
         for seed in seeds(given)
@@ -229,6 +302,20 @@ def main() -> int:
     text = f"{table(rows, names, against=given.against is not None)}\n\n{parts_table(rows, names)}"
     print(f"{state}, {len(rows)} rounds\n\n{text}")
     (given.out / f"{state}.md").write_text(f"{text}\n", encoding="utf-8")
+    return 0
+
+
+def _main_of_ticks(given: argparse.Namespace, names: Sequence[str], state: str) -> int:
+    """Measure the ticks of the named runs on 1 … N cores, and print their table."""
+    runs = tuple(command.name for command in MEASURED if command.name in names and command.runs)
+    rounds = [TickRound(seed, runs, n + 1, state) for seed in seeds(given) for n in range(given.cores)]
+    cost = 2 * sum(command.cost for command in MEASURED if command.name in runs)
+    rows = finished(
+        campaign(given, rounds, ticks, cost=cost, short=lambda row: f"{len(row['measured'])} runs")
+    )
+    text = tick_table(rows, runs)
+    print(f"{state}, {given.runs} rounds\n\n{text}")
+    (given.out / f"{state}-ticks.md").write_text(f"{text}\n", encoding="utf-8")
     return 0
 
 

@@ -9,15 +9,16 @@ import numpy as np
 
 from ..control.joints.external_torque import static_external_torque
 from ..errors import PicktreeError
+from ..perception.expectation.robot_mask import hidden_shares
 from ..planning.requests import NamedGoal
 from ..recovery.safe_retreat import SafeRetreat
 from ..robots.loading import load_robot
 from ..session.cell import CellSession
-from ..session.run_summary import hidden_shares
 from ..skills.grasp import Grasp
 from ..skills.observe import Observe
 from ..skills.place import Place
 from ..world.causes import Failure
+from ..world.scene.description import MAX_HIDDEN_SHARE
 from ..world.trajectory import Trajectory
 from ..world.values import Array
 from .robot_setup.model_checks import RobotUnderTest, Verdict, check_model
@@ -34,8 +35,6 @@ MAX_TRACKING_ERROR = 0.02
 """Greatest distance of a joint from its set-point on a motion, rad."""
 MAX_BRAKING_TIME = 1.0
 """Longest time in which the arm comes to rest from full speed, s."""
-MAX_HIDDEN_SHARE = 0.25
-"""Greatest share of the items' part of the table that the arm may hide from a camera at `home`."""
 SHUT_OPENING = 0.003
 """Opening at which closed fingers have met, m."""
 CLOSING_FORCE = 10.0
@@ -203,7 +202,7 @@ class Trials:
         return Verdict("open and close", good, told, "" if good else change)
 
     def _view(self, cell: CellSession) -> Verdict:
-        shares = hidden_shares(cell.world, self._tested.model.named("home"))
+        shares = hidden_shares(self._tested.model, cell.world.description, self._tested.model.named("home"))
         told = ", ".join(f"{name}: the arm hides {100 * share:.0f} %" for name, share in shares.items())
         good = all(share <= MAX_HIDDEN_SHARE for share in shares.values())
         change = (

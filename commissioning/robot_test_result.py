@@ -20,6 +20,8 @@ body { font: 15px/1.45 system-ui, sans-serif; max-width: 72rem; margin: 2rem aut
 h1 { font-size: 1.5rem; margin-bottom: 0; }
 table { border-collapse: collapse; width: 100%; }
 th, td { text-align: left; vertical-align: top; padding: .5rem .7rem; border-bottom: 1px solid #8886; }
+td { overflow-wrap: anywhere; }
+td:first-child, td.good, td.bad { white-space: nowrap; }
 td.good { color: #188038; font-weight: 600; }
 td.bad { color: #c5221f; font-weight: 600; }
 .change { margin-top: .25rem; font-weight: 600; }

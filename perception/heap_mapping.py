@@ -7,16 +7,18 @@ neighbour the picture shows nothing: the cells there are filled as solid columns
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import replace
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ..world.belief.height_map import Heap, HeightMap
+from ..world.belief.height_map import Heap, HeightMap, MapTag, heap_id
 from ..world.belief.planning_scene import BeliefObject, ObstacleBlock, PlanningScene
-from ..world.scene.description import Bin
+from ..world.scene.description import SceneDescription
+from ..world.scene.destinations import asks_for
+from ..world.scene.heap_regions import HeapRegion, heap_regions
 from ..world.shapes import Box
 from ..world.values import Array, ObjectId, Pose
 from .geometry.camera_geometry import PosedCamera, rays_of
@@ -28,6 +30,8 @@ MAX_RISE = 2.0
 """Slope between neighbouring pixels from which on it is a cliff: a step of height over distance."""
 MAX_GAP_CELLS = 60
 """Greatest length of a filled gap behind a cliff, cells."""
+FLOOR_NOISE = 0.003
+"""Height above the floor up to which depth is the floor's, m: noise alone would lift the finger tips."""
 HOLE_ROUNDS = 2
 """Rounds in which single missing cells get the height of their highest neighbour."""
 
@@ -40,36 +44,14 @@ HEAP_KIND = "heap"
 """Kind of a heap in the belief."""
 
 
-@dataclass(frozen=True, slots=True)
-class HeapRegion:
-    """Upright box in which a heap may lie: the inside of a tote, or a place on a table."""
-
-    frame: Pose
-    """Corner of the box in the world, at the height of the support; z up."""
-    size: tuple[float, float]
-    """Lengths along x and y with the walls, m."""
-    wall: float = 0.0
-    """Thickness of the walls, m; 0: there are none."""
-    rim: float = 0.0
-    """Height of the walls above the support, m."""
-    floor: float = 0.0
-    """Height of the tote's floor above the support, m."""
-    reach: float = 0.25
-    """Height above the floor up to which depth belongs to the heap, m."""
-
-    @classmethod
-    def of(cls, tote: Bin) -> HeapRegion:
-        x, y, z = tote.size
-        corner = tote.pose @ Pose((-x / 2, -y / 2, 0.0))
-        return cls(corner, (x, y), tote.wall, z, tote.wall)
-
-
-def map_heights(picture: SegmentationInput, hidden: NDArray[np.bool_], tote: Bin) -> HeightMap | None:
-    """Return the height map of a tote's inside. `hidden` (h, w) marks pixels of the robot.
+def map_heights(
+    picture: SegmentationInput, hidden: NDArray[np.bool_], region: HeapRegion
+) -> HeightMap | None:
+    """Return the height map of a region. `hidden` (h, w) marks pixels of the robot.
 
     None: the picture shows nothing of it.
     """
-    region, cell, sight = HeapRegion.of(tote), CELL, picture.sight
+    cell, sight = CELL, picture.sight
     n, m = (max(1, round(length / cell)) for length in region.size)
     heights = np.full(n * m, -np.inf)
     points = _points(sight, picture.depth, hidden, region)
@@ -83,17 +65,63 @@ def map_heights(picture: SegmentationInput, hidden: NDArray[np.bool_], tote: Bin
         k = max(1, round(region.wall / cell))
         walls[:k] = walls[-k:] = walls[:, :k] = walls[:, -k:] = True
     seen = np.isfinite(heights)
-    heights = np.where(seen, np.maximum(heights, region.floor), np.nan)
+    heights = np.where(heights < region.floor + FLOOR_NOISE, region.floor, heights)
+    heights = np.where(seen, heights, np.nan)
     labels = _labels(sight, picture.label, region.frame, cell, heights)
     return HeightMap.of(region.frame, cell, (region.floor, region.rim), heights, walls, labels)
 
 
-def map_totes(
-    picture: SegmentationInput, hidden: NDArray[np.bool_], totes: Iterable[Bin]
+def map_heaps(
+    picture: SegmentationInput,
+    hidden: NDArray[np.bool_],
+    description: SceneDescription,
+    colour: NDArray[np.uint8],
 ) -> dict[ObjectId, HeightMap]:
-    """Return the height maps of the totes that a picture shows."""
-    found = ((tote.id, map_heights(picture, hidden, tote)) for tote in totes)
-    return {name: heap for name, heap in found if heap is not None}
+    """Return the height maps of the heaps' regions that a picture shows.
+
+    Tags are read in its colours (h, w, 3) if a rule of the scene asks for them.
+    """
+    found: dict[ObjectId, HeightMap] = {}
+    tags = tuple(_read_tags(picture, colour)) if asks_for(description.destinations, "tag") else ()
+    for region in heap_regions(description).values():
+        heap = map_heights(picture, hidden, region)
+        if heap is None:
+            continue
+        local = [(n, region.frame.inverse().apply(at)) for n, at in tags if region.covers(at[None])[0]]
+        found[region.id] = replace(
+            heap, tags=tuple(MapTag(n, (float(x), float(y))) for n, (x, y, _) in local)
+        )
+    return found
+
+
+TAG_MAGNIFICATION = 3
+"""Factor by which a picture is enlarged before tags are read: modules are 3 pixels wide at 0.85 m."""
+MAX_TAG_WINDOW, MIN_TAG_PERIMETER = 53, 0.02
+"""Greatest window of the adaptive threshold, enlarged pixels, and least perimeter of a tag, as a share of the
+picture's longer side."""
+
+
+def _read_tags(picture: SegmentationInput, colour: NDArray[np.uint8]) -> Iterator[tuple[int, Array]]:
+    """Yield number and middle (3,) in the world of each ArUco tag that a picture shows.
+
+    The brightest channel sets the black square apart from any saturated colour about it.
+    """
+    bright = np.ascontiguousarray(colour.max(axis=2))
+    times = TAG_MAGNIFICATION
+    large = cv2.resize(bright, None, fx=times, fy=times, interpolation=cv2.INTER_CUBIC)
+    settings = cv2.aruco.DetectorParameters()
+    settings.adaptiveThreshWinSizeMax, settings.minMarkerPerimeterRate = MAX_TAG_WINDOW, MIN_TAG_PERIMETER
+    known = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_50)
+    outlines, numbers, _ = cv2.aruco.ArucoDetector(known, settings).detectMarkers(large)
+    # Without a tag there are no numbers, not even an empty array.
+    found = np.ravel(np.asarray(numbers)).tolist() if len(outlines) else ()
+    for outline, number in zip(outlines, found, strict=True):
+        middle = (np.asarray(outline, np.float64).reshape(4, 2).mean(axis=0) + 0.5) / times - 0.5
+        column, row = (round(float(c)) for c in middle)
+        depth = picture.depth[max(0, row - 1) : row + 2, max(0, column - 1) : column + 2]
+        if (depth > 0).any():
+            ray = picture.sight.directions(middle[None])[0]
+            yield int(number), picture.sight.origin + ray * float(np.median(depth[depth > 0]))
 
 
 def _labels(
@@ -112,25 +140,27 @@ def _labels(
     return found.reshape(n, m)
 
 
-def heap_id(tote: str) -> ObjectId:
-    """Return the id of a tote's heap in the belief."""
-    return ObjectId(f"{tote}_heap")
-
-
-def update_heap(scene: PlanningScene, tote: Bin, seen: HeightMap, former: Heap | None, now: float) -> Heap:
-    """Merge a new map of a tote into the belief, and return its heap. Failed places are forgotten where the
+def update_heap(
+    scene: PlanningScene, region: HeapRegion, seen: HeightMap, former: Heap | None, now: float
+) -> Heap:
+    """Merge a new map of a region into the belief, and return its heap. Failed places are forgotten where the
     depth has changed."""
     there = seen.over(None if former is None else former.map)
     heap = Heap(there, () if former is None else tuple(p for p in former.barred if p.holds(there)))
-    found = heap_object(tote, there, now)
-    if found is None:
-        scene.remove(heap_id(tote.id), "the tote was seen empty")
-    else:
-        scene.put(found, "seen")
+    put_heap(scene, region, there, now, "seen")
     return heap
 
 
-def heap_object(tote: Bin, heap: HeightMap, now: float) -> BeliefObject | None:
+def put_heap(scene: PlanningScene, region: HeapRegion, heap: HeightMap, now: float, reason: str) -> None:
+    """Replace what is believed of the heap in a region; an empty one is no object."""
+    found = heap_object(region, heap, now)
+    if found is None:
+        scene.remove(heap_id(region.id), f"{region.id}: nothing is left of the heap")
+    else:
+        scene.put(found, reason)
+
+
+def heap_object(region: HeapRegion, heap: HeightMap, now: float) -> BeliefObject | None:
     """Return the heap as an obstacle of merged columns, which are collision geometry. None: it is empty."""
     heights, walls = heap.heights(), heap.beside_walls()
     inner = np.where(walls, heap.floor, np.where(np.isfinite(heights), heights, heap.rim))
@@ -138,18 +168,16 @@ def heap_object(tote: Bin, heap: HeightMap, now: float) -> BeliefObject | None:
     if np.count_nonzero(seen & (heights > heap.floor + EMPTY_HEIGHT)) * heap.cell**2 < EMPTY_AREA:
         return None
     blocks = tuple(_merged_columns(inner, heap))
-    low, high = tote.inside()
-    top = max(block.at[2] + block.size[2] / 2 for block in blocks) if blocks else low[2]
-    middle = ((low[2] + top) / 2,)
-    shape = Box((high[0] - low[0], high[1] - low[1], max(1e-3, top - low[2])))
-    pose = tote.pose.shifted((0.0, 0.0, middle[0]))
-    offset = (-tote.size[0] / 2, -tote.size[1] / 2, -middle[0])
+    x, y = region.size
+    top = max(block.at[2] + block.size[2] / 2 for block in blocks) if blocks else heap.floor
+    middle = (x / 2, y / 2, (heap.floor + top) / 2)
+    shape = Box((x - 2 * region.wall, y - 2 * region.wall, max(1e-3, top - heap.floor)))
     moved = tuple(
-        ObstacleBlock(b.size, (b.at[0] + offset[0], b.at[1] + offset[1], b.at[2] + offset[2])) for b in blocks
+        ObstacleBlock(b.size, (b.at[0] - middle[0], b.at[1] - middle[1], b.at[2] - middle[2])) for b in blocks
     )
     return BeliefObject(
-        heap_id(tote.id), "heap", HEAP_KIND, "unknown", shape, "grey", pose, 0.002, 0.0, 1.0,
-        now, place=str(tote.id), blocks=moved,
+        heap_id(region.id), "heap", HEAP_KIND, "unknown", shape, "grey", region.frame @ Pose(middle),
+        0.002, 0.0, 1.0, now, place=str(region.id), blocks=moved,
     )  # fmt: skip
 
 

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from ..world.belief.planning_scene import BeliefObject
 from ..world.protocols import RgbdImage
 from ..world.scene.description import SceneDescription
+from ..world.scene.heap_regions import heap_regions
 from ..world.shapes import top
 from ..world.values import Array, Pose
 from . import segmentation
@@ -41,7 +42,7 @@ from .fitting.known_object_fitting import NEAR_DEPTH_SIGMA, TrackedSighting, kno
 from .fitting.view import Detection, PerceivedView, UnexplainedPatch, bin_height_map
 from .geometry.camera_geometry import PosedCamera, register_hand_camera
 from .geometry.resting_poses import HoleMouths, catalogue_poses
-from .heap_mapping import map_totes
+from .heap_mapping import map_heaps
 from .segmentation import (
     Blob,
     PixelPatch,
@@ -99,12 +100,12 @@ class Perception:
         self.rests = catalogue_poses(description.catalogue)
         self.tallest = max((rest.height for rest in self.rests), default=0.0)
         """Height of the tallest item in its tallest stable pose, m."""
-        self._floors = SupportSurfaces(description.fixtures, description.bins)
+        self.regions = heap_regions(description)
+        self._floors = SupportSurfaces(description.fixtures, description.bins, self.regions)
         self.mouths = HoleMouths(description.fixtures, description.catalogue)
         self._noise = {c.name: max(c.depth_noise, 2e-4) for c in description.cameras}
         self.moving = frozenset(c.name for c in description.cameras if c.on == "hand")
         """Names of the cameras on the hand."""
-        self.totes = {str(each.id): each for each in description.bins if each.is_tote}
         self._backdrops: dict[tuple[object, Pose], BackgroundModel] = {}
 
     def detect(
@@ -139,7 +140,7 @@ class Perception:
             finding.reach(),
             self._floors.supports,
             lambda points, distance: self._robot.within(points, joints, width, held_part(held), distance),
-            map_totes(shot.picture, shot.robot, () if shot.moving else self.totes.values()),
+            {} if shot.moving else map_heaps(picture, shot.robot, self._description, image.colour),
         )
 
     def follow(
@@ -210,8 +211,7 @@ class Perception:
         return self._backdrops[key]
 
     def in_heap(self, points: Array, over: float = HEAP_ABOVE_RIM) -> NDArray[np.bool_]:
-        """Select the points (n, 3) of the world that belong to a heap in a bin: at most `over` m above its
-        rim."""
+        """Select the points (n, 3) of a pile, or of a bin up to `over` m above its rim."""
         return self._floors.in_heap(points, over)
 
     def floor(self, x: float, y: float, below: float) -> SupportSurface:
@@ -306,7 +306,7 @@ class _Finding:
 
     def _item(self, patch: PixelPatch) -> None:
         floor = self._floor(patch.rows, patch.columns, patch.top)
-        if patch.top - floor.height < MIN_ITEM_HEIGHT or floor.place in self.perception.totes:
+        if patch.top - floor.height < MIN_ITEM_HEIGHT or floor.heaped:
             return
         blob = outline_patch(self.picture, patch)
         heaped = (0.0, math.inf) if floor.in_bin else (GOOD_MISFIT, MAX_HOVER_HEIGHT)

@@ -25,7 +25,7 @@ from ..world.values import ObjectId
 if TYPE_CHECKING:
     from ..skill_world.world import World
 
-_INSERTED: Final = re.compile(r"\{[A-Za-z_]\w{0,59}(?:\.[A-Za-z_]\w{0,59}){0,9}\}", re.ASCII)
+_INSERTED: Final = re.compile(r"\{@?[A-Za-z_]\w{0,59}(?:\.[A-Za-z_]\w{0,59}){0,9}\}", re.ASCII)
 
 
 class AskForHelp(Node):

@@ -26,6 +26,7 @@ from ..world.protocols import Hardware
 from ..world.random_streams import RandomStreams
 from ..world.scene.description import SceneDescription
 from ..world.scene.destinations import destination_rule
+from ..world.scene.heap_regions import heap_regions
 
 TICK_LENGTH = 0.05
 """Length of a tick, simulated s."""
@@ -48,7 +49,9 @@ def assemble_world(
     """
     watch = stopwatch or Stopwatch()
     model = RobotModel(replace(robot, tool=scene.tool))
-    belief = PlanningScene(scene.fixtures, scene.bins, destination_rule(scene.destinations))
+    belief = PlanningScene(
+        scene.fixtures, scene.bins, destination_rule(scene.destinations), heap_regions(scene)
+    )
     journal = Journal()
     streams = RandomStreams(seed)
     thinking = ComputeTimeAccount(TICK_LENGTH)

@@ -7,8 +7,10 @@ A `RunRequest` names the files; `read_recipe` reads and checks them.
 from __future__ import annotations
 
 import hashlib
+import io
 import posixpath
 import xml.etree.ElementTree as ElementTree
+import zipfile
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
@@ -30,7 +32,7 @@ from ..simulation.fault_files.fault_loading import load_faults
 from ..trees.loading.loader import load_mission
 from ..trees.loading.registry import NodeRegistry
 from ..trees.mission import Mission, Plugin, name_of
-from ..world.scene.description import SceneDescription
+from ..world.scene.description import MESH_SETS, SceneDescription
 from ..world.scene.loading.scene_loading import load_scene
 from ..world.shapes import ConvexMesh
 from .checkpoints import RunState
@@ -120,6 +122,8 @@ class Recipe:
     """Original paths of the files of a recipe from a log, by name of the attachment."""
 
 
+ASSORTMENT_MESHES: Final = "assortment.zip"
+"""Attachment with the OBJ files of the scene's assortment: what is drawn depends on all of them."""
 ROBOT_MESHES: Final = "robot/"
 """Folder of the attachments with the URDF's meshes, each under the name that the URDF uses."""
 
@@ -133,6 +137,9 @@ def recipe_files(recipe: Recipe) -> Iterator[Attachment]:
     scene, robot = recipe.scene, recipe.robot
     yield Attachment("scene.yaml", scene.text, "application/yaml", Path(scene.source))
     yield from scene_meshes(scene)
+    if scene.assortment is not None and scene.assortment.meshes not in MESH_SETS:
+        folder = Path(scene.assortment.meshes)
+        yield Attachment(ASSORTMENT_MESHES, packed_folder(folder), "application/zip", folder)
     urdf = Path(robot.urdf)
     yield Attachment("robot.yaml", robot.text, "application/yaml", Path(robot.source))
     yield Attachment("robot.urdf", urdf.read_bytes(), "application/xml", urdf)
@@ -164,6 +171,16 @@ def scene_meshes(scene: SceneDescription) -> Iterator[Attachment]:
         if name not in given:
             given.add(name)
             yield Attachment(name, file.read_bytes(), "model/mesh", file)
+
+
+@lru_cache(maxsize=2)
+def packed_folder(folder: Path) -> bytes:
+    """Return the OBJ files of a folder as a ZIP archive; equal files give equal archives."""
+    data = io.BytesIO()
+    with zipfile.ZipFile(data, "w") as archive:
+        for file in sorted(folder.glob("*.obj")):
+            archive.writestr(zipfile.ZipInfo(file.name), file.read_bytes(), zipfile.ZIP_DEFLATED)
+    return data.getvalue()
 
 
 def installed_meshes(robot: RobotDescription) -> Mapping[str, str]:

@@ -6,8 +6,6 @@ import time
 from collections.abc import Mapping
 from pathlib import Path
 
-import numpy as np
-
 from ..errors import PicktreeError
 from ..logs.run_result import (
     CrushedItem,
@@ -21,19 +19,12 @@ from ..logs.run_result import (
     WallSeconds,
 )
 from ..logs.schema.records import NodeTime, Timing
-from ..perception.expectation.robot_mask import RobotMask
-from ..perception.geometry.camera_geometry import PosedCamera
+from ..perception.expectation.robot_mask import hidden_shares
 from ..simulation.scoring.scorer import ItemScore, score
 from ..simulation.scoring.truth import TrueBody
-from ..skill_world.world import World
 from ..world.computing_time import Stopwatch
-from ..world.values import Array
+from ..world.scene.description import MAX_HIDDEN_SHARE
 from .execution import Execution
-
-MAX_HIDDEN_SHARE = 0.5
-"""Share of the items' areas hidden from a camera above which the arm explains that nothing was grasped."""
-GRID = 15
-"""Number of points along each side of an area of items."""
 
 
 class RunTimer:
@@ -84,14 +75,13 @@ def summarise(run: Execution, timer: RunTimer, status: RunStatus, digest: str, l
 
     A success that misses the goal becomes `incomplete`.
     """
-    recipe, tree, tally = run.recipe, run.tree, run.tally
+    recipe, tally = run.recipe, run.tally
     scene, desk, now = recipe.scene, run.world.operator, run.world.clock.now
     truth = run.hardware.truth()
     verdict = score(truth, scene)
     goal = run.mission.goal.text if run.mission.goal else scene.goal
     if status == "success" and not verdict.reached(goal):
         status = "incomplete"
-    failure = tree.failure
     episodes = tally.episodes.so_far(now)
     asked = desk.pending if status == "paused" else None
     return RunResult(
@@ -118,7 +108,7 @@ def summarise(run: Execution, timer: RunTimer, status: RunStatus, digest: str, l
         wall_seconds=timer.wall_seconds(),
         log=log.absolute(),
         folder=log.parent.absolute(),
-        message=asked.reason if asked else failure.message if failure else _unseen(run, status),
+        message=asked.reason if asked else _message(run, status),
         thinking_charged=scene.thinking.collision_check > 0.0 and scene.thinking.image > 0.0,
         disagreements=run.disagreements if recipe.verify else None,
         holes=tuple(
@@ -134,11 +124,18 @@ def summarise(run: Execution, timer: RunTimer, status: RunStatus, digest: str, l
     )
 
 
-def _unseen(run: Execution, status: RunStatus) -> str:
+def _message(run: Execution, status: RunStatus) -> str:
+    """Return why the run ended as it did: the root's failure, and the arm where it hid the items."""
+    failure = run.tree.failure
+    return "; ".join(filter(None, (failure.message if failure else "", _hidden(run, status))))
+
+
+def _hidden(run: Execution, status: RunStatus) -> str:
     """Return a sentence about the arm when nothing was grasped because it hid the items; else nothing."""
-    if status != "incomplete" or run.tally.tried:
+    unseen = status == "incomplete" or (status == "failure" and not run.world.scene.objects)
+    if not unseen or run.tally.tried:
         return ""
-    shares = hidden_shares(run.world, run.world.control.state.position)
+    shares = hidden_shares(run.world.robot, run.world.description, run.world.control.state.position)
     told = [f"{100 * share:.0f} % from {name}" for name, share in shares.items() if share > MAX_HIDDEN_SHARE]
     if not told:
         return ""
@@ -147,32 +144,6 @@ def _unseen(run: Execution, status: RunStatus) -> str:
         f"the arm hides where the items are, {', '.join(told)}, and nothing was grasped; move 'home' under "
         f"'poses:' in {file} out of the cameras' view (`picktree robot test` measures it)"
     )
-
-
-def hidden_shares(world: World, configuration: Array) -> dict[str, float]:
-    """Return the share of the items' areas that the arm hides at a configuration (n,), rad, by camera.
-
-    Cameras on the hand are left out: they move with what hides. Empty for a scene without such areas.
-    """
-    from ..simulation.physics.rgbd_camera import intrinsics  # brings pybullet
-
-    points = [_grid(*spawn.area) for spawn in world.description.spawn]
-    if not points:
-        return {}
-    mask, width = RobotMask(world.robot), world.robot.description.gripper.max_width
-    return {
-        camera.name: mask.hidden_share(
-            PosedCamera.at(intrinsics(camera), camera.pose), np.concatenate(points), configuration, width
-        )
-        for camera in world.description.cameras
-        if camera.on == "world"
-    }
-
-
-def _grid(low: tuple[float, float], high: tuple[float, float]) -> Array:
-    """Return points (n, 3) over a rectangle of the table, m."""
-    x, y = (np.linspace(a, b, GRID) for a, b in zip(low, high, strict=True))
-    return np.column_stack([np.repeat(x, GRID), np.tile(y, GRID), np.zeros(GRID * GRID)])
 
 
 def write_result(result: RunResult, path: Path) -> None:

@@ -86,7 +86,7 @@ class Vision:
         self.bins: dict[str, BinView] = {}
         """Latest view of each bin; part of the state."""
         self.heaps: dict[str, Heap] = {}
-        """Heap of each tote that was seen; part of the state."""
+        """Heap of each tote or fixture that was seen; part of the state."""
         self.looks = 0
         """Number of observations merged into the belief; part of the state."""
         self.newest = 0.0
@@ -185,8 +185,8 @@ class Vision:
             still = image.camera in self._still
             self.bins[str(name)] = seen if still else seen.over(self.bins.get(str(name)))
         for name, heap in view.heaps.items():
-            tote, former = self._scene.bins[name], self.heaps.get(str(name))
-            self.heaps[str(name)] = update_heap(self._scene, tote, heap, former, shot.stamp)
+            region, former = self._scene.regions[name], self.heaps.get(str(name))
+            self.heaps[str(name)] = update_heap(self._scene, region, heap, former, shot.stamp)
         self.looks += 1
         self.newest = max(self.newest, shot.stamp)
         findings = tuple(f"{d.colour} {d.kind}" for d in view.detections)

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from .pick_any import PickAny as PickAny
     from .place import Place as Place
     from .push import Push as Push
+    from .stir import Stir as Stir
     from .survey import Survey as Survey
     from .touch_target import TouchTarget as TouchTarget
     from .watch_scene import WatchScene as WatchScene
@@ -37,6 +38,7 @@ MODULES = {
     "Place": "place",
     "Insert": "insert",
     "Push": "push",
+    "Stir": "stir",
     "GoTo": "go_to",
     "OpenGripper": "gripper",
     "CloseGripper": "gripper",

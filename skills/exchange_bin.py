@@ -18,7 +18,8 @@ if TYPE_CHECKING:
 
 
 class ExchangeBin(Skill):
-    """Ask for an empty bin in a full one's place, and wait until it stands there.
+    """Ask for an empty bin in a full one's place, and wait until it stands there. A tote into which the feed
+    of the scene pours comes back full, until all has come.
 
     With `fill` it asks only for a bin whose heap, as seen, is at least so high, and succeeds at once for
     another. What was believed to lie in the bin goes with it. The arm must be clear of the bin, also with an

@@ -82,3 +82,17 @@ def chromium() -> Iterator[Chromium]:
     browser = Chromium()
     yield browser
     browser.close()
+
+
+def pick_from_a_tote(folder: Path) -> Path:
+    """Write a mission that picks once from a tote with three things, and its scene; return the mission."""
+    (folder / "scene.yaml").write_text(
+        "picktree: 1\nkind: scene\nbase: tote\n"
+        "spawn: [{of: {assortment: 3}, colours: [red, blue], into: tote, drop: heap}]\n"
+    )
+    mission = folder / "pick.yaml"
+    mission.write_text(
+        "picktree: 1\nkind: mission\nname: pick\nscene: scene.yaml\ntrees:\n  Main:\n"
+        '    PickAny: {from: tote, out: "{thing}"}\n'
+    )
+    return mission

@@ -5,13 +5,13 @@ Each tree has its own, so that two missions in a process share nothing; py_trees
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 
 from ..world.belief.planning_scene import PlanningScene
 from ..world.journal import Plain
 from .values.port_types import plain_copy
-from .values.references import Reference, resolve
+from .values.references import ROOT_KEY, Reference, resolve
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,6 +29,7 @@ class Blackboard:
     def __init__(self) -> None:
         self._values: dict[str, Plain] = {}
         self._writes: list[BlackboardWrite] = []
+        self._watchers: dict[str, list[Callable[[], None]]] = {}
 
     def __contains__(self, key: str) -> bool:
         return key in self._values
@@ -44,6 +45,12 @@ class Blackboard:
         """Write a copy of the value. Raises TypeError or ValueError for a value that is not plain."""
         self._values[key] = plain_copy(value)
         self._writes.append(BlackboardWrite(key, plain_copy(value), node))
+        for written in self._watchers.get(key, ()):
+            written()
+
+    def watch(self, key: str, written: Callable[[], None]) -> None:
+        """Call `written` after each write to the key. Restored values are no writes."""
+        self._watchers.setdefault(key, []).append(written)
 
     def take_writes(self) -> tuple[BlackboardWrite, ...]:
         """Return the writes since the last call, in order."""
@@ -67,23 +74,29 @@ class Namespace:
         self._prefix = prefix
         self._wired: dict[str, tuple[Namespace, Reference]] = {}
 
+    def _alias(self, key: str) -> tuple[Namespace, Reference] | None:
+        """Return the namespace and the reference that the key stands for; None: it is a key of its own."""
+        if key.startswith(ROOT_KEY):
+            return Namespace(self._board, self._prefix.partition("/")[0]), Reference(key[1:])
+        return self._wired.get(key)
+
     def wire(self, key: str, outer: Namespace, reference: Reference) -> None:
         """Make `key` an alias of the caller's `reference`."""
         self._wired[key] = (outer, reference)
 
     def full_key(self, key: str) -> str:
         """Return the key's full name on the blackboard."""
-        wired = self._wired.get(key)
+        wired = self._alias(key)
         return wired[0].full_key(wired[1].key) if wired else f"{self._prefix}/{key}"
 
     def has(self, key: str) -> bool:
-        wired = self._wired.get(key)
+        wired = self._alias(key)
         return wired[0].has(wired[1].key) if wired else f"{self._prefix}/{key}" in self._board
 
     def read(self, reference: Reference, scene: PlanningScene) -> Plain:
         """Read a reference. Raises KeyError for an unwritten key, Failure for an unknown object or
         attribute."""
-        wired = self._wired.get(reference.key)
+        wired = self._alias(reference.key)
         if wired is None:
             value = self._board.read(f"{self._prefix}/{reference.key}")
         else:
@@ -93,7 +106,7 @@ class Namespace:
     def write(self, key: str, value: object, node: str) -> None:
         """Write a key. Raises TypeError or ValueError for a value that is not plain, or a key that is
         read-only here."""
-        wired = self._wired.get(key)
+        wired = self._alias(key)
         if wired is None:
             self._board.write(f"{self._prefix}/{key}", value, node)
         elif wired[1].attributes:

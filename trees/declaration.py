@@ -31,6 +31,8 @@ POSTCONDITIONS = ("_onHalted", "_onFailure", "_onSuccess", "_post")
 """Postcondition keys: assignments that BT.CPP runs after a halt, a failure, a success, or any end."""
 BREAKPOINT = "breakpoint"
 """Key that stops `run --debug` before or after the node."""
+AUTOREMAP = "_autoremap"
+"""Key of a sub-tree's call: keys and ports of the sub-tree that it does not name are the caller's keys."""
 COMMON_KEYS = ("name", *PRECONDITIONS, *POSTCONDITIONS, BREAKPOINT)
 """Keys that every node may have, sub-trees included."""
 
@@ -74,6 +76,11 @@ class NodeDeclaration:
     @property
     def outputs(self) -> tuple[PortDeclaration, ...]:
         return tuple(p for p in self.ports if p.direction == "out")
+
+    @property
+    def scripts(self) -> tuple[str, ...]:
+        """Keys of the ports that take assignments."""
+        return tuple(p.key for p in self.ports if p.takes == "assignments")
 
     @property
     def keys(self) -> tuple[str, ...]:
@@ -211,6 +218,7 @@ def _descriptor(where: str, attribute: str, spec: PortSpec, annotation: object) 
         spec.within,
         spec.like,
         spec.each_of,
+        spec.takes,
     )
     return In[object](declaration) if side == "in" else Out[object](declaration)
 

@@ -119,6 +119,16 @@ class Turns(ChildFlow):
 
 
 @dataclass(frozen=True, slots=True)
+class Resumed(ChildFlow):
+    """As `ChildFlow`, from the child at which the last activation failed or was halted."""
+
+
+@dataclass(frozen=True, slots=True)
+class Pipeline(ChildFlow):
+    """As `ChildFlow`, reactive. A child that has ended in this activation and runs again leads on, too."""
+
+
+@dataclass(frozen=True, slots=True)
 class AtOnce(ChildFlow):
     """All children in each tick, until enough have succeeded or too many failed."""
 
@@ -126,6 +136,8 @@ class AtOnce(ChildFlow):
     """Input with the number of successes; -1: all, without those that are skipped."""
     tolerated: str = ""
     """Input with the number of failures that is too many; -1: all."""
+    waits: bool = False
+    """Whether it goes on until all children have ended."""
 
 
 @dataclass(frozen=True, slots=True)

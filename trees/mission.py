@@ -133,6 +133,8 @@ class NodeSpec:
     breakpoint: Literal["before", "after"] | None = None
     places: Mapping[str, Mark] = field(default_factory=dict[str, Mark])
     """Places of the values of ports, conditions and slots, by key."""
+    autoremap: frozenset[str] | None = None
+    """Ports of a sub-tree that `_autoremap` wires to the caller's keys of that name; None: without it."""
 
     @property
     def children(self) -> tuple[NodeSpec, ...]:

@@ -24,8 +24,9 @@ from .node_values import (
     assign_after,
     constant_inputs,
     read_input,
+    reads_key,
     settled_before,
-    wired_references,
+    wired_inputs,
 )
 from .runtime import Runtime, TreeWorld, Wiring, end_transition, evaluate, start_transition
 from .status import PY_TREES_STATUS, NodeStatus
@@ -38,7 +39,7 @@ from .values.failure_reports import (
     unpack,
 )
 from .values.port_types import PortProblem, PortValues, plain_copy
-from .values.references import Constant
+from .values.references import Reference
 
 _ALWAYS_POSSIBLE = (tree.MISSING_INPUT, tree.TIMEOUT, world.UNKNOWN_OBJECT, internal.ERROR)
 
@@ -110,7 +111,7 @@ class Node(DescribedNode):
         self._runtime = runtime
         self._state = NodeStatus.IDLE
         self._slots: dict[str, tuple[tuple[str, Node], ...]] = {}
-        self._begun = False
+        self._begun = self._kept = False
         self._inputs: dict[str, object] = {}
         self._outputs: dict[str, object] = {}
 
@@ -161,10 +162,14 @@ class Node(DescribedNode):
         """Children in the order of the slots and of the file."""
         return cast("tuple[Node, ...]", tuple(self.children))
 
-    def step(self) -> NodeStatus:
-        """Run one tick. An exception in the node's code becomes the failure `internal.error`."""
+    def step(self, *, kept: bool = False) -> NodeStatus:
+        """Run one tick. An exception in the node's code becomes the failure `internal.error`.
+
+        kept: the parent has not reset the node, so preconditions are not asked of one that has ended.
+        """
         began = time.perf_counter()
         self.ticked = True
+        self._kept = kept and self._state in (NodeStatus.SUCCESS, NodeStatus.FAILURE)
         try:
             state = self._one_tick()
         except Failure as failure:
@@ -266,9 +271,9 @@ class Node(DescribedNode):
         """
         if full_keys is None:
             self._inputs = self._constants()
-        for port, reference in wired_references(self.declaration.inputs, self._wiring):
-            if full_keys is None or self._wiring.namespace.full_key(reference.key) in full_keys:
-                self._inputs[port.key] = read_input(port, reference, self._wiring, self.world)
+        for port, wired in wired_inputs(self.declaration.inputs, self._wiring):
+            if full_keys is None or reads_key(wired, self._wiring, full_keys):
+                self._inputs[port.key] = read_input(port, wired, self._wiring, self.world)
 
     def output(self, key: str, value: object) -> None:
         """Write an output. Raises TypeError for a value that is not of the port's type."""
@@ -277,7 +282,7 @@ class Node(DescribedNode):
             raise TypeError(f"{self.declaration.id} has no output {key!r}")
         self._outputs[key] = checked = accept_output(port, value)
         wired = self._wiring.ports.get(key)
-        if wired is not None and not isinstance(wired, Constant):
+        if isinstance(wired, Reference):
             self._wiring.namespace.write(wired.key, checked, self.path)
 
     def written(self, key: str) -> object:
@@ -304,7 +309,7 @@ class Node(DescribedNode):
 
     # Private.
     def _one_tick(self) -> NodeStatus:
-        if self._wiring.preconditions:
+        if self._wiring.preconditions and not self._kept:
             try:
                 settled = settled_before(self._wiring, self.world, running=self._state is NodeStatus.RUNNING)
             except Failure:

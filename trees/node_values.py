@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from typing import cast
 
 from ..world.causes import Failure, FailureReport, tree
@@ -13,39 +13,51 @@ from .runtime import TreeWorld, Wiring, evaluate
 from .status import NodeStatus
 from .values.failure_reports import with_attached
 from .values.port_types import accept_value, plain_copy
-from .values.references import Assignment, Constant, Reference
+from .values.references import Assignment, Constant, PortExpression, Reference
 
 
-def wired_references(
+def wired_inputs(
     inputs: tuple[PortDeclaration, ...], wiring: Wiring
-) -> Iterator[tuple[PortDeclaration, Reference]]:
-    """Yield each input that a reference feeds, with the reference, in the order of the wiring."""
-    by_key = {port.key: port for port in inputs}
+) -> Iterator[tuple[PortDeclaration, Reference | PortExpression]]:
+    """Yield each input that a reference or an expression feeds, with it, in the order of the wiring."""
+    by_key = {port.key: port for port in inputs if port.takes != "key"}
     for key, wired in wiring.ports.items():
-        if isinstance(wired, Reference) and key in by_key:
+        if not isinstance(wired, Constant) and key in by_key:
             yield by_key[key], wired
 
 
+def reads_key(wired: Reference | PortExpression, wiring: Wiring, full_keys: Collection[str]) -> bool:
+    """Return whether the value depends on one of these blackboard keys."""
+    names = (wired.key,) if isinstance(wired, Reference) else wired.value.names
+    return any(wiring.namespace.full_key(name) in full_keys for name in names)
+
+
 def constant_inputs(inputs: tuple[PortDeclaration, ...], wiring: Wiring) -> dict[str, object]:
-    """Return the values of the inputs that no reference feeds, by key: a copy of the constant or default."""
+    """Return the values of the inputs that are constant or have their default, by key: copies."""
     found: dict[str, object] = {}
     for port in inputs:
         wired = wiring.ports.get(port.key)
         value = wired.value if isinstance(wired, Constant) else port.default
-        if not isinstance(wired, Reference):
+        if wired is None or isinstance(wired, Constant):
             found[port.key] = plain_copy(cast("Plain", value)) if isinstance(value, list) else value
     return found
 
 
-def read_input(port: PortDeclaration, wired: Reference, wiring: Wiring, world: TreeWorld) -> object:
-    """Read an input through its reference.
+def read_input(
+    port: PortDeclaration, wired: Reference | PortExpression, wiring: Wiring, world: TreeWorld
+) -> object:
+    """Read an input through its reference, or evaluate its expression.
 
-    Raises Failure(tree.missing_input) when the key is unwritten or empty, or its value does not fit the port.
+    Raises Failure(tree.missing_input) when a key is unwritten or empty, the expression has no value, or the
+    value does not fit the port.
     """
     where = f"input {port.key!r} of {wiring.id}: "
     evidence = {"port": port.key, "reference": str(wired)}
     try:
-        value = wiring.namespace.read(wired, world.scene)
+        if isinstance(wired, Reference):
+            value: object = wiring.namespace.read(wired, world.scene)
+        else:
+            value = evaluate(wired.value, wiring.namespace, world, where)
     except KeyError:
         message = f"{where}nothing has written {wired} yet"
         raise Failure(tree.MISSING_INPUT, message, **evidence) from None
@@ -100,8 +112,7 @@ def assign_after(wiring: Wiring, world: TreeWorld, state: NodeStatus) -> tuple[F
     problems: list[FailureReport] = []
     for name in names:
         try:
-            for assignment in wiring.postconditions.get(name, ()):
-                _assign(assignment, wiring, world)
+            assign(name, wiring, world)
         except Failure as failure:
             problems.append(FailureReport(failure.cause, f"{name}: {failure.message}", {}, wiring.path))
     return tuple(problems)
@@ -120,6 +131,12 @@ def after_postconditions(
     if state is NodeStatus.FAILURE and failure is not None:
         return state, with_attached(failure, problems)
     return NodeStatus.FAILURE, with_attached(problems[0], problems[1:])
+
+
+def assign(name: str, wiring: Wiring, world: TreeWorld) -> None:
+    """Carry out the assignments under a key of the node. Raises Failure(tree.missing_input)."""
+    for assignment in wiring.postconditions.get(name, ()):
+        _assign(assignment, wiring, world)
 
 
 def _assign(assignment: Assignment, wiring: Wiring, world: TreeWorld) -> None:

@@ -139,6 +139,9 @@ Where scene and robot are known, only their names are valid.
 """
 
 
+Takes: TypeAlias = Literal["value", "key", "assignments"]
+
+
 class Required:
     """Default of a port without one: the file must give a value."""
 
@@ -169,6 +172,10 @@ class PortDeclaration:
     """Key of the input whose value an output passes on; None: none."""
     each_of: str | None = None
     """Key of the input whose elements an output takes one after the other; None: none."""
+    takes: Takes = "value"
+    """Input: a value, a key of the blackboard whose value is not read, or assignments as a text."""
+    remapped: bool = False
+    """Whether it is a key of a tree that calls with `_autoremap` share with their tree."""
 
     @property
     def required(self) -> bool:
@@ -188,6 +195,7 @@ class PortSpec:
     within: Range
     like: str | None
     each_of: str | None
+    takes: Takes
 
 
 class PortHolder(Protocol):
@@ -246,13 +254,15 @@ def port(
     above: float | None = None,
     like: str | None = None,
     each_of: str | None = None,
+    takes: Takes = "value",
 ) -> Any:
     """Declare a port: `object: In[ObjectId] = port("what to grasp")`.
 
     The name in the file is `key` where it cannot be the attribute's (`in`, `while`). A number has a `unit`,
     in which literals may be written, and the bounds `least`, `most`, `above` in that unit. A text may be
     limited to `choices`, or to `names`, a kind of name in scene or robot. An output passes on the value of
-    the input `like`, or takes the elements of the input `each_of` in turn.
+    the input `like`, or takes the elements of the input `each_of` in turn. An input may take a
+    key instead of its value, or assignments.
     """
     allowed = tuple(choices) if choices is not None else None
-    return PortSpec(doc, unit, default, allowed, key, names, Range(least, most, above), like, each_of)
+    return PortSpec(doc, unit, default, allowed, key, names, Range(least, most, above), like, each_of, takes)

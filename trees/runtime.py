@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Generator, Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Literal, Protocol
+from typing import TYPE_CHECKING, Final, Literal, Protocol
 
 from ..files.expressions.expression import Expression, ExpressionError
 from ..world.causes import Evidence, Failure, FailureReport, tree
@@ -18,6 +18,10 @@ if TYPE_CHECKING:
     from ..world.belief.planning_scene import PlanningScene
     from ..world.journal import Journal, Plain
     from ..world.protocols import Clock
+
+
+TIME_TOLERANCE: Final = 1e-9
+"""Tolerance of nodes that wait, for the rounding of summed ticks, s."""
 
 
 def _no_inputs() -> Mapping[str, object]:
@@ -53,7 +57,10 @@ def start_transition(
     inputs: Mapping[str, object],
 ) -> NodeTransition:
     """Describe the start of a node with these input ports and values."""
-    read = {key: plain_copy(value) for key, value in inputs.items() if isinstance(wired.get(key), Reference)}
+    constant = (Constant, type(None))
+    read = {
+        key: plain_copy(value) for key, value in inputs.items() if not isinstance(wired.get(key), constant)
+    }
     of_objects = (port.key for port in ports if port.type.name == "object")
     subject = next((str(inputs[key]) for key in of_objects if inputs.get(key)), "")
     return NodeTransition(path, NodeStatus.RUNNING, read, subject)
@@ -172,8 +179,9 @@ class Scope(Mapping[str, object]):
         return self._facts
 
 
-def evaluate(expression: Expression, namespace: Namespace, world: TreeWorld) -> object:
-    """Evaluate the expression now. Raises Failure(tree.missing_input) when it has no value."""
+def evaluate(expression: Expression, namespace: Namespace, world: TreeWorld, where: str = "") -> object:
+    """Evaluate the expression now. Raises Failure(tree.missing_input), which begins with `where`, when it has
+    no value."""
 
     def attribute_of(owner: object, name: str) -> object:
         return attribute(world.scene, owner, name)
@@ -182,5 +190,5 @@ def evaluate(expression: Expression, namespace: Namespace, world: TreeWorld) -> 
         return expression.evaluate(Scope(namespace, world), attribute_of)
     except ExpressionError as error:
         raise Failure(
-            tree.MISSING_INPUT, f"the expression '{expression}': {error}", expression=expression.text
+            tree.MISSING_INPUT, f"{where}the expression '{expression}': {error}", expression=expression.text
         ) from None

@@ -120,7 +120,7 @@ class FeedSignals:
     deliveries: int = 0
     """How often something was set down, or a belt has stopped with something new, since the run began."""
     exchanges: Mapping[ObjectId, int] = field(default_factory=dict[ObjectId, int])
-    """How often each bin was exchanged for an empty one."""
+    """How often each bin was exchanged: for an empty one, or a tote for a full one."""
 
 
 class Feed(Protocol):

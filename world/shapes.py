@@ -185,6 +185,21 @@ def _quadratic(a: Array, b: Array, c: float) -> tuple[Array, Array]:
     return np.where(hit, (-b - reach) / a, np.inf), np.where(hit, (-b + reach) / a, -np.inf)
 
 
+@lru_cache(maxsize=256)
+def greatest_length(shape: Shape) -> float:
+    """Return the greatest distance of two points of the shape, m."""
+    match shape:
+        case Box(size):
+            return math.hypot(*size)
+        case Sphere(radius):
+            return 2.0 * radius
+        case Cylinder(radius, height):
+            return math.hypot(2.0 * radius, height)
+        case ConvexMesh():
+            points = np.array(shape.vertices)
+            return float(np.linalg.norm(points[:, None] - points[None], axis=2).max())
+
+
 def convex_hull(points: Array) -> ConvexHull:
     """The convex hull of points (n, 2) or (n, 3), by qhull."""
     kind = library_part("scipy.spatial._qhull", "scipy.spatial.ConvexHull", "scipy.linalg", "scipy._lib")

@@ -98,10 +98,13 @@ def _no_item(case: Investigation, item: str) -> str:
 
 
 def _unseen(case: Investigation, true: str) -> ItemStory:
-    body = case.truth.tracks[true].first
+    body = case.truth.tracks[true].last
     score = case.scores.get(true)
     state = "done" if score is not None and score.is_in_place else "left"
-    return ItemStory(true, body.kind, body.colour, state, (), f"{_truth(case, true)}; never seen")
+    bin_ = case.bin_at(body)
+    heaped = case.scene is not None and any(each.id == bin_ and each.is_tote for each in case.scene.bins)
+    unknown = "never taken out" if heaped else "never seen"
+    return ItemStory(true, body.kind, body.colour, state, (), f"{_truth(case, true)}; {unknown}")
 
 
 def _state(case: Investigation, item: str) -> ItemState:
@@ -266,6 +269,8 @@ WATCH = {
     "item.out_of_reach": "how far the item lies from the arm's base",
     "item.crowded": "the neighbours around the item",
     "item.beside_bin": "the bin's wall beside the item",
+    "arm.hides_items": "the camera's picture, and the arm in it",
+    "heap.out_of_reach": "what is left in the tote, and the grasps that were refused",
     "item.never_seen": "the camera's picture, and where the item truly lies",
     "camera.off": "truth beside belief of any item: all are off the same way",
     "grasp.weak": "the fingers' force and the wrist's load while the hand lifts",

@@ -14,6 +14,7 @@ from ...logs.run_log import Stamped
 from ...logs.schema.records import BodyRecord, Candidates, Plan
 from ...logs.visits import HALTED, Visit, VisitTree
 from ...manipulation.pick.pick_candidates import count_rejections
+from ...world.belief.height_map import heap_id
 from ...world.causes import Cause, all_causes
 from ...world.events.run_events import FaultEvent
 from ...world.events.skill_events import SafetyStopEvent
@@ -32,11 +33,12 @@ PLANS = 3
 
 
 def choices_before(run: RunRecord, source: Visit) -> tuple[CandidateChoice, ...]:
-    """Those within the visit that failed and of its item, in the order of time."""
+    """Those within the visit that failed and of its item, or of the heap in it, in the order of time."""
+    names = (source.item, heap_id(source.item))
     found = [
         _of_candidates(at)
         for at in run.candidates
-        if source.start - 1e-6 <= at.time <= source.end + 1e-6 and at.record.object == source.item
+        if source.start - 1e-6 <= at.time <= source.end + 1e-6 and at.record.object in names
     ]
     plans = [at for at in run.plans if source.start - 1e-6 <= at.time <= source.end + 1e-6]
     refused = [at for at in plans if at.record.outcome != "found"]
@@ -109,6 +111,9 @@ def _belief(case: Investigation, failure: FailureStory) -> list[str]:
     before = failure.time - 1e-3  # the belief of the moment before, which the failure may have changed
     believed, true = case.belief.at(failure.item, before), case.pairs.get(failure.item)
     really = None if true is None else _really(case, failure, true)
+    bins = case.scene.bins if case.scene else ()
+    if believed is None and any(failure.item == bin_.id for bin_ in bins):
+        return []
     if believed is None:
         return [f"belief: {failure.item} is not known"]
     where = "in the hand" if believed.attached else f"at {place(believed.pose.position)}"

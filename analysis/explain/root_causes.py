@@ -17,6 +17,7 @@ from ...logs.run_log import Stamped
 from ...world.events.run_events import FaultEvent
 from .causes.contact_causes import touched
 from .causes.device_causes import device_findings
+from .causes.heap_remains import left_in_tote
 from .causes.held_items import held_periods, left_the_hand, pressed_from_below, too_heavy
 from .causes.item_nature import larger, nothing_there, too_wide
 from .causes.item_whereabouts import misjudged, wrong_location_cause
@@ -62,6 +63,7 @@ def pressed(case: Investigation, failure: FailureStory) -> Finding | None:
 
 QUESTIONS: Final[tuple[Question, ...]] = (
     device,                # is it common to several failures?
+    left_in_tote,
     by_the_mission,        # what does the failure say by itself?
     out_of_order,          # was it the item's turn?
     larger,                # what was the item truly,

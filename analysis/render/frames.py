@@ -162,7 +162,7 @@ def moments(
     story = NodeActivity(log, start, end)
     frames = _Latest(log.transforms_at(start), log.transforms(start, end))
     beliefs = _Latest(log.belief_at(start), log.beliefs(start, end))
-    truths = _Latest(log.truth_at(start), log.truths(start, end))
+    truths = _Latest(log.truth_at(start), _truths(log, span) if show != "belief" else iter(()))
     followed = FollowedPlans(log.plans(max(0.0, start - 10.0), end))
     items = ItemCounter(log, end)
     note = " · ".join(_notes(show, speed))
@@ -195,6 +195,16 @@ def moments(
                 marks,
             ),
         )
+
+
+def _truths(log: RunLog, span: tuple[float, float]) -> Iterator[Stamped[Scene]]:
+    """Yield the truth within a span as often as the log has it: a held item stays in the hand."""
+    from ..explain.investigation.body_tracks import true_scenes, true_states  # slow to import
+
+    start, end = span
+    for at in true_scenes(list(log.truths(end=end)), list(true_states(log))):
+        if start <= at.time <= end:
+            yield at
 
 
 class ItemCounter:

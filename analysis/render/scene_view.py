@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
@@ -17,7 +18,7 @@ from ...logs.run_log import RunLog
 from ...logs.schema.records import BlockRecord, BodyRecord, LinkMesh, PartRecord, Scene
 from ...world.colours import COLOURS, TRUTH_COLOUR
 from ...world.scene.destinations import colours_of_destinations
-from ...world.shapes import Shape
+from ...world.shapes import Box, Shape, top
 from ...world.values import Array, Pose
 from .rasterizer import Picture, RasterModel
 from .renderer import MeshRenderer
@@ -77,7 +78,8 @@ class SceneRenderer:
         links = shown.links
         parts = [mesh.placed(links[link]) for link, mesh in self._robot_meshes.items() if link in links]
         parts += [self._part(part) for part in shown.solid.fixed]
-        parts += [_body_mesh(b).placed(_pose(b, links)) for b in shown.solid.bodies]
+        fixed = shown.solid.fixed
+        parts += [body_mesh(b, fixed).placed(_pose(b, links)) for b in shown.solid.bodies]
         studio = MeshRenderer(join_meshes(parts), self._view, self._size, fine=self._fine)
         return self._drawn_over(studio.picture([]), shown)
 
@@ -103,7 +105,7 @@ class SceneRenderer:
     def _body(self, body: BodyRecord) -> RasterModel:
         key = (body.shape, body.colour, body.blocks)
         if key not in self._bodies:
-            self._bodies[key] = self._studio.model(_body_mesh(body))
+            self._bodies[key] = self._studio.model(body_mesh(body, self._fixed or ()))
         return self._bodies[key]
 
     def _pixels(self, points: Array) -> NDArray[np.int32] | None:
@@ -143,7 +145,10 @@ def bin_tints(log: RunLog) -> dict[str, str]:
     scene = scene_of(log)
     if scene is None:
         return {}
-    return colours_of_destinations(scene.destinations, [(each.kind, each.form) for each in scene.catalogue])
+    kinds = [(each.kind, each.form) for each in scene.catalogue]
+    if scene.assortment is not None:
+        kinds.append(("unknown", "mesh"))
+    return colours_of_destinations(scene.destinations, kinds)
 
 
 def part_colour(part: PartRecord, tints: Mapping[str, str]) -> tuple[float, float, float]:
@@ -157,8 +162,75 @@ def _mesh(shape: Shape, colour: str) -> Mesh:
     return shape_mesh(shape, COLOURS.get(colour, UNKNOWN_COLOUR))
 
 
-def _body_mesh(body: BodyRecord) -> Mesh:
-    return join_meshes(_mesh(shape, body.colour).placed(pose) for shape, pose in parts_of(body))
+HEAP_SCALE = 0.1
+"""Height above the floor of the last colour of a heap's columns, m."""
+COLUMN_STEP = 0.006
+"""Rounding of the columns' heights, m: upwards."""
+UNSEEN = (0.45, 0.45, 0.48)
+"""Colour of columns that were never seen."""
+_HEIGHT_COLOURS = cv2.applyColorMap(np.arange(256, dtype=np.uint8)[:, None], cv2.COLORMAP_VIRIDIS)[:, 0, ::-1]
+
+
+def body_mesh(body: BodyRecord, fixed: Sequence[PartRecord]) -> Mesh:
+    """Return the mesh of a body in its frame. The columns of a heap are coloured by their heights."""
+    if body.role != "heap":
+        return join_meshes(_mesh(shape, body.colour).placed(pose) for shape, pose in parts_of(body))
+    unseen = unseen_height(body, fixed)
+    columns = (_inside(block, body.shape) for block in body.blocks)
+    return join_meshes(
+        shape_mesh(Box(one.size), _height_colour(one.size[2], unseen)).placed(Pose(one.at))
+        for one in columns
+        if min(one.size) > 0.0
+    )
+
+
+def _inside(block: BlockRecord, shape: Shape) -> BlockRecord:
+    """Return a column cut off at the inner sides of the walls: those beside a wall reach into it."""
+    far = np.array(shape.size if isinstance(shape, Box) else (math.inf,) * 3) / 2
+    far[2] = math.inf
+    at, size = np.array(block.at), np.array(block.size)
+    low, high = np.maximum(at - size / 2, -far), np.minimum(at + size / 2, far)
+    (x, y, z), (a, b, c) = (low + high) / 2, high - low
+    return BlockRecord((float(a), float(b), float(c)), (float(x), float(y), float(z)))
+
+
+def extent_z(shape: Shape) -> float:
+    """Return the height of a column, m."""
+    return shape.size[2] if isinstance(shape, Box) else 0.0
+
+
+def unseen_height(heap: BodyRecord, fixed: Sequence[PartRecord]) -> float:
+    """Return the height of columns that were never seen, m: that of the tote's rim above its floor. inf: the
+    heap lies in no tote.
+
+    A seen column that ends less than `COLUMN_STEP` below the rim has the same height.
+    """
+    floor = heap.pose.position[2] - extent_z(heap.shape) / 2
+    rim = max((top(p.shape, p.pose) for p in fixed if p.id.split("/")[0] == heap.place), default=-math.inf)
+    steps = math.ceil((rim - floor) / COLUMN_STEP - 1e-6) if rim - floor > COLUMN_STEP else math.inf
+    return steps * COLUMN_STEP
+
+
+def heap_remark(body: BodyRecord, fixed: Sequence[PartRecord]) -> str:
+    """Return what the colours of a heap mean, with its greatest height above the floor. Empty: no heap."""
+    if body.role != "heap":
+        return ""
+    unseen = unseen_height(body, fixed)
+    heights = [block.size[2] for block in body.blocks]
+    seen = [height for height in heights if not _is_same_step(height, unseen)]
+    hidden = "; grey: never seen" if len(seen) < len(heights) else ""
+    return f"0 … {1000 * HEAP_SCALE:.0f} mm; {body.id}: up to {1000 * max(seen, default=0.0):.0f} mm{hidden}"
+
+
+def _is_same_step(a: float, b: float) -> bool:
+    return abs(a - b) < 0.5 * COLUMN_STEP
+
+
+def _height_colour(height: float, unseen: float) -> tuple[float, float, float]:
+    if _is_same_step(height, unseen):
+        return UNSEEN
+    red, green, blue = _HEIGHT_COLOURS[round(255 * min(1.0, height / HEAP_SCALE))] / 255
+    return (float(red), float(green), float(blue))
 
 
 def _pose(body: BodyRecord, links: Mapping[str, Pose]) -> Pose:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -24,6 +25,8 @@ from .scene_view import SceneRenderer, Show, bin_tints
 from .viewpoint import PictureView
 
 ROBOT_PICTURE_SIZE = (1000, 900)
+PICTURE_SHARE = 0.88
+"""Share of a picture's sides that the robot fills."""
 MAX_MESH_FACES = 6000
 """Maximum number of faces of one mesh."""
 FRAME_AXIS_LENGTH = 0.08
@@ -44,22 +47,29 @@ def draw_robot(robot: RobotDescription, path: Path) -> None:
     mesh = join_meshes(
         [part.placed(pose) for link, part in _parts(robot) if (pose := poses.get(link)) is not None]
     )
-    low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
-    middle = (low + high) / 2
-    span = float(np.linalg.norm(high - low))
+    middle = (mesh.vertices.min(axis=0) + mesh.vertices.max(axis=0)) / 2
     view = PictureView(
         target=(float(middle[0]), float(middle[1]), float(middle[2])),
-        distance=1.15 * span / (2 * math.tan(math.radians(16.0))),
         azimuth=math.radians(35.0),
         elevation=math.radians(18.0),
-        fov=math.radians(32.0),
     )
+    view = replace(view, distance=_filling_distance(view, mesh.vertices - middle))
     picture = np.ascontiguousarray(render(mesh, view, ROBOT_PICTURE_SIZE))
     frames = {"base": robot.base_in_world, "flange": model.flange(home), "TCP": model.tcp(home)}
     for name, pose in frames.items():
         _frame(picture, view, name, pose)
     if not cv2.imwrite(str(path), cv2.cvtColor(picture, cv2.COLOR_RGB2BGR)):
         raise PicktreeError(f"{path} cannot be written")
+
+
+def _filling_distance(view: PictureView, offsets: Array) -> float:
+    """Return the distance from which all points, given as offsets (n, 3) from the target, fill the picture,
+    m."""
+    right, down, forward = (offsets @ view.axes().T).T
+    width, height = (
+        PICTURE_SHARE * side / 2 / view.focal(ROBOT_PICTURE_SIZE[1]) for side in ROBOT_PICTURE_SIZE
+    )
+    return float((np.maximum(np.abs(right) / width, np.abs(down) / height) - forward).max())
 
 
 def _parts(robot: RobotDescription) -> list[tuple[str, Mesh]]:

@@ -8,15 +8,16 @@ from collections.abc import Sequence
 import numpy as np
 
 from ...errors import PicktreeError
-from ...logs.meshes.binary_gltf import parts_of, read_glb
-from ...logs.meshes.triangle_meshes import Mesh, decimate, join_meshes, part_mesh, shape_mesh, smooth_mesh
+from ...logs.meshes.binary_gltf import read_glb
+from ...logs.meshes.triangle_meshes import Mesh, decimate, part_mesh, shape_mesh, smooth_mesh
 from ...logs.recording.foxglove_messages import UNKNOWN_COLOUR
-from ...logs.schema.records import BodyRecord, LinkMesh, PartRecord
+from ...logs.schema.records import BodyRecord, Candidates, LinkMesh, PartRecord
+from ...manipulation.pick.pick_candidates import ACCEPTED_VERDICT, count_rejections, describe_rejections
 from ...robots.loading import parse_robot
 from ...world.colours import COLOURS
 from ...world.shapes import Box, ConvexMesh, Cylinder, Shape, Sphere
 from ...world.values import Array, Pose
-from ..render.scene_view import bin_tints, part_colour
+from ..render.scene_view import bin_tints, body_mesh, heap_remark, part_colour
 from ..run import Run
 from .body_motion import BelievedBody, Frames, TrueBodySamples, motion_of, spans
 from .packing import Packable, Quantised, Section, composed, continuous, filled, inverse, quantise, row
@@ -80,12 +81,9 @@ def packed_part(part: PartRecord) -> Packable:
     return {"mesh": packed_mesh(part_mesh(part.shape, part.holes))}
 
 
-def packed_body(body: BodyRecord) -> Packable:
-    """Return the shape of a body; an obstacle's blocks are one mesh."""
-    if not body.blocks:
-        return packed_shape(body.shape)
-    mesh = join_meshes(shape_mesh(shape).placed(pose) for shape, pose in parts_of(body))
-    return {"mesh": packed_mesh(mesh)}
+def packed_body(body: BodyRecord, fixed: Sequence[PartRecord] = ()) -> Packable:
+    """Return the shape of a body; blocks of an obstacle or a heap are one mesh."""
+    return {"mesh": packed_mesh(body_mesh(body, fixed))} if body.blocks else packed_shape(body.shape)
 
 
 def rgb(name: str) -> list[Packable]:
@@ -105,6 +103,8 @@ def pack_stage(run: Run) -> Section:
     frames, believed, truths, partners = motion.frames, motion.believed, motion.truths, motion.partners
     models = run.log.robot_model()
     links = [model.link for model in models if model.link in frames.tracks]
+    scene = run.log.belief_at(run.end) or run.log.truth_at(run.end)
+    fixed = scene.record.fixed if scene is not None else ()
     return Section(
         "stage",
         {
@@ -112,9 +112,9 @@ def pack_stage(run: Run) -> Section:
             "links": list(links),
             "chain": [_pose_track(track) for track in _chain(frames, links)],
             "tool": _tool(run, links),
-            "objects": map(_object, believed),
+            "objects": [_object(one, fixed) for one in believed],
             "truths": map(_truth, truths, motion.true, partners),
-            "fixed": _fixed(run),
+            "fixed": _fixed(run, fixed),
             "plans": _plans(run),
             "choices": _choices(run),
             "cameras": _cameras(run, frames),
@@ -156,17 +156,18 @@ def _tool(run: Run, links: Sequence[str]) -> Packable:
     return {"link": links.index(robot.tcp_link), "at": list(row(robot.tcp_in_link))}
 
 
-def _object(one: BelievedBody) -> Packable:
+def _object(one: BelievedBody, fixed: Sequence[PartRecord]) -> Packable:
     return {
         "id": one.id,
         "looks": [
             {
                 "tick": look.tick,
-                "shape": packed_body(look.body),
+                "shape": packed_body(look.body, fixed),
                 "colour": rgb(look.body.colour),
                 "kind": look.body.kind,
                 "role": look.body.role,
                 "place": look.body.place,
+                "remark": heap_remark(look.body, fixed),
             }
             for look in one.looks
         ],
@@ -188,9 +189,7 @@ def _truth(truth: TrueBodySamples, poses: Array, partner: int | None) -> Packabl
     }
 
 
-def _fixed(run: Run) -> Packable:
-    scene = run.log.belief_at(run.end) or run.log.truth_at(run.end)
-    parts = scene.record.fixed if scene is not None else ()
+def _fixed(run: Run, parts: Sequence[PartRecord]) -> Packable:
     tints = bin_tints(run.log)
     return [
         {
@@ -218,7 +217,7 @@ def _plans(run: Run) -> Packable:
 
 
 def _choices(run: Run) -> Packable:
-    """Pack candidates of grasps and places for a limited time."""
+    """Pack candidates of grasps and places for a limited time, with their verdicts."""
     found: list[Packable] = []
     for k, at in enumerate(run.candidates):
         end = at.time + CANDIDATE_DISPLAY_TIME
@@ -230,13 +229,25 @@ def _choices(run: Run) -> Packable:
                 "from": at.time,
                 "to": end,
                 "object": at.record.object,
+                "summary": search_summary(at.record),
                 "poses": quantise(
                     np.array([(*c.position, *c.orientation) for c in tried]).reshape(-1, 7), 1e-3
                 ),
-                "accepted": np.array([c.verdict == "accepted" for c in tried], dtype=np.uint8),
+                "accepted": np.array([c.verdict == ACCEPTED_VERDICT for c in tried], dtype=np.uint8),
+                "verdicts": [f"{c.name}: {c.verdict}" for c in tried],
             }
         )
     return found
+
+
+def search_summary(search: Candidates) -> str:
+    """Return `tote_heap: 14 candidates, 3 checked, 1 taken; refused: 2 …` for a search."""
+    taken = sum(c.verdict == ACCEPTED_VERDICT for c in search.tried)
+    ranked = search.stages[0].count if search.stages else len(search.tried)
+    checked = len({c.name for c in search.tried})
+    counts = f"{max(ranked, checked)} candidates, {checked} checked, {taken or 'none'} taken"
+    refused = describe_rejections(count_rejections(search.tried, search.into))
+    return f"{search.object}: {counts}" + (f"; refused: {refused}" if refused else "")
 
 
 def _cameras(run: Run, frames: Frames) -> Packable:

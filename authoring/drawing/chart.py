@@ -44,7 +44,8 @@ class Rule:
 
 @dataclass(frozen=True, slots=True)
 class ChartNode:
-    """One node. `calls` names the tree of a sub-tree node; the branches are in that tree."""
+    """One node. `calls` names the tree of a sub-tree node; the branches are in that tree, and `doc` names its
+    file."""
 
     id: str
     name: str
@@ -99,6 +100,7 @@ class ChartTree:
     place: str
     ports: tuple[ChartPort, ...]
     root: ChartNode
+    doc: str = ""
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,7 +12,7 @@ from ...files.yaml.document import read_document
 from ...trees.loading.loader import examine
 from ...trees.mission import MAIN, Mission, NodeSpec, TreeSpec, name_of
 from ...trees.ports import PortDeclaration, SlotDeclaration
-from ...trees.values.references import Binding, Reference
+from ...trees.values.references import Binding, Constant
 from ...world.journal import Plain
 from .chart import (
     RECOVERY,
@@ -74,7 +74,9 @@ class _Charting:
 
     def tree(self, tree: TreeSpec) -> ChartTree:
         ports = tuple(_tree_port(port) for port in tree.ports)
-        return ChartTree(tree.name, self._place(tree.mark), ports, self._node(tree.root))
+        return ChartTree(
+            tree.name, self._place(tree.mark), ports, self._node(tree.root), _in_a_line(tree.doc)
+        )
 
     def _node(self, spec: NodeSpec, label: str = "") -> ChartNode:
         if spec.node is None:
@@ -105,13 +107,15 @@ class _Charting:
         )
 
     def _call(self, spec: NodeSpec) -> ChartNode:
-        ports = self._mission.trees[spec.id].ports
+        called = self._mission.trees[spec.id]
+        ports = called.ports
         return ChartNode(
             id=spec.id,
             name=spec.name,
             kind="subtree",
             symbol="subtree",
             place=self._place(spec.mark),
+            doc=f"{_in_a_line(called.doc)} Defined at {self._place(called.mark)}.".lstrip(),
             calls=spec.id,
             ports=_bound(spec, ports),
             defaults=_defaults(spec, tuple(port for port in ports if port.direction == "in")),
@@ -148,6 +152,10 @@ class _Charting:
         return f"{name}:{mark.line}"
 
 
+def _in_a_line(text: str) -> str:
+    return " ".join(text.split())
+
+
 def _written_as_list(spec: NodeSpec, label: str) -> bool:
     return bool(label) and spec.id == "Sequence" and spec.name.partition("#")[0] == label
 
@@ -171,11 +179,11 @@ def _defaults(spec: NodeSpec, ports: tuple[PortDeclaration, ...]) -> tuple[Chart
 def _role(port: PortDeclaration, bound: Binding) -> PortRole:
     if port.direction == "out":
         return "output"
-    return "reference" if isinstance(bound, Reference) else "literal"
+    return "literal" if isinstance(bound, Constant) else "reference"
 
 
 def _value(bound: Binding) -> str:
-    return str(bound) if isinstance(bound, Reference) else _text(bound.text)
+    return _text(bound.text) if isinstance(bound, Constant) else str(bound)
 
 
 def _text(value: object) -> str:
@@ -222,6 +230,9 @@ def _before(spec: NodeSpec) -> tuple[Rule, ...]:
 
 def _after(spec: NodeSpec) -> tuple[Rule, ...]:
     return tuple(
-        Rule(key, "; ".join(f"{part.key} := {str(part.value).strip()}" for part in parts))
+        Rule(
+            key,
+            "; ".join(f"{part.key} {':=' if part.new else '='} {str(part.value).strip()}" for part in parts),
+        )
         for key, parts in spec.postconditions.items()
     )

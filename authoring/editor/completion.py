@@ -10,18 +10,18 @@ from typing import Literal, TypeAlias, cast
 
 from ...files.marks import Location
 from ...files.yaml.reader import resolve
-from ...trees.declaration import POSTCONDITIONS, PRECONDITIONS
+from ...trees.declaration import PRECONDITIONS
 from ...trees.values.references import ATTRIBUTES
 from ...world.belief.facts import FACTS
 from ..schema.schema_parts import Schema, schema
 from .cursor import Cursor
 from .schema_walk import SchemaWalk, markdown_of, node_ids, types_of
 from .text_repair import CURSOR
-from .tree_keys import key_places, tree_of
+from .tree_keys import assigns, key_places, tree_of
 
 ProposalKind: TypeAlias = Literal["node", "tree", "key", "value", "blackboard"]
 
-_OPEN_REFERENCE = re.compile(rf"\{{(?P<written>[\w.]*){CURSOR}")
+_OPEN_REFERENCE = re.compile(rf"\{{(?P<written>@?[\w.]*){CURSOR}")
 _PLAIN = re.compile(r"[A-Za-z_][\w ./-]*")
 
 
@@ -39,7 +39,7 @@ class Proposal:
 
 def is_expression(walk: SchemaWalk, path: Location) -> bool:
     """Whether an expression or an assignment may stand at a location of a mission."""
-    if path and path[-1] in (*PRECONDITIONS, *POSTCONDITIONS):
+    if path and (path[-1] in PRECONDITIONS or assigns(path)):
         return True
     if len(path) < 2 or not isinstance(path[-1], str) or not isinstance(path[-2], str):
         return False
@@ -55,7 +55,8 @@ def proposals(cursor: Cursor, walk: SchemaWalk, library: Iterable[tuple[str, str
     # `{item}` without quotes is a mapping for YAML: only a quoted one is a reference.
     if reference is not None and not cursor.is_key:
         return list(_keys(cursor, walk, reference["written"], braces=True))
-    if not cursor.is_key and is_expression(walk, cursor.path) and not cursor.in_list:
+    computed = cursor.scalar.startswith("{=")
+    if not cursor.is_key and (computed or (is_expression(walk, cursor.path) and not cursor.in_list)):
         written = cursor.scalar.partition(CURSOR)[0]
         word = re.search(r"[\w.]*\Z", written)
         return list(_keys(cursor, walk, word[0] if word else "", braces=False))

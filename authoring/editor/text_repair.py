@@ -22,7 +22,7 @@ _CLOSERS = {"{": "}", "[": "]"}
 _ENTRY = re.compile(r"[ ]*(?:- |-$|[\w.*-]+:(?: |$))")
 _BARE = re.compile(rf"(?P<indent> *)(?P<dashes>(?:- +)*)[\w{CURSOR}][^:#{{}}\[\]\"',&|>]*")
 _KEY = re.compile(r"(?P<indent> *)(?P<dashes>(?:- +)*)(?:[\w.*]+|\"[^\"]*\")[ ]*:(?: |$)")
-_REFERENCE = re.compile(rf"\{{[\w.{CURSOR}]*\}}?")
+_REFERENCE = re.compile(rf"\{{(?:=[^\"'#}}]*|[@\w.{CURSOR}]*)\}}?")
 _BEFORE_QUOTE = " \t[{,:-"
 
 

@@ -18,9 +18,9 @@ from .text_repair import CURSOR
 IsExpression: TypeAlias = Callable[[Location], bool]
 """Whether an expression may stand at a location."""
 
-_REFERENCE = re.compile(r"\{([A-Za-z_]\w*)((?:\.\w*)*)\}?")
+_REFERENCE = re.compile(r"\{(@?[A-Za-z_]\w*)((?:\.\w*)*)\}?")
 _TOKEN = re.compile(
-    r"'[^']*'|\"[^\"]*\"|(?P<dot>\.\s*)?(?P<name>[A-Za-z_]\w*)(?P<set>\s*(?:[-+*/:]?=)(?!=))?"
+    r"'[^']*'|\"[^\"]*\"|(?P<dot>\.\s*)?(?P<name>@?[A-Za-z_]\w*)(?P<set>\s*(?:[-+*/:]?=)(?!=))?"
 )
 _WORDS = frozenset({"and", "or", "not", "if", "else", "in", "true", "false", "null"})
 
@@ -60,15 +60,22 @@ def key_places(root: YamlNode, tree: str, is_expression: IsExpression) -> Iterat
         reference = _REFERENCE.fullmatch(text)
         if reference is not None:
             yield KeyPlace(reference[1], path, node.mark, 1, "reference")
-        elif not text.startswith("{") and (_is_condition(path) or is_expression(path)):
+        elif text.startswith("{=") or (
+            not text.startswith("{") and (_is_condition(path) or is_expression(path))
+        ):
             for found in _TOKEN.finditer(text):
                 if found["name"] and not found["dot"] and found["name"].lower() not in _WORDS:
-                    kind = "assignment" if found["set"] and path[-1] in POSTCONDITIONS else "name"
+                    kind = "assignment" if found["set"] and assigns(path) else "name"
                     yield KeyPlace(found["name"], path, node.mark, found.start("name"), kind)
 
 
+def assigns(path: Location) -> bool:
+    """Whether assignments stand at a location of a mission."""
+    return path[-1] in POSTCONDITIONS or path[-2:] == ("Script", "code")
+
+
 def _is_condition(path: Location) -> bool:
-    return path[-1] in PRECONDITIONS or path[-1] in POSTCONDITIONS
+    return path[-1] in PRECONDITIONS or assigns(path)
 
 
 def _scalars(root: YamlNode, above: Location) -> Iterator[tuple[Location, YamlNode]]:

@@ -7,9 +7,16 @@ from itertools import combinations
 from typing import TypeAlias
 
 from ...files.marks import Diagnostic
-from ...trees.controls import Parallel, ReactiveFallback, ReactiveSequence, Sequence
+from ...trees.controls import (
+    PipelineSequence,
+    RateController,
+    ReactiveFallback,
+    ReactiveSequence,
+    Sequence,
+)
+from ...trees.controls.parallel import ParallelNode
 from ...trees.declaration import Resource
-from ...trees.flow import IDLE, AtOnce, ChildFlow, Choice, Flow, Loop, Once, Turns
+from ...trees.flow import IDLE, AtOnce, ChildFlow, Choice, Flow, Loop, Once, Resumed, Turns
 from ...trees.mission import NodeSpec
 from .mission_survey import LintModel
 from .outcomes import EMPTY, FIRST_FILLER, FlowState
@@ -79,8 +86,8 @@ Users: TypeAlias = Mapping[Resource, NodeSpec]
 
 
 def at_the_same_time(survey: LintModel) -> Iterator[Diagnostic]:
-    """P331: two children of a Parallel that use the same."""
-    for spec in survey.nodes(Parallel):
+    """P331: two children of a Parallel or ParallelAll that use the same."""
+    for spec in survey.nodes(ParallelNode):
         said: set[int] = set()
         for first, second in combinations(spec.children, 2):
             mine, others = users(survey, first), users(survey, second)
@@ -94,7 +101,7 @@ def at_the_same_time(survey: LintModel) -> Iterator[Diagnostic]:
 
 def started_anew(survey: LintModel) -> Iterator[Diagnostic]:
     """P332: what a reactive node starts again at each tick takes away what a later child works with."""
-    for spec in survey.nodes(ReactiveSequence, ReactiveFallback):
+    for spec in survey.nodes(ReactiveSequence, ReactiveFallback, PipelineSequence):
         for index, part in enumerate(spec.children[:-1]):
             first = _first_user(survey, part)
             if first is None or first.node is None:
@@ -106,7 +113,8 @@ def started_anew(survey: LintModel) -> Iterator[Diagnostic]:
             if resource is not None:
                 user = later[resource].name
                 message = f"{first.name} is started anew at each tick and takes the {resource} from {user}"
-                hint = f"a condition before it, or {spec.id.removeprefix('Reactive')} in place of {spec.id}"
+                plain = spec.id.removeprefix("Reactive").removeprefix("Pipeline")
+                hint = f"a condition before it, or {plain} in place of {spec.id}"
                 yield survey.fault(part, message, hint, code="P332")
 
 
@@ -144,7 +152,7 @@ def _starts_first(spec: NodeSpec, flow: Flow | None) -> bool:
         case Loop():
             return not flow.each_of and flow.guard not in spec.ports
         case ChildFlow():
-            return not (isinstance(flow, AtOnce | Choice | Once | Turns) or IDLE in flow.own)
+            return not (isinstance(flow, AtOnce | Choice | Once | Resumed | Turns) or IDLE in flow.own)
         case _:
             return False
 
@@ -157,6 +165,8 @@ def _first_user(survey: LintModel, spec: NodeSpec) -> NodeSpec | None:
         return _first_user(survey, survey.mission.trees[spec.id].root)
     if not spec.children:
         return spec if spec.node.uses else None
+    if issubclass(spec.node, RateController):
+        return _first_user(survey, spec.children[0])
     if issubclass(spec.node, Sequence):
         first = next((part for part in spec.children if not _passes_by(survey, part)), None)
         return _first_user(survey, first) if first is not None else None

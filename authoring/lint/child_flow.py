@@ -6,7 +6,6 @@ from collections.abc import Iterable
 from functools import cached_property
 from itertools import count
 from math import inf
-from typing import cast
 
 from ...files.expressions.expression import Expression
 from ...trees.controls.branches import is_case
@@ -24,7 +23,9 @@ from ...trees.flow import (
     Lead,
     Loop,
     Once,
+    Pipeline,
     Recovery,
+    Resumed,
     Turns,
 )
 from ...trees.mission import NodeSpec
@@ -34,7 +35,18 @@ from ...trees.values.references import Constant
 from ...world.causes import internal
 from .failure_reasons import NO_REPORT, UNREPORTED, FailureReasons, joined
 from .flow_walk import FlowWalk
-from .outcomes import NONE, NOTHING, Failures, FlowState, Outcomes, States, decisive, tidy
+from .outcomes import (
+    NONE,
+    NOTHING,
+    Failures,
+    FlowState,
+    Outcomes,
+    States,
+    decisive,
+    narrowed,
+    tidy,
+    together,
+)
 
 
 class ChildWalk:
@@ -52,9 +64,11 @@ class ChildWalk:
         """States in which another pass begins."""
         self._arriving: list[Outcomes] = []
         self._runs_on = False
-        self._least, self._most = self._runs()
+        self._least, self._most = walk.runs(spec, flow)
         self._mark = 0
         """Flags that success sets."""
+        self._passed = walk.flags(spec) if isinstance(flow, Resumed | Pipeline) else (0,) * len(spec.children)
+        """Flags of the children that have led on to the next."""
         never = flow.own_unless and walk.number(spec, flow.own_unless) == 0
         self._own = dict[NodeStatus, NodeStatus]() if never else flow.own
         self._parts = spec.children
@@ -62,6 +76,8 @@ class ChildWalk:
         """Label and pattern of each handler, by its place."""
         if isinstance(flow, Recovery):
             self._sort_handlers(flow)
+        if isinstance(flow, Pipeline) or (isinstance(flow, Branch) and flow.reactive):
+            walk.kept.update(map(id, self._parts if isinstance(flow, Pipeline) else self._parts[:1]))
         if isinstance(flow, Loop | Recovery) and self._node.causes:
             _ = self._own_reasons
 
@@ -73,6 +89,11 @@ class ChildWalk:
                 return self._once(flow, entry)
             case Turns():
                 return self._in_turn(flow, entry)
+            case Resumed():
+                return self._resumed(entry)
+            case Pipeline():
+                gone = ~sum(self._passed)
+                entry = entry._replace(sure=entry.sure & gone, maybe=entry.maybe & gone)
             case Choice() if self._may_fit_no_case():
                 ends.add(FAILURE, (entry,), self._own_reasons)
             case Loop() if self._least == 0:
@@ -106,21 +127,6 @@ class ChildWalk:
     def _missing_reasons(self) -> FailureReasons:
         """Reasons in place of a report that no child gives."""
         return self._own_reasons if self._node.causes else NO_REPORT
-
-    def _runs(self) -> tuple[float, float]:
-        """Return the least and the greatest number of runs that are allowed."""
-        flow = self._flow
-        least = most = inf if isinstance(flow, Loop | Recovery) else 1
-        if isinstance(flow, Loop | Recovery) and flow.runs:
-            number = self._walk.number(self._spec, flow.runs)
-            least, most = (0, inf) if number is None else (inf, inf) if number < 0 else (number, number)
-        if isinstance(flow, Recovery):
-            return least + flow.first_is_free, most + flow.first_is_free
-        if isinstance(flow, Loop) and flow.each_of:
-            items = self._walk.literal(self._spec, flow.each_of)
-            length = len(cast("list[object]", items)) if isinstance(items, list) else None
-            least, most = min(least, length or 0), min(most, inf if length is None else length)
-        return least, most
 
     def _begun(self, starts: States) -> States:
         """Return the states in which the first child starts."""
@@ -176,11 +182,11 @@ class ChildWalk:
 
     # One pass over children.
 
-    def _pass(self, parts: tuple[NodeSpec, ...], first: Outcomes, run: int = 1) -> Outcomes:
-        """Collect the ends of one pass; return what comes past the last child."""
+    def _pass(self, parts: tuple[NodeSpec, ...], first: Outcomes, run: int = 1, turn: int = 0) -> Outcomes:
+        """Collect the ends of one pass from the child `turn` on; return what comes past the last child."""
         flow, walk = self._flow, self._walk
         one_of = isinstance(flow, Choice)
-        chosen = self._chosen if isinstance(flow, Choice) else parts[:1]
+        chosen = self._chosen if isinstance(flow, Choice) else parts[turn : turn + 1]
         self._arriving = [first if any(part is one for one in chosen) else Outcomes() for part in parts]
         self._arriving.append(Outcomes())
         meanwhile, before = NOTHING, ""
@@ -240,10 +246,13 @@ class ChildWalk:
                 self._ends.add(self._own[status], (state,), self._own_reasons)
             if status is RUNNING:
                 self._run_on(state)
+                if isinstance(self._flow, Pipeline) and state.maybe & self._passed[index]:
+                    self._arriving[index + 1].add(SUCCESS, (state,), before)
                 continue
             if recovers and index == 0 and status is FAILURE:
                 continue  # shared out among the handlers
             lead = self._lead(index, status)
+            state = state.written(self._passed[index]) if isinstance(lead, int) else state
             if not isinstance(lead, int):
                 self._end(status, lead, state, before.tried() if recovers and before else reasons)
             elif status is SKIPPED:
@@ -312,10 +321,10 @@ class ChildWalk:
         """Lead each failure to the first handler of its cause, and to the end where no run may follow."""
         for index, (label, pattern) in self._handlers.items():
             mask = self._walk.causes.matching(pattern)
-            caught, failures = _narrowed(failures, mask), _narrowed(failures, ~mask)
+            caught, failures = narrowed(failures, mask), narrowed(failures, ~mask)
             if caught and run < self._most:
                 self._walk.handles(self._spec, label)
-                self._arriving[index].fail(_together(caught))
+                self._arriving[index].fail(together(caught))
                 self._ends.add(RUNNING, caught)
             # The first run is by itself: after it nothing is used up yet.
             if self._most <= 1:
@@ -326,7 +335,7 @@ class ChildWalk:
 
     def _give_up(self, failures: Failures) -> None:
         if len(self._handlers) + 1 < len(self._parts):
-            self._arriving[-2].fail(_together(failures))
+            self._arriving[-2].fail(together(failures))
         else:
             self._ends.fail(failures)
 
@@ -349,6 +358,17 @@ class ChildWalk:
             if entry.maybe & failed:
                 ends.add(FAILURE, (entry,), self._walk.recall(spec))
         return ends.tidied()
+
+    def _resumed(self, entry: FlowState) -> Outcomes:
+        """Follow the children from each with which an activation may begin."""
+        for turn in range(len(self._parts)):
+            if turn == 0 or entry.maybe & self._passed[turn - 1]:
+                over = self._pass(self._parts, Outcomes(skipped=frozenset((entry,))), turn=turn)
+                if turn:
+                    self._ends.add(SUCCESS, over.skipped)
+                    over.skipped = NONE
+                self._ends.take(over)
+        return self._ends.tidied()
 
     def _in_turn(self, flow: Turns, entry: FlowState) -> Outcomes:
         parts, ends = self._parts, self._ends
@@ -379,13 +399,3 @@ class ChildWalk:
                 after = self._pass((part,), Outcomes(failed)).failure
                 self._ends.fail(after)
                 failed = {**failed, **after}
-
-
-def _narrowed(failures: Failures, mask: int) -> Failures:
-    """The failures as far as their causes are in the mask."""
-    return {s: reasons.only(mask) for s, reasons in failures.items() if reasons.any & mask}
-
-
-def _together(failures: Failures) -> Failures:
-    """The failures, each with the reasons of all."""
-    return dict.fromkeys(tidy(failures), joined(failures.values())) if failures else failures

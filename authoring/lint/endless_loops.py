@@ -11,6 +11,7 @@ from ...trees.controls import (
     ForEach,
     KeepRunningUntilFailure,
     Parallel,
+    ParallelAll,
     ReactiveFallback,
     ReactiveSequence,
     Repeat,
@@ -87,6 +88,8 @@ class NodeContext:
             return NodeContext(stopped, self.beside)
         if issubclass(spec.node, Parallel):
             return NodeContext(stopped or _may_end_early(spec, child, survey), beside=True)
+        if issubclass(spec.node, ParallelAll):
+            return NodeContext(stopped, beside=True)
         if issubclass(spec.node, ReactiveSequence | ReactiveFallback):
             stopped = stopped or child is not spec.children[0]
             return NodeContext(stopped, self.beside or len(spec.children) > 1)

@@ -136,7 +136,11 @@ class FlowAnalysis(FlowWalk):
     def _run(self, spec: NodeSpec, state: FlowState) -> Outcomes:
         self.started.add(id(spec))
         if spec.node is None:
-            return self._call(spec, state)
+            after, why = self.computed_inputs(spec, state)
+            flow = self._call(spec, after)
+            if why:
+                flow.add(FAILURE, (state,), joined(why))
+            return flow.tidied() if why else flow
         after, reasons = self.inputs(spec, state)
         flow = self._outcomes(spec, after)
         flow.add(FAILURE, (state,), reasons)
@@ -224,9 +228,11 @@ class FlowAnalysis(FlowWalk):
             ends.fail(asked.failed)
             settled, states = (asked.no, asked.yes) if name == "_while" else (asked.yes, asked.no)
             ends.add({"_failureIf": FAILURE, "_successIf": SUCCESS}.get(name, SKIPPED), settled, NO_REPORT)
-            if not states:
+            if not states and (id(spec) not in self.kept or not (ends.success or ends.failure)):
                 self.unreached(spec, f"its {name} {'never' if name == '_while' else 'always'} holds")
                 break
+        if id(spec) in self.kept and (states or ends.success or ends.failure):
+            states = frozenset((*states, state))
         for start in states:
             flow = self._run(spec, start)
             ends.take(flow)
@@ -242,7 +248,9 @@ class FlowAnalysis(FlowWalk):
     def _concluded(self, spec: NodeSpec, flow: Outcomes) -> Outcomes:
         """Return the ends after the assignments; one that has no value makes a success a failure."""
         ends = Outcomes(skipped=flow.skipped)
-        ends.add(SUCCESS, self._assigned(spec, ("_onSuccess", "_post"), flow.success, ends))
+        ends.add(
+            SUCCESS, self._assigned(spec, (*self._scripts(spec), "_onSuccess", "_post"), flow.success, ends)
+        )
         for state, reasons in flow.failure.items():
             problems = Outcomes()
             after = self._assigned(spec, ("_onFailure", "_post"), frozenset((state,)), problems)
@@ -254,6 +262,10 @@ class FlowAnalysis(FlowWalk):
         # No end comes of a halt, but the names are read.
         self._assigned(spec, ("_onHalted",), flow.running, Outcomes())
         return ends.tidied()
+
+    @staticmethod
+    def _scripts(spec: NodeSpec) -> tuple[str, ...]:
+        return spec.node.declaration.scripts if spec.node is not None else ()
 
     def _assigned(self, spec: NodeSpec, places: tuple[str, ...], states: States, ends: Outcomes) -> States:
         """Return the states after all could be carried out; the others are failures of `ends`."""

@@ -6,12 +6,14 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import reduce
+from math import inf
+from typing import cast
 
 from ...files.expressions.expression import Expression
-from ...trees.flow import FAILURE
+from ...trees.flow import FAILURE, ChildFlow, Loop, Recovery
 from ...trees.mission import NodeSpec
 from ...trees.ports import Required
-from ...trees.values.references import Constant, Reference
+from ...trees.values.references import Constant, PortExpression, Reference
 from ...world.belief.facts import FACTS
 from ...world.causes import perception
 from ...world.causes import tree as tree_causes
@@ -93,6 +95,8 @@ class FlowWalk(ABC):
         """Handlers that were used, by `id` of the spec and label."""
         self.fillers: dict[int, tuple[int, NodeSpec]] = {}
         """Bits of `FlowState.hand` with the node that took what is held, by `id` of its spec."""
+        self.kept: set[int] = set()
+        """Children, by `id` of the spec, that their parent ticks again after their end without a reset."""
         self.unhidable = self.causes.matching("safety.*")
         """What no node may turn into a success; faults of the program are not walked through."""
         self._remembered: dict[int, FailureReasons] = {}
@@ -113,7 +117,7 @@ class FlowWalk(ABC):
         return self._made[key]
 
     def literal(self, spec: NodeSpec, key: str) -> object:
-        """The value of an input where the text says it, or its default; None where a reference does."""
+        """The value of an input where the text says it, or its default; None where it is read or computed."""
         bound = spec.ports.get(key)
         if isinstance(bound, Constant):
             return bound.value
@@ -124,6 +128,20 @@ class FlowWalk(ABC):
         """As `literal`, of a number."""
         value = self.literal(spec, key)
         return value if isinstance(value, int | float) else None
+
+    def runs(self, spec: NodeSpec, flow: ChildFlow) -> tuple[float, float]:
+        """Return the least and the greatest number of runs that are allowed."""
+        least = most = inf if isinstance(flow, Loop | Recovery) else 1
+        if isinstance(flow, Loop | Recovery) and flow.runs:
+            number = self.number(spec, flow.runs)
+            least, most = (0, inf) if number is None else (inf, inf) if number < 0 else (number, number)
+        if isinstance(flow, Recovery):
+            return least + flow.first_is_free, most + flow.first_is_free
+        if isinstance(flow, Loop) and flow.each_of:
+            items = self.literal(spec, flow.each_of)
+            length = len(cast("list[object]", items)) if isinstance(items, list) else None
+            least, most = min(least, length or 0), min(most, inf if length is None else length)
+        return least, most
 
     def outputs(self, spec: NodeSpec) -> int:
         """Return the bits of the keys to which the node's outputs are wired."""
@@ -182,21 +200,32 @@ class FlowWalk(ABC):
     def inputs(self, spec: NodeSpec, state: FlowState) -> tuple[FlowState, FailureReasons]:
         """After the inputs were read as the node starts; and why that may fail."""
         assert spec.node is not None
+        state, reasons = self.computed_inputs(spec, state)
         loud = quiet = 0
         for key, bound in spec.ports.items():
             if not isinstance(bound, Reference):
                 continue
             port = spec.node.declaration.port(key)
-            if port is None or port.direction != "in":
+            if port is None or port.direction != "in" or port.takes == "key":
                 continue
             bits = self.bits(bound.key)
             state, missing = self.read(spec, key, bound.key, bits, state)
             loud |= missing
+            quiet |= self._missing_input if bits & self._frame.layout.rooted else 0
             if bound.attributes or bits & self._frame.owned:
                 loud, quiet = loud | self._unknown_object, quiet | self._missing_input
             if port.type.name != "any" or port.type.many:
                 quiet |= self._missing_input
-        return state, self.fails(spec, loud, quiet)
+        return state, joined((self.fails(spec, loud, quiet), *reasons))
+
+    def computed_inputs(self, spec: NodeSpec, state: FlowState) -> tuple[FlowState, list[FailureReasons]]:
+        """After the expressions at the node's ports were evaluated as it starts; and why that may fail."""
+        found: list[FailureReasons] = []
+        for key, bound in spec.ports.items():
+            if isinstance(bound, PortExpression):
+                state, reasons = self._names(spec, key, self.shape(bound.value), state)
+                found += (reasons, self.fails(spec, 0, self._missing_input))
+        return state, found
 
     def _names(
         self, spec: NodeSpec, place: str, found: ExpressionShape, state: FlowState
@@ -209,6 +238,7 @@ class FlowWalk(ABC):
                 continue
             after, missing = self.read(spec, place, name, bits, state)
             loud |= missing
+            quiet |= self._missing_input if bits & self._frame.layout.rooted else 0
             state = after if name in found.certain else state
             owned = owned or bits & self._frame.owned != 0
         if owned:
@@ -223,6 +253,8 @@ class FlowWalk(ABC):
         self, spec: NodeSpec, place: str, key: str, bits: int, state: FlowState
     ) -> tuple[FlowState, int]:
         """After a key was read: then it was written. Also the cause if it may not have been."""
+        if bits & self._frame.layout.rooted:
+            return state.perhaps(bits), 0
         unwritten = not state.sure & bits
         self.note_read(spec, place, key, state, missing=unwritten)
         if not unwritten:

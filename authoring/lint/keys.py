@@ -19,8 +19,9 @@ from ...files.expressions.syntax_tree import (
     walk,
 )
 from ...files.expressions.syntax_tree import children as parts_of
-from ...trees.flow import Once, Turns
-from ...trees.mission import TreeSpec
+from ...trees.flow import Once, Pipeline, Resumed, Turns
+from ...trees.mission import MAIN, TreeSpec
+from ...trees.values.references import ROOT_KEY
 from ...trees.wiring.key_writers import KeyUse, uses_of
 
 
@@ -32,7 +33,14 @@ class KeyUsage:
         self.writes: dict[str, list[KeyUse]] = {}
         for spec in tree.root.iterate():
             for use in uses_of(spec, trees):
-                (self.writes if use.writes else self.reads).setdefault(use.key, []).append(use)
+                self._add(use.key, use)
+        for other in trees.values() if tree.name == MAIN else ():
+            for use in (use for spec in other.root.iterate() for use in uses_of(spec, trees)):
+                if use.key.startswith(ROOT_KEY):
+                    self._add(use.key[1:], use)
+
+    def _add(self, key: str, use: KeyUse) -> None:
+        (self.writes if use.writes else self.reads).setdefault(key, []).append(use)
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,6 +57,8 @@ class KeyBits:
     size: int
     inputs: int
     """The bits of its input ports."""
+    rooted: int
+    """The bits of keys that other trees write, too: when they are written is not followed."""
     usage: KeyUsage
 
 
@@ -59,6 +69,8 @@ def lay_out(trees: Mapping[str, TreeSpec], order: tuple[str, ...]) -> dict[str, 
         tree = trees[name]
         keys: dict[str, int] = {}
         usage = KeyUsage(tree, trees)
+        used = (use for key in (usage.reads, usage.writes) for uses in key.values() for use in uses)
+        named = {use.key[1:] for use in used if name == MAIN and use.key.startswith(ROOT_KEY)}
         for key in (*(port.key for port in tree.ports), *usage.reads, *usage.writes):
             keys.setdefault(key, 1 << len(keys))
         size = len(keys)
@@ -71,10 +83,13 @@ def lay_out(trees: Mapping[str, TreeSpec], order: tuple[str, ...]) -> dict[str, 
             else:
                 flow = spec.node.declaration.flow
                 lasting = 2 if isinstance(flow, Once) else int(isinstance(flow, Turns))
+                lasting = len(spec.children) if isinstance(flow, Resumed | Pipeline) else lasting
                 flags[id(spec)] = tuple(1 << size + index for index in range(lasting))
                 size += lasting
         inputs = sum(keys[port.key] for port in tree.ports if port.direction == "in")
-        layouts[name] = KeyBits(tree, keys, flags, calls, size, inputs, usage)
+        named |= {port.key for port in tree.ports if port.remapped and port.direction == "out"}
+        rooted = sum(bit for key, bit in keys.items() if key.startswith(ROOT_KEY) or key in named)
+        layouts[name] = KeyBits(tree, keys, flags, calls, size, inputs, rooted, usage)
     return layouts
 
 

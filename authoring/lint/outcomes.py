@@ -249,3 +249,13 @@ def decisive(before: FailureReasons, now: FailureReasons) -> FailureReasons:
     if now.loud & UNREPORTED:
         parts.append(before.tried() if cured else before)
     return joined(parts)
+
+
+def narrowed(failures: Failures, mask: int) -> Failures:
+    """The failures as far as their causes are in the mask."""
+    return {s: reasons.only(mask) for s, reasons in failures.items() if reasons.any & mask}
+
+
+def together(failures: Failures) -> Failures:
+    """The failures, each with the reasons of all."""
+    return dict.fromkeys(tidy(failures), joined(failures.values())) if failures else failures

@@ -32,7 +32,7 @@ class _Part:
 
 
 class ParallelWalk:
-    """Walk over children that are all ticked until `wanted` succeeded or `tolerated` failed.
+    """Walk over children that are all ticked until `wanted` succeeded or `tolerated` failed, or all ended.
 
     None: the number is not known. `spares_skipped`: those that are skipped need not succeed.
     """
@@ -44,6 +44,9 @@ class ParallelWalk:
         self._wanted = None if success is None else counted(int(success), self._total)
         self._tolerated = None if failure is None else counted(int(failure), self._total)
         self._spares_skipped = success is None or success < 0
+        self._waits = flow.waits
+        if flow.waits and self._tolerated is not None:
+            self._wanted = self._total - self._tolerated + 1
 
     def outcomes(self) -> Outcomes:
         """Return the outcomes of the node."""
@@ -75,13 +78,16 @@ class ParallelWalk:
             parts.append(_Part(start, ends, moves=turns or effects[index].hand != 0))
             if not ends.running:
                 over = self._decides(ends)
-                goes_on = parts[-1].passed | (ends.failure.keys() if self._tolerated != 1 else NONE)
+                fails = self._tolerated == 1 and not self._waits
+                goes_on = parts[-1].passed | (NONE if fails else ends.failure.keys())
                 # The next child may rely on what is written by one that ends at once.
                 sure = sure.written(merged(goes_on).sure) if goes_on else sure
         return parts
 
     def _decides(self, ends: Outcomes) -> bool:
         """Whether a child that ends in the first tick ends everything."""
+        if self._waits:
+            return False
         fails, succeeds = self._tolerated == 1, self._wanted == 1
         return not ends.skipped and (fails or not ends.failure) and (succeeds or not ends.success)
 
@@ -99,7 +105,7 @@ class ParallelWalk:
         if len(flows) == self._total and all(flow.skipped for flow in flows):
             ends.add(SKIPPED, self._together(parts, [flow.skipped for flow in flows]))
         waits = any(flow.running or flow.skipped for flow in flows)
-        if waits or not (self._tolerated == 1 and self._wanted == self._total):
+        if waits or not (self._waits or (self._tolerated == 1 and self._wanted == self._total)):
             ends.add(RUNNING, self._together(parts, anywhere))
         return ends.tidied()
 

@@ -9,6 +9,8 @@ from ...files.marks import Diagnostic
 from ...files.value_wording import suggest_name
 from ...files.yaml.document import Document
 from ...trees.mission import IN_LIBRARY, MAIN, TreeSpec, called_by
+from ...trees.ports import PortDeclaration
+from ...trees.values.references import ROOT_KEY
 from ...trees.wiring.key_writers import KeyUse
 from .flow_walk import KeyRead
 from .keys import KeyUsage
@@ -54,9 +56,11 @@ def never_read(survey: LintModel) -> Iterator[Diagnostic]:
         usage = survey.usage[tree.name]
         outputs = {port.key for port in tree.ports if port.direction == "out"}
         for key, touches in usage.writes.items():
-            if key in usage.reads or key in outputs:
+            if key in usage.reads or key in outputs or key.startswith(ROOT_KEY):
                 continue
             first = touches[0]
+            if isinstance(first.what, PortDeclaration) and first.what.remapped:
+                continue
             message = f"{first.at}: {key!r} is written, and nothing in {tree.name} reads it"
             hint = suggest_name(key, (read for read in usage.reads if read not in usage.writes))
             hint = hint if hint.startswith("did you mean") else "an output that nobody needs is left out"

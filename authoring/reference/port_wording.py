@@ -25,7 +25,7 @@ _NAME_WORDS = {
     "camera": "name of a camera of the scene",
     "pose": "name of a pose of the robot",
     "bin": "name of a bin of the scene",
-    "tote": "name of a tote of the scene",
+    "tote": "name of a tote of the scene, or of a fixture with a heap on it",
     "hole": "name of a hole of the scene, or of a fixture with holes",
     "fixture": "name of a fixture or bin of the scene",
     "kind": "name of a kind of the scene's catalogue",
@@ -43,7 +43,7 @@ COMMON_DOCS: Mapping[str, str] = {
     "_onHalted": _ASSIGNMENTS + "is halted while it runs.",
     "_onFailure": _ASSIGNMENTS + "ends in FAILURE.",
     "_onSuccess": _ASSIGNMENTS + "ends in SUCCESS.",
-    "_post": _ASSIGNMENTS + "ends or is halted, whatever the outcome.",
+    "_post": _ASSIGNMENTS + "ends, whatever the outcome.",
     "breakpoint": "Where `picktree run --debug` stops: `before` the node starts, or `after` its end.",
 }
 """Documentation of the keys that every node may have."""
@@ -58,6 +58,8 @@ def type_words(port: PortDeclaration) -> str:
     if port.unit:
         words += f" in {port.unit}"
         words += f', or as "{unit_example(port.unit)}"' if port.direction == "in" else ""
+    elif port.type.name == "float" and not port.type.many and port.direction == "in":
+        words += ', or as "50 %"'
     return f"{words}, or null" if port.type.optional else words
 
 

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection
 from dataclasses import replace
 from pathlib import Path
-from typing import cast
 
 from ...errors import PicktreeError
 from ...files.diagnostics.fault_codes import apply_suppressions, pages
@@ -15,20 +14,14 @@ from ...files.value_wording import suggest_name
 from ...files.yaml.document import Document, read_document
 from ...trees.loading.loader import load_mission
 from ...trees.mission import Mission
-from ...trees.running.runner import build
 from ...trees.status import NodeStatus
-from ...world.journal import Plain
 from ..check import check_mission
 from .cases.cases_schema import CaseFile, RehearsalCase
 from .checking.case_checks import examine_cases
-from .stage.mission_staging import StubbedMission, scene_of, stub_mission
-from .stage.rehearsal_world import TICK_PERIOD, RehearsalWorld
-from .stage.trace import ScriptedAnswers, Trace
+from .stage.mission_staging import StubbedMission, play_case, scene_of, stub_mission
+from .stage.rehearsal_world import TICK_PERIOD
 from .verdict.rehearsal_result import CaseResult, CoverageRecord, Rehearsal, coverage
 from .verdict.verdict import CaseOutcome, differences
-
-DEFAULT_MAX_TICKS = 10_000
-"""Default limit of a case, ticks."""
 
 
 def rehearse_files(
@@ -89,20 +82,8 @@ def rehearse_case(
     staging: StubbedMission, case: RehearsalCase, document: Document, reached: CoverageRecord
 ) -> CaseResult:
     """Rehearse one case, and add its coverage to `reached`."""
-    world = _world(staging, case)
-    parameters = cast("Mapping[str, Plain]", case.parameters)
-    tree = build(staging.mission, world, parameters)
+    tree, world = play_case(staging, case)
     trace = world.trace
-    tree.on_start.append(trace.begun)
-    trace.writes = tree.blackboard.take_writes
-    most = min(case.expect.ticks or DEFAULT_MAX_TICKS, case.halt_after or DEFAULT_MAX_TICKS)
-    while True:
-        trace.tick = world.clock.ticks + 1
-        tree.step()
-        trace.flush()
-        if tree.status is not NodeStatus.RUNNING or world.contradictions or trace.tick >= most:
-            break
-        world.clock.ticks += 1
     if trace.tick == case.halt_after and tree.status is NodeStatus.RUNNING:
         trace.flush(tree.halt().writes)
     outcome = CaseOutcome(trace.tick, tree.status, tree.failure, tree, world)
@@ -122,11 +103,3 @@ def rehearse_case(
         events=tuple(trace.events),
         unused=tuple(document.mark(loc) for loc in world.prompter.unused() if loc[:1] == ("cases",)),
     )
-
-
-def _world(staging: StubbedMission, case: RehearsalCase) -> RehearsalWorld:
-    played = (role.path for role in staging.roles.all if role.played)
-    world = RehearsalWorld(staging.scene, ScriptedAnswers(case.scripts), Trace(played))
-    world.belief.change(case.objects)
-    world.belief.pin(case.facts)
-    return world

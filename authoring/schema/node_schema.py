@@ -5,7 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from ...trees.declaration import BREAKPOINT, COMMON_KEYS, POSTCONDITIONS, PRECONDITIONS, NodeDeclaration
+from ...trees.declaration import (
+    AUTOREMAP,
+    BREAKPOINT,
+    COMMON_KEYS,
+    POSTCONDITIONS,
+    PRECONDITIONS,
+    NodeDeclaration,
+)
 from ...trees.ports import PortDeclaration, SlotDeclaration
 from ...world.causes import Cause
 from ..reference.node_reference import RequiredOneOf
@@ -138,17 +145,22 @@ def node_schema(
     return found | ({"required": required} if required else {})
 
 
+_AUTOREMAP_DOC = "true: keys and ports of the sub-tree that this call does not name are the caller's keys."
+
+
 def tree_schema(name: str, ports: tuple[PortDeclaration, ...], known: ProposedNames, doc: str = "") -> Schema:
     """Return the schema of the body of a sub-tree's call; `doc`: what the tree says of itself."""
+    ports = tuple(port for port in ports if not port.remapped)
     required = [p.key for p in ports if p.required]
     properties: dict[str, Schema] = {port.key: port_schema(port, known) for port in ports}
+    properties[AUTOREMAP] = {"type": "boolean", "description": _AUTOREMAP_DOC}
     return {
         "title": name,
         "description": doc or f"The sub-tree {name} of this mission.",
         "type": ["object"] if required else ["object", "null"],
         "properties": properties | common_properties(),
         "additionalProperties": False,
-        **({"required": required} if required else {}),
+        **({"anyOf": [{"required": required}, {"required": [AUTOREMAP]}]} if required else {}),
     }
 
 

@@ -15,6 +15,7 @@ from .schema_parts import (
     key_reference,
     quantity,
     reference,
+    share,
     text_or_reference,
 )
 
@@ -72,6 +73,8 @@ def _input(port: PortDeclaration, known: ProposedNames) -> Schema:
 
 def _literal(port: PortDeclaration, known: ProposedNames) -> Schema:
     """Return the schema of a literal, or of a reference in its place."""
+    if port.takes != "value":
+        return reference() if port.takes == "key" else {"type": "string", "minLength": 1}
     choices = _choices(port, known)
     if choices is not None:
         usual: Schema = {"examples": _EXAMPLES[port.names]} if port.names in _EXAMPLES else {}
@@ -92,7 +95,7 @@ def _literal(port: PortDeclaration, known: ProposedNames) -> Schema:
             said = {"patternErrorMessage": f"a {type_words(port)}, or a reference"}
             return quantity(unit, or_reference=True) | said | bounds(port.within)
         case "float":
-            return _or_reference("number", "a number, or a reference") | bounds(port.within)
+            return share(or_reference=True) | bounds(port.within)
         case "int":
             return _or_reference("integer", "a whole number, or a reference") | bounds(port.within)
         case "bool":
@@ -120,7 +123,7 @@ def _item(port: PortDeclaration, choices: Sequence[Plain] | None) -> Schema:
             unit = "s" if port.unit == "ms" else port.unit
             return quantity(unit) | bounds(port.within)
         case "float":
-            return {"type": "number"} | bounds(port.within)
+            return share() | bounds(port.within)
         case "int":
             return {"type": "integer"} | bounds(port.within)
         case "bool":

@@ -94,13 +94,17 @@ _ID = r"[A-Za-z_][A-Za-z0-9_]*"
 ID_PATTERN: Final = f"^{_ID}{_END}"
 NAME_PATTERN: Final = r"^[^/#\u0000-\u001f]{1,60}" + _END
 """Pattern of a node's name, and of a case."""
-REFERENCE: Final = rf"\{{{_ID}(?:\.(?:{'|'.join(ATTRIBUTES)}))*\}}"
+REFERENCE: Final = rf"\{{@?{_ID}(?:\.(?:{'|'.join(ATTRIBUTES)}))*\}}"
 _LITERAL = rf"(?!\{{[\s\S]*\}}{_END})"
 """Pattern of a text that is not in braces."""
 _NUMBER = r"\s*[-+]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][-+]?[0-9]+)?\s*"
-REFERENCE_RULE: Final = 'a reference is "{key}" or "{key.attribute}", the attribute one of ' + ", ".join(
-    ATTRIBUTES
+REFERENCE_RULE: Final = (
+    'a reference is "{key}" or "{key.attribute}", the attribute one of '
+    + ", ".join(ATTRIBUTES)
+    + '; an expression is "{= key + 1}"'
 )
+_READ = rf"(?:{REFERENCE}|\{{=[\s\S]*\S[\s\S]*\}})"
+"""Pattern of a text that gives an input a value when the node starts: a reference or an expression."""
 
 
 def to_text(schema: Schema) -> str:
@@ -132,13 +136,14 @@ def text_or_reference() -> Schema:
     """Return the schema of any text; in braces only a reference is valid."""
     return {
         "type": "string",
-        "pattern": f"^(?:{REFERENCE}{_END}|{_LITERAL})",
+        "pattern": f"^(?:{_READ}{_END}|{_LITERAL})",
         "patternErrorMessage": REFERENCE_RULE,
     }
 
 
 def reference() -> Schema:
-    return {"type": "string", "pattern": f"^{REFERENCE}{_END}", "patternErrorMessage": REFERENCE_RULE}
+    """Return the schema of a reference, or of an expression in its place."""
+    return {"type": "string", "pattern": f"^{_READ}{_END}", "patternErrorMessage": REFERENCE_RULE}
 
 
 def key_reference() -> Schema:
@@ -154,7 +159,18 @@ def quantity_pattern(unit: str, *, or_reference: bool = False) -> str:
     """Return the pattern of a text that is a number with a unit like `unit`, or a bare number."""
     units = "|".join(map(escaped, spellings(unit)))
     form = rf"{_NUMBER}(?:{units})?\s*"
-    return f"^(?:{form}|{REFERENCE}){_END}" if or_reference else f"^{form}{_END}"
+    return f"^(?:{form}|{_READ}){_END}" if or_reference else f"^{form}{_END}"
+
+
+def share(*, or_reference: bool = False) -> Schema:
+    """Return the schema of a number without a unit, or of a text in percent."""
+    form = rf"{_NUMBER}%\s*"
+    return {
+        "type": ["string", "number"],
+        "pattern": f"^(?:{form}|{_READ}){_END}" if or_reference else f"^{form}{_END}",
+        "patternErrorMessage": 'a number, or a share, as "50 %"'
+        + (", or a reference" if or_reference else ""),
+    }
 
 
 def quantity(unit: str, *, or_reference: bool = False) -> Schema:

@@ -288,11 +288,14 @@ def schema(
         bool,
         typer.Option("--shipped", help="Only the nodes that come with picktree, none of installed plug-ins."),
     ] = False,
+    markdown: Annotated[
+        bool,
+        typer.Option("--markdown", help="Print the page of the documentation with all keys of the kind."),
+    ] = False,
     output: TextFile = None,
 ) -> None:
     """Print the JSON Schema of a kind of file, by which editors complete, explain and underline."""
     from ...authoring.schema.schema_parts import to_text
-    from ...batch.plan_loading import plan_schema
     from ...errors import PicktreeError
     from ..terminal.node_registries import registry
     from .file_schemas import file_schema
@@ -300,7 +303,16 @@ def schema(
     if kind is not Kind.MISSION:
         if mission is not None:
             raise PicktreeError(f"--mission is for the schema of missions, not of {kind.value}")
-        found = plan_schema() if kind is Kind.PLAN else file_schema(kind.value)
+        found = file_schema(kind.value)
+        if markdown:
+            from ...authoring.reference.file_reference import file_reference
+
+            show(file_reference(kind.value, found).page(kind.value), output)
+            return
+    elif markdown:
+        raise PicktreeError(
+            "docs/language.md has the keys of missions, 'picktree nodes --markdown' the nodes"
+        )
     else:
         from ...authoring.schema.mission_context import any_mission, one_mission
         from ...authoring.schema.mission_schema import mission_schema

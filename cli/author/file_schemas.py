@@ -1,19 +1,32 @@
-"""Schemas of all kinds of files except missions."""
+"""Kinds of files: their checks, and the schemas of all but missions."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
 from typing import TYPE_CHECKING, Literal, TypeAlias
 
 from ...authoring.schema.schema_parts import Schema, belonging, by_value, schema, schemas
-from ...files.marks import Diagnostic, FileError
+from ...errors import PicktreeError
+from ...files.disk_cache import cached_arrays
+from ...files.marks import Diagnostic, FileError, Location
+from ...files.shipped_files import find_file
 from ...files.yaml.document import Document, read_document
+from ...robots.description import RobotDescription
+from ...robots.loading import SHIPPED as ROBOTS
 from ...robots.loading import check_robot, robot_names
+from ...robots.urdf_tree import UrdfMesh, link_geometry
 from ...world.causes import OUR_PREFIXES, Cause, all_causes
-from ...world.scene.loading.scene_loading import check_scene, scene_names
+from ...world.scene.description import MAX_HIDDEN_SHARE, SceneDescription
+from ...world.scene.loading.scene_loading import SHIPPED as SCENES
+from ...world.scene.loading.scene_loading import check_scene, load_scene, scene_names
 
 if TYPE_CHECKING:
     from ...files.diagnostics.file_checks import Check
+    from ...world.values import Array
+
+TEST_SCENE = "self_test"
+"""Scene of a robot's self-test, for which a robot file is checked by itself."""
 
 
 def check_cell(document: Document) -> tuple[Diagnostic, ...]:
@@ -22,19 +35,95 @@ def check_cell(document: Document) -> tuple[Diagnostic, ...]:
     if scene.robot is None:
         return scene.faults
     try:
-        return (*scene.faults, *check_robot(read_document(scene.robot, "robot")).faults)
+        robot = check_robot(read_document(scene.robot, "robot"))
     except FileError as error:
         return (*scene.faults, *error.faults)
+    faults = (*scene.faults, *robot.faults)
+    if scene.value is None or robot.value is None:
+        return faults
+    parts = ("robot", "cameras", "spawn", "feed")
+    own: Location = next(((part,) for part in parts if document.get((part,)) is not None), ())
+    return (*faults, *_hidden_items(document, own, scene.value, robot.value))
 
 
 def _mission(document: Document) -> Iterable[Diagnostic]:
+    """Check a mission; in a scene of one's own also whether the arm hides the items."""
     from ...authoring.check import check_mission
 
-    return check_mission(document).faults
+    found = check_mission(document)
+    scene = found.mission.scene if found.mission is not None else None
+    if scene is None or scene in scene_names() or any(fault.severity == "error" for fault in found.faults):
+        return found.faults
+    cell = check_cell(read_document(find_file(scene, SCENES, document.path, "scene"), "scene"))
+    return (*found.faults, *(fault for fault in cell if fault.code == HIDDEN_ITEMS))
 
 
 def _robot(document: Document) -> Iterable[Diagnostic]:
-    return check_robot(document).faults
+    """Check a robot; one that nothing is wrong with also in the scene of its self-test."""
+    found = check_robot(document)
+    if found.value is None:
+        return found.faults
+    return (*found.faults, *_hidden_items(document, ("poses", "home"), load_scene(TEST_SCENE), found.value))
+
+
+HIDDEN_ITEMS = "P514"
+
+
+def _hidden_items(
+    document: Document, loc: Location, scene: SceneDescription, robot: RobotDescription
+) -> Iterator[Diagnostic]:
+    """Warn of an arm that at `home` hides the items from all fixed cameras, as in its self-test.
+
+    Shipped robots in shipped scenes are taken as tested.
+    """
+    if Path(scene.source).parent == SCENES and Path(robot.source).parent == ROBOTS:
+        return
+    try:
+        shares = _hidden_shares(scene, robot)
+    except (PicktreeError, ValueError, OSError):
+        return  # a model of which no run can be made: `picktree robot test` says why
+    if min(shares.values(), default=0.0) <= MAX_HIDDEN_SHARE:
+        return
+    told = ", ".join(f"{100 * share:.0f} % from {camera}" for camera, share in shares.items())
+    of = f" of the scene {scene.name!r}" if document.kind == "robot" else ""
+    message = f"the arm of {robot.name!r} at 'home' hides where the items{of} are: {told}"
+    hint = (
+        f"choose another 'home' under 'poses:' in {Path(robot.source).name}, or move the camera; at most "
+        f"{100 * MAX_HIDDEN_SHARE:.0f} % may be hidden"
+    )
+    yield document.fault(loc, message, hint, code=HIDDEN_ITEMS, severity="warning")
+
+
+def _hidden_shares(scene: SceneDescription, robot: RobotDescription) -> dict[str, float]:
+    """Return the share of the items' areas that the arm hides at `home`, by fixed camera; cached."""
+
+    def compute() -> dict[str, Array]:
+        # They are slow to import, and needed for files that have changed.
+        import numpy as np
+
+        from ...perception.expectation.robot_mask import hidden_shares
+        from ...robots.model import RobotModel
+
+        model = RobotModel(robot)
+        shares = hidden_shares(model, scene, model.named("home"))
+        return {name: np.array(share) for name, share in shares.items()}
+
+    geometry = link_geometry(robot.urdf, "collision")
+    meshes = (Path(path) for path in dict.fromkeys(g.path for g in geometry if isinstance(g, UrdfMesh)))
+    areas = repr([load.area for load in scene.loads])
+    inputs = (robot.text, Path(robot.urdf), repr(scene.cameras), areas, *meshes)
+    kept = cached_arrays("hidden-items", inputs, (*_VIEW_SOURCES, "numpy", "pinocchio"), compute)
+    return {name: float(share) for name, share in kept.items()}
+
+
+_ROOT = Path(__file__).parents[2]
+_VIEW_SOURCES = (
+    _ROOT / "perception" / "expectation" / "robot_mask.py",
+    _ROOT / "perception" / "geometry" / "camera_geometry.py",
+    _ROOT / "robots" / "model.py",
+    _ROOT / "world" / "scene" / "description.py",
+)
+"""Code that the hidden shares depend on."""
 
 
 def _check_faults(document: Document) -> Iterable[Diagnostic]:
@@ -65,7 +154,7 @@ CHECKS: Mapping[str, Check] = {
 }
 
 
-FileKind: TypeAlias = Literal["scene", "robot", "faults", "cases"]
+FileKind: TypeAlias = Literal["scene", "robot", "faults", "cases", "plan"]
 
 
 def file_schema(kind: FileKind) -> Schema:
@@ -82,6 +171,10 @@ def file_schema(kind: FileKind) -> Schema:
             return _faults()
         case "cases":
             return _cases()
+        case "plan":
+            from ...batch.plan_loading import plan_schema
+
+            return plan_schema()
 
 
 def _faults() -> Schema:

@@ -56,12 +56,8 @@ _CHECKS_FOR_ERRORS: Mapping[str, Check] = {**CHECKS, "mission": _mission_errors}
 
 def schema_of(kind: str) -> Schema:
     """Return the JSON Schema of a kind of file other than missions."""
-    if kind == "plan":
-        from ...batch.plan_loading import plan_schema
-
-        return plan_schema()
     match kind:
-        case "scene" | "robot" | "faults" | "cases":
+        case "scene" | "robot" | "faults" | "cases" | "plan":
             return file_schema(kind)
         case _:
             return {}

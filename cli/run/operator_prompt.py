@@ -18,7 +18,7 @@ from ...trees.running.runner import BehaviourTree
 from ...trees.runtime import evaluate
 from ...trees.status import NodeStatus
 from ...trees.values.port_types import show
-from ...trees.values.references import Constant
+from ...trees.values.references import Constant, Reference
 from ...world.causes import Failure
 from ..terminal.command_prompt import Command, CommandPrompt, complete_with, line_reader
 from ..terminal.state_text import (
@@ -99,7 +99,9 @@ def _now(node: Node, key: str) -> str:
     if isinstance(wired, Constant):
         return value_text(wired.value)
     try:
-        return value_text(node.wiring.namespace.read(wired, node.world.scene))
+        if isinstance(wired, Reference):
+            return value_text(node.wiring.namespace.read(wired, node.world.scene))
+        return value_text(evaluate(wired.value, node.wiring.namespace, node.world))
     except KeyError:
         return "(nothing is written there yet)"
     except Failure as failure:

@@ -10,8 +10,10 @@ import numpy as np
 
 from ...planning.collision.collision_checker import CollisionChecker
 from ...robots.description import RobotDescription
+from ...robots.finger_linkage import LinkageFingers
 from ...robots.model import RobotModel
 from ...robots.urdf_tree import UrdfTree, parsed_urdf, read_skeleton
+from ...world.belief.planning_scene import PlanningScene
 from ...world.shapes import corners
 from ...world.values import Array, Pose, Vector3
 from .inertias import check_inertias
@@ -29,6 +31,8 @@ MAX_PAD_OFFSET = 0.004
 """Greatest distance of the middle between the pads from the TCP, across the fingers, m."""
 MAX_OPENING_ERROR = 0.002
 """Greatest difference between the gap of the pads and the opening, m."""
+MAX_FINGER_OVERLAP = 0.01
+"""Greatest way that the URDF may let the fingers move beyond where the pads meet, m."""
 MAX_SHARE_BESIDE_HAND = 0.05
 """Greatest share of the last two links' points that are further out than the palm."""
 
@@ -137,13 +141,17 @@ def _gravity(model: RobotModel) -> Array:
 
 
 def _home(tested: RobotUnderTest) -> Verdict:
-    home = tested.model.named("home")
-    touching = CollisionChecker(tested.model).contacts(home)
-    if touching:
-        told = "; ".join(f"{c.a} and {c.b} are {_depth(c.distance)}" for c in touching[:3])
-        change = f"choose another 'home' under 'poses:' in {tested.file}; `picktree robot new` proposes one"
-        return Verdict("home", False, f"{told} at home", change)
-    nearest = CollisionChecker(tested.model).nearest(home, 0.3, itself=True)
+    home, checker = tested.model.named("home"), CollisionChecker(tested.model)
+    for width, fingers in ((tested.description.gripper.max_width, "open"), (0.0, "shut")):
+        checker.update(PlanningScene((), ()), width)
+        touching = checker.contacts(home)
+        if touching:
+            told = "; ".join(f"{c.a} and {c.b} are {_depth(c.distance)}" for c in touching[:3])
+            change = (
+                f"choose another 'home' under 'poses:' in {tested.file}; `picktree robot new` proposes one"
+            )
+            return Verdict("home", False, f"{told} at home, with {fingers} fingers", change)
+    nearest = checker.nearest(home, 0.3, itself=True)
     gap = (
         "further than 300 mm apart" if nearest is None else f"{1000 * nearest.distance:.0f} mm apart or more"
     )
@@ -190,7 +198,28 @@ def _fingers(tested: RobotUnderTest) -> Verdict:
             "joints in the URDF"
         )
         return Verdict("fingers", False, told, change)
+    through = _overlap(tested)
+    if through > MAX_FINGER_OVERLAP:
+        told = (
+            f"the fingers pass {1000 * through:.0f} mm through each other at the end of their joints' range"
+        )
+        change = (
+            "mend <axis> of the fingers' joints in the URDF, which look swapped, or their <limit>; then call "
+            "`picktree robot new` again"
+        )
+        return Verdict("fingers", False, told, change)
     return Verdict("fingers", True, f"the pads' gap is the opening within {1000 * worst:.2f} mm")
+
+
+def _overlap(tested: RobotUnderTest) -> float:
+    """Return how far the URDF lets the fingers move beyond where the pads meet, m; 0: they stop there."""
+    gripper, joints = tested.description.gripper, tested.skeleton.joints
+    if gripper.linkage is None:
+        return sum(max(0.0, -(joints[name].lower or 0.0)) for name in gripper.joints)
+    drive, shut = joints[gripper.linkage.drive], gripper.linkage.angles[0]
+    end = drive.upper if shut > gripper.linkage.angles[-1] else drive.lower
+    beyond = 0.0 if end is None else abs(end - shut)
+    return beyond * abs(LinkageFingers(gripper.linkage).opening_per_rad(shut))
 
 
 def _tool_frame(tested: RobotUnderTest) -> Verdict:

@@ -19,6 +19,7 @@ from ...robots.gripper_mounting import GripperMount, LinkInertia, NamedUrdf, wri
 from ...robots.loading import parse_robot
 from ...robots.model import RobotModel
 from ...robots.urdf_tree import MOVING, UrdfError, UrdfTree, parsed_urdf, read_skeleton
+from ...world.belief.planning_scene import PlanningScene
 from ...world.values import Array, Pose
 from .arm_proposals import NamedPose, estimate, propose_limits, propose_poses
 from .gripper_measurement import GripperMeter
@@ -161,8 +162,10 @@ def propose(wish: ProposalRequest) -> Proposal:
     draft = replace(draft, collision=_sampled(model, draft, wish))
     second = _parsed(robot_file_text(replace(draft, poses=(_middle(draft),))), wish)
     model = RobotModel(second)
-    collision = CollisionChecker(model)
-    draft = replace(draft, poses=propose_poses(model, collision.free, wish.seed))
+    shut, opened = CollisionChecker(model), CollisionChecker(model)
+    opened.update(PlanningScene((), ()), second.gripper.max_width)
+    poses = propose_poses(model, lambda q: shut.free(q) and opened.free(q), wish.seed)
+    draft = replace(draft, poses=poses)
     text = robot_file_text(draft)
     return Proposal(draft, text, _parsed(text, wish))
 

@@ -1,7 +1,7 @@
 """The expression language of all files: small and bounded, with no way into Python.
 
-Comparisons, arithmetic on numbers, `and`, `or`, `not`, `in`, `a if c else b`, lists, and the functions of
-`FUNCTIONS`. Attributes are read only through the resolver that the caller hands in.
+Comparisons, arithmetic on numbers, `and`, `or`, `not`, `in`, `a if c else b`, lists and their elements, and
+the functions of `FUNCTIONS`. Attributes are read only through the resolver that the caller hands in.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from .syntax_tree import (
     Call,
     ComparisonChain,
     Conditional,
+    Element,
     ExpressionError,
     ListOf,
     LiteralValue,
@@ -46,7 +47,7 @@ Attributes: TypeAlias = Callable[[object, str], object]
 
 @dataclass(frozen=True, slots=True)
 class Expression:
-    """A parsed expression. `names` are the free names, `paths` the dotted ones (`item.colour`)."""
+    """A parsed expression. `names` are the free names, `paths` the dotted ones (`items[…].colour`)."""
 
     text: str
     names: frozenset[str]
@@ -72,7 +73,7 @@ def _parsed(text: str) -> Expression:
     root = parse(text)
     parts = tuple(walk(root))
     names = frozenset(part.name for part in parts if isinstance(part, Name))
-    paths = frozenset(path for part in parts if isinstance(part, Attribute) and (path := _dotted(part)))
+    paths = frozenset(_dotted(part) for part in parts if isinstance(part, Attribute))
     return Expression(text, names, paths, root)
 
 
@@ -81,10 +82,11 @@ def _dotted(part: Part) -> str:
         case Name(name=name):
             return name
         case Attribute(owner=owner, name=name):
-            stem = _dotted(owner)
-            return f"{stem}.{name}" if stem else ""
+            return f"{_dotted(owner)}.{name}"
+        case Element(owner=owner):
+            return f"{_dotted(owner)}[…]"
         case _:
-            return ""
+            return "(…)"
 
 
 class _Evaluation:
@@ -99,6 +101,9 @@ class _Evaluation:
                 return self._name(part)
             case Attribute():
                 return self._attribute(part)
+            case Element():
+                owner, index = self.value(part.owner), self.value(part.index)
+                return _apply(part.at, "[ ]", element, owner, index)
             case Logic(symbol=symbol, parts=parts):
                 stop = symbol == "or"
                 found: object = not stop
@@ -168,6 +173,27 @@ def _apply(at: int, what: str, function: Callable[..., object], *given: object) 
 
 class _Unfit(Exception):
     """A value of the right type with which nothing can be done."""
+
+
+def element(items: object, index: object) -> object:
+    """Return an element of a list by its index: 0 is the first, -1 the last."""
+    if not isinstance(items, list | tuple):
+        raise _Unfit(f"only a list has elements, and this is {type_words(items)}")
+    if not isinstance(index, int) or isinstance(index, bool):
+        shown = index if isinstance(index, float) else type_words(index)
+        raise _Unfit(f"an index is a whole number, not {shown}")
+    values = cast("list[object]", items)
+    if not -len(values) <= index < len(values):
+        raise _Unfit(beyond(index, len(values)))
+    return values[index]
+
+
+def beyond(index: int, count: int) -> str:
+    """Return the message for an index that a list of that many elements does not have."""
+    if count == 0:
+        return f"an empty list has no element [{index}]"
+    last = "[0] is the only one" if count == 1 else f"[0] is the first, [{count - 1}] the last"
+    return f"a list of {count} has no element [{index}]; {last}"
 
 
 def _number(value: object) -> int | float:

@@ -18,6 +18,7 @@ from .syntax_tree import (
     ComparisonChain,
     ComparisonLink,
     Conditional,
+    Element,
     ExpressionError,
     ListOf,
     LiteralValue,
@@ -106,8 +107,6 @@ class _Parser:
         raise syntax_error(problem, token.at)
 
     def _missing_operator(self, before: Token, token: Token) -> str:
-        if token.text == "[":
-            return "indexing with [ ] is not part of the language"
         if token.text == "(":
             return f"{short(before.text)} is not a function"
         if before.kind == "number" and token.text in _UNITS:
@@ -177,14 +176,29 @@ class _Parser:
                 return Not(token.at, operand)
             return Sign(token.at, "-" if token.text == "-" else "+", operand)
         part = self._value()
-        while self._is("."):
-            dot, name = self._take(), self._token
-            if name.kind not in ("name", "word"):
-                raise syntax_error("the name of an attribute is missing after '.'", dot.at)
-            if name.text.startswith("_"):
-                raise ExpressionError(f"{name.text!r} is private", name.at)
-            part = Attribute(self._take().at, part, name.text)
+        while self._is(".", "["):
+            opened = self._take()
+            part = self._attribute(part, opened) if opened.text == "." else self._element(part, opened)
         return part
+
+    def _attribute(self, owner: Part, dot: Token) -> Part:
+        name = self._token
+        if name.kind not in ("name", "word"):
+            raise syntax_error("the name of an attribute is missing after '.'", dot.at)
+        if name.text.startswith("_"):
+            raise ExpressionError(f"{name.text!r} is private", name.at)
+        return Attribute(self._take().at, owner, name.text)
+
+    def _element(self, owner: Part, opened: Token) -> Part:
+        if self._is("]"):
+            raise syntax_error("an index is missing between '[' and ']'; the first element is [0]", opened.at)
+        self._enter(opened)
+        index = self._choice()
+        if self._is(","):
+            raise syntax_error("one index stands in [ ]", self._token.at)
+        self._close(opened, "]")
+        self._depth -= 1
+        return Element(opened.at, owner, index)
 
     def _value(self) -> Part:
         token = self._token
@@ -205,6 +219,9 @@ class _Parser:
 
     def _no_value(self, token: Token) -> ExpressionError:
         before = self._tokens[self._next - 1] if self._next else None
+        if before is not None and before.text == "%" and self._tokens[self._next - 2].kind == "number":
+            share = number_of(self._tokens[self._next - 2]) / 100
+            return syntax_error(f"'%' is the remainder of a division here; write {share:g}", before.at)
         if before is not None and before.text == token.text == "*":
             return syntax_error("there is no power; write 'x * x'", before.at)
         if before is None:

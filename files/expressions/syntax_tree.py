@@ -43,7 +43,7 @@ _TOKEN = re.compile(
     r"""(?P<space>\s+)
     |(?P<number>(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?)
     |(?P<text>'(?:[^'\\]|\\.)*'|"(?:[^"\\]|\\.)*")
-    |(?P<name>[A-Za-z_]\w*)
+    |(?P<name>@?[A-Za-z_]\w*)
     |(?P<symbol>==|!=|<=|>=|//|[-+*/%<>()\[\],.])""",
     re.VERBOSE | re.ASCII | re.DOTALL,
 )
@@ -53,6 +53,7 @@ _STRANGE: Mapping[str, str] = {
     "=>": "write '>='",
     "=<": "write '<='",
     "=": "compare with '=='",
+    ":": "':' has no meaning here; there are no slices and no mappings",
     "&&": "write 'and' for '&&'",
     "||": "write 'or' for '||'",
     "&": "write 'and' for '&'",
@@ -164,6 +165,15 @@ class Attribute:
 
 
 @dataclass(frozen=True, slots=True)
+class Element:
+    """`owner[index]`; `at` is the bracket."""
+
+    at: int
+    owner: Part
+    index: Part
+
+
+@dataclass(frozen=True, slots=True)
 class Not:
     at: int
     operand: Part
@@ -236,6 +246,7 @@ Part: TypeAlias = (
     LiteralValue
     | Name
     | Attribute
+    | Element
     | Not
     | Sign
     | Arithmetic
@@ -254,6 +265,8 @@ def children(part: Part) -> tuple[Part, ...]:
             return ()
         case Attribute(owner=owner):
             return (owner,)
+        case Element(owner=owner, index=index):
+            return (owner, index)
         case Not(operand=operand) | Sign(operand=operand):
             return (operand,)
         case Arithmetic(left=left, right=right):

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Final, Literal, TypeAlias, cast
 
 from ..value_wording import suggest_name
-from .expression import Expression
+from .expression import Expression, beyond
 from .syntax_tree import (
     Arithmetic,
     Attribute,
@@ -15,6 +15,7 @@ from .syntax_tree import (
     ComparisonChain,
     ComparisonLink,
     Conditional,
+    Element,
     ExpressionError,
     ListOf,
     LiteralValue,
@@ -153,6 +154,8 @@ class _Typing:
                 return self._name(part)
             case Attribute():
                 return self._attribute(part)
+            case Element():
+                return _element(part, self.of(part.owner), self.of(part.index))
             case Not(operand=operand):
                 self.of(operand)
                 return BOOL
@@ -218,6 +221,27 @@ def _numbers(at: int, symbol: str, *given: ValueType) -> ValueType:
     if symbol == "/" or any(t.kind == "float" for t in given):
         return FLOAT
     return INT if all(t.kind == "int" for t in given) else NUMBER
+
+
+def _element(part: Element, owner: ValueType, index: ValueType) -> ValueType:
+    if owner.kind not in ("any", "list"):
+        raise ExpressionError(f"only a list has elements, and this is {_WORDS[owner.kind]}", part.at)
+    if index.kind not in ("any", "int", "number"):
+        raise ExpressionError(f"an index is a whole number, not {_WORDS[index.kind]}", part.index.at)
+    place = _whole_number(part.index)
+    if isinstance(part.owner, ListOf) and place is not None:
+        count = len(part.owner.items)
+        if not -count <= place < count:
+            raise ExpressionError(beyond(place, count), part.at)
+    return owner.element or ANY
+
+
+def _whole_number(part: Part) -> int | None:
+    """Return the number that stands there, with its sign; None for anything else."""
+    if isinstance(part, Sign):
+        number = _whole_number(part.operand)
+        return -number if number is not None and part.symbol == "-" else number
+    return part.value if isinstance(part, LiteralValue) and type(part.value) is int else None
 
 
 def _related(related: ComparisonLink, left: ValueType, right: ValueType) -> None:

@@ -132,6 +132,8 @@ def _words(problem: str, context: str, text: str, at: yaml.Mark | None) -> _Word
             return _Words(f"a value is missing {f'before {character!r}' if character else 'here'}")
         case "found unexpected end of stream" if "quoted scalar" in context:
             return _NEVER_CLOSED
+        case "did not find expected ',' or '}'" | "did not find expected ',' or ']'" if character == "[":
+            return _Words("a list cannot begin inside a text", 'quote the whole text, as "items[0]"')
         case "did not find expected key" if at is not None and text[: at.index].rpartition("\n")[2].strip():
             return _Words("this does not belong to the value before it", "quote the whole text")
         case _:
@@ -183,7 +185,7 @@ _INT = re.compile(r"[-+]?[0-9]+|0o[0-7]+|0x[0-9a-fA-F]+")
 _FLOAT = re.compile(r"[-+]?(?:\.[0-9]+|[0-9]+(?:\.[0-9]*)?)(?:[eE][-+]?[0-9]+)?")
 _INFINITE = re.compile(r"([-+]?)\.(?:inf|Inf|INF)")
 _NAN = re.compile(r"\.(?:nan|NaN|NAN)")
-_REFERENCE = re.compile(r"[A-Za-z_][\w.]*")
+_REFERENCE = re.compile(r"[A-Za-z_][\w.]*|=.*\S.*")
 _COLON = re.compile(r"\s*:")
 
 

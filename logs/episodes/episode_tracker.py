@@ -393,7 +393,7 @@ _KINDS = {
 }
 """Nodes that may take a failure up, by how they show it."""
 _SET_ASIDE = "SetAside"
-_INERT = frozenset({"AlwaysSuccess", "Log", "SetBlackboard"})
+_INERT = frozenset({"AlwaysSuccess", "Log", "Script", "SetBlackboard"})
 """Nodes that change nothing in the cell: they cure no failure."""
 
 

@@ -128,7 +128,8 @@ def register_payload(
 
 
 def update_payload_mass(world: World, hold: GripCheck, press: GripForce | None = None) -> None:
-    """Set the wrist's payload to the weighed mass, and increase the grip force if that needs it.
+    """Set the wrist's payload and the held object's mass to the weighed one, and increase the grip force if
+    that needs it.
 
     The object is lifted off its support.
     """
@@ -138,6 +139,9 @@ def update_payload_mass(world: World, hold: GripCheck, press: GripForce | None =
     before = world.control.wrist.payload
     centre = (0.0, 0.0, 0.0) if before is None else before.centre
     world.control.wrist.carry(Payload(mass, WEIGHED_MASS_SIGMA, centre, HELD_CENTRE_SIGMA))
+    held = world.scene.held
+    if held is not None:
+        world.scene.weighed(held.id, mass)
     firm = 0.0 if press is None else press.carrying(mass)
     if firm > world.gripper.force:
         world.gripper.press(firm)

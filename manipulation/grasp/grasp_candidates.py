@@ -56,10 +56,13 @@ class GraspCandidate:
     """Score of the candidate; lower is better."""
     tilted: bool = False
     """Whether the hand comes along its own axis instead of straight down."""
+    rise: float = 0.0
+    """Least distance of the pre-grasp, m: the hand is above the walls around the object there."""
 
     def pre_grasp(self, height: float) -> Pose:
-        """Return the TCP pose in the world from which the hand comes straight, `height` m before the
+        """Return the TCP pose in the world from which the hand comes straight, at least `height` m before the
         grasp."""
+        height = max(height, self.rise)
         if self.tilted:
             return self.tcp_in_world @ Pose((0.0, 0.0, -height))
         return self.tcp_in_world.shifted((0.0, 0.0, height))

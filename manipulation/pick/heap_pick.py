@@ -10,14 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...perception import segmentation
-from ...perception.heap_mapping import heap_id, heap_object
-from ...planning.requests import OffsetGoal
-from ...world.belief.height_map import BarredPlace, Heap, HeightMap
+from ...perception.heap_mapping import put_heap
+from ...planning.requests import NamedGoal, OffsetGoal
+from ...world.belief.height_map import BarredPlace, Heap, HeightMap, heap_id
 from ...world.belief.planning_scene import BeliefObject
 from ...world.causes import Failure, grasp, perception
 from ...world.causes import world as world_causes
 from ...world.events.skill_events import PickEvent
-from ...world.scene.description import Bin
 from ...world.shapes import ConvexMesh, convex_hull, top
 from ...world.values import Array, ObjectId, Pose
 from ..carry.hold_check import GripCheck, measure_grip
@@ -92,15 +91,17 @@ def pick_any(world: World, task: HeapPickTask, attempts: int) -> Doing[ObjectId]
     """
     for left in reversed(range(attempts)):
         belief = yield from look_into_tote(world, task)
+        heap = world.vision.heaps[task.tote]
         candidate = yield from _find(world, task, belief)
         try:
             return (yield from _pick(world, task, belief, candidate))
         except Failure as failure:
             yield from _let_go(world)
-            _bar(world, task.tote, candidate)
+            # The thing is still there, and so are its heights where the arm hides them from the camera.
+            _store(world, task.tote, _barring(world, heap, candidate), "the grasp has failed")
             if left == 0 or failure.cause not in RETRY_CAUSES:
                 raise
-            yield from _rise(world, task)
+            yield from _clear_view(world, task)
     raise AssertionError("at least one attempt")
 
 
@@ -173,11 +174,11 @@ def _believe_thing(world: World, task: HeapPickTask, width: float, press: GripFo
     colour = segmentation.LABEL_NAMES[int(known.argmax())] if known.any() else "grey"
     thing = BeliefObject(
         world.scene.new_id("thing"), "item", "unknown", "mesh", shape, colour, pose, 0.01, 0.3, 0.5,
-        world.clock.now, place=task.tote,
+        world.clock.now, place=task.tote, seen_size=_seen_size(heap.map, cells), tag=_tag_on(heap.map, cells),
     )  # fmt: skip
     heights = np.where(cells, np.minimum(heap.map.heights(), max(tip, heap.map.floor)), heap.map.heights())
     lowered = replace(heap, map=heap.map.with_heights(heights))
-    _store(world, task.tote, lowered)
+    _store(world, task.tote, lowered, "a thing was taken")
     world.scene.put(thing, "taken out of a heap")
     object_in_tcp = world.control.tcp.inverse() @ pose
     register_payload(world, press, None, object_in_tcp)
@@ -185,14 +186,10 @@ def _believe_thing(world: World, task: HeapPickTask, width: float, press: GripFo
     return world.scene.get(thing.id)
 
 
-def _store(world: World, tote: ObjectId, heap: Heap) -> None:
+def _store(world: World, tote: ObjectId, heap: Heap, reason: str) -> None:
     """Replace what is believed of a tote's heap."""
     world.vision.heaps[str(tote)] = heap
-    found = heap_object(world.scene.bins[tote], heap.map, world.clock.now)
-    if found is None:
-        world.scene.remove(heap_id(tote), "its last thing was taken")
-    else:
-        world.scene.put(found, "a thing was taken")
+    put_heap(world.scene, world.scene.regions[tote], heap.map, world.clock.now, reason)
 
 
 def _cells_between(world: World, heap: HeightMap, width: float) -> tuple[NDArray[np.bool_], float]:
@@ -240,11 +237,28 @@ def _hull(heap: HeightMap, cells: NDArray[np.bool_], tip: float) -> tuple[Convex
     return ConvexMesh(vertices, "seen"), Pose((float(middle[0]), float(middle[1]), float(middle[2])))
 
 
+def _tag_on(heap: HeightMap, cells: NDArray[np.bool_]) -> int | None:
+    """Return the number of the tag on a thing's cells (n, m). None: none was read, or different ones."""
+    found: set[int] = set()
+    for tag in heap.tags:
+        i, j = (int(at / heap.cell) for at in tag.at)
+        if 0 <= i < heap.shape[0] and 0 <= j < heap.shape[1] and cells[i, j]:
+            found.add(tag.number)
+    return found.pop() if len(found) == 1 else None
+
+
+def _seen_size(heap: HeightMap, cells: NDArray[np.bool_]) -> float:
+    """Return the greatest distance of two seen points of a thing, m."""
+    i, j = np.nonzero(cells & np.isfinite(heap.heights()))
+    points = np.column_stack([i * heap.cell, j * heap.cell, heap.heights()[i, j]])
+    points = points[:: 1 + len(points) // 500]
+    return heap.cell + float(np.linalg.norm(points[:, None] - points[None], axis=2).max(initial=0.0))
+
+
 def _lift_out(world: World, task: HeapPickTask, thing: BeliefObject) -> Doing[None]:
     """Lift the thing straight up until it is above the rim."""
-    tote = world.scene.bins[task.tote]
     bottom = thing.pose.position[2] - (top(thing.shape, thing.pose) - thing.pose.position[2])
-    rise = _rim(tote) + RIM_CLEARANCE - bottom
+    rise = _rim(world, task.tote) + RIM_CLEARANCE - bottom
     names = (task.tote, heap_id(task.tote))
     with world.scene.allow(*((side, name) for side in ("gripper", thing.id) for name in names)):
         yield from lift(world, thing.id, task.node, max(rise, world.handling.approach))
@@ -259,32 +273,36 @@ def _let_go(world: World) -> Doing[None]:
     yield from world.gripper.open()
 
 
-def _rise(world: World, task: HeapPickTask) -> Doing[None]:
-    """Move the empty hand straight up above the rim, as far as that is free."""
+def _clear_view(world: World, task: HeapPickTask) -> Doing[None]:
+    """Move the empty hand straight up above the rim, as far as that is free, and home: the camera sees the
+    tote."""
     tips = world.control.tcp.position[2] - world.robot.description.gripper.tip
-    rise = _rim(world.scene.bins[task.tote]) + RIM_CLEARANCE - tips
-    if rise <= 0.0:
-        return
+    rise = _rim(world, task.tote) + RIM_CLEARANCE - tips
+    guard = world.handling.guard + LIFT_GUARD_FORCE
     yield from world.move.rest()
-    up = OffsetGoal((0.0, 0.0, rise), least_fraction=0.1)
-    with world.scene.allow(("gripper", task.tote), ("gripper", heap_id(task.tote))):
-        plan = yield from world.plan.line(up, scaling=world.handling.slowly, node=task.node)
-        guard = world.handling.guard + LIFT_GUARD_FORCE
-        yield from world.move.along(plan.trajectory, guard=guard, node=task.node)
+    if rise > 0.0:
+        up = OffsetGoal((0.0, 0.0, rise), least_fraction=0.1)
+        with world.scene.allow(("gripper", task.tote), ("gripper", heap_id(task.tote))):
+            line = yield from world.plan.line(up, scaling=world.handling.slowly, node=task.node)
+            yield from world.move.along(line.trajectory, guard=guard, node=task.node)
+    scaling = world.handling.scaling(task.speed)
+    plan = yield from world.plan.to(NamedGoal("home"), scaling=scaling, node=task.node)
+    yield from world.move.along(plan.trajectory, guard=guard, node=task.node)
 
 
-def _rim(tote: Bin) -> float:
-    return tote.pose.position[2] + tote.size[2]
+def _rim(world: World, tote: ObjectId) -> float:
+    """Return the height of the rim in the world, m; of a pile without walls that of its highest point."""
+    heap = world.vision.heaps[tote].map
+    top = heap.rim if heap.walls().any() else float(np.nanmax(heap.heights(), initial=heap.floor))
+    return heap.frame.position[2] + top
 
 
-def _bar(world: World, tote: ObjectId, candidate: PickPlaceCandidate) -> None:
-    """Bar the place of a failed grasp, until the depth there changes."""
-    heap = world.vision.heaps[str(tote)]
+def _barring(world: World, heap: Heap, candidate: PickPlaceCandidate) -> Heap:
+    """Return the heap with the place of a failed grasp barred, until the depth there changes."""
     tip = world.robot.description.gripper.tip
     point = candidate.grasp.tcp_in_world.apply(np.array([0.0, 0.0, tip]))
     x, y, _ = heap.map.frame.inverse().apply(point)
-    place = BarredPlace.of(heap.map, float(x), float(y))
-    world.vision.heaps[str(tote)] = replace(heap, barred=(*heap.barred, place))
+    return replace(heap, barred=(*heap.barred, BarredPlace.of(heap.map, float(x), float(y))))
 
 
 def _note(

@@ -72,6 +72,7 @@ def _approach_or_stop(world: World, task: PickTask, replans: ReplanBudget) -> Do
     """Approach the best candidate with a transfer. None: the arm stopped on the way, and a new search may
     help."""
     belief = world.scene.get(task.object)
+    moved = TargetWatch(world, belief)
     ranked = grasp_candidates(belief, world.robot.description.gripper)
     refused = world.attempts.refusal(GRASP, belief, world.scene)
     if refused is not None:
@@ -93,7 +94,7 @@ def _approach_or_stop(world: World, task: PickTask, replans: ReplanBudget) -> Do
             if by_geometry and not tried_before and world.plan.as_usual:
                 world.attempts.refuse(GRASP, belief, world.scene, failure.message)
             raise failure
-        candidate, watch = found, TargetWatch(world, belief)
+        candidate, watch = found, moved
         try:
             if task.servo and world.vision.hand is not None:
                 candidate = yield from servo_to_grasp(

@@ -205,7 +205,9 @@ def _plan_to_bin(world: World, task: PlaceTask, held: BeliefObject) -> Doing[Pla
 
 def _plan_down(world: World, task: PlaceTask, over: Sequence[PlaceCandidate]) -> Doing[MotionPlan]:
     """Plan to a pose above the bin, and straight down from it as far as that is free."""
-    goal, drop = PoseGoal(tuple(landing.above for landing in over)), over[0].drop
+    goal, held = PoseGoal(tuple(landing.above for landing in over)), world.scene.held
+    # Parts of an unknown thing may be hidden: it is lowered until contact instead.
+    drop = 0.0 if held is not None and held.kind == "unknown" else over[0].drop
     scaling = world.handling.scaling(task.speed)
     if drop > 0.0:
         legs = (Request(goal, scaling=scaling), lower_request(world, drop, task.speed))
@@ -257,6 +259,8 @@ def lower_and_release(world: World, task: PlaceTask, spot: ReleaseSpot) -> Doing
         yield from _rise_above(world, task, top(held.shape, resting))
         if fallen:
             return held
+        # What hangs on a finger falls when the fingers are as wide apart as they go.
+        yield from world.gripper.open()
     else:
         yield from release_held_object(world, held, resting, task.into or "table", "placed")
     if task.at:

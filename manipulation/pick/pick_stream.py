@@ -46,7 +46,7 @@ from .pick_candidates import (
     touching,
     unreached,
 )
-from .transfer_requests import approach
+from .transfer_requests import approach, touchable
 
 if TYPE_CHECKING:
     from ...control.execution.trajectory_motion import Doing
@@ -205,10 +205,8 @@ class CandidateSearch:
 
     def _hand_fits(self, branch: _Branch) -> Iterator[_Branch]:
         grasp, world = branch.grasp, self._world
-        # A heap's map has the walls of its tote, and grasps of it keep the hand from them.
-        known = (self._belief.id, *((self._belief.place,) if self._belief.role == "heap" else ()))
         contacts = world.queries.hand_contacts(
-            grasp.tcp_in_world, grasp.opening, ignore=known, margin=grasp.margin
+            grasp.tcp_in_world, grasp.opening, ignore=touchable(world, self._belief.id), margin=grasp.margin
         )
         if contacts:
             self._refuse(branch, touching(pick_candidates.HAND_STAGE, "the hand", contacts[0]))
@@ -246,8 +244,8 @@ class CandidateSearch:
         return self._world.plan.reached(self._request(tcp, near, grasp))
 
     def _request(self, tcp: Pose, near: Array, grasp: GraspCandidate) -> Request:
-        pair = (("gripper", str(self._belief.id)),)
-        return Request(PoseGoal((tcp,)), start=near, width=grasp.opening, allowed=pair)
+        pairs = tuple(("gripper", name) for name in touchable(self._world, self._belief.id))
+        return Request(PoseGoal((tcp,)), start=near, width=grasp.opening, allowed=pairs)
 
     # ---- place
 

@@ -36,9 +36,10 @@ def approach(
     The fingers move to the grasp's opening on the way there. For a flat object the descent ends early; the
     rest is a guarded move.
     """
-    width = world.gripper.widest(grasp.opening)
+    width, extension = world.gripper.widest(grasp.opening), world.gripper.extension(grasp.opening)
+    scaling = world.handling.scaling(speed)
     return (
-        Request(JointGoal(over), width=width, scaling=world.handling.scaling(speed)),
+        Request(JointGoal(over), width=width, clearance=extension, scaling=scaling),
         descend_requests(world, object_id, grasp, speed),
     )
 
@@ -49,7 +50,17 @@ def descend_requests(world: World, object_id: ObjectId, grasp: GraspCandidate, s
     felt = world.handling.felt_way / 2 if grasp.flat else 0.0
     down = LineGoal(grasp.tcp_in_world.shifted((0.0, 0.0, felt)))
     scaling = world.handling.scaling(DESCENT_SPEED * speed)
-    return Request(down, width=grasp.opening, allowed=(("gripper", object_id),), scaling=scaling)
+    pairs = tuple(("gripper", name) for name in touchable(world, object_id))
+    return Request(down, width=grasp.opening, allowed=pairs, scaling=scaling)
+
+
+def touchable(world: World, object_id: ObjectId) -> tuple[ObjectId, ...]:
+    """Return what the hand may touch at a grasp: the object, and the tote of a heap.
+
+    The map of a heap has the walls of its tote, and its grasps keep the hand from them.
+    """
+    belief = world.scene.find(object_id)
+    return (object_id, ObjectId(belief.place)) if belief and belief.role == "heap" else (object_id,)
 
 
 def transfer_requests(

@@ -23,18 +23,22 @@ if TYPE_CHECKING:
 def apply_bin_exchanges(world: World, node: str) -> tuple[ObjectId, ...]:
     """Apply bin exchanges that the belief does not contain yet, and return the emptied bins.
 
-    Objects believed in such a bin are removed with their attempts, and so is the observed heap.
+    Objects believed in such a bin are removed with their attempts, and so is the observed heap. What a new
+    tote holds, the next look shows.
     """
     bins = world.noticed.exchanged(world.feed.read())
     for bin_id in bins:
-        inside = [o.id for o in world.scene.objects if o.place == bin_id and not o.attached]
-        for object_id in inside:
-            world.scene.remove(object_id, TAKEN_AWAY)
-            world.attempts.forget(object_id)
+        there = [o for o in world.scene.objects if o.place == bin_id and not o.attached]
+        for each in there:
+            world.scene.remove(each.id, TAKEN_AWAY)
+            world.attempts.forget(each.id)
+        inside = [each.id for each in there if each.role != "heap"]
         world.vision.bins.pop(bin_id, None)
+        world.vision.heaps.pop(str(bin_id), None)
+        other = "another" if world.scene.bins[bin_id].is_tote else "an empty one"
         world.journal.note(
             BinEmptiedEvent(
-                f"{bin_id} is exchanged for an empty one; {_items_are(len(inside))} gone with it",
+                f"{bin_id} is exchanged for {other}; {_items_are(len(inside))} gone with it",
                 node,
                 bin=bin_id,
                 objects=tuple(inside),

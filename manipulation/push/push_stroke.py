@@ -20,7 +20,7 @@ from ...world.shapes import Box, bottom, top
 from ...world.values import Array, ObjectId, Pose
 from ..replanning import follow_with_replanning
 from .push_arcs import height
-from .stroke_course import SLOW_PUSH_SPEED, PushMotion
+from .stroke_course import PushMotion
 from .stroke_planning import PushStroke
 
 if TYPE_CHECKING:
@@ -158,12 +158,12 @@ def pose_refusal(
 
 def stroke_refusal(world: World, belief: BeliefObject, stroke: PushStroke) -> str | None:
     """Return why the object, or the tool, must not follow the stroke. None: they may."""
-    why = pose_refusal(world, belief, [stroke.object_at(way) for way in _samples(0.0, stroke.way.length)])
+    why = pose_refusal(world, belief, [stroke.object_at(way) for way in samples(0.0, stroke.way.length)])
     support = support_of(world, belief)
     if why is not None or support is None:
         return why
     fingers = tool_outline(world.robot.description.gripper, stroke.side.opening)
-    for way in _samples(-stroke.gap, stroke.way.length):
+    for way in samples(-stroke.gap, stroke.way.length):
         at = stroke.way.at(way) @ stroke.side.tool
         if not all(within(support, at.apply(finger.corners), 0.0) for finger in fingers):
             return f"the tool would leave {support.id}"
@@ -180,8 +180,10 @@ def plan_stroke(
     level = height(belief, world.robot.description.gripper, tip)
     why = "the arm does not reach it"
     answers: list[tuple[float, FeasibleStroke]] = []
+    ways = samples(-stroke.gap, stroke.way.length)
     for flipped in (False, True):
-        found = _configuration_above_start(world, belief, stroke, level, flipped, touching)
+        poses = [stroke.tcp_at(way, level, flipped) for way in ways]
+        found = configuration_above_start(world, poses, opening, (belief.id, *touching))
         if isinstance(found, str):
             why = found
         else:
@@ -190,26 +192,17 @@ def plan_stroke(
     return min(answers, key=lambda a: a[0])[1] if answers else why
 
 
-def _configuration_above_start(
-    world: World,
-    belief: BeliefObject,
-    stroke: PushStroke,
-    level: float,
-    flipped: bool,
-    touching: Collection[str],
+def configuration_above_start(
+    world: World, poses: Sequence[Pose], opening: float, touching: Collection[str]
 ) -> Array | str:
-    """Return the configuration (n,) above the start from which the arm can follow the stroke, or why there is
-    none.
+    """Return the configuration (n,) above the first of a stroke's TCP poses from which the arm can follow
+    them, or why there is none.
 
-    The search starts at the middle of the path. There the arm has a comfortable configuration, and the change
-    along the path is shared between both ends.
+    `touching`: names that the gripper may touch after the start. The search begins at the middle of the path.
+    There the arm has a comfortable configuration, and the change along the path is shared between both ends.
     """
-    ways = _samples(-stroke.gap, stroke.way.length)
-    start = stroke.tcp_at(-stroke.gap, level, flipped)
-    poses = [stroke.tcp_at(way, level, flipped) for way in ways]
-    middle = len(poses) // 2
-    pairs = tuple(("gripper", name) for name in (belief.id, *touching))
-    opening = stroke.side.opening
+    start, middle = poses[0], len(poses) // 2
+    pairs = tuple(("gripper", name) for name in touching)
     pushing = Request(PoseGoal((poses[middle],)), None, opening, allowed=pairs)
     found = world.plan.reached(pushing)
     if found.q is None:
@@ -250,7 +243,8 @@ def _chain(solver: RequestSolver, q: Array, poses: Sequence[Pose]) -> Array | st
     return q
 
 
-def _samples(start: float, end: float) -> Sequence[float]:
+def samples(start: float, end: float) -> Sequence[float]:
+    """Return the places along a stroke at which its poses are checked, ends included, m."""
     count = max(2, math.ceil((end - start) / POSE_CHECK_STEP) + 1)
     return [start + (end - start) * k / (count - 1) for k in range(count)]
 
@@ -269,18 +263,9 @@ def execute_stroke(
     `along`: expected poses of the objects that are pushed along. Failures: planning.*, control.*, safety.*,
     world.disturbed.
     """
-    stroke, handling = one.stroke, world.handling
-    world.gripper.start(one.opening)
+    stroke = one.stroke
     start = stroke.tcp_at(-stroke.gap, one.height, one.flipped)
-    legs = (
-        Request(JointGoal(one.over), width=world.gripper.widest(one.opening), scaling=handling.scaling(1.0)),
-        Request(LineGoal(start), width=one.opening, scaling=handling.slowly),
-    )
-    yield from follow_with_replanning(
-        world, lambda: world.plan.through(legs, node=node), guard=handling.guard, node=node
-    )
-    if abs(world.gripper.width - one.opening) > 0.002:
-        yield from world.gripper.move(one.opening, world.robot.description.gripper.max_force)
+    yield from move_to_start(world, one.over, start, one.opening, node)
     course = PushMotion(
         stroke.way,
         stroke.side.tool,
@@ -290,19 +275,51 @@ def execute_stroke(
         world.robot.hand_mass,
         rolls=stroke.side.rolls,
     )
-    limit = (stroke.gap + stroke.way.length) / min(speed, SLOW_PUSH_SPEED) + STROKE_SPARE_TIME
     along = {} if along is None else along
-    with world.scene.allow(*(("gripper", str(name)) for name in (belief.id, *along))):
-        result = yield from world.move.comply(course, limit, stiffness=PUSH_STIFFNESS, node=node)
+    force = yield from follow_course(world, course, (belief.id, *along), node)
     touched = course.touched_at is not None
     ends = stroke.side.object(course.carrier)
-    pushed = PushResult(
-        touched, course.in_contact, course.blocked, course.lost, course.reached, result.force, ends
-    )
+    pushed = PushResult(touched, course.in_contact, course.blocked, course.lost, course.reached, force, ends)
     if stroke.side.rolls or (touched and not course.lost):
         for name, at in {**along, belief.id: ends}.items():
             _believe(world, name, at)
     return pushed
+
+
+def move_to_start(world: World, over: Array, start: Pose, opening: float, node: str) -> Doing[None]:
+    """Move the tool with its fingers at `opening` m to a configuration `over` (n,) the start, and down to
+    it."""
+    handling = world.handling
+    world.gripper.start(opening)
+    legs = (
+        Request(
+            JointGoal(over),
+            width=world.gripper.widest(opening),
+            clearance=world.gripper.extension(opening),
+            scaling=handling.scaling(1.0),
+        ),
+        Request(LineGoal(start), width=opening, scaling=handling.slowly),
+    )
+    yield from follow_with_replanning(
+        world, lambda: world.plan.through(legs, node=node), guard=handling.guard, node=node
+    )
+    if abs(world.gripper.width - opening) > 0.002:
+        yield from world.gripper.move(opening, world.robot.description.gripper.max_force)
+
+
+def follow_course(
+    world: World,
+    course: PushMotion,
+    touching: Collection[str],
+    node: str,
+    stiffness: CartesianStiffness = PUSH_STIFFNESS,
+) -> Doing[float]:
+    """Move the tool along a stroke's course, and return the greatest force on it, N. `touching`: names that
+    it may touch."""
+    limit = course.longest + STROKE_SPARE_TIME
+    with world.scene.allow(*(("gripper", str(name)) for name in touching)):
+        result = yield from world.move.comply(course, limit, stiffness=stiffness, node=node)
+    return result.force
 
 
 def _believe(world: World, name: ObjectId, at: PlanarPose) -> None:

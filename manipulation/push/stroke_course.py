@@ -7,7 +7,7 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
-from ...control.cartesian.compliant_motion import CompliantMotion, ContactState
+from ...control.cartesian.compliant_motion import CartesianStiffness, CompliantMotion, ContactState
 from ...world.planar_geometry import PlanarPose
 from ...world.values import Array
 from .push_arcs import ArcPath
@@ -39,6 +39,13 @@ BACK_OFF_TRAVEL = 0.006
 """Distance of the final motion back from the object, m."""
 
 
+VERTICAL_DRAG_STIFFNESS = 300.0
+DRAG_STIFFNESS = CartesianStiffness(linear=(1500.0, 1500.0, VERTICAL_DRAG_STIFFNESS), angular=60.0)
+"""Stiffness of a tool that drags things, and its vertical part, N/m."""
+SINK_SPEED, MAX_SINK, SINK_FORCE = 0.03, 0.025, 2.0
+"""Speed, m/s, and distance, m, of the descent onto things, and the force on the tool that ends it, N."""
+
+
 class PushMotion(CompliantMotion):
     """Motion of the TCP whose carrier (see `PushSide`) follows `way`, beginning `gap` m before its start.
 
@@ -55,15 +62,16 @@ class PushMotion(CompliantMotion):
         hand_mass: float,
         *,
         rolls: bool = False,
+        through: bool = False,
     ) -> None:
         """`tool`: TCP in the carrier. `hand_mass`: mass whose inertia the wrist measures, kg. `rolls`: see
-        `PushSide`."""
+        `PushSide`. `through`: the stroke goes on without contact, through a heap."""
         super().__init__()
         self._path, self._tool, self._gap = way, tool, gap
         if rolls or way.length < MAX_SLOW_LENGTH:
             speed = min(speed, SLOW_PUSH_SPEED)
         self._rolls, self._braking = rolls, ROLLING_DECELERATION if rolls else PUSH_ACCELERATION
-        self._speed, self._most = speed, speed
+        self._speed, self._most, self._through = speed, speed, through
         self._force, self._mass = force, hand_mass
         self._way, self._rate = -gap, 0.0
         self._pushed = 0.0
@@ -90,6 +98,11 @@ class PushMotion(CompliantMotion):
         self._yaw = begin.yaw
         tcp = begin @ self._tool
         self._offset: Array = position[:2] - (tcp.x, tcp.y)
+
+    @property
+    def longest(self) -> float:
+        """Duration of the push at the slowest speed, s."""
+        return (self._gap + self._path.length) / min(self._speed, SLOW_PUSH_SPEED)
 
     @property
     def direction(self) -> Array:
@@ -135,7 +148,8 @@ class PushMotion(CompliantMotion):
         if self._pushed > CONTACT_BEGIN_FORCE and self.touched_at is None:
             self.touched_at = self._way
         self._without = 0.0 if self._pushed > CONTACT_END_FORCE else self._without + self._rate * period
-        self.lost = self.touched_at is not None and self._without > MAX_LOST_TRAVEL and not self._rolls
+        without = self.touched_at is not None and self._without > MAX_LOST_TRAVEL
+        self.lost = without and not (self._rolls or self._through)
         self.blocked = against > self._force
 
     def _settle(self, felt: ContactState, period: float) -> None:
@@ -197,3 +211,42 @@ class PushMotion(CompliantMotion):
         yaw = self._yaw + math.atan2(float(turned[1, 0]), float(turned[0, 0]))
         tcp = PlanarPose(float(felt.position[0]), float(felt.position[1]), yaw)
         return tcp @ self._tool.inverse()
+
+
+class DragMotion(PushMotion):
+    """Stroke that begins above things: the tool sinks onto them, presses with `press` N, and drags them.
+
+    With `DRAG_STIFFNESS` the force decreases when the tool slips off an edge. It ends above them.
+    """
+
+    def __init__(self, way: ArcPath, speed: float, force: float, press: float, hand_mass: float) -> None:
+        super().__init__(way, PlanarPose(0.0, 0.0), 0.0, speed, force, hand_mass, through=True)
+        self._press, self._sinking = press, True
+
+    @property
+    def longest(self) -> float:
+        return super().longest + MAX_SINK / SINK_SPEED
+
+    def step(self, felt: ContactState) -> None:
+        if not self._sinking:
+            super().step(felt)
+            return
+        sunk = min(SINK_SPEED * felt.elapsed, MAX_SINK)
+        self.position = self.origin - (0.0, 0.0, sunk)
+        self.velocity = np.array([0.0, 0.0, -SINK_SPEED])
+        if felt.force[2] > SINK_FORCE:
+            low = felt.position[2] - self._press / VERTICAL_DRAG_STIFFNESS
+            self.origin, self._sinking = np.array([*self.origin[:2], low]), False
+        elif sunk >= MAX_SINK:
+            self.origin, self._sinking = self.position.copy(), False
+
+    def _leave(self, period: float) -> None:
+        """Move straight up, off the things."""
+        self._back += SINK_SPEED * period
+        self.position = self.position + np.array([0.0, 0.0, SINK_SPEED * period])
+        self.velocity = np.array([0.0, 0.0, SINK_SPEED])
+        self.acceleration = self.spin = np.zeros(3)
+        if self._back >= MAX_SINK:
+            self.velocity = np.zeros(3)
+            self.phase = "left"
+            self.finished = True

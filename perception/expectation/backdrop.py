@@ -3,12 +3,14 @@ cameras by the table."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...world.scene.description import NO_UNCERTAINTY, Bin, Fixture, SceneDescription
+from ...world.scene.heap_regions import HeapRegion
 from ...world.shapes import Box, Shape, corners, ray_hits, top
 from ...world.values import Array, Pose, cross
 from .. import segmentation
@@ -149,12 +151,18 @@ class SupportSurface:
     height: float
     """Height in the world, m."""
     in_bin: bool
+    heaped: bool = False
+    """Whether what lies there is taken out as a heap, without being recognised."""
 
 
 class SupportSurfaces:
     """Support surfaces of a scene: tops of fixtures, floors of bins."""
 
-    def __init__(self, fixtures: tuple[Fixture, ...], bins: tuple[Bin, ...]) -> None:
+    def __init__(
+        self, fixtures: tuple[Fixture, ...], bins: tuple[Bin, ...], regions: Mapping[str, HeapRegion]
+    ) -> None:
+        """`regions`: places of heaps, by tote or fixture."""
+        self._piles = [region for name, region in regions.items() if name not in {str(b.id) for b in bins}]
         self._bins = [(b, _Footprint(b.pose, b.size[0], b.size[1])) for b in bins]
         self._tops = [
             (top(f.shape, f.pose), _Footprint(f.pose, f.shape.size[0], f.shape.size[1]))
@@ -167,9 +175,11 @@ class SupportSurfaces:
         `below`. Without either the height is 0."""
         for bin_, outside in self._bins:
             if outside.contains(x, y):
-                return SupportSurface(bin_.id, bin_.pose.position[2] + bin_.wall, True)
+                return SupportSurface(bin_.id, bin_.pose.position[2] + bin_.wall, True, bin_.is_tote)
         tops = [height for height, area in self._tops if height <= below and area.contains(x, y)]
-        return SupportSurface("table", max(tops, default=0.0), False)
+        height = max(tops, default=0.0)
+        point = np.array([[x, y, height]])
+        return SupportSurface("table", height, False, any(bool(p.covers(point)[0]) for p in self._piles))
 
     def supports(self, points: Array) -> Array:
         """Compute how far down something at each point (n, 3) of the world may reach unseen, (n,), m.
@@ -187,11 +197,14 @@ class SupportSurfaces:
         return heights
 
     def in_heap(self, points: Array, over: float) -> NDArray[np.bool_]:
-        """Select the points (n, 3) of the world that lie over a bin, at most `over` m above its rim."""
+        """Select the points (n, 3) of the world that lie over a bin, at most `over` m above its rim, or in a
+        pile."""
         x, y, z = points.T
         found = np.zeros(len(points), dtype=np.bool_)
         for bin_, outside in self._bins:
             found |= outside.covers(x, y) & (z < bin_.pose.position[2] + bin_.size[2] + over)
+        for region in self._piles:
+            found |= region.covers(points)
         return found
 
 

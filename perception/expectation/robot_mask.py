@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Final, Protocol
+from typing import TYPE_CHECKING, Any, Final, Protocol
 
 import cv2
 import numpy as np
@@ -17,9 +17,13 @@ from ...robots import urdf_tree
 from ...robots.urdf_tree import UrdfMesh, UrdfPrimitive, read_mesh
 from ...world import shapes, values
 from ...world.belief.planning_scene import BeliefObject
+from ...world.scene.description import SceneDescription
 from ...world.shapes import Shape, convex_hull, corners, inside
 from ...world.values import Array, Pose, Vector3
 from ..geometry.camera_geometry import ConvexFacets, PosedCamera
+
+if TYPE_CHECKING:
+    from ...robots.model import RobotModel
 
 MASK_GROWTH_PIXELS = 3
 """Pixels by which the mask is larger than the model."""
@@ -39,6 +43,8 @@ MIN_CONVEX_SHARE = 0.98
 """Least share of its hull that a convex link fills."""
 ATTACHED_HEIGHT = 0.15
 """Height over the table above which connected pixels belong to the robot, m."""
+AREA_POINTS = 15
+"""Number of points along each side of an area of items."""
 
 
 class RobotShape(Protocol):
@@ -176,6 +182,30 @@ class RobotMask:
             before = sight.before(points)
             if len(before):
                 yield before
+
+
+def hidden_shares(robot: RobotModel, scene: SceneDescription, configuration: Array) -> dict[str, float]:
+    """Return the share of the items' areas that the arm hides at a configuration (n,), rad, by camera.
+
+    Cameras on the hand are left out: they move with what hides. Empty for a scene without such areas.
+    """
+    points = [_grid(*load.area) for load in scene.loads]
+    if not points:
+        return {}
+    mask, width = RobotMask(robot), robot.description.gripper.max_width
+    return {
+        camera.name: mask.hidden_share(
+            PosedCamera.at(camera.intrinsics, camera.pose), np.concatenate(points), configuration, width
+        )
+        for camera in scene.cameras
+        if camera.on == "world"
+    }
+
+
+def _grid(low: tuple[float, float], high: tuple[float, float]) -> Array:
+    """Return points (n, 3) over a rectangle of the table, m."""
+    x, y = (np.linspace(a, b, AREA_POINTS) for a, b in zip(low, high, strict=True))
+    return np.column_stack([np.repeat(x, AREA_POINTS), np.tile(y, AREA_POINTS), np.zeros(AREA_POINTS**2)])
 
 
 def held_part(held: BeliefObject | None) -> tuple[Shape, Pose] | None:

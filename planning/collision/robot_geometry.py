@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -148,24 +148,101 @@ class RobotCollisionGeometry:
     """Margins (parts, parts) by the parts' values, m."""
 
 
-class MarginChecker:
-    """Checker with one set of margins over the geometry. Broad phase and answers do not depend on earlier
-    queries."""
+class SplitGeometry:
+    """Geometry model in the parts that the broad phase takes: what moves with the robot, and what is around
+    it."""
 
-    def __init__(self, robot: RobotCollisionGeometry, geometry: pin.GeometryModel, margins: Array) -> None:
+    def __init__(self, robot: RobotCollisionGeometry, geometry: pin.GeometryModel, count: int) -> None:
+        """Split a model with its pairs, whose first `count` bodies are the robot's and the held object."""
+        self.robot = robot
+        self.whole = geometry
+        self.moving = geometry
+        self.around = pin.GeometryModel()
+        self.placed = 0
+        """Number of times that bodies were placed."""
+        # A manager widens the boxes of the bodies in its own model's pairs, each by the request at the pair's
+        # number. With fewer requests than that takes all bodies stay in one manager.
+        if len(geometry.collisionPairs) >= count - 1:
+            self.moving, self.around = pin.GeometryModel(), geometry.copy()
+            for k in range(count):
+                self.moving.addGeometryObject(geometry.geometryObjects[k])
+                self.around.geometryObjects[k].disableCollision = True
+            for k in range(count - 1):
+                self.moving.addCollisionPair(pin.CollisionPair(k, k + 1))
+
+
+BOX_MARGIN = 1e-3
+"""Distance beyond the greatest margin up to which bounding boxes count as touching, m."""
+
+
+class MarginChecker:
+    """Checker with one set of margins over the geometry. Its answers do not depend on earlier queries.
+
+    The naive manager compares the bounding boxes of all pairs. Up to 200 bodies that costs less than keeping
+    a tree of them, half at 30. SaP and AABBTreeArray miss collisions; this one was compared with the naive
+    test. The bodies around have a manager of their own: their boxes are computed when they have moved, not
+    in each check, and not compared with each other.
+    """
+
+    def __init__(self, geometry: SplitGeometry, margins: Array) -> None:
+        robot = geometry.robot
         self.model = robot.model
         self.data = robot.model.createData()
         self.tool_joint = self.data.oMi[robot.tcp_joint]
         """Pose in the world at the last tested configuration: a view of what pinocchio writes."""
-        self._geometry_data = pin.GeometryData(geometry)
-        self._geometry_data.setSecurityMargins(geometry, margins, True, False)
-        # The naive manager compares the bounding boxes of all pairs. Up to 200 bodies that costs less than
-        # keeping a tree of them, half at 30. SaP and AABBTreeArray miss collisions; this one was compared
-        # with the naive test.
-        self.manager = pin.BroadPhaseManager_NaiveCollisionManager(self.model, geometry, self._geometry_data)
+        self._geometry = geometry
+        self._geometry_data = pin.GeometryData(geometry.whole)
+        self._geometry_data.setSecurityMargins(geometry.whole, margins, True, False)
+        # The boxes of the robot's bodies are widened by as much as any pair needs, those around not at all.
+        widened = 2.0 * (max(0.0, float(margins.max(initial=0.0))) + BOX_MARGIN)
+        for _, request in zip(
+            geometry.moving.collisionPairs, self._geometry_data.collisionRequests, strict=False
+        ):
+            request.break_distance = widened - request.security_margin
+        manager = pin.BroadPhaseManager_NaiveCollisionManager
+        self._moving = manager(self.model, geometry.moving, self._geometry_data)
+        self._around = manager(self.model, geometry.around, self._geometry_data)
+        self._answer = pin.CollisionCallBackDefault(geometry.whole, self._geometry_data, True)
+        self._placed = -1
 
     def free(self, full_q: Array) -> bool:
-        return not pin.computeCollisions(self.model, self.data, self.manager, full_q, True)
+        return self.count_until((full_q,), full_q, slice(None), hit=True) == 1
+
+    def count_until(
+        self,
+        configurations: Collection[Array],
+        full_q: Array,
+        arm: slice | list[int],
+        *,
+        hit: bool,
+        inside: Callable[[], bool] | None = None,
+    ) -> int:
+        """Return the number of configurations of `arm` within `full_q` before the first that is not free, or
+        without `hit` before the first that is.
+
+        `inside` says whether the tool is where it may be; None: it may be everywhere.
+        """
+        model, data, geometry, geometry_data = (
+            self.model,
+            self.data,
+            self._geometry.whole,
+            self._geometry_data,
+        )
+        place, update, collide = pin.updateGeometryPlacements, self._moving.update, self._moving.collide
+        around, answer = self._around, self._answer
+        if self._placed != self._geometry.placed:
+            self._placed = self._geometry.placed
+            place(model, data, geometry, geometry_data, full_q)
+            around.update()
+        # The parts of pinocchio's computeCollisions: to find that among its overloads takes a microsecond.
+        for count, q in enumerate(configurations):
+            full_q[arm] = q
+            place(model, data, geometry, geometry_data, full_q)
+            update()
+            touches = collide(around, answer) or collide(answer)
+            if (touches or (inside is not None and not inside())) is hit:
+                return count
+        return len(configurations)
 
 
 class CollisionModel:
@@ -194,6 +271,7 @@ class CollisionModel:
             )
         self.pieces = tuple(pieces)
         self.geometry.setCollisionPairs(self._pairs())
+        self._split = SplitGeometry(robot, self.geometry, self._first)
         self.least = self._least_distances()
         self.full = self.checker(self.least)
         self._halved: MarginChecker | None = None
@@ -203,6 +281,7 @@ class CollisionModel:
     def place(self, bodies: Sequence[CollisionBody], held_in_tcp: Pose | None) -> None:
         """Set the poses of the content's bodies in the world, and of the held object in the hand."""
         objects = self.geometry.geometryObjects
+        self._split.placed += 1
         for index, body in enumerate(bodies):
             if self._poses[index] != body.pose:
                 self._poses[index] = body.pose
@@ -213,7 +292,7 @@ class CollisionModel:
 
     def checker(self, margins: Array) -> MarginChecker:
         """Return a checker with a margin of its own for each pair of pieces."""
-        return MarginChecker(self._robot, self.geometry, margins)
+        return MarginChecker(self._split, margins)
 
     @property
     def halved(self) -> MarginChecker:

@@ -6,7 +6,8 @@ A trajectory is checked again before it counts as a plan, and when the belief ha
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
+from copy import copy
 from functools import lru_cache
 from typing import Protocol
 
@@ -34,29 +35,39 @@ REACH_BEYOND_TCP = 0.1
 """Reach of hand and held object beyond the tool centre point, m."""
 
 Free = Callable[[Array], bool]
+CountFree = Callable[[Array], int]
+"""Number of configurations (m, n) before the first that is not free."""
 
 
 class EdgeSteps:
     """Edges in steps that are equally fine for every point of the arm: the wrist may turn further than the
-    shoulder.
+    shoulder."""
 
-    `share` scales the steps.
-    """
+    def __init__(self, model: RobotModel) -> None:
+        self._levers: Array = joint_levers(model) / MAX_EDGE_SWEEP
+        self._turns = 1.0 / MAX_EDGE_TURN
 
-    def __init__(self, model: RobotModel, share: float = 1.0) -> None:
-        self._levers: Array = joint_levers(model) / (MAX_EDGE_SWEEP * share)
-        self._turns = 1.0 / (MAX_EDGE_TURN * share)
+    def scaled(self, share: float) -> EdgeSteps:
+        """Return edges in steps of that share of the length."""
+        if share == 1.0:
+            return self
+        finer = copy(self)
+        finer._levers, finer._turns = self._levers / share, self._turns / share
+        return finer
 
     def count(self, along: Array) -> int:
         """Return the number of steps into which an edge along (n,) is cut."""
         turned = math.sqrt(float(along @ along)) * self._turns
         return max(1, math.ceil(max(turned, float(np.abs(along) @ self._levers))))
 
-    def free(self, free: Free, a: Array, b: Array, *, ends_free: bool = False) -> bool:
+    def free(self, count_free: CountFree, a: Array, b: Array, *, ends_free: bool = False) -> bool:
         """Whether all steps from a (exclusive) to b (n,) are free. With `ends_free` b is known to be free."""
+        # Most edges of a search fail at their end, so that comes before their steps are made.
+        if not ends_free and not count_free(b[None]):
+            return False
         along = b - a
-        shares = _column(self.count(along))
-        return all(map(free, a + along * (shares[1:] if ends_free else shares)))
+        count = self.count(along)
+        return count == 1 or count_free(a + along * _inner_shares(count)) == count - 1
 
 
 def joint_levers(model: RobotModel) -> Array:
@@ -96,9 +107,9 @@ def _shares(count: int) -> tuple[float, ...]:
 
 
 @lru_cache(maxsize=512)
-def _column(count: int) -> Array:
-    """Return the shares of `_shares` as a column (count, 1)."""
-    column: Array = np.array(bisection_order(count))[:, None] / count
+def _inner_shares(count: int) -> Array:
+    """Return the shares of `_shares` but for the end's as a column (count - 1, 1)."""
+    column: Array = np.array(bisection_order(count)[1:])[:, None] / count
     return column
 
 
@@ -118,7 +129,7 @@ class ConfigurationCheck(Protocol):
     @property
     def model(self) -> RobotModel: ...
 
-    def free(self, q: Array) -> bool: ...
+    def count_free(self, configurations: Array) -> int: ...
 
     def nearly_free(self, q: Array) -> bool: ...
 
@@ -141,9 +152,16 @@ def first_collision(kept: ConfigurationCheck, trajectory: Trajectory) -> Array |
     outside = np.flatnonzero(((q < lower) | (q > upper)).any(axis=1))
     if outside.size:
         return q[int(outside[0])].copy()
-    checked = sampled_configurations(model, trajectory)
-    # The half-margin check runs only for the few configurations that fail the full margins.
-    return next((at for at in _bisected(checked) if not kept.free(at) and not kept.nearly_free(at)), None)
+    samples = sampled_configurations(model, trajectory)
+    # The start, the end, then halves, quarters, …: collisions come in stretches.
+    samples = samples[[0, *bisection_order(len(samples) - 1)]]
+    done = kept.count_free(samples)
+    while done < len(samples):
+        # The half-margin check runs only for the few configurations that fail the full margins.
+        if not kept.nearly_free(samples[done]):
+            return samples[done]
+        done += 1 + kept.count_free(samples[done + 1 :])
+    return None
 
 
 def sampled_configurations(model: RobotModel, trajectory: Trajectory) -> Array:
@@ -158,14 +176,6 @@ def sampled_configurations(model: RobotModel, trajectory: Trajectory) -> Array:
     marks: Array = np.linspace(0.0, float(along[-1]), count + 1)
     joints: list[Array] = [np.interp(marks, along, joint) for joint in q.T]
     return np.stack(joints, axis=1)
-
-
-def _bisected(checked: Array) -> Iterator[Array]:
-    """Yield the start, the end, then halves, quarters, …: collisions come in stretches."""
-    yield checked[0]
-    count = len(checked) - 1
-    for k in bisection_order(count):
-        yield checked[k]
 
 
 BELIEF_PENETRATION = 0.001
@@ -215,6 +225,18 @@ class StartTolerance:
         if checker is not None:
             return self._collision.asked(checker, q, within=self._within)
         return self._collision.free(q)
+
+    def count_free(self, configurations: Array) -> int:
+        """Return the number of configurations (m, n) before the first that is not free."""
+        if not self._zones:
+            return self._collision.count_free(configurations)
+        return next((k for k, q in enumerate(configurations) if not self.free(q)), len(configurations))
+
+    def count_blocked(self, configurations: Array) -> int:
+        """Return the number of configurations (m, n) before the first that is free."""
+        if not self._zones:
+            return self._collision.count_blocked(configurations)
+        return next((k for k, q in enumerate(configurations) if self.free(q)), len(configurations))
 
     def nearly_free(self, q: Array) -> bool:
         """Whether q keeps halved margins: for samples between configurations that were found free."""

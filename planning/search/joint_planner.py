@@ -24,7 +24,7 @@ from ..kinematics.configuration_cost import configuration_cost
 from ..requests import Scaling
 from ..timing.time_parameterization import time_corners
 from .path_search import EdgeFree, PathPlanner, PathSearch, SearchProblem
-from .rrt_connect import Rooted, improve_path, rrt_connect, shorten_path
+from .rrt_connect import Rooted, SearchChecks, improve_path, rrt_connect, shorten_path
 
 PLANNER_NAME = "RRTConnect"
 CORNER_RADII = (0.1, 0.05, 0.02, 0.005)
@@ -159,10 +159,10 @@ class JointPlanner:
 
     def _problem(self, goals: Sequence[Array], share: float, rng: np.random.Generator) -> SearchProblem:
         """Return the search problem with a share of the greatest steps."""
-        strides = EdgeSteps(self._model, share)
+        strides = self._strides.scaled(share)
 
         def edge(a: Array, b: Array) -> bool:
-            return strides.free(self._free, a, b)
+            return strides.free(self._count_free, a, b)
 
         return SearchProblem(
             np.min([self._model.planned_lower, self._start, *goals], axis=0),
@@ -171,7 +171,7 @@ class JointPlanner:
             goals,
             self._free,
             edge,
-            lambda a, b: strides.free(self._free, a, b, ends_free=True),
+            lambda a, b: strides.free(self._count_free, a, b, ends_free=True),
             self._budget.is_spent,
             self._budget.enough(),
             self._budget.left,
@@ -199,7 +199,8 @@ class JointPlanner:
     ) -> list[Array] | None:
         # Start and goals may be nearer to the limits than the planned configurations between them.
         limits = self._model.planned_lower, self._model.planned_upper
-        return rrt_connect(*limits, start, goals, problem.edge, problem.between, budget.is_spent, problem.rng)
+        checks = SearchChecks(problem.edge, problem.between, self._way.count_blocked, lambda: budget.left)
+        return rrt_connect(*limits, start, goals, checks, problem.rng)
 
     def _near_first(self, goals: Sequence[Array], rooted: Callable[[Array], Rooted]) -> list[Rooted]:
         nearest = sorted(goals, key=lambda q: float(np.linalg.norm(q - self._start)))
@@ -208,10 +209,15 @@ class JointPlanner:
         ]
 
     def _free(self, q: Array) -> bool:
-        return not self._budget.is_spent() and self._way.free(q)
+        return self._count_free(q[None]) == 1
+
+    def _count_free(self, configurations: Array) -> int:
+        """Return the number of free configurations before the first that is not, or that the budget leaves
+        out."""
+        return self._way.count_free(configurations[: self._budget.left])
 
     def _edge(self, a: Array, b: Array) -> bool:
-        return self._strides.free(self._free, a, b)
+        return self._strides.free(self._count_free, a, b)
 
     def _timed(self, path: Array, planner: str, goal: int) -> FoundPath | None:
         """Time a path. None: no trajectory on it is free."""

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...world.values import Array
 from .path_search import EdgeFree
@@ -24,6 +25,8 @@ NEAR_SHARE = 0.7
 """Share of the samples from the box that start and goal span: paths there are shorter and found sooner."""
 NEAR_MARGIN = 0.5
 """Distance by which that box is wider than start and goal, rad."""
+FIRST_BLOCK, MAX_BLOCK = 4, 32
+"""Numbers of samples that are drawn, and compared with a tree, at once: first, and after doubling."""
 MIN_GAIN = 0.005
 """Share of a path's length below which a corner is not cut."""
 MIN_MOVE_GAIN = 0.015
@@ -43,37 +46,47 @@ Rooted = tuple[Array, Sequence[Array]]
 """Root (n,) and a chain of configurations that leads away from it by free edges."""
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class SearchChecks:
+    """Collision checks of one search."""
+
+    edge: EdgeFree
+    between: EdgeFree
+    """Whether everything between two configurations that are free is free."""
+    count_blocked: Callable[[Array], int]
+    """Return the number of configurations (m, n) before the first that is free."""
+    left: Callable[[], int]
+    """Return the number of checks after which the search is given up."""
+
+
 def rrt_connect(
     lower: Array,
     upper: Array,
     start: Rooted,
     goals: Sequence[Rooted],
-    edge: EdgeFree,
-    between: EdgeFree,
-    give_up: Callable[[], bool],
+    checks: SearchChecks,
     rng: np.random.Generator,
 ) -> list[Array] | None:
-    """Search a path, each (n,), from start to one of the goals. None when `give_up` came true first.
-
-    `edge` checks the second configuration, too; `between` does not.
-    """
+    """Search a path, each (n,), from start to one of the goals. None when the checks are spent first."""
     ours, theirs, samples = _Tree([start]), _Tree(goals), _Samples(lower, upper, start, goals, rng)
     forward = True
     for end in ours.ends:
         for other in theirs.ends:
-            if between(ours.points[end], theirs.points[other]):
+            if checks.between(ours.points[end], theirs.points[other]):
                 return ours.back(end)[::-1] + theirs.back(other)
-    while not give_up():
+    while left := checks.left():
         # The smaller tree grows, so that a tree in a narrow place is not left behind.
         if ours.count > theirs.count:
             ours, theirs, forward = theirs, ours, not forward
-        new = _extend(ours, samples.draw(), edge)
+        new = _extend(ours, samples, checks, left)
         if new is None:
             continue
-        met = _connect(theirs, ours.points[new], edge, between)
+        met = _connect(theirs, ours.points[new], checks)
         if met is not None:
+            samples.close()
             path = ours.back(new)[::-1] + theirs.back(met)
             return path if forward else path[::-1]
+    samples.close()
     return None
 
 
@@ -128,6 +141,9 @@ class _Tree:
         self.points: Array = np.empty((256, len(roots[0][0])))
         self._parents: list[int] = []
         self.count = 0
+        self._block: Array = np.empty((0, 0))
+        self._block_count = 0
+        self._block_nearest: tuple[NDArray[np.intp], Array] = np.empty(0, np.intp), np.empty(0)
         self.ends: list[int] = []
         """Last node of each root's chain."""
         for root, _ in roots:
@@ -153,6 +169,28 @@ class _Tree:
         k = int(squared.argmin())
         return k, math.sqrt(float(squared[k]))
 
+    def towards(self, block: Array, row: int) -> tuple[NDArray[np.intp], Array]:
+        """Return the nearest nodes (m,) to the samples of a block from a row on, and their extensions' ends.
+
+        The ends (m, n) are at most MAX_EXTENSION away. After the first time only new nodes are compared.
+        """
+        if block is not self._block:
+            self._block, self._block_count = block, 0
+            self._block_nearest = np.zeros(len(block), np.intp), np.full(len(block), np.inf)
+        known, squared = self._block_nearest
+        if self._block_count < self.count:
+            apart = block[row:, None] - self.points[self._block_count : self.count]
+            each: Array = np.einsum("kij,kij->ki", apart, apart)
+            k = each.argmin(axis=1)
+            least = each[np.arange(len(k)), k]
+            nearer = least < squared[row:]
+            known[row:][nearer] = k[nearer] + self._block_count
+            squared[row:][nearer] = least[nearer]
+            self._block_count = self.count
+        near, samples, distance = self.points[known[row:]], block[row:], np.sqrt(squared[row:])[:, None]
+        share = MAX_EXTENSION / np.maximum(distance, MAX_EXTENSION)
+        return known[row:], np.where(distance <= MAX_EXTENSION, samples, near + (samples - near) * share)
+
     def back(self, k: int) -> list[Array]:
         """Return the branch from a node to its root; copies."""
         path = list[Array]()
@@ -173,35 +211,67 @@ class _Samples:
         self._lower = np.maximum(np.minimum(start[0], ends) - NEAR_MARGIN, lower)
         self._upper = np.minimum(np.maximum(start[0], ends) + NEAR_MARGIN, upper)
         self._rng = rng
+        self.block: Array = np.empty((0, len(lower)))
+        """Samples (m, n) that were drawn at once, as far as they do not depend on each other."""
+        self._count = FIRST_BLOCK
+        self.row = 0
+        """Number of the first of them that has not been used."""
 
-    def draw(self) -> Array:
-        """Return a configuration (n,)."""
+    def fill(self) -> None:
+        """Draw the next block if this one is used up."""
+        if self.row == len(self.block):
+            self.block, self.row = self._drawn(), 0
+
+    def close(self) -> None:
+        """Return the rest of the block to the random stream, so that the next search goes on from here."""
+        unused, stream = len(self.block) - self.row, self._rng.bit_generator
+        if unused > 0:
+            assert isinstance(stream, np.random.PCG64), "random numbers are those of numpy's default_rng"
+            stream.advance(-unused * (1 + self.block.shape[1]))
+
+    def _drawn(self) -> Array:
+        """Return the next block (m, n). Draws among several goals cannot be returned: one at a time."""
         lower, upper = self._everywhere
+        if len(self._lower) == 1:
+            unit = self._rng.random((self._count, 1 + len(lower)))
+            self._count = min(2 * self._count, MAX_BLOCK)
+            near = unit[:, :1] < NEAR_SHARE
+            low = np.where(near, self._lower, lower)
+            return low + (np.where(near, self._upper, upper) - low) * unit[:, 1:]
         if self._rng.random() < NEAR_SHARE:
-            k = int(self._rng.integers(len(self._lower))) if len(self._lower) > 1 else 0
+            k = int(self._rng.integers(len(self._lower)))
             lower, upper = self._lower[k], self._upper[k]
-        return self._rng.uniform(lower, upper)
+        return self._rng.uniform(lower, upper)[None]
 
 
-def _extend(tree: _Tree, towards: Array, edge: EdgeFree) -> int | None:
-    """Add a node at most RANGE from the nearest one, if the edge is free. Returns its number, else None."""
-    k, distance = tree.nearest(towards)
-    near = tree.points[k]
-    q = towards if distance <= MAX_EXTENSION else near + (towards - near) * (MAX_EXTENSION / distance)
-    return tree.add(q, k) if edge(near, q) else None
+def _extend(tree: _Tree, samples: _Samples, checks: SearchChecks, left: int) -> int | None:
+    """Extend a tree towards the first of the next samples to which the end of the extension is free, in at
+    most `left` checks.
+
+    Returns the new node's number; None: there is no such sample, or the edge is not free.
+    """
+    samples.fill()
+    nearest, ends = tree.towards(samples.block, samples.row)
+    # Most extensions fail at their end. As long as they do, the tree stays as it is.
+    blocked = checks.count_blocked(ends[:left])
+    samples.row += min(blocked + 1, len(ends), left)
+    if blocked == min(len(ends), left):
+        return None
+    k, q = int(nearest[blocked]), ends[blocked]
+    return tree.add(q, k) if checks.between(tree.points[k], q) else None
 
 
-def _connect(tree: _Tree, target: Array, edge: EdgeFree, between: EdgeFree) -> int | None:
+def _connect(tree: _Tree, target: Array, checks: SearchChecks) -> int | None:
     """Grow the tree towards the target while edges are free. Returns the node from which the target is
     reached, else None."""
     k, distance = tree.nearest(target)
     while distance > MAX_EXTENSION:
         near = tree.points[k]
         q = near + (target - near) * (MAX_EXTENSION / distance)
-        if not edge(near, q):
+        if not checks.edge(near, q):
             return None
         k, distance = tree.add(q, k), distance - MAX_EXTENSION
-    return k if between(tree.points[k], target) else None
+    return k if checks.between(tree.points[k], target) else None
 
 
 def _skip_corners(path: list[Array], between: EdgeFree) -> list[Array]:

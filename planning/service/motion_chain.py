@@ -64,7 +64,7 @@ class _RoundedEnds:
     def __init__(self, way: StartTolerance, ends: Sequence[tuple[Array, float | None]]) -> None:
         """`ends`: configuration (n,) of each end, and how far from it the corner is cut, rad."""
         self.model = way.model
-        self.free = way.free
+        self.count_free = way.count_free
         self._way = way
         self._ends = [(q, cut) for q, cut in ends if cut is not None]
 
@@ -225,7 +225,9 @@ class MotionChain:
     def _allows(self, leg: _Leg, configurations: Array) -> bool:
         constraints = PathConstraints(self._solver.model, leg.request.constraints)
         way = self._way(leg.request)
-        return all(way.free(q) for q in configurations) and all(constraints.hold(q) for q in configurations)
+        return way.count_free(configurations) == len(configurations) and all(
+            constraints.hold(q) for q in configurations
+        )
 
     def _room(self, leg: _Leg, most: float, *, at_end: bool) -> float:
         """Return how far a corner may reach into a leg, rad: at most that share of it."""

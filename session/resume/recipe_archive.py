@@ -35,9 +35,17 @@ from ...simulation.fault_files.fault_entries import FaultFile
 from ...simulation.fault_files.fault_loading import parse_faults
 from ...trees.loading.loader import parse_mission
 from ...trees.mission import Mission, RecordedFiles
-from ...world.scene.description import SceneDescription
+from ...world.scene.description import MESH_SETS, SceneDescription
 from ...world.scene.loading.scene_loading import check_scene
-from ..recipe import DEFAULT_TIME_LIMIT, ROBOT_MESHES, Recipe, fingerprints, plain_reference, recipe_files
+from ..recipe import (
+    ASSORTMENT_MESHES,
+    DEFAULT_TIME_LIMIT,
+    ROBOT_MESHES,
+    Recipe,
+    fingerprints,
+    plain_reference,
+    recipe_files,
+)
 
 
 class RecordedFileNames(Protocol):
@@ -106,6 +114,7 @@ class Unpacking:
             # This text only needs a robot file that exists; `robot` reads its content.
             data["robot"], moved = "robot/robot.yaml", True
             self._put(folder / "robot" / "robot.yaml", self._log.attachment("robot.yaml"))
+        moved = self._put_assortment(data.get("assortment"), folder) or moved
         document = read_document(path, "scene", _dumped(data)) if moved else document
         return replace(check_scene(document).required(), text=text)
 
@@ -150,6 +159,25 @@ class Unpacking:
         self._put(folder / at, self._log.attachment(name))
         entry["mesh"] = at
         return at != mesh
+
+    def _put_assortment(self, entry: object, folder: Path) -> bool:
+        """Put the meshes of an assortment where its entry then names them. False: it has no folder of its
+        own."""
+        if not isinstance(entry, dict):
+            return False
+        given = cast("dict[str, Any]", entry)
+        if given.get("meshes") in MESH_SETS:
+            return False
+        if ASSORTMENT_MESHES not in self._names:
+            raise PicktreeError(
+                f"{self._log.path}: the meshes {given.get('meshes')} of the assortment are not in the log; "
+                "it was made by an older version"
+            )
+        with zipfile.ZipFile(io.BytesIO(self._log.attachment(ASSORTMENT_MESHES))) as archive:
+            for name in archive.namelist():
+                self._put(folder / "assortment" / Path(name).name, archive.read(name))
+        given["meshes"] = "assortment"
+        return True
 
     def _with_meshes(self, urdf: bytes, folder: Path, installed: Path | None) -> bytes:
         """Return the URDF, with its meshes beside it: those of the log, else the same ones of the installed

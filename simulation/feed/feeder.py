@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
 from ...errors import PicktreeError
@@ -18,6 +18,7 @@ from .belt_drive import BeltDrive
 from .belt_source import BeltFeed, BeltFeedState
 from .cell_interface import CELL_CHECK_INTERVAL, FeedCell, ItemSource, Zone
 from .table_source import TableFeed, TableFeedState
+from .tote_source import ToteFeed, ToteFeedState
 
 MIN_ARM_DISTANCE = 0.05
 """Least distance between the bin and the arm during the exchange, m."""
@@ -37,11 +38,12 @@ class ExchangeState:
 
 
 class BinExchange:
-    """Exchange of bins by one person, one bin after the other. Without `exchange` in the scene requests are
-    ignored."""
+    """Exchange of bins by one person, one bin after the other. A tote with a feed comes back full. Without
+    `exchange` in the scene requests are ignored."""
 
-    def __init__(self, scene: SceneDescription, cell: FeedCell) -> None:
+    def __init__(self, scene: SceneDescription, cell: FeedCell, totes: Iterable[ToteFeed] = ()) -> None:
         self._cell = cell
+        self._totes = {each.tote: each for each in totes}
         self._bins: Mapping[str, Bin] = {each.id: each for each in scene.bins}
         self._exchange = scene.exchange
         self._asked: list[ObjectId] = []
@@ -56,8 +58,9 @@ class BinExchange:
 
     @property
     def done(self) -> Mapping[ObjectId, int]:
-        """Number of exchanges of each bin; a copy."""
-        return dict(self._done)
+        """Number of exchanges of each bin; a copy. A full tote counts when its items have come to rest."""
+        moving = {name for name, tote in self._totes.items() if tote.busy}
+        return {name: number - (name in moving) for name, number in self._done.items()}
 
     def ask(self, bin_id: ObjectId) -> None:
         """Request the exchange of a bin. Raises PicktreeError when the scene has no such bin."""
@@ -99,7 +102,9 @@ class BinExchange:
         self._worked = 0.0
         self._done[each.id] += 1
         number = self._done[each.id]
-        message = f"{each.id} is exchanged for an empty one, with {_counted(len(inside))} in it"
+        tote = self._totes.get(each.id)
+        other = "a full" if tote is not None and tote.fill() else "an empty"
+        message = f"{each.id} is exchanged for {other} one, with {_counted(len(inside))} in it"
         self._events.append(BinExchangedEvent(message, bin=each.id, items=len(inside), number=number))
 
 
@@ -131,6 +136,7 @@ class FeederState:
     tables: tuple[TableFeedState, ...] = ()
     belts: tuple[BeltFeedState, ...] = ()
     exchange: ExchangeState = field(default_factory=ExchangeState)
+    totes: tuple[ToteFeedState, ...] = ()
 
 
 class Feeder:
@@ -143,15 +149,20 @@ class Feeder:
         self._tables = tuple(
             TableFeed(scene, n, cell, seed)
             for n, delivery in enumerate(scene.deliveries)
-            if delivery.belt is None
+            if delivery.belt is None and delivery.load.into is None
         )
         self._belts = tuple(
             BeltFeed(scene, n, cell, belts[delivery.belt], seed)
             for n, delivery in enumerate(scene.deliveries)
             if delivery.belt is not None
         )
-        self._bringers: tuple[ItemSource, ...] = (*self._tables, *self._belts)
-        self._exchange = BinExchange(scene, cell)
+        self._totes = tuple(
+            ToteFeed(scene, n, cell, seed)
+            for n, delivery in enumerate(scene.deliveries)
+            if delivery.load.into is not None
+        )
+        self._bringers: tuple[ItemSource, ...] = (*self._tables, *self._belts, *self._totes)
+        self._exchange = BinExchange(scene, cell, self._totes)
 
     def ready(self) -> None:
         for each in self._bringers:
@@ -188,6 +199,7 @@ class Feeder:
             tuple(each.state() for each in self._tables),
             tuple(each.state() for each in self._belts),
             self._exchange.state(),
+            tuple(each.state() for each in self._totes),
         )
 
     def restore(self, state: FeederState) -> None:
@@ -195,6 +207,7 @@ class Feeder:
         for what, saved, own in (
             ("an area", state.tables, self._tables),
             ("a belt", state.belts, self._belts),
+            ("a tote", state.totes, self._totes),
         ):
             if len(saved) != len(own):
                 raise PicktreeError(
@@ -205,6 +218,8 @@ class Feeder:
             each.restore(table)
         for each, belt in zip(self._belts, state.belts, strict=True):
             each.restore(belt)
+        for each, tote in zip(self._totes, state.totes, strict=True):
+            each.restore(tote)
         self._exchange.restore(state.exchange)
 
 

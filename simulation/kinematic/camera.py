@@ -17,7 +17,7 @@ from ...world.values import Array, ObjectId, Pose
 from ..engine import Client, pb
 from ..faults.device_faults import DeviceFaults
 from ..physics.bodies import add_item, add_obstacle
-from ..physics.rgbd_camera import CameraRenderer, RenderedImage, StaticScene, in_front, intrinsics
+from ..physics.rgbd_camera import CameraRenderer, RenderedImage, StaticScene, in_front
 from ..physics.robot.robot_body import RobotBody
 from ..sensor_noise import mislabelled, noisy_colour, noisy_depth
 from ..spawning.spawn import SpawnedItem
@@ -145,6 +145,6 @@ class KinematicCamera:
             colour=colour,
             depth=depth,
             stamp=self._clock.now,
-            intrinsics=intrinsics(self._camera),
+            intrinsics=self._camera.intrinsics,
             camera_in_world=CameraRenderer(self._camera).believed(posture.believed_tool),
         )

@@ -97,7 +97,9 @@ class PhysicsHardware:
         tcps = self._body.tcp, self._believed_tcp
         self._cameras = MappingProxyType(
             {
-                c.name: PhysicsCamera(c, scenery, self._streams, client, senses, *tcps, self.ailments)
+                c.name: PhysicsCamera(
+                    c, scenery, self._streams, client, senses, *tcps, self.ailments, self._items.stickers
+                )
                 for c in scene.cameras
             }
         )

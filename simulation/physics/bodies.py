@@ -117,9 +117,9 @@ def add_obstacle(body: Fixture, client: int) -> int:
     return number
 
 
-def add_scenery(scene: SceneDescription, client: int) -> None:
+def add_scenery(fixtures: Iterable[Fixture], bins: Iterable[Bin], client: int) -> None:
     """Add fixtures and bins for cameras only, without collisions."""
-    for fixture in scene.fixtures:
+    for fixture in fixtures:
         if fixture.holes:
             visual = holed_visual(fixture, _rgba(fixture.colour), client)
         else:
@@ -128,7 +128,7 @@ def add_scenery(scene: SceneDescription, client: int) -> None:
         for tile in fixture.tiles:
             box, inner = tile_body(tile, 2 * TILE_HEIGHT)
             _fixed(-1, _visual(box, tile.colour, client), fixture.pose @ inner, client)
-    for each in scene.bins:
+    for each in bins:
         for box, pose in each.parts():
             _fixed(-1, _visual(box, each.colour, client), pose, client)
 
@@ -164,7 +164,7 @@ def add_item(item: SpawnedItem, pose: Pose, client: int) -> int:
         physicsClientId=client,
     )
     set_friction(body, item.entry.friction, client)
-    rolling = ROLLING_FRICTION if item.entry.form in ROUND_FORMS and item.heap is None else 0.0
+    rolling = ROLLING_FRICTION if item.entry.form in ROUND_FORMS and not item.rolls else 0.0
     pb.changeDynamics(
         body,
         -1,

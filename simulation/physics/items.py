@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import replace
 
 import numpy as np
 
 from ...errors import PicktreeError
 from ...world.scene.description import SceneDescription
+from ...world.scene.heap_regions import heap_regions, region_of
 from ...world.values import ObjectId, Pose, Vector3
 from ..checkpoints import BodyState, DynamicsChange
 from ..engine import pb
 from ..scoring.truth import TrueBody
-from ..spawning.heap_spawning import check_contained
+from ..spawning.heap_spawning import Sticker, check_contained, pile_walls
 from ..spawning.inventory import Inventory, InventoryState, departed
 from ..spawning.spawn import SpawnedItem
-from .bodies import add_item, forget_contacts, set_friction, set_mass
+from .bodies import add_item, add_obstacle, forget_contacts, set_friction, set_mass
 from .robot.robot_body import finite
 from .sleeping_items import SleepingItems
 
@@ -25,6 +26,8 @@ MAX_SETTLING_STEPS = 600
 """Greatest number of steps before time 0, if an item never comes to rest."""
 MAX_POURING_STEPS = 1200
 """The same number for scenes with heaps: layers of items fall for up to a second."""
+MIN_SPREADING_STEPS = 120
+"""Number of steps after the walls of a pile are gone: what leant on them begins to fall slowly."""
 CREEP_SPEED, CREEP_SPIN = 0.004, 0.1
 """Speed, m/s, and angular speed, rad/s, below which the items of a heap count as resting before time 0."""
 
@@ -109,19 +112,39 @@ class PhysicsItems:
     def settle(self, scene: SceneDescription) -> None:
         """Step the simulation until all items are at rest, before time 0. A heap need not rest wholly.
 
-        Raises PicktreeError when poured items do not stay in their tote.
+        Piles come to rest between walls first. Raises PicktreeError when items do not stay in their tote or
+        pile.
         """
-        for step in range(MAX_POURING_STEPS if scene.heaped else MAX_SETTLING_STEPS):
+        heaps = {f"{scene.source or scene.name}: spawn[{n}]": n for n, s in enumerate(scene.spawn) if s.drop}
+        around = [
+            wall
+            for where, n in heaps.items()
+            if scene.spawn[n].drop == "pile"
+            for wall in pile_walls(scene, scene.spawn[n], where)
+        ]
+        walls = [add_obstacle(wall, self._client) for wall in around]
+        self._settle(MAX_POURING_STEPS if scene.heaped else MAX_SETTLING_STEPS, scene.heaped)
+        if walls:
+            for wall in walls:
+                pb.removeBody(wall, self._client)
+            self.sleepers.wake_all()
+            for _ in range(MIN_SPREADING_STEPS):
+                pb.stepSimulation(self._client)
+                self.stepped()
+            self._settle(MAX_SETTLING_STEPS, heaped=True)
+        regions = heap_regions(scene)
+        for where, n in heaps.items():
+            own = [item for item in self.inventory.here.values() if item.heap == n]
+            lying = [(item.id, item.entry, self.true(self._state(item.id)).pose) for item in own]
+            check_contained(regions[region_of(scene, scene.spawn[n])], lying, where)
+
+    def _settle(self, steps: int, heaped: bool) -> None:
+        """Step the simulation until all items rest, a heap nearly; at most so many steps."""
+        for step in range(steps):
             pb.stepSimulation(self._client)
             self.stepped()
-            if self.sleepers.quiet or (scene.heaped and step % 24 == 23 and self._nearly_rests()):
-                break
-        for n, spawn in enumerate(scene.spawn):
-            if spawn.heap and spawn.into is not None:
-                tote = next(each for each in scene.bins if each.id == spawn.into)
-                own = [item for item in self.inventory.here.values() if item.heap == n]
-                lying = ((item.id, item.entry, self.true(self._state(item.id)).pose) for item in own)
-                check_contained(tote, lying, f"{scene.source or scene.name}: spawn[{n}]")
+            if self.sleepers.quiet or (heaped and step % 24 == 23 and self._nearly_rests()):
+                return
 
     def _nearly_rests(self) -> bool:
         """Return whether no item moves faster than a heap creeps."""
@@ -165,7 +188,19 @@ class PhysicsItems:
             state.spin,
             state.present,
             brought_by=item.brought_by,
+            mass=next((c.mass for c in self._ledger[::-1] if c.item == state.id and c.mass), entry.mass),
+            tag=item.tag,
         )
+
+    def stickers(self) -> Iterator[Sticker]:
+        """Yield the tags on all present items, at their poses in the world."""
+        for name, number in self._numbers.items():
+            item = self.inventory.here[name]
+            if item.tag is None or item.mesh is None:
+                continue
+            body = Pose(*pb.getBasePositionAndOrientation(number, self._client))
+            for pose in item.mesh.stickers:
+                yield Sticker(item.tag, item.mesh.tag_size, body @ pose)
 
     def name(self, body: int) -> str | None:
         """Return the name of the item with a body number; None: it is no item."""

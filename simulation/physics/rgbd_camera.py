@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from functools import cache, lru_cache
 
 import cv2
 import numpy as np
@@ -12,11 +13,12 @@ from numpy.typing import NDArray
 
 from ...world.protocols import Clock, Intrinsics, NoImage, RgbdImage
 from ...world.random_streams import RandomStreams
-from ...world.scene.description import CameraDescription, SceneDescription
+from ...world.scene.description import Bin, CameraDescription, Fixture, SceneDescription
 from ...world.values import Pose
 from ..engine import Client, pb
 from ..faults.device_faults import DeviceFaults
 from ..sensor_noise import mislabelled, noisy_colour, noisy_depth
+from ..spawning.heap_spawning import Sticker
 from .bodies import add_scenery
 
 LIGHT_DIRECTION = (0.3, 0.2, 1.0)
@@ -24,17 +26,6 @@ LIGHT_DIRECTION = (0.3, 0.2, 1.0)
 HAND_CAMERA_NEAR_CLIP = 0.01
 """Near clipping distance of a camera on the hand, m. The hand hides what is behind it, also where it is too
 near to be measured."""
-
-
-def intrinsics(camera: CameraDescription) -> Intrinsics:
-    """Return the intrinsics of a camera with square pixels.
-
-    TINY renderer's pixel (u, v) lies at (u, v + 1) of the image plane. So the centre is half a pixel off the
-    usual place.
-    """
-    width, height = camera.size
-    focal = height / 2 / math.tan(camera.fov / 2)
-    return Intrinsics(width, height, focal, focal, width / 2, height / 2 - 1)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -99,15 +90,14 @@ class StaticScene:
     """Static scene for cameras: fixtures and bins.
 
     Filling an image with a table is four fifths of the cost of rendering. It is done once for a static
-    camera, and again for each image of a moving one.
+    camera, whose picture later runs of the process share, and again for each image of a moving one.
     """
 
     def __init__(self, scene: SceneDescription) -> None:
-        client = Client()
-        add_scenery(scene, client.id)
-        still = [camera for camera in scene.cameras if camera.on == "world"]
-        self._still = {c.name: _still(CameraRenderer(c), client.id) for c in still}
-        self._client = client if len(still) < len(scene.cameras) else None
+        still = tuple(camera for camera in scene.cameras if camera.on == "world")
+        pictures = _still(scene.fixtures, scene.bins, still)
+        self._still = {c.name: picture for c, picture in zip(still, pictures, strict=True)}
+        self._client: Client | None = None
         self._scene = scene
 
     def behind(self, view: CameraRenderer, optical: Pose) -> RenderedImage:
@@ -115,14 +105,24 @@ class StaticScene:
         picture = self._still.get(view.camera.name)
         if picture is not None and optical == view.truly(Pose()):
             return picture
-        if self._client is None:  # one that hangs still was knocked
-            self._client = Client()
-            add_scenery(self._scene, self._client.id)
+        if self._client is None:
+            self._client = _scenery(self._scene.fixtures, self._scene.bins)
         return view.render(self._client.id, optical)
 
 
-def _still(view: CameraRenderer, client: int) -> RenderedImage:
-    return view.render(client, view.truly(Pose()))
+@lru_cache(maxsize=4)
+def _still(
+    fixtures: tuple[Fixture, ...], bins: tuple[Bin, ...], cameras: tuple[CameraDescription, ...]
+) -> tuple[RenderedImage, ...]:
+    """Return the image of each camera that hangs still, without moving bodies: rendered once a process."""
+    client = _scenery(fixtures, bins)
+    return tuple(view.render(client.id, view.truly(Pose())) for view in map(CameraRenderer, cameras))
+
+
+def _scenery(fixtures: Sequence[Fixture], bins: Sequence[Bin]) -> Client:
+    client = Client()
+    add_scenery(fixtures, bins, client.id)
+    return client
 
 
 def in_front(front: RenderedImage, behind: RenderedImage) -> RenderedImage:
@@ -131,6 +131,57 @@ def in_front(front: RenderedImage, behind: RenderedImage) -> RenderedImage:
     colour, depth = behind.colour.copy(), np.where(nearer, front.depth, behind.depth)
     cv2.copyTo(front.colour, nearer.view(np.uint8), colour)
     return RenderedImage(colour, depth)
+
+
+MAX_TAG_GAP = 0.0015
+"""Greatest distance of a pixel's surface from the plane of a tag that is drawn on it, m."""
+TAG_MODULE, QUIET_MODULES = 4, 0.5
+"""Pixels of a module of a drawn tag, and width of its white margin in modules; a 4 × 4 tag has 6 a side."""
+
+
+def draw_tag(picture: RenderedImage, optical: Pose, view: Intrinsics, sticker: Sticker) -> None:
+    """Draw a tag into the colours of a picture, where its surface is seen.
+
+    `optical` is the optical frame in the world. A part that something hides, or that goes beyond its face,
+    is not drawn.
+    """
+    tag = optical.inverse() @ sticker.pose
+    middle, normal = np.array(tag.position), tag.rotation()[:, 2]
+    half = sticker.size * (0.5 + QUIET_MODULES / 6)
+    corners = tag.apply(
+        np.array([[x * half, y * half, 0.0] for x, y in ((-1, 1), (1, 1), (1, -1), (-1, -1))])
+    )
+    if normal @ middle > -1e-3 or corners[:, 2].min() < 0.02:
+        return
+    focal, centre = np.array([view.fx, view.fy]), np.array([view.cx, view.cy])
+    pixels = corners[:, :2] / corners[:, 2:] * focal + centre
+    low = np.maximum(np.floor(pixels.min(axis=0)), 0).astype(int)
+    high = np.minimum(np.ceil(pixels.max(axis=0)) + 1, (view.width, view.height)).astype(int)
+    if np.any(high - low < 2):
+        return
+    drawn = _tag_image(sticker.number)
+    side = float(len(drawn))
+    source = np.array([[0, 0], [side, 0], [side, side], [0, side]], dtype=np.float32) - 0.5
+    matrix = cv2.getPerspectiveTransform(source, (pixels - low).astype(np.float32))
+    size = (int(high[0] - low[0]), int(high[1] - low[1]))
+    shown = cv2.warpPerspective(drawn, matrix, size)
+    inside = cv2.warpPerspective(np.full_like(drawn, 255), matrix, size) > 127
+    window = slice(low[1], high[1]), slice(low[0], high[0])
+    rows, columns = np.mgrid[window]
+    rays = np.stack(
+        [(columns - centre[0]) / focal[0], (rows - centre[1]) / focal[1], np.ones(rows.shape)], axis=2
+    )
+    plane = normal @ middle / np.minimum(rays @ normal, -1e-6)
+    inside &= np.abs(picture.depth[window] - plane) * np.abs(rays @ normal) < MAX_TAG_GAP
+    picture.colour[window][inside] = shown[inside][:, None]
+
+
+@cache
+def _tag_image(number: int) -> NDArray[np.uint8]:
+    """Return the picture (n, n) of a tag with its white margin."""
+    known = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_50)
+    black = np.asarray(cv2.aruco.generateImageMarker(known, number, 6 * TAG_MODULE), np.uint8)
+    return np.pad(np.clip(black, 25, 230), round(QUIET_MODULES * TAG_MODULE), constant_values=230)
 
 
 class PhysicsCamera:
@@ -146,9 +197,11 @@ class PhysicsCamera:
         tool: Callable[[], Pose],
         believed_tool: Callable[[], Pose],
         ailments: DeviceFaults,
+        stickers: Callable[[], Iterable[Sticker]] = tuple,
     ) -> None:
         """`tool` returns the true TCP in the world, `believed_tool` the TCP by the encoders. Both are for a
-        camera on the hand only."""
+        camera on the hand only. `stickers` returns the tags on items."""
+        self._stickers = stickers
         self.captures = 0
         self._description = camera
         self._scenery = scenery
@@ -158,7 +211,7 @@ class PhysicsCamera:
         self._tool = tool
         self._believed_tool = believed_tool
         self._ailments = ailments
-        self._intrinsics = intrinsics(camera)
+        self._intrinsics = camera.intrinsics
         self._view = CameraRenderer(camera)
 
     def capture(self) -> RgbdImage:
@@ -173,6 +226,8 @@ class PhysicsCamera:
         seen = in_front(
             self._view.render(self._client.id, optical), self._scenery.behind(self._view, optical)
         )
+        for sticker in self._stickers():
+            draw_tag(seen, optical, self._intrinsics, sticker)
         rng = self._streams.at(f"sensor/camera/{camera.name}", self.captures)
         self.captures += 1
         depth = np.where(np.isfinite(seen.depth), seen.depth, np.float32(0.0))

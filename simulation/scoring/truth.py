@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from ...world.belief.hole_matching import fits_hole
 from ...world.scene.description import CatalogueEntry, Fixture, Form, Hole
-from ...world.shapes import Box, Shape, Sphere, bottom
+from ...world.shapes import Box, Shape, Sphere, bottom, greatest_length
 from ...world.values import ObjectId, Pose, Vector3
 
 MAX_STANDING_DEPTH = 0.001
@@ -108,15 +108,24 @@ class TrueBody:
     """Entry of the feed that brought the item; None: it was there at the start."""
     seat: HoleSeating | None = None
     """Seating in a hole; None when it is in none."""
+    mass: float | None = None
+    """kg; None: not given, as in a log."""
+    tag: int | None = None
+    """Number of the ArUco tag on it; None: it has none."""
 
     @property
     def role(self) -> str:
         return "item"
 
+    @property
+    def size(self) -> float:
+        """Greatest distance of two of its points, m."""
+        return greatest_length(self.shape)
+
     @classmethod
     def of(cls, item_id: ObjectId, entry: CatalogueEntry, colour: str, pose: Pose) -> TrueBody:
         """Return the truth of a catalogue item at rest at `pose`."""
-        return cls(item_id, entry.kind, entry.form, entry.shape, colour, pose)
+        return cls(item_id, entry.kind, entry.form, entry.shape, colour, pose, mass=entry.mass)
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,20 +15,30 @@ import numpy as np
 
 from ...errors import PicktreeError
 from ...files.disk_cache import cached_arrays
-from ...world.scene.description import ASSORTMENT, Assortment, Bin, CatalogueEntry, SceneDescription, Spawn
-from ...world.shapes import ConvexMesh, bottom, convex_hull, corners, top
+from ...world.scene.description import (
+    ASSORTMENT,
+    MESH_SETS,
+    Assortment,
+    CatalogueEntry,
+    Fixture,
+    SceneDescription,
+    Spawn,
+)
+from ...world.scene.heap_regions import PILE_RIM, HeapRegion
+from ...world.shapes import Box, ConvexMesh, Shape, bottom, convex_hull, corners, half_spaces, top
 from ...world.values import Array, ObjectId, Pose, Quaternion, Vector3
 from ..footprints import support_height
 
-PACKAGE_SETS = ("random_urdfs",)
-"""Sets that come with pybullet. Broken meshes are left out. In `random_urdfs` number 168 has no finite
-vertex; four others are thinner than a millimetre at 9 mm a unit."""
 MIN_THICKNESS = 0.002
 """Least thickness of a thing, m: twice the engine's margin of compound shapes."""
 POUR_GAP = 0.004
 """Least distance of items that are about to fall, m."""
 POUR_HEIGHT = 0.01
 """Height of the lowest layer above its support, m."""
+TAG_FACE_SHARE = 0.95
+"""Least width of a face that carries a tag, as a share of the tag's side."""
+PILE_WALL_HEIGHT = 0.6
+"""Height of the walls between which a pile is poured, m."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,6 +51,21 @@ class PartsMesh:
     """Centre of mass in the scaled file's frame, m."""
     inertia: Vector3
     """Moments about the centre for 1 kg, m²; products are neglected."""
+    stickers: tuple[Pose, ...] = ()
+    """Poses of the tag on its faces, in the frame of the body: z points outwards."""
+    tag_size: float = 0.0
+    """Side of the tags, m."""
+
+
+@dataclass(frozen=True, slots=True)
+class Sticker:
+    """ArUco tag on a face of an item."""
+
+    number: int
+    size: float
+    """Side of the black square, m."""
+    pose: Pose
+    """Middle of the tag in the world; z points out of the face."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,7 +79,7 @@ class Thing:
 @cache
 def mesh_files(meshes: str) -> tuple[Path, ...]:
     """Return the OBJ files of a set or folder, sorted by path."""
-    if meshes not in PACKAGE_SETS:
+    if meshes not in MESH_SETS:
         return tuple(sorted(Path(meshes).glob("*.obj")))
     from importlib.util import find_spec
 
@@ -70,7 +95,9 @@ def mesh_files(meshes: str) -> tuple[Path, ...]:
 def draw_things(assortment: Assortment, number: int, rng: np.random.Generator) -> list[Thing]:
     """Draw things of an assortment, each at most once while there are enough.
 
-    Raises PicktreeError for a broken mesh of a folder, and when all are lighter than the least mass.
+    Broken meshes of a set are left out: in `random_urdfs` number 168 has no finite vertex, and four others
+    are thinner than a millimetre at 9 mm a unit. Raises PicktreeError for a broken mesh of a folder, and when
+    all are lighter than the least mass.
     """
     files = mesh_files(assortment.meshes)
     found: list[Thing] = []
@@ -80,7 +107,7 @@ def draw_things(assortment: Assortment, number: int, rng: np.random.Generator) -
             try:
                 thing = read_thing(files[int(k)], assortment)
             except PicktreeError:
-                if assortment.meshes not in PACKAGE_SETS:
+                if assortment.meshes not in MESH_SETS:
                     raise
                 continue
             if thing.entry.mass >= assortment.least_mass:
@@ -99,19 +126,26 @@ def draw_things(assortment: Assortment, number: int, rng: np.random.Generator) -
 def read_thing(file: Path, assortment: Assortment) -> Thing:
     """Return the thing of one OBJ file. Raises PicktreeError when its mesh is broken."""
     raw = file.read_bytes()
-    key = (raw, repr(assortment.scale))
+    side = assortment.tag_size if assortment.tags else 0.0
+    key = (raw, repr(assortment.scale), repr(side))
     makers = (Path(__file__), "numpy", "scipy")
-    solid = cached_arrays("parts-mesh", key, makers, lambda: _solid(file, raw.decode(), assortment.scale))
+    solid = cached_arrays(
+        "parts-mesh", key, makers, lambda: _solid(file, raw.decode(), assortment.scale, side)
+    )
     hull, volume = solid["hull"], float(solid["volume"])
     centre, inertia = (tuple(map(float, solid[name])) for name in ("centre", "inertia"))
     shape = ConvexMesh(tuple((float(x), float(y), float(z)) for x, y, z in hull), str(file))
     entry = CatalogueEntry("unknown", "mesh", shape, volume * assortment.density, assortment.friction)
     assert len(centre) == 3 and len(inertia) == 3
-    return Thing(entry, PartsMesh(str(file), assortment.scale, centre, inertia))
+    stickers = tuple(Pose.from_rotation(tuple(m[:3, 3]), m[:3, :3]) for m in solid["stickers"])
+    return Thing(entry, PartsMesh(str(file), assortment.scale, centre, inertia, stickers, side))
 
 
-def _solid(file: Path, text: str, scale: float) -> dict[str, Array]:
-    """Return hull (n, 3) about the centre of mass, volume, centre (3,) and inertia (3,) for 1 kg, in SI."""
+def _solid(file: Path, text: str, scale: float, side: float) -> dict[str, Array]:
+    """Return what follows from a mesh, in SI: hull (n, 3) about the centre of mass, volume, centre (3,).
+
+    Besides: inertia (3,) for 1 kg, and stickers (k, 4, 4) of tags with that side; 0: there are none.
+    """
     parts = [points * scale for points in _parts(file, text)]
     volume, moment, second = 0.0, np.zeros(3), np.zeros((3, 3))
     for points in parts:
@@ -138,7 +172,49 @@ def _solid(file: Path, text: str, scale: float) -> dict[str, Array]:
         "volume": np.array(volume),
         "centre": centre,
         "inertia": spread.sum() - spread,
+        "stickers": _stickers([points - centre for points in parts], side),
     }
+
+
+MAX_STICKERS = 8
+"""Greatest number of tags on a thing."""
+
+
+def _stickers(parts: Sequence[Array], side: float) -> Array:
+    """Return the frames (k, 4, 4) of tags on the greatest flat faces of convex parts (n, 3); z outwards."""
+    found: list[tuple[float, Array]] = []
+    hulls = [np.unique(np.round(convex_hull(points).equations, 6), axis=0) for points in parts if side > 0.0]
+    for points, faces in zip(parts, hulls, strict=False):
+        for face in faces:
+            frame, size = _face_frame(points, face)
+            inside = (h[:, :3] @ frame[:3, 3] + h[:, 3] < 1e-3 for h in hulls)
+            hidden = sum(bool(each.all()) for each in inside) > 1
+            if min(size) >= TAG_FACE_SHARE * side and not hidden:
+                found.append((size[0] * size[1], frame))
+    ranked = sorted(found, key=lambda one: -one[0])[:MAX_STICKERS]
+    return np.array([frame for _, frame in ranked], dtype=np.float64).reshape(-1, 4, 4)
+
+
+def _face_frame(points: Array, face: Array) -> tuple[Array, tuple[float, float]]:
+    """Return the frame (4, 4) in the middle of a hull's face, and its lengths along x and y, m.
+
+    x is along the longest edge, z outwards. The lengths of an edge or a corner are 0.
+    """
+    normal, frame = face[:3], np.eye(4)
+    touching = points[points @ normal + face[3] > -SUPPORT_TOLERANCE]
+    across = np.linalg.svd(normal[None])[2][1:]
+    outline = touching @ across.T
+    if np.linalg.matrix_rank(outline - outline.mean(axis=0), tol=1e-4) < 2:
+        return frame, (0.0, 0.0)
+    ends = outline[convex_hull(outline).vertices]
+    edges = np.roll(ends, -1, axis=0) - ends
+    along = edges[int(np.argmax((edges**2).sum(axis=1)))] @ across
+    along /= np.linalg.norm(along)
+    frame[:3, :3] = np.column_stack([along, np.cross(normal, along), normal])
+    local = touching @ frame[:3, :3]
+    low, high = local.min(axis=0), local.max(axis=0)
+    frame[:3, 3] = frame[:3, :3] @ np.array([*((low + high) / 2)[:2], high[2]])
+    return frame, (float(high[0] - low[0]), float(high[1] - low[1]))
 
 
 def _moments(points: Array) -> tuple[float, Array, Array]:
@@ -247,19 +323,86 @@ def _place(scene: SceneDescription, spawn: Spawn, where: str) -> tuple[Pose, tup
     return Pose((x, y, z)), (x1 - x0, y1 - y0)
 
 
-def check_contained(tote: Bin, lying: Iterable[tuple[ObjectId, CatalogueEntry, Pose]], where: str) -> None:
-    """Raise PicktreeError when items that were poured lie outside of their tote, or far above its rim."""
-    low, high = tote.inside()
+def check_contained(
+    region: HeapRegion, lying: Iterable[tuple[ObjectId, CatalogueEntry, Pose]], where: str
+) -> None:
+    """Raise PicktreeError when items lie outside of their tote or pile, or far above the rim of a tote."""
+    x_end, y_end = region.size[0] - region.wall, region.size[1] - region.wall
     count, out = 0, list[str]()
     for name, entry, pose in lying:
         count += 1
-        x, y, z = tote.pose.inverse().apply(np.array(pose.position))
-        inside = low[0] < x < high[0] and low[1] < y < high[1]
+        x, y, z = region.frame.inverse().apply(np.array(pose.position))
+        inside = region.wall < x < x_end and region.wall < y < y_end and z > 0.0
         height = top(entry.shape, pose) - bottom(entry.shape, pose)
-        if not inside or not math.isfinite(z) or z > high[2] + height / 2:
+        if not inside or not math.isfinite(z) or (region.wall > 0.0 and z > region.rim + height / 2):
             out.append(str(name))
-    if out:
+    if out and region.wall > 0.0:
         raise PicktreeError(
-            f"{where}: {tote.id} overflows: {len(out)} of {count} items do not stay in it "
+            f"{where}: {region.id} overflows: {len(out)} of {count} items do not stay in it "
             f"({', '.join(out[:4])}); make it larger, or ask for fewer or smaller items"
         )
+    if out:
+        raise PicktreeError(
+            f"{where}: {len(out)} of {count} items roll or slide out of the area with its rim of "
+            f"{PILE_RIM * 1000:.0f} mm ({', '.join(out[:4])}); ask for fewer or flatter items, another seed, "
+            "or a larger area"
+        )
+
+
+MIN_UPRIGHT_TILT = math.radians(15.0)
+"""Least tilt that an upright thing must survive, rad."""
+SUPPORT_TOLERANCE = 2e-4
+"""Distance from the plane of a face within which a vertex is in contact with the support, m."""
+
+
+def upright_turn(shape: Shape) -> Quaternion:
+    """Return the orientation in which a thing stands on the face that makes it tallest.
+
+    The face must carry it up to `MIN_UPRIGHT_TILT`; if none does, the most stable one is taken. The shape's
+    origin is its centre of mass.
+    """
+    assert isinstance(shape, ConvexMesh)
+    vertices = np.array(shape.vertices)
+    best, found = (False, -math.inf), np.array([0.0, 0.0, -1.0])
+    for normal, offset in zip(*half_spaces(shape), strict=True):
+        touching = vertices[vertices @ normal > offset - SUPPORT_TOLERANCE]
+        across = np.linalg.svd(normal[None])[2][1:]
+        outline = touching @ across.T
+        if np.linalg.matrix_rank(outline - outline.mean(axis=0), tol=1e-4) < 2:
+            continue
+        tilt = math.atan2(-float(convex_hull(outline).equations[:, 2].max()), offset)
+        steady = tilt >= MIN_UPRIGHT_TILT
+        rank = (steady, float(np.ptp(vertices @ normal)) if steady else tilt)
+        if rank > best:
+            best, found = rank, normal
+    return _turn_down(found)
+
+
+def _turn_down(direction: Array) -> Quaternion:
+    """Return the smallest rotation that takes a unit vector to -z."""
+    x, y, z = (float(c) for c in direction)
+    if z > 1.0 - 1e-9:
+        return 1.0, 0.0, 0.0, 0.0
+    w = math.sqrt((1.0 - z) / 2.0)
+    # The axis is direction × (0, 0, -1).
+    return -y / (2.0 * w), x / (2.0 * w), 0.0, w
+
+
+PILE_WALL = 0.01
+"""Thickness of the walls between which a pile is poured, m."""
+
+
+def pile_walls(scene: SceneDescription, spawn: Spawn, where: str) -> tuple[Fixture, ...]:
+    """Return the walls between which a pile is poured: as high as the falling items, about the area."""
+    frame, (x, y) = _place(scene, spawn, where)
+    height = PILE_WALL_HEIGHT
+    sides = (
+        ((PILE_WALL, y + 2 * PILE_WALL, height), ((x + PILE_WALL) / 2, 0.0)),
+        ((PILE_WALL, y + 2 * PILE_WALL, height), (-(x + PILE_WALL) / 2, 0.0)),
+        ((x, PILE_WALL, height), (0.0, (y + PILE_WALL) / 2)),
+        ((x, PILE_WALL, height), (0.0, -(y + PILE_WALL) / 2)),
+    )
+    return tuple(
+        Fixture(ObjectId(f"wall_{n}"), Box(size), frame.shifted((*at, height / 2)))
+        for n, (size, at) in enumerate(sides)
+    )

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
+from pathlib import Path
 
-from ...world.scene.description import SceneDescription
-from ...world.shapes import scaled
+from ...world.scene.description import CatalogueEntry, SceneDescription
+from ...world.shapes import ConvexMesh, Shape, scaled
 from ...world.values import ObjectId, Pose
 from ..scoring.truth import TrueBody
+from .heap_spawning import PartsMesh, mesh_files, read_thing
 from .spawn import SpawnedItem, item_id
 
 
@@ -21,6 +23,10 @@ class BroughtItem:
     colour: str
     brought_by: int
     """Index of the feed entry that brought the item."""
+    mesh: int | None = None
+    """Number of its file in the assortment; None: it is of the catalogue."""
+    tag: int | None = None
+    """Number of the tag on it; None: it has none."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,6 +40,10 @@ class DepartedItem:
     pose: Pose
     """Last pose of the item in the world."""
     taken_with: ObjectId
+    mesh: int | None = None
+    """Number of its file in the assortment; None: it is of the catalogue."""
+    tag: int | None = None
+    """Number of the tag on it; None: it has none."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,12 +108,16 @@ class Inventory:
     def state(self) -> InventoryState | None:
         """Return the state for a checkpoint; None when nothing came and nothing left."""
         brought = tuple(
-            BroughtItem(item.id, item.entry.kind, item.colour, item.brought_by)
+            BroughtItem(
+                item.id, item.entry.kind, item.colour, item.brought_by, self._file(item.entry.shape), item.tag
+            )
             for item in self.here.values()
             if item.brought_by is not None
         )
         departed = tuple(
-            DepartedItem(b.id, b.kind, b.colour, b.brought_by, b.pose, b.taken_with)
+            DepartedItem(
+                b.id, b.kind, b.colour, b.brought_by, b.pose, b.taken_with, self._file(b.shape), b.tag
+            )
             for b in self._departed.values()
             if b.taken_with is not None
         )
@@ -114,18 +128,34 @@ class Inventory:
         left = {item.id for item in state.departed}
         self.here = {name: item for name, item in self._spawned.items() if name not in left}
         for each in state.brought:
-            entry = self._scene.entry(each.kind)
+            entry, mesh = self._kind(each)
             # The pose is in the backend's own part of the checkpoint.
-            self.here[each.id] = SpawnedItem(each.id, entry, each.colour, Pose(), False, each.brought_by)
+            self.here[each.id] = SpawnedItem(
+                each.id, entry, each.colour, Pose(), False, each.brought_by, mesh,
+                tag=each.tag, rolls=mesh is not None,
+            )  # fmt: skip
         self._departed = {item.id: self._body(item) for item in state.departed}
         self._known = [item_id(n) for n in range(len(self.here) + len(left))]
 
     def _body(self, item: DepartedItem) -> TrueBody:
-        return departed(
-            TrueBody.of(item.id, self._scene.entry(item.kind), item.colour, item.pose),
-            item.taken_with,
-            item.brought_by,
-        )
+        body = TrueBody.of(item.id, self._kind(item)[0], item.colour, item.pose)
+        return departed(replace(body, tag=item.tag), item.taken_with, item.brought_by)
+
+    def _file(self, shape: Shape) -> int | None:
+        """Return the number of a thing's file in the assortment; None: the shape is of the catalogue."""
+        assortment = self._scene.assortment
+        if assortment is None or not isinstance(shape, ConvexMesh):
+            return None
+        files = mesh_files(assortment.meshes)
+        return files.index(Path(shape.source)) if Path(shape.source) in files else None
+
+    def _kind(self, item: BroughtItem | DepartedItem) -> tuple[CatalogueEntry, PartsMesh | None]:
+        """Return the entry of the catalogue, or the thing of the assortment with its mesh."""
+        assortment = self._scene.assortment
+        if item.mesh is None or assortment is None:
+            return self._scene.entry(item.kind), None
+        thing = read_thing(mesh_files(assortment.meshes)[item.mesh], assortment)
+        return thing.entry, thing.mesh
 
 
 def departed(body: TrueBody, taken_with: ObjectId, brought_by: int | None) -> TrueBody:
@@ -140,4 +170,6 @@ def departed(body: TrueBody, taken_with: ObjectId, brought_by: int | None) -> Tr
         present=False,
         taken_with=taken_with,
         brought_by=brought_by,
+        mass=body.mass,
+        tag=body.tag,
     )

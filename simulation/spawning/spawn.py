@@ -18,7 +18,7 @@ from ...world.scene.description import NO_UNCERTAINTY, CatalogueEntry, Fixture, 
 from ...world.shapes import Shape, bottom, scaled
 from ...world.values import Array, ObjectId, Pose, Quaternion, quaternion_product
 from ..footprints import Footprint, distance, footprint, support_height
-from .heap_spawning import PartsMesh, draw_entries, pour_poses
+from .heap_spawning import PartsMesh, draw_entries, pour_poses, upright_turn
 from .touching_items import lay_out_touching
 
 TUMBLE_HEIGHT = 0.1
@@ -48,6 +48,11 @@ class SpawnedItem:
     """Mesh of a thing of the assortment; None: the kind's shape is the item's."""
     heap: int | None = None
     """Entry of `spawn` that pours the item into a heap; None: it is in no heap at the start."""
+    tag: int | None = None
+    """Number of the ArUco tag on its faces; None: it has none."""
+    rolls: bool = False
+    """Whether nothing brakes its rolling. A thing of the assortment has corners, and others beside it in a
+    tote."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,8 +76,9 @@ def spawn_items(scene: SceneDescription, seed: int) -> tuple[SpawnedItem, ...]:
     for n, spawn in enumerate(scene.spawn):
         where = f"{scene.source or scene.name}: spawn[{n}]"
         rng = streams.at("spawn", n)
-        if spawn.heap:
-            items += _pour(scene, n, rng, len(items), where)
+        if spawn.drop is not None:
+            heap = draw_heap(scene, spawn, rng, where, taken)
+            items += [replace(item, id=item_id(len(items) + k), heap=n) for k, item in enumerate(heap)]
             continue
         load = draw_load(scene, spawn, rng)
         shapes = [scene.entry(item.kind).shape for item in load]
@@ -93,19 +99,63 @@ def spawn_items(scene: SceneDescription, seed: int) -> tuple[SpawnedItem, ...]:
     return tuple(items)
 
 
-def _pour(
-    scene: SceneDescription, n: int, rng: np.random.Generator, first: int, where: str
+def draw_heap(
+    scene: SceneDescription,
+    spawn: Spawn,
+    rng: np.random.Generator,
+    where: str,
+    taken: list[Footprint] | None = None,
 ) -> list[SpawnedItem]:
-    """Return the items of a heap above their place, numbered from `first` on."""
-    spawn = scene.spawn[n]
+    """Return the items of a heap, numbered from 0 on: above their place, or packed side by side.
+
+    The outlines of packed items are added to those that are `taken`. Raises PicktreeError when an item does
+    not fit into the place; `where` is the entry's place for the message.
+    """
     drawn = draw_entries(scene, spawn, rng)
     entries = [entry for entry, _ in drawn]
     colours = _colours(spawn, len(drawn), rng)
-    turns = _turns(replace(spawn, tumbled=True), entries, rng)
-    poses = pour_poses(scene, spawn, entries, turns, rng, where)
+    numbers = scene.assortment.tags if scene.assortment is not None else ()
+    tags: list[int | None] = [None] * len(drawn)
+    if numbers:
+        tags = [numbers[int(k) % len(numbers)] for k in rng.permutation(len(drawn))]
+    if spawn.drop == "packed":
+        turns = _turns(spawn, entries, rng)
+        upright = [
+            turn if mesh is None else quaternion_product(turn, upright_turn(entry.shape))
+            for turn, (entry, mesh) in zip(turns, drawn, strict=True)
+        ]
+        poses = _pack(scene, spawn, entries, upright, rng, [] if taken is None else taken, where)
+    else:
+        turns = _turns(replace(spawn, tumbled=True), entries, rng)
+        poses = pour_poses(scene, spawn, entries, turns, rng, where)
+    dropped = spawn.drop != "packed"
+    in_tote = spawn.into is not None
+    items: list[SpawnedItem] = []
+    for k, (entry, mesh) in enumerate(drawn):
+        tag, rolls = (None, False) if mesh is None else (tags[k], in_tote)
+        name = item_id(k)
+        items.append(SpawnedItem(name, entry, colours[k], poses[k], dropped, None, mesh, None, tag, rolls))
+    return items
+
+
+def _pack(
+    scene: SceneDescription,
+    spawn: Spawn,
+    entries: Sequence[CatalogueEntry],
+    turns: Sequence[Quaternion],
+    rng: np.random.Generator,
+    taken: list[Footprint],
+    where: str,
+) -> list[Pose]:
+    """Return poses of items side by side on their support, and add their outlines to `taken`."""
+    outlines = [footprint(entry.shape, turn) for entry, turn in zip(entries, turns, strict=True)]
+    places = lay_out(spawn, outlines, taken, rng)
+    if places is None:
+        raise _too_small(where, spawn, len(entries))
+    taken += [outline.at(place) for outline, place in zip(outlines, places, strict=True)]
     return [
-        SpawnedItem(item_id(first + k), entry, colour, pose, dropped=True, mesh=mesh, heap=n)
-        for k, ((entry, mesh), colour, pose) in enumerate(zip(drawn, colours, poses, strict=True))
+        _standing(scene, entry.shape, turn, place, where)
+        for entry, turn, place in zip(entries, turns, places, strict=True)
     ]
 
 
@@ -129,16 +179,27 @@ def set_down(
 
     Raises PicktreeError when nothing is below; `where` is the entry's place for the message.
     """
+    entry = scene.entry(item.kind)
+    drop = TUMBLE_HEIGHT if spawn.tumbled else 0.0
+    pose = _standing(scene, entry.shape, item.turn, place, where, drop)
+    return SpawnedItem(name, entry, item.colour, pose, spawn.tumbled)
+
+
+def _standing(
+    scene: SceneDescription, shape: Shape, turn: Quaternion, place: Array, where: str, drop: float = 0.0
+) -> Pose:
+    """Return the pose of a shape over `place` (2,), its lowest point `drop` m above the support.
+
+    Raises PicktreeError when nothing is below; `where` is the entry's place for the message.
+    """
     x, y = float(place[0]), float(place[1])
     z = support_height(scene.fixtures, x, y)
     if z is None:
         raise PicktreeError(
             f"{where}: no fixture is below ({x:.3f}, {y:.3f}); the area must lie over a table"
         )
-    entry = scene.entry(item.kind)
-    z += TUMBLE_HEIGHT if spawn.tumbled else 0.0
-    pose = Pose((x, y, z - bottom(entry.shape, Pose(orientation=item.turn))), item.turn)
-    return SpawnedItem(name, entry, item.colour, pose, spawn.tumbled)
+    z += drop
+    return Pose((x, y, z - bottom(shape, Pose(orientation=turn))), turn)
 
 
 def _too_small(where: str, spawn: Spawn, items: int) -> PicktreeError:

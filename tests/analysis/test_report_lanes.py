@@ -267,3 +267,17 @@ def test_a_status_matrix_has_a_row_for_each_node(loop_log: Path) -> None:
         table = tick_table(run)
     assert table.codes.dtype == np.uint8
     assert table.codes.shape == (5, 10)
+
+
+def test_a_sub_tree_is_described_with_its_true_file(tmp_path: Path) -> None:
+    mission = tmp_path / "m.yaml"
+    mission.write_text(
+        "picktree: 1\nkind: mission\nscene: sort_small\ninclude: [library/recovery]\n"
+        "trees: {Main: {PutDown: {_skipIf: true}}}\n"
+    )
+    result = Session(RunRequest(mission, backend="kinematic", out=tmp_path / "runs")).run()
+    with Run(result.log) as run:
+        (drawn,) = data(pack_tree(run))["charts"]
+    said = drawn["chart"]["trees"]["Main"]["root"]["doc"]
+    assert said.startswith("Put what is held down on the table, ")
+    assert " Defined at library/recovery:" in said

@@ -8,11 +8,14 @@ from typing import Any
 
 import pytest
 
+from picktree.analysis.render.scene_view import bin_tints
 from picktree.analysis.report.report import write_report
 from picktree.analysis.run import Run
+from picktree.session.session import RunRequest, Session
 
 from ..browser import Chromium, Told, frames, on_top, wait_until
 from ..needs import CHROMIUM, needs
+from ..recorded_runs import pick_from_a_tote
 
 pytestmark = needs(CHROMIUM)
 
@@ -319,3 +322,27 @@ def test_tabs_show_one_panel_at_a_time_on_a_phone(phone: tuple[Any, Told]) -> No
         shown = page.locator(".panel:visible").evaluate_all("all => all.map((one) => one.id)")
         assert shown == ["panel-stage", tabs.nth(index).get_attribute("aria-controls")]
         assert page.evaluate("document.scrollingElement.scrollWidth") <= 390
+
+
+STAGE = 'picktreeReport.shell.panels.find((panel) => panel.name === "stage").made'
+
+
+def test_a_heap_changes_with_its_looks_and_its_grasps_tell_why(tmp_path: Path, chromium: Chromium) -> None:
+    mission = pick_from_a_tote(tmp_path)
+    log = Session(RunRequest(mission, seed=5, out=tmp_path)).run().log
+    with Run(log) as run:
+        write_report(run, tmp_path / "report.html")
+        search, end = run.candidates[0].time, run.end
+        assert bin_tints(run.log) == {"red_bin": "red", "blue_bin": "blue"}
+    with chromium.page(tmp_path / "report.html", at=f"#t={search + 0.05}") as (page, told):
+        words = ".view .said .heights, .view .said .choice"
+        heap, taken = page.locator(words).all_inner_texts()
+        assert heap.startswith("0 … 100 mm; tote_heap: up to ")
+        assert taken.startswith("tote_heap: ") and taken.endswith(" 1 taken")
+        assert page.evaluate(f"{STAGE}.choices.verdict(0)").endswith(": accepted")
+        meshes = f'{STAGE}.believed.find(({{ id }}) => id === "tote_heap").group.children'
+        shown = f"{meshes}.findIndex((mesh) => mesh.visible)"
+        before = page.evaluate(shown)
+        seek(page, end)
+        assert wait_until(page, f"{shown} > {before}")
+        assert (told.problems, told.requests) == ([], [])

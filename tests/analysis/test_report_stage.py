@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from picktree.analysis.export.layout import TRUTH_COLOUR_CODE
-from picktree.analysis.render.scene_view import TRUTH_LINE
+from picktree.analysis.render.scene_view import TRUTH_LINE, UNSEEN, body_mesh, heap_remark
 from picktree.analysis.report.body_motion import (
     BelievedBody,
     BodyAppearance,
@@ -21,11 +21,19 @@ from picktree.analysis.report.body_motion import (
 )
 from picktree.analysis.report.packing import Quantised, between, composed, continuous, filled, inverse, row
 from picktree.analysis.report.report import style
-from picktree.analysis.report.stage_panel import MAX_LINK_FACES, pack_stage, packed_link
+from picktree.analysis.report.stage_panel import MAX_LINK_FACES, pack_stage, packed_link, search_summary
 from picktree.analysis.run import Run
 from picktree.logs.meshes.binary_gltf import write_glb
 from picktree.logs.meshes.triangle_meshes import join_meshes, shape_mesh
-from picktree.logs.schema.records import BodyRecord, LinkMesh
+from picktree.logs.schema.records import (
+    BlockRecord,
+    BodyRecord,
+    Candidate,
+    Candidates,
+    LinkMesh,
+    PartRecord,
+    StageCount,
+)
 from picktree.world.shapes import Box, Sphere
 from picktree.world.values import Array, Pose
 
@@ -223,3 +231,58 @@ def test_heavy_models_are_thinned_and_foreign_ones_left_out() -> None:
     away = np.linalg.norm(places - np.round(places / 0.2) * 0.2 * [1, 0, 0], axis=1)
     assert np.abs(away - 0.05).max() < 0.004  # on the balls still
     assert packed_link(LinkMesh("link", b"glTF of others")) is None
+
+
+def heap(*columns: tuple[float, float], place: str = "tote") -> BodyRecord:
+    """Return a heap of columns 20 mm wide above a floor at 4 mm, each with its x and its height, m."""
+    tallest = max(height for _, height in columns)
+    blocks = tuple(BlockRecord((0.02, 0.02, h), (x, 0.0, (h - tallest) / 2)) for x, h in columns)
+    shape, pose = Box((0.2, 0.2, tallest)), Pose((0.0, 0.0, 0.004 + tallest / 2))
+    return BodyRecord("tote_heap", "heap", "unknown", "grey", shape, pose, "heap", place, blocks=blocks)
+
+
+WALL = PartRecord("tote/1", "grey", Box((0.004, 0.2, 0.124)), Pose((0.1, 0.0, 0.062)))
+
+
+def colours_of(body: BodyRecord) -> list[tuple[float, ...]]:
+    """Return the colours of a heap's columns in their order."""
+    mesh = body_mesh(body, (WALL,))
+    return [tuple(colours[0]) for colours in mesh.colours.reshape(len(body.blocks), -1, 3).tolist()]
+
+
+def test_columns_of_a_heap_have_the_colours_of_their_heights() -> None:
+    low, same, high, over = colours_of(heap((-0.05, 0.012), (-0.02, 0.012), (0.02, 0.06), (0.05, 0.132)))
+    assert low == same and len({low, high, over, UNSEEN}) == 4
+    assert high == colours_of(heap((0.0, 0.06)))[0]  # whatever else is in the tote
+
+
+def test_columns_that_were_never_seen_are_grey() -> None:
+    columns = ((-0.03, 0.06), (0.03, 0.12))
+    assert colours_of(heap(*columns))[1] == UNSEEN
+    assert heap_remark(heap(*columns), (WALL,)) == "0 … 100 mm; tote_heap: up to 60 mm; grey: never seen"
+    assert UNSEEN not in colours_of(heap(*columns, place="table"))
+    assert heap_remark(heap((0.0, 0.12), place="table"), (WALL,)) == "0 … 100 mm; tote_heap: up to 120 mm"
+    assert heap_remark(body("red_1"), (WALL,)) == ""
+
+
+def test_columns_end_at_the_inner_sides_of_the_walls() -> None:
+    mesh = body_mesh(heap((0.095, 0.06), (-0.12, 0.06)), (WALL,))
+    assert np.abs(mesh.vertices[:, 0]).max() == pytest.approx(0.1)
+    assert mesh.vertices[:, 0].min() == pytest.approx(0.085)
+
+
+def candidate(name: str, verdict: str, stage: str = "") -> Candidate:
+    return Candidate(name, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0), 0.0, verdict, stage=stage)
+
+
+def test_a_search_is_told_with_the_reasons_of_refusal() -> None:
+    far, found = "the pre-grasp is out of reach", (StageCount("ranked", 9), StageCount("hand fits", 3))
+    refused = (candidate("a", far, "pre-grasp reached"), candidate("b", far, "pre-grasp reached"))
+    whole = Candidates("grasp by Pick", "tote_heap", found, (*refused, candidate("c", "accepted")))
+    start = "tote_heap: 9 candidates"
+    assert search_summary(whole) == f"{start}, 3 checked, 1 taken; refused: 2 {far}"
+    vain = Candidates("grasp by Pick", "tote_heap", found, refused)
+    assert search_summary(vain) == f"{start}, 2 checked, none taken; refused: 2 {far}"
+    twice = (candidate("c", far, "pre-grasp reached"), candidate("c", "accepted"))
+    taken = Candidates("grasp by Pick", "tote_heap", found, twice)
+    assert search_summary(taken) == f"{start}, 1 checked, 1 taken"

@@ -4,6 +4,7 @@ import math
 from pathlib import Path
 from types import ModuleType
 
+import cv2
 import numpy as np
 import pytest
 
@@ -12,12 +13,13 @@ from picktree.analysis.render.frames import moments
 from picktree.analysis.render.lighting import LightingSetup
 from picktree.analysis.render.renderer import render
 from picktree.analysis.render.scene_view import bin_tints
-from picktree.analysis.render.snapshot import draw, snapshot
+from picktree.analysis.render.snapshot import draw, draw_robot, snapshot
 from picktree.analysis.render.viewpoint import VIEWS, PictureView
 from picktree.errors import PicktreeError
 from picktree.logs.meshes.triangle_meshes import join_meshes, shape_mesh
 from picktree.logs.recording.images import decode_colour
 from picktree.logs.run_log import RunLog
+from picktree.robots.loading import load_robot
 from picktree.world.shapes import Box, Sphere
 from picktree.world.values import Pose
 
@@ -121,3 +123,16 @@ def test_a_run_without_a_belief_has_no_picture(sample: ModuleType, tmp_path: Pat
     with pytest.raises(PicktreeError) as raised:
         snapshot(path, 0.0, tmp_path / "picture.png")
     assert str(raised.value) == f"{path}: the log holds no belief at 0 s or before"
+
+
+@pytest.mark.parametrize("name", ["panda", "xarm6", "ur10e"])
+def test_a_robot_fills_its_picture_and_is_not_cut(name: str, tmp_path: Path) -> None:
+    draw_robot(load_robot(name), tmp_path / "robot.png")
+    read = cv2.imread(str(tmp_path / "robot.png"))
+    assert read is not None
+    picture = read.astype(int)
+    away = np.abs(picture - picture[:, :1]).max(axis=2) > 12  # the background is even from left to right
+    rows, columns = np.nonzero(away)
+    spans = np.array([np.ptp(rows), np.ptp(columns)]) / picture.shape[:2]
+    assert 0.75 < spans.max() < 1.0
+    assert not away[[0, -1]].any() and not away[:, [0, -1]].any()

@@ -16,6 +16,7 @@ from picktree.errors import PicktreeError
 from picktree.logs.optional_libraries import install_command
 from picktree.logs.run_log import RunLog
 from picktree.logs.run_result import RunResult
+from picktree.session.session import RunRequest, Session
 
 SMALL = (256, 160)
 
@@ -176,3 +177,14 @@ def test_an_interrupted_film_leaves_no_file(log_path: Path, tmp_path: Path) -> N
     with RunLog(log_path) as log, pytest.raises(KeyboardInterrupt):
         film(log, tmp_path / "film.mp4", FilmRequest(size=SMALL), interrupt)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_true_items_move_more_often_than_they_are_looked_at(tmp_path: Path) -> None:
+    mission = Path(__file__).parents[1] / "golden" / "one_item.yaml"
+    with RunLog(Session(RunRequest(mission, out=tmp_path)).run().log) as log:
+        looks = sum(1 for _ in log.truths())
+        times = np.arange(0.0, log.end, 0.1).tolist()
+        frames = list(moments(log, times, (0.0, log.end), show="truth"))
+    places = [[body.pose for body in frame.shown.solid.bodies] for frame in frames]
+    assert sum(before != after for before, after in pairwise(places)) > looks
+    assert all(frame.shown.solid.fixed for frame in frames)

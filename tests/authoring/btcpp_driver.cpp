@@ -93,6 +93,11 @@ static std::pair<std::string, BT::PortInfo> port(BT::PortDirection way, const st
   throw std::runtime_error("the driver knows no type " + type);
 }
 
+struct Sleeper : BT::TreeNode
+{
+  static constexpr auto wake_up = &Sleeper::setWakeUpInstance;
+};
+
 static std::string one_line(std::string text)
 {
   for(auto& letter : text)
@@ -174,6 +179,8 @@ int main()
         {
           tree = factory->createTree(name);
         }
+        // Without a signal to wake up, SequenceWithMemory does not end the tick between two children.
+        tree.applyVisitor([](BT::TreeNode* node) { (node->*Sleeper::wake_up)(nullptr); });
         std::cout.rdbuf(shown);
         std::cout << "loaded" << std::endl;
       }

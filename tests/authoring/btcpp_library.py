@@ -26,6 +26,10 @@ LIBRARY = Need(
 )
 
 
+OLD = not (PREFIX / "include/behaviortree_cpp/controls/try_catch_node.h").exists()
+"""Whether the library is older than 4.9."""
+
+
 def built_driver() -> Path:
     """Return the driver's program, compiled when its source or the library is another."""
     library = next(_libraries())

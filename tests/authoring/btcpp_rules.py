@@ -87,6 +87,8 @@ class _Board:
     remapped: dict[str, str] = field(default_factory=dict[str, str])
 
     def find(self, key: str) -> tuple[_Board, str]:
+        if key.startswith("@"):
+            return self.outer.find(key) if self.outer is not None else (self, key[1:])
         if key in self.types or self.outer is None or key not in self.remapped:
             return self, key
         return self.outer.find(self.remapped[key])

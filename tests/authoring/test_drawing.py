@@ -13,6 +13,7 @@ import pytest
 from picktree.authoring.drawing.chart import Chart, ChartPort
 from picktree.authoring.drawing.chart_builder import chart, chart_of_file
 from picktree.authoring.drawing.formats.file_formats import dot, drawing_text, suffix_of
+from picktree.authoring.drawing.formats.svg import svg
 from picktree.authoring.drawing.formats.text import text
 from picktree.errors import PicktreeError
 from picktree.trees.loading.loader import parse_mission
@@ -235,3 +236,40 @@ def test_the_page_on_pictures_tells_how_to_draw_one() -> None:
     names: dict[str, object] = {"Path": (root / "examples").joinpath}
     exec(program, names)
     assert 'class="node decorator running" data-path="Main/Repeat"' in str(names["picture"])
+
+
+DESCRIBED = """
+Main: {Handle: {item: red_1}}
+Handle:
+  doc: >
+    Take one item, and say so;
+    nothing else.
+  ports: {item: {type: object, doc: what is taken}}
+  Take: {object: "{item}"}
+"""
+
+
+def test_a_tree_is_described_where_it_is_drawn_and_where_it_is_called() -> None:
+    drawn = charted(DESCRIBED)
+    assert text(drawn).splitlines()[5:8] == [
+        "Handle  item: object",
+        "Take one item, and say so; nothing else.",
+        "└── □ Take  object: {item}",
+    ]
+    call = drawn.trees[0].root
+    assert call.doc == "Take one item, and say so; nothing else. Defined at mission.yaml:5."
+    assert f'tooltip="{call.doc}' in dot(drawn)
+    page = svg(drawn)
+    assert re.search(r'<tspan class="doc"[^>]*>Take one item, and say so;', page)
+    assert f"<title>Handle (sub-tree)\n{call.doc}\n" in page
+    undescribed = charted("Main: Sub\nSub: AlwaysSuccess").trees[0].root
+    assert undescribed.doc == "Defined at mission.yaml:5."
+
+
+def test_a_sub_tree_of_the_library_names_its_own_file(tmp_path: Path) -> None:
+    path = tmp_path / "m.yaml"
+    path.write_text("picktree: 1\nkind: mission\ninclude: [library/recovery]\ntrees: {Main: PutDown}\n")
+    assert re.fullmatch(
+        r"Put what is held down on the table, .* Defined at library/recovery:\d+\.",
+        chart_of_file(path).trees[0].root.doc,
+    )

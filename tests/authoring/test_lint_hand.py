@@ -89,20 +89,21 @@ def users(*nodes: str, rest: str = "") -> list[str]:
     return [finding.replace("Main/Sequence/", "") for finding in found]
 
 
-def test_two_users_of_the_arm_in_a_parallel_are_an_error() -> None:
-    text = """
+@pytest.mark.parametrize("kind", ["Parallel", "ParallelAll"])
+def test_two_users_of_the_arm_in_a_parallel_are_an_error(kind: str) -> None:
+    text = f"""
     trees:
       Main:
-        Parallel:
-          - GoTo: {pose: home}
-          - Sequence: [{Observe: {camera: overhead}}, Retreat]
-          - Delay: {delay_msec: 1 s, do: {Grasp: {object: a}}}
+        {kind}:
+          - GoTo: {{pose: home}}
+          - Sequence: [{{Observe: {{camera: overhead}}}}, Retreat]
+          - Delay: {{delay_msec: 1 s, do: {{Grasp: {{object: a}}}}}}
       Retreat: SafeRetreat
     """
     assert lint(text, "P331") == [
-        "P331 5:9 Main/Parallel/Sequence: Retreat and GoTo use the arm at the same time "
+        f"P331 5:9 Main/{kind}/Sequence: Retreat and GoTo use the arm at the same time "
         "(one after the other, in a Sequence)",
-        "P331 6:9 Main/Parallel/Delay: Grasp and GoTo use the arm at the same time "
+        f"P331 6:9 Main/{kind}/Delay: Grasp and GoTo use the arm at the same time "
         "(one after the other, in a Sequence)",
     ]
 
@@ -121,6 +122,8 @@ def test_two_users_of_the_arm_in_a_parallel_are_an_error() -> None:
         "ReactiveSequence: [{Fallback: [{Condition: {if: holding}}, {Grasp: {object: a}}]}, "
         "{Place: {object: a, into: red_bin}}]",
         "Sequence: [{GoTo: {pose: home}}, SafeRetreat]",
+        "SequenceWithMemory: [{GoTo: {pose: home}}, SafeRetreat]",
+        "PipelineSequence: [{RateController: {hz: 1, do: OpenGripper}}, {GoTo: {pose: home}}]",
     ],
 )
 def test_users_that_do_not_meet(node: str) -> None:
@@ -136,6 +139,12 @@ def test_users_that_do_not_meet(node: str) -> None:
         ("ReactiveFallback: [{Sequence: [{Log: {message: a}}, Go]}, {Recover: {do: Go, otherwise: Go}}]",
          "P332 4:29 ReactiveFallback/Sequence: GoTo is started anew at each tick and takes the arm from Go "
          "(a condition before it, or Fallback in place of ReactiveFallback)"),
+        ("PipelineSequence: [{GoTo: {pose: home}}, {Grasp: {object: a}}]",
+         "P332 4:29 PipelineSequence/GoTo: GoTo is started anew at each tick and takes the arm from Grasp "
+         "(a condition before it, or Sequence in place of PipelineSequence)"),
+        ("PipelineSequence: [{RateController: {do: {GoTo: {pose: home}}}}, {Grasp: {object: a}}]",
+         "P332 4:29 PipelineSequence/RateController: GoTo is started anew at each tick and takes the arm "
+         "from Grasp (a condition before it, or Sequence in place of PipelineSequence)"),
     ],
 )  # fmt: skip
 def test_a_skill_that_a_reactive_node_starts_at_each_tick(node: str, finding: str) -> None:

@@ -36,6 +36,21 @@ def test_a_key_that_is_written_further_down_is_an_error_and_said_once() -> None:
     ]
 
 
+def test_an_expression_at_a_port_reads_its_keys() -> None:
+    computed = 'Log: {message: a, value: "{= [1, x][0]}"}'
+    assert lint(sequence(computed, WRITE)) == [
+        "P301 4:34 Main/Sequence/Log: port 'value': nothing has written 'x' when it is read "
+        "(SetBlackboard, line 7, writes it, further down)"
+    ]
+    assert lint(sequence(WRITE, computed)) == []
+    sub = "  Sub: {ports: {n: int}, Repeat: {num_cycles: '{n}', do: Observe}}\n"
+    assert lint(sequence("Sub: {n: '{= x + 1}'}", WRITE) + sub, "P301", "P302") == [
+        "P301 4:18 Main/Sequence/Sub: port 'n': nothing has written 'x' when it is read "
+        "(SetBlackboard, line 7, writes it, further down)"
+    ]
+    assert lint(sequence(WRITE, "Sub: {n: '{= x + 1}'}") + sub) == []
+
+
 def test_a_loop_does_not_make_a_read_succeed() -> None:
     text = sequence(f"Repeat: {{while: items_left, num_cycles: 3, do: {{{READ}}}}}")
     assert lint(text, "P301", "P302") == [
@@ -236,3 +251,42 @@ def test_an_output_of_the_tree_is_read_outside() -> None:
         "P303 3:31 Main/Sequence/Look: found: 'x' is written, and nothing in Main reads it "
         "(an output that nobody needs is left out)"
     ]
+
+
+def test_keys_of_the_root_are_written_somewhere_in_the_mission() -> None:
+    text = """
+    trees:
+      Main:
+        Sequence: [Write, {Log: {message: a, value: "{n}"}}, {Log: {message: a, value: "{m}"}}]
+      Write:
+        Script: {code: "@n := 1; @m := @n"}
+    """
+    assert lint(text) == []
+    with pytest.raises(AssertionError, match="unknown name '@q'"):
+        lint(text.replace("@m := @n", "@m := @q"))
+
+
+SHARING = """
+trees:
+  Main:
+    Sequence:
+      - SetBlackboard: {value: 1, output_key: "{n}"}
+      - Count: {_autoremap: true}
+      - Count: {_autoremap: true}
+  Count:
+    Sequence:
+      - Script: {code: "n += 1; seen := n"}
+      - Condition: {if: seen < limit}
+"""
+
+
+def test_a_call_that_shares_its_keys_hands_on_those_that_are_written() -> None:
+    assert lint(SHARING, "P301") == [
+        "P301 5:9 Main/Sequence/Count: port 'limit': nothing has written 'limit' when it is read "
+        "(known: n, seen)"
+    ]
+    written = SHARING.replace('"{n}"}', '"{n}"}\n      - SetBlackboard: {value: 9, output_key: "{limit}"}', 1)
+    assert lint(written) == []
+    said = "trees.Main: Count reads the key 'limit' of its caller, which this call does not share"
+    with pytest.raises(AssertionError, match=said):
+        lint(written.replace("{_autoremap: true}", "{}", 1))

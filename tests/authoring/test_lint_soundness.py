@@ -53,7 +53,7 @@ def test_the_watch_sees_wrong_data(
 ) -> None:
     monkeypatch.setattr(node, "declaration", replace(node.declaration, flow=wrong))
     with pytest.raises(Unsound):
-        for seed in range(BATCH):
+        for seed in range(4 * BATCH):
             watched = Watched(wild_mission(seed))
             for run in range(3):
                 watched.run(run)

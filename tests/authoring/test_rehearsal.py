@@ -88,7 +88,7 @@ def test_a_delay_passes_in_ticks() -> None:
 
 def test_what_still_runs_is_halted_where_the_case_says_so() -> None:
     case = play_one(
-        "Main: {Sequence: [Go, {Go: {name: far, _onHalted: left = true}}]}",
+        'Main: {Sequence: [Go, {Go: {name: far, _onHalted: "left := true"}}]}',
         """
         leaves: {far: RUNNING}
         halt_after: 4
@@ -97,6 +97,11 @@ def test_what_still_runs_is_halted_where_the_case_says_so() -> None:
     )
     assert case.passed, said(case)
     assert (case.status, case.ticks) == ("IDLE", 4)
+
+
+def test_an_assignment_to_a_key_that_is_not_there_fails_as_in_a_run() -> None:
+    case = play_one("Main: {Go: {_onSuccess: n = 1}}", "expect: {status: FAILURE}")
+    assert case.passed, said(case)
 
 
 def test_a_case_ends_after_its_ticks_and_says_that_the_mission_still_runs() -> None:

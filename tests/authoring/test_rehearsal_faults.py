@@ -134,6 +134,13 @@ def test_an_output_that_somebody_reads_needs_an_answer() -> None:
     ]
 
 
+def test_only_leaves_that_a_case_reaches_need_an_answer() -> None:
+    for leaves in ("{Go: {cause: planning.no_path}}", "{Go: {cause: planning.no_path}, Weigh: SUCCESS}"):
+        assert faults(f"leaves: {leaves}\nexpect: {{status: FAILURE}}") == []
+    second = "{Weigh: [{outputs: {weight: 1, sort: light}}, SUCCESS]}"
+    assert faults(f"leaves: {second}\nexpect: {{status: SUCCESS}}") == []
+
+
 def test_a_pattern_after_others_that_fit_all_that_it_fits() -> None:
     case = f"leaves:\n  '*': {{outputs: {{}}}}\n  Pick: SUCCESS\n  {WEIGHED}\nexpect: {{status: SUCCESS}}"
     found = [fault for fault in faults(case) if fault.startswith("P716")]

@@ -17,7 +17,6 @@ from hypothesis import strategies as st
 from picktree.authoring.schema.mission_context import any_mission, one_mission
 from picktree.authoring.schema.mission_schema import mission_schema
 from picktree.authoring.schema.schema_parts import Schema, to_text
-from picktree.batch.plan_loading import plan_schema
 from picktree.cli.author.commands import Kind
 from picktree.cli.author.file_schemas import CHECKS, FileKind, file_schema
 from picktree.cli.terminal.node_registries import registry
@@ -80,7 +79,7 @@ def known() -> NodeRegistry:
 def schema(kind: str) -> Schema:
     if kind == "mission":
         return mission_schema(known(), any_mission())
-    return plan_schema() if kind == "plan" else file_schema(cast("FileKind", kind))
+    return file_schema(cast("FileKind", kind))
 
 
 def refusals(document: Document) -> list[str]:

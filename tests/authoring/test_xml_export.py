@@ -63,18 +63,32 @@ WRITES = {
         '<Timeout msec="1500">\n  <AlwaysSuccess/>\n</Timeout>\n',
     ),
     "quantities in SI": (" Main: {Take: {object: a, force: 500 mN}}", '<Take object="a" force="0.5"/>\n'),
+    "assignments": (
+        "Main: {Script: {code: \"n := 3; n += 1; t = 'x'\"}}",
+        '<Script code="n := 3; n = n + 1; t = \'x\'"/>\n',
+    ),
+    "assignments that scripts cannot say": (
+        'Main: {Script: {name: count, code: "n := len([1, 2])"}}',
+        '<AssignExpressions name="count" code="n := len([1, 2])"/>\n',
+    ),
     "numbers keep their type in a Script, texts stand in SetBlackboard": (
         " Main: {Sequence: [{SetBlackboard: {value: 3, output_key: '{n}'}}, "
         "{SetBlackboard: {value: three, output_key: '{t}'}}]}",
-        '<Sequence>\n  <Script code="n := 3"/>\n  <SetBlackboard value="three" output_key="t"/>\n'
-        "</Sequence>\n",
+        '<Sequence>\n  <Script code="n := 3" _sets="true"/>\n'
+        '  <SetBlackboard value="three" output_key="t"/>\n</Sequence>\n',
     ),
     "a text that looks like a number": (
-        " Main: {SetBlackboard: {value: '3', output_key: '{n}'}}", "<Script code=\"n := '3'\"/>\n"
+        " Main: {SetBlackboard: {value: '3', output_key: '{n}'}}",
+        "<Script code=\"n := '3'\" _sets=\"true\"/>\n"
     ),
     "a copy": (
         " Main:\n  ports: {a: any}\n  SetBlackboard: {value: '{a}', output_key: '{n}'}",
         '<SetBlackboard value="{a}" output_key="n"/>\n',
+    ),
+    "an expression that scripts can say": (
+        " Main:\n  ports: {a: {type: int, default: 1}}\n"
+        "  SetBlackboard: {name: half, value: '{= a / 2}', output_key: '{n}'}",
+        '<Script name="half" code="n := a / 2"/>\n',
     ),
     "a Switch of two cases without a default": (
         " Main: {Switch: {variable: a, cases: {a: AlwaysSuccess, b: AlwaysSuccess}}}",
@@ -95,6 +109,13 @@ WRITES = {
         " Main: {Sub: {}}\n Sub:\n  ports: {label: {type: string, default: ''}, "
         "found: {type: list of string, direction: out}}\n  Find: {ids: [], found: '{found}'}",
         '<SubTree ID="Sub" label="" found="{_unused_Sub_found}" _left_out="label found"/>\n',
+    ),
+    "keys that a call shares, and those of the root": (
+        " Main: {Sequence: [{SetBlackboard: {value: x, output_key: '{n}'}}, "
+        "{Sub: {_autoremap: true, m: b}}]}\n"
+        " Sub: {ports: {m: string}, Log: {message: '{n}', value: '{@n}'}}",
+        '<Sequence>\n  <SetBlackboard value="x" output_key="n"/>\n'
+        '  <SubTree ID="Sub" _autoremap="true" m="b"/>\n</Sequence>\n',
     ),
     "two calls of the same name": (
         " Main: {Sequence: [{Sub: {name: one}}, {Sub: {name: one}}, Sub]}\n Sub: AlwaysSuccess",
@@ -173,8 +194,8 @@ def test_a_declared_port_gives_way_where_its_type_would_clash() -> None:
 
 
 REFUSED = {
-    " Main: Sleep\n Sleep: AlwaysSuccess": [
-        "P920 mission.yaml:5:2: trees.Sleep: 'Sleep' is a name of BehaviorTree.CPP's own "
+    " Main: TryCatch\n TryCatch: AlwaysSuccess": [
+        "P920 mission.yaml:5:2: trees.TryCatch: 'TryCatch' is a name of BehaviorTree.CPP's own "
         "(give the tree another name)"
     ],
     " Main: {Sub: {ID: a}}\n Sub: {ports: {ID: object}, Take: {object: '{ID}'}}": [
@@ -205,6 +226,18 @@ REFUSED = {
     "  Repeat: {num_cycles: '{n}', do: {Timeout: {msec: '{n}', do: AlwaysSuccess}}}": [
         "P925 mission.yaml:6:52: Main/Repeat/Timeout: port 'msec': {n} is int at another node, and unsigned "
         "here (BehaviorTree.CPP wants one type for each key; use two)"
+    ],
+    " Main: {Take: {object: a, force: '{= 3 * 2}'}}": [
+        "P929 mission.yaml:4:34: Main/Take: port 'force': BehaviorTree.CPP has no expressions as values of "
+        'ports (set a key before, as "{force}" by SetBlackboard, and give the key)'
+    ],
+    " Main: {SetBlackboard: {value: '{= [1, 2][0]}', output_key: '{n}'}}": [
+        "P929 mission.yaml:4:32: Main/SetBlackboard: port 'value': BehaviorTree.CPP has no expressions as "
+        'values of ports (set a key before, as "{value}" by SetBlackboard, and give the key)'
+    ],
+    " Main: {Sub: {s: '{= 3}'}}\n Sub: {ports: {s: int}, Repeat: {num_cycles: '{s}', do: AlwaysSuccess}}": [
+        "P929 mission.yaml:4:18: Main/Sub: port 's': BehaviorTree.CPP has no expressions as values of ports "
+        '(set a key before, as "{s}" by SetBlackboard, and give the key)'
     ],
 }
 

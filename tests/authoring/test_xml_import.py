@@ -50,22 +50,30 @@ BECOMES = {
         '<ScriptCondition code="!holding || 2 &lt; 3"/>', "  Main: {Condition: {if: not holding or 2 < 3}}\n"
     ),
     "one assignment of a constant": (
-        '<Script code="n := -3"/>', '  Main: {SetBlackboard: {value: -3, output_key: "{n}"}}\n'
+        '<Script code="n := -3" _sets="true"/>', '  Main: {SetBlackboard: {value: -3, output_key: "{n}"}}\n'
     ),
     "a copy": (
-        "<Sequence><Script code=\"a := 'x'\"/><Script code='b := a'/></Sequence>",
+        "<Sequence><Script code=\"a := 'x'\" _sets='true'/><Script code='b := a' _sets='true'/></Sequence>",
         '  Main:\n    Sequence:\n      - SetBlackboard: {value: x, output_key: "{a}"}\n'
         '      - SetBlackboard: {value: "{a}", output_key: "{b}"}\n',
     ),
     "several assignments": (
         '<Script code="n := 3; n += 1"/>',
-        '  Main: {AlwaysSuccess: {_onSuccess: "n := 3; n = n + 1"}}\n',
+        '  Main: {Script: {code: "n := 3; n = n + 1"}}\n',
+    ),
+    "assignments that scripts cannot say": (
+        '<AssignExpressions code="n := len([1, 2])"/>',
+        '  Main: {Script: {code: "n := len([1, 2])"}}\n',
+    ),
+    "a key without braces": (
+        '<WasEntryUpdated entry="n"/>',
+        '  Main: {WasEntryUpdated: {entry: "{n}"}}\n',
     ),
     "SetBlackboard": (
         '<SetBlackboard value="4" output_key="n"/>',
         '  Main: {SetBlackboard: {value: 4, output_key: "{n}"}}\n',
     ),
-    "Sleep": ('<Sleep msec="250"/>', "  Main: {Delay: {delay_msec: 250, do: AlwaysSuccess}}\n"),
+    "Sleep": ('<Sleep msec="250"/>', "  Main: {Sleep: {msec: 250}}\n"),
     "a Precondition": (
         '<Precondition if="1 &gt; 2" else="SKIPPED"><Take object="a"/></Precondition>',
         "  Main: {Take: {_skipIf: not 1 > 2, object: a}}\n",
@@ -119,7 +127,7 @@ def test_what_btcpp_says_in_its_own_way(name: str) -> None:
     assert imported(one(xml)) == trees
 
 
-def test_ports_of_sub_trees_are_those_that_callers_give_and_the_tree_uses() -> None:
+def test_ports_of_sub_trees_are_those_that_callers_give() -> None:
     trees = imported(
         """<root BTCPP_format="4" main_tree_to_execute="Start">
              <BehaviorTree ID="Start">
@@ -142,7 +150,7 @@ def test_ports_of_sub_trees_are_those_that_callers_give_and_the_tree_uses() -> N
         "    Sequence:\n"
         '      - Find: {ids: [a], found: "{things}"}\n'
         '      - TakeOne: {name: first, thing: b, found: "{more}"}\n'
-        '      - Every: {things: "{things}"}\n'
+        "      - Every: {_autoremap: true}\n"
         "\n"
         "  TakeOne:\n"
         "    ports: {thing: {type: any}, found: {type: any, direction: out}}\n"
@@ -151,7 +159,6 @@ def test_ports_of_sub_trees_are_those_that_callers_give_and_the_tree_uses() -> N
         '      - Find: {ids: [c], found: "{found}"}\n'
         "\n"
         "  Every:\n"
-        "    ports: {things: {type: any}}\n"
         '    ForEach: {in: "{things}", out: "{_one}", do: {Take: {object: "{_one}"}}}\n'
     )
 

@@ -129,7 +129,6 @@ REFUSED = {
     "a & b": "bitwise operators have no counterpart",
     "~a": "bitwise operators have no counterpart",
     "'a' .. 'b'": "joining of texts have no counterpart",
-    "@state == 1": "keys of the root's blackboard (@) have no counterpart",
     "in > 3": "'in' cannot be the name of a key in an expression",
     "a := 3": "one expression without an assignment is wanted",
     "a; b": "one expression without an assignment is wanted",
@@ -140,7 +139,6 @@ REFUSED = {
     "(" * 60 + "a" + ")" * 60: "the script is nested more than 40 deep",
     "a" * 5000: "the script is longer than 4000 characters",
     "3 = a": "only a key of the tree can be assigned to",
-    "@a := 3": "only a key of the tree can be assigned to",
     "a = b = c": "only one key can be assigned to",
 }
 

@@ -12,7 +12,15 @@ from picktree.authoring.lint.flow_analysis import FlowAnalysis
 from picktree.authoring.lint.keys import KeyBits
 from picktree.authoring.lint.outcomes import EMPTY, OUTER, FlowState
 from picktree.recovery.recover import Recover, RecoveryControl
-from picktree.trees.controls import Fallback, ReactiveFallback, RetryUntilSuccessful, RoundRobin, RunOnce
+from picktree.trees.controls import (
+    Fallback,
+    PipelineSequence,
+    ReactiveFallback,
+    RetryUntilSuccessful,
+    RoundRobin,
+    RunOnce,
+    SequenceWithMemory,
+)
 from picktree.trees.loading.loader import parse_mission
 from picktree.trees.mission import Mission, NodeSpec
 from picktree.trees.node import Node
@@ -175,13 +183,13 @@ class _Watch:
         return sure & ~bits == 0 and bits & ~end.maybe == 0 and hand & end.hand != 0
 
     def _unseen(self, tree: str) -> int:
-        """Flags that cannot be read off the nodes: whether a RoundRobin has had a success."""
+        """Flags that cannot be read off the nodes: whether a RoundRobin has had a success, say."""
         layout, bits = self._walk.layout_of(tree), 0
         for spec in self._watched.mission.trees[tree].root.iterate():
             if spec.node is None:
                 shift, _ = layout.calls[id(spec)]
                 bits |= self._unseen(spec.id) << shift
-            elif spec.node is RoundRobin:
+            elif spec.node in (RoundRobin, SequenceWithMemory, PipelineSequence):
                 bits |= sum(layout.flags[id(spec)])
         return bits
 

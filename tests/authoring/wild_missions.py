@@ -36,6 +36,8 @@ class Writer:
         self._controls: tuple[Callable[[int], _Json], ...] = (
             *(self._listed(name) for name in ("Sequence", "Sequence", "Fallback", "Fallback")),
             *(self._listed(name) for name in ("ReactiveSequence", "ReactiveFallback", "Muddle")),
+            *(self._listed(name) for name in ("SequenceWithMemory", "PipelineSequence")),
+            self._watching, self._rated, self._parallel_all,
             *(self._wrapped(name) for name in ("Inverter", "ForceSuccess", "ForceFailure")),
             self._wrapped("KeepRunningUntilFailure"),
             self._repeat, self._retry, self._timed, self._once, self._for_each, self._for_each,
@@ -60,7 +62,7 @@ class Writer:
     def _leaf(self, _: int) -> _Json:
         if self._subtrees and self._with(0.2):
             return self._call()
-        match self._chance.randrange(12):
+        match self._chance.randrange(14):
             case 0 | 1:
                 ports = {"value": self._key()} if self._with(0.4) else {}
                 return {"Do": {**ports, **({"out": self._key()} if self._with(0.7) else {})}}
@@ -87,6 +89,10 @@ class Writer:
                 }
             case 10:
                 return self._chance.choice(("Hold", "Drop", {"AlwaysSuccess": {"_skipIf": "true"}}))
+            case 11:
+                return {"WasEntryUpdated": {"entry": self._key()}}
+            case 12:
+                return {"Sleep": {"msec": self._chance.choice((0, 50, 100))}}
             case _:
                 return "Whim"
 
@@ -172,6 +178,18 @@ class Writer:
         if self._with(0.5):
             ports["failure_count"] = self._count(len(parts))
         return {"Parallel": {**ports, "do": parts}}
+
+    def _parallel_all(self, depth: int) -> _Json:
+        parts = self._children(depth, 1, 4)
+        ports: dict[str, _Json] = {"max_failures": self._count(len(parts))} if self._with(0.5) else {}
+        return {"ParallelAll": {**ports, "do": parts}}
+
+    def _watching(self, depth: int) -> _Json:
+        name = self._chance.choice(("SkipUnlessUpdated", "WaitValueUpdate"))
+        return {name: {"entry": self._key(), "do": self.node(depth + 1)}}
+
+    def _rated(self, depth: int) -> _Json:
+        return {"RateController": {"hz": self._chance.choice((5, 10, 100)), "do": self.node(depth + 1)}}
 
     def _count(self, total: int) -> int:
         return self._chance.randint(1, total) * self._chance.choice((1, 1, -1))

@@ -110,6 +110,8 @@ LEAVES: Nodes = st.one_of(
     node("Condition", given_ports({"if": CONDITIONS})),
     node("SetBlackboard", given_ports({"value": ANYS | PLAIN, "output_key": st.just("{written}")})),
     node("Log", given_ports({"message": TEXTS}, value=ANYS | PLAIN)),
+    node("Sleep", given_ports({"msec": st.sampled_from([100, "0.1 s", "{t}"])})),
+    node("WasEntryUpdated", given_ports({"entry": st.just("{x}")})),
     node(
         "Take",
         given_ports(
@@ -144,6 +146,10 @@ def above(inner: Nodes) -> Nodes:
         *(control(name) for name in ("Sequence", "Fallback", "ReactiveSequence", "ReactiveFallback")),
         control("Parallel", success_count=st.just(1), failure_count=st.just(1)),
         control("RoundRobin", wrap_around=st.booleans()),
+        *(control(name) for name in ("SequenceWithMemory", "PipelineSequence")),
+        control("ParallelAll", max_failures=st.just(1)),
+        *(decorator(name, {"entry": st.just("{x}")}) for name in ("SkipUnlessUpdated", "WaitValueUpdate")),
+        decorator("RateController", {"hz": st.sampled_from([10, 0.5])}),
         node("IfThenElse", given_ports({"do": branches})),
         node("WhileDoElse", given_ports({"do": branches})),
         node("RecoveryNode", given_ports({"do": two}, number_of_retries=count)),

@@ -96,3 +96,23 @@ def test_the_second_table_has_the_parts_of_the_runs_alone(speed: ModuleType) -> 
         "| dense | 2.00 | 0.50 | 0.50 | 0.50 | 0.50 | 0.50 | 0.50 | 0.50 |"
     ]
     assert speed.parts_table(rows, ["check"]) == ""
+
+
+def tick_round(cores: int, wall: list[float], cpu: list[float]) -> dict[str, Any]:
+    measured = {"wall": {"wall": sum(wall), "ticks": wall}, "cpu": {"wall": sum(cpu), "ticks": cpu}}
+    return {"job": {"cores": cores}, "measured": {"dense": measured}}
+
+
+def test_the_table_of_ticks_has_a_line_for_each_number_of_cores(speed: ModuleType) -> None:
+    rows = [
+        tick_round(2, [0.01, 0.06], [0.01, 0.021]),
+        tick_round(1, [0.03, 0.07, 1.0], [0.01, 0.02, 0.04]),
+        tick_round(1, [0.01, 0.05, 0.04], [0.03, 0.03, 0.06]),
+    ]
+    assert speed.tick_table(rows, ["dense"]) == (
+        "|  | cores | wall s | ticks above 20 ms, wall | longest, ms, wall | ticks above 20 ms, CPU "
+        "| longest, ms, CPU |\n"
+        "|---|---|---|---|---|---|---|\n"
+        "| dense | 1 | 0.6 | 2 of 3 | 525 | 2 of 3 | 50 |\n"
+        "| dense | 2 | 0.1 | 1 of 2 | 60 | 1 of 2 | 21 |"
+    )

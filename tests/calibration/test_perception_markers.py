@@ -11,7 +11,7 @@ import pytest
 from picktree.calibration.target_detection import area_and_centroid, average_tiles, detect_tiles, pixels_of
 from picktree.simulation.engine import Client
 from picktree.simulation.physics.bodies import add_scenery
-from picktree.simulation.physics.rgbd_camera import CameraRenderer, intrinsics
+from picktree.simulation.physics.rgbd_camera import CameraRenderer
 from picktree.world.protocols import RgbdImage
 from picktree.world.scene.description import Fixture, SceneDescription
 from picktree.world.scene.loading.scene_entries import look_at_frame
@@ -41,11 +41,11 @@ def picture(scene: SceneDescription, at: Vector3 = (0.45, 0.1, 0.33), *added: Fi
     optical = look_at_frame(at, (0.5, 0.0, 0.05), None)
     assert optical is not None
     client = Client()
-    add_scenery(replace(scene, fixtures=(*scene.fixtures, *added)), client.id)
+    add_scenery((*scene.fixtures, *added), scene.bins, client.id)
     (camera,) = scene.cameras
     seen = CameraRenderer(camera).render(client.id, optical)
     depth = np.where(np.isfinite(seen.depth), seen.depth, np.float32(0.0))
-    return RgbdImage("near", seen.colour, depth, 0.0, intrinsics(camera), optical)
+    return RgbdImage("near", seen.colour, depth, 0.0, camera.intrinsics, optical)
 
 
 def body(name: str, colour: str, size: Vector3, at: Vector3) -> Fixture:

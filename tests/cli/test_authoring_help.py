@@ -25,7 +25,7 @@ def test_schema_goes_to_stdout_or_into_a_file(tmp_path: Path, capsys: pytest.Cap
 def test_schema_of_one_mission_knows_its_sub_trees(capsys: pytest.CaptureFixture[str]) -> None:
     assert answer(["schema", "mission", "--mission", str(MISSION)]) == 0
     definitions = json.loads(capsys.readouterr().out)["definitions"]
-    assert definitions["tree.SortOne"]["required"] == ["item"]
+    assert definitions["tree.SortOne"]["anyOf"] == [{"required": ["item"]}, {"required": ["_autoremap"]}]
     assert set(definitions["node"]["properties"]) >= {"Grasp", "SortOne"}
 
 
@@ -52,7 +52,7 @@ NODES = (Dusk,)
     assert answer(["nodes", "Dusk", "--mission", str(mission)]) == 0
     out = capsys.readouterr().out
     assert out.startswith(
-        "Dusk (condition)\n\nWhether it is getting dark.\n\nInputs\n  lux: number; at least 0;"
+        'Dusk (condition)\n\nWhether it is getting dark.\n\nInputs\n  lux: number, or as "50 %"; at least 0;'
     )
     assert answer(["schema", "mission", "--mission", str(mission)]) == 0
     assert "node.Dusk" in json.loads(capsys.readouterr().out)["definitions"]

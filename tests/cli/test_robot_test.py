@@ -9,11 +9,21 @@ from pathlib import Path
 
 import pytest
 
+from picktree.analysis import Run
 from picktree.cli.app import answer
+from picktree.cli.author.file_schemas import CHECKS
 from picktree.commissioning.robot_setup.model_checks import RobotUnderTest, Verdict, check_model
-from picktree.robots.loading import SHIPPED, load_robot
+from picktree.files.diagnostics.file_checks import check_files
+from picktree.perception.expectation.robot_mask import hidden_shares
+from picktree.robots.loading import SHIPPED, load_robot, robot_names
+from picktree.robots.model import RobotModel
 from picktree.robots.urdf_tree import resolved_urdf
+from picktree.world.scene.description import MAX_HIDDEN_SHARE
+from picktree.world.scene.loading.scene_loading import load_scene, scene_names
 
+EXAMPLES = Path(__file__).parents[2] / "examples"
+HIDING = "  home: [0, 0.05, 0, -1.75, 0, 1.8, 0.785]"
+"""Line of a Panda's file: a home before the overhead camera."""
 MASSES, LIMITS, HOME, FINGERS, TOOL = "masses", "limits", "home", "fingers", "tool frame"
 
 
@@ -130,7 +140,7 @@ def test_the_trials_in_physics_give_a_table_and_a_page(
     tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
     # The hand hangs before the camera.
-    file = panda(tmp_path, home="  home: [0, 0.05, 0, -1.75, 0, 1.8, 0.785]")
+    file = panda(tmp_path, home=HIDING)
     assert answer(["robot", "test", str(file), "--page", str(tmp_path / "arm.html")]) == 1
     shown = capfd.readouterr().out
     for name in ("effort at rest", "track", "brake", "soft retreat", "open and close"):
@@ -150,11 +160,37 @@ def test_a_new_robot_is_tested(tmp_path: Path, capfd: pytest.CaptureFixture[str]
     assert [v["name"] for v in said["test"]["verdicts"] if not v["good"]] == []
 
 
+def test_a_urdf_with_four_faults_is_made_a_robot_whose_test_names_each(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    root = ElementTree.fromstring(resolved_urdf(load_robot("panda").urdf))
+    link = one(root, "link", "panda_link4")
+    link.remove(child(link, "inertial"))
+    child(one(root, "joint", "panda_joint2"), "limit").set("effort", "8.7")
+    for name, axis in (("panda_finger_joint1", "0 -1 0"), ("panda_finger_joint2", "0 1 0")):
+        child(one(root, "joint", name), "axis").set("xyz", axis)
+    child(one(root, "joint", "panda_hand_joint"), "origin").set("rpy", "3.14159265 0 -0.785398")
+    ElementTree.ElementTree(root).write(tmp_path / "spoilt.urdf")
+    arguments = ["robot", "new", str(tmp_path / "spoilt.urdf"), "-o", str(tmp_path / "arm.yaml")]
+    assert answer([*arguments, "--samples", "500"]) == 0
+    shown = capfd.readouterr().out
+    for told in (
+        "panda_link4: has no <inertial>, but a joint moves it",
+        "FAILED  limits          panda_joint2 exerts 8.7 Nm, and gravity alone needs 51",
+        "FAILED  fingers         the fingers pass 51 mm through each other at the end of their joints' range",
+        "to change: mend <axis> of the fingers' joints in the URDF, which look swapped",
+        "FAILED  tool frame      the hand points back at the arm",
+    ):
+        assert told in shown
+    # The hand is turned into the arm: open fingers would touch a link at a home where shut ones do not.
+    assert "start_in_collision" not in shown
+
+
 def test_a_run_that_sees_nothing_says_that_the_arm_is_in_the_way(
     tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    file = panda(tmp_path, home="  home: [0, 0.05, 0, -1.75, 0, 1.8, 0.785]")
-    mission = Path(__file__).parents[2] / "examples" / "sort_by_colour.yaml"
+    file = panda(tmp_path, home=HIDING)
+    mission = EXAMPLES / "sort_by_colour.yaml"
     scene = tmp_path / "hidden.yaml"
     scene.write_text(
         "picktree: 1\nkind: scene\nbase: three_bins\nspawn:\n  - of: {block: 1}\n    colours: [red]\n"
@@ -169,3 +205,108 @@ def test_a_run_that_sees_nothing_says_that_the_arm_is_in_the_way(
         in shown
     )
     assert "'home' under 'poses:' in arm.yaml" in shown
+    (folder,) = tmp_path.glob("sort_by_colour-*")
+    assert answer(["explain", str(folder), "--json"]) == 0
+    (cause,) = json.loads(capfd.readouterr().out)["root_causes"]
+    assert (cause["cause"], cause["ended_run"]) == ("arm.hides_items", True)
+    assert cause["title"] == "the arm stands between the camera overhead and items on the table"
+    assert "the image of 0.15 s shows the arm there" in cause["reasons"][0]
+    assert "'home' under 'poses:' in the robot file of arm" in cause["reasons"][2]
+
+
+def test_a_run_that_fails_and_has_seen_nothing_says_so_too(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    file = panda(tmp_path, home=HIDING)
+    mission = tmp_path / "look.yaml"
+    mission.write_text(
+        "picktree: 1\nkind: mission\nscene: sort_small\ntrees:\n  Main:\n    Sequence:\n"
+        '      - Observe: {objects: "{items}"}\n      - AlwaysFailure\n',
+        encoding="utf-8",
+    )
+    for robot, told in ((str(file), True), ("panda", False)):
+        arguments = ["run", str(mission), "--robot", robot, "--out", str(tmp_path), "--backend", "kinematic"]
+        answer(arguments)
+        assert ("the arm hides where the items are, 100 % from overhead" in capfd.readouterr().out) is told
+
+
+def test_of_two_items_the_one_behind_the_arm_is_explained_by_the_arm(tmp_path: Path) -> None:
+    file = panda(tmp_path, home="  home: [0.2, 0, 0, -2, 0, 2, 0.785]")
+    (tmp_path / "partly.yaml").write_text(
+        "picktree: 1\nkind: scene\nbase: three_bins\nspawn:\n"
+        "  - {of: {block: 1}, colours: [red], area: {min: [0.42, -0.12], max: [0.44, -0.1]}}\n"
+        "  - {of: {ball: 1}, colours: [red], area: {min: [0.44, 0.18], max: [0.46, 0.2]}}\n",
+        encoding="utf-8",
+    )
+    mission = EXAMPLES / "sort_by_colour.yaml"
+    arguments = ["run", str(mission), "--scene", str(tmp_path / "partly.yaml"), "--robot", str(file)]
+    answer([*arguments, "--backend", "kinematic", "--out", str(tmp_path)])
+    with Run(next(tmp_path.glob("sort_by_colour-*"))) as run:
+        (cause,) = run.explanation.root_causes
+    assert (cause.cause, cause.items) == ("arm.hides_items", ("the red ball (item_01)",))
+
+
+def test_the_arm_is_not_blamed_for_what_a_fixture_hides(tmp_path: Path) -> None:
+    (tmp_path / "roof.yaml").write_text(
+        "picktree: 1\nkind: scene\nbase: three_bins\nfixtures:\n"
+        "  roof: {box: [0.24, 0.12, 0.02], at: [0.5, -0.18, 0.3]}\nspawn:\n"
+        "  - {of: {ball: 1}, colours: [red], area: {min: [0.5, -0.29], max: [0.51, -0.28]}}\n",
+        encoding="utf-8",
+    )
+    mission = EXAMPLES / "sort_by_colour.yaml"
+    arguments = ["run", str(mission), "--scene", str(tmp_path / "roof.yaml"), "--backend", "kinematic"]
+    answer([*arguments, "--out", str(tmp_path)])
+    with Run(next(tmp_path.glob("sort_by_colour-*"))) as run:
+        (cause,) = run.explanation.root_causes
+    assert cause.cause == "item.never_seen"
+
+
+def check(*files: Path) -> list[tuple[str, int, str]]:
+    """File, line and sentence of each finding of `picktree check`."""
+    faults = check_files(files, CHECKS).faults
+    assert {(fault.code, fault.severity) for fault in faults} <= {("P514", "warning")}
+    return [
+        (Path(fault.mark.file).name, fault.mark.line, f"{fault.message} ({fault.hint})") for fault in faults
+    ]
+
+
+def test_a_home_that_hides_the_items_is_found_in_robot_scene_and_mission(tmp_path: Path) -> None:
+    robot, scene, mission = panda(tmp_path, home=HIDING), tmp_path / "cell.yaml", tmp_path / "look.yaml"
+    scene.write_text("picktree: 1\nkind: scene\nbase: three_bins\nrobot: arm.yaml\n", encoding="utf-8")
+    mission.write_text(
+        "picktree: 1\nkind: mission\nscene: cell.yaml\ntrees:\n  Main:\n    Observe\n", encoding="utf-8"
+    )
+    line = robot.read_text(encoding="utf-8").splitlines().index(HIDING) + 1
+    hint = "choose another 'home' under 'poses:' in arm.yaml, or move the camera; at most 25 % may be hidden"
+    told = "the arm of 'arm' at 'home' hides where the items {}are: 100 % from overhead ({})"
+    in_robot = ("arm.yaml", line, told.format("of the scene 'self_test' ", hint))
+    in_scene = ("cell.yaml", 4, told.format("", hint))
+    assert check(robot) == [in_robot]
+    assert check(scene) == [in_scene]
+    assert check(mission) == [in_scene]
+    assert check(robot, scene, mission) == [in_robot, in_scene]
+
+
+def test_a_second_camera_that_sees_the_items_is_enough(tmp_path: Path) -> None:
+    panda(tmp_path, home=HIDING)
+    scene = tmp_path / "cell.yaml"
+    scene.write_text(
+        "picktree: 1\nkind: scene\nbase: three_bins\nrobot: arm.yaml\ncameras:\n"
+        "  front: {at: [1.4, 0, 0.6], look_at: [0.5, 0, 0], size: [320, 240], fov: 60 deg}\n",
+        encoding="utf-8",
+    )
+    assert check(scene) == []
+
+
+def test_what_the_cache_holds_of_another_home_is_not_believed(tmp_path: Path) -> None:
+    assert check(panda(tmp_path)) == []
+    assert len(check(panda(tmp_path, home=HIDING))) == 1
+    assert check(panda(tmp_path)) == []
+
+
+@pytest.mark.parametrize("name", robot_names())
+def test_no_shipped_arm_hides_the_items_of_a_shipped_scene(name: str) -> None:
+    model = RobotModel(load_robot(name))
+    for scene in scene_names():
+        shares = hidden_shares(model, load_scene(scene), model.named("home"))
+        assert min(shares.values(), default=0.0) <= MAX_HIDDEN_SHARE, scene

@@ -114,7 +114,7 @@ def test_what_we_ship_is_looked_at_by_its_own_line_that_names_a_schema(server: L
     ("node", "column", "message"),
     [
         ("- Observe: {camra: overhead}", 19, "Property camra is not allowed."),
-        ("- GoTo: {speed: fast}", 23, "a number, or a reference"),
+        ("- GoTo: {speed: fast}", 23, 'a number, or a share, as "50 %", or a reference'),
         ("- Delay: {delay_msec: 5 N, do: GoTo}", 29, 'a number in ms, or as "2 s", or a reference'),
         ("- GoTo: {speed: 1.5}", 23, "Value is above the maximum of 1."),
         ("- Grasp: {force: 20 N}", 9, 'Missing property "object".'),

@@ -160,6 +160,9 @@ def test_columns_count_as_the_client_counts(editor: Editor) -> None:
         ),
         ('Sequence: [Observe: {objects: "{items}"}, Condition: {if: "ite|"}]', "items", "items"),
         ("Observe: {_skipIf: ho|}", "holding", "holding"),
+        ('Sequence: [Observe: {objects: "{items}"}, Grasp: {object: "{= ite|[0]}"}]', "items", "items"),
+        ('Sequence: [Observe: {objects: "{items}"}, Grasp: {object: a, speed: "{= 1 / le|', "items", "items"),
+        ('GoTo: {pose: home, speed: "{= 1 / items_l|}"}', "items_left", "items_left"),
     ],
 )
 def test_completion_offers_what_may_stand_there(
@@ -227,6 +230,7 @@ def test_rename_changes_a_key_in_its_whole_tree(editor: Editor) -> None:
         "      - Condition: {if: \"count(items) > 0 and kind != 'items'\"}\n"
         '      - Observe: {_onSuccess: "items := items; more = 1"}\n'
         '      - Sub: {items: "{it|ems}"}\n'
+        '      - Grasp: {object: "{= items[len(items) - 1]}"}\n'
         '  Sub: {ports: {items: list of object}, do: {Grasp: {object: "{items}"}}}\n'
     )
     assert editor.rename(text, "found").splitlines()[7:] == [
@@ -234,11 +238,13 @@ def test_rename_changes_a_key_in_its_whole_tree(editor: Editor) -> None:
         "      - Condition: {if: \"count(found) > 0 and kind != 'items'\"}",
         '      - Observe: {_onSuccess: "found := found; more = 1"}',
         '      - Sub: {items: "{found}"}',
+        '      - Grasp: {object: "{= found[len(found) - 1]}"}',
         '  Sub: {ports: {items: list of object}, do: {Grasp: {object: "{items}"}}}',
     ]
     port = text.replace("|", "").replace("ports: {items", "ports: {it|ems")
     assert editor.rename(port, "all").splitlines()[10:] == [
         '      - Sub: {all: "{items}"}',
+        '      - Grasp: {object: "{= items[len(items) - 1]}"}',
         '  Sub: {ports: {all: list of object}, do: {Grasp: {object: "{all}"}}}',
     ]
     assert editor.rename(text, "more") == "the tree 'Main' has a key 'more' already"

@@ -66,7 +66,9 @@ def attribute(owner: object, name: str) -> object:
         ("round(x, 2)", NUMBER), ("item in items", BOOL), ("'r' in colour", BOOL), ("'a' in map", BOOL),
         ("item.destination == null", BOOL), ("flag == 1", BOOL), ("none == 3", BOOL),
         ("item == 'red_1'", BOOL), ("shade == 'red' or 'e' in shade", BOOL), ("items == []", BOOL),
-        ("shade in 'red, green'", BOOL), ("what.colour.colour", None),
+        ("shade in 'red, green'", BOOL), ("items[0]", OBJECT), ("items[-1].colour", TEXT),
+        ("lists[n][0]", INT), ("what[n + 1]", ANY), ("[1, 'a'][1]", ANY), ("[n, x][n]", NUMBER),
+        ("what.colour.colour", None),
     ],
 )  # fmt: skip
 def test_types(text: str, expected: ValueType | None) -> None:
@@ -117,6 +119,12 @@ def test_types(text: str, expected: ValueType | None) -> None:
         ("flag and shade == 'rde'", "this is never 'rde'; did you mean 'red'?", 18),
         ("'rde' != shade", "this is never 'rde'; did you mean 'red'?", 0),
         ("shade in ['red', 'gren']", "this is never 'gren'; did you mean 'green'?", 17),
+        ("colour[0]", "only a list has elements, and this is a text", 6),
+        ("flag and items[n / 2]", "an index is a whole number, not a number", 17),
+        ("items['first']", "an index is a whole number, not a text", 6),
+        ("items[0] + 1", "'+' does not work on an object's id and a whole number", 9),
+        ("['a', 'b'][2]", "a list of 2 has no element [2]; [0] is the first, [1] the last", 10),
+        ("[n][-2]", "a list of 1 has no element [-2]; [0] is the only one", 3),
         ("(shade if flag else 'blue') == 'yellow'", "this is never 'yellow'; known: red, green, blue", 31),
     ],
 )  # fmt: skip
@@ -130,8 +138,9 @@ def test_what_cannot_have_a_value(text: str, message: str, offset: int) -> None:
 PIECES = [
     *NAMES, "1", "2.5", "'a'", "(", ")", "[", "]", " and ", " or ", "not ", "==", "<", " in ", "+", "-",
     "*", "/", ".colour", ".destination", ",", "len(", "max(", "abs(", "round(", " if ", " else ", "null",
+    "[0]", "[-1]", "[n]",
 ]  # fmt: skip
-UNFORESEEN = ("division by zero", "too large", "empty list", "digits")
+UNFORESEEN = ("division by zero", "too large", "empty list", "digits", "an index is", "has no element")
 
 
 @settings(max_examples=400)

@@ -44,6 +44,10 @@ NAMES = {"x": 4, "colour": "red", "items": ["a", "b"], "flag": True, "none": Non
         ("flag == True", True),
         ("round(2.55, 1) < 2.6", True),
         ("min(['b', 'a'])", "a"),
+        ("items_left[0] + items_left[-1]", 12),
+        ("[[1, 2], [3]][0][len(items_left) - 1]", 2),
+        ("-items_left[0] + 1", -2),
+        ("(items_left if flag else [7])[0]", 3),
     ],
 )
 def test_values(text: str, value: object) -> None:
@@ -112,11 +116,17 @@ def test_attributes_go_through_the_resolver_only() -> None:
         ("x.f()", "not an expression: 'f' is not a function", 3),
         ("max(1, key=2)", "not an expression: compare with '=='", 10),
         ("[i for i in x]", "not an expression: a loop is not part of the language", 3),
-        ("x[0]", "not an expression: indexing with [ ] is not part of the language", 1),
+        ("x[]", "not an expression: an index is missing between '[' and ']'; the first element is [0]", 1),
+        ("x[0, 1]", "not an expression: one index stands in [ ]", 3),
+        ("x[0", "not an expression: '[' is not closed", 1),
+        ("x[0:1]", "not an expression: ':' has no meaning here; there are no slices and no mappings", 3),
         ("f'{x}'", "not an expression: an operator is missing before \"'{x}'\"", 1),
         ("lambda: 1", "not an expression: a lambda is not part of the language", 0),
         ("(y := 1)", "not an expression: an assignment stands in a postcondition only; compare with '=='", 3),
         ("len(*x)", "not an expression: a value is missing between '(' and '*'", 4),
+        ("5 %", "not an expression: '%' is the remainder of a division here; write 0.05", 2),
+        ("(12.5 %) * 2", "not an expression: '%' is the remainder of a division here; write 0.125", 6),
+        ("x %", "not an expression: a value is missing after '%'", 2),
         ("2 ** 9", "not an expression: there is no power; write 'x * x'", 2),
         ("~x", "not an expression: the character '~' has no meaning here", 0),
         ("a is b", "not an expression: compare with '=='", 2),
@@ -174,6 +184,12 @@ def test_refused(text: str, message: str | None, offset: int | None) -> None:
         ("round(x, -1000000000)", "'round' takes at most 15 digits", 0),
         ("round(1e308 * 1e308)", "the number is too large", 12),
         ("9000000000000000000 * 9000000000000000000", "the number is too large", 20),
+        ("4[0]", "only a list has elements, and this is a number", 1),
+        ("items[2]", "a list of 2 has no element [2]; [0] is the first, [1] the last", 5),
+        ("items['a']", "an index is a whole number, not a text", 5),
+        ("items[0.5]", "an index is a whole number, not 0.5", 5),
+        ("[1][-2]", "a list of 1 has no element [-2]; [0] is the only one", 3),
+        ("[][0]", "an empty list has no element [0]", 2),
         ("colr == 'red'", "unknown name 'colr'; did you mean 'colour'?", 0),
     ],
 )
@@ -183,9 +199,12 @@ def test_failing_values(text: str, message: str, offset: int) -> None:
     assert (str(caught.value), caught.value.offset) == (message, offset)
 
 
-PIECES = ["x", "colour", "1", "'a'", "(", ")", "[", "]", " and ", " or ", "not ", "==", "<", " in ", "+", "-"]
-PIECES += ["*", "/", "%", ".", ",", "len(", "max(", "if ", " else ", "é", "0.5", "{", "\\", "lambda "]
-PIECES += ["round(", "abs(", "min(", "9" * 19, "1e300", "-15", '"', "items", "none", "flag", "[]", ";", ":="]
+PIECES = [
+    "x", "colour", "1", "'a'", "(", ")", "[", "]", " and ", " or ", "not ", "==", "<", " in ", "+", "-",
+    "*", "/", "%", ".", ",", "len(", "max(", "if ", " else ", "é", "0.5", "{", "\\", "lambda ",
+    "round(", "abs(", "min(", "9" * 19, "1e300", "-15", '"', "items", "none",
+    "flag", "[]", ";", ":=", "[0]", "[-1]",
+]  # fmt: skip
 
 
 @settings(max_examples=200)

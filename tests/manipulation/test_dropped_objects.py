@@ -153,7 +153,7 @@ def test_with_a_bin_goes_what_was_believed_in_it(inside: int, words: str) -> Non
     )
     world = SimpleNamespace(
         scene=belief, attempts=attempts, journal=journal, noticed=noticed,
-        feed=SimpleNamespace(read=lambda: "signals"), vision=SimpleNamespace(bins=heaps),
+        feed=SimpleNamespace(read=lambda: "signals"), vision=SimpleNamespace(bins=heaps, heaps={}),
     )  # fmt: skip
     assert apply_bin_exchanges(cast("World", world), "Main/Exchange") == ("red_bin",)
     assert [str(o.id) for o in belief.objects] == ["held", "left"]
@@ -165,3 +165,25 @@ def test_with_a_bin_goes_what_was_believed_in_it(inside: int, words: str) -> Non
     assert event.message == f"red_bin is exchanged for an empty one; {words} gone with it"
     assert (event.kind, event.node) == ("bin_emptied", "Main/Exchange")
     assert event.data == {"bin": "red_bin", "objects": [str(o.id) for o in objects]}
+
+
+def test_the_heap_of_a_tote_goes_with_it() -> None:
+    tote = replace(BIN, id=ObjectId("tote"), is_tote=True)
+    heap = replace(item("tote_heap", (0.3, -0.2, 0.03), place="tote"), role="heap")
+    belief = PlanningScene([TABLE], [tote])
+    for each in (heap, item("thing_1", (0.3, -0.2, 0.05), place="tote")):
+        belief.put(each, "test")
+    journal = Journal()
+    vision = SimpleNamespace(bins={}, heaps={"tote": "its map", "other": "another"})
+    world = SimpleNamespace(
+        scene=belief, attempts=AttemptMemory(), journal=journal, vision=vision,
+        noticed=SimpleNamespace(exchanged=lambda _: (ObjectId("tote"),)),
+        feed=SimpleNamespace(read=lambda: "signals"),
+    )  # fmt: skip
+    assert apply_bin_exchanges(cast("World", world), "Main/Exchange") == ("tote",)
+    assert list(belief.objects) == []
+    assert vision.heaps == {"other": "another"}, "the map of the old tote tells nothing of the new one"
+    (event,) = journal.take()
+    assert isinstance(event, JournalEvent)
+    assert event.message == "tote is exchanged for another; 1 item is gone with it"
+    assert event.data == {"bin": "tote", "objects": ["thing_1"]}

@@ -13,6 +13,7 @@ from picktree.perception.heap_mapping import heap_object
 from picktree.robots.loading import load_robot
 from picktree.world.belief.height_map import BarredPlace, Heap, HeightMap
 from picktree.world.scene.description import Bin
+from picktree.world.scene.heap_regions import HeapRegion
 from picktree.world.values import Array, ObjectId, Pose
 
 GRIPPER = load_robot("panda").gripper
@@ -53,9 +54,34 @@ def test_the_best_grasp_of_a_bar_closes_across_its_middle_and_stays_above_the_fl
     assert best.opening > best.expected_width
 
 
+def test_the_hand_is_centred_on_what_lies_between_the_pads():
+    for y in (72, 74, 77):
+        for one in vertical(heap(bar(y=y))):
+            if abs(one.tcp_in_world.rotation()[1, 1]) < 0.99:
+                continue
+            middle = -0.15 + 0.002 * y
+            assert one.tcp_in_world.position[1] == pytest.approx(middle, abs=0.002)
+
+
+def test_a_roof_that_would_slip_out_of_the_fingers_is_not_gripped():
+    heights = floor()
+    across = np.abs(np.arange(150) - 75)
+    roof = np.maximum(FLOOR, FLOOR + 0.03 - 0.002 * across)  # 45° on each side
+    heights[60:90] = roof
+    across_it = [one for one in vertical(heap(heights)) if abs(one.tcp_in_world.rotation()[1, 1]) > 0.7]
+    assert not across_it
+
+
+def test_the_fingers_do_not_pinch_the_end_of_a_thing():
+    reach = [one.tcp_in_world.position[0] - 0.5 for one in vertical(heap(bar()))]
+    assert reach
+    # The bar ends 30 mm from its middle: more than half of the pad's width of 17.6 mm lies on it.
+    assert max(map(abs, reach)) < 0.030 + 0.001
+
+
 def test_an_empty_tote_has_no_grasps_and_no_object():
     assert all(not stage for stage in grasps(heap(floor()), GRIPPER))
-    assert heap_object(TOTE, heap(floor()).map, 1.0) is None
+    assert heap_object(HeapRegion.of(TOTE), heap(floor()).map, 1.0) is None
 
 
 def test_nothing_unseen_is_free():
@@ -92,7 +118,7 @@ def test_a_bar_beside_a_wall_is_reached_by_tilting_alone():
     tilted = next(grasps(beside, GRIPPER, STAGES[1:2]))
     assert tilted and all(one.tilted for one in tilted)
     back = tilted[0].pre_grasp(0.08)
-    assert back.distance(tilted[0].tcp_in_world) == pytest.approx(0.08)
+    assert back.apply(np.array([0.0, 0.0, GRIPPER.tip]))[2] > TOTE.size[2]
     assert abs(back.position[1] - tilted[0].tcp_in_world.position[1]) > 0.01
 
 
@@ -112,7 +138,7 @@ def test_two_searches_give_the_same_grasps():
 
 
 def test_a_heap_is_an_obstacle_of_columns_that_cover_it():
-    there = heap_object(TOTE, heap(bar()).map, 1.0)
+    there = heap_object(HeapRegion.of(TOTE), heap(bar()).map, 1.0)
     assert there is not None and there.role == "heap"
     points = np.array([(0.5, 0.0, FLOOR + 0.029), (0.5, 0.05, FLOOR + 0.029)])
     local = points - np.array(there.pose.position)

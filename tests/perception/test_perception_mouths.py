@@ -12,7 +12,7 @@ import pytest
 from picktree.perception.fitting.hole_mouths import detect_hole
 from picktree.simulation.engine import Client
 from picktree.simulation.physics.bodies import add_scenery
-from picktree.simulation.physics.rgbd_camera import CameraRenderer, intrinsics
+from picktree.simulation.physics.rgbd_camera import CameraRenderer
 from picktree.simulation.sensor_noise import noisy_depth
 from picktree.world.protocols import RgbdImage
 from picktree.world.scene.description import Fixture, Hole, SceneDescription
@@ -55,12 +55,12 @@ def picture(scene: SceneDescription, hole: Hole, believed: Pose, *added: Fixture
     client = Client()
     really = replace(board, pose=board.pose @ OFF)
     others = tuple(f for f in scene.fixtures if f is not board)
-    add_scenery(replace(scene, fixtures=(*others, really, *added)), client.id)
+    add_scenery((*others, really, *added), scene.bins, client.id)
     (camera,) = scene.cameras
     seen = CameraRenderer(camera).render(client.id, optical)
     depth = np.where(np.isfinite(seen.depth), seen.depth, np.float32(0.0))
     noisy = noisy_depth(depth, camera, np.random.default_rng(3))
-    return RgbdImage("near", seen.colour, noisy, 0.0, intrinsics(camera), optical)
+    return RgbdImage("near", seen.colour, noisy, 0.0, camera.intrinsics, optical)
 
 
 @pytest.mark.parametrize("name", ["board/hole", "board/square", "board/slot"])

@@ -55,6 +55,29 @@ def test_the_broad_phase_misses_nothing(seed: int) -> None:
     assert 0.1 < np.mean(answers) < 0.95
 
 
+def test_boxes_reach_as_far_as_the_margins() -> None:
+    """Fingers above a level board, nearer and nearer: their boxes part exactly where the margin ends."""
+    collision = looking_at(table_scene(), 0.04, CollisionMargins(0.02, 0.02, 0.02, 0.02))
+    answers: list[bool] = []
+    for height in np.linspace(0.0, 0.05, 60):
+        q = at(down(0.5, 0.0, float(height)))
+        answers.append(collision.free(q))
+        assert answers[-1] == (not collision.contacts(q)), height
+    assert {True, False} == set(answers)
+
+
+def test_bodies_that_were_moved_are_found_by_checkers_that_exist() -> None:
+    scene = littered(0)
+    scene.put(item("board", Box((0.2, 0.2, 0.02)), Pose((0.5, 0.0, 1.2))), "test")
+    collision = looking_at(scene)
+    q = at(down(0.5, 0.0, 0.5))
+    excusing = collision.excusing((), 0.0)
+    assert collision.free(q) and collision.nearly_free(q) and collision.asked(excusing, q)
+    scene.put(item("board", Box((0.2, 0.2, 0.02)), Pose((0.5, 0.0, 0.5))), "test")
+    collision.update(scene, 0.04)
+    assert not (collision.free(q) or collision.nearly_free(q) or collision.asked(excusing, q))
+
+
 def test_requests_depend_on_no_earlier_query() -> None:
     """A cached guess would make answers depend on history; contact points would cost time."""
     collision = looking_at(littered(0))

@@ -263,6 +263,7 @@ def test_the_judge_catches_a_blind_planner(
 
     monkeypatch.setattr(CollisionChecker, "free", blind)
     monkeypatch.setattr(CollisionChecker, "nearly_free", blind)
+    monkeypatch.setattr(CollisionChecker, "count_free", lambda _, several: len(several))
     cell.at = MODEL.named("observe")
     with caplog.at_level(logging.ERROR):
         plan, _ = run(cell.plan.to(JointGoal(MODEL.named("observe") * np.array([-1, 1, 1, 1, 1, 1, 1]))))

@@ -216,7 +216,7 @@ def test_backing_out_of_a_shelf_is_free_and_straight() -> None:
     collision = CollisionChecker(MODEL)
     collision.update(cell.scene, cell.width)
     strides = EdgeSteps(MODEL)
-    chain = retreat_path(MODEL, lambda a, b: strides.free(collision.free, a, b), q)
+    chain = retreat_path(MODEL, lambda a, b: strides.free(StartTolerance(collision, q).count_free, a, b), q)
     assert len(chain) > 3 and all(collision.free(at) for at in chain)
     # As far as the boards reach it is nearly a straight line; behind them it may turn.
     way = np.array([MODEL.tcp(at).position for at in chain]) - np.array(inside.position)

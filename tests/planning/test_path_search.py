@@ -9,7 +9,13 @@ import numpy as np
 from picktree.planning.collision.trajectory_check import StartTolerance, is_trajectory_free
 from picktree.planning.requests import PoseGoal, Request, Scaling
 from picktree.planning.search.joint_planner import CheckBudget, FoundPath, JointPlanner
-from picktree.planning.search.rrt_connect import improve_path, path_length, rrt_connect, shorten_path
+from picktree.planning.search.rrt_connect import (
+    SearchChecks,
+    improve_path,
+    path_length,
+    rrt_connect,
+    shorten_path,
+)
 from picktree.world.values import Array, Pose
 
 from .motion_cell import MODEL, Cell, shelf_scene
@@ -50,26 +56,31 @@ def test_a_path_that_cannot_be_shortened_stays() -> None:
 
 
 def test_samples_are_drawn_near_start_and_goal_but_not_there_alone() -> None:
+    drawn = vain_samples(1000, np.random.default_rng(0))
+    flat = np.mean(np.abs(drawn[:, 1]) < 0.5)
+    assert len(drawn) == 1000 and 0.7 < flat < 0.98
+
+
+def test_a_search_takes_no_more_random_numbers_than_its_samples_need() -> None:
+    rng = np.random.default_rng(0)
+    parts = np.concatenate([vain_samples(count, rng) for count in (5, 40, 64, 11)])
+    np.testing.assert_array_equal(parts, vain_samples(120, np.random.default_rng(0)))
+
+
+def vain_samples(count: int, rng: np.random.Generator) -> Array:
+    """Return the ends (m, n) of the extensions of a search that finds none free in that number of checks."""
     drawn: list[Array] = []
 
-    def recorded(a: Array, b: Array) -> bool:
-        drawn.append(b)
+    def recorded(ends: Array) -> int:
+        drawn.extend(ends)
+        return len(ends)
+
+    def no(a: Array, b: Array) -> bool:
         return False
 
-    tries = iter(range(2000))
-    found = rrt_connect(
-        LOWER,
-        UPPER,
-        (START, ()),
-        [(GOAL, ())],
-        recorded,
-        lambda a, b: False,
-        lambda: next(tries) > 1000,
-        np.random.default_rng(0),
-    )
-    assert found is None
-    flat = np.mean([abs(float(q[1])) < 0.5 for q in drawn])
-    assert 0.7 < flat < 0.98
+    checks = SearchChecks(no, no, recorded, lambda: count - len(drawn))
+    assert rrt_connect(LOWER, UPPER, (START, ()), [(GOAL, ())], checks, rng) is None
+    return np.array(drawn)
 
 
 def test_further_searches_replace_a_path_by_shorter_ones_only() -> None:

@@ -1,7 +1,10 @@
-"""Heaps in physics: things of an assortment, poured into a tote; broken meshes and overflow are refused."""
+"""Heaps in physics: things of an assortment in a tote, in a pile, packed; broken meshes and overflow are
+refused."""
 
 from __future__ import annotations
 
+import itertools
+import math
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,13 +12,27 @@ import numpy as np
 import pytest
 
 from picktree.errors import PicktreeError
+from picktree.perception.geometry.camera_geometry import PosedCamera
+from picktree.perception.heap_mapping import map_heaps
+from picktree.perception.segmentation import SegmentationInput
 from picktree.robots.loading import load_robot
+from picktree.simulation.footprints import distance, footprint
 from picktree.simulation.kinematic.backend import KinematicHardware
 from picktree.simulation.physics.backend import PhysicsHardware
-from picktree.simulation.spawning.heap_spawning import mesh_files, read_thing
+from picktree.simulation.physics.rgbd_camera import RenderedImage, draw_tag
+from picktree.simulation.spawning.heap_spawning import Sticker, mesh_files, read_thing, upright_turn
 from picktree.simulation.spawning.spawn import spawn_items
-from picktree.world.scene.description import Assortment, SceneDescription
+from picktree.world.scene.description import (
+    Assortment,
+    CameraDescription,
+    CatalogueEntry,
+    Destination,
+    SceneDescription,
+)
+from picktree.world.scene.heap_regions import heap_regions
 from picktree.world.scene.loading.scene_loading import load_scene, parse_scene
+from picktree.world.shapes import Sphere, bottom, top
+from picktree.world.values import ObjectId, Pose
 
 CUBE = "".join(f"v {x} {y} {z}\n" for x in (0, 20) for y in (0, 20) for z in (0, 20))
 FACES = "f 1 2 3 4\nf 5 6 7 8\nf 1 5 2 6\n"
@@ -112,6 +129,142 @@ def test_a_tote_that_overflows_is_refused():
 def test_a_heap_without_physics_is_refused():
     with pytest.raises(PicktreeError, match="needs physics"):
         KinematicHardware(tote(), load_robot("panda"), 1)
+
+
+def on_table(drop: str, number: int = 6) -> SceneDescription:
+    scene = load_scene("pile" if drop == "pile" else "packed")
+    (spawn,) = scene.spawn
+    return replace(scene, spawn=(replace(spawn, counts=(("assortment", number),)),))
+
+
+def test_a_pile_lies_together_and_nothing_holds_it_when_the_run_begins():
+    scene = on_table("pile", 10)
+    narrow = replace(scene.spawn[0], area=((0.44, -0.06), (0.56, 0.06)))
+    scene = replace(scene, spawn=(narrow,))
+    hardware = PhysicsHardware(scene, load_robot("panda"), 2)
+    bodies = hardware.truth()
+    (region,) = heap_regions(scene).values()
+    assert region.id == "table" and region.size == pytest.approx((0.24, 0.24))
+    assert region.covers(np.array([body.pose.position for body in bodies])).all()
+    assert max(float(np.linalg.norm(body.velocity)) for body in bodies) < 0.01
+    outlines = [footprint(b.shape, b.pose.orientation).at(b.pose.position) for b in bodies]
+    assert any(distance(a, b) <= 0.0 for a, b in itertools.combinations(outlines, 2)), "things lie crosswise"
+    outermost = max(bodies, key=lambda body: body.pose.position[0]).id
+    hardware.bump(outermost, (1.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+    for _ in range(240):
+        hardware.step()
+    gone = next(body for body in hardware.truth() if body.id == outermost)
+    assert gone.pose.position[0] > 0.58, "no wall is left about the area"
+
+
+def test_packed_things_stand_apart_on_a_face_that_carries_them():
+    scene = on_table("packed", 8)
+    items = spawn_items(scene, 4)
+    outlines = [footprint(i.entry.shape, i.pose.orientation).at(i.pose.position) for i in items]
+    apart = [distance(a, b) for a, b in itertools.combinations(outlines, 2)]
+    assert 0.005 <= min(apart) < 0.05
+    hardware = PhysicsHardware(scene, load_robot("panda"), 4)
+    for item, body in zip(items, hardware.truth(), strict=True):
+        assert bottom(item.entry.shape, item.pose) == pytest.approx(0.0, abs=1e-9)
+        assert body.pose.angle(item.pose) < math.radians(10.0), f"{item.id} has toppled"
+
+
+@pytest.mark.parametrize(("depth", "height"), [(30, 90), (4, 4)])
+def test_a_thing_stands_on_the_face_that_makes_it_tallest_unless_it_would_topple(
+    tmp_path: Path, depth: int, height: int
+):
+    plate = "".join(f"v {x} {y} {z}\n" for x in (0, depth) for y in (0, 60) for z in (0, 90))
+    shape = thing(tmp_path, "o part\n" + plate + FACES).entry.shape
+    pose = Pose(orientation=upright_turn(shape))
+    assert 1000 * (top(shape, pose) - bottom(shape, pose)) == pytest.approx(height, abs=0.01)
+
+
+def test_a_pile_that_rolls_apart_is_refused():
+    scene = load_scene("pile")
+    ball = CatalogueEntry("ball", "sphere", Sphere(0.02), 0.1, 0.5)
+    (spawn,) = scene.spawn
+    many = replace(spawn, counts=(("ball", 90),))
+    scene = replace(scene, catalogue=(ball,), spawn=(many,))
+    words = r"spawn\[0\]: \d+ of 90 items roll or slide out of the area with its rim of 60 mm"
+    with pytest.raises(PicktreeError, match=words):
+        PhysicsHardware(scene, load_robot("panda"), 1)
+
+
+def test_a_thing_has_tags_on_the_faces_that_carry_one(tmp_path: Path):
+    plate = "".join(f"v {x} {y} {z}\n" for x in (0, 10) for y in (0, 40) for z in (0, 60))
+    (tmp_path / "thing.obj").write_text("o part\n" + plate + FACES)
+    given = Assortment(str(tmp_path), 1e-3, 1000.0, 0.5, tags=(7,), tag_size=0.02)
+    mesh = read_thing(tmp_path / "thing.obj", given).mesh
+    assert len(mesh.stickers) == 2 and mesh.tag_size == 0.02
+    assert sorted(round(1000 * pose.position[0], 6) for pose in mesh.stickers) == [-5.0, 5.0]
+    for pose in mesh.stickers:
+        outwards = pose.rotation()[:, 2]
+        assert outwards * np.sign(pose.position[0]) == pytest.approx((1.0, 0.0, 0.0))
+        assert np.array(pose.position[1:]) == pytest.approx((0.0, 0.0), abs=1e-9)
+
+
+def tagged(number: int, turn: float, height: float = 0.0) -> tuple[RenderedImage, CameraDescription]:
+    """Return a picture from above of a red plate with a tag, 0.85 m away."""
+    camera = CameraDescription("top", look_down(0.85), (640, 480), math.radians(36.0))
+    colour = np.zeros((480, 640, 3), np.uint8)
+    colour[:] = (180, 30, 30)
+    picture = RenderedImage(colour, np.full((480, 640), np.float32(0.85)))
+    pose = Pose((0.02, -0.03, height), (0.0, 0.0, math.sin(turn / 2), math.cos(turn / 2)))
+    draw_tag(picture, camera.pose, camera.intrinsics, Sticker(number, 0.02, pose))
+    return picture, camera
+
+
+def look_down(height: float) -> Pose:
+    return Pose.from_rotation((0.0, 0.0, height), np.diag((1.0, -1.0, -1.0)))
+
+
+@pytest.mark.parametrize("turn", [0.0, 0.4, 1.3, 2.8])
+@pytest.mark.parametrize("number", [0, 3, 41])
+def test_a_tag_is_read_where_it_is(number: int, turn: float):
+    picture, camera = tagged(number, turn)
+    sight = PosedCamera.at(camera.intrinsics, camera.pose)
+    depth = picture.depth.astype(np.float64)
+    empty = np.zeros(depth.shape, np.uint8)
+    seen = SegmentationInput(sight, depth, depth, empty, empty > 0, empty.astype(np.int32), [])
+    scene = replace(load_scene("pile"), destinations=(Destination("tag == 3", ObjectId("red_bin")),))
+    spawn = replace(scene.spawn[0], area=((-0.05, -0.05), (0.05, 0.05)))
+    scene = replace(scene, spawn=(spawn,))
+    (heap,) = map_heaps(seen, empty > 0, scene, picture.colour).values()
+    (tag,) = heap.tags
+    assert tag.number == number
+    assert heap.frame.apply(np.array([*tag.at, 0.0]))[:2] == pytest.approx((0.02, -0.03), abs=0.001)
+    nobody_asks = replace(scene, destinations=())
+    (heap,) = map_heaps(seen, empty > 0, nobody_asks, picture.colour).values()
+    assert heap.tags == ()
+
+
+def test_a_tag_that_something_hides_is_not_drawn():
+    plain, _ = tagged(3, 0.0, height=-0.01)
+    assert (plain.colour == (180, 30, 30)).all()
+    shown, _ = tagged(3, 0.0)
+    assert not (shown.colour == (180, 30, 30)).all()
+
+
+PILE_AREA = "{min: [0.40, -0.10], max: [0.60, 0.10]}"
+
+
+@pytest.mark.parametrize(
+    ("entry", "fault"),
+    [
+        (f"area: {PILE_AREA}, drop: heap", "'drop: heap' does not go with this place"),
+        ("into: red_bin, drop: pile", "'drop: pile' does not go with this place"),
+        (f"area: {PILE_AREA}", "'drop' is missing"),
+        (
+            "area: {min: [0.40, -0.10], max: [0.60, 0.33]}, drop: pile",
+            "the area with its rim of 60 mm lies over red_bin",
+        ),
+    ],
+)
+def test_faults_of_piles_in_a_scene_file(entry: str, fault: str):
+    base = "picktree: 1\nkind: scene\nbase: pile\nspawn:\n"
+    text = base + "  - {of: {assortment: 2}, colours: [red], " + entry + "}\n"
+    with pytest.raises(PicktreeError, match=fault):
+        parse_scene(text, Path("scene.yaml"))
 
 
 @pytest.mark.parametrize(

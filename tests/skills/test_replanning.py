@@ -127,6 +127,24 @@ def test_a_target_that_moves_is_grasped_where_it_is_seen_then() -> None:
     assert (event.cause, event.object) == ("world.disturbed", block)
 
 
+def test_a_target_seen_elsewhere_while_the_search_goes_on_is_not_approached() -> None:
+    scene = items(block=1)
+    slow = replace(scene, thinking=replace(scene.thinking, collision_check=0.01))
+    cell = Cell(mission(LOOK), slow)
+    cell.finish()
+    belief = cell.world.scene.objects[0]
+    cell.start(mission(sorting(cell, belief.id).removeprefix("{").removesuffix("}")))
+    stood = cell.world.control.held_position.copy()
+    tick_until(cell, "Grasp", 4)
+    assert np.array_equal(cell.world.control.held_position, stood), "it still thinks"
+    move(cell, 0.05, -0.04)
+    cell.world.scene.put(replace(belief, pose=belief.pose.shifted((0.05, -0.04, 0.0))), "seen there")
+    cell.finish()
+    assert (cell.tree.status.value, cell.score().sorted) == ("SUCCESS", 1)
+    (event,) = [e for e in cell.events if isinstance(e, ReplannedEvent)]
+    assert (event.cause, event.object) == ("world.disturbed", belief.id)
+
+
 def test_a_target_that_vanishes_is_told_at_once() -> None:
     cell, (block,) = looked(block=1)
     cell.start(mission(watched(sorting(cell, block))))

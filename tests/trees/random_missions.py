@@ -54,7 +54,8 @@ _EFFECTS: Sequence[Data] = (
 _AROUND = (
     "Sequence", "Fallback", "ReactiveSequence", "ReactiveFallback", "RoundRobin", "Parallel", "IfThenElse",
     "WhileDoElse", "Switch", "ForEach", "Inverter", "ForceSuccess", "ForceFailure", "KeepRunningUntilFailure",
-    "Repeat", "RetryUntilSuccessful", "RunOnce", "Timeout", "Delay", "Recover", "RecoveryNode",
+    "Repeat", "RetryUntilSuccessful", "RunOnce", "Timeout", "Delay", "Recover", "RecoveryNode", "ParallelAll",
+    "SequenceWithMemory", "PipelineSequence", "RateController", "SkipUnlessUpdated", "WaitValueUpdate",
 )  # fmt: skip
 _VALUES: Sequence[Data] = (
     {"value": 3, "output_key": "{number}"},
@@ -142,6 +143,8 @@ class Author:
             {"Condition": {"if": self._random.choice(_EXPRESSIONS)}},
             {"SetBlackboard": dict(self._random.choice(_VALUES))},
             {"Log": {"message": "here", **self._some(value="{any}")}},
+            {"Sleep": {"msec": self._milliseconds()}},
+            {"WasEntryUpdated": {"entry": "{any}"}},
         ]
         if calls:
             given = {"n": self._whole(), "out": "{any}"}
@@ -166,6 +169,14 @@ class Author:
                 counts = [-1, 1, len(parts), "{number}"]  # of the last it is not known how many it is
                 wanted, tolerated = self._random.choice(counts), self._random.choice(counts)
                 return {name: {"do": parts, **self._some(success_count=wanted, failure_count=tolerated)}}
+            case "ParallelAll":
+                parts = children()
+                count = self._random.choice([-1, 1, len(parts), "{number}"])
+                return {name: {"do": parts, **self._some(max_failures=count)}}
+            case "RateController":
+                return {name: {"hz": self._random.choice([5, 20, 0.5]), "do": child()}}
+            case "SkipUnlessUpdated" | "WaitValueUpdate":
+                return {name: {"entry": self._random.choice(["{number}", "{any}"]), "do": child()}}
             case "IfThenElse" | "WhileDoElse":
                 return {name: {"do": children(2)}}
             case "Switch":

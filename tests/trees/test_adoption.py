@@ -255,8 +255,11 @@ def test_any_mission_takes_over_from_any_other_without_a_fault_of_the_program(na
             assert not run.notes("internal_error")
 
 
-WITHOUT_A_PLACE = {"ForEach", "Repeat", "RetryUntilSuccessful", "RunOnce", "Timeout", "Delay"}
-"""They remember, but not at which child they stand: they have but one."""
+WITHOUT_A_PLACE = {
+    "ForEach", "Repeat", "RetryUntilSuccessful", "RunOnce", "Timeout", "Delay", "Sleep", "RateController",
+    "SkipUnlessUpdated", "WaitValueUpdate", "WasEntryUpdated",
+}  # fmt: skip
+"""They remember, but not at which child they stand: they have one or none."""
 
 
 def test_a_round_robin_keeps_whose_turn_it_is() -> None:

@@ -116,7 +116,16 @@ def wait(world: World) -> Steps:
 
 NODES: tuple[type[Node], ...] = (Look, Pick, Put, Go, Weigh, Ready, Maybe, *RECOVERY)
 REGISTRY = NodeRegistry(NODES, installed=False)
-ALIKE = ("Sequence", "Fallback", "ReactiveSequence", "ReactiveFallback", "RoundRobin", "Parallel")
+ALIKE = (
+    "Sequence",
+    "SequenceWithMemory",
+    "PipelineSequence",
+    "Fallback",
+    "ReactiveSequence",
+    "ReactiveFallback",
+    "RoundRobin",
+    "Parallel",
+)
 
 
 def lists(value: object) -> Iterator[list[Data]]:

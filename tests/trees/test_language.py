@@ -277,6 +277,28 @@ def test_a_parameter_that_does_not_fit_is_refused(parameters: dict[str, str], me
     assert str(caught.value) == message
 
 
+ROOT_KEYS = """
+Main: {Sequence: [{SetBlackboard: {value: 3, output_key: "{n}"}}, Sub, {Condition: {if: n == 5 and m == 7}}]}
+Sub: {Sequence: [{Script: {code: "@n += 2; @m := 7; n := 0"}}, {Condition: {if: @n == 5 and n == 0}}, Deep]}
+Deep: {SetBlackboard: {value: "{@m}", output_key: "{@k}"}}
+"""
+
+
+def test_a_key_of_the_root_is_the_same_in_all_trees() -> None:
+    run = start(ROOT_KEYS.replace("if: @n == 5 and n == 0", 'if: "@n == 5 and n == 0"'))
+    assert run.tick() is NodeStatus.SUCCESS
+    assert run.tree.blackboard.save() == {"Main/n": 5, "Main/m": 7, "Main/k": 7, "Main/Sequence/Sub/n": 0}
+    resumed = start("Main: {Sequence: [Sub]}\nSub: {WaitValueUpdate: {entry: '{@n}', do: AlwaysSuccess}}")
+    resumed.tree.blackboard.write("Main/n", 1, "test")
+    assert resumed.tick() is NodeStatus.SUCCESS
+    assert resumed.tick() is NodeStatus.RUNNING
+    again = start("Main: {Sequence: [Sub]}\nSub: {WaitValueUpdate: {entry: '{@n}', do: AlwaysSuccess}}")
+    again.tree.restore(resumed.tree.save())
+    assert again.tick() is NodeStatus.RUNNING, "restored values are no writes"
+    again.tree.blackboard.write("Main/n", 1, "test")
+    assert again.tick() is NodeStatus.SUCCESS
+
+
 def test_two_trees_share_nothing() -> None:
     first = start("Main: {SetBlackboard: {value: 1, output_key: '{a}'}}")
     second = start("Main: {Condition: {if: a == 1}}")
@@ -286,7 +308,7 @@ def test_two_trees_share_nothing() -> None:
     assert str(second.tree.failure.cause) == "tree.missing_input"
 
 
-@pytest.mark.parametrize("text", ["{a}", "{a.colour}", "{a_1.destination.kind}"])
+@pytest.mark.parametrize("text", ["{a}", "{@a}", "{a.colour}", "{@a_1.destination.kind}"])
 def test_a_reference_reads_back_as_written(text: str) -> None:
     assert str(Reference.parse(text)) == text
 
@@ -294,5 +316,5 @@ def test_a_reference_reads_back_as_written(text: str) -> None:
 def test_the_whitelist_holds_what_is_plain_of_an_object() -> None:
     assert set(ATTRIBUTES) == {
         "id", "role", "kind", "form", "colour", "sigma_position", "sigma_angle", "confidence", "last_seen",
-        "place", "attached", "destination",
+        "place", "attached", "mass", "size", "destination",
     }  # fmt: skip

@@ -53,6 +53,15 @@ def doc_of(node: str, key: str) -> str:
          "(at least 1, or -1 for all)"),
         ("Timeout: {msec: -5 s, do: AlwaysSuccess}",
          f"P220 4:26: Main/Timeout: port 'msec': -5000 is less than 0 ({doc_of('Timeout', 'msec')})"),
+        ("GoTo: {pose: home, speed: 150 %}",
+         f"P220 4:36: Main/GoTo: port 'speed': 1.5 is more than 1 ({doc_of('GoTo', 'speed')})"),
+        ("GoTo: {pose: home, speed: 50 mm}",
+         f"P220 4:36: Main/GoTo: port 'speed': '50 mm' is not a number ({doc_of('GoTo', 'speed')})"),
+        ("GoTo: {pose: home, speed: half %}",
+         "P220 4:36: Main/GoTo: port 'speed': 'half %' is not a number without a unit (as 0.5) "
+         f"({doc_of('GoTo', 'speed')})"),
+        ("Observe: {objects: '{= items}'}",
+         "P223 4:29: Main/Observe: port 'objects' is an output: it needs a key to write to (as \"{key}\")"),
         ("Place: {object: a}",
          "P234 4:10: Main/Place: one of 'into' and 'at' must be given, and not both"),
         ("Place: {object: a, into: red_bin, at: [0.5, 0, 0]}",
@@ -78,6 +87,8 @@ def test_values_that_make_no_sense(node: str, fault: str) -> None:
         "Repeat: {num_cycles: 0, do: AlwaysSuccess}",
         "Timeout: {msec: 0, do: AlwaysSuccess}",
         "Place: {object: a, at: [0.5, 0, 0.1]}",
+        "GoTo: {pose: home, speed: 50 %}",
+        "GoTo: {pose: home, speed: '{= 1 / 2}'}",
     ],
 )
 def test_values_that_make_sense(node: str) -> None:
@@ -104,6 +115,7 @@ def test_cases_for_the_same_value() -> None:
         ("{type: float, unit: m, default: 30 mm}", []),
         ("{type: string, choices: [left, right], default: left}", []),
         ("{type: list of float, unit: N, default: [3, 20 N]}", []),
+        ("{type: list of float, default: [1, 20 %]}", []),
         ("3", ["P211 6:16: trees.Sub.ports.p: a port is a mapping (as '{type: object}')"]),
         ("{typ: int}", ["P211 6:17: trees.Sub.ports.p.typ: a port has no key 'typ' (did you mean 'type'?)"]),
         ("{type: [int]}", ["P212 6:23: trees.Sub.ports.p.type: unknown type \"['int']\" "

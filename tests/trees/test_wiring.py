@@ -87,6 +87,9 @@ def after_measure(node: str) -> list[str]:
         "colour: '{o.colour}'", "text: '{o.kind}'", "length: '{o.sigma_position}'", "flag: '{o.attached}'",
         "one: '{o.id}'", "count: '{what}'", "all: '{what}'", "one: '{what.id}'", "thing: '{xs}'",
         "thing: '{f}'", "text: '{nobody}'", "text: '{o.destination}'", "one: '{t2}', _skipIf: 'n > 3'",
+        "count: '{= n + 1}'", "length: '{= w * 2}'", "one: '{= os[0]}'", "all: '{= [o, os[n]]}'",
+        "flag: '{= n > 3}'", "side: '{= s if f else ''left''}'", "text: '{= o.kind}'", "maybe: '{= null}'",
+        "count: '{= what[0]}'", "colour: '{= os[-1].colour}'", "into: '{= os[0].destination}'",
     ],
 )  # fmt: skip
 def test_what_fits_is_quiet(wired: str) -> None:
@@ -135,6 +138,28 @@ def test_what_fits_is_quiet(wired: str) -> None:
          "mean 'items_left'?"),
         ("_post: 'a := 1; b := a + s'", "P226 7:38: Main/Sequence/Use: _post: 'b': '+' does not work on a "
          "whole number and a text"),
+        ("count: '{= n / 2}'", "P237 7:22: Main/Sequence/Use: port 'count': {= n / 2} is a number, not a "
+         "whole number (round it, as \"{= round(n / 2)}\")"),
+        ("one: '{= os}'", "P237 7:20: Main/Sequence/Use: port 'one': {= os} is a list, each an object's id, "
+         "not an object's id"),
+        ("side: \"{= 'up' if f else 'down'}\"", "P237 7:21: Main/Sequence/Use: port 'side': {= 'up' if f "
+         "else 'down'}: 'up' is none of the choices; known: left, right"),
+        ("count: '{= n + t}'", "P226 7:28: Main/Sequence/Use: port 'count': '+' does not work on a whole "
+         "number and a text"),
+        ("count: '{= m}'", "P227 7:26: Main/Sequence/Use: port 'count': unknown name 'm'; known: n, w, f, s, "
+         "t, o, os, xs, what, items_left, items_to_do, holding, held_object, stopped, feed_exhausted, "
+         "items_done, time"),
+        ("text: '{= t[0]}'", "P226 7:26: Main/Sequence/Use: port 'text': only a list has elements, and this "
+         "is a text"),
+        ("text: '{= [s][1]}'", "P226 7:28: Main/Sequence/Use: port 'text': a list of 1 has no element [1]; "
+         "[0] is the only one"),
+        ("count: '{= n + }'", "P225 7:28: Main/Sequence/Use: port 'count': not an expression: a value is "
+         "missing after '+'"),
+        ("count: '{=}'", "P225 7:25: Main/Sequence/Use: port 'count': the expression is empty"),
+        ("count: '{n + 1}'", "P221 7:22: Main/Sequence/Use: port 'count': '{n + 1}' is not a reference (an "
+         "expression begins with '=': \"{= n + 1}\")"),
+        ("length: '{= 3 mm}'", "P225 7:29: Main/Sequence/Use: port 'length': not an expression: numbers "
+         "stand without units here, in SI; leave out 'mm'"),
         ("_skipIf: \"o.colour == 'rde'\"", "P226 7:37: Main/Sequence/Use: _skipIf: this is never 'rde'; did "
          "you mean 'red'?"),
         ("_skipIf: 'o.colour == ''rde'''", "P226 7:24: Main/Sequence/Use: _skipIf: this is never 'rde'; did "

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -177,7 +178,7 @@ REPLACED = [
         "belt: belt, area: {min: [0, 0], max: [1, 1]}",
         "13:5: feed[1]: 'area' and 'belt' exclude each other (give one of them)",
     ),
-    ("belt: belt, ", "", "13:5: feed[1]: 'area' or 'belt' is missing"),
+    ("belt: belt, ", "", "13:5: feed[1]: 'area', 'belt' or 'into' is missing"),
     (
         "belt: belt",
         "belt: belt, when: {every: 3 s}",
@@ -225,6 +226,61 @@ def warnings(text: str) -> list[str]:
     found = check_scene(read_document(HERE, "scene", text))
     assert found.value is not None
     return [str(fault) for fault in found.faults]
+
+
+TOTE = """\
+picktree: 1
+kind: scene
+base: tote
+feed:
+  - {of: {assortment: 12}, colours: [red, blue], into: tote, total: 120}
+exchange: {takes: 6 s}
+"""
+
+
+def test_a_feed_of_totes_is_read() -> None:
+    scene = parse_scene(TOTE, HERE)
+    (delivery,), (spawn,) = scene.deliveries, scene.spawn
+    assert (delivery.load.into, delivery.load.drop, delivery.total) == ("tote", "heap", 120)
+    assert delivery.load.area == spawn.area
+    assert replace(scene, spawn=()).heaped, "what comes in totes needs physics, too"
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("into: tote", "into: tot", "5:56: feed[0].into: there is no tote 'tot' (did you mean 'tote'?)"),
+        ("into: tote", "into: red_bin", "5:56: feed[0].into: there is no tote 'red_bin'"),
+        (
+            "total: 120",
+            "when: {every: 45 s}",
+            "5:62: feed[0].when: items come with their tote "
+            "(a tote comes full when it is exchanged, and its items lie anywhere)",
+        ),
+        (
+            "into: tote",
+            "area: {min: [0.4, -0.1], max: [0.5, 0.1]}",
+            "5:11: feed[0].of.assortment: the catalogue has no 'assortment'",
+        ),
+        (
+            "exchange:",
+            "  - {of: {assortment: 3}, colours: [red], into: tote}\nexchange:",
+            "6:49: feed[1].into: feed[0] comes into the tote 'tote' already "
+            "(one entry says what a full tote holds: a mixture)",
+        ),
+    ],
+)
+def test_a_fault_of_a_feed_of_totes_is_named(old: str, new: str, message: str) -> None:
+    assert old in TOTE
+    assert faults(TOTE.replace(old, new, 1)).removeprefix("scene.yaml:").startswith(message)
+
+
+def test_a_tote_that_nobody_exchanges_is_told() -> None:
+    assert warnings(TOTE) == []
+    assert warnings(TOTE.replace("exchange: {takes: 6 s}\n", "")) == [
+        "scene.yaml:5:56: feed[0].into: nobody exchanges the tote 'tote', so no full one comes "
+        "(add 'exchange: {takes: 6 s}')"
+    ]
 
 
 def test_a_belt_to_which_nothing_comes_is_told() -> None:

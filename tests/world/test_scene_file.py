@@ -10,8 +10,7 @@ import trimesh
 
 from picktree.errors import PicktreeError
 from picktree.files.marks import FileError
-from picktree.world.belief.planning_scene import PlanningScene
-from picktree.world.scene.destinations import destination_rule
+from picktree.world.scene.heap_regions import heap_regions
 from picktree.world.scene.loading.scene_loading import load_scene, parse_scene, scene_names
 from picktree.world.shapes import Box, ConvexMesh, Cylinder, Sphere
 from picktree.world.values import Pose
@@ -48,9 +47,10 @@ def faults(text: str, path: Path = HERE) -> str:
 def test_a_tote_is_a_container_from_which_items_are_taken() -> None:
     tote = "  bin_b: {tote: [0.37, 0.27, 0.12], wall: 4 mm, at: [0.5, -0.5, 0], yaw: 90 deg}\n"
     scene = parse_scene(SCENE.replace("cameras:", tote + "cameras:"), HERE)
-    belief = PlanningScene(scene.fixtures, scene.bins)
-    assert list(belief.bins) == ["bin_a", "bin_b"] and list(belief.totes) == ["bin_b"]
-    low, high = belief.totes["bin_b"].inside()
+    regions = heap_regions(scene)
+    assert [(b.id, b.is_tote) for b in scene.bins] == [("bin_a", False), ("bin_b", True)]
+    assert list(regions) == ["bin_b"] and regions["bin_b"].rim == 0.12
+    low, high = scene.bins[1].inside()
     assert low == pytest.approx((-0.181, -0.131, 0.004)) and high == pytest.approx((0.181, 0.131, 0.12))
 
 
@@ -497,11 +497,14 @@ def test_shipped_scenes_are_read_and_their_logged_text_gives_them_again(name: st
         "calibrating": 0,
         "self_test": 2,
         "tote": 18,
+        "pile": 8,
+        "packed": 8,
+        "totes": 24,
     }.get(name, 12)
     loads = (*scene.spawn, *(delivery.load for delivery in scene.deliveries))
     assert sum(number for load in loads for _, number in load.counts) == total
     kinds = {kind for load in loads for kind, _ in load.counts} - {"assortment"}
-    assert (scene.assortment is not None) == (name == "tote")
+    assert (scene.assortment is not None) == (name in ("tote", "totes", "pile", "packed"))
     forms = {scene.entry(kind).form for kind in kinds}
     if name not in (
         "pegs",
@@ -514,6 +517,9 @@ def test_shipped_scenes_are_read_and_their_logged_text_gives_them_again(name: st
         "tall",
         "self_test",
         "tote",
+        "totes",
+        "pile",
+        "packed",
     ):
         assert forms - {"mesh"} == {"box", "cylinder", "sphere", "plate"}
     assert ("mesh" in forms) == name.startswith(("three_bins", "continuous", "belt"))
@@ -523,15 +529,3 @@ def test_a_shipped_camera_may_hang_elsewhere_than_believed() -> None:
     true, off = load_scene("three_bins").cameras[0], load_scene("three_bins_camera_off_8mm").cameras[0]
     assert (off.pose, off.fov) == (true.pose, true.fov)
     assert off.error == Pose((0.008, 0.008, 0.008))
-
-
-def test_the_first_rule_that_holds_names_the_bin() -> None:
-    class Thing:
-        def __init__(self, colour: str, form: str, kind: str) -> None:
-            self.colour, self.form, self.kind = colour, form, kind
-
-    rule = destination_rule(load_scene("three_bins_by_shape").destinations)
-    assert rule(Thing("red", "sphere", "ball")) == "round_bin"
-    assert rule(Thing("red", "plate", "plate")) == "plate_bin"
-    assert rule(Thing("red", "mesh", "nut")) == "box_bin"
-    assert rule(Thing("red", "cone", "cone")) is None

@@ -2,16 +2,26 @@
 
 from ..node import Node
 from .branches import IfThenElse, Switch, WhileDoElse
-from .decorator import Delay, ForceFailure, ForceSuccess, Inverter, RunOnce, Timeout
-from .leaves import AlwaysFailure, AlwaysSuccess, Condition, Log, SetBlackboard
+from .decorator import Delay, ForceFailure, ForceSuccess, Inverter, RateController, RunOnce, Timeout
+from .leaves import AlwaysFailure, AlwaysSuccess, Condition, Log, Script, SetBlackboard, Sleep
 from .loops import ForEach, KeepRunningUntilFailure, Repeat, RetryUntilSuccessful
-from .parallel import Parallel
-from .sequence import Fallback, ReactiveFallback, ReactiveSequence, RoundRobin, Sequence
+from .parallel import Parallel, ParallelAll
+from .sequence import (
+    Fallback,
+    PipelineSequence,
+    ReactiveFallback,
+    ReactiveSequence,
+    RoundRobin,
+    Sequence,
+    SequenceWithMemory,
+)
+from .updates import SkipUnlessUpdated, WaitValueUpdate, WasEntryUpdated
 
 NODES: tuple[type[Node], ...] = (
-    Sequence, Fallback, ReactiveSequence, ReactiveFallback, RoundRobin, Parallel,
+    Sequence, SequenceWithMemory, Fallback, ReactiveSequence, ReactiveFallback, PipelineSequence, RoundRobin,
+    Parallel, ParallelAll,
     IfThenElse, WhileDoElse, Switch, ForEach,
     Inverter, ForceSuccess, ForceFailure, Repeat, KeepRunningUntilFailure, RetryUntilSuccessful,
-    Timeout, Delay, RunOnce,
-    AlwaysSuccess, AlwaysFailure, Condition, SetBlackboard, Log,
+    Timeout, Delay, RateController, RunOnce, SkipUnlessUpdated, WaitValueUpdate,
+    AlwaysSuccess, AlwaysFailure, Condition, WasEntryUpdated, SetBlackboard, Script, Log, Sleep,
 )  # fmt: skip

@@ -26,7 +26,7 @@ class BranchNode(ControlNode, abstract=True):
     def on_tick(self) -> NodeStatus:
         condition = self.parts[0]
         if self._chosen == 0 or cast("Branch", self.flow).reactive:
-            answer = condition.step()
+            answer = condition.step(kept=True)
             if answer not in (NodeStatus.SUCCESS, NodeStatus.FAILURE):
                 return answer
             self._chosen = 1 if answer is NodeStatus.SUCCESS else 2

@@ -8,6 +8,7 @@ from ...world.causes import Failure, FailureReport, tree
 from ..flow import FAILURE, IDLE, RUNNING, SUCCESS, ChildFlow, Once
 from ..node import ControlNode
 from ..ports import In, child, port
+from ..runtime import TIME_TOLERANCE
 from ..status import NodeStatus
 from ..values.failure_reports import cannot_be_hidden
 
@@ -66,10 +67,6 @@ class ForceFailure(StatusDecorator):
     """
 
 
-_TIME_TOLERANCE = 1e-9
-"""Tolerance for the rounding of summed ticks, s."""
-
-
 class Timeout(Decorator):
     """Halts its child and fails with tree.timeout when it still runs after that time. 0 is without limit."""
 
@@ -90,7 +87,7 @@ class Timeout(Decorator):
 
     def on_tick(self) -> NodeStatus:
         elapsed = self.world.clock.now - self._since
-        if self.msec > 0 and elapsed >= self.msec / 1000.0 - _TIME_TOLERANCE:
+        if self.msec > 0 and elapsed >= self.msec / 1000.0 - TIME_TOLERANCE:
             self.body.halt()
             raise Failure(
                 tree.TIMEOUT,
@@ -121,8 +118,47 @@ class Delay(Decorator):
 
     def on_tick(self) -> NodeStatus:
         waited = self.world.clock.now - self._since
-        self._over = self._over or waited >= self.delay_msec / 1000.0 - _TIME_TOLERANCE
+        self._over = self._over or waited >= self.delay_msec / 1000.0 - TIME_TOLERANCE
         return self.relay() if self._over else NodeStatus.RUNNING
+
+
+class RateController(Decorator):
+    """Begins a round of its child at most `hz` times a second, as Nav2's; RUNNING in between.
+
+    The first round begins at once, the next when that time has passed since the last success. A child that
+    runs is ticked at each tick. It is made for the children of a PipelineSequence: a parent that resets it
+    after its end begins the next round at once.
+    """
+
+    flow = ChildFlow(own={IDLE: RUNNING})
+    example = """
+    PipelineSequence:
+      - RateController:
+          hz: 0.5
+          do: {Observe: {camera: overhead, objects: "{items}"}}
+      - GoTo: {pose: home}
+    """
+
+    hz: In[float] = port("rounds a second", default=10.0, above=0)
+    remembers = ("_since", "_begins")
+    _since: float = 0.0
+    _begins: bool = True
+    """Whether no round has begun since the node was reset."""
+
+    def on_start(self) -> None:
+        if not self._kept:
+            self._since, self._begins = self.world.clock.now, True
+
+    def on_tick(self) -> NodeStatus:
+        waited = self.world.clock.now - self._since
+        runs = self._begins or self.body.state is NodeStatus.RUNNING
+        if not runs and waited < 1.0 / self.hz - TIME_TOLERANCE:
+            return NodeStatus.RUNNING
+        self._begins = False
+        state = self.relay()
+        if state is NodeStatus.SUCCESS:
+            self._since = self.world.clock.now
+        return state
 
 
 class RunOnce(Decorator):

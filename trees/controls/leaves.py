@@ -6,10 +6,13 @@ from abc import abstractmethod
 from typing import TYPE_CHECKING, cast
 
 from ...files.expressions.expression import Expression
+from ...world.causes import tree
 from ...world.events.run_events import LogEvent
 from ..flow import FAILURE, SUCCESS, LeafFlow
 from ..node import Node
+from ..node_values import assign
 from ..ports import In, Out, port
+from ..runtime import TIME_TOLERANCE
 from ..status import NodeStatus
 from ..values.port_types import plain_copy, show
 
@@ -97,6 +100,26 @@ class SetBlackboard(Node):
         return NodeStatus.SUCCESS
 
 
+class Script(Node):
+    """Assigns to keys of the blackboard: `key := expression`, several with `;`.
+
+    `:=` makes the key where there is none; `=`, `+=`, `-=`, `*=` and `/=` change one that is there.
+    """
+
+    flow = LeafFlow(steady=True, ends=(SUCCESS,))
+    example = """
+    Script: {code: "tries := 0; limit := 3"}
+    """
+
+    kind = "action"
+    causes = (tree.MISSING_INPUT,)
+    code: In[str] = port("the assignments, as `n := 3; n += 1`", takes="assignments")
+
+    def on_tick(self) -> NodeStatus:
+        assign("code", self.wiring, self.world)
+        return NodeStatus.SUCCESS
+
+
 class Log(Node):
     """Writes a sentence, and a value if given, into the record."""
 
@@ -114,3 +137,28 @@ class Log(Node):
         self.feedback_message = self.message if value is None else f"{self.message}: {show(value)}"
         self.world.journal.note(LogEvent(self.feedback_message, self.path, value=value))
         return NodeStatus.SUCCESS
+
+
+class Sleep(Node):
+    """Waits that long, RUNNING, and then succeeds. 0 succeeds at once."""
+
+    flow = LeafFlow(ends=(SUCCESS,))
+    example = """
+    Sleep: {msec: 500 ms}
+    """
+
+    kind = "action"
+    msec: In[float] = port("simulated time to wait", unit="ms", least=0)
+    remembers = ("_since",)
+    _since: float = 0.0
+
+    @property
+    def saveable(self) -> bool:
+        return True
+
+    def on_start(self) -> None:
+        self._since = self.world.clock.now
+
+    def on_tick(self) -> NodeStatus:
+        waited = self.world.clock.now - self._since
+        return NodeStatus.SUCCESS if waited >= self.msec / 1000.0 - TIME_TOLERANCE else NodeStatus.RUNNING

@@ -1,11 +1,11 @@
-"""Sequence, Fallback, their reactive forms, and RoundRobin: children one after the other."""
+"""Sequence, Fallback, their reactive forms, and Nav2's RoundRobin: children one after the other."""
 
 from __future__ import annotations
 
 from typing import cast
 
 from ...world.causes import tree
-from ..flow import NEXT, ChildFlow, Turns
+from ..flow import NEXT, ChildFlow, Pipeline, Resumed, Turns
 from ..node import ControlNode
 from ..ports import In, children, port
 from ..status import NodeStatus
@@ -70,6 +70,66 @@ class Sequence(OrderedNode):
     """
 
     parts = children("what is done, in this order")
+
+
+class SequenceWithMemory(OrderedNode):
+    """A Sequence that goes on with the child that failed or was halted, also when it is started again.
+
+    Children before that one are not ticked again until all have succeeded. SKIPPED when all were skipped in
+    one go.
+    """
+
+    flow = Resumed(success=NEXT, skipped=NEXT)
+    example = """
+    RetryUntilSuccessful:
+      num_attempts: 3
+      do:
+        SequenceWithMemory:
+          - Observe: {camera: overhead, objects: "{items}"}
+          - Grasp: {object: "{item}"}
+    """
+
+    parts = children("what is done, in this order")
+
+    def on_start(self) -> None:
+        self._skipped = 0
+
+    def on_tick(self) -> NodeStatus:
+        state = super().on_tick()
+        if self._index == len(self.parts):
+            self._index = 0
+        return state
+
+
+class PipelineSequence(OrderedNode):
+    """Ticks its children again at each tick, from the first to the furthest that has run, as Nav2's.
+
+    A child that runs again does not hold up those behind it that have begun. It ends when a child fails, or
+    when the last has succeeded; what still runs is then halted. SKIPPED when all were skipped.
+    """
+
+    flow = Pipeline(success=NEXT, skipped=NEXT, reactive=True)
+    example = """
+    PipelineSequence:
+      - RateController:
+          hz: 0.5
+          do: {Observe: {camera: overhead, objects: "{items}"}}
+      - GoTo: {pose: home}
+    """
+
+    parts = children("what is done, in this order, each again while the later ones run")
+
+    def on_tick(self) -> NodeStatus:
+        skipped = 0
+        for index, part in enumerate(self.parts):
+            state = part.step(kept=True)
+            if state is NodeStatus.FAILURE:
+                return self.fail_with(part.failure)
+            if state is NodeStatus.RUNNING and index >= self._index:
+                self._index = index
+                return state
+            skipped += state is NodeStatus.SKIPPED
+        return NodeStatus.SKIPPED if skipped == len(self.parts) else NodeStatus.SUCCESS
 
 
 class ReactiveSequence(ReactiveNode):

@@ -9,12 +9,12 @@ Sequence.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from ...files.marks import Location, Mark
 from ...files.yaml.document import Document
 from ...files.yaml.reader import Value
-from ..declaration import COMMON_KEYS, IDENTIFIER, NodeDeclaration
+from ..declaration import AUTOREMAP, COMMON_KEYS, IDENTIFIER, NodeDeclaration
 from ..mission import NodeSpec
 from ..node import Node
 from ..ports import PortDeclaration
@@ -169,11 +169,17 @@ class NodeSpecReader:
                 bound = self._wires.binding(port, value, loc, site.trail)
                 if bound is not None:
                     bindings[key] = bound
-            elif key not in COMMON_KEYS:
-                self._unknown_key(identity, key, (*ports, *COMMON_KEYS), loc, site.trail)
-        self._wires.missing(ports.values(), given, site.loc, site.trail, key=site.keyed)
+            elif key == AUTOREMAP and not isinstance(value, bool):
+                message = f"{AUTOREMAP!r} is true or false, not {show(value)}"
+                self._fault(loc, site.trail, message, code="P220")
+            elif key not in (*COMMON_KEYS, AUTOREMAP):
+                self._unknown_key(identity, key, (*ports, *COMMON_KEYS, AUTOREMAP), loc, site.trail)
+        remaps = given.get(AUTOREMAP) is True
+        if not remaps:
+            self._wires.missing(ports.values(), given, site.loc, site.trail, key=site.keyed)
         places = {key: self._document.mark((*site.loc, key)) for key in given}
-        return self._spec(identity, name, None, site, given, bindings, {}, places)
+        spec = self._spec(identity, name, None, site, given, bindings, {}, places)
+        return replace(spec, autoremap=frozenset[str]()) if remaps else spec
 
     # A node of a class.
 
@@ -253,7 +259,7 @@ class NodeSpecReader:
             bindings,
             slots,
             self._wires.preconditions(given, loc, trail),
-            self._wires.postconditions(given, loc, trail),
+            self._wires.postconditions(given, loc, trail, node.declaration.scripts if node else ()),
             self._wires.breakpoint(given, loc, trail),
             places,
         )

@@ -15,6 +15,7 @@ from ...robots.description import RobotDescription
 from ...robots.loading import load_robot
 from ...world.planner_names import BUILT_IN
 from ...world.scene.description import SceneDescription
+from ...world.scene.heap_regions import heap_regions
 from ...world.scene.loading.scene_loading import load_scene
 from ..mission import FilesOnDisk, Mission, MissionFiles, TreeSpec, check_calls
 from ..node import Node
@@ -59,7 +60,7 @@ def scene_names(scene: SceneDescription, robot: RobotDescription) -> SceneNames:
         "camera": tuple(camera.name for camera in scene.cameras),
         "pose": tuple(robot.named),
         "bin": bins,
-        "tote": tuple(str(body.id) for body in scene.bins if body.is_tote),
+        "tote": tuple(heap_regions(scene)),
         "hole": tuple(str(each.id) for fixture in bored for each in (fixture, *fixture.holes)),
         "fixture": (*(str(fixture.id) for fixture in scene.fixtures), *bins),
         "kind": tuple(entry.kind for entry in scene.catalogue),

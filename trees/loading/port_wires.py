@@ -1,7 +1,7 @@
-"""Reader of a node's ports and conditions: references, literals, expressions and postcondition assignments.
+"""Reader of a node's ports and conditions: references, literals, expressions and assignments.
 
-Assignments are `key := expression` or `key = expression`, separated by `;`. `:=` always writes the key; `=`
-only changes an existing key, as in BehaviorTree.CPP.
+Assignments are `key := expression`, `key = expression` or `key += expression` (also `-=`, `*=`, `/=`),
+separated by `;`. `:=` always writes the key; the others only change an existing key, as in BehaviorTree.CPP.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from typing import Final, Literal, cast
 
 from ...files.expressions.expression import Expression, ExpressionError
+from ...files.expressions.syntax_tree import Name
 from ...files.marks import Diagnostic, Location
 from ...files.value_wording import suggest_number
 from ...files.yaml.document import Document
@@ -20,13 +21,20 @@ from ..declaration import BREAKPOINT, IDENTIFIER, POSTCONDITIONS, PRECONDITIONS
 from ..ports import PortDeclaration
 from ..values.fault_collector import MissionDiagnostics
 from ..values.port_types import convert_literal, show
-from ..values.references import ATTRIBUTES, Assignment, Binding, Constant, ExpressionLocator, Reference
+from ..values.references import (
+    ATTRIBUTES,
+    Assignment,
+    Binding,
+    Constant,
+    ExpressionLocator,
+    PortExpression,
+    Reference,
+)
 
 MAX_ASSIGNMENTS: Final = 20
 MAX_ASSIGNMENTS_LENGTH: Final = 4000
 _PIECE = re.compile(r"""'(?:[^'\\]|\\.)*'|"(?:[^"\\]|\\.)*"|;|[^;'"]+|['"]""", re.DOTALL)
-_ASSIGNMENT = re.compile(r"\s*([A-Za-z_]\w{0,59})\s*(:?=)(?!=)", re.ASCII)
-_CHANGE = re.compile(r"\s*([A-Za-z_]\w{0,59})\s*([-+*/])=", re.ASCII)
+_ASSIGNMENT = re.compile(r"\s*(@?[A-Za-z_]\w{0,59})\s*([-:+*/]?=)(?!=)", re.ASCII)
 
 
 def parse_assignments(text: str) -> tuple[Assignment, ...]:
@@ -60,10 +68,6 @@ def _assignment(part: str, at: int) -> Assignment:
     first = at + len(part) - len(part.lstrip())
     match = _ASSIGNMENT.match(part)
     if match is None:
-        change = _CHANGE.match(part)
-        if change is not None:
-            key, symbol = change[1], change[2]
-            raise ExpressionError(f"write '{key} = {key} {symbol} …'", at + change.start(2))
         raise ExpressionError("an assignment is 'key := expression'", first)
     text = part[match.end() :]
     if not text.strip():
@@ -73,7 +77,20 @@ def _assignment(part: str, at: int) -> Assignment:
         value = Expression.parse(text.strip())
     except ExpressionError as error:
         raise ExpressionError(str(error), begins + error.offset) from None
+    if match[2] not in (":=", "="):
+        value = Expression.parse(f"{match[1]} {match[2][0]} ({value})")
     return Assignment(match[1], value, match[2] == ":=", begins)
+
+
+def _as_expression(text: str) -> str:
+    """Return the hint for a text in braces that is no reference: as an expression, if it is one."""
+    try:
+        inner = Expression.parse(text[1:-1].strip())
+    except ExpressionError:
+        inner = None
+    if inner is None or isinstance(inner.root, Name):
+        return 'a reference is "{key}" or "{key.attribute}"'
+    return f"an expression begins with '=': \"{{= {inner}}}\""
 
 
 class PortReader:
@@ -88,18 +105,29 @@ class PortReader:
         """Return the reference or constant of a port; None (with an error reported) when the value does not
         fit."""
         what = f"port {port.key!r}"
+        if port.takes == "assignments":
+            return Constant(value, cast("Plain", value))  # read with the postconditions
         if isinstance(value, str) and port.type.name != "expression":
             try:
-                reference = Reference.parse(value)
-            except ValueError as error:
-                hint = 'a reference is "{key}" or "{key.attribute}"'
-                self._fault(loc, trail, f"{what}: {error}", hint, code="P221")
+                computed = PortExpression.parse(value) if port.direction == "in" else None
+                wanted = computed is None and not value.startswith("{=")
+                reference = Reference.parse(value) if wanted else None
+            except ExpressionError as error:
+                self._expression_fault(error, value, loc, trail, what)
                 return None
+            except ValueError as error:
+                self._fault(loc, trail, f"{what}: {error}", _as_expression(value), code="P221")
+                return None
+            if computed is not None:
+                return computed
             if reference is not None:
                 return self._reference(port, reference, loc, trail)
-        if port.direction == "out":
+        if port.direction == "out" or port.takes == "key":
             hint = f'write "{{{value}}}"' if isinstance(value, str) and IDENTIFIER.fullmatch(value) else ""
             message = f"{what} is an output: it needs a key to write to"
+            message = (
+                f"{what} is for a key of the blackboard, not for a value" if port.takes == "key" else message
+            )
             self._fault(loc, trail, message, hint or 'as "{key}"', code="P223")
             return None
         try:
@@ -118,6 +146,10 @@ class PortReader:
     ) -> Binding | None:
         if port.direction == "out" and reference.attributes:
             message = f"port {port.key!r} is an output: {reference} cannot be written"
+            self._fault(loc, trail, message, code="P223")
+            return None
+        if port.takes == "key" and reference.attributes:
+            message = f"port {port.key!r} is for a key: nobody writes {reference}, which is the belief's"
             self._fault(loc, trail, message, code="P223")
             return None
         for name in reference.attributes:
@@ -158,10 +190,11 @@ class PortReader:
         return found
 
     def postconditions(
-        self, given: Mapping[str, Value], loc: Location, trail: str
+        self, given: Mapping[str, Value], loc: Location, trail: str, scripts: tuple[str, ...] = ()
     ) -> dict[str, tuple[Assignment, ...]]:
+        """Return the assignments by key; those of the ports `scripts` come first."""
         found: dict[str, tuple[Assignment, ...]] = {}
-        for name in POSTCONDITIONS:
+        for name in (*scripts, *POSTCONDITIONS):
             if name not in given:
                 continue
             value = given[name]

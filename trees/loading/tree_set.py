@@ -3,19 +3,23 @@
 from __future__ import annotations
 
 import posixpath
-from collections.abc import Mapping
-from typing import Final
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from graphlib import CycleError
+from typing import Final, Literal
 
 from ...errors import PicktreeError
-from ...files.marks import FileError, Location, where
+from ...files.marks import Diagnostic, FileError, Location, where
 from ...files.yaml.document import Document
 from ...files.yaml.reader import Value
-from ..declaration import IDENTIFIER
-from ..mission import IN_LIBRARY, MAIN, MissionFiles, NodeSpec, TreeSpec
+from ...world.belief.facts import FACTS
+from ..declaration import AUTOREMAP, IDENTIFIER
+from ..mission import IN_LIBRARY, MAIN, MissionFiles, NodeSpec, TreeSpec, bottom_up
 from ..ports import PortDeclaration
 from ..values.fault_collector import MissionDiagnostics
-from ..values.port_types import show
-from ..values.references import ExpressionLocator
+from ..values.port_types import PortType, show
+from ..values.references import ROOT_KEY, ExpressionLocator, Reference
+from ..wiring.key_writers import uses_of
 from .children import ChildNames
 from .grammar import NodeSpecReader
 from .registry import NodeRegistry
@@ -25,6 +29,64 @@ MAX_INCLUDED_FILES: Final = 50
 MAX_INCLUDED_CHARACTERS: Final = 1_000_000
 """Limit of the total size of all included files, characters."""
 _SUFFIXES = (".yaml", ".yml")
+
+
+def remap_keys(trees: dict[str, TreeSpec]) -> dict[str, TreeSpec]:
+    """Wire the calls with `_autoremap`: each key that a sub-tree uses becomes a port, wired to the same key.
+
+    Keys that begin with `_` stay the sub-tree's own, as in BehaviorTree.CPP.
+    """
+    calls = [spec for tree in trees.values() for spec in tree.root.iterate() if spec.node is None]
+    remapped = {spec.id for spec in calls if spec.autoremap is not None}
+    if not remapped:
+        return trees
+    try:
+        order = bottom_up(trees)
+    except CycleError:
+        return trees  # a fault already
+    done = dict(trees)
+    for name in order:
+        tree = replace(done[name], root=_remapping(done[name].root, done))
+        if name in remapped:
+            tree = replace(tree, ports=(*tree.ports, *_shared_keys(tree, done)))
+        done[name] = tree
+    return {name: done[name] for name in trees}
+
+
+def _remapping(spec: NodeSpec, trees: Mapping[str, TreeSpec]) -> NodeSpec:
+    """Return the node with all calls below it wired."""
+    slots = {
+        key: tuple((label, _remapping(child, trees)) for label, child in filled)
+        for key, filled in spec.slots.items()
+    }
+    if spec.autoremap is None or spec.id not in trees:
+        return replace(spec, slots=slots) if slots else spec
+    same = {port.key: Reference(port.key) for port in trees[spec.id].ports if port.key not in spec.ports}
+    return replace(spec, ports={**spec.ports, **same}, autoremap=frozenset(same))
+
+
+def _shared_keys(tree: TreeSpec, trees: Mapping[str, TreeSpec]) -> Iterator[PortDeclaration]:
+    """Yield a port for each key of the tree that is not one of its ports."""
+    uses = [use for spec in tree.root.iterate() for use in uses_of(spec, trees)]
+    written = {use.key for use in uses if use.writes}
+    ports = {port.key for port in tree.ports}
+    for key in dict.fromkeys(use.key for use in uses):
+        if key not in ports and not key.startswith(("_", ROOT_KEY)) and (key in written or key not in FACTS):
+            way: Literal["in", "out"] = "out" if key in written else "in"
+            yield PortDeclaration(key, key, way, PortType("any"), "", remapped=True)
+
+
+def _unshared(tree: TreeSpec, trees: Mapping[str, TreeSpec]) -> Iterator[Diagnostic]:
+    """Yield a fault for each key that a call without `_autoremap` does not give."""
+    for spec in tree.root.iterate():
+        if spec.node is None and spec.autoremap is None and spec.id in trees:
+            for port in trees[spec.id].ports:
+                if port.remapped and port.direction == "in":
+                    message = (
+                        f"{spec.id} reads the key {port.key!r} of its caller, which this call does not share"
+                    )
+                    hint = f"'{AUTOREMAP}: true', or a port {port.key!r} of {spec.id}"
+                    yield Diagnostic(spec.mark, f"trees.{tree.name}", message, hint, "P219")
 
 
 class IncludeReader:
@@ -174,6 +236,10 @@ class TreeSetReader:
                     mark = document.key_mark(("trees", name))
                     places = {p.key: document.mark(("trees", name, "ports", p.key)) for p in ports[name]}
                     trees[name] = TreeSpec(name, mark, ports[name], root, places, docs[name])
+        trees = remap_keys(trees)
+        for tree in trees.values():
+            for fault in _unshared(tree, trees):
+                self._faults.add(fault)
         return trees
 
     def _bodies(self, document: Document) -> Mapping[str, Value]:

@@ -20,6 +20,7 @@ from ..declaration import Hand, Kind, NodeDeclaration, Resource
 from ..mission import Plugin
 from ..node import Node
 from ..tree_definition import FILE_MODULE
+from .motion_calls import check_motion_calls, compiled, watched_names
 from .plugin_import import PluginError, importing
 
 
@@ -114,6 +115,7 @@ def _check_cause(cause: Cause | Family, plugin: str, node: str) -> None:
 
 
 _DOTTED = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)*")
+_OURS = "picktree."
 _RUN_ATTRIBUTE = "__picktree_run__"
 """Attribute under which a file's module keeps its `_Run`."""
 
@@ -129,6 +131,10 @@ def load_installed(module: str, distribution: str = "") -> Plugin:
     with importing(name):
         found = importlib.import_module(name)
         nodes = offered_nodes(found, name, attribute or "NODES")
+        for other in dict.fromkeys(node.__module__ for node in nodes):
+            if not other.startswith(_OURS):
+                own = sys.modules[other]
+                check_motion_calls(_source(own)[1], vars(own), other)
     return Plugin(name, nodes, *_source(found), distribution)
 
 
@@ -172,6 +178,7 @@ def _file(plugin: str, folder: Path) -> Plugin:
         with _replaced(name) as before:
             module = _run(name, path, source, before)
             nodes = offered_nodes(module, plugin, "NODES")
+            check_motion_calls(source, vars(module), plugin)
     return Plugin(plugin, nodes, path, source)
 
 
@@ -210,7 +217,8 @@ def _run(name: str, path: Path, source: bytes, before: ModuleType | None) -> Mod
     assert spec is not None
     module = importlib.util.module_from_spec(spec)
     sys.modules[name] = module
-    exec(compile(source, str(path), "exec"), vars(module))
+    vars(module).update(watched_names())
+    exec(compiled(source, path), vars(module))
     setattr(module, _RUN_ATTRIBUTE, _Run(digest, frozenset(known_causes()) - frozenset(kept)))
     return module
 

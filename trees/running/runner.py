@@ -17,11 +17,11 @@ from ..controls.loops import ForEach
 from ..mission import Mission, NodeSpec, TreeSpec
 from ..node import Node
 from ..ports import child
-from ..runtime import NodeTransition, Runtime, TreeWorld, Wiring
+from ..runtime import NodeTransition, Runtime, TreeWorld, Wiring, evaluate
 from ..skill import Skill
 from ..status import NodeStatus
 from ..tree_definition import TreeDefinition
-from ..values.references import Binding, Constant, Reference
+from ..values.references import Binding, Constant, PortExpression, Reference
 from .run_settings import Overrides, read_settings
 from .tree_adoption import StateTransfer, transfer_state
 
@@ -275,8 +275,8 @@ def _parents_first(node: Node) -> Iterator[Node]:
 class SubTree(Node):
     """Node that ticks its one child in a separate namespace.
 
-    A port wired to a key of the caller is an alias of that key. Literals and defaults are written when the
-    sub-tree starts. `inside` is the namespace of the sub-tree's nodes.
+    A port wired to a key of the caller is an alias of that key. Literals, defaults and the values of
+    expressions are written when the sub-tree starts. `inside` is the namespace of the sub-tree's nodes.
     """
 
     node_id = "SubTree"
@@ -297,6 +297,10 @@ class SubTree(Node):
         for key, wired in self.wiring.ports.items():
             if key in ports and isinstance(wired, Constant):
                 self.inside.write(key, wired.value, self.path)
+            elif key in ports and isinstance(wired, PortExpression):
+                where = f"input {key!r} of {self.wiring.id}: "
+                value = evaluate(wired.value, self.wiring.namespace, self.world, where)
+                self.inside.write(key, value, self.path)
 
     def on_tick(self) -> NodeStatus:
         state = self.body.step()
@@ -336,7 +340,7 @@ class _Builder:
                 bindings[port.key] = bound
             elif bound is not None:
                 bindings[port.key] = bound
-            elif port.direction == "in":
+            elif port.direction == "in" and not port.remapped:
                 bindings[port.key] = Constant(port.default, _plain(port.default))
         node = SubTree.bound(_wiring(call, path, outer, bindings), self._runtime)
         node.inside = inside

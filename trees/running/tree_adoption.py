@@ -12,7 +12,7 @@ from ...world.journal import Plain
 from ..node import Node
 from ..status import NodeStatus
 from ..values.failure_reports import pack, report_from_plain, unpack
-from ..values.references import Reference
+from ..values.references import Constant
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,7 +70,7 @@ def _rewired(node: Node, state: Mapping[str, Plain]) -> bool:
     before = cast("dict[str, Plain]", state["ports"])
     now = cast("dict[str, Plain]", node.save_state()["ports"])
     changed = frozenset(key for key, text in now.items() if key not in before or before[key] != text)
-    if any(isinstance(node.wiring.ports[key], Reference) for key in changed):
+    if any(not isinstance(node.wiring.ports[key], Constant) for key in changed):
         try:
             node.read_inputs()
         except Failure:
@@ -81,9 +81,10 @@ def _rewired(node: Node, state: Mapping[str, Plain]) -> bool:
 
 
 def _inputs(node: Node, state: Mapping[str, Plain]) -> dict[str, Plain]:
-    """Return the inputs that were read from the blackboard and still are."""
+    """Return the inputs that were read at the node's start and still are."""
     inputs = cast("dict[str, Plain]", state["inputs"])
-    return {k: v for k, v in inputs.items() if isinstance(node.wiring.ports.get(k), Reference)}
+    constant = (Constant, type(None))
+    return {k: v for k, v in inputs.items() if not isinstance(node.wiring.ports.get(k), constant)}
 
 
 def _memory(node: Node, state: Mapping[str, Plain]) -> dict[str, Plain]:

@@ -235,11 +235,9 @@ def _float(value: object, unit: str | None) -> float:
         raise ValueError(f"{show(value)} is not a number")
     if unit == "ms":
         return _milliseconds(value)
-    if unit is not None:
-        return parse_quantity(value, unit)
-    if isinstance(value, str):
+    if unit is None and isinstance(value, str) and not value.rstrip().endswith("%"):
         raise ValueError(f"{show(value)} is not a number")
-    return parse_quantity(value, "")
+    return parse_quantity(value, unit or "")
 
 
 def _milliseconds(value: str | int | float) -> float:

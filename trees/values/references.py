@@ -1,4 +1,7 @@
-"""References to the blackboard, `"{item}"` and `"{item.colour}"`, and the attributes of objects."""
+"""Values of ports that are read at a node's start, and the attributes of objects.
+
+References to the blackboard, `"{item}"` and `"{item.colour}"`, and expressions, `"{= rounds + 1}"`.
+"""
 
 from __future__ import annotations
 
@@ -6,7 +9,7 @@ import re
 import typing
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields, replace
-from typing import TypeAlias
+from typing import Final, TypeAlias
 
 from ...files.expressions.expression import Expression, ExpressionError
 from ...files.expressions.type_inference import BOOL, FLOAT, INT, OBJECT, PLACE, TEXT, ValueType
@@ -53,11 +56,16 @@ class ExpressionLocator:
         return lines[start.line - 1][start.column - 1 :] if start.line <= len(lines) else ""
 
 
-_REFERENCE = re.compile(r"\{([A-Za-z_]\w{0,59})((?:\.[A-Za-z_]\w{0,59}){0,9})\}", re.ASCII)
+ROOT_KEY: Final = "@"
+"""First character of a key that is one of the tree `Main`, in whatever tree it is named."""
+_REFERENCE = re.compile(r"\{(@?[A-Za-z_]\w{0,59})((?:\.[A-Za-z_]\w{0,59}){0,9})\}", re.ASCII)
 _BRACES = re.compile(r"\{.*\}", re.DOTALL)
 
 
-_PLAIN: Mapping[object, ValueType] = {str: TEXT, int: INT, float: FLOAT, bool: BOOL, ObjectId: OBJECT}
+_PLAIN: Mapping[object, ValueType] = {
+    str: TEXT, int: INT, float: FLOAT, bool: BOOL, ObjectId: OBJECT,
+    float | None: replace(FLOAT, optional=True),
+}  # fmt: skip
 _CHOICES: Mapping[str, tuple[str, ...]] = {
     "form": (*typing.get_args(Form), "unknown"),
     "colour": (*ITEM_COLOURS, "unknown"),
@@ -67,7 +75,7 @@ _CHOICES: Mapping[str, tuple[str, ...]] = {
 def _attribute_types() -> dict[str, ValueType]:
     """Return the types of BeliefObject's plain fields, its plain properties, and `destination`."""
     hints = typing.get_type_hints(BeliefObject)
-    found = {f.name: hints[f.name] for f in fields(BeliefObject)}
+    found = {f.name: hints[f.name] for f in fields(BeliefObject) if f.name != "seen_size"}  # it is in `size`
     for name, member in vars(BeliefObject).items():
         # The type of a property is that of its getter.
         getter = member.fget if isinstance(member, property) else None
@@ -117,7 +125,37 @@ class Constant:
     text: Plain
 
 
-Binding: TypeAlias = Reference | Constant
+@dataclass(frozen=True, slots=True)
+class PortExpression:
+    """Expression as the value of a port, `"{= rounds + 1}"`: evaluated when the node starts."""
+
+    value: Expression
+    text: str
+    at: int
+    """Index of the expression's first character in `text`."""
+
+    @classmethod
+    def parse(cls, text: str) -> PortExpression | None:
+        """Parse a text that begins with `{=` and ends with `}`; None for any other.
+
+        Raises ExpressionError with the index of the wrong character in `text`.
+        """
+        if not (text.startswith(_OPENED) and text.endswith("}")):
+            return None
+        inner = text[len(_OPENED) : -1]
+        at = len(text) - 1 - len(inner.lstrip())
+        try:
+            return cls(Expression.parse(inner.strip()), text, at)
+        except ExpressionError as error:
+            raise ExpressionError(str(error), at + error.offset) from None
+
+    def __str__(self) -> str:
+        return self.text
+
+
+_OPENED = "{="
+
+Binding: TypeAlias = Reference | PortExpression | Constant
 
 
 def attribute(scene: PlanningScene, owner: object, name: str) -> Plain:

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 from ...files.expressions.type_inference import ValueType
 from ...files.marks import Mark
 from ..mission import MAIN, NodeSpec, TreeSpec, bottom_up
 from ..ports import PortDeclaration
-from ..values.references import Constant, Reference
+from ..values.references import Constant, PortExpression
 from .key_writers import PlacedNode, TreeKeys, ports_of
 from .value_sources import DEFAULT, ValueSource, constant, type_mismatch
 
@@ -55,7 +55,14 @@ class ArrivingValue:
         """Where it goes, and where it comes from."""
         file = self.at.mark.file
         goes = f"it goes to the port {self.target.key!r} of {self.node.id}, {self.node.mark.told(file)}"
-        comes = [self.source.told(file)] if self.at.text.startswith("{") else []
+        wired = self.at.text.startswith("{") and self.source.mark != self.at.mark
+        comes = [self.source.told(file)] if wired else []
+        if (
+            self.at.text.startswith("{=")
+            and self.target.type.name == "int"
+            and self.source.type.kind == "float"
+        ):
+            comes = [f'round it, as "{{= round({self.at.text[2:-1].strip()})}}"']
         return comes if self.target is self.at.port else [goes, *comes]
 
 
@@ -77,8 +84,9 @@ class ValueFlow:
         self.facts = facts
         self._demands: dict[str, dict[str, list[_Demand]]] = {}
         for name in bottom_up(trees):
-            keys = self.keys[name] = TreeKeys(trees[name], trees, self.keys, facts)
+            self.keys[name] = TreeKeys(trees[name], trees, self.keys, facts)
             self._demands[name] = {}
+        for name, keys in self.keys.items():
             for port in trees[name].ports:
                 keys.sources(port.key)  # now, so that callers need not look through many trees at once
         self.arrivals = tuple(self._all(trees))
@@ -100,7 +108,7 @@ class ValueFlow:
             return
         inside = self._demands.get(spec.id, {}).get(port.key, []) if spec.node is None else []
         own = _Demand(port, spec, 0, strict=spec.node is not None)
-        if not isinstance(bound, Reference):
+        if bound is None or isinstance(bound, Constant):
             value = bound.value if isinstance(bound, Constant) else port.default
             text = _shown(bound.text) if isinstance(bound, Constant) else DEFAULT
             # It was converted to the port's own type; whether it names something is another question.
@@ -109,7 +117,12 @@ class ValueFlow:
             yield from _literal(place, value, wanted)
             return
         place = WiredInput(spec.mark_at(port.key), placed.path, port, str(bound))
-        for source in self.keys[tree].reference(bound):
+        if isinstance(bound, PortExpression):
+            source = self.keys[tree].computed(bound.value, place.mark)
+            sources = (replace(source, values=source.type.choices or None),)
+        else:
+            sources = self.keys[tree].reference(bound)
+        for source in sources:
             for demand in (own, *inside):
                 arrival = _arrival(place, source, demand)
                 yield arrival

@@ -10,9 +10,9 @@ from ...files.expressions.expression import Expression, ExpressionError
 from ...files.expressions.type_inference import ANY, BOOL, FLOAT, INT, WORD, ValueType, check_types, join
 from ...files.marks import Mark
 from ...world.belief.facts import FACTS
-from ..mission import NodeSpec, TreeSpec
+from ..mission import MAIN, NodeSpec, TreeSpec
 from ..ports import NameKind, PortDeclaration
-from ..values.references import ATTRIBUTE_TYPES, Assignment, Constant, Reference
+from ..values.references import ATTRIBUTE_TYPES, ROOT_KEY, Assignment, Constant, PortExpression, Reference
 from .value_sources import ValueSource, constant, declared, distinct, unknown
 
 MAX_CHAIN: Final = 60
@@ -71,6 +71,8 @@ def expressions_of(spec: NodeSpec) -> Iterator[NodeExpression]:
     for key, bound in spec.ports.items():
         if isinstance(bound, Constant) and isinstance(bound.value, Expression):
             yield NodeExpression(key, bound.value)
+        elif isinstance(bound, PortExpression):
+            yield NodeExpression(key, bound.value, before=bound.at)
     for name, assignments in spec.postconditions.items():
         for set_ in assignments:
             yield NodeExpression(name, set_.value, set_.key, set_.at)
@@ -104,6 +106,8 @@ def uses_of(spec: NodeSpec, trees: Mapping[str, TreeSpec]) -> Iterator[KeyUse]:
         bound = spec.ports.get(port.key)
         if isinstance(bound, Reference):
             yield KeyUse(spec, port.key, bound.key, port, port.direction == "out")
+            if port.remapped and port.direction == "out":
+                yield KeyUse(spec, port.key, bound.key, port, writes=False)  # the tree may read it, too
     for asked in expressions_of(spec):
         for name in sorted(asked.expression.names):
             yield KeyUse(spec, asked.key, name, asked.expression, writes=False)
@@ -122,7 +126,7 @@ class TreeKeys(Mapping[str, ValueType]):
         below: Mapping[str, TreeKeys],
         facts: Mapping[str, ValueType],
     ) -> None:
-        """`below` are the keys of the trees that this one uses."""
+        """`below` are the keys of all trees, by name."""
         self.tree = tree
         self.places = {id(placed.spec): placed for placed in placed_nodes(tree)}
         """By `id` of the spec."""
@@ -164,7 +168,11 @@ class TreeKeys(Mapping[str, ValueType]):
 
     def known(self, key: str) -> bool:
         """Whether the tree has such a key: an input or output of its own, or one that a node writes."""
-        return key in self.inputs or key in self.outputs or key in self.writes
+        root = self._below.get(MAIN)
+        if key.startswith(ROOT_KEY):
+            return root is None or root.known(key[1:])
+        own = key in self.inputs or key in self.outputs or key in self.writes
+        return own or (self is root and any(ROOT_KEY + key in keys.writes for keys in self._below.values()))
 
     def sources(self, key: str) -> tuple[ValueSource, ...]:
         """All that may write the key; nothing when nobody in the tree does."""
@@ -187,7 +195,23 @@ class TreeKeys(Mapping[str, ValueType]):
         values = kind.choices or None
         return tuple(ValueSource(kind, s.mark, s.writer, values=values, names=names) for s in sources[:1])
 
+    def computed(self, expression: Expression, mark: Mark, writer: str = "") -> ValueSource:
+        """Return the source that an expression is; nothing is known of one that can have no value."""
+        try:
+            found = check_types(expression, self, ATTRIBUTE_TYPES)
+        except ExpressionError:
+            found = ANY
+        return ValueSource(found, mark, writer)
+
     def _find(self, key: str) -> Iterator[ValueSource]:
+        root = self._below.get(MAIN)
+        if key.startswith(ROOT_KEY):
+            sources = (unknown(self.tree.mark),) if root is None else root.sources(key[1:])
+            yield from (replace(source, port=None, depth=0) for source in sources)
+            return
+        for keys in self._below.values() if self is root else ():
+            for write in keys.writes.get(ROOT_KEY + key, ()):
+                yield from (replace(source, port=None, depth=0) for source in keys.written(write))
         own = self.inputs.get(key)
         if own is not None:
             yield replace(declared(own, self.tree.places.get(key, self.tree.mark)), port=key)
@@ -198,11 +222,7 @@ class TreeKeys(Mapping[str, ValueType]):
         """Yield the sources that one place of the text writes."""
         mark, path, what = write.mark, self.places[id(write.spec)].path, write.what
         if isinstance(what, Assignment):
-            try:
-                found = check_types(what.value, self, ATTRIBUTE_TYPES)
-            except ExpressionError:
-                found = ANY
-            yield ValueSource(found, mark, path)
+            yield self.computed(what.value, mark, path)
             return
         assert isinstance(what, PortDeclaration)
         if what.like is not None or what.each_of is not None:
@@ -219,6 +239,8 @@ class TreeKeys(Mapping[str, ValueType]):
         bound = spec.ports.get(key)
         if isinstance(bound, Reference):
             return self.reference(bound)
+        if isinstance(bound, PortExpression):
+            return (self.computed(bound.value, mark),)
         port = spec.node.declaration.port(key) if spec.node is not None else None
         if isinstance(bound, Constant):
             return (constant(bound.value, mark),)

@@ -5,13 +5,13 @@ from __future__ import annotations
 import base64
 import math
 import zlib
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..values import Array, Pose
+from ..values import Array, ObjectId, Pose
 
 RESOLUTION = 1e-4
 """Step of the stored heights, m."""
@@ -22,6 +22,20 @@ BARRED_RADIUS = 0.012
 WALL_SHADOW = 0.006
 """Distance from a wall up to which depth may belong to the wall, m."""
 _UNSEEN, _WALL = -32768, -32767
+
+
+def heap_id(tote: str) -> ObjectId:
+    """Return the id in the belief of the heap in a tote or on a fixture."""
+    return ObjectId(f"{tote}_heap")
+
+
+@dataclass(frozen=True, slots=True)
+class MapTag:
+    """ArUco tag that was read in a heap."""
+
+    number: int
+    at: tuple[float, float]
+    """Its middle in the map's frame, m."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,6 +57,8 @@ class HeightMap:
     """Heights in steps of `RESOLUTION`, compressed."""
     packed_labels: str = field(repr=False)
     """Labels of the cells' colours, compressed."""
+    tags: tuple[MapTag, ...] = ()
+    """ArUco tags that were read."""
 
     @classmethod
     def of(
@@ -81,13 +97,13 @@ class HeightMap:
         return wide.astype(np.bool_)
 
     def inside(self, points: Array) -> NDArray[np.bool_]:
-        """Select the points (k, 3) of the frame on the inner side of the walls, or above the rim.
+        """Select the points (k, 3) of the frame on the inner side of the walls; all where there are none.
 
         A finger beyond a wall closes on it.
         """
         far = (np.array(self.shape) - 1) * self.cell
         within = np.all((points[:, :2] > self.cell) & (points[:, :2] < far), axis=1)
-        return within | (points[:, 2] >= self.rim)
+        return within | (self.rim <= self.floor)
 
     def over(self, former: HeightMap | None) -> HeightMap:
         """Fill the unseen cells with those of a former map of the same place."""
@@ -97,7 +113,7 @@ class HeightMap:
         labels = np.where(seen, self.labels(), former.labels())
         levels, walls = (self.floor, self.rim), self.walls()
         filled = np.where(seen, heights, former.heights())
-        return HeightMap.of(self.frame, self.cell, levels, filled, walls, labels)
+        return replace(HeightMap.of(self.frame, self.cell, levels, filled, walls, labels), tags=self.tags)
 
     def labels(self) -> NDArray[np.uint8]:
         """Return the labels (n, m) of the cells' colours, read-only; 0: no colour."""
@@ -106,8 +122,9 @@ class HeightMap:
 
     def with_heights(self, heights: Array) -> HeightMap:
         """Return the map with other heights (n, m), m."""
-        return HeightMap.of(
-            self.frame, self.cell, (self.floor, self.rim), heights, self.walls(), self.labels()
+        levels, walls = (self.floor, self.rim), self.walls()
+        return replace(
+            HeightMap.of(self.frame, self.cell, levels, heights, walls, self.labels()), tags=self.tags
         )
 
     def centres(self, cells: NDArray[np.intp]) -> Array:

@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Generator, Iterable, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 from typing import Literal, TypeAlias
 
 from ..causes import Failure, world
 from ..scene.description import Bin, Fixture
-from ..shapes import Shape
+from ..scene.heap_regions import HeapRegion
+from ..shapes import Shape, greatest_length
 from ..values import ObjectId, Pose, Vector3
 
 Role: TypeAlias = Literal["item", "obstacle", "heap"]
@@ -31,8 +33,8 @@ class BeliefObject:
 
     id: ObjectId
     role: Role
-    """`item`: fitted to the catalogue, or a thing lifted out of a heap; `obstacle`: depth that nothing known
-    explains; `heap`: what lies in a tote."""
+    """`item`: fitted to the catalogue, or a thing lifted out of a heap. `obstacle`: depth that nothing known
+    explains. `heap`: what lies in a tote or in a pile."""
     kind: str
     """Catalogue kind, or `unknown`."""
     form: str
@@ -57,10 +59,22 @@ class BeliefObject:
     """Known parts of an obstacle. If their convex hull wastes little, it is the `shape`, and collisions
     are checked with it alone. Else `shape` is their bounding box, and each part is checked. Empty for
     items, and for obstacles of older logs."""
+    mass: float | None = None
+    """Mass as it was weighed in the hand, kg; None: not weighed."""
+    seen_size: float | None = None
+    """Greatest length of what a camera saw of it, m; None: that of its shape."""
+
+    tag: int | None = None
+    """Number of the ArUco tag that was read on it; None: none was."""
 
     @property
     def attached(self) -> bool:
         return self.object_in_tcp is not None
+
+    @property
+    def size(self) -> float:
+        """Greatest distance of two of its points, m."""
+        return greatest_length(self.shape) if self.seen_size is None else self.seen_size
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,7 +110,10 @@ class PlanningScene:
         fixtures: Iterable[Fixture],
         bins: Iterable[Bin],
         destination: Callable[[BeliefObject], ObjectId | None] = lambda _: None,
+        regions: Mapping[str, HeapRegion] = MappingProxyType({}),
     ) -> None:
+        """`regions`: places where heaps may lie, by tote or fixture."""
+        self.regions = regions
         self.fixtures: Mapping[str, Fixture] = {f.id: f for f in fixtures}
         self.bins: Mapping[str, Bin] = {b.id: b for b in bins}
         """Bins and totes."""
@@ -106,11 +123,6 @@ class PlanningScene:
         self._changes: list[BeliefChange] = []
         self._version = 0
         self._numbers: dict[str, int] = {}
-
-    @property
-    def totes(self) -> Mapping[str, Bin]:
-        """Containers from which items are taken."""
-        return {name: each for name, each in self.bins.items() if each.is_tote}
 
     @property
     def version(self) -> int:
@@ -155,8 +167,10 @@ class PlanningScene:
         return ObjectId(f"{stem}_{n}")
 
     def put(self, belief: BeliefObject, reason: str) -> None:
-        """Add the object, or replace what is believed of it."""
+        """Add the object, or replace what is believed of it. A weighed mass is kept."""
         before = self._objects.get(belief.id)
+        if belief.mass is None and before is not None and before.mass is not None:
+            belief = replace(belief, mass=before.mass)
         if before != belief:
             self._objects[belief.id] = belief
             self._changed(reason, before, belief)
@@ -181,6 +195,10 @@ class PlanningScene:
         held = self.held
         if held is not None and held.object_in_tcp is not None:
             self._objects[held.id] = replace(held, pose=tcp_in_world @ held.object_in_tcp)
+
+    def weighed(self, object_id: str, mass: float) -> None:
+        """Set the object's mass, kg; no new version: nothing that plans depend on is new."""
+        self._objects[ObjectId(object_id)] = replace(self.get(object_id), mass=mass)
 
     @contextmanager
     def allow(self, *pairs: tuple[str, str]) -> Generator[None]:
@@ -208,7 +226,7 @@ class PlanningScene:
     ) -> PlanningScene:
         """Return a copy for planning, with `held` attached instead of the object in the hand. These pairs
         of names may touch in it. Raises Failure(world.unknown_object)."""
-        copy = PlanningScene((), ())
+        copy = PlanningScene((), (), regions=self.regions)
         copy.fixtures, copy.bins = self.fixtures, self.bins
         copy._destination = self._destination
         copy._objects = dict(self._objects)

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field, replace
 from typing import Literal, TypeAlias
 
+from ..protocols import Intrinsics
 from ..shapes import Box, Shape
 from ..values import Bounds, ObjectId, Pose, Vector3
 from .calibration_results import SceneCalibration, TargetTile
@@ -114,6 +116,17 @@ class CameraDescription:
     on: Literal["world", "hand"] = "world"
     """`hand`: it moves with the tool, and `pose` is the optical frame in the TCP's."""
 
+    @property
+    def intrinsics(self) -> Intrinsics:
+        """Intrinsics of the camera, with square pixels.
+
+        TINY renderer's pixel (u, v) lies at (u, v + 1) of the image plane. So the centre is half a pixel off
+        the usual place.
+        """
+        width, height = self.size
+        focal = height / 2 / math.tan(self.fov / 2)
+        return Intrinsics(width, height, focal, focal, width / 2, height / 2 - 1)
+
     def calibrated(self, calibration: SceneCalibration | None) -> CameraDescription:
         """Return the camera with its calibrated pose, where there is one. The true pose, `pose @ error`,
         stays."""
@@ -123,6 +136,8 @@ class CameraDescription:
         return replace(self, pose=found, error=found.inverse() @ self.pose @ self.error)
 
 
+MAX_HIDDEN_SHARE = 0.25
+"""Greatest share of the items' areas that the arm at `home` may hide from a camera."""
 MIN_FELT_MASS = 0.03
 """Least mass whose weight a wrist surely feels in the hand, kg. A load of 12 g tells it from an empty hand,
 and a weighing is off by 15 g at most."""
@@ -141,6 +156,10 @@ class CatalogueEntry:
     friction: float
     force_limit: float | None = None
     """Greatest grip force a finger that it survives, N."""
+
+
+Drop: TypeAlias = Literal["heap", "pile", "packed"]
+"""Poured into a tote; poured onto the table between walls that are then taken away; set down side by side."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -163,10 +182,12 @@ class Spawn:
     """Set down side by side, each touching another."""
     into: ObjectId | None = None
     """Tote into which the items are poured; None: they come onto the table."""
-    heap: bool = False
-    """Whether the items are poured, and come to rest on one another before the run begins."""
+    drop: Drop | None = None
+    """How items that are handled as a heap come there before the run begins; None: they are no heap."""
 
 
+MESH_SETS = ("random_urdfs",)
+"""Sets of meshes that come with a package."""
 ASSORTMENT = "assortment"
 """Name that stands for things of the assortment where a spawn entry asks for kinds."""
 
@@ -184,6 +205,10 @@ class Assortment:
     friction: float
     least_mass: float = 0.0
     """Mass below which things are left out, kg."""
+    tags: tuple[int, ...] = ()
+    """Numbers of the ArUco tags that are on things; empty: none have one."""
+    tag_size: float = 0.02
+    """Side of a tag's black square, m."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -231,7 +256,7 @@ class Delivery:
     total: int | None = None
     """Items in all; None: for ever."""
     belt: ObjectId | None = None
-    """The belt at whose upstream end the items are set down; None: on the table."""
+    """The belt at whose upstream end the items are set down; None: on the table, or into the load's tote."""
     spacing: float = 0.15
     """Mean distance on the belt from one item to the next, m."""
 
@@ -339,8 +364,8 @@ class SceneDescription:
 
     @property
     def heaped(self) -> bool:
-        """Whether items are poured into heaps."""
-        return any(spawn.heap for spawn in self.spawn)
+        """Whether items lie in heaps."""
+        return any(load.drop for load in self.loads)
 
     @property
     def tool(self) -> Pose:

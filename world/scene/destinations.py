@@ -8,7 +8,8 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from ...files.expressions.expression import Expression
-from ...files.expressions.type_inference import ValueType
+from ...files.expressions.syntax_tree import LiteralValue, walk
+from ...files.expressions.type_inference import FLOAT, ValueType
 from ..colours import ITEM_COLOURS
 from ..values import ObjectId
 from .body_schema import FORMS
@@ -16,7 +17,7 @@ from .description import Destination
 
 
 class Sortable(Protocol):
-    """Object of the belief or true item, as rules see it."""
+    """Object of the belief or true item, as rules see it. None: not known."""
 
     @property
     def colour(self) -> str: ...
@@ -24,18 +25,53 @@ class Sortable(Protocol):
     def form(self) -> str: ...
     @property
     def kind(self) -> str: ...
+    @property
+    def mass(self) -> float | None:
+        """Mass, kg; of an object of the belief as it was weighed."""
+        ...
+
+    @property
+    def size(self) -> float | None:
+        """Greatest distance of two of its points, m."""
+        ...
+
+    @property
+    def tag(self) -> int | None:
+        """Number of the ArUco tag on it."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class ItemTraits:
+    """Traits of an item that rules may ask for."""
+
+    colour: str
+    form: str
+    kind: str
+    mass: float | None = None
+    """Mass, kg; None: not known."""
+    size: float | None = None
+    """Greatest distance of two of its points, m; None: not known."""
+    tag: int | None = None
+    """Number of the ArUco tag on it; None: not known."""
+
+
+def rule_holds(rule: Expression, item: Sortable) -> bool:
+    """Return whether a rule holds for an item. One that asks for what is not known of it does not."""
+    names = {name: getattr(item, name) for name in rule.names}
+    return all(value is not None for value in names.values()) and bool(rule.evaluate(names))
+
+
+def asks_for(destinations: Iterable[Destination], name: str) -> bool:
+    """Return whether any rule asks for what `name` stands for."""
+    return any(name in Expression.parse(each.where).names for each in destinations)
 
 
 def destination_rule(destinations: Iterable[Destination]) -> Callable[[Sortable], ObjectId | None]:
     """The bin, fixture with holes or hole of the first rule that holds for the item, or None. The expressions
     were checked on reading."""
     rules = [(Expression.parse(d.where), d.to) for d in destinations]
-
-    def destination(item: Sortable) -> ObjectId | None:
-        names = {"colour": item.colour, "form": item.form, "kind": item.kind}
-        return next((to for rule, to in rules if rule.evaluate(names)), None)
-
-    return destination
+    return lambda item: next((to for rule, to in rules if rule_holds(rule, item)), None)
 
 
 def colours_of_destinations(
@@ -47,17 +83,10 @@ def colours_of_destinations(
     """
     rule, found = destination_rule(destinations), dict[str, set[str]]()
     for colour, (kind, form) in itertools.product(ITEM_COLOURS, kinds):
-        to = rule(_Item(colour, form, kind))
+        to = rule(ItemTraits(colour, form, kind))
         if to is not None:
             found.setdefault(to, set()).add(colour)
     return {to: colours.pop() for to, colours in found.items() if len(colours) == 1}
-
-
-@dataclass(frozen=True, slots=True)
-class _Item:
-    colour: str
-    form: str
-    kind: str
 
 
 def is_at(place: str, destination: str) -> bool:
@@ -70,18 +99,42 @@ def is_at(place: str, destination: str) -> bool:
 
 
 def rule_names(kinds: Iterable[str]) -> Mapping[str, ValueType]:
-    """Return the names that a rule may use about an item, with all their possible values."""
+    """Return the names that a rule may use about an item, with all their possible texts."""
     return {
         "colour": ValueType("word", choices=tuple(ITEM_COLOURS)),
         "form": ValueType("word", choices=FORMS),
         "kind": ValueType("word", choices=(*kinds, "unknown")),
+        **dict.fromkeys(MEASURES, FLOAT),
     }
 
 
+MEASURES = {"mass": 5.0, "size": 1.5, "tag": 49.0}
+"""Numbers of an item that a rule may ask for, with the greatest one that an item may have: kg, m, a tag."""
+
+
 def can_hold(rule: Expression, names: Mapping[str, ValueType], *, most: int) -> bool:
-    """Whether a rule holds for any item; True also when `most` trials do not tell."""
+    """Whether a rule holds for any item; True also when `most` trials do not tell.
+
+    Measures are tried at the rule's own numbers and on both sides of them.
+    """
     # What the rule does not ask for need not be varied.
-    varied = [known.choices if name in rule.names else known.choices[:1] for name, known in names.items()]
+    varied = [
+        (_measures(rule, MEASURES[name]) if name in MEASURES else known.choices)
+        if name in rule.names
+        else (None,)
+        for name, known in names.items()
+    ]
     items = itertools.product(*varied)
     trials = (dict(zip(names, item, strict=True)) for item in itertools.islice(items, most))
     return any(rule.evaluate(item) for item in trials) or next(items, None) is not None
+
+
+def _measures(rule: Expression, greatest: float) -> tuple[float, ...]:
+    """Return measures to try, up to the greatest one of an item."""
+    numbers = {
+        float(part.value)
+        for part in walk(rule.root)
+        if isinstance(part, LiteralValue) and isinstance(part.value, int | float)
+    }
+    tried = {0.5 * greatest, *(number * factor for number in numbers for factor in (0.99, 1.0, 1.01))}
+    return tuple(sorted(number for number in tried if 0.0 <= number <= greatest))

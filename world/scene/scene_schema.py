@@ -25,7 +25,7 @@ from ...files.yaml.file_models import (
 from ..colours import ITEM_COLOURS
 from ..planner_names import PlannerName
 from .body_schema import CatalogueFile, Corner, FixtureFile, UnknownFile
-from .description import SafetyLimits, SensorNoise, Thinking
+from .description import Drop, SafetyLimits, SensorNoise, Thinking
 
 
 def _item_colour(name: str) -> str:
@@ -48,6 +48,7 @@ def _clear(value: object) -> object:
 
 ItemColour = Annotated[str, AfterValidator(_item_colour), WithJsonSchema({"enum": list(ITEM_COLOURS)})]
 Count = Annotated[int, Strict(), Field(ge=1, le=200)]
+TagNumber = Annotated[int, Strict(), Field(ge=0, le=49)]
 Spacing = Annotated[float, quantity("m", least=0.01, most=10)]
 Period = Annotated[float, quantity("s", least=1, most=86400)]
 Total = Annotated[int, Strict(), Field(ge=1, le=1_000_000)]
@@ -73,9 +74,10 @@ class SpawnFile(FileModel):
     """Where on the table. Either this or `into`."""
     into: str | None = None
     """Tote, by its name under `fixtures`, into which the items are poured. Needs `drop: heap`."""
-    drop: Literal["heap"] | None = None
-    """Pouring: with `heap` the items fall in any orientation and come to rest before the run begins. Only
-    physics can do that."""
+    drop: Drop | None = None
+    """Items that are picked as one heap, at rest before the run begins; only physics can do that. `heap`:
+    poured into a tote in any orientation. `pile`: poured onto the `area` between walls, which are then taken
+    away. `packed`: set down on the `area` upright, `gap` apart."""
     gap: Annotated[float, quantity("m", least=0, most=1)] = 0.025
     """Free distance between any two items as seen from above."""
     lying: Share = 0.0
@@ -100,19 +102,23 @@ class WhenFile(FileModel):
 
 
 class FeedFile(FileModel):
-    """Items that are brought while a run goes on: loads on the table, or single items on a belt."""
+    """Items that are brought while a run goes on: loads on the table, single items on a belt, full totes."""
 
-    one_of: ClassVar[tuple[str, ...]] = ("area", "belt")
+    one_of: ClassVar[tuple[str, ...]] = ("area", "belt", "into")
     """Exactly one of these is given."""
 
     of: Annotated[dict[str, Count], Field(min_length=1)]
-    """How many of each kind of the catalogue are in one load; for a belt the shares of a mixture."""
+    """How many of each kind of the catalogue are in one load; for a belt the shares of a mixture. With `into`
+    `assortment` stands for items of the scene's `assortment`."""
     colours: Annotated[tuple[ItemColour, ...], Field(min_length=1)]
     """Given out in turn, shuffled."""
     area: AreaFile | None = None
-    """Where on the table a load is set down, wherever it is free. Either this or `belt`."""
+    """Where on the table a load is set down, wherever it is free. Either this, `belt` or `into`."""
     belt: str | None = None
     """The belt, by its name under `fixtures`, at whose upstream end items are set down one by one."""
+    into: str | None = None
+    """The tote, by its name under `fixtures`, that comes back with a load when it is exchanged. Needs
+    `exchange`."""
     gap: Annotated[float, quantity("m", least=0, most=1)] | None = None
     """Free distance on the table to any other item as seen from above; 25 mm unless given."""
     lying: Share = 0.0
@@ -123,7 +129,8 @@ class FeedFile(FileModel):
         WhenFile | None, BeforeValidator(_clear, json_schema_input_type=Literal["clear"] | WhenFile | None)
     ] = None
     """Time of the loads: `clear` (unless given), which is when the robot reports that it is done with what
-    lies there, `{every: 45 s}` or `{at: [10 s, 60 s]}`. A belt runs whenever the robot is ready."""
+    lies there, `{every: 45 s}` or `{at: [10 s, 60 s]}`. A belt runs whenever the robot is ready; a tote comes
+    when it is exchanged."""
     spacing: Spacing | None = None
     """Mean distance on a belt from one item to the next; 150 mm unless given."""
     total: Total | None = None
@@ -190,7 +197,9 @@ class DestinationFile(FileModel):
     """A rule that says where items belong. The first that holds for an item counts."""
 
     where: str
-    """Items of the rule: an expression of colour, form and kind, as "colour == 'red' and kind != 'can'"."""
+    """Items of the rule: an expression of colour, form, kind, mass and size, as "colour == 'red' and mass >
+    0.06". The mass is in kg, as weighed in the hand; the size is the greatest distance of two points, m.
+    `tag` is the number of the ArUco tag that was read."""
     to: str
     """The bin, or the fixture with holes, by its name under `fixtures`: then any free hole that fits the item
     is right. Or one hole, as board/left."""
@@ -290,6 +299,11 @@ class AssortmentFile(FileModel):
     """Coulomb friction of each thing."""
     least_mass: Mass = 0.001
     """Things that are lighter are left out: a wrist does not feel them in the hand."""
+    tags: tuple[TagNumber, ...] = ()
+    """Numbers of ArUco tags (4 × 4, the first 50), given out in turn, shuffled. Each thing has its tag on all
+    flat faces that carry one. Rules of `destinations` may ask for `tag`."""
+    tag_size: Annotated[float, quantity("m", least=0.005, most=0.2)] = 0.02
+    """Side of a tag's black square."""
 
 
 class RestFile(FileModel):
@@ -314,7 +328,7 @@ class RestFile(FileModel):
     """Goal of a run: an expression of the numbers of items total, sorted, misplaced, left and outstanding
     (those that the feed still owes). Every item at its destination and none outstanding unless given."""
     exchange: ExchangeFile | None = None
-    """Exchange of full bins; without it nobody exchanges them."""
+    """Exchange of full bins and empty totes; without it nobody exchanges them."""
     tool_error: Annotated[ToolErrorFile, as_mapping("offset", ToolErrorFile | Vector)] = ToolErrorFile()
     """Where the hand is really mounted, seen from where the robot file has it; three lengths stand for
     `offset`. Only the simulation knows."""

@@ -11,11 +11,12 @@ import numpy as np
 
 from ....files.value_wording import listed
 from ....logs.run_log import CameraImage, Stamped
-from ....perception.geometry.camera_geometry import depth_noise
-from ..investigation.case import Investigation
+from ....perception.geometry.camera_geometry import PosedCamera, depth_noise
+from ....world.shapes import extents
+from ..investigation.case import NEAR_ARM, Investigation
 from ..investigation.explanation import DeviceFinding, Finding, number
 from ..investigation.identities import FRESH, Sighting
-from ..investigation.number_wording import between, counted, distance, listed_spans, seconds
+from ..investigation.number_wording import between, counted, distance, listed_spans, place, seconds
 
 REACHED = (
     "grasp.*", "world.*", "safety.*", "planning.start_in_collision", "planning.goal_in_collision",
@@ -56,6 +57,47 @@ def looks(case: Investigation) -> tuple[Stamped[CameraImage], ...]:
     theirs = [n for n, camera in enumerate(shots.cameras) if camera in fixed]
     chosen = sorted({int(n) for n in np.linspace(0, len(theirs) - 1, min(len(theirs), LOOKS))})
     return tuple(shots[theirs[n]] for n in chosen)
+
+
+ABOVE = 0.1
+"""Height above an item's top from which what an image shows at its place hides it, m."""
+
+
+def hidden_by_arm(case: Investigation, true: str) -> Finding | None:
+    """Whether the arm stood between the fixed cameras and an item in all images of its place."""
+    cameras = {c.name: c for c in case.scene.cameras} if case.scene else {}
+    found: list[tuple[Stamped[CameraImage], float]] = []
+    for shot in case.once(looks):
+        body, image = case.truth.at(true, shot.time), shot.record
+        if body is None:
+            continue
+        sight = PosedCamera.at(image.intrinsics, cameras[image.camera].pose)
+        top = np.array(body.pose.position)
+        top[2] += extents(body.shape, body.pose.rotation())[1][2]
+        ((column, row),) = pixels = np.rint(sight.pixels(top[None])).astype(np.int64)
+        if not (0 <= column < image.intrinsics.width and 0 <= row < image.intrinsics.height):
+            continue
+        depth = float(image.depth[row, column])
+        shown = sight.origin + sight.directions(pixels.astype(np.float64))[0] * depth
+        links = case.links(shot.time)
+        arm = len(links) > 0 and float(np.linalg.norm(links - shown, axis=1).min()) < NEAR_ARM
+        if depth <= 0.0 or shown[2] < top[2] + ABOVE or not arm:
+            return None
+        found.append((shot, float(shown[2] - top[2])))
+    if not found:
+        return None
+    shot, height = found[0]
+    camera, robot = shot.record.camera, case.run.info.robot
+    title = f"the arm stands between the camera {camera} and items on the table"
+    at = case.truth.tracks[true].first.pose.position
+    reasons = (
+        f"{case.name_of(true)} lies at {place(at)}: the image of {seconds(shot.time)} shows the arm there, "
+        f"{distance(height)} above it",
+        f"{counted(len(found), 'image')} of its place, and the item in none",
+        "what to change: the pose from which it looks, mostly 'home' under 'poses:' in the robot file of "
+        f"{robot}; `picktree robot test` measures what it hides",
+    )
+    return Finding("arm.hides_items", camera, title, reasons, case.name_of(true), shot.time)
 
 
 LEAST_NOISE = 5e-4

@@ -12,6 +12,8 @@ from ....world.scene.destinations import is_at
 from ..investigation.case import Investigation
 from ..investigation.explanation import FailureStory, Finding
 from ..investigation.number_wording import between, distance, place, seconds
+from .camera_causes import hidden_by_arm
+from .heap_remains import why_left
 from .held_items import held_periods
 from .item_nature import another_size, appeared
 from .item_whereabouts import NOWHERE, never_seen, way_since
@@ -27,8 +29,10 @@ def why_not_sorted(case: Investigation, true: str) -> Finding | None:
     if not case.believed.get(true):
         return (
             _gone_before_seen(case, true)
+            or why_left(case, true)
             or appeared(case, true)
             or another_size(case, true)
+            or hidden_by_arm(case, true)
             or never_seen(case, true)
         )
     done = _placed(case, true)

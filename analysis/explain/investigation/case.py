@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -18,14 +17,14 @@ from ....logs.run_log import RunLog, Stamped
 from ....logs.schema.event_records import BeliefEvent
 from ....logs.schema.records import BodyRecord, Scene
 from ....logs.visits import Visit, VisitTree
+from ....session.resume.recipe_archive import Unpacking
 from ....simulation.scoring.scorer import MAX_REST_SPEED, ItemScore, score
 from ....simulation.scoring.truth import TrueBody
 from ....world.events.run_events import BinExchangedEvent, CrushedEvent
 from ....world.journal import JournalEvent
 from ....world.scene.description import Bin, CatalogueEntry, Fixture, SceneDescription
-from ....world.scene.destinations import destination_rule
-from ....world.scene.loading.scene_loading import parse_scene
-from ....world.shapes import extents
+from ....world.scene.destinations import ItemTraits, destination_rule
+from ....world.shapes import extents, greatest_length
 from ....world.values import Array, ObjectId, Pose, Vector3
 from .body_tracks import BodyTracks, DeviceState, device_state, true_scenes, true_states
 from .explanation import FailureStory
@@ -75,17 +74,9 @@ def reachable(arm: InverseKinematics, poses: Sequence[Pose]) -> bool:
 
 def scene_of(log: RunLog) -> SceneDescription | None:
     """None when the log holds no scene file, or one that needs files which it does not hold."""
-    kept = log.attachments
-    if "scene.yaml" not in kept:
-        return None
-    text = log.attachment("scene.yaml").decode("utf-8", "replace")
     with tempfile.TemporaryDirectory() as folder:
-        for name in (name for name in kept if name.startswith("mesh/")):
-            mesh = Path(name).name
-            text = re.sub(rf"[^\s,{{}}'\"]*{re.escape(mesh)}", mesh, text)
-            (Path(folder) / mesh).write_bytes(log.attachment(name))
         try:
-            return parse_scene(text, Path(folder) / "scene.yaml")
+            return Unpacking(log, Path(folder)).scene()
         except (PicktreeError, OSError):
             return None
 
@@ -377,7 +368,10 @@ class Investigation:
         """The bin, hole or fixture with holes where it belongs by the scene's rules; empty when nowhere."""
         if self.scene is None:
             return ""
-        return str(destination_rule(self.scene.destinations)(body) or "")
+        entry = self.scene.find_entry(body.kind)
+        mass = None if entry is None else entry.mass
+        item = ItemTraits(body.colour, body.form, body.kind, mass, greatest_length(body.shape))
+        return str(destination_rule(self.scene.destinations)(item) or "")
 
     def bin_at(self, body: BodyRecord) -> str:
         """The bin within whose walls it is, or the hole where it is; empty when in none."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
@@ -28,6 +29,8 @@ ALIKE = 0.35
 MIN_COMMON = 0.006
 """Least offset that counts as common, m."""
 UNLIKELY = 10.0
+CARRIED_NEAR = 0.15
+"""Greatest mean distance between a thing in the hand and the true item that it can be, m."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,7 +108,28 @@ class Identities:
                 found[item] = counts.most_common(1)[0][0]
             elif near := [each.near for each in sightings if each.near]:
                 found[item] = near[0]  # a second name of what another one is
-        return found
+        lifted = {
+            id_: true for id_ in self._belief.tracks if id_ not in found and (true := self._carried(id_))
+        }
+        return {**found, **lifted}
+
+    def _carried(self, item: str) -> str:
+        """Return the true item that moved along with a thing of a heap, which no camera saw before the lift.
+
+        Empty: none did.
+        """
+        track = self._belief.tracks[item]
+        if track.first.role != "item" or not track.first.attached:
+            return ""
+        away: dict[str, list[float]] = {}
+        held = itertools.takewhile(lambda at: at[1].attached, zip(track.times, track.bodies, strict=True))
+        for time, body in held:
+            for true, other in self._truth.there(time):
+                cost = math.dist(body.pose.position, other.pose.position)
+                away.setdefault(true, []).append(cost + OTHER_COLOUR * (body.colour != other.colour))
+        means = ((sum(costs) / len(costs), true) for true, costs in away.items())
+        mean, nearest = min(means, default=(math.inf, ""))
+        return nearest if mean < CARRIED_NEAR else ""
 
     @cached_property
     def phantoms(self) -> Mapping[str, str]:

@@ -61,7 +61,7 @@ def _node(chart: Chart, node: ChartNode, path: str, expand: bool) -> Iterator[st
         yield from _cluster(chart, called, path, node, expand)
         return
     attributes = f"label={_label(_texts(node))}, {_SHAPES[node.kind]}, {_colours(node)}"
-    attributes += f", tooltip={_label([node.place])}"
+    attributes += f", tooltip={_label([*([node.doc] if node.calls else []), node.place])}"
     attributes += f', color="{LIGHT_COLOURS["stop"]}", penwidth=2' if node.breakpoint else ""
     yield f"{_quoted(path)} [{attributes}]"
     for branch in node.branches:

@@ -60,7 +60,7 @@ def chart_json(chart: Chart, *, expand: bool = False) -> dict[str, Json]:
 def _tree(chart: Chart, tree: ChartTree) -> dict[str, Json]:
     # The frame of an uncalled tree needs a node, too: that of the whole run.
     call = ChartNode(
-        tree.name, tree.name, "subtree", "subtree", tree.place, calls=tree.name, ports=tree.ports
+        tree.name, tree.name, "subtree", "subtree", tree.place, tree.doc, tree.name, ports=tree.ports
     )
     top = header(tree)
     about = _node(chart, Branch("", "child", call), 0)

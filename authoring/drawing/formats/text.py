@@ -22,6 +22,7 @@ def text(chart: Chart, *, columns: int = DEFAULT_COLUMNS, expand: bool = False) 
     rows = [_cut(" · ".join(about), columns)]
     for tree in chart.trees[:1] if expand else chart.trees:
         rows += ["", _row("", tree.name, [_port(port) for port in tree.ports], columns)]
+        rows += [_cut(tree.doc, columns)] if tree.doc else []
         rows += _below(chart, tree.root, "", columns, expand)
     return "\n".join(rows) + "\n"
 

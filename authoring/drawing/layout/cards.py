@@ -187,7 +187,11 @@ def header(tree: ChartTree, call: ChartNode | None = None) -> Header:
         head, lines = _head(call), _lines(call)
     else:
         head = (TextLine((TextSpan(tree.name, "id", 0.0),)),)
-        lines = tuple(line for port in tree.ports for line in _port(port, doc=port.doc))
+        about = wrapped(tree.doc, _MAX_TEXT_WIDTH, SMALL, lines=3) if tree.doc else ()
+        lines = (
+            *(TextLine((TextSpan(part, "doc", 0.0),)) for part in about),
+            *(line for port in tree.ports for line in _port(port, doc=port.doc)),
+        )
     flag = _FLAG_ROOM if call is not None and call.breakpoint else 0
     return Header(tree.name, head, lines, _across(head, lines, flag), _down(head, lines))
 

@@ -41,6 +41,7 @@ def those_read(found: Iterable[T | None]) -> Iterator[T]:
 Ticks = Annotated[int, Strict(), Field(ge=0, le=100_000)]
 Count = Annotated[int, Strict(), Field(ge=1, le=100_000)]
 Text = Annotated[str, Strict()]
+Mass = Annotated[float, quantity("kg", above=0)]
 Sigma = Annotated[float, quantity("m", least=0)]
 SigmaAngle = Annotated[float, quantity("rad", least=0)]
 
@@ -61,6 +62,7 @@ class ObjectFile(FileModel):
     place: Text | None = Field(
         None, description="Where it is believed to lie: table, a bin, hand, or aside. Default: table."
     )
+    mass: Mass | None = Field(None, description="Mass as it was weighed, kg. Default: not weighed.")
     confidence: Share | None = Field(None, description="How sure the belief is, 0 to 1. Default: 1.")
     last_seen: Duration | None = Field(None, description="Simulated time when it was seen last, s.")
     sigma_position: Sigma | None = Field(None, description="Standard deviation of its position, m.")

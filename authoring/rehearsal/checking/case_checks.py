@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ....errors import PicktreeError
-from ....files.marks import Diagnostic, FileError, Location
+from ....files.marks import Diagnostic, FileError, Location, where
 from ....files.yaml.document import Document, read_document
 from ....files.yaml.document_checker import DocumentChecker
 from ....trees.controls.leaves import ConditionNode
@@ -20,7 +20,8 @@ from ....world.causes import Cause, internal, matches, tree, world
 from ....world.scene.description import SceneDescription
 from ..cases.case_loading import read_cases
 from ..cases.cases_schema import CaseFile, LeafAnswer, RehearsalCase
-from ..stage.mission_staging import scene_of
+from ..stage.mission_staging import StubbedMission, play_case, scene_of, stub_mission
+from ..stage.rehearsal_world import MissingOutput
 from ..stage.trace import NodeRole, may_fail_with
 from .expect_checks import ExpectChecks, WorldChecks
 from .known_names import CaseNames
@@ -50,9 +51,6 @@ class LeafChecks:
                 self._answer(answer, left)
             if script.answers:
                 answered.update(role.path for role in left)
-        for role in self._known.in_need:
-            if role.path not in answered:
-                self._outputs(LeafAnswer(self._case.loc), role, of_itself=True)
 
     def _answer(self, answer: LeafAnswer, roles: list[NodeRole]) -> None:
         self._worlds.effects(answer.then, (*answer.loc, "then"))
@@ -65,10 +63,6 @@ class LeafChecks:
             said.add(alike)
             self._possible(answer, role, causes)
             self._given_outputs(answer, role)
-        needing = [role for role in roles if role.needed] if answer.status == "SUCCESS" else []
-        for role in needing:
-            if self._outputs(answer, role, of_itself=False):
-                break
 
     def _possible(self, answer: LeafAnswer, role: NodeRole, causes: tuple[Cause, ...]) -> None:
         node, identity = role.spec.node, role.spec.id
@@ -120,22 +114,6 @@ class LeafChecks:
         hint = suggest_name(key, known) if known else "it has none"
         self._known.fault(loc, f"{declaration.id} has no output {key!r}", hint, code="P707", key=True)
 
-    def _outputs(self, answer: LeafAnswer, role: NodeRole, *, of_itself: bool) -> bool:
-        """Report an output that a node may read and no answer gives; return whether there was one."""
-        assert role.spec.node is not None
-        declaration = role.spec.node.declaration
-        for port in role.needed:
-            if port.key in answer.outputs:
-                continue
-            if of_itself:
-                message = f"{role.path} has no answer, but an output {port.key!r} that the mission uses"
-            else:
-                message = f"{declaration.id} succeeds without its output {port.key!r}, used at {role.path}"
-            hint = f"as {{outputs: {{{port.key}: …}}}}: {port.doc}"
-            self._known.fault(answer.loc, message, hint, code="P709", key=of_itself)
-            return True
-        return False
-
 
 def _at(answer: LeafAnswer, key: str) -> Location:
     return (*answer.loc, key)
@@ -186,13 +164,42 @@ def examine_cases(
         mission = _mission(check, cases.mission, registry) if cases.mission else None
         scene = _scene(check, mission)
     known = CaseNames(check, mission, scene)
+    staging = stub_mission(mission, scene) if mission is not None and known.in_need else None
     for case in cases.cases:
         worlds = WorldChecks(known, case)
         worlds.run()
         LeafChecks(known, case, worlds).run()
         ExpectChecks(known, case.expect, worlds).run()
+        if staging is not None and not any(_spoils(fault, case) for fault in check.faults):
+            _check_outputs(known, staging, case)
     faults = dict.fromkeys(sorted(check.faults, key=lambda fault: fault.mark))
     return CasesCheck(cases, mission, tuple(faults))
+
+
+def _spoils(fault: Diagnostic, case: RehearsalCase) -> bool:
+    """Whether a case with that fault in its file cannot be played."""
+    own = where(case.loc)
+    if fault.severity != "error" or (fault.where == own and fault.code == "P111"):
+        return False  # its name alone is wrong
+    shared = ("mission", "objects", "facts", "leaves", "parameters")
+    return fault.where.startswith(shared) or f"{fault.where}.".startswith((f"{own}.", f"{own}["))
+
+
+def _check_outputs(known: CaseNames, staging: StubbedMission, case: RehearsalCase) -> None:
+    """Report the first output that a leaf leaves out which the case reaches, and the mission reads."""
+    _, played = play_case(staging, case)
+    for found in played.contradictions:
+        if not isinstance(found, MissingOutput):
+            continue
+        (role,) = (role for role in staging.roles.all if role.path == found.path)
+        port = role.spec.node.declaration.port(found.port) if role.spec.node is not None else None
+        if found.answer is None:
+            message = f"{role.path} has no answer, but an output {found.port!r} that the mission uses"
+        else:
+            message = f"{found}, used at {role.path}"
+        hint = f"as {{outputs: {{{found.port}: …}}}}" + (f": {port.doc}" if port is not None else "")
+        loc = case.loc if found.answer is None else found.answer.loc
+        known.fault(loc, message, hint, code="P709", key=found.answer is None)
 
 
 def _mission(check: DocumentChecker, path: Path, registry: NodeRegistry | None) -> Mission | None:

@@ -14,15 +14,20 @@ from ....trees.flow import LeafFlow
 from ....trees.mission import Mission, NodeSpec, TreeSpec
 from ....trees.node import Node
 from ....trees.ports import PortDeclaration
+from ....trees.running.runner import BehaviourTree, build
 from ....trees.status import NodeStatus
 from ....trees.values.port_types import convert_literal
-from ....trees.values.references import Assignment, Binding, Constant
+from ....trees.values.references import Binding, Constant
 from ....world.causes import Failure, cause_named
+from ....world.journal import Plain
 from ....world.scene.description import SceneDescription
 from ....world.scene.loading.scene_loading import load_scene
-from ..cases.cases_schema import LeafAnswer
-from .rehearsal_world import Contradiction, RehearsalWorld
-from .trace import NodeRoles, follows_from_belief, is_stubbed, roles_of
+from ..cases.cases_schema import LeafAnswer, RehearsalCase
+from .rehearsal_world import Contradiction, MissingOutput, RehearsalWorld
+from .trace import NodeRoles, ScriptedAnswers, Trace, follows_from_belief, is_stubbed, roles_of
+
+DEFAULT_MAX_TICKS = 10_000
+"""Default limit of a case, ticks."""
 
 
 class LeafStub(Node, abstract=True):
@@ -49,12 +54,13 @@ class LeafStub(Node, abstract=True):
         try:
             return self._succeed(None) if answer is None else self._end(answer)
         except Contradiction as contradiction:
-            self._stage.contradictions.append(f"{self.path}: {contradiction}")
+            contradiction.path = self.path
+            self._stage.contradictions.append(contradiction)
             return NodeStatus.SUCCESS
 
-    def step(self) -> NodeStatus:
+    def step(self, *, kept: bool = False) -> NodeStatus:
         before = self.state
-        state = super().step()
+        state = super().step(kept=kept)
         trace = self._stage.trace
         trace.stepped(self.path, before, state)
         if state is not NodeStatus.RUNNING:
@@ -100,7 +106,7 @@ class LeafStub(Node, abstract=True):
         self._write(answer)
         for port in self.declaration.outputs:
             if port.key in self.wiring.ports and (answer is None or port.key not in answer.outputs):
-                self.output(port.key, self._believed(port))
+                self.output(port.key, self._believed(port, answer))
         return NodeStatus.SUCCESS
 
     def _write(self, answer: LeafAnswer | None) -> None:
@@ -109,18 +115,18 @@ class LeafStub(Node, abstract=True):
             if port is not None and key in self.wiring.ports:
                 self.output(key, convert_literal(value, port.type, port.unit, port.choices, port.within))
 
-    def _believed(self, port: PortDeclaration) -> object:
+    def _believed(self, port: PortDeclaration, answer: LeafAnswer | None) -> object:
         if not follows_from_belief(port, self.declaration.uses):
-            raise Contradiction(f"{self.declaration.id} succeeds without its output {port.key!r}")
+            raise MissingOutput(self.declaration.id, port.key, answer)
         return self._stage.belief.to_do()
 
 
 class NodeSpy(Node, abstract=True):
     """Mixin for a node of the language, which runs itself: it records the node's results in the trace."""
 
-    def step(self) -> NodeStatus:
+    def step(self, *, kept: bool = False) -> NodeStatus:
         before = self.state
-        state = super().step()
+        state = super().step(kept=kept)
         trace = cast("RehearsalWorld", self.world).trace
         trace.stepped(self.path, before, state)
         if self.kind == "condition":
@@ -199,6 +205,29 @@ def stub_mission(mission: Mission, scene: SceneDescription | None) -> StubbedMis
     return StubbedMission(replace(mission, trees=trees), roles, scene, watched, texts)
 
 
+def play_case(staging: StubbedMission, case: RehearsalCase) -> tuple[BehaviourTree, RehearsalWorld]:
+    """Tick the staged mission with the answers of a case, to its end; return its tree and its world.
+
+    Raises PicktreeError for a parameter that is unknown, missing or of the wrong type.
+    """
+    played = (role.path for role in staging.roles.all if role.played)
+    world = RehearsalWorld(staging.scene, ScriptedAnswers(case.scripts), Trace(played))
+    world.belief.change(case.objects)
+    world.belief.pin(case.facts)
+    tree = build(staging.mission, world, cast("Mapping[str, Plain]", case.parameters))
+    trace = world.trace
+    tree.on_start.append(trace.begun)
+    trace.writes = tree.blackboard.take_writes
+    most = min(case.expect.ticks or DEFAULT_MAX_TICKS, case.halt_after or DEFAULT_MAX_TICKS)
+    while True:
+        trace.tick = world.clock.ticks + 1
+        tree.step()
+        trace.flush()
+        if tree.status is not NodeStatus.RUNNING or world.contradictions or trace.tick >= most:
+            return tree, world
+        world.clock.ticks += 1
+
+
 def scene_of(mission: Mission) -> SceneDescription | None:
     """Return the mission's scene, None when it names none. Raises PicktreeError (FileError) for a faulty
     one."""
@@ -238,7 +267,7 @@ def _node(spec: NodeSpec, above: str, watched: _Watched) -> NodeSpec:
         preconditions={key: watch(key, value) for key, value in spec.preconditions.items()},
         postconditions={
             key: tuple(
-                Assignment(one.key, watch(f"{key} {n}", one.value)) for n, one in enumerate(assignments)
+                replace(one, value=watch(f"{key} {n}", one.value)) for n, one in enumerate(assignments)
             )
             for key, assignments in spec.postconditions.items()
         },

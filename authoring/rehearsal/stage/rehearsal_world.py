@@ -22,7 +22,7 @@ from ....world.scene.description import CatalogueEntry, SceneDescription
 from ....world.scene.destinations import destination_rule
 from ....world.shapes import Box
 from ....world.values import ObjectId, Pose
-from ..cases.cases_schema import EMPTY_HAND, Effects, ObjectFile, Objects
+from ..cases.cases_schema import EMPTY_HAND, Effects, LeafAnswer, ObjectFile, Objects
 from .trace import ScriptedAnswers, Trace
 
 TABLE = "table"
@@ -34,6 +34,17 @@ _DEFAULT_SHAPE = Box((0.04, 0.04, 0.04))
 
 class Contradiction(Exception):
     """Impossible answer in a case: it ends the case, and is never a failure of the mission."""
+
+    path = ""
+    """Path of the leaf that gives the answer."""
+
+
+class MissingOutput(Contradiction):
+    """Success without an output that the mission reads; `answer`: None where the case gives none."""
+
+    def __init__(self, leaf: str, port: str, answer: LeafAnswer | None) -> None:
+        super().__init__(f"{leaf} succeeds without its output {port!r}")
+        self.port, self.answer = port, answer
 
 
 class Belief:
@@ -205,7 +216,16 @@ class Belief:
             belief = _of_kind(belief, entry.kind, self._catalogue.get(entry.kind))
         changes: dict[str, Any] = {
             name: value
-            for name in ("form", "colour", "role", "confidence", "last_seen", "sigma_position", "sigma_angle")
+            for name in (
+                "form",
+                "colour",
+                "role",
+                "mass",
+                "confidence",
+                "last_seen",
+                "sigma_position",
+                "sigma_angle",
+            )
             if (value := getattr(entry, name)) is not None
         }
         belief = replace(belief, **changes)
@@ -275,7 +295,7 @@ class RehearsalWorld:
         self.trace = trace
         self.journal: Journal = _Notes(trace)
         self.attempts = AttemptMemory()
-        self.contradictions: list[str] = []
+        self.contradictions: list[Contradiction] = []
 
     @property
     def scene(self) -> PlanningScene:

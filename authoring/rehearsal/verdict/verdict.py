@@ -183,8 +183,8 @@ class _Comparison:
 
     def all(self) -> Iterator[ExpectationMiss]:
         expect, outcome = self._case.expect, self._outcome
-        for sentence in outcome.world.contradictions:
-            yield self._at(self._case.loc, f"this cannot be: {sentence}", outcome.ticks)
+        for found in outcome.world.contradictions:
+            yield self._at(self._case.loc, f"this cannot be: {found.path}: {found}", outcome.ticks)
         for sentence in dict.fromkeys(self._trace.faults):
             yield self._at(self._case.loc, f"a fault of the program: {sentence}", outcome.ticks)
         yield from self._end(expect)

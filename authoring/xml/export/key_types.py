@@ -12,7 +12,7 @@ from ....files.marks import Diagnostic
 from ....trees.mission import MAIN, Mission, NodeSpec, TreeSpec, bottom_up
 from ....trees.node import Node
 from ....trees.ports import PortDeclaration
-from ....trees.values.references import Constant, Reference
+from ....trees.values.references import ROOT_KEY, Constant, Reference
 from ..format.btcpp_vocabulary import PORT_TYPES, REPEAT_WHILE, SHARED_NODES
 from ..format.literal_text import ANY_TYPE, JSON, type_text, value_text
 
@@ -79,6 +79,7 @@ class KeyTypes:
         """Return the declared ports that clash with others; note faults where no port can give way."""
         self.faults, self._uses = [], {}
         found: set[tuple[str, str]] = set()
+        rooted: dict[str, list[_KeyUse]] = {}
         for name in bottom_up(self.mission.trees):
             tree = self.mission.trees[name]
             uses: dict[str, list[_KeyUse]] = {}
@@ -86,6 +87,10 @@ class KeyTypes:
                 uses.setdefault(key, []).append(use)
             self._uses[name] = uses
             found.update(self._numbers(tree))
+            for key in [key for key in uses if key.startswith(ROOT_KEY)]:
+                rooted.setdefault(key[1:], []).extend(uses.pop(key))
+            for key, users in rooted.items() if name == MAIN else ():
+                uses.setdefault(key, []).extend(users)
             inner = () if name == MAIN or self.mission.library else [port.key for port in tree.ports]
             for key, users in uses.items():
                 if key not in inner:

@@ -10,11 +10,12 @@ from typing import cast
 
 from ....files.expressions.expression import Expression
 from ....files.marks import Diagnostic, FileError, Mark
+from ....trees.declaration import AUTOREMAP, POSTCONDITIONS
 from ....trees.mission import MAIN, Mission, NodeSpec, TreeSpec
 from ....trees.node import Node
 from ....trees.ports import PortDeclaration
 from ....trees.values.port_types import PortType
-from ....trees.values.references import Assignment, Binding, Constant, Reference
+from ....trees.values.references import Assignment, Binding, Constant, PortExpression, Reference
 from ..format import btcpp_vocabulary, tree_nodes_model
 from ..format.btcpp_vocabulary import SlotRow, indexes_text, table_text
 from ..format.element import Comments, Element
@@ -149,6 +150,8 @@ class XmlExporter:
                 return self._condition(spec)
             case "SetBlackboard":
                 return self._set_blackboard(spec, trail)
+            case "Script":
+                return self._script(spec)
             case "Switch":
                 return self._switch(spec, trail)
             case "Repeat" if "while" in spec.ports:
@@ -192,6 +195,11 @@ class XmlExporter:
         if isinstance(bound, Reference):
             return str(bound)
         mark = spec.places.get(port.key, spec.mark)
+        if isinstance(bound, PortExpression):
+            message = f"port {port.key!r}: BehaviorTree.CPP has no expressions as values of ports"
+            hint = f'set a key before, as "{{{port.key}}}" by SetBlackboard, and give the key'
+            self._fault(mark, trail, message, hint, code="P929")
+            return ""
         text = (
             value_text(bound.value, port.type) if spec.node else self._given(bound.value, port, spec, trail)
         )
@@ -246,16 +254,34 @@ class XmlExporter:
         """Export a SetBlackboard. Numbers and truth values keep their type in a Script only."""
         bound, key = spec.ports["value"], cast("Reference", spec.ports["output_key"]).key
         named = self._named(spec, "SetBlackboard")
-        if isinstance(bound, Constant):
+        if isinstance(bound, PortExpression):
+            with suppress(NotExpressible):
+                return Element(
+                    "Script", {**named, "code": assignments_script([Assignment(key, bound.value)])}
+                )
+            port = cast("type[Node]", spec.node).declaration.port("value")
+            assert port is not None
+            text = self._bound(bound, port, spec, trail)
+        elif isinstance(bound, Constant):
             value = bound.value
             text = value_text(value, PortType("any"))
             if text != value:
                 with suppress(NotExpressible):
-                    return Element("Script", {**named, "code": constant_script(key, value)})
+                    said = {"code": constant_script(key, value), btcpp_vocabulary.SETS: "true"}
+                    return Element("Script", {**named, **said})
             self._check_text(text, "port 'value'", spec.places.get("value", spec.mark), trail)
         else:
             text = str(bound)
         return Element("SetBlackboard", {**named, "value": text, "output_key": key})
+
+    def _script(self, spec: NodeSpec) -> Element:
+        given = spec.postconditions["code"]
+        try:
+            return Element("Script", {**self._named(spec, "Script"), "code": assignments_script(given)})
+        except NotExpressible:
+            self._use(btcpp_vocabulary.ASSIGN, tree_nodes_model.assign_model)
+            named = self._named(spec, btcpp_vocabulary.ASSIGN)
+            return Element(btcpp_vocabulary.ASSIGN, {**named, "code": _assignments(given)})
 
     def _switch(self, spec: NodeSpec, trail: str) -> Element:
         cases = spec.slots["cases"]
@@ -286,8 +312,12 @@ class XmlExporter:
     def _call(self, spec: NodeSpec, trail: str) -> Element:
         attributes = {"ID": spec.id} | self._instance(spec)
         left_out: list[str] = []
+        if spec.autoremap is not None:
+            attributes[AUTOREMAP] = "true"
         for port in self._mission.trees[spec.id].ports:
             bound = spec.ports.get(port.key)
+            if port.key in (spec.autoremap or ()) or (port.remapped and bound is None):
+                continue
             if bound is not None:
                 attributes[port.key] = self._bound(bound, port, spec, trail)
             elif port.direction == "out":
@@ -321,11 +351,12 @@ class XmlExporter:
     def _conditioned(self, spec: NodeSpec, element: Element) -> Element:
         """Return the element with conditions as attributes, or within a Guarded where scripts cannot express
         all."""
-        if not spec.preconditions and not spec.postconditions:
+        after = {key: spec.postconditions[key] for key in POSTCONDITIONS if key in spec.postconditions}
+        if not spec.preconditions and not after:
             return element
         try:
             said = {key: script(expression) for key, expression in spec.preconditions.items()}
-            said |= {key: assignments_script(given) for key, given in spec.postconditions.items()}
+            said |= {key: assignments_script(given) for key, given in after.items()}
             return _with(element, said)
         except NotExpressible:
             self._use(btcpp_vocabulary.GUARDED, tree_nodes_model.guarded_model)
@@ -333,10 +364,7 @@ class XmlExporter:
                 btcpp_vocabulary.GUARDS[key]: expression.text
                 for key, expression in spec.preconditions.items()
             }
-            ours |= {
-                btcpp_vocabulary.GUARDS[key]: _assignments(given)
-                for key, given in spec.postconditions.items()
-            }
+            ours |= {btcpp_vocabulary.GUARDS[key]: _assignments(given) for key, given in after.items()}
             return Element(btcpp_vocabulary.GUARDED, ours, (element,))
 
     # Faults.

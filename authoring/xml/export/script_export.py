@@ -16,6 +16,7 @@ from ....files.expressions.syntax_tree import (
     Call,
     ComparisonChain,
     Conditional,
+    Element,
     ListOf,
     LiteralValue,
     Logic,
@@ -41,6 +42,8 @@ def expression_text(part: Part) -> str:
         case Attribute(owner=owner, name=name):
             number = isinstance(owner, LiteralValue) and type(owner.value) in (int, float)
             return f"({expression_text(owner)}).{name}" if number else f"{_within(owner, _VALUE)}.{name}"
+        case Element(owner=owner, index=index):
+            return f"{_within(owner, _VALUE)}[{expression_text(index)}]"
         case Not(operand=operand):
             return f"not {_within(operand, _NOT)}"
         case Sign(symbol=symbol, operand=operand):

@@ -60,17 +60,20 @@ SHARED_NODES: Final = frozenset(
         "Sequence", "Fallback", "ReactiveSequence", "ReactiveFallback", "Parallel", "IfThenElse",
         "WhileDoElse", "Inverter", "ForceSuccess", "ForceFailure", "Repeat", "KeepRunningUntilFailure",
         "RetryUntilSuccessful", "Timeout", "Delay", "RunOnce", "AlwaysSuccess", "AlwaysFailure",
+        "SequenceWithMemory", "ParallelAll", "Sleep", "SkipUnlessUpdated", "WaitValueUpdate",
+        "WasEntryUpdated",
     )
 )  # fmt: skip
 """Nodes that both have, with the same ports."""
 PORT_TYPES: Final[dict[str, str]] = {
     "success_count": "int", "failure_count": "int", "num_cycles": "int", "num_attempts": "int",
+    "max_failures": "int",
     "msec": "unsigned", "delay_msec": "unsigned", "then_skip": "bool", "variable": "std::string",
 }  # fmt: skip
 """C++ types of the ports of those nodes, and of Switch."""
 TRANSLATED: Final = frozenset(
     (
-        "ScriptCondition", "Script", "SetBlackboard", "Sleep", "Precondition", "LoopInt", "LoopBool",
+        "ScriptCondition", "Script", "SetBlackboard", "Precondition", "LoopInt", "LoopBool",
         "LoopDouble", "LoopString", "Switch2", "Switch3", "Switch4", "Switch5", "Switch6",
     )
 )  # fmt: skip
@@ -78,9 +81,8 @@ TRANSLATED: Final = frozenset(
 FOREIGN: Final[dict[str, str]] = {
     name: FOREIGN_WORDS[name]
     for name in (
-        "AsyncSequence", "AsyncFallback", "SequenceWithMemory", "ParallelAll", "UnsetBlackboard",
-        "WasEntryUpdated", "SkipUnlessUpdated", "WaitValueUpdate", "TryCatch", "ManualSelector",
-        "SubTreePlus", "SequenceStar",
+        "AsyncSequence", "AsyncFallback", "UnsetBlackboard", "TryCatch", "ManualSelector", "SubTreePlus",
+        "SequenceStar",
     )
 }  # fmt: skip
 """Nodes of BehaviorTree.CPP without a counterpart, and the nearest alternative."""
@@ -92,7 +94,9 @@ GUARDED: Final = "Guarded"
 """Decorator for conditions of its child that scripts cannot express."""
 REPEAT_WHILE: Final = "RepeatWhile"
 """Name of Repeat with `while`."""
-OURS: Final = (CHECK, GUARDED, REPEAT_WHILE)
+ASSIGN: Final = "AssignExpressions"
+"""Action leaf for a Script with expressions that scripts cannot express."""
+OURS: Final = (CHECK, GUARDED, REPEAT_WHILE, ASSIGN)
 SWITCH: Final = re.compile(r"Switch[1-9]\d*")
 
 GUARDS: Final[dict[str, str]] = {
@@ -106,6 +110,8 @@ LEFT_OUT: Final = "_left_out"
 """Attribute: ports without a value in the mission that BehaviorTree.CPP requires, separated by spaces."""
 OWN_NAME: Final = "_name"
 """Attribute: the name in the mission, where BehaviorTree.CPP needs another."""
+SETS: Final = "_sets"
+"""Attribute that marks a Script that is a SetBlackboard of the mission."""
 NO_CASE: Final = "_no_case"
 """Attribute that marks the default of a Switch that has none."""
 IGNORED: Final = ("_uid", "_fullpath", "_description")

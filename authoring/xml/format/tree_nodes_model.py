@@ -42,6 +42,11 @@ def check_model() -> Element:
     return Element("Condition", {"ID": btcpp_vocabulary.CHECK}, (_port("input_port", "if", _TEXT, "", text),))
 
 
+def assign_model() -> Element:
+    text = "assignments of picktree, which scripts cannot say"
+    return Element("Action", {"ID": btcpp_vocabulary.ASSIGN}, (_port("input_port", "code", _TEXT, "", text),))
+
+
 def guarded_model() -> Element:
     ports = [
         _port("input_port", port, _TEXT, "", f"{condition} of the child, in the words of picktree")
@@ -71,7 +76,11 @@ def tree_model(
 
     `default` returns the text of a port's default.
     """
-    parts = [_tree_port(port, default(tree, port) if _has_default(port) else "") for port in tree.ports]
+    parts = [
+        _tree_port(port, default(tree, port) if _has_default(port) else "")
+        for port in tree.ports
+        if not port.remapped
+    ]
     fields = tuple(Element("Metadata", field) for field in metadata)
     if fields:
         parts.append(Element("MetadataFields", {}, fields))

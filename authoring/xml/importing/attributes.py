@@ -112,9 +112,6 @@ class ElementReader(ABC):
         text, mark = element.get(attribute), element.place(attribute)
         if is_pointer(text) and kind.name != "expression":
             bare = text.strip(" ")
-            if bare.startswith("{@"):
-                message = f"{attribute!r}: keys of the root's blackboard (@) have no counterpart"
-                self.fault(mark, trail, message, "pass the value through a port", code="P911")
             return MarkedValue(mark, f"{{{attribute}}}" if bare == "{=}" else bare)
         try:
             return from_value(read_value(text, kind), mark)

@@ -13,7 +13,7 @@ from ....files.value_wording import suggest_name
 from ....files.yaml.document import Document, read_document
 from ....files.yaml.reader import Value
 from ....files.yaml.writer import MarkedValue, mission_text
-from ....trees.declaration import NodeDeclaration
+from ....trees.declaration import AUTOREMAP, NodeDeclaration
 from ....trees.loading.loader import examine
 from ....trees.loading.registry import NodeRegistry
 from ....trees.mission import MAIN, Mission
@@ -68,7 +68,7 @@ class XmlNodeReader(ElementReader):
             node = self._registry.find("Repeat")
         translation = self._translations.of(identity)
         # The ID is BehaviorTree.CPP's own: those names are refused for other nodes.
-        if translation is not None and (node is None or identity == "SetBlackboard"):
+        if translation is not None and (node is None or identity in ("SetBlackboard", "Script")):
             return translation(element, trail)
         if node is not None:
             return self._declared(element, node.declaration, trail)
@@ -95,7 +95,9 @@ class XmlNodeReader(ElementReader):
         slots = [slot for slot in declaration.slots if slot.key != "do"]
         for key in element.attributes:
             port = declaration.port(key)
-            if port is not None:
+            if port is not None and port.takes == "key":
+                draft.put(key, f"{{{element.get(key).strip('{} ')}}}", element.place(key))
+            elif port is not None:
                 self.port(draft, port.key, port.type, element, key, trail)
             elif key not in (*COMMON, "ID", *(slot.key for slot in slots)):
                 known = (*(p.key for p in declaration.ports), *(slot.key for slot in slots), "name")
@@ -187,12 +189,14 @@ class XmlNodeReader(ElementReader):
         for key in element.attributes:
             if key in ports and key not in left_out:
                 self.port(draft, key, ports[key].kind, element, key, trail)
-            elif key not in (*COMMON, *ports, "ID", "_autoremap", btcpp_vocabulary.LEFT_OUT):
+            elif key not in (*COMMON, *ports, "ID", AUTOREMAP, btcpp_vocabulary.LEFT_OUT):
                 self.no_port(element, key, f"the tree {identity!r}", (*ports, "name"), trail)
-        remapping = element.get("_autoremap") in ("true", "1")
+        remapping = element.get(AUTOREMAP) in ("true", "1")
+        if remapping:
+            draft.put(AUTOREMAP, True, element.place(AUTOREMAP))
         for key, port in ports.items():
-            if key not in element.attributes and (remapping or port.remapped):
-                draft.put(key, f"{{{key}}}" if remapping else port.remapped, element.mark)
+            if key not in element.attributes and port.remapped and not remapping:
+                draft.put(key, port.remapped, element.mark)
         return draft
 
 

@@ -76,8 +76,6 @@ class PortsOfTrees:
             mine = [call for call in calls if call.get("ID") == name]
             if model is None:
                 ports |= {port.key: port for port in self._inferred(name, mine)}
-            if any(call.get("_autoremap") in ("true", "1") for call in mine):
-                ports |= {p.key: p for p in self._remapped(name) if p.key not in ports}
             found[name] = tuple(ports.values())
         return found
 
@@ -145,13 +143,6 @@ class PortsOfTrees:
                     seen.add(key)
                     yield TreePort(key, call.place(key), used.direction(key))
 
-    def _remapped(self, tree: str) -> Iterator[TreePort]:
-        used = self._used(tree)
-        mark = self._source.trees[tree].mark
-        for key in dict.fromkeys((*used.read, *used.written)):
-            if not key.startswith("_"):
-                yield TreePort(key, mark, used.direction(key))
-
     def _used(self, tree: str) -> _Used:
         found = _Used([], [])
         if tree in self._source.trees:
@@ -162,7 +153,7 @@ class PortsOfTrees:
     def _uses(self, element: Element, found: _Used) -> None:
         node = self._registry.find(element.identity) if element.name != "SubTree" else None
         for key, text in element.attributes.items():
-            condition = key in (*_CONDITIONS, "code", "if") and element.identity != btcpp_vocabulary.CHECK
+            condition = key in (*_CONDITIONS, "code", "if") and element.identity not in btcpp_vocabulary.OURS
             if condition or key in _ASSIGNMENTS:
                 found.script(text)
             elif element.identity == "SetBlackboard" and key == "output_key":

@@ -178,7 +178,7 @@ class _Parser:
         if not self._is(*_ASSIGNMENTS):
             return Statement("", False, left)
         operator = self._take()
-        if not isinstance(left, Name) or left.name.startswith("@"):
+        if not isinstance(left, Name):
             raise ScriptError("only a key of the tree can be assigned to", target.at)
         value = self._choice()
         if self._is(*_ASSIGNMENTS):
@@ -273,8 +273,6 @@ class _Parser:
     def _name(self, token: _Token) -> Part:
         if token.text in ("true", "false"):
             return LiteralValue(token.at, token.text == "true")
-        if token.text.startswith("@"):
-            raise ScriptError("keys of the root's blackboard (@) have no counterpart", token.at)
         if token.text in _OUR_WORDS:
             raise ScriptError(f"{token.text!r} cannot be the name of a key in an expression", token.at)
         return Name(token.at, token.text)

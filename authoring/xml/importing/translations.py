@@ -16,7 +16,7 @@ from .attributes import COMMON, ElementReader, NodeDraft
 from .script_import import ScriptError, read_expression, read_statements
 
 Translation: TypeAlias = Callable[[Element, str], NodeDraft]
-_ANY, _NUMBER = PortType("any"), PortType("float")
+_ANY = PortType("any")
 _ELSE = {"FAILURE": "_failureIf", "SUCCESS": "_successIf", "SKIPPED": "_skipIf"}
 _LOOPS = {
     "LoopInt": PortType("int", many=True), "LoopBool": PortType("bool", many=True),
@@ -33,9 +33,9 @@ class Translations:
             "ScriptCondition": self._script_condition,
             "Script": self._script,
             "SetBlackboard": self._set_blackboard,
-            "Sleep": self._sleep,
             "Precondition": self._precondition,
             btcpp_vocabulary.CHECK: self._check,
+            btcpp_vocabulary.ASSIGN: self._assign,
             btcpp_vocabulary.GUARDED: self._guarded,
             **dict.fromkeys(_LOOPS, self._loop),
         }
@@ -55,9 +55,8 @@ class Translations:
         return draft
 
     def _script(self, element: Element, trail: str) -> NodeDraft:
-        """Translate a Script: one constant or copy to SetBlackboard, anything else to assignments of an
-        AlwaysSuccess."""
-        self._reader.only(element, ("code",), trail)
+        """Translate a Script; one constant or copy that the export has marked is a SetBlackboard."""
+        self._reader.only(element, ("code", btcpp_vocabulary.SETS), trail)
         self._reader.count(element, element.identity, 0, 0, trail)
         code, mark = self._reader.needed(element, "code", trail), element.place("code")
         try:
@@ -65,19 +64,24 @@ class Translations:
         except ScriptError as error:
             self._reader.script_fault(element, "code", error, trail)
             statements = ()
-        first = next(iter(statements), None)
-        single = first.constant() if first is not None and len(statements) == 1 else None
-        if first is not None and single is not None:
+        first = (
+            statements[0] if len(statements) == 1 and btcpp_vocabulary.SETS in element.attributes else None
+        )
+        constant = first.constant() if first is not None else None
+        if first is not None and constant is not None:
             draft = NodeDraft.of("SetBlackboard", element.mark)
-            draft.put("value", MarkedValue(mark, single), mark)
+            draft.put("value", MarkedValue(mark, constant), mark)
             draft.put("output_key", f"{{{first.key}}}", mark)
             return draft
-        draft = NodeDraft.of("AlwaysSuccess", element.mark)
-        if statements and "_onSuccess" not in element.attributes:
-            draft.put("_onSuccess", "; ".join(statement.text() for statement in statements), mark)
-        elif statements:
-            message = "a Script of this kind cannot have an _onSuccess besides"
-            self._reader.fault(mark, trail, message, "write one assignment after the other", code="P910")
+        draft = NodeDraft.of("Script", element.mark)
+        draft.put("code", "; ".join(statement.text() for statement in statements), mark)
+        return draft
+
+    def _assign(self, element: Element, trail: str) -> NodeDraft:
+        self._reader.only(element, ("code",), trail)
+        self._reader.count(element, element.identity, 0, 0, trail)
+        draft = NodeDraft.of("Script", element.mark)
+        draft.put("code", self._reader.needed(element, "code", trail), element.place("code"))
         return draft
 
     def _set_blackboard(self, element: Element, trail: str) -> NodeDraft:
@@ -88,15 +92,6 @@ class Translations:
         self._reader.port(draft, "value", _ANY, element, "value", trail)
         key = self._reader.needed(element, "output_key", trail).strip("{} ")
         draft.put("output_key", f"{{{key}}}", element.place("output_key"))
-        return draft
-
-    def _sleep(self, element: Element, trail: str) -> NodeDraft:
-        self._reader.only(element, ("msec",), trail)
-        self._reader.count(element, element.identity, 0, 0, trail)
-        draft = NodeDraft.of("Delay", element.mark)
-        self._reader.needed(element, "msec", trail)
-        self._reader.port(draft, "delay_msec", _NUMBER, element, "msec", trail)
-        draft.put("do", MarkedValue(element.mark, "AlwaysSuccess"))
         return draft
 
     def _precondition(self, element: Element, trail: str) -> NodeDraft:

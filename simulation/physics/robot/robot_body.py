@@ -34,6 +34,9 @@ def patched_urdf(robot: RobotDescription) -> str:
         root = ElementTree.parse(path).getroot()
     except (OSError, ElementTree.ParseError) as error:
         raise PicktreeError(f"{robot.source or robot.name}: urdf {robot.urdf}: {error}") from None
+    for link in root.findall("link"):
+        for visual in link.findall("visual"):
+            link.remove(visual)
     for mesh in root.iter("mesh"):
         mesh.set("filename", str(_mesh_path(mesh.get("filename", ""), path, robot)))
     mount_tool(root, robot)
@@ -59,8 +62,6 @@ def _mesh_path(reference: str, urdf: Path, robot: RobotDescription) -> Path:
 
 
 def _show_what_collides(link: ElementTree.Element) -> None:
-    for visual in link.findall("visual"):
-        link.remove(visual)
     for collision in link.findall("collision"):
         visual = copy.deepcopy(collision)
         visual.tag = "visual"

@@ -13,6 +13,7 @@ from ...shapes import Box, Cylinder, Shape, Sphere, extents
 from ...values import Bounds, ObjectId, Pose
 from ..body_schema import FixtureFile
 from ..description import (
+    ASSORTMENT,
     AtIntervals,
     AtTimes,
     Belt,
@@ -26,7 +27,7 @@ from ..description import (
 )
 from ..scene_schema import FeedFile, WhenFile
 from .scene_entries import body
-from .spawn_areas import check_area, check_crowding, check_kinds
+from .spawn_areas import check_area, check_crowding, check_kinds, check_tote, tote_area
 
 DEFAULT_GAP = 0.025
 DEFAULT_SPACING = 0.15
@@ -44,14 +45,17 @@ def check_feed(
     bodies: Mapping[str, FixtureFile],
     standing: Sequence[Fixture | Bin] | None,
     workspace: Bounds | None,
+    assorted: bool = False,
 ) -> None:
     """Faults of one entry; `standing` are the fixtures and bins.
 
-    Faulty kinds count as none; None stands for what could not be read.
+    Faulty kinds count as none; None stands for what could not be read. `assorted`: whether the scene has an
+    assortment.
     """
     loc: Location = ("feed", n)
     which = check.one_of(loc, FeedFile.one_of)
-    check_kinds(check, loc, entry, catalogue)
+    poured = which == "into" and assorted
+    check_kinds(check, loc, entry, {**catalogue, ASSORTMENT: None} if poured else catalogue)
     with check.readable():
         if which == "area" and entry.area is not None:
             if entry.spacing is not None:
@@ -62,7 +66,14 @@ def check_feed(
         if which == "belt" and entry.belt is not None:
             _check_on_belt(check, loc, entry, entry.belt, catalogue, bodies)
     with check.readable():
-        if which != "belt" and entry.when is not None:
+        if which == "into" and entry.into is not None:
+            check_tote(check, loc, entry.into, standing)
+            for key in ("gap", "spacing", "tumbled", "when"):
+                if getattr(entry, key) is not None:
+                    hint = "a tote comes full when it is exchanged, and its items lie anywhere"
+                    check.fault((*loc, key), "items come with their tote", hint, code="P112", key=True)
+    with check.readable():
+        if which == "area" and entry.when is not None:
             _check_times(check, loc, entry, entry.when)
 
 
@@ -154,6 +165,23 @@ def _check_times(check: DocumentChecker, loc: Location, entry: FeedFile, when: W
         check.fault((*loc, "total"), message, "give more times, or leave the total out", code="P423")
 
 
+def check_totes(check: DocumentChecker, feed: Sequence[FeedFile], *, exchanged: bool) -> None:
+    """Totes into which two entries come, or that nobody exchanges."""
+    feeding: dict[str, int] = {}
+    for n, entry in enumerate(feed):
+        with check.readable():
+            if entry.into is None:
+                continue
+            loc: Location = ("feed", n, "into")
+            if entry.into in feeding:
+                message = f"feed[{feeding[entry.into]}] comes into the tote {entry.into!r} already"
+                check.fault(loc, message, "one entry says what a full tote holds: a mixture", code="P424")
+            elif not exchanged:
+                message = f"nobody exchanges the tote {entry.into!r}, so no full one comes"
+                check.fault(loc, message, "add 'exchange: {takes: 6 s}'", code="P425", severity="warning")
+            feeding.setdefault(entry.into, n)
+
+
 def check_belts(
     check: DocumentChecker,
     bodies: Mapping[str, FixtureFile],
@@ -192,7 +220,7 @@ def _may_feed(check: DocumentChecker, entry: FeedFile, name: str, bodies: Mappin
     """Also one in which the belt's name is wrong, missing or cannot be read."""
     with check.readable():
         if entry.belt is None:
-            return entry.area is None
+            return entry.area is None and entry.into is None
         return entry.belt == name or entry.belt not in bodies or bodies[entry.belt].belt is None
     return True
 
@@ -213,6 +241,10 @@ def delivery(entry: FeedFile, bodies: Mapping[str, FixtureFile]) -> Delivery:
     """An entry of the feed without faults."""
     if entry.belt is not None:
         area = _top(entry.belt, bodies[entry.belt])
+    elif entry.into is not None:
+        tote = body(entry.into, bodies[entry.into])
+        assert isinstance(tote, Bin)
+        area = tote_area(tote)
     else:
         assert entry.area is not None
         area = (entry.area.min, entry.area.max)
@@ -223,6 +255,8 @@ def delivery(entry: FeedFile, bodies: Mapping[str, FixtureFile]) -> Delivery:
         gap=_gap(entry),
         lying=entry.lying,
         tumbled=bool(entry.tumbled),
+        into=None if entry.into is None else ObjectId(entry.into),
+        drop=None if entry.into is None else "heap",
     )
     when = _when(entry.when)
     total = entry.total

@@ -11,10 +11,11 @@ from ....files.marks import Location
 from ....files.value_wording import listed
 from ....files.yaml.document_checker import DocumentChecker
 from ...belief.hole_matching import tightest_hole
-from ...shapes import Box, Cylinder, Shape, Sphere
+from ...shapes import Box, Cylinder, Shape, Sphere, greatest_length
 from ...values import Array, ObjectId, Pose
 from ..body_schema import FixtureFile, HoleFile
 from ..description import NO_UNCERTAINTY, CatalogueEntry, Hole, HoleForm, PlacementUncertainty
+from ..destinations import ItemTraits, rule_holds
 from ..hole_geometry import MIN_WALL, InterlockedHoles, outline, partition_top, wall_thickness
 
 
@@ -126,8 +127,8 @@ def check_fits(
         entry = catalogue.get(kind)
         if entry is None:
             continue
-        names = {"kind": kind, "form": entry.form, "colour": colour}
-        n = next((n for n, (rule, _) in enumerate(rules) if rule.evaluate(names)), None)
+        item = ItemTraits(colour, entry.form, kind, entry.mass, greatest_length(entry.shape))
+        n = next((n for n, (rule, _) in enumerate(rules) if rule_holds(rule, item)), None)
         if n is None or rules[n][1] not in bored or (n, kind) in told:
             continue
         told.add((n, kind))

@@ -32,7 +32,7 @@ from ..description import (
     SensorNoise,
     Thinking,
 )
-from ..destinations import can_hold, rule_names
+from ..destinations import MEASURES, can_hold, rule_names
 from ..scene_schema import (
     SECTIONS,
     CalibrationFile,
@@ -42,7 +42,7 @@ from ..scene_schema import (
     RestFile,
     SpawnFile,
 )
-from .feed_loading import belt, check_belts, check_feed, delivery
+from .feed_loading import belt, check_belts, check_feed, check_totes, delivery
 from .hole_loading import check_fits, holes
 from .scene_entries import body, camera, check_body, check_camera, check_unknown, hidden_body, kind
 from .spawn_areas import assortment, check_assortment, check_spawn, spawn
@@ -178,7 +178,7 @@ class _Parts:
             if check.full:
                 break
             check_spawn(check, n, entry, self.catalogue, standing, workspace, assorted)
-        self._check_feed(standing, workspace)
+        self._check_feed(standing, workspace, assorted)
         self._check_weights()
         for n, entry in enumerate(self.destinations):
             self._check_destination(n, entry)
@@ -253,12 +253,16 @@ class _Parts:
             self.checker.fault(("limits", "workspace"), message, code="P415")
         return None
 
-    def _check_feed(self, standing: list[Fixture | Bin] | None, workspace: Bounds | None) -> None:
+    def _check_feed(
+        self, standing: list[Fixture | Bin] | None, workspace: Bounds | None, assorted: bool
+    ) -> None:
         check = self.checker
         for n, entry in enumerate(self.feed):
             if check.full:
                 return
-            check_feed(check, n, entry, self.catalogue, self.bodies, standing, workspace)
+            check_feed(check, n, entry, self.catalogue, self.bodies, standing, workspace, assorted)
+        with check.readable():
+            check_totes(check, self.feed, exchanged=self.rest.exchange is not None)
         check_belts(check, self.bodies, self.feed, workspace)
         with check.readable():
             if self.rest.exchange is not None and not any(map(self._may_be_bin, self.bodies)):
@@ -300,7 +304,9 @@ class _Parts:
             # Long rules are tried on fewer items: that takes a bounded time for any file.
             most = max(1, MAX_RULE_TRIALS // (len(self.destinations) * max(1, len(rule.where))))
             if expression is not None and not can_hold(expression, names, most=most):
-                hint = "check the colour, form and kind that it asks for"
+                units = "; mass is in kg, size in m, tags are 0 … 49"
+                measured = units if expression.names & MEASURES.keys() else ""
+                hint = f"check the colour, form and kind that it asks for{measured}"
                 check.fault(loc, "no item can fulfil this", hint, code="P418")
             if expression is not None:
                 self.rules.append((expression, rule.to))

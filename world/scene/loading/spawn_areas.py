@@ -15,7 +15,8 @@ from ....files.yaml.document import Document
 from ....files.yaml.document_checker import DocumentChecker
 from ...shapes import Box, Cylinder, Shape, Sphere, corners
 from ...values import Bounds, ObjectId
-from ..description import ASSORTMENT, Assortment, Bin, CatalogueEntry, Fixture, Spawn
+from ..description import ASSORTMENT, MESH_SETS, Assortment, Bin, CatalogueEntry, Fixture, Spawn
+from ..heap_regions import PILE_RIM
 from ..scene_schema import AreaFile, AssortmentFile, SpawnFile
 
 MAX_COVERED_SHARE = 0.8
@@ -51,7 +52,8 @@ def check_spawn(
     with check.readable():
         _check_heap(check, loc, entry, bodies)
     with check.readable():
-        may_lie = entry.area is not None and check_area(check, loc, entry.area, bodies, workspace)
+        rim = 0.0 if entry.drop is None else PILE_RIM
+        may_lie = entry.area is not None and check_area(check, loc, entry.area, bodies, workspace, rim)
         if may_lie and entry.area is not None and entry.drop is None:
             check_crowding(check, loc, entry, entry.area, 0.0 if entry.touching else entry.gap, catalogue)
         if entry.touching and entry.tumbled:
@@ -69,17 +71,29 @@ def _check_heap(
     if entry.area is not None and entry.into is not None:
         message = "'area' and 'into' exclude each other"
         check.fault((*loc, "into"), message, "give one of them", code="P112", key=True)
-    totes = [str(b.id) for b in bodies or () if isinstance(b, Bin) and b.is_tote]
-    if entry.into is not None and bodies is not None and entry.into not in totes:
-        hint = suggest_name(entry.into, totes)
-        check.fault((*loc, "into"), f"there is no tote {entry.into!r}", hint, code="P416")
+    if entry.into is not None:
+        check_tote(check, loc, entry.into, bodies)
     if entry.drop is None and (entry.into is not None or ASSORTMENT in entry.of):
-        hint = "items are poured into a tote, and so are things of an assortment: 'drop: heap'"
+        which = "'drop: heap'" if entry.into is not None else "'drop: pile' or 'drop: packed'"
+        hint = f"items are poured into a tote, and things of an assortment lie in heaps: {which}"
         check.fault(loc, "'drop' is missing", hint, code="P105", key=True)
+    if entry.drop is not None and (entry.drop == "heap") != (entry.into is not None):
+        hint = "'heap' with 'into', a tote; 'pile' or 'packed' with 'area', on the table"
+        check.fault((*loc, "drop"), f"'drop: {entry.drop}' does not go with this place", hint, code="P112")
     for name in ("tumbled", "touching"):
         if entry.drop is not None and getattr(entry, name):
             message = f"'drop' and {name!r} exclude each other: what is poured comes to lie anywhere"
             check.fault((*loc, name), message, "give one of them", code="P112", key=True)
+
+
+def check_tote(
+    check: DocumentChecker, loc: Location, name: str, bodies: Sequence[Fixture | Bin] | None
+) -> None:
+    """Whether there is the tote into which items are poured."""
+    totes = [str(b.id) for b in bodies or () if isinstance(b, Bin) and b.is_tote]
+    if bodies is not None and name not in totes:
+        hint = suggest_name(name, totes)
+        check.fault((*loc, "into"), f"there is no tote {name!r}", hint, code="P416")
 
 
 def check_kinds(
@@ -100,14 +114,18 @@ def check_area(
     area: AreaFile,
     bodies: Sequence[Fixture | Bin] | None,
     workspace: Bounds | None,
+    rim: float = 0.0,
 ) -> bool:
-    """Whether the area is one at all; faults also when it lies where nothing can be set down or reached."""
+    """Whether the area is one at all; faults also when it lies where nothing can be set down or reached.
+
+    `rim`: width about it in which things of a heap may come to lie, m.
+    """
     (x0, y0), (x1, y1) = area.min, area.max
     if x1 <= x0 or y1 <= y0:
         message = "the area is empty: 'max' must be greater than 'min' along x and y"
         check.fault((*loc, "area"), message, code="P411")
         return False
-    _check_place(check, loc, area, bodies, workspace)
+    _check_place(check, loc, area, bodies, workspace, rim)
     return True
 
 
@@ -117,23 +135,26 @@ def _check_place(
     area: AreaFile,
     bodies: Sequence[Fixture | Bin] | None,
     workspace: Bounds | None,
+    rim: float,
 ) -> None:
     (x0, y0), (x1, y1) = area.min, area.max
+    x0, y0, x1, y1 = x0 - rim, y0 - rim, x1 + rim, y1 + rim
     points = [(x0, y0), (x1, y0), (x0, y1), (x1, y1)]
+    about = f" with its rim of {1000 * rim:g} mm" if rim else ""
     if workspace is not None:
         (wx0, wy0, _), (wx1, wy1, _) = workspace.min, workspace.max
         if any(not (wx0 <= x <= wx1 and wy0 <= y <= wy1) for x, y in points):
             hint = f"which is x {wx0:g} … {wx1:g} m, y {wy0:g} … {wy1:g} m"
-            check.fault((*loc, "area"), "the area is outside the workspace", hint, code="P412")
+            check.fault((*loc, "area"), f"the area{about} is outside the workspace", hint, code="P412")
     # A table that could not be read is not missed a second time.
     if bodies is not None and any(not _covered(bodies, x, y) for x, y in points):
-        message = "the area is not over a level fixture"
+        message = f"the area{about} is not over a level fixture"
         check.fault((*loc, "area"), message, "items stand on a table", code="P413")
         return
     below = next((b for b in bodies or () if isinstance(b, Bin) and _overlaps(b, points)), None)
     if below is not None:
         hint = "move one of them: items are set down on the table, beside bins"
-        check.fault((*loc, "area"), f"the area lies over {below.id}", hint, code="P426")
+        check.fault((*loc, "area"), f"the area{about} lies over {below.id}", hint, code="P426")
 
 
 def check_crowding(
@@ -208,8 +229,8 @@ def _outline(shape: Shape, gap: float, lying: float) -> Outline:
             return share * float(spread[0] + gap) * float(spread[1] + gap), float(np.hypot(*spread)) / 2
 
 
-MESH_SETS = ("random_urdfs",)
-"""Sets of meshes that come with a package."""
+MAX_ASSORTMENT_BYTES = 32_000_000
+"""Greatest size of all files of an assortment together: each log holds them."""
 
 
 def check_assortment(check: DocumentChecker, entry: AssortmentFile | None) -> bool:
@@ -221,6 +242,12 @@ def check_assortment(check: DocumentChecker, entry: AssortmentFile | None) -> bo
         hint = f"a folder beside this file, or {', '.join(MESH_SETS)}"
         message = f"there are no OBJ files in {entry.meshes!r}"
         check.fault(("assortment", "meshes"), message, hint, code="P409")
+    elif entry.meshes not in MESH_SETS:
+        size = sum(file.stat().st_size for file in folder.glob("*.obj"))
+        if size > MAX_ASSORTMENT_BYTES:
+            message = f"the OBJ files in {entry.meshes!r} have {size / 1e6:.0f} MB together"
+            hint = f"{MAX_ASSORTMENT_BYTES / 1e6:.0f} MB at most, because each log holds them"
+            check.fault(("assortment", "meshes"), message, hint, code="P409")
     return True
 
 
@@ -229,7 +256,9 @@ def assortment(document: Document, entry: AssortmentFile | None) -> Assortment |
     if entry is None:
         return None
     meshes = _meshes(document, entry.meshes)
-    return Assortment(meshes, entry.scale, entry.density, entry.friction, entry.least_mass)
+    return Assortment(
+        meshes, entry.scale, entry.density, entry.friction, entry.least_mass, entry.tags, entry.tag_size
+    )
 
 
 def _meshes(document: Document, name: str) -> str:
@@ -239,14 +268,19 @@ def _meshes(document: Document, name: str) -> str:
     return str((Path(document.mark(("assortment", "meshes")).file).parent / name).resolve())
 
 
+def tote_area(tote: Bin) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Return the corners of the area about a tote, which is not turned for it, m."""
+    (x, y, _), (wide, deep, _) = tote.pose.position, tote.size
+    return (x - wide / 2, y - deep / 2), (x + wide / 2, y + deep / 2)
+
+
 def spawn(entry: SpawnFile, bins: Mapping[str, Bin]) -> Spawn:
     """A spawn entry without faults."""
     if entry.area is not None:
         area = (entry.area.min, entry.area.max)
     else:
         assert entry.into is not None
-        (x, y, _), (wide, deep, _) = bins[entry.into].pose.position, bins[entry.into].size
-        area = ((x - wide / 2, y - deep / 2), (x + wide / 2, y + deep / 2))
+        area = tote_area(bins[entry.into])
     return Spawn(
         counts=tuple(entry.of.items()),
         colours=entry.colours,
@@ -256,5 +290,5 @@ def spawn(entry: SpawnFile, bins: Mapping[str, Bin]) -> Spawn:
         tumbled=entry.tumbled,
         touching=entry.touching,
         into=None if entry.into is None else ObjectId(entry.into),
-        heap=entry.drop is not None,
+        drop=entry.drop,
     )

@@ -79,7 +79,12 @@ export class Believed {
 }
 
 function sameForm(a, b) {
-  return JSON.stringify([a.shape.mesh ? "mesh" : a.shape, a.colour, a.role]) === JSON.stringify([b.shape.mesh ? "mesh" : b.shape, b.colour, b.role]);
+  const [one, other] = [a, b].map(({ shape, colour, role }) => JSON.stringify([shape.mesh ? "mesh" : shape, colour, role]));
+  return one === other && (!a.shape.mesh || sameMesh(a.shape.mesh, b.shape.mesh));
+}
+
+function sameMesh(a, b) {
+  return a.vertices.length === b.vertices.length && a.vertices.every((value, k) => value === b.vertices[k]);
 }
 
 // A true body, with the line to where it is believed.
@@ -174,6 +179,7 @@ export class Choices {
     const points = [];
     const colours = [];
     const [p, q] = [new Vector3(), new Quaternion()];
+    this.segments = hand.length / 2;
     choice.accepted.forEach((accepted, k) => {
       p.fromArray(choice.poses, k * 7);
       q.fromArray(choice.poses, k * 7 + 3).normalize();
@@ -186,6 +192,11 @@ export class Choices {
     geometry.setAttribute("position", new BufferAttribute(new Float32Array(points), 3));
     geometry.setAttribute("color", new BufferAttribute(new Float32Array(colours), 3));
     this.group.add(new LineSegments(geometry, new LineBasicMaterial({ vertexColors: true, transparent: true, opacity: 0.9 })));
+  }
+
+  // The verdict of the candidate of which this vertex is a corner.
+  verdict(vertex) {
+    return this.shown.verdicts[Math.floor(vertex / (2 * this.segments))];
   }
 }
 

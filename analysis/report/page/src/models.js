@@ -5,12 +5,12 @@ import {
   LineSegments, Mesh, MeshLambertMaterial, SphereGeometry, SRGBColorSpace,
 } from "three";
 
-export function shapeGeometry(shape) {
+export function shapeGeometry(shape, coloured = false) {
   if (shape.box) return new BoxGeometry(...shape.box);
   // three's cylinders stand along y.
   if (shape.cylinder) return new CylinderGeometry(shape.cylinder[0], shape.cylinder[0], shape.cylinder[1], 48).rotateX(Math.PI / 2);
   if (shape.sphere) return new SphereGeometry(shape.sphere, 32, 20);
-  return meshGeometry(shape.mesh, false);
+  return meshGeometry(shape.mesh, coloured);
 }
 
 export function meshGeometry(packed, coloured = true) {
@@ -36,13 +36,15 @@ export function painted([red, green, blue]) {
   return new Color().setRGB(red, green, blue, SRGBColorSpace);
 }
 
-// A solid body: as it is believed.
+// A solid body: as it is believed. The columns of a heap have the colours of their heights.
 export function solid(look) {
   const obstacle = look.role === "obstacle";
+  const heap = look.role === "heap" && Boolean(look.shape.mesh);
   const mesh = new Mesh(
-    shapeGeometry(look.shape),
+    shapeGeometry(look.shape, heap),
     new MeshLambertMaterial({
-      color: painted(look.colour),
+      color: heap ? new Color(1, 1, 1) : painted(look.colour),
+      vertexColors: heap,
       transparent: obstacle,
       opacity: obstacle ? 0.35 : 1,
     }),

@@ -7,9 +7,12 @@ import { TOLERANCE } from "./actors.js";
 const MOST = 3; // differences that are named, the largest first
 const ABOVE = new Vector3(0, 0, 0.045); // of a body's middle, m
 
-// [[class, text], …]
-export function remarksOf(believed, truths) {
-  const said = believed.filter((one) => one.group.visible && one.isHeld).map(({ id }) => ["held", `holds ${id}`]);
+// [[class, text], …]. `choice`: the search that is shown, if any.
+export function remarksOf(believed, truths, choice) {
+  const seen = believed.filter((one) => one.group.visible);
+  const said = seen.filter(({ look }) => look.remark).map(({ look }) => ["heights", look.remark]);
+  if (choice) said.push(["choice", choice.summary]);
+  said.push(...seen.filter((one) => one.isHeld).map(({ id }) => ["held", `holds ${id}`]));
   const apart = truths
     .filter((one) => one.state === "gone" || differs(one))
     .sort((a, b) => (b.distance || Infinity) - (a.distance || Infinity));

@@ -19,10 +19,11 @@ const NO_WEBGL =
 const LAYERS = [
   ["truth", "Truth", "where the bodies truly were, which the robot did not know"],
   ["path", "Path", "the path of the motion that is being made"],
-  ["choices", "Candidates", "grasps and placements that were thought of: green taken, red refused"],
+  ["choices", "Candidates", "grasps and placements that were thought of: green taken, red refused; click one for the reason"],
   ["camera", "Camera", "what the camera sees"],
   ["names", "Names", "ids of the bodies"],
 ];
+const NEAR_LINE = 0.004; // m from a candidate's outline up to which a click means it
 const USUAL = { truth: true, path: true, choices: true, camera: false, names: false };
 
 export class Stage {
@@ -176,7 +177,7 @@ export class Stage {
     for (const one of [this.robot, ...this.believed, ...this.truths, ...this.frusta]) one.move(tick, share);
     for (const one of [this.paths, this.choices]) one.move(time);
     this.views.follow(this.robot.tcp.clone().sub(before));
-    const remarks = remarksOf(this.believed, this.shown.truth ? this.truths : []);
+    const remarks = remarksOf(this.believed, this.shown.truth ? this.truths : [], this.shown.choices ? this.choices.shown : null);
     const words = JSON.stringify(remarks);
     if (words !== this.words) this.said.replaceChildren(...remarks.map(([kind, text]) => made("span", { class: kind }, text)));
     this.words = words;
@@ -189,11 +190,14 @@ export class Stage {
     ray.setFromCamera(at, this.views.camera);
     const roots = [this.fixed, this.robot.group, ...this.believed.map((one) => one.group)];
     if (this.shown.truth) roots.push(...this.truths.map((one) => one.ghost.body));
+    if (this.shown.choices) roots.push(this.choices.group);
+    ray.params.Line.threshold = NEAR_LINE;
     const hit = ray.intersectObjects(roots, true).find(({ object }) => isSeen(object));
     this.picked = null;
     if (hit) {
       const { object, truth } = hit.object.parent.userData;
-      this.picked = object || truth ? { object, truth } : { label: hit.object.userData.label, at: hit.point };
+      const label = hit.object.isLineSegments ? this.choices.verdict(hit.index) : hit.object.userData.label;
+      this.picked = object || truth ? { object, truth } : { label, at: hit.point };
     }
     this.request();
   }

@@ -1,0 +1,321 @@
+"""Strokes of the closed fingers through a heap, planned from its height map.
+
+The hand is swept over the map, as for grasps: the fingers must fit where a stroke begins, and the palm all
+along it. A stroke is worth the volume that it moves, and the distance from the walls that this gains. Pushes
+that make grasps possible were planned from height maps by Danielczuk et al. ("Linear push policies to
+increase grasp access for robot bin picking", CASE 2018); the value here is another one.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from ...robots.description import GripperDescription
+from ...world.belief.height_map import WALL_SHADOW, HeightMap
+from ...world.planar_geometry import PlanarPose
+from ...world.values import Pose
+from ..grasp.hand_shape import HandShape
+
+DIRECTIONS = 16
+"""Directions of strokes over a whole turn."""
+TILT = math.radians(30.0)
+"""Angle between a leaning hand and the vertical, rad: it reaches the foot of the wall behind it."""
+LENGTHS = (0.05, 0.09, 0.13)
+"""Lengths of strokes, m."""
+LEVELS = (0.006, 0.010, 0.016, 0.026, 0.038)
+"""Heights of the finger tips above the floor, m: the lowest that is free where the stroke begins is taken."""
+START_CLEARANCE, PALM_CLEARANCE = 0.003, 0.008
+"""Clearance around the fingers where a stroke begins, and around the palm all along it, m."""
+WALL_CELLS = 5
+"""Width of the square by which walls are enlarged, cells: the camera may hang 4 mm off."""
+RIM_SHADOW = 0.02
+"""Depth below the rim up to which heights in a tote are taken for its walls, m."""
+WALL_REACH = 0.09
+"""Distance from a wall from which on it does not hinder a grasp, m."""
+STIR_VALUE = 1.0
+"""Value of moved volume, as a share of the value of moving it off a wall by `WALL_REACH`."""
+AHEAD = 0.015
+"""Distance of the middle of the pushed things from the fingers, m."""
+TOP_DEPTH, MIN_SUPPORT = 0.008, 0.5
+"""Depth below the highest point under the fingers that counts as the top of a thing, m, and its least
+share."""
+MAX_DESCENT = 0.015
+"""Greatest height of the fingers above a thing that they come down on, m."""
+THING_REACH = 0.02
+"""Distance up to which things move along with the fingers on them, m."""
+HOOK_REACH, HOOK_RISE = 0.018, 0.008
+"""Distance ahead of the fingers at which a crest holds a thing to them, and its height for a sure hold, m."""
+MIN_WORTH = 1e-6
+"""Least value of a stroke, m³."""
+BLOCK = 10
+"""Edge length in cells of the squares of which each has one stroke for a direction."""
+
+Heights = NDArray[np.float32]
+
+
+@dataclass(frozen=True, slots=True)
+class Posture:
+    """Posture of the hand in a stroke."""
+
+    name: str
+    tilt: float
+    """Angle between hand and vertical, rad."""
+    side: int = 0
+    """Direction in which the hand leans, from the push in quarter turns: 0 along it, 1 to its left."""
+
+
+POSTURES = (
+    Posture("vertical", 0.0),
+    Posture("leaning ahead", TILT),
+    Posture("leaning left", TILT, 1),
+    Posture("leaning right", TILT, -1),
+)
+"""Postures of the hand. Fingers push with their broad side, or with the narrow one when it leans sideways."""
+
+
+@dataclass(frozen=True, slots=True)
+class HeapStroke:
+    """Straight stroke of the closed fingers through a heap."""
+
+    name: str
+    start: PlanarPose
+    """Finger tips in the world where the stroke begins, its x axis along the stroke."""
+    length: float
+    """Length, m."""
+    tips: float
+    """Height of the finger tips in the world, m."""
+    posture: Posture
+    drags: bool
+    """Whether the fingers come down on things behind a crest and drag them, instead of pushing them."""
+    worth: float
+    """Moved volume, weighted by what it gains, m³."""
+
+    def tcp_at(self, way: float, tip: float, flipped: bool) -> Pose:
+        """Return the TCP pose in the world after `way` m. `tip`: reach of the finger tips beyond the TCP, m.
+
+        Flipped by half a turn the fingers look the same.
+        """
+        at = self.start @ PlanarPose(way, 0.0)
+        yaw, tilt = at.yaw + self.posture.side * math.pi / 2, self.posture.tilt
+        lean, up = np.array([math.cos(yaw), math.sin(yaw), 0.0]), np.array([0.0, 0.0, 1.0])
+        z = -(math.sin(tilt) * lean + math.cos(tilt) * up)
+        x = (math.cos(tilt) * lean - math.sin(tilt) * up) * (-1.0 if flipped else 1.0)
+        x_, y_, z_ = np.array([at.x, at.y, self.tips]) - tip * z
+        return Pose.from_rotation((x_, y_, z_), np.column_stack([x, np.cross(z, x), z]))
+
+
+def heap_strokes(heap: HeightMap, gripper: GripperDescription) -> list[HeapStroke]:
+    """Return the strokes through a heap for which hand and fingers have room, best first."""
+    hand, surfaces = HandShape.of(gripper), _Surfaces.of(heap)
+    found: list[HeapStroke] = []
+    for k in range(DIRECTIONS):
+        turned = _Turned(heap, surfaces, 2 * math.pi * k / DIRECTIONS)
+        for posture in POSTURES:
+            found += turned.strokes(hand, posture)
+    return sorted(found, key=lambda one: (-one.worth, one.name))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Surfaces:
+    """Surfaces of a heap (n, m), m in the map's frame."""
+
+    solid: Heights
+    """Heights of everything: what was never seen is as high as the rim, and walls are enlarged."""
+    things: Heights
+    """Heights of what was seen of things; the floor elsewhere."""
+    ease: Heights
+    """Distance from the nearest wall as a share of `WALL_REACH`, at most 1."""
+
+    @classmethod
+    def of(cls, heap: HeightMap) -> _Surfaces:
+        heights, walls = heap.heights(), heap.walls()
+        unknown, beside = ~np.isfinite(heights), heap.beside_walls()
+        things = np.where(unknown | beside, heap.floor, heights).astype(np.float32)
+        # Depth next to a wall may be the wall's: things reach up to the wall as they are beside that strip.
+        side = 2 * round(WALL_SHADOW / heap.cell) + 1
+        things = np.where(beside & ~walls, cv2.dilate(things, np.ones((side, side), np.uint8)), things)
+        highest = max(heap.rim, float(things.max()))
+        whole = things
+        if walls.any():
+            things = np.where(things > heap.rim - RIM_SHADOW, heap.floor, things)
+        near = cv2.dilate(walls.astype(np.uint8), np.ones((WALL_CELLS, WALL_CELLS), np.uint8)) > 0
+        solid = np.where(unknown & ~beside | near, highest, whole).astype(np.float32)
+        ease = np.ones(walls.shape, np.float32)
+        if walls.any():
+            away = cv2.distanceTransform((~walls).astype(np.uint8), cv2.DIST_L2, 5)
+            ease = np.minimum(1.0, away * heap.cell / WALL_REACH).astype(np.float32)
+        return cls(solid, things.astype(np.float32), ease)
+
+
+class _Turned:
+    """Surfaces of a heap in an image whose columns lie along a stroke."""
+
+    def __init__(self, heap: HeightMap, surfaces: _Surfaces, yaw: float) -> None:
+        self._heap, self._yaw = heap, yaw
+        n, m = heap.shape
+        side = math.ceil(math.hypot(n, m)) + 2
+        self._centre, self._middle = (np.array([n, m]) - 1) / 2, (side - 1) / 2
+        c, s = math.cos(yaw), math.sin(yaw)
+        self._along, self._across = np.array([c, s]), np.array([-s, c])
+        # Image coordinates are (column, row), of the map (y, x).
+        matrix = np.array([[s, c, 0.0], [c, -s, 0.0]])
+        matrix[:, 2] = self._centre[::-1] - matrix[:, :2] @ np.full(2, self._middle)
+        flags, rim = cv2.INTER_NEAREST | cv2.WARP_INVERSE_MAP, float(surfaces.solid.max())
+
+        def turned(image: Heights, outside: float) -> Heights:
+            constant = cv2.BORDER_CONSTANT
+            found = cv2.warpAffine(
+                image, matrix, (side, side), flags=flags, borderMode=constant, borderValue=outside
+            )
+            return found.astype(np.float32)
+
+        outside = rim if heap.walls().any() else heap.floor
+        self._solid = turned(surfaces.solid, outside)
+        self._things = turned(surfaces.things, heap.floor)
+        self._ease = turned(surfaces.ease, 0.0 if heap.walls().any() else 1.0)
+
+    def strokes(self, hand: HandShape, posture: Posture) -> Iterator[HeapStroke]:
+        """Yield the best pushes and drags of each block of cells."""
+        fingers = self._lowest(hand, posture, fingers=True)
+        palm = self._lowest(hand, posture, fingers=False)
+        ways = {length: self._swept(palm, length) for length in LENGTHS}
+        half = hand.fingers[0].half_x if posture.side else hand.fingers[0].outer
+        yield from self._best(self._pushes(half, fingers, ways), posture, drags=False)
+        if posture.side == 0:
+            yield from self._best(self._drags(hand, fingers, ways), posture, drags=True)
+
+    def _pushes(
+        self, half: float, fingers: Heights, ways: Mapping[float, Heights]
+    ) -> Iterator[tuple[Heights, Heights, float]]:
+        """Yield value (n, n), m³, height of the tips (n, n), m, and length, m, of strokes from free
+        places. `half`: half of the fingers' width across the push, m."""
+        below = np.full(fingers.shape, -np.inf)
+        for level in (self._heap.floor + above for above in LEVELS):
+            begins = (fingers <= level) & (fingers > below)
+            below = np.full(fingers.shape, level)
+            if not begins.any():
+                continue
+            moved, eased = self._volumes(half, level)
+            for length, lowest in ways.items():
+                worth = (_ahead(moved, length / self._heap.cell) - moved) * (STIR_VALUE + self._ends(length))
+                worth -= _ahead(eased, length / self._heap.cell) - eased
+                free = begins & (lowest <= level)
+                yield np.where(free, worth, 0.0), np.full(fingers.shape, level, np.float32), length
+
+    def _drags(
+        self, hand: HandShape, fingers: Heights, ways: Mapping[float, Heights]
+    ) -> Iterator[tuple[Heights, Heights, float]]:
+        """Yield the same for strokes that begin on top of things."""
+        cell, pad = self._heap.cell, self._box(hand.fingers[0].half_x, hand.fingers[0].outer)
+        top = np.asarray(cv2.dilate(self._things, pad), np.float32)
+        filled = cv2.boxFilter((self._things > top - TOP_DEPTH).astype(np.float32), -1, pad.shape[::-1])
+        begins = (filled > MIN_SUPPORT) & (fingers < top + MAX_DESCENT) & (top > self._heap.floor + TOP_DEPTH)
+        if not begins.any():
+            return
+        side = 2 * round(THING_REACH / cell) + 1
+        depth = np.clip(self._things - np.float32(self._heap.floor + START_CLEARANCE), 0.0, None)
+        there = cv2.boxFilter(depth, -1, (side, side), normalize=False) * np.float32(cell**2)
+        # By friction alone a thing does not follow: its own friction on the floor is as great.
+        rise = (_ahead(top, HOOK_REACH / cell) - top) / HOOK_RISE
+        hold = np.clip(rise, 0.0, 1.0)
+        for length, lowest in ways.items():
+            gain = STIR_VALUE + self._ends(length) - self._ease
+            worth = np.where(begins & (lowest <= top), hold * there * gain, 0.0)
+            yield worth, fingers + np.float32(START_CLEARANCE), length
+
+    def _ends(self, length: float) -> Heights:
+        """Return the ease where the things come to lie that a stroke from each cell pushes."""
+        return _ahead(self._ease, (length + AHEAD) / self._heap.cell)
+
+    def _best(
+        self, offered: Iterator[tuple[Heights, Heights, float]], posture: Posture, *, drags: bool
+    ) -> Iterator[HeapStroke]:
+        """Yield the best of the offered strokes of each block of cells."""
+        best = np.zeros(self._things.shape, np.float32)
+        chosen = np.zeros((*best.shape, 2), np.float32)
+        for worth, level, length in offered:
+            better = worth > best
+            best[better] = worth[better]
+            chosen[better, 0], chosen[better, 1] = level[better], length
+        for at in _best_of_blocks(best):
+            level, length = (round(float(one), 4) for one in chosen[at[0], at[1]])
+            yield self._stroke(at, level, length, posture, drags, float(best[at[0], at[1]]))
+
+    def _lowest(self, hand: HandShape, posture: Posture, *, fingers: bool) -> Heights:
+        """Return the lowest height of the finger tips at which fingers or palm are free, m."""
+        gap, tilt, side = START_CLEARANCE if fingers else PALM_CLEARANCE, posture.tilt, posture.side
+        blocks = hand.fingers if fingers else hand.palm
+        lowest = np.full(self._solid.shape, self._heap.floor if fingers else -1.0, np.float32)
+        for block in blocks:
+            half, out = block.half_x + gap, block.outer + gap
+            lean = block.above * math.sin(tilt) / self._heap.cell
+            underside = block.above * math.cos(tilt) - block.half_x * math.sin(tilt)
+            swept = cv2.dilate(self._solid, self._box(out, half) if side else self._box(half, out))
+            swept = swept.astype(np.float32)
+            # The rows of the image run to the left of the push.
+            there = _ahead(swept.T, side * lean).T if side else _ahead(swept, lean)
+            lowest = np.maximum(lowest, there - underside)
+        return lowest + np.float32(gap)
+
+    def _box(self, half_along: float, half_across: float) -> NDArray[np.uint8]:
+        rows, columns = (2 * math.ceil(half / self._heap.cell) + 1 for half in (half_across, half_along))
+        return np.ones((rows, columns), np.uint8)
+
+    def _swept(self, lowest: Heights, length: float) -> Heights:
+        """Return the greatest of the heights on the way of each stroke, m."""
+        cells = round(length / self._heap.cell)
+        return cv2.dilate(lowest, np.ones((1, cells + 1), np.uint8), anchor=(0, 0)).astype(np.float32)
+
+    def _volumes(self, half: float, level: float) -> tuple[Heights, Heights]:
+        """Return the volume above the finger tips from the image's left edge to each cell, m³; and the same
+        weighted by `_Surfaces.ease`."""
+        cell, rows = self._heap.cell, 2 * round(half / self._heap.cell) + 1
+        depth = np.clip(self._things - np.float32(level + START_CLEARANCE), 0.0, None)
+        both = (cv2.boxFilter(one, -1, (1, rows), normalize=False) for one in (depth, depth * self._ease))
+        moved, eased = (np.cumsum(one, axis=1) * np.float32(cell**2) for one in both)
+        return moved, eased
+
+    def _stroke(
+        self, at: NDArray[np.intp], level: float, length: float, posture: Posture, drags: bool, worth: float
+    ) -> HeapStroke:
+        heap = self._heap
+        row, column = at - self._middle
+        x, y = (self._centre + column * self._along + row * self._across + 0.5) * heap.cell
+        point = heap.frame.apply(np.array([x, y, level]))
+        ahead = heap.frame.rotation()[:2, :2] @ self._along
+        start = PlanarPose(float(point[0]), float(point[1]), math.atan2(ahead[1], ahead[0]))
+        near = BLOCK * heap.cell * 1000
+        name = (
+            f"{'drag' if drags else 'push'} {posture.name} to {math.degrees(self._yaw):.0f} deg "
+            f"{length * 1000:.0f} mm from about {round(x * 1000 / near) * near:.0f} "
+            f"{round(y * 1000 / near) * near:.0f}"
+        )
+        return HeapStroke(name, start, length, float(point[2]), posture, drags, worth)
+
+
+def _ahead(image: Heights, distance: float) -> Heights:
+    """Return the image as seen from `distance` columns further on; beyond its end as at its last column."""
+    columns = round(distance)
+    if columns < 0:
+        return _ahead(image[:, ::-1], -distance)[:, ::-1]
+    if columns == 0:
+        return image
+    return np.concatenate([image[:, columns:], np.repeat(image[:, -1:], columns, axis=1)], axis=1)
+
+
+def _best_of_blocks(worth: Heights) -> NDArray[np.intp]:
+    """Return the best cell (k, 2) of each block of cells in which a stroke is worth it."""
+    n = -(-len(worth) // BLOCK) * BLOCK
+    padded = np.zeros((n, n))
+    padded[: len(worth), : len(worth)] = worth
+    count = n // BLOCK
+    blocks = padded.reshape(count, BLOCK, count, BLOCK).transpose(0, 2, 1, 3).reshape(count**2, BLOCK**2)
+    which = np.flatnonzero(blocks.max(axis=1) > MIN_WORTH)
+    inner = blocks[which].argmax(axis=1)
+    return np.column_stack([which // count * BLOCK + inner // BLOCK, which % count * BLOCK + inner % BLOCK])

@@ -1,0 +1,57 @@
+"""Stir: push through a heap, so that things come to lie where the hand gets hold of them."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from ..trees.ports import In, port
+from ..trees.skill import ARM, CAMERA, GRIPPER, Skill, Steps
+from ..world.causes import control, perception, planning, push, safety
+from ..world.causes import world as world_causes
+from ..world.values import ObjectId
+
+if TYPE_CHECKING:
+    from ..skill_world.world import World
+
+
+class Stir(Skill):
+    """Push through the heap in a tote with closed fingers, for when nothing in it can be grasped.
+
+    The strokes are planned from the height map. What lies against a wall is pushed off it; otherwise a stroke
+    goes through the highest part. After each the arm moves out of the view and looks. A stroke that changed
+    nothing is not repeated. Grasps that failed where the depth has changed may be tried again.
+    """
+
+    example = """
+    Stir: {in: tote}
+    """
+
+    tote: In[ObjectId] = port("the tote to stir in", key="in", names="tote")
+    camera: In[str] = port("the camera that sees into the tote", default="overhead", names="camera")
+    strokes: In[int] = port("strokes that are tried until things lie elsewhere", default=4, least=1, most=20)
+    speed: In[float] = port("of the tool while it pushes", unit="m/s", default=0.08, above=0, most=0.2)
+    force: In[float] = port("of the things on the tool that stops a stroke", unit="N", default=15.0, above=0)
+    causes = (
+        push.NO_STROKE,
+        push.STALLED,
+        perception.NOT_FOUND,
+        perception.NO_IMAGE,
+        planning.ANY,
+        control.ANY,
+        safety.ANY,
+        world_causes.DISTURBED,
+        world_causes.UNKNOWN_OBJECT,
+    )
+    uses = (ARM, GRIPPER, CAMERA)
+    limit = 240.0
+
+    def run(self, world: World) -> Steps:
+        # OpenCV, which the search among strokes takes, is slow to load, and a check does without.
+        from ..manipulation.pick.heap_stirring import HeapPickTask, stir
+        from ..manipulation.push.closed_loop_pushing import check_hand_is_free
+
+        world.handover.drop()
+        check_hand_is_free(world, self.tote)
+        yield from world.move.rest()
+        task = HeapPickTask(self.tote, self.path, self.camera, self.force, self.speed)
+        yield from stir(world, task, self.strokes)

@@ -1,0 +1,17 @@
+"""Opens the hand, or would."""
+
+from picktree.skill_world.world import World
+from picktree.trees.skill import GRIPPER, Skill, Steps
+
+
+class Wave(Skill):
+    """Open the hand twice."""
+
+    uses = (GRIPPER,)
+
+    def run(self, world: World) -> Steps:
+        world.gripper.open()
+        yield from world.gripper.open()
+
+
+NODES = (Wave,)

@@ -1,0 +1,124 @@
+"""Motions that a plug-in calls without `yield from`: found in its text, and when they happen."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from textwrap import indent
+from typing import cast
+
+import pytest
+
+from picktree.files.marks import FileError
+from picktree.skill_world.world import World
+from picktree.trees.running.runner import build
+from picktree.trees.status import NodeStatus
+
+from .scripted import FakeWorld, Run
+from .waving import WAVE, forgotten, mission
+
+LINE = 13
+"""Line of `run`'s body in the plug-in."""
+MORE = """
+    def lift(self, world):
+        yield
+
+def helper(world):
+    yield
+
+def plain(world):
+    return 1
+"""
+
+
+@pytest.fixture(autouse=True)
+def alone() -> Iterator[None]:
+    with forgotten():
+        yield
+
+
+def write(folder: Path, body: str) -> None:
+    source = WAVE.replace("        yield\n", indent(body, "        ") + "\n" + MORE)
+    (folder / "wave.py").write_text(source)
+
+
+@pytest.mark.parametrize(
+    ("body", "calls"),
+    [
+        ("world.gripper.open()\nyield", "world.gripper.open"),
+        ("world.move.along(None, guard=3.0)\nyield", "world.move.along"),
+        ("self.lift(world)\nyield", "self.lift"),
+        ("helper(world)\nyield", "helper"),
+        ("yield world.gripper.close(force=3.0)", "world.gripper.close"),
+        ("felt = world.move.guarded((0, 0, -1), 0.1, force=3.0)\nyield", "world.move.guarded"),
+        ("if not world.gripper.close(force=3.0):\n    yield", "world.gripper.close"),
+        ("if world.move.guarded((0, 0, -1), 0.1, force=3.0).contact:\n    yield", "world.move.guarded"),
+    ],
+)
+def test_a_motion_that_goes_nowhere_is_a_fault_with_its_line(tmp_path: Path, body: str, calls: str) -> None:
+    write(tmp_path, body)
+    with pytest.raises(FileError) as caught:
+        mission(tmp_path, "{Main: AlwaysSuccess}")
+    (fault,) = caught.value.faults
+    assert (fault.code, str(fault).removeprefix(f"{tmp_path}/m.yaml:3:11: ")) == (
+        "P261",
+        f"plugins[0]: the plug-in 'wave.py', line {LINE}: Wave.run calls {calls} without 'yield from', so "
+        f"that it does nothing (write 'yield from {calls}(…)')",
+    )
+
+
+def test_further_lines_are_named(tmp_path: Path) -> None:
+    write(tmp_path, "self.lift(world)\nyield\nhelper(world)\nworld.gripper.open()")
+    with pytest.raises(FileError) as caught:
+        mission(tmp_path, "{Main: AlwaysSuccess}")
+    assert str(caught.value).endswith(
+        f"line {LINE}: Wave.run calls self.lift without 'yield from', so that it does nothing; lines "
+        f"{LINE + 2}, {LINE + 3}, too (write 'yield from self.lift(…)')"
+    )
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        "yield from world.gripper.open()",
+        "felt = yield from world.move.guarded((0, 0, -1), 0.1, force=3.0)\nif felt.contact:\n    yield",
+        "part = self.lift(world)\nyield from part",
+        "for _ in helper(world):\n    yield",
+        "plain(world)\nworld.journal.note(None)\nyield",
+        "parts = [self.lift(world), helper(world)]\nfor part in parts:\n    yield from part",
+        "part = helper(world)\nnext(part)\npart.close()\nyield",
+        "yield from self.lift(world) if self.times else helper(world)",
+    ],
+)
+def test_motions_that_are_carried_out_are_no_fault(tmp_path: Path, body: str) -> None:
+    write(tmp_path, body)
+    assert mission(tmp_path).main.name == "Main"
+
+
+@pytest.mark.parametrize(
+    ("body", "motion", "ahead"),
+    [
+        ("for part in (self.lift, helper):\n    part(world)\nyield", "part", 1),
+        ("open_hand = self.lift\nopen_hand(world)\nyield", "open_hand", 1),
+        ("yield\nyield {'a': self.lift}['a'](world)", "{'a': self.lift}['a']", 1),
+    ],
+)
+def test_what_the_text_does_not_show_fails_the_node_when_it_happens(
+    tmp_path: Path, body: str, motion: str, ahead: int
+) -> None:
+    write(tmp_path, body)
+    world = FakeWorld()
+    run = Run(build(mission(tmp_path), cast("World", world)), world)
+    assert run.to_end()[-1] is NodeStatus.FAILURE
+    report = run.tree.root.failure
+    assert report is not None and report.cause.name == "internal.error"
+    assert report.message == (
+        f"UnstartedMotion while Wave was ticked: {motion} is called without 'yield from', so that it does "
+        f"nothing (wave.py, line {LINE + ahead})"
+    )
+
+
+def test_what_is_called_for_its_effect_goes_on(tmp_path: Path) -> None:
+    write(tmp_path, "seen = []\nfor call in (seen.append, seen.append):\n    call(plain(world))\nyield")
+    world = FakeWorld()
+    assert Run(build(mission(tmp_path), cast("World", world)), world).to_end()[-1] is NodeStatus.SUCCESS
