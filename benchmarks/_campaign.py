@@ -16,6 +16,7 @@ import json
 import math
 import os
 import pickle
+import re
 import sys
 import time
 from collections import defaultdict, deque
@@ -372,8 +373,12 @@ def _locked(folder: Path) -> Generator[Path]:
 
 
 def _code(one: Callable[[Any, Path], Row]) -> str:
+    return code(Path(inspect.getfile(one)))
+
+
+def code(program: Path) -> str:
     """Return a hash of what determines results: picktree's sources, the program, and parts of programs."""
-    parts = [Path(inspect.getfile(one)), *sorted((ROOT / "benchmarks").glob("_*.py"))]
+    parts = [program, *sorted((ROOT / "benchmarks").glob("_*.py"))]
     known = [*sources().values(), *(hashlib.sha256(part.read_bytes()).hexdigest() for part in parts)]
     return hashlib.sha256(" ".join(known).encode()).hexdigest()[:12]
 
@@ -421,11 +426,65 @@ def wilson(hits: int, n: int) -> tuple[float, float]:
     return interval.low, interval.high
 
 
+@dataclass(frozen=True)
+class Figure:
+    """So many of n, with its 95 % interval; as text a line that `figures` reads again."""
+
+    name: str
+    hits: int
+    n: int
+
+    @property
+    def share(self) -> float:
+        return self.hits / self.n if self.n else math.nan
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        return wilson(self.hits, self.n)
+
+    @property
+    def width(self) -> float:
+        """Width of the interval."""
+        low, high = self.interval
+        return high - low
+
+    def __str__(self) -> str:
+        low, high = self.interval
+        share = f"{100 * self.share:6.2f} %" if self.n else "     –  "
+        interval = f"95 % interval {100 * low:.1f} … {100 * high:.1f} %"
+        return f"{self.name:<28} {self.hits:>5} of {self.n:<5} {share}   {interval}"
+
+
 def rate(name: str, hits: int, n: int) -> str:
     """A line with N and the interval."""
-    low, high = wilson(hits, n)
-    share = f"{100 * hits / n:6.2f} %" if n else "     –  "
-    return f"{name:<28} {hits:>5} of {n:<5} {share}   95 % interval {100 * low:.1f} … {100 * high:.1f} %"
+    return str(Figure(name, hits, n))
+
+
+_RATE = re.compile(r"(?P<name>.*\S) +(?P<hits>\d+) of (?P<n>\d+) +(?:[\d.]+ %|–) +95 % interval ")
+
+
+def figures(text: str) -> dict[str, Figure]:
+    """Read the rates of what a campaign has printed, by name.
+
+    The name of an indented one begins with those of the lines above it that are indented less.
+    """
+    found: dict[str, Figure] = {}
+    above: list[tuple[int, str]] = []
+    for line in text.splitlines():
+        words = line.strip()
+        if not words:
+            above.clear()
+            continue
+        depth = len(line) - len(line.lstrip())
+        while above and above[-1][0] >= depth:
+            above.pop()
+        match = _RATE.match(words)
+        own = match["name"] if match else words.partition(":")[0]
+        name = ", ".join([*(heading for _, heading in above), own])
+        above.append((depth, own))
+        if match:
+            found[name] = Figure(name, int(match["hits"]), int(match["n"]))
+    return found
 
 
 def split(rows: Iterable[Row], total: str) -> str:

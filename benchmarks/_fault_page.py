@@ -60,7 +60,7 @@ def to_page(lines: Sequence[Line], command: str, seeds: Sequence[int]) -> str:
         "called, and how many items it puts beyond reach, was written into its file before it was run.",
         "",
         "```sh",
-        "make campaign                                              # the plan; goes on where it stopped",
+        "python benchmarks/fault_campaign.py                        # the plan; goes on where it stopped",
         "python benchmarks/fault_campaign.py --report               # the table of what is there",
         "picktree batch report benchmarks/results/fault_campaign -o campaign.html  # the same runs as a page",
         "```",

@@ -174,7 +174,7 @@ def to_page(lines: Sequence[Line], results: Iterable[Result], command: str) -> s
     told = [
         "# Mutants", "",
         f"What the tests notice of small mistakes in the code, by `{command}`. "
-        "[figures.md](figures.md) says how it is measured.", "",
+        "[measurements.md](measurements.md) says how it is measured.", "",
         f"| {' | '.join(HEAD)} |", f"|{'---|' * len(HEAD)}",
         *(f"| {' | '.join(line.cells())} |" for line in lines),
     ]  # fmt: skip

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import json
+import math
 import resource
 import time
 from array import array
@@ -12,7 +13,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from picktree.session.observer import Observer
+from picktree.session.observer import Interrupter
 
 import numpy as np
 
@@ -63,17 +64,20 @@ class Quarter:
     """ms"""
     p95: float
     """ms"""
+    p999: float
+    """ms"""
     mean: float
     """ms"""
     part: int
 
 
-class Diary(Observer):
+class Diary(Interrupter):
     """Watches a run and writes a line for each minute and each quarter of an hour into a file, at once: a
-    soak that is cut off has told what it knew."""
+    soak that is cut off has told what it knew. It ends the run `seconds` of wall time after its making."""
 
-    def __init__(self, path: Path, part: int = 1, *, say: bool = True) -> None:
+    def __init__(self, path: Path, part: int = 1, *, say: bool = True, seconds: float | None = None) -> None:
         self._path, self._part, self._say = path, part, say
+        self._until = math.inf if seconds is None else time.monotonic() + seconds
         self._began, self._last = time.perf_counter(), 0.0
         self._minute = self._quarter = 0.0
         self._ticks = array("d")
@@ -114,7 +118,12 @@ class Diary(Observer):
             self._ticks = array("d")
         self._last = time.process_time()  # what this diary costs is no part of a tick
 
+    def stops(self) -> bool:
+        return time.monotonic() > self._until
+
     def finished(self, result: RunResult) -> None:
+        if result.status == "interrupted":
+            return  # the next part goes on
         self._write({"result": result.to_json_text(), "part": self._part})
 
     def died(self, error: BaseException) -> None:
@@ -133,6 +142,7 @@ def quarter(now: float, ticks: Iterable[float], part: int) -> Quarter:
         len(ms),
         round(float(np.median(ms)), 4),
         round(float(np.percentile(ms, 95)), 4),
+        round(float(np.percentile(ms, 99.9)), 4),
         round(float(ms.mean()), 4),
         part,
     )
@@ -218,13 +228,14 @@ class Growth:
 
 
 def growth(minutes: Iterable[Minute], settled: float = SETTLED) -> Growth | None:
-    """Of one process: None when it was over before there was something to compare. A process that took a
-    soak up begins its half hour when it begins."""
-    minutes = tuple(minutes)
-    if not minutes:
+    """Of the process that went on longest: None when it was over before there was something to compare. A
+    process that took a soak up begins its half hour when it begins."""
+    parts: dict[int, list[Minute]] = {}
+    for minute in minutes:
+        parts.setdefault(minute.part, []).append(minute)
+    if not parts:
         return None
-    last = minutes[-1].part
-    own = [minute for minute in minutes if minute.part == last]
+    own = max(parts.values(), key=lambda part: part[-1].time - part[0].time)
     later = [minute for minute in own if minute.time - own[0].time >= settled - 1.5 * MINUTE]
     if len(later) < 3:
         return None

@@ -27,7 +27,7 @@ from pathlib import Path
 from statistics import median
 from threading import Timer
 
-from _campaign import REFERENCE_COST, ROOT, blind, executor, explaining, options, reference
+from _campaign import REFERENCE_COST, ROOT, blind, executor, explaining, options, rate, reference
 from _fault_measures import Cell, Measure, Measured, measured
 from _fault_page import targets, to_page
 from _fault_table import Line, line, to_text, total
@@ -131,7 +131,9 @@ def campaign(given: argparse.Namespace) -> int:
         }
         print(json.dumps(told, ensure_ascii=False, indent=2))
     else:
-        print(to_text(lines))
+        print(to_text(lines) + "\n")
+        for recovery in _sides(lines):
+            print("\n".join(_rates(total(lines, recovery))))
         for target in found:
             print(target.to_text())
     return 0 if all(target.met for target in found) else 1
@@ -364,6 +366,18 @@ def table(rows: Sequence[Row], measures: Sequence[Measure]) -> list[Line]:
 
 def _sides(lines: Iterable[Line]) -> list[bool]:
     return [side for side in (True, False) if any(each.recovery == side for each in lines)]
+
+
+def _rates(side: Line) -> list[str]:
+    """Return the lines of all faults of one side together."""
+    return [
+        "with recovery:" if side.recovery else "without recovery:",
+        rate("  failure detected", side.detected, side.took_effect),
+        rate("  failure reported", side.reported, side.detected),
+        rate("  right root cause", side.right, side.to_explain),
+        rate("  runs finished", side.finished, side.runs),
+        rate("  items sorted of those that can be", side.sorted, side.sortable),
+    ]
 
 
 def _force_limit() -> float:

@@ -5,7 +5,7 @@
     python benchmarks/machines.py --runs 2               # the first two golden runs
     python benchmarks/machines.py --only pick --only insert
     python benchmarks/machines.py --emulator /opt/qemu/bin/qemu-x86_64
-    python benchmarks/machines.py --markdown docs/figures.md
+    python benchmarks/machines.py --markdown docs/measurements.md
 
 The golden runs of tests/golden are executed natively; natively with environment variables that would have
 their libraries compute otherwise; and under `qemu-x86_64 -cpu …` (package qemu-user of Debian), which takes
@@ -284,7 +284,7 @@ def _cpu(cells: Mapping[str, Cell]) -> str:
 
 
 def to_section(rows: Sequence[Row], where: Sequence[Surroundings], skipped: Mapping[str, str]) -> str:
-    """Return the section for docs/figures.md."""
+    """Return the section for docs/measurements.md."""
     environments = [one.name for one in where if not one.emulator]
     processors = [one for one in where if one.emulator]
     text = [

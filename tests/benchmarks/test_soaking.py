@@ -26,8 +26,8 @@ def test_growth_is_told_from_half_an_hour_on(program: Program) -> None:
     assert grown.an_item == pytest.approx(10.0)  # kB, ten items a minute
     assert grown.heap_an_item == pytest.approx(0.0)
     assert soaking.growth(minutes[:29]) is None
-    later = [soaking.Minute(**{**asdict(minute), "part": 2}) for minute in minutes[100:]]
-    assert soaking.growth([*minutes[:100], *later]) is None  # a new process is too young
+    later = [soaking.Minute(**{**asdict(minute), "part": 2}) for minute in minutes[100:150]]
+    assert soaking.growth([*minutes[:100], *later]) == soaking.growth(minutes[:100])  # the longest process
 
 
 def test_a_diary_that_was_cut_off_tells_what_it_knew(program: Program, tmp_path: Path) -> None:

@@ -1,0 +1,169 @@
+"""Campaigns behind docs/figures.md, what they printed, and the page that is made of it."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+from _campaign import ROOT, Figure, code, figures
+
+import yaml
+
+INTRODUCTION = """# Figures
+
+What campaigns measured, each with the command that repeats it. `make campaign HOURS=2` runs them, those first
+that have no figure, are old or uncertain, and writes this page; nothing on it is typed by hand. Rates carry N
+and their 95 % interval (Wilson). CPU times are of one core of a shared machine of two. Targets are those that
+the project set itself. Figures of earlier versions, and of programs that are no campaigns, are in
+[measurements.md](measurements.md).
+"""
+TABLE = ROOT / "benchmarks" / "evidence.yaml"
+KEPT = ROOT / "benchmarks" / "evidence.json"
+
+
+@dataclass(frozen=True)
+class Campaign:
+    """Campaign of evidence.yaml."""
+
+    name: str
+    title: str
+    words: str
+    command: str
+    """Program in benchmarks/ with its options, without --runs."""
+    runs: int
+    targets: Mapping[str, str] = field(default_factory=dict[str, str])
+    """`at least X %`, `at most X %` or `interval above X %`, by the name of a rate."""
+
+    @property
+    def line(self) -> str:
+        """Command as it is typed at the root of the checkout."""
+        return f"python benchmarks/{self.command} --runs {self.runs}"
+
+    @property
+    def code(self) -> str:
+        """Hash of what its runs depend on."""
+        return code(ROOT / "benchmarks" / self.command.split()[0])
+
+
+@dataclass(frozen=True)
+class Record:
+    """Last result of a campaign."""
+
+    commit: str
+    code: str
+    date: str
+    text: str
+    """All that the program printed as its result."""
+
+    @property
+    def rates(self) -> Mapping[str, Figure]:
+        """Rates by name, in the order of the text."""
+        return figures(self.text)
+
+
+def campaigns(path: Path = TABLE) -> list[Campaign]:
+    """Read the table. Raises SystemExit with the place of a fault in it."""
+    try:
+        found = [Campaign(**entry) for entry in yaml.safe_load(path.read_text(encoding="utf-8"))]
+    except (TypeError, yaml.YAMLError) as error:
+        raise SystemExit(f"{path}: {error}") from None
+    for one in found:
+        for name, words in one.targets.items():
+            if met(words, Figure(name, 1, 1)) is None:
+                raise SystemExit(
+                    f"{path}: {one.name}: {words!r} is none of at least, at most, interval above X %"
+                )
+    return found
+
+
+def met(target: str, rate: Figure) -> bool | None:
+    """Return whether a rate meets a target; None when the target cannot be read."""
+    words, _, number = target.removesuffix(" %").rpartition(" ")
+    try:
+        bound = float(number) / 100
+    except ValueError:
+        return None
+    share, low = rate.share, rate.interval[0]
+    return {
+        "at least": share >= bound - 1e-9,
+        "at most": share <= bound + 1e-9,
+        "interval above": low >= bound - 1e-9,
+    }.get(words)
+
+
+def read(path: Path = KEPT) -> dict[str, Record]:
+    """Read the kept results by the campaign's name; none when there is no file yet."""
+    if not path.exists():
+        return {}
+    return {name: Record(**entry) for name, entry in json.loads(path.read_text(encoding="utf-8")).items()}
+
+
+def write(records: Mapping[str, Record], path: Path = KEPT) -> None:
+    """Write all results, whole."""
+    text = json.dumps({name: asdict(records[name]) for name in sorted(records)}, ensure_ascii=False, indent=1)
+    beside = path.with_suffix(".part")
+    beside.write_text(text + "\n", encoding="utf-8")
+    beside.replace(path)
+
+
+def in_order(table: Sequence[Campaign], records: Mapping[str, Record]) -> list[Campaign]:
+    """Return the campaigns in the order in which time is best spent on them."""
+
+    def urgency(one: Campaign) -> tuple[Any, ...]:
+        record = records.get(one.name)
+        if record is None:
+            return (0,)
+        if record.code != one.code:
+            return (1, record.date)
+        return (2, -max((rate.width for rate in record.rates.values()), default=0.0))
+
+    return sorted(table, key=urgency)
+
+
+def to_page(table: Sequence[Campaign], records: Mapping[str, Record]) -> str:
+    """Return docs/figures.md in Markdown."""
+    measured = [one for one in table if one.name in records]
+    lines = [INTRODUCTION]
+    for one in measured:
+        lines.append(_section(one, records[one.name]))
+    if missing := [one for one in table if one.name not in records]:
+        lines.append("## Not measured yet\n")
+        lines.append("\n".join(f"- {one.title}: `{one.line}`" for one in missing) + "\n")
+    return "\n".join(lines)
+
+
+def _section(one: Campaign, record: Record) -> str:
+    old = " **Old: the code of these runs has changed since.**" if record.code != one.code else ""
+    lines = [
+        f"## {one.title}\n",
+        f"{one.words} `{one.line}`, commit {record.commit}, {record.date} UTC.{old}\n",
+    ]
+    if record.rates or one.targets:
+        lines += ["| figure | measured | share | 95 % interval | target |", "|---|---|---|---|---|"]
+    for name, rate in record.rates.items():
+        target = one.targets.get(name, "")
+        if target:
+            target += ": met" if met(target, rate) else ": **missed**"
+        low, high = rate.interval
+        lines.append(
+            f"| {name} | {rate.hits:,} of {rate.n:,} | {100 * rate.share:.1f} % "
+            f"| {100 * low:.1f} … {100 * high:.1f} % | {target} |"
+        )
+    lines += [
+        f"| {name} | not printed | | | {target} |"
+        for name, target in one.targets.items()
+        if name not in record.rates
+    ]
+    printed = [
+        "<details markdown><summary>All that it printed</summary>",
+        "",
+        "```",
+        record.text,
+        "```",
+        "",
+        "</details>",
+    ]
+    return "\n".join([*lines, "", *printed, ""])

@@ -1,0 +1,137 @@
+"""Page of figures: what campaigns print is read again, and the page says what is old and what is missed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+Program = Callable[[str], ModuleType]
+
+PRINTED = """\
+with pushes: 50 runs, 0 crashed
+  items sorted                    299 of 300    99.67 %   95 % interval 98.1 … 99.9 %
+  medians a scene: 20 s simulated
+  by form
+    can                             9 of 10     90.00 %   95 % interval 59.6 … 98.2 %
+without pushes: 50 runs
+  items sorted                    150 of 300    50.00 %   95 % interval 44.4 … 55.6 %
+
+runs above the limit                0 of 0         –     95 % interval 0.0 … 100.0 %
+"""
+
+
+def test_a_rate_is_named_by_the_lines_above_it(program: Program) -> None:
+    found = program("_campaign").figures(PRINTED)
+    assert {name: (each.hits, each.n) for name, each in found.items()} == {
+        "with pushes, items sorted": (299, 300),
+        "with pushes, by form, can": (9, 10),
+        "without pushes, items sorted": (150, 300),
+        "runs above the limit": (0, 0),
+    }
+
+
+@given(
+    name=st.text("abc def:0123456789", min_size=1).map(str.strip).filter(bool),
+    n=st.integers(0, 10**6),
+    data=st.data(),
+)
+def test_a_printed_rate_is_read_again(name: str, n: int, data: st.DataObject) -> None:
+    campaign = _campaign()
+    hits = data.draw(st.integers(0, n))
+    (found,) = campaign.figures(campaign.rate(name, hits, n)).values()
+    assert (found.name, found.hits, found.n) == (name, hits, n)
+
+
+def _campaign() -> ModuleType:
+    import sys
+
+    return sys.modules["_campaign"]
+
+
+@pytest.mark.parametrize(
+    ("target", "hits", "n", "met"),
+    [
+        ("at least 97 %", 97, 100, True),
+        ("at least 97 %", 96, 100, False),
+        ("at most 0 %", 0, 100, True),
+        ("at most 0 %", 1, 100, False),
+        ("interval above 91 %", 128, 139, False),  # 92.1 %, from 86 % on
+        ("interval above 91 %", 400, 410, True),
+        ("about 90 %", 90, 100, None),
+    ],
+)
+def test_targets(program: Program, target: str, hits: int, n: int, met: bool | None) -> None:
+    evidence, campaign = program("_evidence"), program("_campaign")
+    assert evidence.met(target, campaign.Figure("x", hits, n)) is met
+
+
+def test_time_goes_to_what_has_no_figure_then_to_old_then_to_uncertain(
+    program: Program,
+) -> None:
+    evidence = program("_evidence")
+    names = ("certain", "uncertain", "older", "old", "new")
+    table = [evidence.Campaign(name, name, "", "sorting.py", 10) for name in names]
+    code = table[0].code
+    line = program("_campaign").rate
+    records = {
+        "certain": evidence.Record("c", code, "2026-01-03", line("x", 99, 100)),
+        "uncertain": evidence.Record("c", code, "2026-01-03", line("x", 5, 10)),
+        "older": evidence.Record("c", "other", "2026-01-01", line("x", 99, 100)),
+        "old": evidence.Record("c", "other", "2026-01-02", line("x", 5, 10)),
+    }
+    order = [one.name for one in evidence.in_order(table, records)]
+    assert order == [
+        "new",
+        "older",
+        "old",
+        "uncertain",
+        "certain",
+    ]
+
+
+def test_the_page_marks_what_is_old_and_what_is_missed(program: Program, tmp_path: Path) -> None:
+    evidence, rate = program("_evidence"), program("_campaign").rate
+    table = [
+        evidence.Campaign(
+            "a", "Pushes", "Words.", "singulating.py", 50, {"with pushes, items sorted": "at least 99 %"}
+        ),
+        evidence.Campaign("b", "Kits", "Words.", "sorting.py", 40, {"items sorted": "at least 99 %"}),
+        evidence.Campaign("c", "Not yet", "Words.", "sorting.py", 40),
+    ]
+    records = {
+        "a": evidence.Record("c0ffee", table[0].code, "2026-01-01 10:00", PRINTED),
+        "b": evidence.Record("c0ffee", "other", "2026-01-01 10:00", rate("items sorted", 9, 10)),
+    }
+    evidence.write(records, tmp_path / "kept.json")
+    assert evidence.read(tmp_path / "kept.json") == records
+    pushes, kits, missing = evidence.to_page(table, records).split("\n## ")[1:]
+    assert (
+        "| with pushes, items sorted | 299 of 300 | 99.7 % | 98.1 … 99.9 % | at least 99 %: met |" in pushes
+    )
+    assert "`python benchmarks/singulating.py --runs 50`, commit c0ffee" in pushes
+    assert "Old" not in pushes
+    assert "at least 99 %: **missed**" in kits
+    assert "**Old: the code of these runs has changed since.**" in kits
+    assert "- Not yet: `python benchmarks/sorting.py --runs 40`" in missing
+
+
+def test_the_page_in_docs_is_made_of_what_is_kept(program: Program) -> None:
+    evidence = program("_evidence")
+    root = Path(__file__).parents[2]
+    kept, page = evidence.read(), (root / "docs" / "figures.md").read_text(encoding="utf-8")
+    made = evidence.to_page(evidence.campaigns(), kept)
+    assert _without_marks(page) == _without_marks(made), "python benchmarks/evidence.py --page"
+
+
+def _without_marks(page: str) -> str:
+    return page.replace(" **Old: the code of these runs has changed since.**", "")
+
+
+def test_each_campaign_of_the_table_is_a_program(program: Program) -> None:
+    for one in program("_evidence").campaigns():
+        assert one.code, one.name
