@@ -41,14 +41,20 @@ class HeldView:
 
 
 def view_held_thing(
-    sight: PosedCamera, depth: Array, colour: NDArray[np.uint8], robot: RobotMask, joints: Array, width: float
+    sight: PosedCamera,
+    depth: Array,
+    colour: NDArray[np.uint8],
+    robot: RobotMask,
+    hand: tuple[Array, float],
+    *,
+    tagged: bool,
 ) -> HeldView:
-    """Return what a picture shows in the hand, with the arm at `joints` (n,) rad and the fingers `width` m
-    open.
+    """Return what a picture shows in the hand. Points of the hand and those far from it are left out.
 
-    `depth` (h, w) is in m, 0 for the background and where it is not known. Points of the hand and those far
-    from it are left out.
+    `depth` (h, w) is in m, 0 for the background and where it is not known. `hand`: the arm's joints (n,) rad,
+    and the opening of the fingers, m. `tagged`: whether tags are looked for.
     """
+    joints, width = hand
     tcp = robot.tcp(joints)
     rows, columns = np.nonzero(depth > 0)
     pixels = np.column_stack([columns, rows]).astype(np.float64)
@@ -74,7 +80,7 @@ def view_held_thing(
         seen[thing] ** 2 / (i.fx * i.fy),
         segmentation.labels(colour)[rows, columns],
         found[thing],
-        _tags_on(sight, depth, colour, patches, np.array(tcp.position)),
+        _tags_on(sight, depth, colour, patches, np.array(tcp.position)) if tagged else (),
         bool(border.any()),
     )
 

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from ..world.belief.planning_scene import BeliefObject
 from ..world.protocols import RgbdImage
 from ..world.scene.description import SceneDescription
+from ..world.scene.destinations import asks_for
 from ..world.scene.heap_regions import heap_regions
 from ..world.shapes import top
 from ..world.values import Array, Pose
@@ -165,7 +166,8 @@ class Perception:
         depth = np.where(np.isfinite(image.depth), image.depth, 0.0).astype(np.float64)
         sight = level_camera(believed, depth, backdrop, self._table_z)
         depth[backdrop.depth - depth <= MIN_RAISED_DEPTH] = 0.0
-        return view_held_thing(sight, depth, image.colour, self._robot, joints, width)
+        tagged = asks_for(self._description.destinations, "tag")
+        return view_held_thing(sight, depth, image.colour, self._robot, (joints, width), tagged=tagged)
 
     def _shot(
         self, image: RgbdImage, joints: Array, width: float, held: BeliefObject | None

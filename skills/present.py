@@ -37,7 +37,7 @@ class Present(Skill):
         default=False,
     )
     speed: In[float] = port(
-        "share of the joints' speed limits: 1 for as fast as allowed", default=1.0, above=0, most=1
+        "share of the joints' speed limits: 1 for as fast as allowed", default=0.7, above=0, most=1
     )
     causes = (
         grasp.DOUBLE,
