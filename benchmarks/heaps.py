@@ -16,11 +16,12 @@ another noise, camera or friction are laid on the scene: the robot is not told o
 
 from __future__ import annotations
 
+import itertools
 import json
 import random
 import sys
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -32,8 +33,13 @@ import numpy as np
 import yaml
 
 if TYPE_CHECKING:
+    from picktree.analysis.run import Run
     from picktree.session.session import RunRequest
 
+DOUBLE = "grasp.double"
+"""Cause of a failure for more than one thing in the hand."""
+IN_THE_AIR = 0.17
+"""Height of an item's origin from which on it lies in no bin, m."""
 COST_A_RUN = 60.0
 """CPU seconds of 18 things, for the forecast."""
 ROUND_THINGS = (5, 10)
@@ -69,14 +75,14 @@ def one(job: Job, folder: Path) -> Row:
     for body, item in zip(truth, scored.items, strict=True):
         by_class.setdefault(body.colour, Counter())[item.verdict] += 1
     with Run(result.folder) as run:
-        picks = [at.record for at in run.events if isinstance(at.record, PickEvent)]
-        placed = {at.record.object for at in run.events if isinstance(at.record, ItemDoneEvent)}
+        picks = tuple(_picks(run))
         forces = run.wrenches.forces
     return {
         "classes": by_class,
         "cleared": sum(item.bin in bins for item in scored.items),
         "total": len(scored.items),
-        "grasps": [[_stage(pick.candidate), _end(pick, placed)] for pick in picks],
+        "grasps": [[pick.stage, pick.end] for pick in picks],
+        "doubles": [[pick.carried, pick.noticed] for pick in picks if pick.end != "missed"],
         "failures": dict(result.failures),
         "ended": result.message,
         "crushed": len(result.crushed),
@@ -87,8 +93,43 @@ def one(job: Job, folder: Path) -> Row:
     }
 
 
-def _end(pick: PickEvent, placed: set[str]) -> str:
-    return "carried" if pick.object in placed else "lost" if pick.held else "missed"
+@dataclass(frozen=True)
+class _Grasp:
+    """Closing of the fingers, with what came of it."""
+
+    stage: str
+    end: str
+    """`carried`, `lost` or `missed`."""
+    carried: int
+    """Greatest number of things that truly hung on the hand at once, in the log's samples of the truth."""
+    noticed: bool
+    """Whether the robot noticed more than one thing."""
+
+
+def _picks(run: Run) -> Iterator[_Grasp]:
+    """Yield the closings of a run, by its log."""
+    picks = [at for at in run.events if isinstance(at.record, PickEvent)]
+    done = {at.record.object: at.time for at in run.events if isinstance(at.record, ItemDoneEvent)}
+    doubles = [visit.end for visit in run.visits if visit.failed_itself and visit.cause == DOUBLE]
+    for pick, following in itertools.zip_longest(picks, picks[1:]):
+        record = pick.record
+        assert isinstance(record, PickEvent)
+        until = run.end if following is None else following.time
+        end = "carried" if record.object in done else "lost" if record.held else "missed"
+        carried = _in_the_air(run, pick.time, min(until, done.get(record.object, until)))
+        noticed = any(pick.time <= at < until for at in doubles)
+        yield _Grasp(_stage(record.candidate), end, carried, noticed)
+
+
+def _in_the_air(run: Run, start: float, end: float) -> int:
+    """Return the greatest number of items that were above all bins at one time: the hand carries them."""
+    return max(
+        (
+            sum(body.pose.position[2] > IN_THE_AIR for body in truth.record.bodies)
+            for truth in run.log.truths(start, end)
+        ),
+        default=0,
+    )
 
 
 def _stage(candidate: str) -> str:
@@ -150,6 +191,7 @@ def report(rows: list[Row]) -> str:
         rate("held after the lift", sum(end != "missed" for _, end in grasps), len(grasps)),
         rate("  lost in transport", sum(end == "lost" for _, end in grasps), len(grasps)),
         f"ended by a failure: {sum(bool(row['ended']) for row in done)} of {len(done)} runs",
+        *_doubles([(carried, noticed) for row in done for carried, noticed in row["doubles"]]),
         rate("cleared", sum(row["cleared"] for row in done), total),
         rate("sorted", verdicts["sorted"], total),
         *(rate(f"  {name}", by["sorted"], by.total()) for name, by in sorted(classes.items())),
@@ -171,6 +213,17 @@ def _by_stage(grasps: Iterable[tuple[str, str]]) -> list[str]:
     for stage, end in grasps:
         found.setdefault(stage, []).append(end == "carried")
     return [rate(f"  {stage}", sum(ends), len(ends)) for stage, ends in found.items()]
+
+
+def _doubles(held: list[tuple[int, bool]]) -> list[str]:
+    """Return how often more than one thing was held, and how often the robot noticed, rightly or not."""
+    several = [noticed for carried, noticed in held if carried > 1]
+    single = [noticed for carried, noticed in held if carried <= 1]
+    return [
+        rate("more than one thing held", len(several), len(held)),
+        rate("  noticed", sum(several), len(several)),
+        rate("  falsely noticed", sum(single), len(single)),
+    ]
 
 
 def _short(row: Row) -> str:

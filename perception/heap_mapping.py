@@ -23,6 +23,7 @@ from ..world.shapes import Box
 from ..world.values import Array, ObjectId, Pose
 from .geometry.camera_geometry import PosedCamera, rays_of
 from .segmentation import SegmentationInput
+from .tag_reading import read_tags
 
 CELL = 0.002
 """Edge length of a cell, m."""
@@ -82,7 +83,11 @@ def map_heaps(
     Tags are read in its colours (h, w, 3) if a rule of the scene asks for them.
     """
     found: dict[ObjectId, HeightMap] = {}
-    tags = tuple(_read_tags(picture, colour)) if asks_for(description.destinations, "tag") else ()
+    tags = (
+        tuple(read_tags(picture.sight, picture.depth, colour))
+        if asks_for(description.destinations, "tag")
+        else ()
+    )
     for region in heap_regions(description).values():
         heap = map_heights(picture, hidden, region)
         if heap is None:
@@ -92,36 +97,6 @@ def map_heaps(
             heap, tags=tuple(MapTag(n, (float(x), float(y))) for n, (x, y, _) in local)
         )
     return found
-
-
-TAG_MAGNIFICATION = 3
-"""Factor by which a picture is enlarged before tags are read: modules are 3 pixels wide at 0.85 m."""
-MAX_TAG_WINDOW, MIN_TAG_PERIMETER = 53, 0.02
-"""Greatest window of the adaptive threshold, enlarged pixels, and least perimeter of a tag, as a share of the
-picture's longer side."""
-
-
-def _read_tags(picture: SegmentationInput, colour: NDArray[np.uint8]) -> Iterator[tuple[int, Array]]:
-    """Yield number and middle (3,) in the world of each ArUco tag that a picture shows.
-
-    The brightest channel sets the black square apart from any saturated colour about it.
-    """
-    bright = np.ascontiguousarray(colour.max(axis=2))
-    times = TAG_MAGNIFICATION
-    large = cv2.resize(bright, None, fx=times, fy=times, interpolation=cv2.INTER_CUBIC)
-    settings = cv2.aruco.DetectorParameters()
-    settings.adaptiveThreshWinSizeMax, settings.minMarkerPerimeterRate = MAX_TAG_WINDOW, MIN_TAG_PERIMETER
-    known = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_50)
-    outlines, numbers, _ = cv2.aruco.ArucoDetector(known, settings).detectMarkers(large)
-    # Without a tag there are no numbers, not even an empty array.
-    found = np.ravel(np.asarray(numbers)).tolist() if len(outlines) else ()
-    for outline, number in zip(outlines, found, strict=True):
-        middle = (np.asarray(outline, np.float64).reshape(4, 2).mean(axis=0) + 0.5) / times - 0.5
-        column, row = (round(float(c)) for c in middle)
-        depth = picture.depth[max(0, row - 1) : row + 2, max(0, column - 1) : column + 2]
-        if (depth > 0).any():
-            ray = picture.sight.directions(middle[None])[0]
-            yield int(number), picture.sight.origin + ray * float(np.median(depth[depth > 0]))
 
 
 def _labels(

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from ..world.belief.planning_scene import BeliefObject
 from ..world.protocols import RgbdImage
 from ..world.scene.description import SceneDescription
+from ..world.scene.destinations import asks_for
 from ..world.scene.heap_regions import heap_regions
 from ..world.shapes import top
 from ..world.values import Array, Pose
@@ -31,18 +32,19 @@ from .fitting.blob_splitting import split_blob
 from .fitting.item_fitting import (
     GOOD_MISFIT,
     MAX_HOVER_HEIGHT,
-    MODEL_DEPTH_SIGMA,
     POOR_MISFIT,
     Hypothesis,
     ItemFitter,
     detection_from,
     is_clear,
 )
-from .fitting.known_object_fitting import NEAR_DEPTH_SIGMA, TrackedSighting, known_object, track_objects
+from .fitting.known_object_fitting import TrackedSighting, known_object, track_objects
 from .fitting.view import Detection, PerceivedView, UnexplainedPatch, bin_height_map
 from .geometry.camera_geometry import PosedCamera, register_hand_camera
 from .geometry.resting_poses import HoleMouths, catalogue_poses
 from .heap_mapping import map_heaps
+from .held_thing import HeldView, view_held_thing
+from .masked_picture import MaskedPicture
 from .segmentation import (
     Blob,
     PixelPatch,
@@ -157,7 +159,19 @@ class Perception:
         fitter = ItemFitter(self.rests, shot.picture.sight, shot.noise, shot.rough)
         return track_objects(shot.picture, fitter, objects)
 
-    def _shot(self, image: RgbdImage, joints: Array, width: float, held: BeliefObject | None) -> _Shot:
+    def held(self, image: RgbdImage, joints: Array, width: float) -> HeldView:
+        """Return what the picture of a fixed camera shows in the hand, with the arm at `joints` (n,) rad."""
+        believed = PosedCamera.at(image.intrinsics, image.camera_in_world)
+        backdrop = self._backdrop(believed, image)
+        depth = np.where(np.isfinite(image.depth), image.depth, 0.0).astype(np.float64)
+        sight = level_camera(believed, depth, backdrop, self._table_z)
+        depth[backdrop.depth - depth <= MIN_RAISED_DEPTH] = 0.0
+        tagged = asks_for(self._description.destinations, "tag")
+        return view_held_thing(sight, depth, image.colour, self._robot, (joints, width), tagged=tagged)
+
+    def _shot(
+        self, image: RgbdImage, joints: Array, width: float, held: BeliefObject | None
+    ) -> MaskedPicture:
         moving = image.camera in self.moving
         whole = image
         if moving:
@@ -194,7 +208,7 @@ class Perception:
         picture = SegmentationInput(
             sight, depth, height, label, robot | walls, np.zeros(depth.shape, dtype=np.int32), []
         )
-        return _Shot(picture, backdrop, robot, self._noise.get(image.camera, 0.002), moving)
+        return MaskedPicture(picture, backdrop, robot, self._noise.get(image.camera, 0.002), moving)
 
     def _beside_hand(self, sight: PosedCamera, image: RgbdImage, joints: Array, width: float) -> PosedCamera:
         """Correct the levelled pose of a hand camera by the fingers that the whole picture shows."""
@@ -218,28 +232,10 @@ class Perception:
         return self._floors.under(x, y, below)
 
 
-@dataclass(frozen=True, eq=False)
-class _Shot:
-    """One masked picture."""
-
-    picture: SegmentationInput
-    backdrop: BackgroundModel
-    robot: NDArray[np.bool_]
-    noise: float
-    """Standard deviation of the depth at 0.7 m, m."""
-    moving: bool
-    """Whether the camera is on the hand. Then hand and border may cut through items in the picture."""
-
-    @property
-    def rough(self) -> float:
-        """Part of the depth's standard deviation that does not depend on the distance, m."""
-        return NEAR_DEPTH_SIGMA if self.moving else MODEL_DEPTH_SIGMA
-
-
 class _Finding:
     """Recognition of items and unexplained patches in one picture."""
 
-    def __init__(self, perception: Perception, shot: _Shot, known: Sequence[BeliefObject]) -> None:
+    def __init__(self, perception: Perception, shot: MaskedPicture, known: Sequence[BeliefObject]) -> None:
         self.perception = perception
         self.known = known
         self.picture = shot.picture

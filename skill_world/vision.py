@@ -14,6 +14,7 @@ from ..perception.fitting.known_object_fitting import TrackedSighting
 from ..perception.fitting.view import BinView
 from ..perception.geometry.camera_geometry import depth_noise
 from ..perception.heap_mapping import update_heap
+from ..perception.held_thing import HeldView
 from ..perception.pipeline import Perception
 from ..world.belief.height_map import Heap
 from ..world.belief.planning_scene import BeliefObject, PlanningScene
@@ -118,6 +119,17 @@ class Vision:
         seen = sorted({str(s.object) for s in found if math.isfinite(s.misfit)})
         self._journal.note(ImageEntry(shot.image, tuple(seen)))
         return found
+
+    def examine(self, camera: str) -> Generator[None, None, HeldView]:
+        """Capture an image with a fixed `camera`, and return what it shows in the hand. The cost is that of
+        an observation; the belief does not change. Raises as `look`."""
+        shot = yield from self._patiently(lambda: self.glance(camera))
+        with self._stopwatch.measure("perception"):
+            seen = self._perceive.held(shot.image, shot.joints, shot.width)
+        yield from self._charge()
+        held = () if shot.held is None or not len(seen.points) else (str(shot.held.id),)
+        self._journal.note(ImageEntry(shot.image, held))
+        return seen
 
     def look(self, camera: str) -> Generator[None, None, ObservationSummary]:
         """Observe with `camera`; the belief changes after the charged time.

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from .observe import Observe as Observe
     from .pick_any import PickAny as PickAny
     from .place import Place as Place
+    from .present import Present as Present
     from .push import Push as Push
     from .stir import Stir as Stir
     from .survey import Survey as Survey
@@ -35,6 +36,7 @@ MODULES = {
     "Observe": "observe",
     "Grasp": "grasp",
     "PickAny": "pick_any",
+    "Present": "present",
     "Place": "place",
     "Insert": "insert",
     "Push": "push",

@@ -5,13 +5,13 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, cast
 
 from ..manipulation.pick.object_placement import PlaceTask, carry_to_place, lower_and_release
-from ..manipulation.place.dropped_objects import apply_bin_exchanges
+from ..manipulation.place.dropped_objects import PUT_BACK, apply_bin_exchanges
 from ..trees.ports import In, port
 from ..trees.skill import ARM, GRIPPER, Skill, Steps
 from ..trees.values.port_types import PortProblem, PortValues
 from ..world.causes import control, grasp, place, planning, safety
 from ..world.causes import world as world_causes
-from ..world.events.skill_events import ItemDoneEvent
+from ..world.events.skill_events import ItemDoneEvent, PutDownEvent
 from ..world.values import ObjectId
 
 if TYPE_CHECKING:
@@ -21,7 +21,8 @@ if TYPE_CHECKING:
 class Place(Skill):
     """Place the held object into a bin, over the lowest part of its heap, or down at a point.
 
-    The hold is felt again before the release, and that the hand is empty after it.
+    The hold is felt again before the release, and that the hand is empty after it. What is placed into a tote
+    with a heap is a part of the heap again, and does not count as done.
     """
 
     example = """
@@ -70,6 +71,11 @@ class Place(Skill):
         task = PlaceTask(self.object, self.path, self.into, tuple(self.at), self.speed)
         spot = yield from carry_to_place(world, task)
         held = yield from lower_and_release(world, task, spot)
+        if self.into in world.scene.regions:
+            world.scene.remove(held.id, PUT_BACK)
+            told = f"{held.id} is put back into {self.into}"
+            world.journal.note(PutDownEvent(told, self.path, object=held.id))
+            return
         world.journal.note(
             ItemDoneEvent(
                 f"{held.id} placed {('into ' + self.into) if self.into else f'at {self.at}'}",

@@ -76,6 +76,7 @@ class grasp:
     NO_CANDIDATE = Cause("grasp.no_candidate", "No grasp is left to try.", "clear what stands around it")
     MISSED = Cause("grasp.missed", "The fingers closed and hold nothing.", "observe again")
     SLIPPED = Cause("grasp.slipped", "The object slipped out of the fingers.", "observe again, grip harder")
+    DOUBLE = Cause("grasp.double", "More than one thing is in the hand.", "put them back into the tote")
     ANY = Family("grasp")
 
 

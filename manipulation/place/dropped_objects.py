@@ -84,6 +84,8 @@ def _items_are(items: int) -> str:
     return "1 item is" if items == 1 else f"{items} items are"
 
 
+PUT_BACK = "it is a part of the heap again"
+"""Reason why a thing leaves the belief when it is put back into a heap."""
 DROPPED_CONFIDENCE = 0.3
 """Confidence in the estimated pose until the object is seen again."""
 
@@ -104,7 +106,8 @@ def open_gripper(world: World, reason: str, width: float | None = None) -> Doing
 def release_object(scene: PlanningScene, reason: str, *, left_at: Pose | None = None) -> None:
     """Detach the held object, and believe it at `left_at` in the world.
 
-    By default it is straight below the hand, on the highest fixture or bin floor there.
+    By default it is straight below the hand, on the highest fixture or bin floor there. Over a heap it
+    becomes a part of that.
     """
     held = scene.held
     if held is None:
@@ -118,6 +121,9 @@ def release_object(scene: PlanningScene, reason: str, *, left_at: Pose | None = 
         if abs(float(local[0])) <= bin_.size[0] / 2 and abs(float(local[1])) <= bin_.size[1] / 2:
             support, place = bin_.pose.position[2] + bin_.wall, bin_.id
     fallen = held.pose.shifted((0.0, 0.0, support - bottom(held.shape, held.pose)))
+    if any(region.covers(np.array([fallen.position]))[0] for region in scene.regions.values()):
+        scene.remove(held.id, PUT_BACK)
+        return
     scene.put(
         replace(
             held,

@@ -90,6 +90,10 @@ class RobotMask:
         convex = all(kept[f"{n} convex"] for n, part in enumerate(parts) if part.link in names)
         self._fingers = [(link, hull) for link, hull in self._hulls if link in names and convex]
 
+    def tcp(self, joints: Array) -> Pose:
+        """Return the TCP in the world at `joints` (n,) rad."""
+        return self._robot.tcp(joints)
+
     def paint(
         self, sight: PosedCamera, joints: Array, width: float, held: tuple[Shape, Pose] | None
     ) -> NDArray[np.bool_]:

@@ -22,6 +22,17 @@ class PickEvent(JournalEvent, kind="pick"):
     force: Annotated[float | None, "force of each finger", "N"] = None
 
 
+class PresentEvent(JournalEvent, kind="present"):
+    """A thing in the hand was looked at from near."""
+
+    object: ObjectOf
+    whole: Annotated[bool, "whether it was seen from both sides of the hand"]
+    colours: Annotated[tuple[str, ...], "colours of its surface, the largest first"] = ()
+    tags: Annotated[tuple[str, ...], "numbers of the ArUco tags that were read on it"] = ()
+    size: Annotated[float | None, "greatest distance of two seen points", "m"] = None
+    mass: Annotated[float | None, "mass as it was weighed in the hand", "kg"] = None
+
+
 class RegraspEvent(JournalEvent, kind="regrasp"):
     """An object is grasped once more."""
 

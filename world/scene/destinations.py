@@ -62,6 +62,22 @@ def rule_holds(rule: Expression, item: Sortable) -> bool:
     return all(value is not None for value in names.values()) and bool(rule.evaluate(names))
 
 
+def unknown_traits(destinations: Iterable[Destination], item: Sortable) -> tuple[str, ...]:
+    """Return the traits of an item that are not known, and that rules ask for up to the first one that holds.
+
+    Without any the item has its destination for good.
+    """
+    found: dict[str, None] = {}
+    for rule in (Expression.parse(each.where) for each in destinations):
+        traits = {name: getattr(item, name) for name in sorted(rule.names)}
+        missing = [name for name, value in traits.items() if value is None]
+        missing += ["colour"] if "colour" in traits and item.colour not in ITEM_COLOURS else []
+        found.update(dict.fromkeys(missing))
+        if not missing and rule.evaluate(traits):
+            break
+    return tuple(found)
+
+
 def asks_for(destinations: Iterable[Destination], name: str) -> bool:
     """Return whether any rule asks for what `name` stands for."""
     return any(name in Expression.parse(each.where).names for each in destinations)

@@ -179,6 +179,10 @@ class Belief:
         if wanted is not None and (held is None or held.id != wanted):
             holds = f"holds {held.id!r}" if held else "is empty"
             raise Contradiction(f"{leaf.id} lets go of {wanted!r} while the hand {holds}")
+        bin_ = self.scene.bins.get(ObjectId(place))
+        if held is not None and bin_ is not None and bin_.is_tote:
+            self.scene.remove(held.id, "put back into the tote")
+            return
         self._done += wanted is not None
         self.let_go(place)
 
