@@ -106,25 +106,6 @@ class PresetAnswers(Interrupter):
         return choice
 
 
-class RecordedAnswers(Interrupter):
-    """Operator with the answers of a log, each for the node that asked.
-
-    When another node asks, or the choices do not contain the answer, it gives no answer from then on.
-    """
-
-    def __init__(self, answers: Iterable[tuple[str, str]]) -> None:
-        """Take pairs of the asking node's path and the answer."""
-        self._left = deque(answers)
-
-    def answer(self, question: OperatorQuestion) -> str | None:
-        if self._left:
-            node, said = self._left.popleft()
-            if node == question.node and said in question.choices:
-                return said
-            self._left.clear()
-        return None
-
-
 def answer_pending(desk: OperatorRequests, journal: Journal, operators: Sequence[Interrupter]) -> bool:
     """Have the operators answer the pending question in turn. False when it stays without an answer.
 
