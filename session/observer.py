@@ -83,6 +83,10 @@ class Interrupter(Observer):
         """
         return None
 
+    def halts(self) -> bool:
+        """Whether the run is interrupted after the present tick, with the tree halted and the arm at rest."""
+        return False
+
     def stops(self) -> bool:
         """Whether the run ends after the present tick, as by an interrupt."""
         return False
