@@ -19,7 +19,7 @@ from multiprocessing.queues import SimpleQueue
 from pathlib import Path
 from typing import Any
 
-from picktree.session.attach_socket import SOCKET_NAME, connect_to_run
+from picktree.session.live.attach_socket import SOCKET_NAME, connect_to_run
 
 MISSION = Path(__file__).parents[1] / "examples" / "sort_by_colour.yaml"
 VIEWERS = 3

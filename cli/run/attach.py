@@ -27,7 +27,7 @@ def attach(
     process died.
     """
     from ...logs.run_log import find_log
-    from ...session.attach_socket import connect_to_run
+    from ...session.live.attach_socket import connect_to_run
 
     with connect_to_run(find_log(run).parent) as connection:
         end_with(_Conversation(connection, steer=not watch).hold())

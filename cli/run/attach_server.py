@@ -23,9 +23,9 @@ from typing import TYPE_CHECKING, Final, Self
 
 from ...errors import PicktreeError
 from ...logs.schema import topics
-from ...session.attach_socket import SOCKET_NAME, listen_in
 from ...session.debugger import Debugger, DebuggerStop
-from ...session.last_messages import LastMessages
+from ...session.live.attach_socket import SOCKET_NAME, listen_in
+from ...session.live.last_messages import LastMessages
 from ...session.mission_edits import TAKEN_LATER, read_replacement
 from ...session.observer import Interrupter
 from ..terminal.command_prompt import Command

@@ -16,7 +16,7 @@ import pytest
 
 from picktree.cli.app import answer
 from picktree.logs.run_log import RunLog
-from picktree.session.attach_socket import SOCKET_NAME, connect_to_run, socket_address
+from picktree.session.live.attach_socket import SOCKET_NAME, connect_to_run, socket_address
 from picktree.session.observer import PresetAnswers
 from picktree.session.session import RunRequest, Session
 

@@ -15,11 +15,11 @@ from types import TracebackType
 import foxglove
 from foxglove.websocket import Capability, ChannelView, Client, ServerListener
 
-from ..errors import PicktreeError
-from ..logs.schema import topics
-from ..logs.schema.topics import Topic
+from ...errors import PicktreeError
+from ...logs.schema import topics
+from ...logs.schema.topics import Topic
+from ..observer import Observer
 from .last_messages import LastMessages
-from .observer import Observer
 
 LIVE_HOST = "127.0.0.1"
 DEFAULT_LIVE_PORT = 8765

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Final
 
-from ..logs.schema import topics
-from ..logs.schema.topics import Topic
+from ...logs.schema import topics
+from ...logs.schema.topics import Topic
 
 _MOMENTARY_TOPICS: Final = frozenset(
     topic.name

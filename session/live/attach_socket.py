@@ -9,8 +9,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Final
 
-from ..errors import PicktreeError
-from ..logs.mcap.sealed_file import is_written
+from ...errors import PicktreeError
+from ...logs.mcap.sealed_file import is_written
 
 SOCKET_NAME: Final = "attach.sock"
 """Name of the socket in the run's folder."""
