@@ -8,8 +8,10 @@ from pathlib import Path
 from typing import Literal, Protocol, TypeAlias
 
 from ..trees.running.runner import BehaviourTree, TickReport
+from ..world.journal import Plain
 from .execution import Execution
 from .observer import Observer
+from .operator_actions import EntryChange, set_entry
 
 When: TypeAlias = Literal["before", "after"]
 
@@ -39,8 +41,8 @@ class DebuggerPrompt(Protocol):
 class Debugger(Observer):
     """Stops at breakpoints and steps, called by tree and session. Simulated time is frozen during a stop.
 
-    It only reads, so that a run is the same with and without it. An exception from the prompt ends the run
-    like any other: KeyboardInterrupt interrupts it.
+    Only `set_entry` changes the run; otherwise a run is the same with and without it. An exception from the
+    prompt ends the run like any other: KeyboardInterrupt interrupts it.
     """
 
     def __init__(
@@ -55,6 +57,7 @@ class Debugger(Observer):
         self._of_the_file: set[int] = set()
         self._number = 0
         self._ticks: int | None = None
+        self._passes = 0
         self._next = at_start
         self._off = False
 
@@ -86,7 +89,8 @@ class Debugger(Observer):
                 self._of_the_file.add(self.add(node.path, node.wiring.breakpoint))
 
     def pause_after_tick(self) -> None:
-        """Stop at the end of a tick, when the steps are over."""
+        """Stop at the end of a tick, when the steps are over. Call it after each tick."""
+        self._passes = 0
         if self._ticks is None:
             return
         self._ticks -= 1
@@ -100,6 +104,7 @@ class Debugger(Observer):
         self._pass("after", path)
 
     def _pass(self, when: When, path: str) -> None:
+        self._passes += 1
         if self._next or Breakpoint(path, when) in self._breakpoints.values():
             self._stop(DebuggerStop(when, path))
 
@@ -134,6 +139,14 @@ class Debugger(Observer):
         """Remove a breakpoint; return whether it existed."""
         self._of_the_file.discard(number)
         return self._breakpoints.pop(number, None) is not None
+
+    def set_entry(self, key: str, value: Plain, path: str) -> str:
+        """Change a blackboard entry, and note it in the log; return what was done, as a sentence.
+
+        `key` is a full key, `path` the node at which the run stands; empty between two ticks. Nodes have the
+        value when they read the key next.
+        """
+        return set_entry(self.tree, EntryChange(key, value, self._passes, path))
 
     def step(self, ticks: int = 1) -> None:
         """Continue to the end of a tick; inside a tick, to the end of the present one."""

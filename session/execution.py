@@ -159,9 +159,12 @@ class Execution:
 
     @property
     def quiet(self) -> bool:
-        """Whether no skill runs, the arm is at rest, the hand is empty and no answer waits to be read."""
+        """Whether no skill runs, the arm is at rest, and the hand is empty.
+
+        An answer or a change of the blackboard by the operator must not wait for the next tick, either.
+        """
         world = self.world
-        free = world.scene.held is None and not world.operator.answered
+        free = world.scene.held is None and not world.operator.answered and not self.tree.blackboard.written
         return self._first is None and self.tree.quiescent and world.control.at_rest and free
 
     @property

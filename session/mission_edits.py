@@ -27,15 +27,15 @@ MAX_WATCHED_FILES: Final = 200
 """Maximum number of files that are watched."""
 
 
-def read_edited(current: Mission, known: SceneNames, *, own_scene: bool) -> Mission:
-    """Return the mission as its files are now.
+def read_edited(current: Mission, known: SceneNames, *, own_scene: bool, file: Path | None = None) -> Mission:
+    """Return the mission as its files are now, or the one of another file that is to replace it.
 
     Raises FileError with the checker's errors, and PicktreeError for an edit that needs a new run.
     `own_scene`: the run has the scene that the mission names, not another.
     """
     from ..authoring.check import check_mission  # with the linter, which no other run needs
 
-    check = check_mission(read_document(current.document.path, "mission"), known=known)
+    check = check_mission(read_document(file or current.document.path, "mission"), known=known)
     errors = [fault for fault in check.faults if fault.severity == "error"]
     if errors or check.mission is None:
         raise FileError(errors)
@@ -50,6 +50,25 @@ def read_edited(current: Mission, known: SceneNames, *, own_scene: bool) -> Miss
         message = f"the mission's parameter {changed!r} is another than at the start; that needs a new run"
         raise PicktreeError(f"{edited.document.mark(('trees', 'Main', 'ports'))}: {message}")
     return edited
+
+
+def read_replacement(run: Execution, file: Path) -> Mission:
+    """Return the mission of a file that is to take over from the run's mission.
+
+    Raises PicktreeError with what is wrong with it, all faults of the checker included.
+    """
+    recipe = run.recipe
+    known = scene_names(recipe.scene, recipe.robot)
+    try:
+        return read_edited(run.mission, known, own_scene=recipe.own_scene, file=file)
+    except FileError as error:
+        raise PicktreeError(f"the edit is not taken over:\n{fault_lines(error.faults)}") from None
+    except PicktreeError as error:
+        raise PicktreeError(f"the edit is not taken over: {error}") from None
+
+
+TAKEN_LATER: Final = "the edit is good; it is taken over between two items"
+"""Message about an edit without errors."""
 
 
 def mission_source_files(mission: Path) -> tuple[Path, ...]:
@@ -206,7 +225,7 @@ class MissionReload(Interrupter):
             return (ReloadMessage(f"the edit is not taken over:\n{fault_lines(error.faults)}", refused=True),)
         except PicktreeError as error:
             return (ReloadMessage(f"the edit is not taken over: {error}", refused=True),)
-        return (ReloadMessage("the edit is good; it is taken over between two items"),)
+        return (ReloadMessage(TAKEN_LATER),)
 
 
 def _content(file: Path) -> bytes | None:

@@ -83,6 +83,10 @@ class Interrupter(Observer):
         """
         return None
 
+    def halts(self) -> bool:
+        """Whether the run is interrupted after the present tick, with the tree halted and the arm at rest."""
+        return False
+
     def stops(self) -> bool:
         """Whether the run ends after the present tick, as by an interrupt."""
         return False
@@ -104,25 +108,6 @@ class PresetAnswers(Interrupter):
             known = ", ".join(question.choices)
             raise PicktreeError(f"--answer {said}: {question.node} asks, and takes one of these: {known}")
         return choice
-
-
-class RecordedAnswers(Interrupter):
-    """Operator with the answers of a log, each for the node that asked.
-
-    When another node asks, or the choices do not contain the answer, it gives no answer from then on.
-    """
-
-    def __init__(self, answers: Iterable[tuple[str, str]]) -> None:
-        """Take pairs of the asking node's path and the answer."""
-        self._left = deque(answers)
-
-    def answer(self, question: OperatorQuestion) -> str | None:
-        if self._left:
-            node, said = self._left.popleft()
-            if node == question.node and said in question.choices:
-                return said
-            self._left.clear()
-        return None
 
 
 def answer_pending(desk: OperatorRequests, journal: Journal, operators: Sequence[Interrupter]) -> bool:

@@ -158,6 +158,9 @@ class Session:
         """Return how an interrupter, or a question without an answer, ends the run; None when it goes on."""
         if any(each.stops() for each in self._interrupters):
             return "interrupted"
+        if any(each.halts() for each in self._interrupters):
+            self.execution.come_to_rest()
+            return "interrupted"
         world = self.execution.world
         if answer_pending(world.operator, world.journal, self._interrupters):
             return None

@@ -52,6 +52,11 @@ class Blackboard:
         """Call `written` after each write to the key. Restored values are no writes."""
         self._watchers.setdefault(key, []).append(written)
 
+    @property
+    def written(self) -> bool:
+        """Whether there are writes that `take_writes` has not returned yet."""
+        return bool(self._writes)
+
     def take_writes(self) -> tuple[BlackboardWrite, ...]:
         """Return the writes since the last call, in order."""
         writes = tuple(self._writes)

@@ -14,6 +14,7 @@ from ...files.node_patterns import short_names
 from ...files.value_wording import listed
 from ...logs.episodes.episode_counts import CauseCount
 from ...logs.schema.json_records import encode
+from ...world.events.run_events import BlackboardSetEvent
 from ...world.journal import Plain
 from .failure_text import FailureText, recovery_lines
 from .investigation.explanation import RATES, Explanation, ItemStory, RootCause
@@ -228,6 +229,9 @@ def notes_on(run: Run) -> tuple[str, ...]:
     if edits:
         told = ", ".join(f"{time:.2f} s" for time in edits)
         notes.append(f"the mission was edited while it ran, at {told}; nodes are those of their time")
+    for at in run.events:
+        if isinstance(at.record, BlackboardSetEvent):
+            notes.append(f"{at.time:.2f} s: {at.record.message}")
     return tuple(notes)
 
 

@@ -27,7 +27,9 @@ from .tick_table import STATUSES, TickTable, tick_table
 OUTCOMES: Final = ("RUNNING", "SUCCESS", "FAILURE", "SKIPPED", HALTED)
 """Outcomes by code."""
 
-_MARKED_KINDS: Final = frozenset({"recovery", "fault", "item_done", "safety_stop", "mission_edited"})
+_MARKED_KINDS: Final = frozenset(
+    {"recovery", "fault", "item_done", "safety_stop", "mission_edited", "blackboard_set"}
+)
 """Kinds of event that the lanes mark."""
 
 

@@ -11,6 +11,7 @@ from ...errors import PicktreeError
 from ...logs.meshes.binary_gltf import read_glb
 from ...logs.meshes.triangle_meshes import Mesh, decimate, part_mesh, shape_mesh, smooth_mesh
 from ...logs.recording.foxglove_messages import UNKNOWN_COLOUR
+from ...logs.run_log import RunLog
 from ...logs.schema.records import BodyRecord, Candidates, LinkMesh, PartRecord
 from ...manipulation.pick.pick_candidates import ACCEPTED_VERDICT, count_rejections, describe_rejections
 from ...robots.loading import parse_robot
@@ -111,10 +112,10 @@ def pack_stage(run: Run) -> Section:
             "models": [packed for m in models if m.link in links and (packed := packed_link(m)) is not None],
             "links": list(links),
             "chain": [_pose_track(track) for track in _chain(frames, links)],
-            "tool": _tool(run, links),
+            "tool": packed_tool(run.log, links),
             "objects": [_object(one, fixed) for one in believed],
             "truths": map(_truth, truths, motion.true, partners),
-            "fixed": _fixed(run, fixed),
+            "fixed": packed_fixed(run.log, fixed),
             "plans": _plans(run),
             "choices": _choices(run),
             "cameras": _cameras(run, frames),
@@ -141,14 +142,14 @@ def _quantised_values(values: Array, grain: float) -> Quantised:
     return quantise(values, grain)
 
 
-def _tool(run: Run, links: Sequence[str]) -> Packable:
+def packed_tool(log: RunLog, links: Sequence[str]) -> Packable:
     """Return the TCP: a link's place in the chain and a pose in it; None when the log has no usable robot
     file."""
     if not links:
         return None
     try:
-        text = run.log.attachment("robot.yaml").decode("utf-8", "replace")
-        robot = parse_robot(text, run.path)
+        text = log.attachment("robot.yaml").decode("utf-8", "replace")
+        robot = parse_robot(text, log.path)
     except (PicktreeError, OSError):
         return {"link": len(links) - 1, "at": list(row(Pose()))}
     if robot.tcp_link not in links:
@@ -189,8 +190,9 @@ def _truth(truth: TrueBodySamples, poses: Array, partner: int | None) -> Packabl
     }
 
 
-def _fixed(run: Run, parts: Sequence[PartRecord]) -> Packable:
-    tints = bin_tints(run.log)
+def packed_fixed(log: RunLog, parts: Sequence[PartRecord]) -> Packable:
+    """Pack the parts that never move, bins in the tint of their items."""
+    tints = bin_tints(log)
     return [
         {
             "id": part.id.split("/")[0],

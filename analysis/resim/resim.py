@@ -113,7 +113,7 @@ def run_order(order: ResimOrder, say: Callable[[ResimAnswer], None]) -> ResimAns
         result = Session(
             replace(recipe, limit=limit),
             record=Recording(order.out or Path(away)),
-            observers=(_Progress(say), comparison, recorded.answers(), *edits),
+            observers=(_Progress(say), comparison, recorded.operator(), *edits),
         ).run()
         comparison.finish()
         return ResimAnswer(

@@ -229,7 +229,7 @@ def what_if(
         session = Session(
             recipe,
             record=Recording(out),
-            observers=(*observers, comparison, recorded.answers(since), *edits),
+            observers=(*observers, comparison, recorded.operator(since), *edits),
         )
         result = session.run()
         if result.status != "interrupted":

@@ -13,7 +13,6 @@ from ..terminal.output import end_with
 
 if TYPE_CHECKING:
     import socket
-    from pathlib import Path
 
 
 def attach(
@@ -28,35 +27,10 @@ def attach(
     process died.
     """
     from ...logs.run_log import find_log
+    from ...session.live.attach_socket import connect_to_run
 
-    with _connect(find_log(run).parent) as connection:
+    with connect_to_run(find_log(run).parent) as connection:
         end_with(_Conversation(connection, steer=not watch).hold())
-
-
-def _connect(folder: Path) -> socket.socket:
-    """Connect to the run of a folder. Raises PicktreeError when it is not going on, or cannot be attached."""
-    import socket
-
-    from ...errors import PicktreeError
-    from ...logs.mcap.sealed_file import is_written
-    from .attach_server import SOCKET_NAME, socket_address
-
-    connection = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
-    try:
-        with socket_address(folder) as address:
-            connection.connect(address)
-    except PermissionError:
-        connection.close()
-        raise PicktreeError(f"{folder}: the run belongs to another user") from None
-    except OSError:
-        connection.close()
-        if any(is_written(log) for log in folder.glob("*.mcap")):
-            raise PicktreeError(
-                f"{folder}: the run cannot be attached: it is none of `picktree run`, or the disk of its "
-                f"folder has no sockets ({SOCKET_NAME})"
-            ) from None
-        raise PicktreeError(f"{folder}: the run is not going on") from None
-    return connection
 
 
 class _Conversation:
@@ -136,7 +110,7 @@ class _Conversation:
             self._owed += 1
             if not self._typed:
                 self._say(f"{self._text}{line}")
-            self._write({"line": line})
+            self._write({"line": _with_whole_path(line)})
 
     def _write(self, message: Mapping[str, object]) -> None:
         import json
@@ -194,6 +168,16 @@ class _Conversation:
     def _say(self, text: str) -> None:
         if text:
             print(text, flush=True)
+
+
+def _with_whole_path(line: str) -> str:
+    """Return the line with the file of `take FILE` as an absolute path: the run may have another directory.
+
+    >>> _with_whole_path("take /home/ada/pick.yaml")
+    'take /home/ada/pick.yaml'
+    """
+    word, _, file = line.partition(" ")
+    return f"{word} {os.path.abspath(file.strip())}" if word == "take" and file.strip() else line
 
 
 def _message(line: bytes) -> Mapping[str, Any]:

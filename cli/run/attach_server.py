@@ -2,87 +2,48 @@
 
 Both sides send JSON objects, one a line. A client sends `{"steer": bool}` first, then `{"line": COMMAND}`.
 The server sends `reply` to each command, and to all clients `run`, `state`, `stop`, `going`, `question`,
-`told` and `end`.
+`told`, `breakpoints` and `end`.
+
+A client whose first object has `"follow": true` also receives the messages of the log, tick by tick:
+`{"messages": [[TOPIC, SIMULATED NS, BYTES], …], "wall": SECONDS}`, and their payloads behind the line.
+`"whole": true` marks the last message of each topic, at the beginning and after messages that the client did
+not take in time.
+`{"statuses", "blackboard"}` tell of a stop within a tick.
 """
 
 from __future__ import annotations
 
 import contextlib
 import io
-import json
-import os
-import select
-import socket
 import time
 from collections import deque
-from collections.abc import Generator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING, Final, Self
 
 from ...errors import PicktreeError
+from ...logs.schema import topics
 from ...session.debugger import Debugger, DebuggerStop
+from ...session.live.attach_socket import SOCKET_NAME, listen_in
+from ...session.live.last_messages import LastMessages
+from ...session.mission_edits import TAKEN_LATER, read_replacement
 from ...session.observer import Interrupter
 from ..terminal.command_prompt import Command
 from ..terminal.progress import deepest_running
+from .attach_clients import STATE_BACKLOG, Client, Clients, LogMessage
 from .operator_prompt import DebugPrompt, place
 
 if TYPE_CHECKING:
     from ...logs.run_result import RunResult
+    from ...logs.schema.topics import Topic
     from ...session.execution import Execution
     from ...skill_world.operator_desk import OperatorQuestion
     from ...trees.running.runner import TickReport
 
-SOCKET_NAME = "attach.sock"
-"""Name of the socket in the run's folder."""
 _STATE_PERIOD = 0.2
 """Maximum interval between two states that are sent while ticks come, wall s."""
-_MAX_LINE = 1 << 16
-"""Maximum length of a line of a client, bytes."""
-_STATE_BACKLOG, _MAX_BACKLOG = 1 << 16, 1 << 22
-"""Bytes that wait for a client, above which it receives no states, and above which it is disconnected."""
-
-
-@contextmanager
-def socket_address(folder: Path) -> Generator[str]:
-    """Return an address of the socket that is short, however long the folder's path is.
-
-    The address of a Unix socket has at most 108 bytes.
-    """
-    descriptor = os.open(folder, os.O_PATH | os.O_DIRECTORY)
-    try:
-        yield f"/proc/self/fd/{descriptor}/{SOCKET_NAME}"
-    finally:
-        os.close(descriptor)
-
-
-class _Client:
-    """Connection to one attached process."""
-
-    def __init__(self, connection: socket.socket) -> None:
-        self.connection = connection
-        self.steers: bool | None = None
-        """Whether stops and questions wait for it; None: it has not said so yet."""
-        self.outgoing = bytearray()
-        self._incoming = bytearray()
-
-    def lines(self) -> list[bytes]:
-        """Return the lines that have arrived. Raises OSError or ValueError when the connection is over."""
-        piece = self.connection.recv(_MAX_LINE)
-        if not piece:
-            raise ConnectionResetError
-        self._incoming += piece
-        *lines, rest = self._incoming.split(b"\n")
-        if len(rest) > _MAX_LINE:
-            raise ValueError("a line is too long")
-        self._incoming = bytearray(rest)
-        return [bytes(line) for line in lines]
-
-    def flush(self) -> None:
-        """Send what can be sent without waiting. Raises OSError when the connection is over."""
-        with contextlib.suppress(BlockingIOError):
-            while self.outgoing:
-                del self.outgoing[: self.connection.send(self.outgoing)]
+_NOT_FOLLOWED: Final = frozenset({topics.ROBOT.name, topics.STATE.name, topics.TIMING.name})
+"""Topics that followers do not receive: the log has them."""
 
 
 class AttachPrompt(DebugPrompt):
@@ -94,6 +55,8 @@ class AttachPrompt(DebugPrompt):
         self.offer(
             Command("pause", "stop at the end of the next tick", self._pause),
             Command("answer TEXT", "the answer when the mission asks for help", self._answer),
+            Command("take FILE", "go on with this mission from the next item on", self._take),
+            Command("halt", "bring the arm to rest, and interrupt the run", self._halt),
         )
 
     def respond(self, debugger: Debugger, stop: DebuggerStop, line: str) -> tuple[str, bool]:
@@ -113,6 +76,16 @@ class AttachPrompt(DebugPrompt):
         self._server.take_answer(text)
         return False
 
+    def _take(self, file: str) -> bool:
+        if not file:
+            raise PicktreeError("take what? A mission file, as 'take sort.yaml'")
+        self._server.take_mission(Path(file))
+        return self._show([TAKEN_LATER])
+
+    def _halt(self, _: str) -> bool:
+        self._server.halt()
+        return True
+
 
 class AttachServer(Interrupter):
     """Server of attached processes, polled after each tick: no thread, and one system call when nobody is
@@ -124,11 +97,9 @@ class AttachServer(Interrupter):
     """
 
     def __init__(self) -> None:
-        self._listener: socket.socket | None = None
         self._path: Path | None = None
-        self._poll = select.poll()
-        self._clients: dict[int, _Client] = {}
-        self._commands: deque[tuple[_Client, str]] = deque()
+        self._clients = Clients(self._receive, self._forget)
+        self._commands: deque[tuple[Client, str]] = deque()
         self._prompt = AttachPrompt(self)
         self._debugger = Debugger(self._stop_there, at_start=False, file_breakpoints=False)
         self._run: Execution | None = None
@@ -137,8 +108,13 @@ class AttachServer(Interrupter):
         """Message of the present stop or question; None: the run goes on."""
         self._question: OperatorQuestion | None = None
         self._given: str | None = None
+        self._halts = False
         self._state: tuple[str, str] = ("", "")
         self._state_sent = 0.0
+        self._last = LastMessages()
+        self._new: list[LogMessage] = []
+        """Messages of the log since the last tick that were not sent to followers yet."""
+        self._breakpoints: Sequence[object] = ()
 
     def __enter__(self) -> Self:
         return self
@@ -160,29 +136,31 @@ class AttachServer(Interrupter):
             raise PicktreeError(f"{text!r} is none of the answers; write a number or one of these: {known}")
         self._given = choice
 
+    def take_mission(self, file: Path) -> None:
+        """Take over the mission of a file when the run is quiescent. Raises PicktreeError with its faults."""
+        assert self._run is not None
+        self.pending = read_replacement(self._run, file)
+
+    def halt(self) -> None:
+        """End the run after the present tick, with the arm at rest."""
+        self._halts = True
+
     # Called by the session.
 
     def started(self, run: Execution, folder: Path) -> None:
         self._run, self._path = run, folder.absolute() / SOCKET_NAME
-        listener = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM | socket.SOCK_NONBLOCK)
-        try:
-            os.fchmod(listener.fileno(), 0o600)  # Linux: the mode of the file that `bind` makes.
-            with socket_address(folder) as address:
-                listener.bind(address)
-            listener.listen()
-        except OSError:
-            listener.close()
-            return
-        self._listener = listener
-        self._poll.register(listener, select.POLLIN)
+        with contextlib.suppress(OSError):
+            self._clients.listen(listen_in(folder.absolute()))
 
     def edited(self, run: Execution) -> None:
         if self._hooked:
             self._debugger.follow(run.tree)
 
     def ticked(self, now: float, report: TickReport, items_done: int, items_total: int) -> None:
-        if self._listener is None:
+        if not self._clients.listens:
             return
+        if self._clients.follows:
+            self._send_log()
         if self._hooked:
             self._debugger.pause_after_tick()
         self._exchange(0)
@@ -192,10 +170,18 @@ class AttachServer(Interrupter):
             self._send_state(now, report, items_done, items_total)
 
     def told(self, now: float, text: str) -> None:
-        self._send_all({"told": text, "time": now})
+        self._clients.send_all({"told": text, "time": now})
+
+    def recorded(self, topic: Topic, at: int, data: bytes, in_digest: bool) -> None:
+        self._last.keep(topic, at, data)
+        if self._clients.follows and _followed(topic.name):
+            self._new.append((topic.name, at, data))
+
+    def halts(self) -> bool:
+        return self._halts
 
     def answer(self, question: OperatorQuestion) -> str | None:
-        if self._listener is None:
+        if not self._clients.listens:
             return None
         self._exchange(0)
         self._question, self._given = question, None
@@ -204,7 +190,8 @@ class AttachServer(Interrupter):
         return self._given
 
     def finished(self, result: RunResult) -> None:
-        self._send_all({"end": result.status})
+        self._send_log()
+        self._clients.send_all({"end": result.status})
         self._close()
 
     # Stops.
@@ -217,21 +204,22 @@ class AttachServer(Interrupter):
         if not self._steered:
             return
         self._standing = standing
-        self._send_all(standing)
+        self._clients.send_all(standing)
+        self._send_standing()
         try:
             while self._steered:
                 while self._commands:
                     goes_on = self._carry_out(stop)
-                    if self._given is not None if self._question else goes_on:
+                    if self._halts or (self._given is not None if self._question else goes_on):
                         return
                 self._exchange(None)
         finally:
             self._standing = None
-            self._send_all({"going": True})
+            self._clients.send_all({"going": True})
 
     @property
     def _steered(self) -> bool:
-        return any(client.steers for client in self._clients.values())
+        return any(client.steers for client in self._clients)
 
     def _carry_out(self, stop: DebuggerStop) -> bool:
         """Carry out the next command; return whether the run goes on. Raises KeyboardInterrupt for `quit`."""
@@ -239,56 +227,89 @@ class AttachServer(Interrupter):
         try:
             text, goes_on = self._prompt.respond(self._debugger, stop, line)
         except KeyboardInterrupt:
-            self._send(client, {"reply": "", "goes_on": True})
+            self._clients.send(client, {"reply": "", "goes_on": True})
             raise
-        self._send(client, {"reply": text, "goes_on": goes_on and self._question is None})
+        self._clients.send(client, {"reply": text, "goes_on": goes_on and self._question is None})
+        self._send_breakpoints()
+        if not goes_on:
+            self._send_standing()
         return goes_on
 
     # Messages.
 
     def _exchange(self, timeout: int | None) -> None:
-        """Accept clients, receive their lines, send what waits for them. `timeout`: ms; None: until one
+        """Welcome clients, receive their lines, send what waits for them. `timeout`: ms; None: until one
         comes."""
-        for descriptor, event in self._poll.poll(timeout):
-            client = self._clients.get(descriptor)
-            if client is None:
-                self._accept()
-                continue
-            try:
-                if event & ~select.POLLOUT:
-                    for line in client.lines():
-                        self._receive(client, json.loads(line))
-            except (OSError, ValueError, TypeError, KeyError, RecursionError):
-                self._drop(client)
-            else:
-                self._flush(client)
+        for client in self._clients.exchange(timeout):
+            self._welcome(client)
 
-    def _accept(self) -> None:
-        assert self._listener is not None and self._run is not None and self._path is not None
-        try:
-            connection, _ = self._listener.accept()
-        except OSError:  # It has gone again.
-            return
-        connection.setblocking(False)
-        client = self._clients[connection.fileno()] = _Client(connection)
-        self._poll.register(connection, select.POLLIN)
+    def _welcome(self, client: Client) -> None:
+        assert self._run is not None and self._path is not None
         if not self._hooked:
             self._hooked = True
             self._debugger.attach(self._run.tree)
         self._state = ("", "")
-        self._send(client, {"run": str(self._path.parent), "time": self._run.world.clock.now})
+        self._clients.send(client, {"run": str(self._path.parent), "time": self._run.world.clock.now})
         if self._standing is not None:
-            self._send(client, self._standing)
+            self._clients.send(client, self._standing)
 
-    def _receive(self, client: _Client, message: Mapping[str, object]) -> None:
+    def _receive(self, client: Client, message: Mapping[str, object]) -> None:
         """Take a message. Raises KeyError, TypeError for one that is not in the protocol."""
         if client.steers is None:
             client.steers = bool(message["steer"])
+            if message.get("follow"):
+                self._begin_following(client)
             return
         line = message["line"]
         if not client.steers or not isinstance(line, str):
             raise TypeError("a client that watches sends no commands")
         self._commands.append((client, line))
+
+    def _forget(self, client: Client) -> None:
+        """Leave out the commands of a client that has gone."""
+        self._commands = deque(each for each in self._commands if each[0] is not client)
+
+    # The log, for those who follow it.
+
+    def _begin_following(self, client: Client) -> None:
+        """Send the state of the run to a new follower."""
+        self._send_log()
+        client.follows = self._clients.follows = True
+        self._clients.send_whole(client, self._whole())
+        self._clients.send(client, {"breakpoints": self._breakpoints})
+        self._clients.send(client, self._board())
+
+    def _whole(self) -> Sequence[LogMessage]:
+        held = [(name, at, data) for name, (at, data) in self._last.items() if _followed(name)]
+        return sorted(held, key=lambda each: each[1])
+
+    def _send_log(self) -> None:
+        new, self._new = self._new, []
+        if new:
+            self._clients.send_log(new, self._whole)
+
+    def _board(self) -> Mapping[str, object]:
+        """Return statuses and blackboard as they are now: at a stop within a tick no message has them yet."""
+        assert self._run is not None
+        tree = self._run.tree
+        statuses = {node.path: str(node.state) for node in tree.nodes}
+        return {"statuses": statuses, "blackboard": tree.blackboard.save()}
+
+    def _send_standing(self) -> None:
+        """Send statuses and blackboard to followers."""
+        if self._clients.follows:
+            board = self._board()
+            for client in self._clients:
+                if client.follows and len(client.outgoing) <= STATE_BACKLOG:
+                    self._clients.send(client, board)
+
+    def _send_breakpoints(self) -> None:
+        """Send the breakpoints to all clients when they have changed."""
+        known = self._debugger.breakpoints
+        breakpoints = [{"number": n, "path": b.path, "when": b.when} for n, b in known.items()]
+        if breakpoints != self._breakpoints:
+            self._breakpoints = breakpoints
+            self._clients.send_all({"breakpoints": breakpoints})
 
     def _send_state(self, now: float, report: TickReport, done: int, total: int) -> None:
         """Send where the run stands: at each change, and a few times per second of wall time."""
@@ -303,7 +324,7 @@ class AttachServer(Interrupter):
         if state == self._state and not failures and time.monotonic() - self._state_sent < _STATE_PERIOD:
             return
         self._state, self._state_sent = state, time.monotonic()
-        self._send_all(
+        self._clients.send_all(
             {
                 "state": state[0],
                 "time": now,
@@ -312,48 +333,16 @@ class AttachServer(Interrupter):
                 "node": state[1],
                 "failures": failures,
             },
-            limit=_STATE_BACKLOG,
+            limit=STATE_BACKLOG,
         )
 
-    def _send_all(self, message: Mapping[str, object], limit: int = _MAX_BACKLOG) -> None:
-        """Send to all clients. A client with more bytes waiting than `limit` does not receive it."""
-        for client in tuple(self._clients.values()):
-            if len(client.outgoing) <= limit:
-                self._send(client, message)
-
-    def _send(self, client: _Client, message: Mapping[str, object]) -> None:
-        client.outgoing += json.dumps(message).encode() + b"\n"
-        self._flush(client)
-
-    def _flush(self, client: _Client) -> None:
-        descriptor = client.connection.fileno()
-        if descriptor < 0:
-            return
-        try:
-            client.flush()
-        except OSError:
-            client.outgoing.clear()
-            self._drop(client)
-            return
-        if len(client.outgoing) > _MAX_BACKLOG:
-            self._drop(client)
-            return
-        self._poll.modify(descriptor, select.POLLIN | (select.POLLOUT if client.outgoing else 0))
-
-    def _drop(self, client: _Client) -> None:
-        """Disconnect a client. Its commands that wait are not carried out."""
-        descriptor = client.connection.fileno()
-        if descriptor < 0:
-            return
-        self._poll.unregister(descriptor)
-        del self._clients[descriptor]
-        self._commands = deque(each for each in self._commands if each[0] is not client)
-        client.connection.close()
-
     def _close(self) -> None:
-        for client in tuple(self._clients.values()):
-            self._drop(client)
-        if self._listener is not None and self._path is not None:
-            self._listener.close()
-            self._listener = None
+        listened = self._clients.listens
+        self._clients.close()
+        if listened and self._path is not None:
             self._path.unlink(missing_ok=True)
+
+
+def _followed(topic: str) -> bool:
+    """Whether followers receive the messages of a topic."""
+    return topic not in _NOT_FOLLOWED and not topic.endswith("/depth")

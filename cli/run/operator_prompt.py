@@ -14,6 +14,7 @@ from ...session.debugger import Breakpoint, Debugger, DebuggerStop, When
 from ...session.observer import Interrupter
 from ...skill_world.operator_desk import OperatorQuestion
 from ...trees.node import Node
+from ...trees.running.blackboard_entries import entry_key, entry_value
 from ...trees.running.runner import BehaviourTree
 from ...trees.runtime import evaluate
 from ...trees.status import NodeStatus
@@ -145,7 +146,12 @@ class DebugPrompt(CommandPrompt):
             Command(
                 "print EXPRESSION", "its value, as a node sees it where the run stands", self._print, "p"
             ),
-            Command("step [N]", "to the end of the present or next tick, of N ticks", self._step),
+            Command(
+                "set KEY = VALUE",
+                "change a blackboard entry: a value as in a mission, or {= expression}",
+                self._set,
+            ),
+            Command("step [N]", "to the end of the present or next tick, of N ticks", self._step, "s"),
             Command("next", "to the next start or end of a node", self._next, "n"),
             Command("continue", "to the next breakpoint", lambda _: True),
             Command("break [PATH [before|after]]", "stop there; without PATH: list", self._break, "b"),
@@ -167,7 +173,7 @@ class DebugPrompt(CommandPrompt):
         match command:
             case "tree" | "node" | "break":
                 return [node.path for node in self._tree.nodes]
-            case "blackboard":
+            case "blackboard" | "set":
                 return self._tree.blackboard
             case "belief":
                 return [str(o.id) for o in self._tree.root.world.scene.objects]
@@ -224,6 +230,14 @@ class DebugPrompt(CommandPrompt):
         except Failure as failure:
             raise PicktreeError(failure.message) from None
         return self._show([show(value)])
+
+    def _set(self, text: str) -> bool:
+        name, equals, value = (part.strip() for part in text.partition("="))
+        if not (name and equals and value):
+            raise PicktreeError("set what? A key and its value, as 'set rounds = 3'")
+        key = entry_key(self._tree, name, self._here)
+        value = entry_value(self._tree, key, value, self._here)
+        return self._show([self._debug.set_entry(key, value, self._stop.path)])
 
     @property
     def _here(self) -> Node:

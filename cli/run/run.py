@@ -231,7 +231,7 @@ class _Watchers:
         from ...logs.optional_libraries import optional_import
 
         with optional_import("live", "foxglove", "A live view"):
-            from ...session.live_view import LiveServer
+            from ...session.live.live_view import LiveServer
         with LiveServer(self.live_port) as live_view:
             print(f"live view at {live_view.url}", file=sys.stderr, flush=True)
             yield (live_view,)

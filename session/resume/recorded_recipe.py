@@ -24,10 +24,11 @@ from ...logs.schema.topics import Digest
 from ...logs.visits import with_transitions
 from ...simulation.backends import Backend
 from ...trees.mission import Mission
-from ...world.events.run_events import MissionEditedEvent, OperatorAnswerEvent
+from ...world.events.run_events import BlackboardSetEvent, MissionEditedEvent, OperatorAnswerEvent
 from ...world.journal import JournalEvent
 from ..checkpoints import RunState
-from ..observer import Interrupter, RecordedAnswers, ReloadMessage
+from ..observer import Interrupter, ReloadMessage
+from ..operator_actions import EntryChange, RecordedOperator
 from ..recipe import DEFAULT_TIME_LIMIT, Recipe, StartCheckpoint
 from ..run_tally import RunCounters
 from ..session_recording import START_ATTACHMENT
@@ -39,8 +40,9 @@ _TIME_TOLERANCE: Final = 1e-6
 
 
 class RecordedRun:
-    """Recipe, checkpoints, edits and answers of one log. Its files are unpacked into a folder that exists
-    until `close`.
+    """Recipe, checkpoints, edits and actions of the operator in one log.
+
+    Its files are unpacked into a folder that exists until `close`.
 
     Raises PicktreeError where the log lacks something, FileError for a file that is no longer accepted.
     """
@@ -93,14 +95,20 @@ class RecordedRun:
         later = [(time, files) for time, files in self._edits if time > since + _TIME_TOLERANCE]
         return RecordedEdits(self._unpacking, later)
 
-    def answers(self, since: float = -1.0) -> RecordedAnswers:
-        """Return an operator with the answers that were given later than `since`, simulated s."""
-        given = [
-            (at.record.node, at.record.answer)
-            for at in self.run.events
-            if isinstance(at.record, OperatorAnswerEvent) and at.time > since + _TIME_TOLERANCE
-        ]
-        return RecordedAnswers(given)
+    def operator(self, since: float = -1.0) -> RecordedOperator:
+        """Return an operator with the answers and the changes of the blackboard later than `since`, simulated
+        s."""
+        answers: list[tuple[str, str]] = []
+        changes: list[tuple[float, EntryChange]] = []
+        for at in self.run.events:
+            event = at.record
+            if at.time <= since + _TIME_TOLERANCE:
+                continue
+            if isinstance(event, OperatorAnswerEvent):
+                answers.append((event.node, event.answer))
+            elif isinstance(event, BlackboardSetEvent):
+                changes.append((at.time, EntryChange(event.key, event.value, event.passes, event.node)))
+        return RecordedOperator(answers, changes)
 
     def checkpoints(self) -> tuple[str, ...]:
         """Return the names of the log's checkpoints in order of time."""

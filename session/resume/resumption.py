@@ -223,7 +223,7 @@ class Resumption:
 
         The interrupters among the observers answer the questions that have no recorded answer.
         """
-        recorded = (self.recorded.edits(self._knows), self.recorded.answers(self.since))
+        recorded = (self.recorded.edits(self._knows), self.recorded.operator(self.since))
         return Session(
             self.recipe,
             record=Recording(self.request.out, self.request.rotation),

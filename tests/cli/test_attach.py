@@ -15,7 +15,8 @@ from typing import Any
 import pytest
 
 from picktree.cli.app import answer
-from picktree.cli.run.attach_server import SOCKET_NAME, socket_address
+from picktree.logs.run_log import RunLog
+from picktree.session.live.attach_socket import SOCKET_NAME, connect_to_run, socket_address
 from picktree.session.observer import PresetAnswers
 from picktree.session.session import RunRequest, Session
 
@@ -88,6 +89,40 @@ class Client:
     def leave(self) -> None:
         self._lines.close()
         self._connection.close()
+
+
+class Follower:
+    """Attached process that follows the log."""
+
+    def __init__(self, folder: Path) -> None:
+        self._connection = connect_to_run(folder)
+        self._connection.settimeout(PATIENCE)
+        self._stream = self._connection.makefile("rb")
+        self._connection.sendall(b'{"steer": false, "follow": true}\n')
+
+    def take(self, seen: list[tuple[str, int, bytes]] | None = None) -> tuple[Any, list[bytes]]:
+        """Return the next object with the payloads behind it; add messages that are new to `seen`."""
+        while True:
+            header = json.loads(self._stream.readline())
+            messages = header.get("messages", ())
+            payloads = [self._stream.read(size) for _, _, size in messages]
+            if seen is not None and messages and "whole" not in header:
+                seen += [(topic, at, data) for (topic, at, _), data in zip(messages, payloads, strict=True)]
+            if not {"run", "state"} & set(header):
+                return header, payloads
+
+    def leave(self) -> None:
+        self._stream.close()
+        self._connection.close()
+
+
+@contextmanager
+def following(run: Run) -> Generator[Follower]:
+    follower = Follower(run.folder)
+    try:
+        yield follower
+    finally:
+        follower.leave()
 
 
 @contextmanager
@@ -172,6 +207,64 @@ def test_a_killed_client_harms_nothing_and_quit_ends_the_run(tmp_path: Path) -> 
     assert quitting.returncode == 0
     assert run.result()["status"] == "interrupted"
     assert run.command.end() == 130
+
+
+def test_another_mission_takes_over_or_is_refused_and_the_arm_rests_after_halt(tmp_path: Path) -> None:
+    run = Run(tmp_path / "runs")
+    other = tmp_path / "other.yaml"
+    other.write_text(
+        MISSION.replace("      - GoTo: {pose: home, name: Back}", "      - Log: {message: taken}")
+    )
+    faulty = tmp_path / "faulty.yaml"
+    faulty.write_text(MISSION.replace("AskForHelp", "AskForHelpp"))
+    with attached(run) as steering:
+        assert steering.ask("take") == "take what? A mission file, as 'take sort.yaml'\n"
+        refused = steering.ask(f"take {faulty}")
+        assert refused.startswith(f"the edit is not taken over:\n{faulty}:11:9: ")
+        assert steering.ask(f"take {other}") == "the edit is good; it is taken over between two items\n"
+        while not steering.next("told").startswith("the edited mission takes over: "):
+            pass
+        steering.next("question")
+        steering.ask("answer yes")
+        assert steering.next("end") == "success"
+    with RunLog(run.folder) as log:
+        events = [at.record.kind for at in log.events()]
+    assert [kind for kind in events if kind in ("mission_edited", "log")] == ["mission_edited", "log"]
+    halted = Run(tmp_path / "halted", pace="0.5")
+    with attached(halted) as steering:
+        steering.send({"line": "halt"})
+        assert steering.next("end") == "interrupted"
+    assert halted.command.end() == 130
+
+
+def test_followers_receive_the_log_and_a_stop_within_a_tick(tmp_path: Path, plain_digest: str) -> None:
+    run = Run(tmp_path / "runs", "--answer", "yes")
+    with following(run) as follower, attached(run) as steering:
+        header, _ = follower.take()
+        assert header["whole"]
+        assert "/bt/tree" in [topic for topic, _, _ in header["messages"]]
+        steering.ask("break AskForHelp")
+        seen: list[tuple[str, int, bytes]] = []
+        while "stop" not in (header := follower.take(seen)[0]):
+            pass
+        assert header["path"] == ASK
+        while "statuses" not in (header := follower.take()[0]):
+            pass
+        assert header["statuses"][ASK] == "RUNNING"
+        steering.ask("set answer = no")
+        while "statuses" not in (header := follower.take()[0]):
+            pass
+        assert header["blackboard"] == {"Main/answer": "no"}
+        steering.ask("delete")
+        steering.ask("continue")
+        while "end" not in follower.take(seen)[0]:
+            pass
+    assert run.result()["digest"] != plain_digest  # its blackboard was changed
+    with RunLog(run.folder) as log:
+        topics = {topic for topic, _, _ in seen}
+        first = min(at for topic, at, _ in seen if topic == "/bt/tick")
+        recorded = [(m.topic, m.time, m.data) for m in log.messages(sorted(topics), first / 1e9 - 1e-6)]
+    assert seen == [each for each in recorded if each[0] != "/timing"]
 
 
 def test_a_run_that_does_not_go_on_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

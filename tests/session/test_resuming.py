@@ -201,7 +201,7 @@ def test_a_run_that_asks_for_help_is_paused_and_goes_on_with_the_answer(tmp_path
     with Run(paused.folder) as run, RecordedRun(run) as recorded:
         assert told(run, "log") == ["answered: 'set aside'"]
         assert told(run, "help_wanted")[-1] == f"help is wanted: {paused.asked.reason}"
-        again = Session(recorded.recipe(), record=Recording(tmp_path), observers=[recorded.answers()]).run()
+        again = Session(recorded.recipe(), record=Recording(tmp_path), observers=[recorded.operator()]).run()
         assert run.explanation.outcome.sentence.startswith(f"the run waits for help: {paused.asked.reason}")
     assert (again.status, again.digest) == ("paused", paused.digest)
 

@@ -16,7 +16,7 @@ from ..blackboard import Blackboard, BlackboardWrite, Namespace
 from ..controls.loops import ForEach
 from ..mission import Mission, NodeSpec, TreeSpec
 from ..node import Node
-from ..ports import child
+from ..ports import PortDeclaration, child
 from ..runtime import NodeTransition, Runtime, TreeWorld, Wiring, evaluate
 from ..skill import Skill
 from ..status import NodeStatus
@@ -276,7 +276,7 @@ class SubTree(Node):
     """Node that ticks its one child in a separate namespace.
 
     A port wired to a key of the caller is an alias of that key. Literals, defaults and the values of
-    expressions are written when the sub-tree starts. `inside` is the namespace of the sub-tree's nodes.
+    expressions are written when the sub-tree starts.
     """
 
     node_id = "SubTree"
@@ -284,6 +284,9 @@ class SubTree(Node):
     body = child("the root of the sub-tree")
 
     inside: Namespace
+    """Namespace of the sub-tree's nodes."""
+    interface: tuple[PortDeclaration, ...]
+    """Ports that the tree declares."""
 
     def __init__(self, tree: TreeDefinition, **ports: Any) -> None:
         """Describe a call of a tree that was defined in Python."""
@@ -343,7 +346,7 @@ class _Builder:
             elif port.direction == "in" and not port.remapped:
                 bindings[port.key] = Constant(port.default, _plain(port.default))
         node = SubTree.bound(_wiring(call, path, outer, bindings), self._runtime)
-        node.inside = inside
+        node.inside, node.interface = inside, tree.ports
         node.fill({"do": (("", self.node(tree.root, path, inside)),)})
         return node
 

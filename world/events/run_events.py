@@ -84,6 +84,15 @@ class OperatorAnswerEvent(JournalEvent, kind="operator_answer"):
     answer: Annotated[str, "answer"]
 
 
+class BlackboardSetEvent(JournalEvent, kind="blackboard_set"):
+    """The operator changed an entry of the blackboard."""
+
+    key: Annotated[str, "full key of the entry"]
+    value: Annotated[Plain, "value from now on"]
+    previous: Annotated[Plain, "value before; null when nothing was written there"]
+    passes: Annotated[int, "number of starts and ends of nodes in the tick before the change"]
+
+
 class CheckpointEvent(JournalEvent, kind="checkpoint"):
     """The session took a checkpoint."""
 

@@ -15,10 +15,11 @@ from types import TracebackType
 import foxglove
 from foxglove.websocket import Capability, ChannelView, Client, ServerListener
 
-from ..errors import PicktreeError
-from ..logs.schema import topics
-from ..logs.schema.topics import Topic
-from .observer import Observer
+from ...errors import PicktreeError
+from ...logs.schema import topics
+from ...logs.schema.topics import Topic
+from ..observer import Observer
+from .last_messages import LastMessages
 
 LIVE_HOST = "127.0.0.1"
 DEFAULT_LIVE_PORT = 8765
@@ -27,12 +28,6 @@ _MAX_BACKLOG = 8192
 """Maximum number of messages that wait for a client: about a minute and a half of simulated time."""
 _CLOSING_TIME = 0.5
 """Wall seconds at the end in which clients take the messages that wait for them."""
-
-_MOMENTARY_TOPICS = frozenset(
-    topic.name
-    for topic in (topics.TIMING, topics.WRENCH, topics.PLAN, topics.CANDIDATES, topics.LOG, topics.EVENTS)
-)
-"""Topics of momentary events. The last message of any other topic still holds when a client connects."""
 
 
 class LiveServer(Observer):
@@ -44,7 +39,7 @@ class LiveServer(Observer):
     def __init__(self, port: int = DEFAULT_LIVE_PORT, name: str = "picktree") -> None:
         self._context = foxglove.Context()
         self._channels: dict[str, foxglove.Channel] = {}
-        self._last: dict[str, tuple[int, bytes]] = {}
+        self._last = LastMessages()
         self._now = 0
         self._met = False
         self._lock = threading.Lock()
@@ -75,8 +70,7 @@ class LiveServer(Observer):
     def recorded(self, topic: Topic, at: int, data: bytes, in_digest: bool) -> None:
         """Send a recorded message; `at` is simulated ns."""
         with self._lock:
-            if topic.name not in _MOMENTARY_TOPICS:
-                self._last[topic.name] = (at, data)
+            self._last.keep(topic, at, data)
             self._channel(topic).log(data, log_time=at)
             if topic is topics.TICK:
                 self._now = at

@@ -1,0 +1,1 @@
+"""Run: missions that are started, watched and steered from the page."""
