@@ -31,7 +31,7 @@ SORTS: Final[Mapping[str, Callable[[RunRow], Any]]] = {
 """Columns to sort by; rows without a value come last."""
 
 _FIRST_SHOWN: Final = 0.2
-"""Interval at which a first look at many runs is shown while it goes on, wall s."""
+"""Interval at which a first look at many runs is shown while it goes on, wall s. It grows by a tenth."""
 _MIN_PERIOD: Final = 1.0
 _SHARE: Final = 20
 """Wall time between two looks, as a multiple of the time that a look takes."""
@@ -123,10 +123,12 @@ class RunTable:
             self.problem = ""
             rows: list[RunRow] = []
             shown = time.monotonic()
+            pause = _FIRST_SHOWN
             for row in self._index.rows():
                 rows.append(row)
-                if not self.snapshot.complete and time.monotonic() - shown > _FIRST_SHOWN:
-                    shown = time.monotonic()
+                self._text(row)
+                if not self.snapshot.complete and time.monotonic() - shown > pause:
+                    shown, pause = time.monotonic(), 1.1 * pause
                     self._show(tuple(rows), complete=False)
             self._show(tuple(rows), complete=True)
 
@@ -164,7 +166,7 @@ class RunTable:
         if known is None or known[0] is not row:
             parts = (row.status, row.mission, row.scene, row.robot, row.backend, row.folder, *row.causes)
             known = (row, " ".join((*parts, f"seed {row.seed}")).lower())
-            if len(self._words) > 4 * len(self.snapshot.rows) + 100:
+            if len(self._words) > 4 * len(self.snapshot.rows) + 20_000:
                 self._words.clear()
             self._words[id(row)] = known
         return known[1]
