@@ -47,9 +47,10 @@ _FILES_WITHOUT_EFFECT: Final = (
     "logs/run_account.py",
     "moved.py",
     "session/debugger.py",
-    "session/live_view.py",
+    "session/live",
     "session/profiling",
     "session/resume",
+    "studio",
 )
 """Modules and folders that do not affect a run: commands, batches, and readers of logs."""
 _MAX_NAMED_FILES: Final = 5

@@ -6,12 +6,14 @@ from collections.abc import Callable
 from typing import Final
 
 from .folder_slice import FolderSlice
+from .live.live_slice import LiveSlice
 from .runs.run_slice import RunSlice
 from .slice import Slice, Studio
 
 MAKERS: Final[tuple[Callable[[Studio], Slice], ...]] = (
     FolderSlice,
     RunSlice,
+    LiveSlice,
 )
 
 

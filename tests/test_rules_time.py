@@ -30,7 +30,7 @@ MEASURING = {
     "session/recipe.py",
     "session/mission_edits.py",
     "commissioning/calibration_job.py",
-    "session/live_view.py",
+    "session/live/live_view.py",
     "session/observer.py",
     "session/profiling/profiler.py",
     "logs/run_index.py",  # the age of a run

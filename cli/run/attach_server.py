@@ -96,7 +96,9 @@ class AttachServer(Interrupter):
     no sockets, nobody can attach.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, *, waits: bool = False) -> None:
+        """`waits`: a question waits until a client comes and answers, also when none is attached."""
+        self._waits = waits
         self._path: Path | None = None
         self._clients = Clients(self._receive, self._forget)
         self._commands: deque[tuple[Client, str]] = deque()
@@ -201,13 +203,13 @@ class AttachServer(Interrupter):
 
     def _wait(self, standing: Mapping[str, object], stop: DebuggerStop) -> None:
         """Carry out commands until the run goes on: by a command, an answer, or because nobody steers."""
-        if not self._steered:
+        if not self._is_awaited():
             return
         self._standing = standing
         self._clients.send_all(standing)
         self._send_standing()
         try:
-            while self._steered:
+            while self._is_awaited():
                 while self._commands:
                     goes_on = self._carry_out(stop)
                     if self._halts or (self._given is not None if self._question else goes_on):
@@ -217,9 +219,9 @@ class AttachServer(Interrupter):
             self._standing = None
             self._clients.send_all({"going": True})
 
-    @property
-    def _steered(self) -> bool:
-        return any(client.steers for client in self._clients)
+    def _is_awaited(self) -> bool:
+        """Whether the present stop or question has somebody who may end it."""
+        return (self._waits and self._question is not None) or any(client.steers for client in self._clients)
 
     def _carry_out(self, stop: DebuggerStop) -> bool:
         """Carry out the next command; return whether the run goes on. Raises KeyboardInterrupt for `quit`."""

@@ -77,6 +77,9 @@ AsItStands: TypeAlias = Annotated[
         help="With --resume: as things stood last, knowing what was known at the checkpoint; look first.",
     ),
 ]
+Wait: TypeAlias = Annotated[
+    bool, typer.Option("--wait", help="Wait for `picktree attach` when the mission asks for help.")
+]
 ProfileFile: TypeAlias = Annotated[
     Path | None,
     typer.Option(
@@ -112,6 +115,7 @@ def run(
     resume: ResumedLog = None,
     as_it_stands: AsItStands = False,
     answers: Answers = None,
+    wait: Wait = False,
     profile: ProfileFile = None,
     json: JsonResult = False,
 ) -> None:
@@ -123,7 +127,7 @@ def run(
     pacer = None if pace is None else _pacer(pace)
     seconds = None if limit is None else parse_limit(limit)
     profiler = None if profile is None else _profiler(profile)
-    watchers = _Watchers(debug, live_port if live else None, pacer, profiler, to_stderr=json)
+    watchers = _Watchers(debug, live_port if live else None, pacer, profiler, wait, to_stderr=json)
 
     from ...logs.recording.rotated_log import Rotation
 
@@ -197,6 +201,8 @@ class _Watchers:
     """Upper bound of simulated seconds per wall second; None: as fast as possible."""
     profiler: Profiler | None
     """Profiler of the run; None: there is none."""
+    wait: bool
+    """Whether questions wait for an attached process."""
     to_stderr: bool
     """Whether stdout belongs to the result alone."""
 
@@ -210,7 +216,7 @@ class _Watchers:
         with (
             run_display(to_stderr=self.to_stderr, lines=self.debug) as view,
             self._live_view() as live,
-            AttachServer() as attached,
+            AttachServer(waits=self.wait) as attached,
         ):
             yield (
                 *([self.profiler] if self.profiler is not None else ()),

@@ -5,11 +5,12 @@ from __future__ import annotations
 import asyncio
 import json
 import logging
+import time
 from collections import deque
-from collections.abc import AsyncIterator, Mapping
+from collections.abc import AsyncIterator, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, TypeAlias
 
 from ...analysis.report.packing import Section, pack
 from ...analysis.report.stage_panel import packed_fixed, packed_link, packed_tool
@@ -19,7 +20,7 @@ from ...logs.schema import topics
 from ...robots.loading import parse_robot
 from ...session.live.attach_socket import connect_to_run
 from ..calls import JsonValue
-from .run_picture import RunPicture
+from .run_picture import LogMessage, RunPicture
 
 PERIOD: Final = 0.05
 """Interval between two events for a viewer, wall s."""
@@ -41,6 +42,9 @@ _HISTORY_TOPICS: Final = (
     topics.LOG.name,
     topics.EVENTS.name,
 )
+_LOG_TRIES: Final = 40
+_LOG_PERIOD: Final = 0.05
+"""Number of looks at the log until it has what the run has sent, and the time between them, wall s."""
 _LOG: Final = logging.getLogger("picktree.studio")
 
 
@@ -63,8 +67,6 @@ class FollowedRun:
         self._writer: asyncio.StreamWriter | None = None
         self._tasks: list[asyncio.Task[None]] = []
         self._leaving: asyncio.TimerHandle | None = None
-        self._now = 0.0
-        self._lag = asyncio.Event()
 
     async def begin(self) -> None:
         """Connect, and read what the log has of the time before. Raises PicktreeError as the constructor of a
@@ -73,7 +75,16 @@ class FollowedRun:
         connection.setblocking(False)
         reader, self._writer = await asyncio.open_unix_connection(sock=connection, limit=_MAX_LINE)
         self._writer.write(b'{"steer": true, "follow": true}\n')
-        self._picture = await asyncio.to_thread(self._first_picture)
+        first: list[_Received] = []
+        try:
+            while not (first and first[-1][1]):
+                first.append(await _receive(reader))
+        except (EOFError, OSError, ValueError):
+            raise PicktreeError(f"{self.folder}: the run is not going on") from None
+        began = max((at for _, at, _ in first[-1][1]), default=0)
+        self._picture = await asyncio.to_thread(self._first_picture, began / 1e9)
+        for message, log in first:
+            self._take(message, log)
         self._tasks = [asyncio.create_task(self._read(reader)), asyncio.create_task(self._publish())]
 
     # Viewers.
@@ -147,8 +158,16 @@ class FollowedRun:
 
     # The connection.
 
-    def _first_picture(self) -> RunPicture:
-        """Return a picture with the last minutes of the log."""
+    def _first_picture(self, until: float) -> RunPicture:
+        """Return a picture with the last minutes of the log up to a time, simulated s.
+
+        The log has each message within a second.
+        """
+        for _ in range(_LOG_TRIES):
+            with RunLog(find_log(self.folder)) as log:
+                if log.end >= until - 1e-6:
+                    break
+            time.sleep(_LOG_PERIOD)
         with RunLog(find_log(self.folder)) as log:
             link = ""
             with suppress(PicktreeError, OSError):
@@ -158,36 +177,31 @@ class FollowedRun:
             info = log.run
             picture.set("run", {"mission": info.mission, "scene": info.scene, "robot": info.robot,
                                 "seed": info.seed, "backend": info.backend})  # fmt: skip
-            for message in log.messages(_HISTORY_TOPICS, log.end - HISTORY):
+            for message in log.messages(_HISTORY_TOPICS, max(0.0, until - HISTORY), until):
                 picture.take((message.topic, message.time, message.data))
-                self._now = message.time / 1e9
         return picture
 
     async def _read(self, reader: asyncio.StreamReader) -> None:
         """Take what the run sends, until it ends."""
         try:
-            while line := await reader.readline():
-                message: dict[str, Any] = json.loads(line)
-                if "messages" in message:
-                    for topic, at, size in message["messages"]:
-                        data = await reader.readexactly(size)
-                        self._take(topic, at, data, whole="whole" in message)
-                    if "wall" in message:
-                        self._picture.set("wall", message["wall"])
-                else:
-                    self._hear(message)
+            while True:
+                self._take(*await _receive(reader))
         except (OSError, EOFError, ValueError):
             pass
-        except Exception:
+        except Exception:  # noqa: BLE001 - the viewers are told, and the server goes on
             _LOG.exception("%s: the connection to the run ends", self.folder)
         finally:
             self._picture.set("ended", True)
             self._send(self._picture.changes())
             self.leave()
 
-    def _take(self, topic: str, at: int, data: bytes, *, whole: bool) -> None:
-        if whole or at / 1e9 > self._now or topic not in _HISTORY_TOPICS:
-            self._picture.take((topic, at, data), whole=whole)
+    def _take(self, message: Mapping[str, Any], log: Sequence[LogMessage]) -> None:
+        for each in log:
+            self._picture.take(each, whole="whole" in message)
+        if "wall" in message:
+            self._picture.set("wall", message["wall"])
+        elif not log:
+            self._hear(message)
 
     def _hear(self, message: Mapping[str, Any]) -> None:
         picture = self._picture
@@ -208,8 +222,8 @@ class FollowedRun:
                 picture.stand(statuses, blackboard)
             case {"breakpoints": breakpoints}:
                 picture.set("breakpoints", breakpoints)
-            case {"told": text, "time": time}:
-                picture.say(time, "told", text)
+            case {"told": text, "time": now}:
+                picture.say(now, "told", text)
             case {"state": text, "done": done, "total": total}:
                 picture.set("progress", {"text": text, "done": done, "total": total})
             case {"end": status}:
@@ -240,6 +254,20 @@ class FollowedRun:
             for viewer in self._viewers:
                 viewer.waiting.append(event)
                 viewer.arrived.set()
+
+
+_Received: TypeAlias = tuple[Mapping[str, Any], Sequence[LogMessage]]
+"""Object that the run has sent, and the messages of the log behind it."""
+
+
+async def _receive(reader: asyncio.StreamReader) -> _Received:
+    """Return the next object. Raises EOFError at the end, OSError and ValueError for a broken connection."""
+    line = await reader.readline()
+    if not line:
+        raise EOFError
+    message = json.loads(line)
+    sizes = message.get("messages", ())
+    return message, [(topic, at, await reader.readexactly(size)) for topic, at, size in sizes]
 
 
 class _Viewer:

@@ -10,12 +10,12 @@ from typing import Annotated, Final, Literal
 from pydantic import BaseModel, ConfigDict, Field
 
 from ...errors import PicktreeError
-from ...robots.loading import shipped_robots
+from ...robots.loading import robot_names
 from ...trees.loading.loader import load_mission
 from ...trees.loading.registry import NodeRegistry
 from ...trees.ports import PortDeclaration
 from ...trees.values.port_types import show
-from ...world.scene.loading.scene_loading import shipped_scenes
+from ...world.scene.loading.scene_loading import scene_names
 from ..calls import JsonValue
 from ..workspace import Workspace
 
@@ -51,8 +51,8 @@ def start_form(workspace: Workspace, mission: str) -> JsonValue:
         "mission": mission,
         "scene": loaded.scene or "",
         "parameters": [_parameter(port) for port in loaded.parameters],
-        "scenes": [*shipped_scenes(), *(each.path for each in files if each.kind == "scene")],
-        "robots": [*shipped_robots(), *(each.path for each in files if each.kind == "robot")],
+        "scenes": [*scene_names(), *(each.path for each in files if each.kind == "scene")],
+        "robots": [*robot_names(), *(each.path for each in files if each.kind == "robot")],
         "faults": [each.path for each in files if each.kind == "faults"],
     }
 
@@ -74,13 +74,14 @@ def run_command(workspace: Workspace, order: RunOrder, runs: Path) -> list[str]:
     words = ["run", str(workspace.resolve(order.mission)), "--out", str(runs), "--seed", str(order.seed)]
     words += ["--backend", order.backend]
     if order.scene:
-        words += ["--scene", _named(workspace, order.scene, shipped_scenes())]
+        words += ["--scene", _named(workspace, order.scene, scene_names())]
     if order.robot:
-        words += ["--robot", _named(workspace, order.robot, shipped_robots())]
+        words += ["--robot", _named(workspace, order.robot, robot_names())]
     if order.faults:
         words += ["--faults", str(workspace.resolve(order.faults))]
     if order.pace > 0.0:
         words += ["--pace", f"{order.pace:g}"]
+    words.append("--wait")  # a question waits for the page, also while no server is there
     if order.watch:
         words.append("--watch")
     for name, value in order.parameters.items():
