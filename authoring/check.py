@@ -14,7 +14,7 @@ from ..files.value_wording import suggest_name
 from ..files.yaml.document import Document
 from ..trees.loading.loader import MissionReadResult, SceneNames, examine, load_surroundings
 from ..trees.loading.registry import NodeRegistry
-from ..trees.mission import Mission, reachable
+from ..trees.mission import Mission, MissionFiles, reachable
 from ..trees.values.references import ATTRIBUTE_TYPES, ExpressionLocator, Reference
 from ..trees.wiring.circuit import ArrivingValue
 from ..trees.wiring.key_writers import NodeExpression, PlacedNode, TreeKeys, expressions_of
@@ -141,13 +141,15 @@ def check_mission(
     robot: str | None = None,
     *,
     linted: bool = True,
+    files: MissionFiles | None = None,
 ) -> MissionCheck:
     """Check a document of kind `mission` completely; never raises for its content.
 
     `known`: names of scene and robot of the run, by default those that the mission names. `robot`: shipped
-    robot or robot file instead of the scene's. `linted`: whether the linter looks at it, too.
+    robot or robot file instead of the scene's. `linted`: whether the linter looks at it, too. `files`:
+    source of the included files, by default the disk.
     """
-    reading = examine(document, registry)
+    reading = examine(document, registry, files)
     known, faults = (known, []) if known is not None else _surroundings(reading.mission, robot)
     faults = [*reading.faults, *faults]
     if known is not None:

@@ -37,7 +37,7 @@ class Share:
 
 
 def share(first: int, last: int, runs: int) -> Share:
-    from tests.authoring.watched import Unsound, Watched
+    from tests.authoring.watched import Watched
     from tests.authoring.wild_missions import wild_mission
 
     found = Share()
@@ -48,11 +48,11 @@ def share(first: int, last: int, runs: int) -> Share:
         found.seconds += time.process_time() - began
         found.nodes += sum(1 for tree in watched.mission.trees.values() for _ in tree.root.iterate())
         for run in range(runs):
-            try:
-                found.ends[watched.run(run).value] += 1
-            except Unsound as error:
-                found.wrong.append(f"mission {seed}, run {run}: {error}")
+            ended = watched.run(run)
+            if ended.unsound:
+                found.wrong.append(f"mission {seed}, run {run}: {ended.unsound}")
                 break
+            found.ends[ended.status.value] += 1
     return found
 
 

@@ -36,13 +36,20 @@ class MissionFiles(Protocol):
 
 
 class FilesOnDisk:
-    """Files in the mission's folder, and the library."""
+    """Files in the mission's folder, and the library.
 
-    def __init__(self, folder: Path) -> None:
+    `unsaved`: texts that an editor holds, by path; they count before those on the disk.
+    """
+
+    def __init__(self, folder: Path, unsaved: Mapping[Path, str] | None = None) -> None:
         self._folder = folder
+        self._unsaved = {path.absolute(): text for path, text in (unsaved or {}).items()}
 
     def document(self, name: str) -> Document:
         path = path_of(name, self._folder)
+        text = self._unsaved.get(path.absolute())
+        if text is not None:
+            return read_document(path, "mission", text)
         if not is_file(path):
             raise PicktreeError(_missing(name, self._folder))
         if not name.startswith(IN_LIBRARY) and not _inside(path, self._folder):

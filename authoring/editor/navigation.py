@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -11,12 +11,13 @@ from ...files.marks import Mark
 from ...files.yaml.document import Document
 from ...files.yaml.reader import YamlNode
 from ...trees.declaration import IDENTIFIER
-from ...trees.mission import path_of
+from ...trees.mission import MAIN, MissionFiles, path_of
+from ...trees.values.references import ROOT_KEY
 from ..schema.mission_context import mission_files
 from .completion import is_expression
 from .cursor import Cursor, Place, Span
 from .schema_walk import SchemaWalk, markdown_of, node_ids
-from .tree_keys import KeyPlace, key_places, tree_of
+from .tree_keys import KeyPlace, key_places, places_of, tree_of
 
 _OUTPUT = "*output:"
 
@@ -45,9 +46,9 @@ def hover(cursor: Cursor, walk: SchemaWalk) -> str:
 
 
 def _key_words(cursor: Cursor, walk: SchemaWalk, place: KeyPlace) -> str:
-    tree = tree_of(place.path) or ""
-    every = [each for each in _keys_of(cursor, walk) if each.key == place.key]
-    lines = [f"Key `{place.key}` of the tree {tree}."]
+    tree, key = _home(place)
+    every = list(_places(cursor, walk, tree, key))
+    lines = [f"Key `{key}` of the tree {tree}."]
     port = next((each for each in every if each.kind == "port"), None)
     if port is not None:
         said = markdown_of(walk.at(port.path))
@@ -68,17 +69,20 @@ def _writes(place: KeyPlace, walk: SchemaWalk) -> bool:
     return place.kind == "assignment"
 
 
-def definition(cursor: Cursor, walk: SchemaWalk, document: Document) -> Mark | None:
-    """Return the place where the sub-tree, file or key under the cursor is defined."""
+def definition(cursor: Cursor, walk: SchemaWalk, document: Document, files: MissionFiles) -> Mark | None:
+    """Return the place where the sub-tree, file or key under the cursor is defined.
+
+    `files`: source of the included files.
+    """
     if cursor.path[:1] == ("include",):
         path = path_of(cursor.written, document.path.parent)
         return Mark(str(path), 1, 1) if path.is_file() else None
     found = _key_at(cursor, walk)
     if found is not None:
-        every = [each for each in _keys_of(cursor, walk) if each.key == found.key]
+        every = _places(cursor, walk, *_home(found))
         writers = [each for each in every if each.kind == "port" or _writes(each, walk)]
         return next((Mark(str(document.path), e.mark.line, e.mark.column) for e in writers), None)
-    return _tree_mark(cursor.written, document) if _calls(cursor, walk) else None
+    return _tree_mark(cursor.written, mission_files(document, files)) if _calls(cursor, walk) else None
 
 
 def _calls(cursor: Cursor, walk: SchemaWalk) -> bool:
@@ -86,8 +90,8 @@ def _calls(cursor: Cursor, walk: SchemaWalk) -> bool:
     return any(cursor.written in node_ids(part) for part in walk.at(cursor.path))
 
 
-def _tree_mark(name: str, document: Document) -> Mark | None:
-    for file in mission_files(document):
+def _tree_mark(name: str, files: Iterable[Document]) -> Mark | None:
+    for file in files:
         trees = file.root.entries.get("trees")
         if trees is not None and name in trees.keys:
             mark = trees.keys[name]
@@ -98,13 +102,17 @@ def _tree_mark(name: str, document: Document) -> Mark | None:
 def renamed_span(cursor: Cursor, walk: SchemaWalk, text: str) -> Span | None:
     """Return the key under the cursor that can be renamed; None when there is none."""
     found = _key_at(cursor, walk)
-    return None if found is None else _span(found.mark, found.at, found.key, text.split("\n"))
+    if found is None:
+        return None
+    key = found.key.removeprefix(ROOT_KEY)
+    return _span(found.mark, found.at + len(found.key) - len(key), key, text.split("\n"))
 
 
 def rename(cursor: Cursor, walk: SchemaWalk, name: str, text: str) -> list[Edit]:
     """Return the edits that rename the key under the cursor in its whole tree.
 
-    The name of a port changes at the calls of the tree in this file, too. Raises PicktreeError for a name
+    A key of Main changes where other trees of this file write it as `@key`, and the name of a port at the
+    calls of its tree, too. Raises PicktreeError for a name
     that is none or is taken, and for a key in a text that is not written as it reads.
     """
     found = _key_at(cursor, walk)
@@ -112,21 +120,31 @@ def rename(cursor: Cursor, walk: SchemaWalk, name: str, text: str) -> list[Edit]
         raise PicktreeError("there is no key of the blackboard here")
     if not IDENTIFIER.fullmatch(name):
         raise PicktreeError(f"{name!r} is no key: a letter or '_', then letters, digits and '_'")
-    every = list(_keys_of(cursor, walk))
-    tree = tree_of(found.path) or ""
-    if any(each.key == name for each in every):
+    tree, key = _home(found)
+    if list(_places(cursor, walk, tree, name)):
         raise PicktreeError(f"the tree {tree!r} has a key {name!r} already")
-    lines = text.split("\n")
-    places = [(each.mark, each.at) for each in every if each.key == found.key]
-    if any(each.key == found.key and each.kind == "port" for each in every):
-        places += [(mark, 0) for mark in _calls_with(cursor.root, tree, found.key)]
+    lines, every = text.split("\n"), list(_places(cursor, walk, tree, key))
+    places = [(each.mark, each.at + len(each.key) - len(key)) for each in every]
+    if any(each.kind == "port" for each in every):
+        places += [(mark, 0) for mark in _calls_with(cursor.root, tree, key)]
     edits: list[Edit] = []
     for mark, at in places:
-        span = _span(mark, at, found.key, lines)
+        span = _span(mark, at, key, lines)
         if span is None:
             raise PicktreeError(f"line {mark.line}: write the text in one line and without escapes first")
         edits.append(Edit(span, name))
     return edits
+
+
+def _home(place: KeyPlace) -> tuple[str, str]:
+    """Return the tree to which a key belongs, and its name there."""
+    own = tree_of(place.path) or ""
+    return (MAIN, place.key[1:]) if place.key.startswith(ROOT_KEY) else (own, place.key)
+
+
+def _places(cursor: Cursor, walk: SchemaWalk, tree: str, key: str) -> Iterator[KeyPlace]:
+    """Yield the occurrences of a key of a tree."""
+    return places_of(cursor.root, key, tree, lambda path: is_expression(walk, path))
 
 
 def _keys_of(cursor: Cursor, walk: SchemaWalk) -> Iterator[KeyPlace]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import lru_cache
 from pathlib import Path
 from typing import TypeAlias
@@ -13,7 +13,7 @@ from ...files.marks import Mark
 from ...files.yaml.document import KINDS, Document, read_document
 from ...files.yaml.reader import YamlNode
 from ...trees.loading.registry import NodeRegistry
-from ...trees.mission import IN_LIBRARY, LIBRARY, MAIN, library_names, path_of
+from ...trees.mission import IN_LIBRARY, LIBRARY, MAIN, FilesOnDisk, library_names, path_of
 from ..schema.mission_context import any_mission, one_mission
 from ..schema.mission_schema import MissionSpecifics, mission_schema
 from ..schema.schema_parts import Schema
@@ -30,10 +30,18 @@ _KIND = re.compile(rf"^[{{\s]*kind\s*:\s*(?P<kind>{'|'.join(KINDS)})\b", re.MULT
 
 
 class OpenFile:
-    """Text of one file at one version."""
+    """Text of one file at one version. `unsaved`: texts of all open files, by path."""
 
-    def __init__(self, path: Path, text: str, registry: NodeRegistry, schema_of: SchemaOf) -> None:
+    def __init__(
+        self,
+        path: Path,
+        text: str,
+        registry: NodeRegistry,
+        schema_of: SchemaOf,
+        unsaved: Mapping[Path, str] | None = None,
+    ) -> None:
         self._path, self._text = path, text
+        self._files = FilesOnDisk(path.parent, unsaved)
         self._registry, self._schema_of = registry, schema_of
         found = _KIND.search(text)
         self._kind = found["kind"] if found else ""
@@ -81,7 +89,7 @@ class OpenFile:
         cursor = self._on(place)
         if cursor is None or self._kind != "mission":
             return None
-        return definition(cursor, self._walk(cursor.root), self._document(cursor.root))
+        return definition(cursor, self._walk(cursor.root), self._document(cursor.root), self._files)
 
     def renamed_span(self, place: Place) -> Span | None:
         """Return the key of the blackboard at a place."""
@@ -112,7 +120,7 @@ class OpenFile:
 
     def _specifics(self, root: YamlNode, registry: NodeRegistry) -> MissionSpecifics:
         try:
-            found = one_mission(self._document(root), registry)
+            found = one_mission(self._document(root), registry, self._files)
         except PicktreeError:
             return any_mission()
         trees = {name: ports for name, ports in found.trees.items() if name.isidentifier() and name != MAIN}

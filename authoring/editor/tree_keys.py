@@ -13,6 +13,8 @@ from typing import TypeAlias
 from ...files.marks import Location, Mark
 from ...files.yaml.reader import YamlNode
 from ...trees.declaration import POSTCONDITIONS, PRECONDITIONS
+from ...trees.mission import MAIN
+from ...trees.values.references import ROOT_KEY
 from .text_repair import CURSOR
 
 IsExpression: TypeAlias = Callable[[Location], bool]
@@ -30,6 +32,7 @@ class KeyPlace:
     """Occurrence of a key: mark of the value in which it stands, and its first character in the value."""
 
     key: str
+    """Name as it is written; `@` before a key of Main is a part of it."""
     path: Location
     mark: Mark
     at: int
@@ -41,6 +44,15 @@ class KeyPlace:
 def tree_of(path: Location) -> str | None:
     """Return the tree in which a location of a mission is."""
     return path[1] if len(path) > 1 and path[0] == "trees" and isinstance(path[1], str) else None
+
+
+def places_of(root: YamlNode, key: str, tree: str, is_expression: IsExpression) -> Iterator[KeyPlace]:
+    """Yield the occurrences of one key of a tree; of a key of Main also those as `@key`, in all trees."""
+    trees = root.entries.get("trees")
+    for name in trees.entries if trees is not None else ():
+        for place in key_places(root, name, is_expression):
+            if (name == tree and place.key == key) or (tree == MAIN and place.key == ROOT_KEY + key):
+                yield place
 
 
 def key_places(root: YamlNode, tree: str, is_expression: IsExpression) -> Iterator[KeyPlace]:

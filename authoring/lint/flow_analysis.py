@@ -85,7 +85,7 @@ class FlowAnalysis(FlowWalk):
         """Of the trees that were entered from outside."""
         self._trees = mission.trees
         self._layouts = lay_out(mission.trees, bottom_up(mission.trees))
-        self._frames: dict[tuple[str, tuple[tuple[int, int], ...], int], WiredTree] = {}
+        self._frames: dict[tuple[str, tuple[tuple[int, int], ...], int, int], WiredTree] = {}
         self._hands: dict[str, int] = {}
 
     # What whoever analyses a mission calls.
@@ -108,14 +108,14 @@ class FlowAnalysis(FlowWalk):
 
     def frames_of(self, tree: str) -> tuple[WiredTree, ...]:
         """The ways in which the tree is wired, with all that was found of its nodes."""
-        return tuple(frame for (name, _, _), frame in self._frames.items() if name == tree)
+        return tuple(frame for (name, *_), frame in self._frames.items() if name == tree)
 
     # Private.
 
     def _enter(self, tree: str) -> None:
         inputs = self._layouts[tree].inputs
         state = FlowState(inputs, inputs, self._hands[tree])
-        self.ends[tree] = self._in_frame(self._trees[tree], (), 0, state)
+        self.ends[tree] = self._in_frame(self._trees[tree], (), 0, 0, state)
 
     def node_outcomes(self, spec: NodeSpec, state: FlowState) -> Outcomes:
         memo, key = self._frame.memo, (id(spec), state)
@@ -164,13 +164,14 @@ class FlowAnalysis(FlowWalk):
         everything = (1 << layout.size) - 1
         sure, maybe = (state.sure >> shift) & everything, (state.maybe >> shift) & everything
         wired: dict[int, int] = {}
-        constant = owned = 0
+        constant = owned = rooted = 0
         for port in layout.tree.ports:
             bit, bound = layout.keys[port.key], spec.ports.get(port.key)
             if isinstance(bound, Reference):
                 outer = self.bits(bound.key)
                 wired[bit] = outer
                 owned |= bit if bound.attributes or outer & self._frame.owned else 0
+                rooted |= bit if outer & self._frame.rooted else 0
                 sure = sure | bit if state.sure & outer else sure & ~bit
                 maybe = maybe | bit if state.maybe & outer else maybe & ~bit
             elif bound is not None or port.direction == "in":
@@ -180,7 +181,7 @@ class FlowAnalysis(FlowWalk):
         held = state.hand & ~(EMPTY | KEPT | SHARED)
         hand = state.hand & ~held | (OUTER if held else 0)
         inside = FlowState(sure, maybe, hand, state.doubtful)
-        flow = self._in_frame(layout.tree, twice, owned, inside)
+        flow = self._in_frame(layout.tree, twice, owned, rooted, inside)
         for port in layout.tree.ports:
             bound = spec.ports.get(port.key)
             if isinstance(bound, Reference) and port.direction == "in":
@@ -201,13 +202,14 @@ class FlowAnalysis(FlowWalk):
         return flow.mapped(outside, lambda reasons: reasons.through(spec))
 
     def _in_frame(
-        self, tree: TreeSpec, twice: tuple[tuple[int, int], ...], owned: int, state: FlowState
+        self, tree: TreeSpec, twice: tuple[tuple[int, int], ...], owned: int, rooted: int, state: FlowState
     ) -> Outcomes:
-        key = (tree.name, twice, owned)
+        key = (tree.name, twice, owned, rooted)
         frame = self._frames.get(key)
         if frame is None:
             same = {bit: sum(other for other, to in twice if to == outer) for bit, outer in twice}
-            frame = self._frames[key] = WiredTree(self._layouts[tree.name], same, owned)
+            layout = self._layouts[tree.name]
+            frame = self._frames[key] = WiredTree(layout, same, owned, layout.rooted | rooted)
         self.entered.add(tree.name)
         above, self._here = self._here, frame
         outer, self._missing = self._missing, 0
@@ -277,8 +279,8 @@ class FlowAnalysis(FlowWalk):
                 states = asked.yes | asked.no
                 ends.fail({state.perhaps(written): reasons for state, reasons in asked.failed.items()})
                 for state in states if not assignment.new else ():
-                    _, missing = self.read(spec, place, assignment.key, bits, state)
-                    ends.add(FAILURE, (state.perhaps(written),), self.fails(spec, missing))
+                    _, *missing = self.read(spec, place, assignment.key, bits, state)
+                    ends.add(FAILURE, (state.perhaps(written),), self.fails(spec, *missing))
                 states = tidy(state.written(bits) for state in states)
         return states
 

@@ -58,11 +58,12 @@ class KeyRead:
 @dataclass(slots=True)
 class WiredTree:
     """A tree in one way of being wired; `same`: bits that stand for one key; `owned`: inputs that are
-    attributes of an object."""
+    attributes of an object; `rooted`: keys that other trees write, too, own ones and ports."""
 
     layout: KeyBits
     same: Mapping[int, int]
     owned: int
+    rooted: int
     memo: dict[tuple[int, FlowState], Outcomes] = field(default_factory=dict[tuple[int, FlowState], Outcomes])
 
 
@@ -209,9 +210,8 @@ class FlowWalk(ABC):
             if port is None or port.direction != "in" or port.takes == "key":
                 continue
             bits = self.bits(bound.key)
-            state, missing = self.read(spec, key, bound.key, bits, state)
-            loud |= missing
-            quiet |= self._missing_input if bits & self._frame.layout.rooted else 0
+            state, missing, perhaps = self.read(spec, key, bound.key, bits, state)
+            loud, quiet = loud | missing, quiet | perhaps
             if bound.attributes or bits & self._frame.owned:
                 loud, quiet = loud | self._unknown_object, quiet | self._missing_input
             if port.type.name != "any" or port.type.many:
@@ -236,9 +236,8 @@ class FlowWalk(ABC):
             bits = self.bits(name)
             if name in FACTS and not state.sure & bits:
                 continue
-            after, missing = self.read(spec, place, name, bits, state)
-            loud |= missing
-            quiet |= self._missing_input if bits & self._frame.layout.rooted else 0
+            after, missing, perhaps = self.read(spec, place, name, bits, state)
+            loud, quiet = loud | missing, quiet | perhaps
             state = after if name in found.certain else state
             owned = owned or bits & self._frame.owned != 0
         if owned:
@@ -251,18 +250,17 @@ class FlowWalk(ABC):
 
     def read(
         self, spec: NodeSpec, place: str, key: str, bits: int, state: FlowState
-    ) -> tuple[FlowState, int]:
-        """After a key was read: then it was written. Also the cause if it may not have been."""
-        if bits & self._frame.layout.rooted:
-            return state.perhaps(bits), 0
+    ) -> tuple[FlowState, int, int]:
+        """After a key was read: then it was written. Also the causes if it may not have been: loud, quiet."""
+        if bits & self._frame.rooted:
+            return state.perhaps(bits), 0, self._missing_input
         unwritten = not state.sure & bits
         self.note_read(spec, place, key, state, missing=unwritten)
         if not unwritten:
-            return state, 0
-        after = state.written(bits)
+            return state, 0, 0
         # Of what comes behind a read that cannot succeed nothing is told; a loop does not make it succeed.
         told = state.maybe & bits or self._frame.layout.inputs & bits
-        return after if told else after.in_doubt(), self._missing_input
+        return state.written(bits) if told else state.in_doubt(), self._missing_input, 0
 
     def note_read(self, spec: NodeSpec, place: str, key: str, state: FlowState, *, missing: bool) -> None:
         """Note that the key is read at that place, in that state."""
@@ -276,7 +274,7 @@ class FlowWalk(ABC):
         if read is None:
             read = self.reads[where] = KeyRead(spec, place, key, layout.tree.name)
         read.missing = read.missing or (missing and not state.doubtful)
-        read.ever = read.ever or (bool(state.maybe & bits) and not state.doubtful)
+        read.ever = read.ever or bool(state.maybe & bits)
 
     # What a node's flow may ask.
 

@@ -14,7 +14,7 @@ from ...trees.loading.loader import SceneNames, load_surroundings
 from ...trees.loading.registry import NodeRegistry
 from ...trees.loading.tree_ports import TreePorts
 from ...trees.loading.tree_set import IncludeReader
-from ...trees.mission import FilesOnDisk
+from ...trees.mission import FilesOnDisk, MissionFiles
 from ...trees.ports import NameKind, PortDeclaration
 from ...trees.values.fault_collector import MissionDiagnostics
 from ...world.planner_names import planner_names
@@ -77,14 +77,16 @@ def any_mission() -> MissionSpecifics:
     )
 
 
-def one_mission(document: Document, registry: NodeRegistry) -> MissionSpecifics:
+def one_mission(
+    document: Document, registry: NodeRegistry, files: MissionFiles | None = None
+) -> MissionSpecifics:
     """Return the context of one mission file, which may be faulty. Nodes of its plug-ins join the registry.
 
     Raises PicktreeError for a plug-in that fails.
     """
     trees: dict[str, tuple[PortDeclaration, ...]] = {}
     docs: dict[str, str] = {}
-    for file in mission_files(document):
+    for file in mission_files(document, files):
         plugins = file.data.get("plugins")
         for plugin in plugins if isinstance(plugins, list) else []:
             if isinstance(plugin, str) and plugin:
@@ -101,10 +103,13 @@ def one_mission(document: Document, registry: NodeRegistry) -> MissionSpecifics:
     return MissionSpecifics(True, scene_names(), trees, names, docs)
 
 
-def mission_files(document: Document) -> tuple[Document, ...]:
-    """Return a mission, and the files that it includes as far as they can be read."""
-    files = FilesOnDisk(document.path.parent)
-    return (document, *IncludeReader(files, MissionDiagnostics()).of(document))
+def mission_files(document: Document, files: MissionFiles | None = None) -> tuple[Document, ...]:
+    """Return a mission, and the files that it includes as far as they can be read.
+
+    `files`: source of the included files, by default the disk.
+    """
+    beside = files or FilesOnDisk(document.path.parent)
+    return (document, *IncludeReader(beside, MissionDiagnostics()).of(document))
 
 
 def _known(document: Document) -> SceneNames | None:

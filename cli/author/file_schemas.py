@@ -23,6 +23,7 @@ from ...world.scene.loading.scene_loading import check_scene, load_scene, scene_
 
 if TYPE_CHECKING:
     from ...files.diagnostics.file_checks import Check
+    from ...trees.mission import MissionFiles
     from ...world.values import Array
 
 TEST_SCENE = "self_test"
@@ -46,11 +47,14 @@ def check_cell(document: Document) -> tuple[Diagnostic, ...]:
     return (*faults, *_hidden_items(document, own, scene.value, robot.value))
 
 
-def _mission(document: Document) -> Iterable[Diagnostic]:
-    """Check a mission; in a scene of one's own also whether the arm hides the items."""
+def mission_faults(document: Document, files: MissionFiles | None = None) -> Iterable[Diagnostic]:
+    """Check a mission; in a scene of one's own also whether the arm hides the items.
+
+    `files`: source of the included files, by default the disk.
+    """
     from ...authoring.check import check_mission
 
-    found = check_mission(document)
+    found = check_mission(document, files=files)
     scene = found.mission.scene if found.mission is not None else None
     if scene is None or scene in scene_names() or any(fault.severity == "error" for fault in found.faults):
         return found.faults
@@ -145,7 +149,7 @@ def _plan(document: Document) -> Iterable[Diagnostic]:
 
 
 CHECKS: Mapping[str, Check] = {
-    "mission": _mission,
+    "mission": mission_faults,
     "scene": check_cell,
     "robot": _robot,
     "faults": _check_faults,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import gc
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import BinaryIO, Final
 
@@ -26,7 +26,8 @@ from ...files.diagnostics.file_checks import Check, UnsavedText, check_files, is
 from ...files.marks import Diagnostic, Mark
 from ...files.yaml.document import Document
 from ...trees.loading.registry import NodeRegistry
-from .file_schemas import CHECKS, file_schema
+from ...trees.mission import FilesOnDisk
+from .file_schemas import CHECKS, file_schema, mission_faults
 
 QUIET: Final = 0.1
 """Time without a further edit after which a text is checked, s."""
@@ -45,13 +46,6 @@ _KINDS: Mapping[ProposalKind, types.CompletionItemKind] = {
 
 
 _Severity = types.DiagnosticSeverity
-
-
-def _mission_errors(document: Document) -> tuple[Diagnostic, ...]:
-    return check_mission(document, linted=False).faults
-
-
-_CHECKS_FOR_ERRORS: Mapping[str, Check] = {**CHECKS, "mission": _mission_errors}
 
 
 def schema_of(kind: str) -> Schema:
@@ -77,7 +71,11 @@ class Session:
         return self._server.workspace.get_text_document(uri)
 
     def file(self, uri: str) -> OpenFile:
-        return OpenFile(_path(uri), self.document(uri).source, self._registry, schema_of)
+        return OpenFile(_path(uri), self.document(uri).source, self._registry, schema_of, self._unsaved())
+
+    def _unsaved(self) -> dict[Path, str]:
+        """Return the texts of all open files."""
+        return {_path(uri): each.source for uri, each in self._server.workspace.text_documents.items()}
 
     # Places of the protocol count in units of the client, ours in code points.
 
@@ -102,6 +100,14 @@ class Session:
 
     # Diagnostics.
 
+    def changed(self, uri: str) -> None:
+        """Check a file soon, and the open files that name it: it may be a part of them."""
+        self.check_soon(uri)
+        name = _path(uri).name
+        for other, document in self._server.workspace.text_documents.items():
+            if other != uri and name in document.source:
+                self.check_soon(other)
+
     def check_soon(self, uri: str) -> None:
         large = len(self.document(uri).source) > LARGE
         self._later(QUIET, self._check_for_errors if large else self.check, uri)
@@ -112,20 +118,28 @@ class Session:
 
     def _check_for_errors(self, uri: str) -> None:
         """Show the errors with the warnings that were there, and check with the linter when all is quiet."""
-        found = [each for each in self._found(uri, _CHECKS_FOR_ERRORS) if each.severity == _Severity.Error]
+        found = [each for each in self._found(uri, linted=False) if each.severity == _Severity.Error]
         self._publish(uri, found if found else self._warnings.get(uri, []))
         self._later(IDLE, self.check, uri)
 
     def check(self, uri: str) -> None:
         self._forget(uri)
-        found = self._found(uri, CHECKS)
+        found = self._found(uri)
         self._warnings[uri] = [each for each in found if each.severity == _Severity.Warning]
         self._publish(uri, found)
 
-    def _found(self, uri: str, checks: Mapping[str, Check]) -> list[types.Diagnostic]:
+    def _found(self, uri: str, *, linted: bool = True) -> list[types.Diagnostic]:
         text = self.document(uri).source
         if not is_ours(text):
             return []
+
+        def mission(document: Document) -> Iterable[Diagnostic]:
+            files = FilesOnDisk(document.path.parent, self._unsaved())
+            if linted:
+                return mission_faults(document, files)
+            return check_mission(document, linted=False, files=files).faults
+
+        checks: Mapping[str, Check] = {**CHECKS, "mission": mission}
         report = check_files([UnsavedText(_path(uri), text.encode("utf-8", errors="replace"))], checks)
         lines = text.split("\n")
         return [self._diagnostic(uri, fault, lines) for fault in report.faults]
@@ -215,7 +229,7 @@ def _offer_checks(server: LanguageServer, session: Session) -> None:
 
     @server.feature(types.TEXT_DOCUMENT_DID_CHANGE)
     def changed(params: types.DidChangeTextDocumentParams) -> None:
-        session.check_soon(params.text_document.uri)
+        session.changed(params.text_document.uri)
 
     @server.feature(types.TEXT_DOCUMENT_DID_SAVE)
     def saved(params: types.DidSaveTextDocumentParams) -> None:

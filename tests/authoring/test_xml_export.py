@@ -198,6 +198,14 @@ REFUSED = {
         "P920 mission.yaml:5:2: trees.TryCatch: 'TryCatch' is a name of BehaviorTree.CPP's own "
         "(give the tree another name)"
     ],
+    # BehaviorTree.CPP types a key where it is used first: here by the first call, as a number.
+    " Main:\n  ports: {n: {type: int, default: 3}}\n  Sequence: [{Sub: {m: 1}}, {Sub: {m: '{n}'}}]\n"
+    " Sub:\n  ports: {m: int}\n  Sequence:\n"
+    "   - Switch: {variable: '{m}', cases: {3: AlwaysSuccess}}\n"
+    "   - ParallelAll: {max_failures: '{@n}', do: [AlwaysSuccess]}": [
+        "P925 mission.yaml:10:25: Sub/Sequence/Switch: port 'variable': {m} is int at another node, and "
+        "std::string here (BehaviorTree.CPP wants one type for each key; use two)"
+    ],
     " Main: {Sub: {ID: a}}\n Sub: {ports: {ID: object}, Take: {object: '{ID}'}}": [
         "P921 mission.yaml:5:2: trees.Sub: BehaviorTree.CPP keeps the attribute 'ID' for itself "
         "(give the port another name)"

@@ -17,6 +17,7 @@ from hypothesis import given, settings
 from picktree.authoring.xml.export.mission_export import mission_to_xml
 from picktree.files.marks import FileError
 from picktree.files.yaml.document import read_document
+from picktree.trees.declaration import AUTOREMAP
 from picktree.trees.loading.loader import examine, parse_mission
 from picktree.trees.loading.registry import NodeRegistry
 from picktree.trees.mission import Mission
@@ -79,11 +80,16 @@ class TypedAuthor:
     def __init__(self, seed: int) -> None:
         self._chance = random.Random(seed)
         self._trees: dict[str, dict[str, str]] = {}
+        self._main = self._kinds()
+
+    def _kinds(self) -> dict[str, str]:
+        """Some keys, each with its type."""
+        return {f"p{i}": self._chance.choice(list(_LITERALS)) for i in range(self._chance.randint(1, 4))}
 
     def mission(self) -> dict[str, object]:
         trees: dict[str, object] = {}
         for name in ("Inner", "Outer", "Main"):
-            kinds = {f"p{i}": self._chance.choice(list(_LITERALS)) for i in range(self._chance.randint(1, 4))}
+            kinds = self._main if name == "Main" else self._kinds()
             ports = {key: self._port(kind, name) for key, kind in kinds.items()}
             children = [self._node(kinds) for _ in range(self._chance.randint(1, 4))]
             trees[name] = {"ports": ports, "Sequence": children}
@@ -97,7 +103,9 @@ class TypedAuthor:
         return port
 
     def _value(self, kind: str, keys: dict[str, str]) -> object:
-        fitting = [key for key, other in keys.items() if other in _FITS[kind]]
+        shared = self._chance.random() < 0.15
+        known = {f"@{key}": other for key, other in self._main.items()} if shared else keys
+        fitting = [key for key, other in known.items() if other in _FITS[kind]]
         if fitting and self._chance.random() < 0.8:
             return "{" + self._chance.choice(fitting) + "}"
         return self._chance.choice(_LITERALS[kind])
@@ -113,6 +121,19 @@ class TypedAuthor:
             {"Repeat": {"num_cycles": value("int"), "do": leaf}},
             {"Repeat": {"num_cycles": value("int"), "while": "items_left", "do": leaf}},
             {"RetryUntilSuccessful": {"num_attempts": value("int"), "do": leaf}},
+            {"Sleep": {"msec": value("ms")}},
+            {"RateController": {"hz": value("float"), "do": leaf}},
+            {"ParallelAll": {"max_failures": value("int"), "do": [leaf]}},
+            {"SequenceWithMemory": [leaf, leaf]},
+            {"PipelineSequence": [leaf, leaf]},
+            {
+                self._chance.choice(("SkipUnlessUpdated", "WaitValueUpdate")): {
+                    "entry": value("any"),
+                    "do": leaf,
+                }
+            },
+            {"WasEntryUpdated": {"entry": value("any")}},
+            {"Script": {"code": self._chance.choice(("q := 1", "@q := 'x'; r := 2.5", "q := p0; q += 1"))}},
             {"RunOnce": {"then_skip": value("bool"), "do": leaf}},
             {"Switch": {"variable": value(self._chance.choice(("string", "int"))), "cases": {"3": leaf}}},
             {"ForEach": {"in": value("list of int"), "out": "{each}", "most": value("int"), "do": leaf}},
@@ -122,7 +143,8 @@ class TypedAuthor:
         ]
         for name, ports in self._trees.items():
             call = {key: value(kind) for key, kind in ports.items() if self._chance.random() < 0.9}
-            made += [cast("dict[str, object]", {name: call})] * 4
+            remapped: dict[str, object] = {AUTOREMAP: True} if self._chance.random() < 0.3 else {}
+            made += [cast("dict[str, object]", {name: {**remapped, **call}})] * 6
         return self._chance.choice(made)
 
 

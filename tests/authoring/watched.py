@@ -5,6 +5,7 @@ from __future__ import annotations
 import random
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import reduce
 from typing import TYPE_CHECKING, cast
 
 from picktree.authoring.lint.failure_reasons import UNREPORTED
@@ -40,8 +41,16 @@ TRIES = (Fallback, ReactiveFallback, RoundRobin, RetryUntilSuccessful, RecoveryC
 """Nodes that try something against a failure below them."""
 
 
-class Unsound(AssertionError):
+class _Unsound(Exception):
     """Something happened that the analysis had ruled out."""
+
+
+@dataclass(frozen=True, slots=True)
+class WatchedRun:
+    """Result of one run. `unsound`: what happened that the analysis had ruled out; empty: nothing."""
+
+    status: NodeStatus
+    unsound: str = ""
 
 
 class Watched:
@@ -53,20 +62,23 @@ class Watched:
         self.walk.enter(self.mission.main)
         self.ends = self.walk.ends["Main"]
 
-    def run(self, seed: int, ticks: int = 30) -> NodeStatus:
-        """Run it, all chances drawn from the seed. Raises Unsound."""
+    def run(self, seed: int, ticks: int = 30) -> WatchedRun:
+        """Run it, all chances drawn from the seed, to its end or to the first tick that is unsound."""
         world = WildWorld(chance=random.Random(seed))
         tree = build(self.mission, cast("World", world))
         watch = _Watch(self, tree, world)
         tree.on_end.append(watch.ended)
-        for _ in range(ticks):
-            tree.tick()
-            watch.after_tick()
-            world.clock.now += TICK
-            if tree.status is not NodeStatus.RUNNING:
-                watch.finished()
-                break
-        return tree.status
+        try:
+            for _ in range(ticks):
+                tree.tick()
+                watch.after_tick()
+                world.clock.now += TICK
+                if tree.status is not NodeStatus.RUNNING:
+                    watch.finished()
+                    break
+        except _Unsound as error:
+            return WatchedRun(tree.status, str(error))
+        return WatchedRun(tree.status)
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,7 +95,7 @@ class _Watch:
         self._watched, self._walk, self._tree, self._world = watched, watched.walk, tree, world
         self._places: dict[str, _Place] = {}
         self._callers: dict[str, _Place] = {}
-        self._wrong: list[Unsound] = []
+        self._wrong: list[_Unsound] = []
         main = cast("SubTree", tree.root)
         self._locate(main.body, _Place(watched.mission.main.root, main, "Main"))
 
@@ -106,11 +118,11 @@ class _Watch:
                 spec = self._places[entry.node].spec
                 handler = str(entry.data["handler"])
                 if spec.node is Recover and (id(spec), handler) not in self._walk.handled:
-                    raise Unsound(f"{entry.node} uses its handler {handler!r}")
+                    raise _Unsound(f"{entry.node} uses its handler {handler!r}")
         for node in self._tree.nodes:
             place = self._places.get(node.path)
             if place is not None and node.ticked and id(place.spec) not in self._walk.reached:
-                raise Unsound(f"{node.path} is ticked: {self._walk.blocked.get(id(place.spec))}")
+                raise _Unsound(f"{node.path} is ticked: {self._walk.blocked.get(id(place.spec))}")
             if place is not None and node.state is NodeStatus.RUNNING:
                 self._check(place, node)
 
@@ -130,13 +142,13 @@ class _Watch:
             for source in reasons.sources(str(FILE)):
                 if source.node is spec and source.causes & cause and not source.met:
                     return
-        raise Unsound(f"{report.cause} from {report.node} ends the mission, and was not announced")
+        raise _Unsound(f"{report.cause} from {report.node} ends the mission, and was not announced")
 
     def ended(self, path: str) -> None:
         """Called in the midst of a tick, where no exception comes through."""
         try:
             self._ended(path)
-        except Unsound as error:
+        except _Unsound as error:
             self._wrong.append(error)
 
     def _ended(self, path: str) -> None:
@@ -144,7 +156,7 @@ class _Watch:
         if place is None or node.state is NodeStatus.IDLE:
             return
         if node.failure is not None and node.failure.cause.name == "internal.error":
-            raise Unsound(f"{path}: {node.failure.message}: {node.failure.evidence.get('traceback')}")
+            raise _Unsound(f"{path}: {node.failure.message}: {node.failure.evidence.get('traceback')}")
         if node.state is NodeStatus.SUCCESS:
             self._no_read_fails_surely(place, path)
         cause = self._check(place, node)
@@ -158,7 +170,7 @@ class _Watch:
         if not any(self._allows(end, place.tree, bits, hand) for end in self._ends(place, status, cause)):
             known = sorted(map(str, self._ends(place, status, cause)))
             message = f"{node.path} is {status} {cause} with {bits:b}, hand {hand}; it was to be {known}"
-            raise Unsound(message)
+            raise _Unsound(message)
         return cause
 
     def _ends(self, place: _Place, status: NodeStatus, cause: str) -> Iterator[FlowState]:
@@ -179,12 +191,14 @@ class _Watch:
                         yield from (s for s, reasons in flow.failure.items() if reasons.any & wanted)
 
     def _allows(self, end: FlowState, tree: str, bits: int, hand: int) -> bool:
-        sure = end.sure & ~self._unseen(tree)
-        return sure & ~bits == 0 and bits & ~end.maybe == 0 and hand & end.hand != 0
+        unseen = self._unseen(tree)
+        sure, written = end.sure & ~unseen, bits & ~unseen
+        return sure & ~bits == 0 and written & ~end.maybe == 0 and hand & end.hand != 0
 
     def _unseen(self, tree: str) -> int:
-        """Flags that cannot be read off the nodes: whether a RoundRobin has had a success, say."""
-        layout, bits = self._walk.layout_of(tree), 0
+        """Bits of which nothing can be said: keys that other trees write, too, and flags that cannot be read
+        off the nodes, as whether a RoundRobin has had a success."""
+        layout, bits = self._walk.layout_of(tree), self._rooted(tree)
         for spec in self._watched.mission.trees[tree].root.iterate():
             if spec.node is None:
                 shift, _ = layout.calls[id(spec)]
@@ -192,6 +206,18 @@ class _Watch:
             elif spec.node in (RoundRobin, SequenceWithMemory, PipelineSequence):
                 bits |= sum(layout.flags[id(spec)])
         return bits
+
+    def _rooted(self, tree: str) -> int:
+        wired = (frame.rooted for frame in self._walk.frames_of(tree))
+        return reduce(int.__or__, wired, self._walk.layout_of(tree).rooted)
+
+    def _doubted(self, place: _Place, name: str) -> bool:
+        """Whether the node is reached with the key unwritten in a way of which nothing is reported."""
+        return any(
+            spec == id(place.spec) and state.doubtful and not state.sure & frame.layout.keys[name]
+            for frame in self._walk.frames_of(place.tree)
+            for spec, state in frame.memo
+        )
 
     def _cause(self, node: Node) -> str:
         return node.failure.cause.name if node.state is NodeStatus.FAILURE and node.failure else ""
@@ -232,7 +258,7 @@ class _Watch:
             started = not {"_successIf", "_skipIf"} & place.spec.preconditions.keys()
             direct = place.spec.node is not None and isinstance(place.spec.ports.get(read.place), Reference)
             if read.spec is place.spec and direct and started and read.missing and not read.ever:
-                raise Unsound(f"{path} has read {read.key!r}, which was said to be never written")
+                raise _Unsound(f"{path} has read {read.key!r}, which was said to be never written")
 
     def _announced(self, place: _Place, message: str, path: str) -> None:
         """A key that nothing has written: the analysis must have said so, here or where it is wired."""
@@ -241,15 +267,19 @@ class _Watch:
             return
         name = key
         while True:
+            if self._walk.layout_of(place.tree).keys.get(name, 0) & self._rooted(place.tree):
+                return
             for read in self._walk.reads.values():
                 if read.spec is place.spec and read.key == name and read.missing:
                     return
+            if self._doubted(place, name):
+                return
             caller = self._callers.get(place.instance.path)
             bound = caller.spec.ports.get(name) if caller is not None else None
             if caller is None or not isinstance(bound, Reference):
                 break
             place, name = caller, bound.key
-        raise Unsound(f"{path}: {message}: nobody has said that {key!r} may be unwritten")
+        raise _Unsound(f"{path}: {message}: nobody has said that {key!r} may be unwritten")
 
 
 def _unwritten(message: str) -> str:

@@ -7,6 +7,9 @@ import random
 from collections.abc import Callable, Mapping
 from typing import TypeAlias, cast
 
+from picktree.trees.declaration import AUTOREMAP
+from picktree.trees.values.references import ROOT_KEY
+
 PATTERNS = (
     "grasp.*",
     "grasp.missed",
@@ -23,15 +26,23 @@ EXPRESSIONS = (
     "items_left", "not holding", "true", "false", "a == 1", "b != 2", "c > 0", "a == 1 or d == 2",
     "items_left and b == 0", "time > 0.1", "1 > 2", "items_to_do > 0", "a == 1 if holding else b == 1",
 )  # fmt: skip
+ROOTED = ("@a == 1", "c > 0 and @b != 2")
+"""Expressions over keys of Main."""
+_SHARED = "Shared"
+"""Beginning of the names of trees that are called with `_autoremap`."""
 _Json: TypeAlias = object
 
 
 class Writer:
     """Writes trees of at most so many nodes."""
 
-    def __init__(self, chance: random.Random, subtrees: Mapping[str, tuple[str, ...]]) -> None:
+    def __init__(
+        self, chance: random.Random, subtrees: Mapping[str, tuple[str, ...]], *, rooted: bool
+    ) -> None:
         self._chance = chance
         self._subtrees = subtrees
+        self._rooted = 0.15 if rooted else 0.0
+        """Share of names that are keys of Main."""
         self._left = chance.randrange(4, 16)
         self._controls: tuple[Callable[[int], _Json], ...] = (
             *(self._listed(name) for name in ("Sequence", "Sequence", "Fallback", "Fallback")),
@@ -57,12 +68,23 @@ class Writer:
         return self._chance.random() < share
 
     def _key(self) -> str:
-        return _reference(self._chance.choice(KEYS))
+        return _reference(self._name())
+
+    def _name(self) -> str:
+        """A key of the tree, or one of Main."""
+        return f"{ROOT_KEY if self._with(self._rooted) else ''}{self._chance.choice(KEYS)}"
+
+    def _expression(self) -> str:
+        return self._chance.choice(ROOTED if self._with(self._rooted) else EXPRESSIONS)
+
+    def _assignment(self) -> str:
+        value = self._name() if self._with(0.5) else self._chance.choice(("0", "1"))
+        return f"{self._name()} {self._chance.choice((':=', ':=', '='))} {value}"
 
     def _leaf(self, _: int) -> _Json:
         if self._subtrees and self._with(0.2):
             return self._call()
-        match self._chance.randrange(14):
+        match self._chance.randrange(15):
             case 0 | 1:
                 ports = {"value": self._key()} if self._with(0.4) else {}
                 return {"Do": {**ports, **({"out": self._key()} if self._with(0.7) else {})}}
@@ -76,7 +98,7 @@ class Writer:
             case 4:
                 return {"Log": {"message": "x", "value": self._key()}}
             case 5:
-                return {"Condition": {"if": self._chance.choice(EXPRESSIONS)}}
+                return {"Condition": {"if": self._expression()}}
             case 6:
                 return {"Ask": {"value": self._key()} if self._with(0.5) else {}}
             case 7:
@@ -92,14 +114,20 @@ class Writer:
             case 11:
                 return {"WasEntryUpdated": {"entry": self._key()}}
             case 12:
+                code = [self._assignment() for _ in range(self._chance.choice((1, 1, 2)))]
+                return {"Script": {"code": "; ".join(code)}}
+            case 13:
                 return {"Sleep": {"msec": self._chance.choice((0, 50, 100))}}
             case _:
                 return "Whim"
 
     def _call(self) -> _Json:
         name = self._chance.choice(tuple(self._subtrees))
-        ports: dict[str, _Json] = {}
+        shared = name.startswith(_SHARED)
+        ports: dict[str, _Json] = {AUTOREMAP: True} if shared else {}
         for port_ in self._subtrees[name]:
+            if shared and self._with(0.5):
+                continue
             if port_.startswith("in") or self._with(0.8):
                 ports[port_] = self._key() if port_.startswith("out") or self._with(0.7) else 1
         return {name: ports}
@@ -112,11 +140,10 @@ class Writer:
         given = dict(cast("dict[str, _Json]", body)) if isinstance(body, dict) else {"do": body}
         for name in ("_skipIf", "_failureIf", "_successIf", "_while"):
             if self._with(0.25):
-                given[name] = self._chance.choice(EXPRESSIONS)
+                given[name] = self._expression()
         for name in ("_onSuccess", "_onFailure", "_post", "_onHalted"):
             if self._with(0.2):
-                key, sign = self._chance.choice(KEYS), self._chance.choice((":=", ":=", "="))
-                given[name] = f"{key} {sign} {self._chance.choice(('0', '1', 'b', 'c'))}"
+                given[name] = self._assignment()
         return {str(identity): given}
 
     def _children(self, depth: int, least: int = 1, most: int = 4) -> list[_Json]:
@@ -133,7 +160,7 @@ class Writer:
         if self._with(0.6):
             ports["num_cycles"] = self._chance.choice((-1, 0, 1, 2, 3))
         if not ports or self._with(0.5):
-            ports["while"] = self._chance.choice(EXPRESSIONS)
+            ports["while"] = self._expression()
         return {"Repeat": {**ports, "do": self.node(depth + 1)}}
 
     def _retry(self, depth: int) -> _Json:
@@ -218,6 +245,7 @@ class Writer:
 def wild_mission(seed: int) -> str:
     """The text of a mission with up to three sub-trees, which may use those after them."""
     chance = random.Random(seed)
+    rooted = chance.random() < 0.4
     trees: dict[str, _Json] = {}
     known: dict[str, tuple[str, ...]] = {}
     for index in range(chance.choice((0, 0, 1, 2, 3))):
@@ -227,8 +255,8 @@ def wild_mission(seed: int) -> str:
         declared = {
             name: {"type": "any", "direction": name.split("_")[0]} for name in dict.fromkeys(named.values())
         }
-        body = Writer(chance, dict(known)).node()
-        name = f"Tree{index}"
+        body = Writer(chance, dict(known), rooted=rooted).node()
+        name = f"{_SHARED if chance.random() < 0.3 else 'Tree'}{index}"
         text = json.dumps(body)
         for key in declared:
             # An input must not be written: only what reads becomes a reader of the port.
@@ -244,7 +272,7 @@ def wild_mission(seed: int) -> str:
                     )
         trees[name] = {"ports": declared, **_with_all_written(json.loads(text), chance)}
         known[name] = tuple(declared)
-    main = _with_all_written(Writer(chance, known).node(), chance)
+    main = _with_all_written(Writer(chance, known, rooted=rooted).node(), chance)
     return json.dumps({"picktree": 1, "kind": "mission", "trees": {"Main": main, **trees}})
 
 

@@ -54,13 +54,13 @@ KEY_PORTS: dict[str, object] = {
     "things": {"type": "list of object", "default": []},
     "x": {"type": "any", "default": None},
 }
-INTS, OBJECTS = st.sampled_from(["{a}", "{b}"]), st.just("{thing}")
-LISTS, ANYS = st.just("{things}"), st.sampled_from(["{x}", "{a}", "{thing}"])
+INTS, OBJECTS = st.sampled_from(["{a}", "{b}", "{@a}"]), st.just("{thing}")
+LISTS, ANYS = st.just("{things}"), st.sampled_from(["{x}", "{a}", "{thing}", "{@x}"])
 CONDITIONS = st.sampled_from(
     [
         "a > 3", "not done", "done and (a == 1 or not done)", "colour == 'red'", "a < b <= 3", "true",
         "thing.colour == 'red'", "items_left", "len(things) > 1 and holding", "a in [1, 2]", "x == null",
-        "done if a > b else a == 2", "-a * 2 < b", "colour == 'grün'",
+        "done if a > b else a == 2", "-a * 2 < b", "colour == 'grün'", "@a > 3 and not @done",
     ]
 )  # fmt: skip
 ASSIGNMENTS = st.sampled_from(
@@ -70,6 +70,7 @@ ASSIGNMENTS = st.sampled_from(
         "last := thing.colour",
         "count := items_to_do",
         "text := 'a;b'",
+        "@m := a; @m += 2",
     ]
 )
 COMMON = st.fixed_dictionaries(
@@ -110,6 +111,7 @@ LEAVES: Nodes = st.one_of(
     node("Condition", given_ports({"if": CONDITIONS})),
     node("SetBlackboard", given_ports({"value": ANYS | PLAIN, "output_key": st.just("{written}")})),
     node("Log", given_ports({"message": TEXTS}, value=ANYS | PLAIN)),
+    node("Script", given_ports({"code": ASSIGNMENTS})),
     node("Sleep", given_ports({"msec": st.sampled_from([100, "0.1 s", "{t}"])})),
     node("WasEntryUpdated", given_ports({"entry": st.just("{x}")})),
     node(
@@ -193,7 +195,8 @@ CALLS: Nodes = node(
         anything=PLAIN | ANYS,
     ),
 )
-MAINS, SUBS = deep(LEAVES | CALLS, 3), deep(LEAVES, 2)
+SHARING: Nodes = node("Shared", given_ports({"_autoremap": st.just(True)}, a=INTS, colour=TEXTS))
+MAINS, SUBS = deep(LEAVES | CALLS | SHARING, 3), deep(LEAVES | SHARING, 2)
 
 
 @st.composite
@@ -204,8 +207,12 @@ def missions(draw: st.DrawFn) -> str:
         "kind": "mission",
         "name": draw(TEXTS.filter(bool)),
         "trees": {
-            "Main": _tree(KEY_PORTS, draw(MAINS)),
+            # Without a call that shares its keys, those of the tree `Shared` would be unknown.
+            "Main": _tree(KEY_PORTS, {"Sequence": {"do": [draw(SHARING), draw(MAINS)]}}),
             "Sub": _tree({**KEY_PORTS, **SUB_PORTS}, draw(SUBS)),
+            "Shared": _tree(
+                draw(st.sampled_from([KEY_PORTS, {"a": "int", "colour": "string"}])), draw(deep(LEAVES, 1))
+            ),
         },
     }
     if draw(st.booleans()):
@@ -247,11 +254,12 @@ def _node(spec: NodeSpec) -> object:
         spec.id,
         spec.name,
         spec.node,
-        {key: _bound(bound) for key, bound in spec.ports.items()},
+        {key: _bound(bound) for key, bound in spec.ports.items() if key not in spec.postconditions},
         {key: [(label, _node(below)) for label, below in filled] for key, filled in spec.slots.items()},
         {key: _expression(value) for key, value in spec.preconditions.items()},
         {key: [(a.key, a.new, _expression(a.value)) for a in value] for key, value in post},
         spec.breakpoint,
+        spec.autoremap,
     )
 
 

@@ -252,6 +252,47 @@ def test_rename_changes_a_key_in_its_whole_tree(editor: Editor) -> None:
     assert editor.rename(MAIN.replace("Observe", "Obs|erve"), "x") == "there is no key of the blackboard here"
 
 
+def test_a_key_of_main_is_renamed_in_all_trees(editor: Editor) -> None:
+    text = MAIN + (
+        '      - SetBlackboard: {value: 1, output_key: "{count}"}\n'
+        "      - Sub: {_skipIf: count > 3 and @count < 9}\n"
+        "  Sub:\n"
+        "    Sequence:\n"
+        '      - Script: {code: "count := 1; @co|unt += count"}\n'
+        '      - Log: {message: x, value: "{@count}"}\n'
+    )
+    here = text.replace("|", "")
+    renamed = [
+        '      - SetBlackboard: {value: 1, output_key: "{done}"}',
+        "      - Sub: {_skipIf: done > 3 and @done < 9}",
+        "  Sub:",
+        "    Sequence:",
+        '      - Script: {code: "count := 1; @done += count"}',
+        '      - Log: {message: x, value: "{@done}"}',
+    ]
+    assert editor.rename(text, "done").splitlines()[8:] == renamed
+    assert editor.rename(here.replace('"{cou', '"{co|u'), "done").splitlines()[8:] == renamed
+    assert editor.rename(text, "items") == "the tree 'Main' has a key 'items' already"
+    local = editor.rename(here.replace('"count :=', '"cou|nt :='), "n").splitlines()
+    assert local[8:] == [*here.splitlines()[8:12], '      - Script: {code: "n := 1; @count += n"}', local[-1]]
+    hover = editor.hover(text)
+    assert hover.startswith("Key `count` of the tree Main.\n\nWritten by SetBlackboard, line 9.")
+    assert editor.definition(text) == ("m.yaml", 9, 47)
+
+
+def test_an_open_file_counts_before_the_one_on_the_disk(editor: Editor, tmp_path: Path) -> None:
+    head = "picktree: 1\nkind: mission\nlibrary: true\ntrees:\n"
+    parts = tmp_path / "parts.yaml"
+    parts.write_text(f"{head}  Pick: AlwaysSuccess\n")
+    text = MAIN.replace("library/recovery", "parts.yaml") + "      - Lift\n"
+    (fault,) = [each for each in editor.check(text) if each["severity"] == 1]
+    assert fault["message"].startswith("unknown node 'Lift'")
+    editor.server.open(parts, f"{head}  Pick: AlwaysSuccess\n  Lift: AlwaysSuccess\n")
+    assert [each for each in editor.check(text) if each["severity"] == 1] == []
+    assert editor.definition(text.replace("Lift", "Li|ft")) == ("parts.yaml", 6, 3)
+    assert "Lift" in editor.complete(text.replace("Lift", "|"))
+
+
 @pytest.mark.parametrize(
     ("wrong", "right"),
     [

@@ -27,8 +27,10 @@ def fault_of(node: str) -> str:
     ("node", "message"),
     [
         ("GoTo: {speed: 1.5}", "port 'speed': 1.5 is more than 1"),
+        ("GoTo: {speed: 150 %}", "port 'speed': 150 % is more than 100 %"),
         ("GoTo: {speed: 0}", "port 'speed': 0 is not more than 0"),
-        ("OpenGripper: {width: -1 mm}", "port 'width': -0.001 is less than 0"),
+        ("OpenGripper: {width: -1 mm}", "port 'width': -1 mm is less than 0 mm"),
+        ("Timeout: {msec: -1 s, do: AlwaysSuccess}", "port 'msec': -1 s is less than 0 s"),
         ("Delay: {delay_msec: -5, do: AlwaysSuccess}", "port 'delay_msec': -5 is less than 0"),
         (
             "Recover: {attempts: 0, do: AlwaysSuccess, otherwise: AlwaysSuccess}",

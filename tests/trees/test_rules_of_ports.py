@@ -52,9 +52,9 @@ def doc_of(node: str, key: str) -> str:
          "P234 4:47: Main/ForEach: port 'most': of 0 elements the child never runs "
          "(at least 1, or -1 for all)"),
         ("Timeout: {msec: -5 s, do: AlwaysSuccess}",
-         f"P220 4:26: Main/Timeout: port 'msec': -5000 is less than 0 ({doc_of('Timeout', 'msec')})"),
+         f"P220 4:26: Main/Timeout: port 'msec': -5 s is less than 0 s ({doc_of('Timeout', 'msec')})"),
         ("GoTo: {pose: home, speed: 150 %}",
-         f"P220 4:36: Main/GoTo: port 'speed': 1.5 is more than 1 ({doc_of('GoTo', 'speed')})"),
+         f"P220 4:36: Main/GoTo: port 'speed': 150 % is more than 100 % ({doc_of('GoTo', 'speed')})"),
         ("GoTo: {pose: home, speed: 50 mm}",
          f"P220 4:36: Main/GoTo: port 'speed': '50 mm' is not a number ({doc_of('GoTo', 'speed')})"),
         ("GoTo: {pose: home, speed: half %}",

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from typing import Final, Literal, TypeAlias, cast
 
 from ...files.expressions.expression import Expression
-from ...files.quantities import parse_quantity
+from ...files.quantities import in_unit, parse_quantity
 from ...files.value_wording import suggest_name
 from ...world.journal import Plain
 from ...world.values import ObjectId
@@ -141,19 +141,29 @@ class Range:
     most: float | None = None
     above: float | None = None
 
-    def check(self, number: float) -> None:
-        """Check a number. Raises ValueError with a sentence."""
+    def check(self, number: float, written: object = None, unit: str | None = None) -> None:
+        """Check a number. Raises ValueError with a sentence, in the unit in which the number was `written`.
+
+        `unit`: that of the port.
+        """
         if self.least is not None and number < self.least:
-            raise ValueError(f"{number:g} is less than {self.least:g}")
+            raise ValueError(_out_of(number, "less than", self.least, written, unit))
         if self.most is not None and number > self.most:
-            raise ValueError(f"{number:g} is more than {self.most:g}")
+            raise ValueError(_out_of(number, "more than", self.most, written, unit))
         if self.above is not None and number <= self.above:
-            raise ValueError(f"{number:g} is not more than {self.above:g}")
+            raise ValueError(_out_of(number, "not more than", self.above, written, unit))
 
     def words(self) -> str:
         """Return the bounds in words, as `more than 0, at most 1`; empty when every number is valid."""
         bounds = (("more than", self.above), ("at least", self.least), ("at most", self.most))
         return ", ".join(f"{words} {bound:g}" for words, bound in bounds if bound is not None)
+
+
+def _out_of(number: float, relation: str, bound: float, written: object, unit: str | None) -> str:
+    if not isinstance(written, str) or written.rstrip()[-1:].isdigit():
+        return f"{number:g} is {relation} {bound:g}"
+    limit = in_unit(bound / 1000, "s", written) if unit == "ms" else in_unit(bound, unit or "", written)
+    return f"{written.strip()} is {relation} {limit}"
 
 
 ANY_NUMBER: Final = Range()
@@ -181,7 +191,7 @@ def convert_literal(
             f"{show(converted)} is none of the choices; {suggest_name(str(value), map(str, choices))}"
         )
     if kind.name in ("int", "float"):
-        within.check(cast("float", converted))
+        within.check(cast("float", converted), value, unit)
     return converted
 
 

@@ -45,6 +45,9 @@ class KeyTypes:
     """A fault for each key that two of BehaviorTree.CPP's own nodes want as different types."""
     _loose: Loose = frozenset()
     _uses: dict[str, dict[str, list[_KeyUse]]] = field(default_factory=dict[str, dict[str, list[_KeyUse]]])
+    """Uses of each key, by tree."""
+    _order: dict[str, list[tuple[str, _KeyUse]]] = field(default_factory=dict[str, list[tuple[str, _KeyUse]]])
+    """The same in the order in which BehaviorTree.CPP makes the nodes."""
 
     def __post_init__(self) -> None:
         self._loose = frozenset(self._unreadable())
@@ -77,35 +80,31 @@ class KeyTypes:
 
     def _clashes(self) -> Loose:
         """Return the declared ports that clash with others; note faults where no port can give way."""
-        self.faults, self._uses = [], {}
+        self.faults, self._uses, self._order = [], {}, {}
         found: set[tuple[str, str]] = set()
-        rooted: dict[str, list[_KeyUse]] = {}
         for name in bottom_up(self.mission.trees):
             tree = self.mission.trees[name]
             uses: dict[str, list[_KeyUse]] = {}
-            for key, use in self._of_node(tree.root, name):
-                uses.setdefault(key, []).append(use)
+            order = self._order[name] = list(self._of_node(tree.root, name))
+            for key, use in order:
+                uses.setdefault(key.removeprefix(ROOT_KEY) if name == MAIN else key, []).append(use)
             self._uses[name] = uses
             found.update(self._numbers(tree))
-            for key in [key for key in uses if key.startswith(ROOT_KEY)]:
-                rooted.setdefault(key[1:], []).extend(uses.pop(key))
-            for key, users in rooted.items() if name == MAIN else ():
-                uses.setdefault(key, []).extend(users)
             inner = () if name == MAIN or self.mission.library else [port.key for port in tree.ports]
             for key, users in uses.items():
-                if key not in inner:
+                if key not in inner and not key.startswith(ROOT_KEY):
                     found.update(self._clash(users))
         return frozenset(found)
 
     def _of_node(self, spec: NodeSpec, above: str) -> Iterator[tuple[str, _KeyUse]]:
         trail = f"{above}/{spec.name}"
-        for key, bound in spec.ports.items():
-            if isinstance(bound, Reference):
-                name = str(bound)[1:-1]
-                if spec.node is None:
-                    yield from ((name, use) for use in self._uses[spec.id].get(key, ()))
-                else:
-                    yield name, self._use(spec, spec.node, key, trail)
+        wired = {key: str(bound)[1:-1] for key, bound in spec.ports.items() if isinstance(bound, Reference)}
+        if spec.node is None:
+            for key, use in self._order[spec.id]:
+                if key in wired or key.startswith(ROOT_KEY):
+                    yield wired.get(key, key), use
+        else:
+            yield from ((name, self._use(spec, spec.node, key, trail)) for key, name in wired.items())
         for child in spec.children:
             yield from self._of_node(child, trail)
 
