@@ -1,12 +1,11 @@
 """Edits of a mission's text by its nodes: add, remove, move, wrap, and change of ports.
 
-Each edit returns the whole new text; `changes` makes the smallest replacements of lines of it.
+Each edit returns the whole new text; `text_changes` makes the smallest replacements of lines of it.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from difflib import SequenceMatcher
 
 import yaml
 
@@ -15,7 +14,7 @@ from ...trees.declaration import IDENTIFIER
 from ...trees.ports import SlotDeclaration
 from .outline import Declarations, Outline, OutlineNode, outline
 from .pieces import Piece, call, key_text, listing, mapping, piece_of, scalar
-from .syntax import NotEditable, Source
+from .syntax import NotEditable, Source, source_of
 from .text_edits import (
     entry_fragment,
     fragment,
@@ -39,12 +38,14 @@ class EditedText:
 
 @dataclass(frozen=True, slots=True)
 class Target:
-    """Place for a node: index among the children of a slot. `slot`: "" for the main one; `label`: key in a table."""
+    """Place for a node: index among the children of a slot."""
 
     parent: str
     index: int = 0
     slot: str = ""
+    """Key of the slot; empty: the main one."""
     label: str = ""
+    """Key in the slot's table."""
 
 
 class NodeEditor:
@@ -53,9 +54,11 @@ class NodeEditor:
     def __init__(self, text: str, known: Declarations) -> None:
         self.text, self.known = text, known
         try:
-            self._source = Source(text)
+            self._source = source_of(text)
         except yaml.YAMLError:
-            raise NotEditable("the text has a fault of form: mend it first, then its picture can be edited") from None
+            raise NotEditable(
+                "the text has a fault of form: mend it first, then its picture can be edited"
+            ) from None
         self.outline: Outline = outline(self._source, known)
         self._nodes = self.outline.nodes()
 
@@ -88,7 +91,9 @@ class NodeEditor:
         else:
             children = fragment(self._source, node.body)
             block = children.block
-            text = replace_value(self.text, node.body, mapping([(name, value), ("do", children)], block=block))
+            text = replace_value(
+                self.text, node.body, mapping([(name, value), ("do", children)], block=block)
+            )
         return self._done(text, node.loc, node.body)
 
     def remove_port(self, identifier: str, key: str) -> EditedText:
@@ -103,7 +108,11 @@ class NodeEditor:
 
     def rename(self, identifier: str, name: str) -> EditedText:
         """Name a node; an empty name takes its name away."""
-        return self.set_port(identifier, "name", scalar_of(name)) if name else self.remove_port(identifier, "name")
+        return (
+            self.set_port(identifier, "name", scalar_of(name))
+            if name
+            else self.remove_port(identifier, "name")
+        )
 
     def rename_tree(self, name: str, new: str) -> EditedText:
         """Rename a tree and its calls in this text."""
@@ -116,7 +125,11 @@ class NodeEditor:
         for node in sorted(self._nodes.values(), key=lambda each: each.start, reverse=True):
             if node.identity == name and not node.aliased:
                 loc = tuple(new if at == 1 and step == name else step for at, step in enumerate(node.loc))
-                text = rename_key(text, (*loc, name), new) if node.body else replace_value(text, loc, scalar(new))
+                text = (
+                    rename_key(text, (*loc, name), new)
+                    if node.body
+                    else replace_value(text, loc, scalar(new))
+                )
         return self._checked(text, new)
 
     # Children.
@@ -142,7 +155,14 @@ class NodeEditor:
             index -= 1
         text = self._removed(node)
         below = NodeEditor(text, self.known)
-        found = next((each for each in below._nodes.values() if each.loc == _shifted(parent.loc, node) and each.identity == parent.identity), None)
+        found = next(
+            (
+                each
+                for each in below._nodes.values()
+                if each.loc == _shifted(parent.loc, node) and each.identity == parent.identity
+            ),
+            None,
+        )
         if found is None:
             raise NotEditable(f"{node.name} cannot be moved there")
         text, loc = below._added(text, found, Target(found.id, index, target.slot, target.label), piece)
@@ -168,7 +188,9 @@ class NodeEditor:
         """Put the only child of a node into its place."""
         node = self.node(identifier)
         if len(node.children) != 1:
-            raise NotEditable(f"{node.name} has {len(node.children)} children; one with a single child can be unwrapped")
+            raise NotEditable(
+                f"{node.name} has {len(node.children)} children; one with a single child can be unwrapped"
+            )
         child = node.children[0]
         piece = self._fragment(self.node(child.id))
         if child.listed and (isinstance(node.loc[-1], int) or node.direct):
@@ -238,7 +260,9 @@ class NodeEditor:
                 children = ("do", fragment(source, at))
                 further = _new_body(slot, target.label, piece)
                 entries = [children, *further.entries]
-                return replace_value(text, at, mapping(entries, block=True)), self._first(parent, slot, target.label)
+                return replace_value(text, at, mapping(entries, block=True)), self._first(
+                    parent, slot, target.label
+                )
             return _joined(source, at, target.index, piece)
         place = (*at, slot.key)
         found = body.entry(slot.key)
@@ -354,46 +378,6 @@ def scalar_of(text: str) -> str:
     from ...files.yaml.writer import scalar_text
 
     return scalar_text(text)
-
-
-@dataclass(frozen=True, slots=True)
-class TextChange:
-    """Replacement of the part of a text from `start` to `end`, in code points from 0."""
-
-    start: int
-    end: int
-    text: str
-
-
-def changes(old: str, new: str) -> list[TextChange]:
-    """Return the smallest replacements of whole lines, narrowed to their letters, that make `new` of `old`."""
-    before, after = old.splitlines(keepends=True), new.splitlines(keepends=True)
-    head = 0
-    while head < min(len(before), len(after)) and before[head] == after[head]:
-        head += 1
-    tail = 0
-    while tail < min(len(before), len(after)) - head and before[-1 - tail] == after[-1 - tail]:
-        tail += 1
-    middle_old, middle_new = before[head : len(before) - tail], after[head : len(after) - tail]
-    starts = [0]
-    for line in before:
-        starts.append(starts[-1] + len(line))
-    found: list[TextChange] = []
-    matcher = SequenceMatcher(None, middle_old, middle_new, autojunk=False)
-    for tag, a, b, c, d in matcher.get_opcodes():
-        if tag != "equal":
-            start, end = starts[head + a], starts[head + b]
-            found.append(_narrowed(old, start, end, "".join(middle_new[c:d])))
-    return found
-
-
-def _narrowed(old: str, start: int, end: int, written: str) -> TextChange:
-    """Leave out equal letters at both ends."""
-    while start < end and written and old[start] == written[0]:
-        start, written = start + 1, written[1:]
-    while start < end and written and old[end - 1] == written[-1]:
-        end, written = end - 1, written[:-1]
-    return TextChange(start, end, written)
 
 
 def piece_from(text: str) -> Piece:

@@ -61,11 +61,11 @@ class OutlineNode:
 
     def iterate(self) -> Iterator[OutlineNode]:
         """Yield this node and its descendants, parents first."""
-        todo = [self]
+        todo: list[OutlineNode] = [self]
         while todo:
             node = todo.pop()
             yield node
-            todo += reversed(node.children)
+            todo.extend(reversed(node.children))
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,7 +102,8 @@ def outline(source: Source, known: Declarations) -> Outline:
     names = frozenset(body.keys) if body is not None else frozenset[str]()
     reader = _OutlineReader(source, known, names)
     found = [
-        reader.tree(key, value) for key, value in (body.entries if body is not None and body.kind == "mapping" else [])
+        reader.tree(key, value)
+        for key, value in (body.entries if body is not None and body.kind == "mapping" else [])
     ]
     return Outline(_word(root, "name"), _word(root, "scene"), tuple(found))
 
@@ -125,7 +126,9 @@ class _OutlineReader:
         given = body.value
         if given.kind == "mapping":
             declared = given.child("ports")
-            ports = tuple(self._port(*entry) for entry in declared.value.entries) if declared is not None else ()
+            ports = (
+                tuple(self._port(*entry) for entry in declared.value.entries) if declared is not None else ()
+            )
             doc = _word(given, "doc")
             nodes = [(name, value) for name, value in given.entries if name.text not in ("ports", "doc")]
             if nodes:
@@ -137,7 +140,9 @@ class _OutlineReader:
         end = max(body.end, key.end)
         return OutlineTree(key.text, loc, " ".join(doc.split()), ports, key.start, end, root)
 
-    def _node(self, node: Syntax, loc: Location, above: str, names: ChildNames, *, aliased: bool = False) -> OutlineNode:
+    def _node(
+        self, node: Syntax, loc: Location, above: str, names: ChildNames, *, aliased: bool = False
+    ) -> OutlineNode:
         value = node.value
         aliased = aliased or value is not node
         if value.kind == "mapping" and value.entries:
@@ -171,10 +176,7 @@ class _OutlineReader:
         end = max(node.end, key.end)
         found = OutlineNode(path, loc, identity, name, "unknown", key.start, end, at, aliased=aliased)
         declaration = self._declaration(identity)
-        if identity in self._trees:
-            found.kind = "subtree"
-            found.ports = self._ports(body, ())
-        elif declaration is not None and declaration.kind == "subtree":
+        if identity in self._trees or (declaration is not None and declaration.kind == "subtree"):
             found.kind = "subtree"
             found.ports = self._ports(body, ())
         elif declaration is not None:
@@ -242,7 +244,10 @@ class _OutlineReader:
                 found.append(child)
             return found
         if slot.arity == "many" and value.kind == "list":
-            found = [self._node(item, (*at, n), above, names, aliased=aliased) for n, item in enumerate(value.items)]
+            found = [
+                self._node(item, (*at, n), above, names, aliased=aliased)
+                for n, item in enumerate(value.items)
+            ]
             for index, child in enumerate(found):
                 child.slot = slot.key
                 child.shown = slot.labels[index] if index < len(slot.labels) else ""
@@ -270,7 +275,9 @@ class _OutlineReader:
         name = names.take(label or identity)
         inner = ChildNames()
         path, aliased = f"{above}/{name}", aliased or value is not node
-        found = OutlineNode(path, at, identity, name, "control", node.start, node.end, listed=True, aliased=aliased)
+        found = OutlineNode(
+            path, at, identity, name, "control", node.start, node.end, listed=True, aliased=aliased
+        )
         found.children = [
             self._node(item, (*at, n), path, inner, aliased=aliased) for n, item in enumerate(value.items)
         ]
@@ -288,7 +295,8 @@ class _OutlineReader:
         held = inner.value
         if held.kind == "list":
             found.children = [
-                self._node(item, (*place, n), found.id, names, aliased=aliased) for n, item in enumerate(held.items)
+                self._node(item, (*place, n), found.id, names, aliased=aliased)
+                for n, item in enumerate(held.items)
             ]
         elif not held.empty:
             found.children = [self._node(inner, place, found.id, names, aliased=aliased)]

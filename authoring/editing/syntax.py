@@ -5,9 +5,11 @@ Places are counted in code points from 0. Line ends are `\\n`.
 
 from __future__ import annotations
 
+import re
 from bisect import bisect_right
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import Literal, TypeAlias
 
 import yaml
@@ -17,6 +19,8 @@ from ...files.marks import Location
 from ...files.yaml.reader import resolve
 
 SyntaxKind: TypeAlias = Literal["scalar", "mapping", "list", "alias"]
+
+_LINE_END = re.compile(r"\n")
 
 
 class NotEditable(PicktreeError):
@@ -93,7 +97,7 @@ class Source:
 
     def __init__(self, text: str) -> None:
         self.text = text
-        self._starts = [0, *(at + 1 for at, letter in enumerate(text) if letter == "\n")]
+        self._starts = [0, *(found.end() for found in _LINE_END.finditer(text))]
         self.root = _parsed(text)
 
     def at(self, loc: Location) -> Syntax:
@@ -137,7 +141,9 @@ class Source:
         while at >= 0 and self.text[at] in " \n":
             at -= 1
         if at < 0 or self.text[at] != "-":
-            raise NotEditable(f"line {self.line_of(item.start) + 1} is written in a way that only its text can be edited")
+            raise NotEditable(
+                f"line {self.line_of(item.start) + 1} is written in a way that only its text can be edited"
+            )
         return at
 
     def colon(self, key: Syntax) -> int:
@@ -201,6 +207,12 @@ class Source:
             yield loc[:depth], self.at(loc[:depth])
 
 
+@lru_cache(maxsize=8)
+def source_of(text: str) -> Source:
+    """Return the syntax of a text, read once. Raises yaml.YAMLError when it cannot be read."""
+    return Source(text)
+
+
 def _aliased(node: Syntax) -> str:
     return f"what stands here is the alias *{node.text}: edit the value at its anchor &{node.text}"
 
@@ -234,7 +246,9 @@ def _parsed(text: str) -> Syntax:
             top.key = None
 
     for event in yaml.parse(text, yaml.CSafeLoader):
-        start, end = _index(event.start_mark), _index(event.end_mark)
+        if event.start_mark is None or event.end_mark is None:
+            continue
+        start, end = event.start_mark.index, event.end_mark.index
         match event:
             case yaml.ScalarEvent():
                 block = event.style in ("|", ">")
@@ -260,7 +274,3 @@ def _parsed(text: str) -> Syntax:
             case _:
                 pass
     return root if root is not None else Syntax("scalar", 0, 0, True)
-
-
-def _index(mark: object) -> int:
-    return int(getattr(mark, "index", 0))

@@ -11,7 +11,7 @@ from dataclasses import replace
 
 from ...files.marks import Location
 from .pieces import ROOM, Piece, block_piece, entry_lines, listing, mapping, piece_of, scalar
-from .syntax import Lines, NotEditable, Source, Syntax
+from .syntax import Lines, NotEditable, Source, Syntax, source_of
 
 
 def fragment(source: Source, loc: Location) -> Piece:
@@ -37,11 +37,13 @@ def fragment(source: Source, loc: Location) -> Piece:
 
 def replace_value(text: str, loc: Location, piece: Piece) -> str:
     """Replace the value at a location, with its comments where `fragment` has them."""
-    source = Source(text)
+    source = source_of(text)
     node, parent = source.at(loc), source.at(loc[:-1])
     if parent.flow:
         if piece.inline is not None:
-            changed = _spliced(source, node.start, node.end, piece.inline if node.end > node.start else f" {piece.inline}")
+            changed = _spliced(
+                source, node.start, node.end, piece.inline if node.end > node.start else f" {piece.inline}"
+            )
             if changed is not None:
                 return changed
         return _in_brackets(source, loc, lambda _: piece)
@@ -63,7 +65,11 @@ def _replace_in_block(source: Source, loc: Location, piece: Piece) -> str:
     column, colon = source.column(key.start), source.colon(key)
     begins_below = not node.empty and source.line_of(node.start) > source.line_of(colon)
     if node.flow and not begins_below:
-        if piece.inline is not None and not node.empty and piece.fits(ROOM - column - (colon - key.start) - 2):
+        if (
+            piece.inline is not None
+            and not node.empty
+            and piece.fits(ROOM - column - (colon - key.start) - 2)
+        ):
             return _with(source, node.start, node.end, piece.inline)
         comment, end = source.comment_behind(node.end), node.end
         end += len(comment)
@@ -72,7 +78,9 @@ def _replace_in_block(source: Source, loc: Location, piece: Piece) -> str:
         lines = source.entry_lines(parent, parent.keys.index(str(loc[-1])))
         end = source.end_of(lines.last)
         first = source.line_of(node.start)
-        between = source.text[source.end_of(source.line_of(colon)) : source.start_of(first)] if begins_below else ""
+        between = (
+            source.text[source.end_of(source.line_of(colon)) : source.start_of(first)] if begins_below else ""
+        )
         if between.strip():  # comments between the key and its value
             indent = source.column(node.start)
             written = "\n".join(_indented(line, indent) for line in piece.lines(ROOM - indent))
@@ -84,7 +92,7 @@ def _replace_in_block(source: Source, loc: Location, piece: Piece) -> str:
 
 def insert_item(text: str, loc: Location, index: int, piece: Piece) -> str:
     """Insert an item into the list at a location, in the layout of the list."""
-    source = Source(text)
+    source = source_of(text)
     node = source.at(loc)
     if node.kind != "list":
         raise NotEditable(f"line {source.line_of(node.start) + 1} is no list")
@@ -117,19 +125,21 @@ def insert_item(text: str, loc: Location, index: int, piece: Piece) -> str:
 
 def remove_item(text: str, loc: Location, index: int) -> str:
     """Remove an item of the list at a location, with the comments that belong to it."""
-    source = Source(text)
+    source = source_of(text)
     node = source.at(loc)
     item = source.at((*loc, index))
     if len(node.items) == 1:
         return replace_value(text, loc, scalar("[]"))
     if not node.flow:
         return _remove_lines(source, source.own_lines(source.item_lines(node, index), source.dash(item)))
-    return _without(source, [part.start for part in node.items], [part.end for part in node.items], index, item)
+    return _without(
+        source, [part.start for part in node.items], [part.end for part in node.items], index, item
+    )
 
 
 def put_entry(text: str, loc: Location, key: str, piece: Piece, before: Collection[str] = ()) -> str:
     """Give a key of the mapping at a location a value; a new key stands before the first of `before`."""
-    source = Source(text)
+    source = source_of(text)
     node = source.at(loc)
     if node.kind == "scalar" and node.empty:
         return replace_value(text, loc, mapping([(key, piece)], block=piece.block))
@@ -167,7 +177,7 @@ def put_entry(text: str, loc: Location, key: str, piece: Piece, before: Collecti
 
 def remove_entry(text: str, loc: Location, key: str) -> str:
     """Remove an entry of the mapping at a location, with the comments that belong to it."""
-    source = Source(text)
+    source = source_of(text)
     node = source.at(loc)
     index = node.keys.index(key)
     if len(node.entries) == 1:
@@ -182,7 +192,7 @@ def remove_entry(text: str, loc: Location, key: str) -> str:
 
 def rename_key(text: str, loc: Location, written: str) -> str:
     """Replace the key of the entry at a location."""
-    source = Source(text)
+    source = source_of(text)
     found = source.at(loc[:-1]).entry(str(loc[-1]))
     if found is None:
         raise NotEditable(f"there is no {'.'.join(map(str, loc))} in the text")
@@ -244,7 +254,9 @@ def _without(source: Source, starts: list[int], ends: list[int], index: int, nod
     if index + 1 < len(starts):
         return _with(source, starts[index], starts[index + 1], "")
     if source.text[node.start : node.start + 1] == "&":
-        raise NotEditable(f"line {source.line_of(node.start) + 1} holds an anchor: only its text can be edited")
+        raise NotEditable(
+            f"line {source.line_of(node.start) + 1} holds an anchor: only its text can be edited"
+        )
     return _with(source, ends[index - 1], ends[index], "")
 
 
@@ -287,13 +299,15 @@ def entry_fragment(source: Source, loc: Location, key: str) -> Piece:
     if node.flow:
         return mapping([(source.slice(name), piece_of(source, value))])
     lines = source.entry_lines(node, index)
-    entry = Syntax("mapping", name.start, max(value.end, source.colon(name) + 1), False, entries=[(name, value)])
+    entry = Syntax(
+        "mapping", name.start, max(value.end, source.colon(name) + 1), False, entries=[(name, value)]
+    )
     return block_piece(source, entry, lines.last)
 
 
 def replace_entry(text: str, loc: Location, key: str, piece: Piece) -> str:
     """Replace an entry of the mapping at a location, its comments included, by a node."""
-    source = Source(text)
+    source = source_of(text)
     node = source.at(loc)
     index = node.keys.index(key)
     name, value = node.entries[index]
