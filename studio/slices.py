@@ -6,11 +6,13 @@ from collections.abc import Callable
 from typing import Final
 
 from .folder_slice import FolderSlice
+from .missions.mission_slice import MissionSlice
 from .runs.run_slice import RunSlice
 from .slice import Slice, Studio
 
 MAKERS: Final[tuple[Callable[[Studio], Slice], ...]] = (
     FolderSlice,
+    MissionSlice,
     RunSlice,
 )
 
