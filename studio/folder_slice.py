@@ -99,6 +99,11 @@ class FolderSlice:
         self._workspace.state.keep_draft(path, None)
         return asdict(written)
 
+    @call("files.drafted")
+    async def drafted(self, path: str) -> str | None:
+        """Return what was typed under a path and not saved; none when there is nothing."""
+        return self._workspace.state.draft(path)
+
     @call("files.draft")
     async def draft(self, path: str, text: str | None) -> None:
         """Keep what was typed and is not saved yet; none: forget it."""

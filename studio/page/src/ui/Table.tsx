@@ -103,7 +103,7 @@ export function Table<T>({ label, columns, count, row, keyOf, onRange, sort, onS
               return (
                 <div role="columnheader" key={column.key} className={cellClass(column)} aria-sort={here ? (sort.descending ? "descending" : "ascending") : undefined}>
                   {column.sortable ? (
-                    <button onClick={() => onSort?.(column.key)}>{column.head}<span aria-hidden="true">{here ? (sort.descending ? " ↓" : " ↑") : ""}</span></button>
+                    <button onClick={() => onSort?.(column.key)}>{column.head}<span aria-hidden="true">{here ? (sort.descending ? "\u00a0↓" : "\u00a0↑") : ""}</span></button>
                   ) : column.head}
                 </div>
               );
