@@ -7,11 +7,13 @@ from typing import Final
 
 from .folder_slice import FolderSlice
 from .live.live_slice import LiveSlice
+from .missions.mission_slice import MissionSlice
 from .runs.run_slice import RunSlice
 from .slice import Slice, Studio
 
 MAKERS: Final[tuple[Callable[[Studio], Slice], ...]] = (
     FolderSlice,
+    MissionSlice,
     RunSlice,
     LiveSlice,
 )

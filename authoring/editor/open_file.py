@@ -17,11 +17,12 @@ from ...trees.mission import IN_LIBRARY, LIBRARY, MAIN, FilesOnDisk, library_nam
 from ..schema.mission_context import any_mission, one_mission
 from ..schema.mission_schema import MissionSpecifics, mission_schema
 from ..schema.schema_parts import Schema
-from .completion import Proposal, proposals
+from .completion import Proposal, is_expression, proposals
 from .cursor import Cursor, Place, Span, cursor_at, cursor_on
 from .navigation import Edit, definition, hover, rename, renamed_span
 from .schema_walk import SchemaWalk
 from .text_repair import read_repaired
+from .tree_keys import key_places
 
 SchemaOf: TypeAlias = Callable[[str], Schema]
 """Schema of a kind of file other than missions."""
@@ -104,6 +105,16 @@ class OpenFile:
         if cursor is None or self._kind != "mission":
             raise PicktreeError("there is no key of the blackboard here")
         return rename(cursor, self._walk(cursor.root), name, self._text)
+
+    def keys_of(self, tree: str) -> list[str]:
+        """Return the keys of the blackboard that a tree of the text writes or reads, its ports first."""
+        reading = read_repaired(self._text, str(self._path))
+        if reading is None or self._kind != "mission":
+            return []
+        root = reading[0].root
+        walk = self._walk(root)
+        places = key_places(root, tree, lambda path: is_expression(walk, path))
+        return list(dict.fromkeys(place.key for place in places if place.kind != "name"))
 
     def _on(self, place: Place) -> Cursor | None:
         return cursor_on(self._text, place, str(self._path)) if self._kind else None

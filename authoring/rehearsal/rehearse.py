@@ -12,7 +12,7 @@ from ...files.marks import FileError
 from ...files.node_patterns import short_names
 from ...files.value_wording import suggest_name
 from ...files.yaml.document import Document, read_document
-from ...trees.loading.loader import load_mission
+from ...trees.loading.loader import read_mission
 from ...trees.mission import Mission
 from ...trees.status import NodeStatus
 from ..check import check_mission
@@ -25,28 +25,35 @@ from .verdict.verdict import CaseOutcome, differences
 
 
 def rehearse_files(
-    mission: Path, cases: Path | None = None, names: Collection[str] = (), robot: str | None = None
+    mission: Path,
+    cases: Path | None = None,
+    names: Collection[str] = (),
+    robot: str | None = None,
+    *,
+    text: str | None = None,
 ) -> Rehearsal:
     """Rehearse the files. Default for `cases`: the file with the mission's name in `cases` next to it.
 
-    `robot`: shipped robot or robot file instead of the scene's; the mission is checked with its poses. Raises
-    FileError with all errors of the mission, of its scene or of the cases.
+    `robot`: shipped robot or robot file instead of the scene's; the mission is checked with its poses.
+    `text`: the mission's text where it is not saved. Raises FileError with all errors of the mission, of its
+    scene or of the cases.
     """
     if cases is None:
         cases = mission.parent / "cases" / mission.name
-        if mission.is_file() and not cases.is_file():
+        if (text is not None or mission.is_file()) and not cases.is_file():
             raise PicktreeError(f"there are no cases {cases}; name the file with --cases")
-    loaded = load_mission(mission)
+    document = read_document(mission, "mission", text)
+    loaded = read_mission(document)
     if robot is not None:
-        checked = check_mission(read_document(mission, "mission"), robot=robot)
+        checked = check_mission(document, robot=robot)
         if errors := [fault for fault in checked.faults if fault.severity == "error"]:
             raise FileError(errors)
     found = examine_cases(read_document(cases, "cases"), loaded)
     if found.errors:
         raise FileError(found.errors)
-    document = found.cases.document
+    given = found.cases.document
     codes = [page.code for page in pages()]
-    warnings = apply_suppressions(found.faults, document.text, str(document.path), codes, complete=False)
+    warnings = apply_suppressions(found.faults, given.text, str(given.path), codes, complete=False)
     return replace(rehearse(loaded, found.cases, names), warnings=warnings)
 
 

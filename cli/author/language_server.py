@@ -17,17 +17,18 @@ from pygls.workspace import TextDocument
 from ...authoring.check import check_mission
 from ...authoring.editor.completion import Proposal, ProposalKind
 from ...authoring.editor.cursor import Place, Span
+from ...authoring.editor.document_faults import DocumentFault, document_faults
 from ...authoring.editor.navigation import Edit
 from ...authoring.editor.open_file import OpenFile
-from ...authoring.editor.quick_fixes import quick_fix, token_span
+from ...authoring.file_kinds import mission_faults
 from ...authoring.schema.schema_parts import Schema
 from ...errors import PicktreeError
-from ...files.diagnostics.file_checks import Check, UnsavedText, check_files, is_ours
+from ...files.diagnostics.file_checks import Check
 from ...files.marks import Diagnostic, Mark
 from ...files.yaml.document import Document
 from ...trees.loading.registry import NodeRegistry
 from ...trees.mission import FilesOnDisk
-from .file_schemas import CHECKS, file_schema, mission_faults
+from .file_schemas import CHECKS, file_schema
 
 QUIET: Final = 0.1
 """Time without a further edit after which a text is checked, s."""
@@ -130,8 +131,6 @@ class Session:
 
     def _found(self, uri: str, *, linted: bool = True) -> list[types.Diagnostic]:
         text = self.document(uri).source
-        if not is_ours(text):
-            return []
 
         def mission(document: Document) -> Iterable[Diagnostic]:
             files = FilesOnDisk(document.path.parent, self._unsaved())
@@ -140,9 +139,8 @@ class Session:
             return check_mission(document, linted=False, files=files).faults
 
         checks: Mapping[str, Check] = {**CHECKS, "mission": mission}
-        report = check_files([UnsavedText(_path(uri), text.encode("utf-8", errors="replace"))], checks)
         lines = text.split("\n")
-        return [self._diagnostic(uri, fault, lines) for fault in report.faults]
+        return [self._diagnostic(uri, each, lines) for each in document_faults(_path(uri), text, checks)]
 
     def close(self, uri: str) -> None:
         self._forget(uri)
@@ -158,30 +156,26 @@ class Session:
         if due is not None:
             due.cancel()
 
-    def _diagnostic(self, uri: str, fault: Diagnostic, lines: list[str]) -> types.Diagnostic:
-        message = fault.message + (f" ({fault.hint})" if fault.hint else "")
-        message += f"\n{fault.detail}" if fault.detail else ""
-        found = types.Diagnostic(
-            self.range(uri, token_span(fault, lines), lines),
-            message,
+    def _diagnostic(self, uri: str, found: DocumentFault, lines: list[str]) -> types.Diagnostic:
+        fault = found.fault
+        shown = types.Diagnostic(
+            self.range(uri, found.span, lines),
+            found.message,
             _Severity.Error if fault.severity == "error" else _Severity.Warning,
             fault.code,
             source=_SOURCE,
         )
-        if fault.mark.file != str(_path(uri)):
+        if found.elsewhere:
             at = types.Location(_uri(fault.mark.file), _start(fault.mark))
-            found.range = self.range(uri, _mention(fault.mark.file, lines), lines)
-            found.related_information = [types.DiagnosticRelatedInformation(at, message)]
-            found.message = f"{fault.mark}: {message}"
-            return found
-        fix = quick_fix(fault, lines)
-        if fix is not None:
-            place = self.range(uri, fix.span, lines)
-            found.data = {
-                "text": fix.text,
+            message = found.message.removeprefix(f"{fault.mark}: ")
+            shown.related_information = [types.DiagnosticRelatedInformation(at, message)]
+        if found.fix is not None:
+            place = self.range(uri, found.fix.span, lines)
+            shown.data = {
+                "text": found.fix.text,
                 "range": [place.start.line, place.start.character, place.end.line, place.end.character],
             }
-        return found
+        return shown
 
 
 def _path(uri: str) -> Path:
@@ -195,14 +189,6 @@ def _uri(file: str) -> str:
 def _start(mark: Mark) -> types.Range:
     at = types.Position(max(mark.line, 1) - 1, max(mark.column, 1) - 1)
     return types.Range(at, at)
-
-
-def _mention(file: str, lines: list[str]) -> Span:
-    """Return the line that names another file, else the first."""
-    stem = Path(file).stem
-    row = next((n for n, line in enumerate(lines) if stem in line.partition("#")[0]), 0)
-    line = lines[row].rstrip()
-    return Span(Place(row, len(line) - len(line.lstrip())), Place(row, len(line)))
 
 
 def serve(source: BinaryIO, target: BinaryIO, version: str) -> None:

@@ -181,7 +181,9 @@ class RunSlice:
         beside = PurePath(str(opened.get("mission_file") or f"{_stem(opened.get('mission'))}.yaml"))
         for option, text in (("mission", mission), ("faults", faults)):
             if text is not None:
-                path = beside.with_name(f"{beside.stem}.what-if{'.faults' if option == 'faults' else ''}.yaml")
+                path = beside.with_name(
+                    f"{beside.stem}.what-if{'.faults' if option == 'faults' else ''}.yaml"
+                )
                 place = await asyncio.to_thread(self._write_over, path.as_posix(), text)
                 command += [f"--{option}", str(place)]
         if no_faults:

@@ -1,0 +1,241 @@
+"""Kinds of files but plans of batches: their checks, and the schemas of all but missions."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal, TypeAlias
+
+from ..errors import PicktreeError
+from ..files.disk_cache import cached_arrays
+from ..files.marks import Diagnostic, FileError, Location
+from ..files.shipped_files import find_file
+from ..files.yaml.document import Document, read_document
+from ..robots.description import RobotDescription
+from ..robots.loading import SHIPPED as ROBOTS
+from ..robots.loading import check_robot, robot_names
+from ..robots.urdf_tree import UrdfMesh, link_geometry
+from ..world.causes import OUR_PREFIXES, Cause, all_causes
+from ..world.scene.description import MAX_HIDDEN_SHARE, SceneDescription
+from ..world.scene.loading.scene_loading import SHIPPED as SCENES
+from ..world.scene.loading.scene_loading import check_scene, load_scene, scene_names
+from .schema.schema_parts import Schema, belonging, by_value, schema, schemas
+
+if TYPE_CHECKING:
+    from ..files.diagnostics.file_checks import Check
+    from ..trees.mission import MissionFiles
+    from ..world.values import Array
+
+TEST_SCENE = "self_test"
+"""Scene of a robot's self-test, for which a robot file is checked by itself."""
+
+
+def check_cell(document: Document) -> tuple[Diagnostic, ...]:
+    """Check a document of kind `scene`, and the robot file that it names."""
+    scene = check_scene(document)
+    if scene.robot is None:
+        return scene.faults
+    try:
+        robot = check_robot(read_document(scene.robot, "robot"))
+    except FileError as error:
+        return (*scene.faults, *error.faults)
+    faults = (*scene.faults, *robot.faults)
+    if scene.value is None or robot.value is None:
+        return faults
+    parts = ("robot", "cameras", "spawn", "feed")
+    own: Location = next(((part,) for part in parts if document.get((part,)) is not None), ())
+    return (*faults, *_hidden_items(document, own, scene.value, robot.value))
+
+
+def mission_faults(document: Document, files: MissionFiles | None = None) -> Iterable[Diagnostic]:
+    """Check a mission; in a scene of one's own also whether the arm hides the items.
+
+    `files`: source of the included files, by default the disk.
+    """
+    from .check import check_mission
+
+    found = check_mission(document, files=files)
+    scene = found.mission.scene if found.mission is not None else None
+    if scene is None or scene in scene_names() or any(fault.severity == "error" for fault in found.faults):
+        return found.faults
+    cell = check_cell(read_document(find_file(scene, SCENES, document.path, "scene"), "scene"))
+    return (*found.faults, *(fault for fault in cell if fault.code == HIDDEN_ITEMS))
+
+
+def _robot(document: Document) -> Iterable[Diagnostic]:
+    """Check a robot; one that nothing is wrong with also in the scene of its self-test."""
+    found = check_robot(document)
+    if found.value is None:
+        return found.faults
+    return (*found.faults, *_hidden_items(document, ("poses", "home"), load_scene(TEST_SCENE), found.value))
+
+
+HIDDEN_ITEMS = "P514"
+
+
+def _hidden_items(
+    document: Document, loc: Location, scene: SceneDescription, robot: RobotDescription
+) -> Iterator[Diagnostic]:
+    """Warn of an arm that at `home` hides the items from all fixed cameras, as in its self-test.
+
+    Shipped robots in shipped scenes are taken as tested.
+    """
+    if Path(scene.source).parent == SCENES and Path(robot.source).parent == ROBOTS:
+        return
+    try:
+        shares = _hidden_shares(scene, robot)
+    except (PicktreeError, ValueError, OSError):
+        return  # a model of which no run can be made: `picktree robot test` says why
+    if min(shares.values(), default=0.0) <= MAX_HIDDEN_SHARE:
+        return
+    told = ", ".join(f"{100 * share:.0f} % from {camera}" for camera, share in shares.items())
+    of = f" of the scene {scene.name!r}" if document.kind == "robot" else ""
+    message = f"the arm of {robot.name!r} at 'home' hides where the items{of} are: {told}"
+    hint = (
+        f"choose another 'home' under 'poses:' in {Path(robot.source).name}, or move the camera; at most "
+        f"{100 * MAX_HIDDEN_SHARE:.0f} % may be hidden"
+    )
+    yield document.fault(loc, message, hint, code=HIDDEN_ITEMS, severity="warning")
+
+
+def _hidden_shares(scene: SceneDescription, robot: RobotDescription) -> dict[str, float]:
+    """Return the share of the items' areas that the arm hides at `home`, by fixed camera; cached."""
+
+    def compute() -> dict[str, Array]:
+        # They are slow to import, and needed for files that have changed.
+        import numpy as np
+
+        from ..perception.expectation.robot_mask import hidden_shares
+        from ..robots.model import RobotModel
+
+        model = RobotModel(robot)
+        shares = hidden_shares(model, scene, model.named("home"))
+        return {name: np.array(share) for name, share in shares.items()}
+
+    geometry = link_geometry(robot.urdf, "collision")
+    meshes = (Path(path) for path in dict.fromkeys(g.path for g in geometry if isinstance(g, UrdfMesh)))
+    areas = repr([load.area for load in scene.loads])
+    inputs = (robot.text, Path(robot.urdf), repr(scene.cameras), areas, *meshes)
+    kept = cached_arrays("hidden-items", inputs, (*_VIEW_SOURCES, "numpy", "pinocchio"), compute)
+    return {name: float(share) for name, share in kept.items()}
+
+
+_ROOT = Path(__file__).parents[1]
+_VIEW_SOURCES = (
+    _ROOT / "perception" / "expectation" / "robot_mask.py",
+    _ROOT / "perception" / "geometry" / "camera_geometry.py",
+    _ROOT / "robots" / "model.py",
+    _ROOT / "world" / "scene" / "description.py",
+)
+"""Code that the hidden shares depend on."""
+
+
+def _check_faults(document: Document) -> Iterable[Diagnostic]:
+    from ..simulation.fault_files.fault_loading import check_faults
+
+    return check_faults(document).faults
+
+
+def _check_cases(document: Document) -> Iterable[Diagnostic]:
+    from .rehearsal.checking.case_checks import check_cases
+
+    return check_cases(document)
+
+
+CHECKS: Mapping[str, Check] = {
+    "mission": mission_faults,
+    "scene": check_cell,
+    "robot": _robot,
+    "faults": _check_faults,
+    "cases": _check_cases,
+}
+
+
+SchemaKind: TypeAlias = Literal["scene", "robot", "faults", "cases"]
+
+
+def file_schema(kind: SchemaKind) -> Schema:
+    """Return the JSON Schema of a kind of file."""
+    from ..robots.robot_schema import RobotFile
+    from .schema.pydantic_schema import model_schema
+
+    match kind:
+        case "scene":
+            return _scene()
+        case "robot":
+            return model_schema(kind, RobotFile)
+        case "faults":
+            return _faults()
+        case "cases":
+            return _cases()
+
+
+def _faults() -> Schema:
+    from ..simulation.fault_files.fault_schema import ALLOWED_KEYS, REQUIRED_KEYS, FaultsFile
+    from .schema.pydantic_schema import model_schema
+
+    found = model_schema("faults", FaultsFile)
+    definitions = schema(found["definitions"])
+    rules = {
+        "FaultEntry": by_value("fault", REQUIRED_KEYS, ALLOWED_KEYS),
+        "When": [
+            *belonging(("start", "delay", "each"), "node", "at"),
+            *belonging(("every",), "at", "node"),
+        ],
+    }
+    for name, more in rules.items():
+        definition = schema(definitions[name])
+        definitions[name] = definition | {"allOf": [*schemas(definition.get("allOf")), *more]}
+    _propose(found, "scene", scene_names())
+    return found | {"definitions": definitions}
+
+
+def _propose(found: Schema, key: str, names: tuple[str, ...]) -> None:
+    """Add names that a key may have, among others."""
+    properties = schema(found["properties"])
+    properties[key] = schema(properties[key]) | {"examples": list(names)}
+    found["properties"] = properties
+
+
+def _cases() -> Schema:
+    from .rehearsal.cases.cases_schema import CasesFile
+    from .schema.pydantic_schema import model_schema
+
+    found = model_schema("cases", CasesFile)
+    definitions = schema(found["definitions"])
+    for name in definitions:
+        definition = schema(definitions[name])
+        properties = schema(definition.get("properties"))
+        if "cause" in properties:
+            # As snippets, not as examples: editors show all examples when the pointer is over the key.
+            snippets = [{"label": cause.name, "body": cause.name} for cause in _our_causes()]
+            properties["cause"] = schema(properties["cause"]) | {"defaultSnippets": snippets}
+            definitions[name] = definition | {"properties": properties}
+    return found | {"definitions": definitions}
+
+
+def _our_causes() -> list[Cause]:
+    """Return the causes without those of plug-ins, of which any may have been imported."""
+    return [cause for cause in all_causes() if cause.name.split(".")[0] in OUR_PREFIXES]
+
+
+def _scene() -> Schema:
+    """Return the schema of scenes; a scene with a base contains only its differences."""
+    from ..world.scene.scene_schema import SceneFile
+    from .schema.mission_context import patch, patched
+    from .schema.pydantic_schema import model_schema
+
+    full = model_schema("scene", SceneFile)
+    _propose(full, "robot", robot_names())
+    _propose(full, "base", scene_names())
+    definitions = schema(full.pop("definitions"))
+    root = {key: full.pop(key) for key in ("$schema", "title", "description", "type")}
+    partial = patch({key: value for key, value in full.items() if key != "allOf"})
+    on_base: Schema = {"properties": {"base": {"type": "string"}}, "required": ["base"]}
+    partial |= {"required": ["picktree", "kind"]}
+    return root | {
+        "if": on_base,
+        "then": partial,
+        "else": full,
+        "definitions": definitions | {patched(name): patch(schema(d)) for name, d in definitions.items()},
+    }

@@ -1,0 +1,1 @@
+"""Write: missions as text and picture, their faults, rehearsals and scenes."""

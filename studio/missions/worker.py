@@ -1,0 +1,62 @@
+"""Worker: a process of its own for work that computes, so that the server stays answering."""
+
+from __future__ import annotations
+
+import asyncio
+import multiprocessing
+import os
+from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from typing import Final, ParamSpec, TypeVar
+
+from ...errors import PicktreeError
+from ...trees.plugins.plugin import PLUGINS_VARIABLE
+
+P = ParamSpec("P")
+T = TypeVar("T")
+
+LIMIT: Final = 60.0
+"""Longest time of one request, wall s; then the process is ended, and the next request starts another."""
+
+
+class Worker:
+    """One process. Requests wait for each other."""
+
+    def __init__(self) -> None:
+        self._pool: ProcessPoolExecutor | None = None
+
+    async def run(self, function: Callable[P, T], *args: P.args, **kwargs: P.kwargs) -> T:
+        """Run a function there. Raises what it raises, and PicktreeError when it takes too long."""
+        pool = self._pool = self._pool or ProcessPoolExecutor(1, multiprocessing.get_context("spawn"))
+        policy = os.environ.get(PLUGINS_VARIABLE, "")
+        work = asyncio.get_running_loop().run_in_executor(pool, _run, policy, function, args, kwargs)
+        try:
+            return await asyncio.wait_for(work, LIMIT)
+        except TimeoutError:
+            self._end(pool)
+            raise PicktreeError(f"this took longer than {LIMIT:g} s and was stopped") from None
+        except BrokenProcessPool:
+            self._end(pool)
+            raise PicktreeError("the process that computes this has ended; try again") from None
+
+    async def close(self) -> None:
+        """End the process."""
+        if self._pool is not None:
+            self._end(self._pool)
+
+    def _end(self, pool: ProcessPoolExecutor) -> None:
+        if self._pool is pool:
+            self._pool = None
+        for process in list(getattr(pool, "_processes", None) or {}):
+            os.kill(process, 9)
+        pool.shutdown(wait=False, cancel_futures=True)
+
+
+def _run(policy: str, function: Callable[..., T], args: tuple[object, ...], kwargs: dict[str, object]) -> T:
+    """Run a function with the server's policy on plug-ins."""
+    if policy:
+        os.environ[PLUGINS_VARIABLE] = policy
+    else:
+        os.environ.pop(PLUGINS_VARIABLE, None)
+    return function(*args, **kwargs)

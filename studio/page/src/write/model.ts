@@ -1,0 +1,199 @@
+// What the server says of a mission's text, and the picture made of it. Places count in UTF-16 units of the text.
+
+import type { TreeNode } from "../tree/TreeView";
+
+export interface Port {
+  key: string;
+  text: string;
+  start: number;
+  end: number;
+}
+
+export interface MissionNode {
+  id: string;
+  identity: string;
+  name: string;
+  symbol: string;
+  slot: string;
+  label: string;
+  // Label of its branch, as "when grasp.missed".
+  shown: string;
+  // A Sequence that is written as a bare list: it has no ports.
+  listed: boolean;
+  aliased: boolean;
+  start: number;
+  end: number;
+  ports: Port[];
+  slots: string[];
+  children: MissionNode[];
+}
+
+export interface MissionTree {
+  name: string;
+  doc: string;
+  ports: Port[];
+  start: number;
+  end: number;
+  root: MissionNode | null;
+}
+
+export interface Mission {
+  readable: boolean;
+  // False while the text has a fault of form: the picture is made of what could be read.
+  whole: boolean;
+  name: string;
+  scene: string;
+  left_out: string;
+  trees: MissionTree[];
+}
+
+export interface Change {
+  from: number;
+  to: number;
+  insert: string;
+}
+
+export interface TextFault {
+  from: number;
+  to: number;
+  line: number;
+  column: number;
+  message: string;
+  code: string;
+  severity: "error" | "warning";
+  elsewhere: boolean;
+  fix: Change | null;
+}
+
+export interface PortEntry {
+  key: string;
+  direction: "in" | "out";
+  type: string;
+  doc: string;
+  required: boolean;
+  default: string;
+  unit: string;
+  choices: string[];
+  names: string;
+  bounds: string;
+}
+
+export interface NodeEntry {
+  id: string;
+  kind: string;
+  symbol: string;
+  summary: string;
+  doc: string;
+  ports: PortEntry[];
+  slots: { key: string; form: string; doc: string; required: boolean }[];
+  include: string;
+  wraps?: boolean;
+}
+
+export interface CommonEntry {
+  key: string;
+  doc: string;
+  type: string;
+  choices: string[];
+}
+
+export interface Palette {
+  nodes: NodeEntry[];
+  common: CommonEntry[];
+}
+
+export interface Place {
+  parent: string;
+  index: number;
+  slot?: string;
+  label?: string;
+}
+
+export type Edit =
+  | { do: "set"; node: string; key: string; value: string }
+  | { do: "add"; place: Place; identity: string; include?: string }
+  | { do: "remove" | "unwrap"; node: string }
+  | { do: "move"; node: string; place: Place }
+  | { do: "wrap" | "replace"; node: string; identity: string }
+  | { do: "rename_tree"; tree: string; name: string };
+
+export interface Edited {
+  changes: Change[];
+  selected: string;
+  tree: Mission;
+}
+
+// Nodes by id, with their parents.
+export class Index {
+  private readonly found = new Map<string, { node: MissionNode; parent: MissionNode | null }>();
+
+  constructor(readonly mission: Mission) {
+    for (const tree of mission.trees) if (tree.root) this.add(tree.root, null);
+  }
+
+  private add(node: MissionNode, parent: MissionNode | null): void {
+    this.found.set(node.id, { node, parent });
+    for (const child of node.children) this.add(child, node);
+  }
+
+  node(id: string): MissionNode | null {
+    return this.found.get(id)?.node ?? null;
+  }
+
+  parent(id: string): MissionNode | null {
+    return this.found.get(id)?.parent ?? null;
+  }
+
+  // The innermost node at a place of the text, else the tree's head.
+  at(place: number): string {
+    for (const tree of this.mission.trees) {
+      if (place < tree.start || place > tree.end) continue;
+      let id = head(tree.name);
+      let node = tree.root;
+      while (node && place >= node.start && place <= node.end) {
+        id = node.id;
+        node = node.children.find((child) => place >= child.start && place <= child.end) ?? null;
+      }
+      return id;
+    }
+    return "";
+  }
+}
+
+// The id of a tree's card, which no node has.
+export const head = (tree: string) => `/${tree}`;
+export const treeOfHead = (id: string) => (id.startsWith("/") ? id.slice(1) : "");
+
+const DETAIL = 46;
+
+// The picture of all trees, or of one.
+export function picture(mission: Mission, only: string): TreeNode {
+  const trees = mission.trees.filter((tree) => !only || tree.name === only).map((tree): TreeNode => ({
+    id: head(tree.name),
+    name: tree.name,
+    kind: "subtree",
+    detail: tree.ports.map((port) => port.key).join(", ") || undefined,
+    children: tree.root ? [card(tree.root)] : [],
+  }));
+  if (trees.length === 1) return trees[0]!;
+  return { id: "", name: mission.name || "mission", kind: "sequence", children: trees };
+}
+
+const cards = new WeakMap<MissionNode, TreeNode>();
+
+function card(node: MissionNode): TreeNode {
+  const known = cards.get(node);
+  if (known) return known;
+  const ports = node.ports.filter((port) => port.key !== "name").map((port) => `${port.key}: ${port.text}`).join(", ");
+  const named = node.listed || node.name === node.identity ? "" : node.name.startsWith(`${node.identity}#`) ? "" : node.name;
+  const name = named ? `${named} (${node.identity})` : node.listed ? "in turn" : node.identity;
+  const made: TreeNode = {
+    id: node.id,
+    name: node.shown ? `${node.shown}: ${name}` : name,
+    kind: node.symbol === "unknown" ? "condition" : node.symbol,
+    detail: ports ? (ports.length > DETAIL ? `${ports.slice(0, DETAIL - 1)}…` : ports) : undefined,
+    children: node.children.map(card),
+  };
+  cards.set(node, made);
+  return made;
+}

@@ -1,0 +1,177 @@
+// A mission's file while it is written: the text, its tree, its faults, its draft. One history serves text and picture.
+
+import type { EditorView } from "@codemirror/view";
+import { useCallback, useEffect, useMemo, useRef, useState } from "react";
+
+import { CallError, call } from "../connection";
+import { toast, toastError } from "../ui/Toast";
+import { applyChanges, canRedo, canUndo, makeEditor, showFaults } from "./editor";
+import { Index } from "./model";
+import type { Edit, Edited, Mission, Palette, TextFault } from "./model";
+
+const FAULTS_AFTER = 200; // ms
+const DRAFT_AFTER = 400; // ms
+
+interface Opened {
+  text: string;
+  version: string;
+  draft: string | null;
+}
+
+export interface Writing {
+  // Where the editor is put.
+  host: React.RefObject<HTMLDivElement | null>;
+  view: EditorView | null;
+  text: string;
+  mission: Mission | null;
+  index: Index | null;
+  faults: TextFault[] | null;
+  palette: Palette | null;
+  problem: string;
+  unsaved: boolean;
+  undoable: boolean;
+  redoable: boolean;
+  edit(edit: Edit): Promise<string | null>;
+  save(): void;
+}
+
+export function useMission(path: string, onCursor: (place: number) => void): Writing {
+  const host = useRef<HTMLDivElement>(null);
+  const [view, setView] = useState<EditorView | null>(null);
+  const [text, setText] = useState("");
+  const [saved, setSaved] = useState("");
+  const [mission, setMission] = useState<Mission | null>(null);
+  const [faults, setFaults] = useState<TextFault[] | null>(null);
+  const [palette, setPalette] = useState<Palette | null>(null);
+  const [problem, setProblem] = useState("");
+  const state = useRef({ version: "", ends: "\n", text: "", asking: false, stale: false, mission: null as Mission | null });
+  const cursor = useRef(onCursor);
+  cursor.current = onCursor;
+
+  const showTree = useCallback((found: Mission) => {
+    // A text of which nothing can be read leaves the last picture.
+    if (!found.readable) return setMission((before) => before && { ...before, whole: false });
+    state.current.mission = found;
+    setMission(found);
+  }, []);
+
+  // One question at a time: the text of the last one is what counts.
+  const readTree = useCallback(() => {
+    const now = state.current;
+    if (now.asking) {
+      now.stale = true;
+      return;
+    }
+    now.asking = true;
+    now.stale = false;
+    const asked = now.text;
+    call<Mission>("mission.tree", { path, text: asked }).then((found) => asked === now.text && showTree(found), toastError).finally(() => {
+      now.asking = false;
+      if (now.stale) readTree();
+    });
+  }, [path, showTree]);
+
+  const save = useCallback(() => {
+    const now = state.current;
+    const written = now.text;
+    call<{ version: string }>("files.write", { path, text: written.replaceAll("\n", now.ends), version: now.version || null }).then((file) => {
+      now.version = file.version;
+      setSaved(written);
+      toast(`${path} saved`, "success");
+    }, toastError);
+  }, [path]);
+
+  useEffect(() => {
+    let made: EditorView | null = null;
+    let wanted = true;
+    const timers = { faults: 0, draft: 0 };
+    const readFaults = () => {
+      const asked = state.current.text;
+      call<TextFault[]>("mission.faults", { path, text: asked }).then((found) => {
+        if (!wanted || asked !== state.current.text) return;
+        setFaults(found);
+        if (made) showFaults(made, found);
+      }, (error: CallError) => wanted && toastError(error));
+    };
+    const readPalette = () => void call<Palette>("mission.palette", { path, text: state.current.text }).then((found) => wanted && setPalette(found), () => undefined);
+    const keepDraft = (now: string) => void call("files.draft", { path, text: now.replaceAll("\n", state.current.ends) }).catch(toastError);
+    call<Opened>("files.read", { path }).then((file) => {
+      if (!wanted || !host.current) return;
+      const now = state.current;
+      now.version = file.version;
+      now.ends = file.text.includes("\r\n") ? "\r\n" : "\n";
+      const plain = (some: string) => some.replaceAll("\r\n", "\n");
+      const found = plain(file.draft ?? file.text);
+      now.text = found;
+      setText(found);
+      setSaved(plain(file.text));
+      if (file.draft !== null && file.draft !== file.text) toast("What was typed and not saved is here again.", "info");
+      made = makeEditor(host.current, path, found, {
+        changed(changed, byPicture) {
+          now.text = changed;
+          setText(changed);
+          if (!byPicture) readTree();
+          clearTimeout(timers.faults);
+          timers.faults = window.setTimeout(readFaults, FAULTS_AFTER);
+          clearTimeout(timers.draft);
+          timers.draft = window.setTimeout(() => keepDraft(changed), DRAFT_AFTER);
+        },
+        moved: (place) => cursor.current(place),
+        save,
+      });
+      setView(made);
+      readTree();
+      readFaults();
+      readPalette();
+    }, (error: CallError) => wanted && setProblem(error.message));
+    return () => {
+      wanted = false;
+      clearTimeout(timers.faults);
+      if (timers.draft && made) {
+        clearTimeout(timers.draft);
+        keepDraft(state.current.text);
+      }
+      made?.destroy();
+    };
+  }, [path, readTree, save]);
+
+  // The names of sub-trees in the palette are those of the text.
+  const trees = mission?.trees.map((tree) => `${tree.name}(${tree.ports.map((port) => port.key).join()})`).join() ?? "";
+  const first = useRef(true);
+  useEffect(() => {
+    if (!trees) return;
+    if (first.current) {
+      first.current = false;
+      return;
+    }
+    void call<Palette>("mission.palette", { path, text: state.current.text }).then(setPalette, () => undefined);
+  }, [path, trees]);
+
+  // Saved by hand, or typed back: nothing is left to keep.
+  const unsaved = text !== saved;
+  useEffect(() => {
+    if (view && !unsaved) void call("files.draft", { path, text: null }).catch(() => undefined);
+  }, [path, unsaved, view]);
+
+  // An edit by the picture. Resolves with the node that it concerns; null when it could not be done.
+  const edit = useCallback(async (wanted: Edit): Promise<string | null> => {
+    if (!view) return null;
+    const asked = state.current.text;
+    try {
+      const done = await call<Edited>("mission.edit", { path, text: asked, edit: wanted });
+      if (asked !== state.current.text) {
+        toast("The text has changed meanwhile; try again.", "info");
+        return null;
+      }
+      applyChanges(view, done.changes, true);
+      showTree(done.tree);
+      return done.selected;
+    } catch (error) {
+      toastError(error);
+      return null;
+    }
+  }, [path, view, showTree]);
+
+  const index = useMemo(() => (mission ? new Index(mission) : null), [mission]);
+  return { host, view, text, mission, index, faults, palette, problem, unsaved, undoable: Boolean(view && canUndo(view)), redoable: Boolean(view && canRedo(view)), edit, save };
+}
