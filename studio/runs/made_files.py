@@ -1,4 +1,4 @@
-"""Files that commands make of a run and that are kept while its log stays the same: explanation and report."""
+"""Files that commands make of a run, kept while its log stays the same: explanation and report."""
 
 from __future__ import annotations
 

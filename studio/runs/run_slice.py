@@ -104,7 +104,7 @@ class RunSlice:
         return cast("dict[str, JsonValue]", {**row.to_json(), "id": self._table.run_id(row)})
 
     def log_of(self, id: str) -> Path:
-        """Return the log of a run by its identity. Raises PicktreeError when there is none below the folder."""
+        """Return the log of a run by its identity. Raises PicktreeError where the folder has none."""
         log = find_log(self._workspace.resolve(id))
         return self._workspace.resolve(self._workspace.relative(log))
 
