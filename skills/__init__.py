@@ -20,9 +20,9 @@ if TYPE_CHECKING:
     from .insert import Insert as Insert
     from .jog import Jog as Jog
     from .observe import Observe as Observe
+    from .observe import Present as Present
     from .pick_any import PickAny as PickAny
     from .place import Place as Place
-    from .present import Present as Present
     from .push import Push as Push
     from .stir import Stir as Stir
     from .survey import Survey as Survey
@@ -36,7 +36,7 @@ MODULES = {
     "Observe": "observe",
     "Grasp": "grasp",
     "PickAny": "pick_any",
-    "Present": "present",
+    "Present": "observe",
     "Place": "place",
     "Insert": "insert",
     "Push": "push",

@@ -34,7 +34,16 @@ from ...world.values import Pose, Vector3
 from ..meshes.binary_gltf import parts_of
 from ..meshes.triangle_meshes import Mesh, part_mesh, shape_mesh
 from ..schema.json_records import decode, encode
-from ..schema.records import BodyRecord, Joints, LinkMesh, LogLine, PartRecord, Scene, Transform
+from ..schema.records import (
+    BodyRecord,
+    Joints,
+    LinkMesh,
+    LogLine,
+    PartRecord,
+    Scene,
+    ThingRecord,
+    Transform,
+)
 
 WORLD = "world"
 UNKNOWN_COLOUR: Rgb = (0.6, 0.6, 0.65)
@@ -301,7 +310,7 @@ def _part_of(text: str) -> PartRecord:
 
 @lru_cache(_MAX_KEPT_RECORDS)
 def _body_of(text: str) -> BodyRecord:
-    return decode(BodyRecord, text.encode())
+    return decode(ThingRecord if '"tag":' in text else BodyRecord, text.encode())
 
 
 def _entity(update: SceneUpdate, time: int, name: str, frame: str, *, locked: bool) -> SceneEntity:

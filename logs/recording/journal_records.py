@@ -15,7 +15,7 @@ from ...world.belief.planning_scene import BeliefChange, BeliefObject
 from ...world.journal import CandidateSearchEntry, PlanEntry
 from ...world.scene.calibration_results import tile_body
 from ...world.scene.description import Bin, Fixture
-from ...world.shapes import ConvexMesh, Shape
+from ...world.shapes import ConvexMesh, Shape, greatest_length
 from ...world.values import GripperState, JointState, ObjectId, Pose
 from ..schema.event_records import BeliefEvent
 from ..schema.json_records import encode
@@ -31,6 +31,7 @@ from ..schema.records import (
     Plan,
     RunInfo,
     StageCount,
+    ThingRecord,
     Tick,
 )
 
@@ -91,7 +92,7 @@ class SpawnedBody(Protocol):
 
 def belief_record(o: BeliefObject) -> BodyRecord:
     """Return the record of a body of the planning scene."""
-    return BodyRecord(
+    record = BodyRecord(
         id=o.id,
         kind=o.kind,
         form=o.form,
@@ -107,13 +108,19 @@ def belief_record(o: BeliefObject) -> BodyRecord:
         last_seen=o.last_seen,
         blocks=tuple(BlockRecord(block.size, block.at) for block in o.blocks),
     )
+    if o.role == "item" and o.kind == "unknown":
+        return ThingRecord(**vars(record), mass=o.mass, size=o.size, tag=o.tag)
+    return record
 
 
 def truth_record(body: SpawnedBody) -> BodyRecord:
     """Return the record of a body of the simulation, with its seating when it is at a hole."""
     shape = _portable(body.shape)
     seat = body.seat if isinstance(body, SimulatedBody) else None
-    return BodyRecord(body.id, body.kind, body.form, body.colour, shape, body.pose, body.role, seat=seat)
+    record = BodyRecord(body.id, body.kind, body.form, body.colour, shape, body.pose, body.role, seat=seat)
+    if isinstance(body, SimulatedBody) and body.kind == "unknown":
+        return ThingRecord(**vars(record), mass=body.mass, size=greatest_length(body.shape), tag=body.tag)
+    return record
 
 
 def belief_event(change: BeliefChange) -> BeliefEvent:

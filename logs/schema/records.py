@@ -373,6 +373,18 @@ class BodyRecord:
 
 
 @dataclass(frozen=True)
+class ThingRecord(BodyRecord):
+    """Thing of a heap, with the traits that rules of destinations may ask for. None: not known."""
+
+    mass: float | None = None
+    """Mass, kg; of a believed thing as it was weighed."""
+    size: float | None = None
+    """Greatest distance of two of its points, m; of a believed thing as it was seen."""
+    tag: int | None = None
+    """Number of the ArUco tag on it; of a believed thing as it was read."""
+
+
+@dataclass(frozen=True)
 class PartRecord:
     """Part of a body that never moves. `pose` is in the world."""
 

@@ -29,9 +29,10 @@ if TYPE_CHECKING:
 
 AZIMUTHS = 12
 """Number of directions of the tool across the line of sight."""
-TILTS = (0.0, math.radians(20.0), math.radians(-20.0))
-"""Angles by which the finger tips point towards the camera, rad."""
-DISTANCE_STEPS = (1.2, 1.6, 2.2)
+TILTS = tuple(math.radians(angle) for angle in (45.0, 20.0, 0.0, -20.0))
+"""Angles by which the finger tips point towards the camera, rad, the best first: the side that lay below was
+not seen in the heap."""
+DISTANCE_STEPS = (1.2, 1.6)
 """Distances from the camera, as multiples of the one at which the thing just fits into the picture."""
 HIDDEN_MARGIN = 0.03
 """Distance by which a thing may reach beyond what was seen of it, m."""
@@ -168,7 +169,7 @@ def _camera(world: World, task: PresentTask) -> CameraDescription:
     return fixed[task.camera]
 
 
-def presenting_poses(camera: Pose, distance: float, centre: Array, side: int) -> Iterator[Pose]:
+def presenting_poses(camera: Pose, distance: float, tilt: float, centre: Array, side: int) -> Iterator[Pose]:
     """Yield TCP poses in the world that show the thing at `centre` (3,) in the TCP frame to a camera.
 
     The thing lies on the line of sight, `distance` m before the camera. The fingers are beside it, so that
@@ -177,15 +178,14 @@ def presenting_poses(camera: Pose, distance: float, centre: Array, side: int) ->
     right, _, ahead = camera.rotation().T
     up = np.cross(ahead, right)
     at = np.array(camera.position) + distance * ahead
-    for tilt in TILTS:
-        for k in range(AZIMUTHS):
-            angle = 2 * math.pi * k / AZIMUTHS
-            across = math.cos(angle) * right + math.sin(angle) * up
-            tool = math.cos(tilt) * across - math.sin(tilt) * ahead
-            for one in (1, -1) if side == 0 else (side,):
-                closing = one * np.cross(ahead, across)
-                rotation = np.column_stack([np.cross(closing, tool), closing, tool])
-                yield Pose.from_rotation(at - rotation @ centre, rotation)
+    for k in range(AZIMUTHS):
+        angle = 2 * math.pi * k / AZIMUTHS
+        across = math.cos(angle) * right + math.sin(angle) * up
+        tool = math.cos(tilt) * across - math.sin(tilt) * ahead
+        for one in (1, -1) if side == 0 else (side,):
+            closing = one * np.cross(ahead, across)
+            rotation = np.column_stack([np.cross(closing, tool), closing, tool])
+            yield Pose.from_rotation(at - rotation @ centre, rotation)
 
 
 def _side(world: World, camera: CameraDescription) -> int:
@@ -199,33 +199,42 @@ def _move_before(
 ) -> Doing[None]:
     """Move the arm to a pose before the camera that shows `centre` (3,) in the TCP frame.
 
-    The arm stops when the fingers move. It goes on once when the thing is still held; else grasp.slipped.
+    The arm stops when the fingers move, and goes on when the thing is still held; else it is grasp.slipped.
     """
-    for last in (False, True):
+    for last in (False, False, True):
         plan = yield from _plan_before(world, task, camera, side, centre)
         guard, watch = world.handling.guard + payload_force(world), GripMonitor(world).watch
         try:
             yield from world.move.along(plan.trajectory, guard=guard, watch=watch, node=task.node)
             return
         except Failure as failure:
-            if last or failure.cause is not grasp.SLIPPED:
+            if failure.cause is not grasp.SLIPPED:
                 raise
-        yield from check_held_object(world, task.object)
+            yield from check_held_object(world, task.object)
+            if last:
+                raise
 
 
 def _plan_before(
     world: World, task: PresentTask, camera: CameraDescription, side: int, centre: Array
 ) -> Doing[MotionPlan]:
-    """Plan to a pose before the camera, the nearest distance first."""
+    """Plan to a pose before the camera, the best tilt first."""
     intrinsics, held = camera.intrinsics, world.scene.get(task.object)
     half = math.atan(min(intrinsics.width / intrinsics.fx, intrinsics.height / intrinsics.fy) / 2)
     fits = (held.size / 2 + HIDDEN_MARGIN) / math.sin(half)
     refused: Failure | None = None
-    for step in DISTANCE_STEPS:
-        poses = presenting_poses(camera.pose, max(step * fits, LEAST_DISTANCE), centre, side)
+    distances = [max(step * fits, LEAST_DISTANCE) for step in DISTANCE_STEPS]
+    for tilt in TILTS:
+        goal = PoseGoal(
+            tuple(
+                pose
+                for distance in distances
+                for pose in presenting_poses(camera.pose, distance, tilt, centre, side)
+            )
+        )
         scaling = world.handling.scaling(task.speed)
         try:
-            return (yield from world.plan.to(PoseGoal(tuple(poses)), scaling=scaling, node=task.node))
+            return (yield from world.plan.to(goal, scaling=scaling, node=task.node))
         except Failure as failure:
             if failure.cause not in POSE_CAUSES:
                 raise

@@ -5,10 +5,11 @@ from __future__ import annotations
 import math
 
 from ....files.value_wording import listed
+from ....logs.schema.records import BodyRecord, ThingRecord
 from ....simulation.scoring.scorer import MAX_REST_SPEED
 from ....world.events.run_events import CrushedEvent
 from ....world.events.skill_events import ItemDoneEvent, SetAsideEvent
-from ....world.scene.destinations import is_at
+from ....world.scene.destinations import asks_for, is_at
 from ..investigation.case import Investigation
 from ..investigation.explanation import FailureStory, Finding
 from ..investigation.number_wording import between, distance, place, seconds
@@ -152,6 +153,13 @@ def _wrong_bin(case: Investigation, true: str, item: str, into: str, node: str) 
         )
         about = f"{real.colour} as {believed.colour}" if real.colour != believed.colour else true
         return Finding("perception.mistaken", about, title, (), item, None)
+    wrong = _mistaken_traits(case, believed, real) if case.destination(believed) == into else ()
+    if wrong:
+        title = f"{item} was placed into {into} and belongs into {belongs}: {listed(wrong, 3)}"
+        reasons = (
+            tuple(f"{each.to} for {each.where}" for each in case.scene.destinations) if case.scene else ()
+        )
+        return Finding("perception.mistaken", wrong[0].split(",")[0], title, reasons, item, None)
     name = node.rsplit("/", 1)[-1]
     title = f"the mission takes items into {into} that belong into {belongs}: {name} of {item} says so"
     told = case.ports(node).get("into", "")
@@ -160,6 +168,22 @@ def _wrong_bin(case: Investigation, true: str, item: str, into: str, node: str) 
         f"by the scene's rules a {real.colour} {real.kind} belongs into {belongs}",
     )
     return Finding("mission.wrong_bin", node, title, reasons, item, None)
+
+
+def _mistaken_traits(case: Investigation, believed: BodyRecord, real: BodyRecord) -> tuple[str, ...]:
+    """Return in words what the robot took a thing's tag, mass and size for, as far as rules ask for them."""
+    if case.scene is None or not (isinstance(believed, ThingRecord) and isinstance(real, ThingRecord)):
+        return ()
+    rules, found = case.scene.destinations, list[str]()
+    if asks_for(rules, "tag") and believed.tag != real.tag:
+        read = "its tag was not read" if believed.tag is None else f"tag {believed.tag} was read"
+        found.append(f"{read}, and it has {'none' if real.tag is None else f'tag {real.tag}'}")
+    if asks_for(rules, "mass") and real.mass is not None:
+        weighed = "it was not weighed" if believed.mass is None else f"{believed.mass * 1000:.0f} g were felt"
+        found.append(f"{weighed}, and it weighs {real.mass * 1000:.0f} g")
+    if asks_for(rules, "size") and believed.size is not None and real.size is not None:
+        found.append(f"{distance(believed.size)} of it were seen, and it is {distance(real.size)} long")
+    return tuple(found)
 
 
 def _not_seated(case: Investigation, true: str, item: str, into: str, time: float) -> Finding | None:

@@ -15,7 +15,7 @@ import numpy as np
 from ....errors import PicktreeError
 from ....logs.run_log import RunLog, Stamped
 from ....logs.schema.event_records import BeliefEvent
-from ....logs.schema.records import BodyRecord, Scene
+from ....logs.schema.records import BodyRecord, Scene, ThingRecord
 from ....logs.visits import Visit, VisitTree
 from ....session.resume.recipe_archive import Unpacking
 from ....simulation.scoring.scorer import MAX_REST_SPEED, ItemScore, score
@@ -343,6 +343,8 @@ class Investigation:
             crushed=max(
                 (at.record.force for at in self.events(CrushedEvent) if at.record.object == id_), default=0.0
             ),
+            mass=last.mass if isinstance(last, ThingRecord) else None,
+            tag=last.tag if isinstance(last, ThingRecord) else None,
         )
 
     @property
@@ -369,8 +371,12 @@ class Investigation:
         if self.scene is None:
             return ""
         entry = self.scene.find_entry(body.kind)
-        mass = None if entry is None else entry.mass
-        item = ItemTraits(body.colour, body.form, body.kind, mass, greatest_length(body.shape))
+        if isinstance(body, ThingRecord):
+            size = greatest_length(body.shape) if body.size is None else body.size
+            item = ItemTraits(body.colour, body.form, body.kind, body.mass, size, body.tag)
+        else:
+            mass = None if entry is None else entry.mass
+            item = ItemTraits(body.colour, body.form, body.kind, mass, greatest_length(body.shape))
         return str(destination_rule(self.scene.destinations)(item) or "")
 
     def bin_at(self, body: BodyRecord) -> str:
