@@ -104,9 +104,12 @@ class RunSlice:
         return cast("dict[str, JsonValue]", {**row.to_json(), "id": self._table.run_id(row)})
 
     def log_of(self, id: str) -> Path:
-        """Return the log of a run by its identity. Raises PicktreeError where the folder has none."""
+        """Return the log of a run by its identity. Raises PicktreeError when none is below the folder."""
         log = find_log(self._workspace.resolve(id))
-        return self._workspace.resolve(self._workspace.relative(log))
+        place = self._workspace.resolve(self._workspace.relative(log))
+        if not place.is_file():  # a pipe would be waited for
+            raise PicktreeError(f"{id} is no file of a log")
+        return place
 
     @call("runs.open")
     async def open(self, id: str) -> JsonValue:
