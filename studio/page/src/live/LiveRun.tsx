@@ -120,6 +120,7 @@ function TreePanel({ state, say, order }: { state: LiveState; say: Say; order(li
   const ask = (path: string) => say(`node ${path}`).then((text) => setTold({ path, text }), toastError);
   return (
     <section className="live-panel tree" aria-label="Tree">
+      <Running state={state} onSelect={setSelected} />
       {root ? <TreeView root={root} marks={marks} selected={selected || undefined} onSelect={setSelected} onMenu={(path) => setSelected(path)} /> : <p className="loading">The tree has not come yet.</p>}
       {chosen && (
         <div className="live-node">
@@ -136,6 +137,21 @@ function TreePanel({ state, say, order }: { state: LiveState; say: Say; order(li
         </div>
       )}
     </section>
+  );
+}
+
+// The leaves that run, each with its parents: where the run stands, also where the tree is too wide.
+function Running({ state, onSelect }: { state: LiveState; onSelect(path: string): void }) {
+  const leaves = state.tree.filter((node) => !node.children.length && state.nodes[node.path]?.[0] === "RUNNING");
+  if (!leaves.length) return null;
+  return (
+    <ul className="live-running" aria-label="Running leaves">
+      {leaves.map((leaf) => (
+        <li key={leaf.path}>
+          <button onClick={() => onSelect(leaf.path)} title={leaf.path}><span aria-hidden="true">▶</span> <small>{leaf.path.split("/").slice(0, -1).slice(-3).join(" › ")} ›</small> <b>{leaf.name}</b></button>
+        </li>
+      ))}
+    </ul>
   );
 }
 

@@ -1,6 +1,6 @@
 // The scene of a run that goes on, with the geometry, light and views of the report.
 
-import { Group, Mesh, MeshLambertMaterial, Object3D, PCFShadowMap, Scene, Vector3, WebGLRenderer } from "three";
+import { Group, Mesh, MeshLambertMaterial, Object3D, PCFShadowMap, Scene, Sphere, Vector3, WebGLRenderer } from "three";
 
 import { Lighting } from "../../../../analysis/report/page/src/lighting.js";
 import { ghost, meshGeometry, solid } from "../../../../analysis/report/page/src/models.js";
@@ -79,7 +79,7 @@ export class LiveStage {
     }
     this.robot = { frames: [...this.frames.values()], tcp: new Vector3(), tool: stage.tool };
     this.scene.add(this.fixed, arm, this.believed, this.truths);
-    this.views = new Views(canvas, { robot: this.robot, frusta: [], bounds: boundsOf(this.robot, [], this.fixed) }, () => this.request());
+    this.views = new Views(canvas, { robot: this.robot, frusta: [], bounds: this.bounds() }, () => this.request());
     tools.replaceChildren(this.views.chooser);
     onTheme(() => {
       if (this.closed) return;
@@ -152,11 +152,18 @@ export class LiveStage {
     return found;
   }
 
+  // With room for where the arm goes next.
+  private bounds(): Sphere {
+    const sphere = boundsOf(this.robot, [], this.fixed) as Sphere;
+    sphere.radius *= 1.2;
+    return sphere;
+  }
+
   private resize(): void {
     const { clientWidth: width, clientHeight: height } = this.host;
     if (!width || !height) return;
     this.renderer.setSize(width, height, false);
-    if (this.state) Object.assign(this.views, { bounds: boundsOf(this.robot, [], this.fixed) });
+    if (this.state) Object.assign(this.views, { bounds: this.bounds() });
     this.views.resize(width, height);
     this.request();
   }
