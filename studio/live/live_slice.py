@@ -7,7 +7,7 @@ import os
 import socket
 import struct
 import time
-from collections.abc import AsyncIterator, Iterator, Sequence
+from collections.abc import AsyncIterator, Callable, Iterator, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Final
@@ -88,7 +88,7 @@ class LiveSlice:
             for found in await asyncio.to_thread(lambda: list(self._sockets())):
                 if await asyncio.to_thread(_is_of, found, job.process.pid):
                     identity = self._workspace.relative(found)
-                    job.result = f"#/live/{identity}"
+                    job.result, job.finish = f"#/live/{identity}", _ended_as(identity)
                     return identity
             if job.ended is not None:
                 raise PicktreeError(job.text().strip()[-2000:] or "the run has ended at once")
@@ -159,6 +159,15 @@ class LiveSlice:
 def _may_hold_runs(entry: os.DirEntry[str]) -> bool:
     hidden = entry.name.startswith(".") or entry.name in _SKIPPED
     return not hidden and entry.is_dir(follow_symlinks=False)
+
+
+def _ended_as(identity: str) -> Callable[[Job], None]:
+    """Return what is done at the end of a run's job: its result is the run as it is kept."""
+
+    def ended(job: Job) -> None:
+        job.result = f"#/run/{identity}"
+
+    return ended
 
 
 def _began(folder: Path) -> float:
