@@ -140,24 +140,34 @@ def listen(port: int | None) -> socket.socket:
     return found
 
 
-def serve(folder: Path, port: int | None, ready: Callable[[str], None]) -> None:
-    """Serve a folder until Ctrl-C. `ready` gets the link when the server answers.
+def link(workspace: Workspace, listening: socket.socket) -> str:
+    """Return the address with which the page is opened."""
+    return f"http://{HOST}:{listening.getsockname()[1]}/?token={workspace.state.token}"
 
-    Raises PicktreeError when the folder is none, or the port is taken.
+
+def make_server(workspace: Workspace, listening: socket.socket) -> uvicorn.Server:
+    """Return the server for a socket of `listen`; it is run with that socket."""
+    config = uvicorn.Config(
+        create_app(workspace, int(listening.getsockname()[1])),
+        log_level="warning",
+        access_log=False,
+        server_header=False,
+        proxy_headers=False,
+        ws="websockets-sansio",
+        ws_max_size=MAX_MESSAGE,
+        timeout_graceful_shutdown=3,
+    )
+    return uvicorn.Server(config)
+
+
+def serve(folder: Path, port: int | None, ready: Callable[[str], None]) -> None:
+    """Serve a folder until Ctrl-C. `ready` gets the link when the port is taken.
+
+    Raises PicktreeError when the folder is none, or the port is taken by another program.
     """
     workspace = Workspace(folder)
     with listen(port) as listening:
-        number = int(listening.getsockname()[1])
         logging.basicConfig(format="%(name)s: %(message)s")
-        config = uvicorn.Config(
-            create_app(workspace, number),
-            log_level="warning",
-            access_log=False,
-            server_header=False,
-            proxy_headers=False,
-            ws="websockets-sansio",
-            ws_max_size=MAX_MESSAGE,
-            timeout_graceful_shutdown=3,
-        )
-        ready(f"http://{HOST}:{number}/?token={workspace.state.token}")
-        uvicorn.Server(config).run(sockets=[listening])
+        server = make_server(workspace, listening)
+        ready(link(workspace, listening))
+        server.run(sockets=[listening])

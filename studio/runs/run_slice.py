@@ -104,9 +104,12 @@ class RunSlice:
         return cast("dict[str, JsonValue]", {**row.to_json(), "id": self._table.run_id(row)})
 
     def log_of(self, id: str) -> Path:
-        """Return the log of a run by its identity. Raises PicktreeError when there is none below the folder."""
+        """Return the log of a run by its identity. Raises PicktreeError when none is below the folder."""
         log = find_log(self._workspace.resolve(id))
-        return self._workspace.resolve(self._workspace.relative(log))
+        place = self._workspace.resolve(self._workspace.relative(log))
+        if not place.is_file():  # a pipe would be waited for
+            raise PicktreeError(f"{id} is no file of a log")
+        return place
 
     @call("runs.open")
     async def open(self, id: str) -> JsonValue:
@@ -181,7 +184,9 @@ class RunSlice:
         beside = PurePath(str(opened.get("mission_file") or f"{_stem(opened.get('mission'))}.yaml"))
         for option, text in (("mission", mission), ("faults", faults)):
             if text is not None:
-                path = beside.with_name(f"{beside.stem}.what-if{'.faults' if option == 'faults' else ''}.yaml")
+                path = beside.with_name(
+                    f"{beside.stem}.what-if{'.faults' if option == 'faults' else ''}.yaml"
+                )
                 place = await asyncio.to_thread(self._write_over, path.as_posix(), text)
                 command += [f"--{option}", str(place)]
         if no_faults:
