@@ -210,7 +210,8 @@ class _OutlineReader:
             return
         if body.kind != "mapping":
             return
-        strange = [key.text for key, _ in body.entries if key.text not in declaration.keys]
+        keys = declaration.keys
+        strange = [key.text for key, _ in body.entries if key.text not in keys]
         child = strange[0] if len(strange) == 1 and main is not None and "do" not in body.keys else None
         if child is not None and not self._is_node(child):
             child = None

@@ -11,6 +11,7 @@ from typing import Final
 
 import yaml
 
+from ...authoring.drawing.chart import symbol_of
 from ...authoring.editing.outline import Outline, outline
 from ...authoring.editing.syntax import Source, Syntax, source_of
 from ...authoring.editor.open_file import library_trees
@@ -62,11 +63,20 @@ class MissionContext:
         self.included = included
         self.left_out = left_out
         """Why nodes of plug-ins are missing; empty: none are."""
+        self._symbols: dict[str, str] = {}
 
     def known(self, identity: str) -> NodeDeclaration | None:
         """Return the declaration of a node, or of a sub-tree of another file."""
         node = self.registry.find(identity)
         return node.declaration if node is not None else self.included.get(identity)
+
+    def symbol(self, identity: str) -> str:
+        """Return the symbol of a node in pictures."""
+        found = self._symbols.get(identity)
+        if found is None:
+            declaration = self.known(identity)
+            found = self._symbols[identity] = symbol_of(declaration) if declaration is not None else "unknown"
+        return found
 
     def outline(self, source: Source) -> Outline:
         return outline(source, self.known)

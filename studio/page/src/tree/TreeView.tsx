@@ -55,28 +55,26 @@ interface Shared {
 }
 const SharedContext = createContext<Shared>({ marks: {}, fold: () => undefined });
 
-export function TreeView(props: TreeViewProps): JSX.Element {
+// Drawn again only when a property changes: give it the same functions, and the same objects for nodes that stay.
+export const TreeView = memo(function TreeView(props: TreeViewProps): JSX.Element {
   return (
     <ReactFlowProvider>
       <Tree {...props} />
     </ReactFlowProvider>
   );
-}
+});
 
 function Tree({ root, marks, selected, onSelect, onMenu, onMove, className }: TreeViewProps) {
   const [changed, setChanged] = useState<ReadonlyMap<string, boolean>>(new Map());
-  const [laid, setLaid] = useState<{ laid: Laid; boxes: Map<string, Shown> } | null>(null);
+  const [dropped, setDropped] = useState(0);
   const flow = useReactFlow<Card>();
   const host = useRef<HTMLDivElement>(null);
   const fitted = useRef(false);
   const isFolded = useCallback((node: TreeNode) => node.children.length > 0 && (changed.get(node.id) ?? node.collapsedByDefault ?? false), [changed]);
 
   const shown = useMemo(() => collect(root, isFolded), [root, isFolded]);
-  useEffect(() => {
-    let wanted = true;
-    void layOut(boxOf(root, isFolded)).then((found) => wanted && setLaid({ laid: found, boxes: shown }));
-    return () => { wanted = false; };
-  }, [root, isFolded, shown]);
+  // After a drop the places are taken anew, so that a card that was not moved goes back.
+  const laid = useMemo(() => ({ laid: layOut(boxOf(root, isFolded)), boxes: shown, dropped }), [root, isFolded, shown, dropped]);
 
   const fold = useCallback((id: string) => {
     setChanged((before) => {
@@ -87,29 +85,36 @@ function Tree({ root, marks, selected, onSelect, onMenu, onMove, className }: Tr
     });
   }, [root]);
 
+  // Cards and edges that stay the same keep their objects, so that only the others cost something.
+  const made = useRef({ cards: new Map<string, Card>(), edges: new Map<string, Edge>() });
+  const movable = Boolean(onMove);
   const nodes = useMemo<Card[]>(() => {
-    if (!laid) return [];
-    return [...laid.boxes.values()].map(({ node, folded }) => ({
-      id: node.id,
-      type: "card",
-      position: laid.laid.places.get(node.id) ?? { x: 0, y: 0 },
-      data: { node, folded },
-      width: widthOf(node),
-      height: heightOf(node),
-      draggable: Boolean(onMove) && node.id !== root.id,
-      focusable: false,
-    }));
-  }, [laid, onMove, root.id]);
+    const before = made.current.cards;
+    const cards = [...laid.boxes.values()].map(({ node, folded }): Card => {
+      const position = laid.laid.places.get(node.id) ?? { x: 0, y: 0 };
+      const draggable = movable && node.id !== root.id;
+      const old = before.get(node.id);
+      if (old && old.data.node === node && old.data.folded === folded && old.position.x === position.x && old.position.y === position.y && old.draggable === draggable) return old;
+      return { id: node.id, type: "card", position, data: { node, folded }, width: widthOf(node), height: heightOf(node), draggable, focusable: false };
+    });
+    made.current.cards = new Map(cards.map((card) => [card.id, card]));
+    return cards;
+  }, [laid, movable, root.id]);
   const edges = useMemo<Edge[]>(() => {
-    if (!laid) return [];
-    return [...laid.boxes.values()].filter((each) => each.parent).map((each) => ({ id: `${each.parent}→${each.node.id}`, source: each.parent!, target: each.node.id, type: "smoothstep", focusable: false }));
+    const before = made.current.edges;
+    const found = [...laid.boxes.values()].filter((each) => each.parent !== undefined).map((each): Edge => {
+      const id = `${each.parent}→${each.node.id}`;
+      return before.get(id) ?? { id, source: each.parent!, target: each.node.id, type: "smoothstep", focusable: false };
+    });
+    made.current.edges = new Map(found.map((edge) => [edge.id, edge]));
+    return found;
   }, [laid]);
 
   useEffect(() => {
-    if (!laid || fitted.current) return;
+    if (fitted.current) return;
     fitted.current = true;
     requestAnimationFrame(() => void flow.fitView({ maxZoom: 1, minZoom: 0.4, padding: 0.05 }));
-  }, [laid, flow]);
+  }, [flow]);
 
   const keys = (event: KeyboardEvent) => {
     const here = shown.get(selected ?? root.id) ?? shown.get(root.id)!;
@@ -144,12 +149,12 @@ function Tree({ root, marks, selected, onSelect, onMenu, onMove, className }: Tr
   };
   // Moves the view only when the node is out of it.
   const bring = (id: string) => {
-    const place = laid?.laid.places.get(id);
+    const place = laid.laid.places.get(id);
     const box = host.current?.getBoundingClientRect();
     if (!place || !box) return;
     const at = flow.flowToScreenPosition(place);
     const { zoom } = flow.getViewport();
-    const node = laid!.boxes.get(id)!.node;
+    const node = laid.boxes.get(id)!.node;
     const inside = at.x >= box.left && at.y >= box.top && at.x + widthOf(node) * zoom <= box.right && at.y + HEIGHT * zoom <= box.bottom;
     if (!inside) void flow.setCenter(place.x + widthOf(node) / 2, place.y + HEIGHT / 2, { zoom });
   };
@@ -157,10 +162,11 @@ function Tree({ root, marks, selected, onSelect, onMenu, onMove, className }: Tr
   const active = selected && shown.has(selected) ? `tree-${selected}` : undefined;
 
   // A dropped card goes to the card below it as its child, or among the children of the nearest parent by height.
-  const dropped = (_: unknown, card: Card) => {
-    if (!onMove || !laid) return;
+  const drop = (_: unknown, card: Card) => {
+    if (!onMove) return;
     const target = dropTarget(card, laid.boxes, laid.laid);
-    setLaid({ ...laid });
+    made.current.cards.delete(card.id);
+    setDropped((before) => before + 1);
     if (target) onMove(card.id, target.parent, target.index);
   };
 
@@ -174,7 +180,7 @@ function Tree({ root, marks, selected, onSelect, onMenu, onMove, className }: Tr
           onNodeClick={(_, card) => onSelect(card.id)}
           onNodeDoubleClick={(_, card) => fold(card.id)}
           onNodeContextMenu={(event, card) => { if (onMenu) { event.preventDefault(); onMenu(card.id, { x: event.clientX, y: event.clientY }); } }}
-          onNodeDragStop={onMove ? dropped : undefined}
+          onNodeDragStop={onMove ? drop : undefined}
         >
           <Background gap={24} />
           <Controls showInteractive={false} />

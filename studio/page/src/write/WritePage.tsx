@@ -4,7 +4,7 @@ import { useCallback, useEffect, useMemo, useRef, useState } from "react";
 import type { DragEvent, KeyboardEvent } from "react";
 
 import { TreeView } from "../tree/TreeView";
-import type { TreeMarks } from "../tree/TreeView";
+import type { TreeMarks, TreeNode } from "../tree/TreeView";
 import { Button } from "../ui/Button";
 import { Empty } from "../ui/Empty";
 import { applyChanges, markNode, redo, undo } from "./editor";
@@ -58,7 +58,12 @@ export function WritePage({ path }: { path: string }) {
     }
   }, [writing]);
 
-  const root = useMemo(() => (mission ? picture(mission, mission.trees.some((tree) => tree.name === only) ? only : "") : null), [mission, only]);
+  const drawn = useRef<TreeNode | null>(null);
+  const root = useMemo(() => {
+    if (!mission) return null;
+    drawn.current = picture(mission, mission.trees.some((tree) => tree.name === only) ? only : "", drawn.current);
+    return drawn.current;
+  }, [mission, only]);
   const marks = useMemo<TreeMarks>(() => {
     const found: TreeMarks = {};
     if (!index) return found;
@@ -70,13 +75,17 @@ export function WritePage({ path }: { path: string }) {
     return found;
   }, [index, faults, rehearsal]);
 
-  const move = useCallback((id: string, parent: string, place: number) => {
+  const move = useSteady((id: string, parent: string, place: number) => {
     if (!index || treeOfHead(id) || treeOfHead(parent) || !parent) return;
     // The picture counts without the node that is moved, an edit with it.
     const old = index.parent(id);
     const number = old?.id === parent ? old.children.findIndex((child) => child.id === id) : -1;
     void change({ do: "move", node: id, place: { parent, index: number >= 0 && place >= number ? place + 1 : place } });
-  }, [index, change]);
+  });
+  const openMenu = useSteady((id: string, at: { x: number; y: number }) => {
+    choose(id);
+    setMenu({ id, ...at });
+  });
 
   const target = addPlace(node, index?.parent(selected) ?? null, palette?.nodes ?? []);
   const add = useCallback((entry: NodeEntry, place: { parent: string; index: number; slot?: string } | null) => {
@@ -136,7 +145,7 @@ export function WritePage({ path }: { path: string }) {
           <Faults faults={faults} onShow={(fault) => { if (view) { view.dispatch({ selection: { anchor: fault.from }, scrollIntoView: true }); view.focus(); } }} onFix={(fault) => { if (view) applyChanges(view, [fault.fix!], false); }} />
         </section>
         <section className="write-picture" aria-label="Picture" onKeyDown={keys} onDragOver={(event) => { if (event.dataTransfer.types.includes(DRAGGED)) event.preventDefault(); }} onDrop={dropped}>
-          {root ? <TreeView root={root} marks={marks} selected={selected} onSelect={choose} onMove={move} onMenu={(id, at) => { choose(id); setMenu({ id, ...at }); }} /> : <p className="loading">Reading the mission…</p>}
+          {root ? <TreeView root={root} marks={marks} selected={selected} onSelect={choose} onMove={move} onMenu={openMenu} /> : <p className="loading">Reading the mission…</p>}
           {mission && !mission.whole && <p className="stale" role="status">The text has a fault of form. The picture shows what can be read.</p>}
         </section>
         <aside className="write-side" aria-label="Tools">
@@ -168,6 +177,13 @@ export function WritePage({ path }: { path: string }) {
       {menu && index?.node(menu.id) && <NodeMenu at={menu} node={index.node(menu.id)!} parent={index.parent(menu.id)} change={(edit) => void change(edit)} onAdd={showPalette} onClose={() => setMenu(null)} />}
     </div>
   );
+}
+
+// A function that stays the same object, and does what the one of the last drawing does.
+function useSteady<A extends unknown[]>(action: (...args: A) => void): (...args: A) => void {
+  const last = useRef(action);
+  last.current = action;
+  return useCallback((...args: A) => last.current(...args), []);
 }
 
 // Where a new node goes: into a node that takes children, else behind the node among its siblings.

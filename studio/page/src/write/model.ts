@@ -166,9 +166,22 @@ export const treeOfHead = (id: string) => (id.startsWith("/") ? id.slice(1) : ""
 
 const DETAIL = 46;
 
-// The picture of all trees, or of one.
-export function picture(mission: Mission, only: string): TreeNode {
-  const trees = mission.trees.filter((tree) => !only || tree.name === only).map((tree): TreeNode => ({
+// The picture of all trees, or of one. Cards that are as they were in `before` are the same objects.
+export function picture(mission: Mission, only: string, before: TreeNode | null): TreeNode {
+  const known = new Map<string, TreeNode>();
+  const note = (node: TreeNode) => {
+    known.set(node.id, node);
+    node.children.forEach(note);
+  };
+  if (before) note(before);
+  const share = (made: TreeNode): TreeNode => {
+    const old = known.get(made.id);
+    const same = old && old.name === made.name && old.kind === made.kind && old.detail === made.detail && old.children.length === made.children.length &&
+      old.children.every((child, number) => child === made.children[number]);
+    return same ? old : made;
+  };
+  const card = (node: MissionNode): TreeNode => share({ id: node.id, name: nameOf(node), kind: node.symbol === "unknown" ? "condition" : node.symbol, detail: detailOf(node), children: node.children.map(card) });
+  const trees = mission.trees.filter((tree) => !only || tree.name === only).map((tree): TreeNode => share({
     id: head(tree.name),
     name: tree.name,
     kind: "subtree",
@@ -176,24 +189,17 @@ export function picture(mission: Mission, only: string): TreeNode {
     children: tree.root ? [card(tree.root)] : [],
   }));
   if (trees.length === 1) return trees[0]!;
-  return { id: "", name: mission.name || "mission", kind: "sequence", children: trees };
+  return share({ id: "", name: mission.name || "mission", kind: "sequence", children: trees });
 }
 
-const cards = new WeakMap<MissionNode, TreeNode>();
+function nameOf(node: MissionNode): string {
+  const numbered = node.name.startsWith(`${node.identity}#`);
+  const own = node.listed || numbered || node.name === node.identity ? "" : node.name;
+  const name = own ? `${own} (${node.identity})` : node.listed ? "in turn" : node.identity;
+  return !node.shown ? name : node.listed ? node.shown : `${node.shown}: ${name}`;
+}
 
-function card(node: MissionNode): TreeNode {
-  const known = cards.get(node);
-  if (known) return known;
+function detailOf(node: MissionNode): string | undefined {
   const ports = node.ports.filter((port) => port.key !== "name").map((port) => `${port.key}: ${port.text}`).join(", ");
-  const named = node.listed || node.name === node.identity ? "" : node.name.startsWith(`${node.identity}#`) ? "" : node.name;
-  const name = named ? `${named} (${node.identity})` : node.listed ? "in turn" : node.identity;
-  const made: TreeNode = {
-    id: node.id,
-    name: node.shown ? `${node.shown}: ${name}` : name,
-    kind: node.symbol === "unknown" ? "condition" : node.symbol,
-    detail: ports ? (ports.length > DETAIL ? `${ports.slice(0, DETAIL - 1)}…` : ports) : undefined,
-    children: node.children.map(card),
-  };
-  cards.set(node, made);
-  return made;
+  return ports.length > DETAIL ? `${ports.slice(0, DETAIL - 1)}…` : ports || undefined;
 }
