@@ -90,8 +90,8 @@ def index() -> str:
     lines = [
         "# Codes of faults",
         "",
-        "Every fault that `picktree check` reports has a code, and every code a page with a wrong and a right "
-        "example. One command prints it:",
+        "Every fault that `picktree check` reports has a code, and every code a page with a wrong and a "
+        "right example. One command prints it:",
         "",
         "```sh",
         "picktree explain-code P104",
