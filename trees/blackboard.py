@@ -107,8 +107,10 @@ class Namespace:
         return resolve(scene, reference, value)
 
     def write(self, key: str, value: object, node: str, *, update: bool = True) -> None:
-        """Write a key; `update`: whether it counts for those who watch it. Raises TypeError or ValueError for a value that is not plain, or a key that is
-        read-only here."""
+        """Write a key; `update`: whether it counts for those who watch it.
+
+        Raises TypeError or ValueError for a value that is not plain, or a key that is read-only here.
+        """
         wired = self._alias(key)
         if wired is None:
             self._board.write(f"{self._prefix}/{key}", value, node, update=update)

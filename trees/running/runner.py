@@ -277,7 +277,8 @@ class SubTree(Node):
 
     A port wired to a key of the caller is an alias of that key. Literals, defaults and the values of
     expressions are written when the sub-tree starts. A literal counts as an update for nodes that watch the
-    key only the first time, as in BehaviorTree.CPP, which writes it once. `inside` is the namespace of the sub-tree's nodes.
+    key only the first time, as in BehaviorTree.CPP, which writes it once. `inside` is the namespace of the
+    sub-tree's nodes.
     """
 
     node_id = "SubTree"
