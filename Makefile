@@ -99,9 +99,11 @@ docs: $(RUN)
 site: $(DEV)
 	@NO_MKDOCS_2_WARNING=1 "$(BIN)/python" -m mkdocs build --strict && echo "See it: $(BIN)/python -m http.server -d site"
 
-# The scripts and the style of a report, from analysis/report/page/src; a test says when they are out of date.
-page: tests/logs/node/node_modules/.package-lock.json
+# The scripts and styles of a report and of the studio, from src/ in analysis/report/page and studio/page; tests say
+# when they are out of date.
+page: tests/logs/node/node_modules/.package-lock.json tests/studio/node/node_modules/.package-lock.json
 	@cd tests/logs/node && npm run --silent build
+	@cd tests/studio/node && npm run --silent test && npm run --silent build
 
 # The pictures of docs/report.md and docs/batches.md, taken in headless Chromium of a run with planted faults
 # and of a batch that is run for it: about seven minutes of CPU.

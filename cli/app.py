@@ -26,6 +26,7 @@ from .cache import cache
 from .commission import calibrate, plan, robot
 from .run.attach import attach
 from .run.run import run
+from .studio import studio
 from .terminal.output import painter
 
 COMMANDS: Mapping[str, Callable[..., None] | typer.Typer] = {
@@ -51,6 +52,7 @@ COMMANDS: Mapping[str, Callable[..., None] | typer.Typer] = {
     "runs": runs,
     "schema": schema,
     "snapshot": snapshot,
+    "studio": studio,
     "video": video,
     "whatif": whatif,
     "batch": batch,

@@ -159,6 +159,19 @@ class RunIndex:
         now = time.time()
         return (row for row in self.rows() if where is None or where(row, now))
 
+    def row(self, log: str) -> RunRow:
+        """Return the row of one log as it is now. Raises PicktreeError when it is gone."""
+        paths = (self.folder / log, *part_paths(self.folder / log).values())
+        try:
+            stamps = [path.stat() for path in paths]
+        except OSError as error:
+            raise PicktreeError(
+                f"{paths[0]} cannot be read: {(error.strerror or str(error)).lower()}"
+            ) from None
+        return self._row(
+            log, max(each.st_mtime for each in stamps), sum(each.st_size for each in stamps), None
+        )
+
     def delete(self, row: RunRow) -> None:
         """Delete a run: its folder, or a log with its further files when other things are there, too.
 
@@ -230,7 +243,7 @@ def logs_below(folder: Path) -> tuple[Path, ...]:
 def _found(folder: Path) -> list[tuple[str, tuple[float, int]]]:
     """Return the logs below a folder with the time of their last write (s) and their size, newest first.
 
-    Links to folders are not followed.
+    Links are not followed, and pipes and devices are left out.
     """
     found: list[tuple[str, tuple[float, int]]] = []
     todo = [(os.fspath(folder), "")]
@@ -242,7 +255,7 @@ def _found(folder: Path) -> list[tuple[str, tuple[float, int]]]:
                 with suppress(OSError):
                     if entry.is_dir(follow_symlinks=False):
                         todo.append((entry.path, f"{prefix}{entry.name}/"))
-                    elif entry.name.endswith(".mcap"):
+                    elif entry.name.endswith(".mcap") and entry.is_file(follow_symlinks=False):
                         state = entry.stat()
                         logs[entry.name[:-5]] = (state.st_mtime, state.st_size)
         found += [(f"{prefix}{name}.mcap", stamp) for name, stamp in _joined(logs).items()]

@@ -66,6 +66,24 @@ class Chromium:
         script: str = "",
     ) -> Iterator[tuple[Any, Told]]:
         """The page, and what it says. `at` is a hash, such as `#t=2.5`; `script` runs before its own."""
+        own = file.absolute().as_uri()
+        with self.blank(own, size, dark=dark, touch=touch, scale=scale, script=script) as (page, told):
+            page.goto(own + at)
+            page.wait_for_selector(READY, state="attached")
+            yield page, told
+
+    @contextmanager
+    def blank(
+        self,
+        own: str,
+        size: tuple[int, int] = (1280, 800),
+        *,
+        dark: bool = False,
+        touch: bool = False,
+        scale: float = 1.0,
+        script: str = "",
+    ) -> Iterator[tuple[Any, Told]]:
+        """An empty page of a context of its own; requests to other addresses than `own` are noted."""
         context = self._browser.new_context(
             viewport={"width": size[0], "height": size[1]},
             color_scheme="dark" if dark else "light",
@@ -90,10 +108,7 @@ class Chromium:
         page.on(
             "request", lambda r: told.requests.append(r.url) if not r.url.startswith((own, "blob:")) else None
         )
-        own = file.absolute().as_uri()
         try:
-            page.goto(own + at)
-            page.wait_for_selector(READY, state="attached")
             yield page, told
         finally:
             context.close()

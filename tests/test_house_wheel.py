@@ -12,10 +12,14 @@ from pathlib import Path
 
 import pytest
 
+from picktree.studio.folder_slice import example_files
+
 from .rooms import ROOMS, ROOT
 
 FOLDERS = (*ROOMS, "schemas")
 TOP = [*ROOT.glob("*.py"), *ROOT.glob("*.pyi"), ROOT / "py.typed"]
+EXAMPLES = [ROOT / "examples" / file for file in example_files()]
+"""Examples that the studio offers."""
 LEFT_OUT = ("__pycache__",)
 
 
@@ -29,6 +33,10 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
         shutil.copy(file, source)
     for folder in FOLDERS:
         shutil.copytree(ROOT / folder, source / folder, ignore=shutil.ignore_patterns(*LEFT_OUT))
+    for file in EXAMPLES:
+        target = source / file.relative_to(ROOT)
+        target.parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy(file, target)
     out = tmp_path_factory.mktemp("wheel")
     built = subprocess.run(
         [sys.executable, "-m", "build", "--wheel", "--no-isolation", "--outdir", str(out), str(source)],
@@ -47,7 +55,7 @@ def test_wheel_holds_every_file_of_the_rooms_and_nothing_else(wheel: Path) -> No
         for file in (ROOT / folder).rglob("*")
         if file.is_file() and not set(file.parts) & set(LEFT_OUT)
     ]
-    files += TOP
+    files += [*TOP, *EXAMPLES]
     wanted = {f"picktree/{file.relative_to(ROOT).as_posix()}" for file in files}
 
     with zipfile.ZipFile(wheel) as archive:

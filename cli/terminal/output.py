@@ -50,10 +50,13 @@ def end_with(good: bool, status: str = "") -> None:
 
 
 class StatusLine:
-    """Line on the terminal behind stderr that is written over; nothing elsewhere."""
+    """Line on the terminal behind stderr that is written over; nothing elsewhere.
+
+    With `PICKTREE_STATUS` in the environment it is written into a file, too, for a program that reads it.
+    """
 
     def __init__(self) -> None:
-        self.on = sys.stderr.isatty()
+        self.on = sys.stderr.isatty() or bool(os.environ.get("PICKTREE_STATUS"))
 
     def __enter__(self) -> Self:
         return self

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import importlib
 import importlib.util
+import os
 import re
 import sys
 from collections.abc import Generator, Iterable
@@ -120,8 +121,18 @@ _RUN_ATTRIBUTE = "__picktree_run__"
 """Attribute under which a file's module keeps its `_Run`."""
 
 
+PLUGINS_VARIABLE = "PICKTREE_PLUGINS"
+"""Environment variable that is `refuse` where plug-ins of missions may not be run."""
+
+
 def load_plugin(plugin: str, folder: Path) -> Plugin:
-    """Load a Python file in `folder` (`wave.py`), or a module by its name. Raises PluginError."""
+    """Load a Python file in `folder` (`wave.py`), or a module by its name. Raises PluginError.
+
+    With `PICKTREE_PLUGINS=refuse` in the environment it runs none, and raises.
+    """
+    if os.environ.get(PLUGINS_VARIABLE) == "refuse":
+        message = f"the plug-in {plugin!r} is not run, because nobody has said that this folder is trusted"
+        raise PluginError(message, "a plug-in is a program: read it, then trust the folder", code="P262")
     return _file(plugin, folder) if plugin.endswith(".py") else _named(plugin, folder)
 
 

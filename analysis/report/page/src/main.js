@@ -19,6 +19,7 @@ import "./page.css";
 
 import { Bar } from "./bar.js";
 import { Head } from "./head.js";
+import { Host } from "./host.js";
 import { Keys } from "./keys.js";
 import { Links } from "./links.js";
 import { PANELS } from "./panels.js";
@@ -36,6 +37,7 @@ async function start() {
   const shell = new Shell(document.getElementById("panels"), PANELS, sections, player);
   new Keys(player);
   new Links(player);
+  new Host(player);
   player.start();
   // For tests and for the curious at the console.
   globalThis.picktreeReport = { player, shell, sections };

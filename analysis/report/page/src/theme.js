@@ -5,16 +5,16 @@ const listeners = new Set();
 export function startTheme() {
   const system = matchMedia("(prefers-color-scheme: dark)");
   const remembered = recall("theme");
-  set(remembered ?? (system.matches ? "dark" : "light"));
+  setTheme(remembered ?? (system.matches ? "dark" : "light"));
   system.addEventListener("change", () => {
-    if (!recall("theme")) set(system.matches ? "dark" : "light");
+    if (!recall("theme")) setTheme(system.matches ? "dark" : "light");
   });
 }
 
 export function switchTheme() {
   const wanted = document.documentElement.dataset.theme === "dark" ? "light" : "dark";
   remember("theme", wanted);
-  set(wanted);
+  setTheme(wanted);
 }
 
 // `callback` is called when the colours have changed, and once at the start.
@@ -28,7 +28,7 @@ export function colour(name) {
   return getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
 }
 
-function set(theme) {
+export function setTheme(theme) {
   document.documentElement.dataset.theme = theme;
   for (const callback of listeners) callback();
 }

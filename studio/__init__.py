@@ -1,0 +1,1 @@
+"""Studio: a local web application over a folder with missions, scenes, plans and runs."""

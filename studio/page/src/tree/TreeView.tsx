@@ -1,0 +1,295 @@
+// A tree of nodes with their statuses. It makes no calls: whoever shows it gives the tree and the marks.
+//
+// Arrow keys go to parent, child and siblings, Enter and Space choose, + and − fold, the menu key opens the menu.
+
+import { Background, Controls, Handle, Position, ReactFlow, ReactFlowProvider, useReactFlow } from "@xyflow/react";
+import type { Edge, Node, NodeProps } from "@xyflow/react";
+import { createContext, memo, useCallback, useContext, useEffect, useMemo, useRef, useState } from "react";
+import type { JSX, KeyboardEvent } from "react";
+
+import { NodeSymbol } from "../ui/Icon";
+import { layOut } from "./layout";
+import type { Box, Laid } from "./layout";
+
+export interface TreeNode {
+  id: string;
+  name: string;
+  // A symbol of drawn trees: action, condition, sequence, fallback, recover, subtree, …
+  kind: string;
+  detail?: string;
+  children: TreeNode[];
+  collapsedByDefault?: boolean;
+}
+
+export type TreeStatus = "running" | "success" | "failure" | "skipped" | "idle";
+
+export interface TreeMarks {
+  [id: string]: { status?: TreeStatus; faults?: number; breakpoint?: boolean; coverage?: number };
+}
+
+export interface TreeViewProps {
+  root: TreeNode;
+  marks: TreeMarks;
+  selected?: string;
+  onSelect(id: string): void;
+  onMenu?(id: string, at: { x: number; y: number }): void;
+  onMove?(id: string, parent: string, index: number): void;
+  className?: string;
+}
+
+const HEIGHT = 30;
+const WITH_DETAIL = 46;
+const STATUS_SIGNS: Record<TreeStatus, string> = { running: "▶", success: "✓", failure: "✗", skipped: "–", idle: "·" };
+const FAMILIES: Record<string, string> = {
+  action: "action", clock: "action", force: "decorator", condition: "condition", decorator: "decorator", not: "decorator", loop: "decorator",
+  subtree: "subtree", recover: "cure",
+};
+
+type CardData = { node: TreeNode; folded: boolean };
+type Card = Node<CardData, "card">;
+
+interface Shared {
+  marks: TreeMarks;
+  selected?: string;
+  fold(id: string): void;
+}
+const SharedContext = createContext<Shared>({ marks: {}, fold: () => undefined });
+
+export function TreeView(props: TreeViewProps): JSX.Element {
+  return (
+    <ReactFlowProvider>
+      <Tree {...props} />
+    </ReactFlowProvider>
+  );
+}
+
+function Tree({ root, marks, selected, onSelect, onMenu, onMove, className }: TreeViewProps) {
+  const [changed, setChanged] = useState<ReadonlyMap<string, boolean>>(new Map());
+  const [laid, setLaid] = useState<{ laid: Laid; boxes: Map<string, Shown> } | null>(null);
+  const flow = useReactFlow<Card>();
+  const host = useRef<HTMLDivElement>(null);
+  const fitted = useRef(false);
+  const isFolded = useCallback((node: TreeNode) => node.children.length > 0 && (changed.get(node.id) ?? node.collapsedByDefault ?? false), [changed]);
+
+  const shown = useMemo(() => collect(root, isFolded), [root, isFolded]);
+  useEffect(() => {
+    let wanted = true;
+    void layOut(boxOf(root, isFolded)).then((found) => wanted && setLaid({ laid: found, boxes: shown }));
+    return () => { wanted = false; };
+  }, [root, isFolded, shown]);
+
+  const fold = useCallback((id: string) => {
+    setChanged((before) => {
+      const node = find(root, id);
+      if (!node?.children.length) return before;
+      const folded = before.get(id) ?? node.collapsedByDefault ?? false;
+      return new Map(before).set(id, !folded);
+    });
+  }, [root]);
+
+  const nodes = useMemo<Card[]>(() => {
+    if (!laid) return [];
+    return [...laid.boxes.values()].map(({ node, folded }) => ({
+      id: node.id,
+      type: "card",
+      position: laid.laid.places.get(node.id) ?? { x: 0, y: 0 },
+      data: { node, folded },
+      width: widthOf(node),
+      height: heightOf(node),
+      draggable: Boolean(onMove) && node.id !== root.id,
+      focusable: false,
+    }));
+  }, [laid, onMove, root.id]);
+  const edges = useMemo<Edge[]>(() => {
+    if (!laid) return [];
+    return [...laid.boxes.values()].filter((each) => each.parent).map((each) => ({ id: `${each.parent}→${each.node.id}`, source: each.parent!, target: each.node.id, type: "smoothstep", focusable: false }));
+  }, [laid]);
+
+  useEffect(() => {
+    if (!laid || fitted.current) return;
+    fitted.current = true;
+    requestAnimationFrame(() => void flow.fitView({ maxZoom: 1, minZoom: 0.4, padding: 0.05 }));
+  }, [laid, flow]);
+
+  const keys = (event: KeyboardEvent) => {
+    const here = shown.get(selected ?? root.id) ?? shown.get(root.id)!;
+    const siblings = here.parent ? shown.get(here.parent)!.node.children : [here.node];
+    const place = siblings.findIndex((each) => each.id === here.node.id);
+    const to: Record<string, string | undefined> = {
+      ArrowLeft: here.parent,
+      ArrowRight: here.folded ? undefined : here.node.children[0]?.id,
+      ArrowDown: siblings[place + 1]?.id,
+      ArrowUp: siblings[place - 1]?.id,
+      Home: root.id,
+    };
+    if (event.key in to) {
+      event.preventDefault();
+      const id = to[event.key];
+      if (id) choose(id);
+    } else if (event.key === "+" || event.key === "-") {
+      event.preventDefault();
+      if (here.folded === (event.key === "+")) fold(here.node.id);
+    } else if ((event.key === "ContextMenu" || (event.key === "F10" && event.shiftKey)) && onMenu) {
+      event.preventDefault();
+      const card = host.current!.querySelector(`[data-tree-node="${CSS.escape(here.node.id)}"]`)?.getBoundingClientRect();
+      onMenu(here.node.id, { x: card?.left ?? 0, y: card?.bottom ?? 0 });
+    } else if (event.key === "Enter" || event.key === " ") {
+      event.preventDefault();
+      onSelect(here.node.id);
+    }
+  };
+  const choose = (id: string) => {
+    onSelect(id);
+    bring(id);
+  };
+  // Moves the view only when the node is out of it.
+  const bring = (id: string) => {
+    const place = laid?.laid.places.get(id);
+    const box = host.current?.getBoundingClientRect();
+    if (!place || !box) return;
+    const at = flow.flowToScreenPosition(place);
+    const { zoom } = flow.getViewport();
+    const node = laid!.boxes.get(id)!.node;
+    const inside = at.x >= box.left && at.y >= box.top && at.x + widthOf(node) * zoom <= box.right && at.y + HEIGHT * zoom <= box.bottom;
+    if (!inside) void flow.setCenter(place.x + widthOf(node) / 2, place.y + HEIGHT / 2, { zoom });
+  };
+  const shared = useMemo<Shared>(() => ({ marks, selected, fold }), [marks, selected, fold]);
+  const active = selected && shown.has(selected) ? `tree-${selected}` : undefined;
+
+  // A dropped card goes to the card below it as its child, or among the children of the nearest parent by height.
+  const dropped = (_: unknown, card: Card) => {
+    if (!onMove || !laid) return;
+    const target = dropTarget(card, laid.boxes, laid.laid);
+    setLaid({ ...laid });
+    if (target) onMove(card.id, target.parent, target.index);
+  };
+
+  return (
+    <div className={`tree-view ${className ?? ""}`} ref={host} role="tree" aria-label={`Tree of ${root.name}`} tabIndex={0} onKeyDown={keys} aria-activedescendant={active}>
+      <SharedContext.Provider value={shared}>
+        <ReactFlow
+          nodes={nodes} edges={edges} nodeTypes={NODE_TYPES} onlyRenderVisibleElements minZoom={0.05} maxZoom={2}
+          nodesConnectable={false} elementsSelectable={false} nodesFocusable={false} edgesFocusable={false} disableKeyboardA11y
+          proOptions={{ hideAttribution: false }}
+          onNodeClick={(_, card) => onSelect(card.id)}
+          onNodeDoubleClick={(_, card) => fold(card.id)}
+          onNodeContextMenu={(event, card) => { if (onMenu) { event.preventDefault(); onMenu(card.id, { x: event.clientX, y: event.clientY }); } }}
+          onNodeDragStop={onMove ? dropped : undefined}
+        >
+          <Background gap={24} />
+          <Controls showInteractive={false} />
+        </ReactFlow>
+      </SharedContext.Provider>
+    </div>
+  );
+}
+
+const CardView = memo(function CardView({ data }: NodeProps<Card>) {
+  const { marks, selected, fold } = useContext(SharedContext);
+  const { node, folded } = data;
+  const mark = marks[node.id];
+  const status = mark?.status;
+  const family = FAMILIES[node.kind] ?? "control";
+  const words = [node.name, node.detail, status && status !== "idle" ? status : "", mark?.faults ? `${mark.faults} faults` : "", mark?.breakpoint ? "breakpoint" : "",
+    mark?.coverage !== undefined ? `covered ${Math.round(mark.coverage * 100)} %` : ""].filter(Boolean);
+  return (
+    <div className={`tree-card ${family} ${status ?? ""} ${selected === node.id ? "selected" : ""} ${mark?.coverage === 0 ? "uncovered" : ""}`}
+      id={`tree-${node.id}`} data-tree-node={node.id} role="treeitem" aria-label={words.join(", ")} aria-selected={selected === node.id}
+      aria-expanded={node.children.length ? !folded : undefined}>
+      <Handle type="target" position={Position.Left} isConnectable={false} />
+      {mark?.breakpoint && <span className="tree-breakpoint" title="Breakpoint" />}
+      <NodeSymbol symbol={node.kind} />
+      <span className="tree-name"><b>{node.name}</b>{node.detail && <small>{node.detail}</small>}</span>
+      {mark?.faults ? <span className="tree-faults" title={`${mark.faults} faults`}>{mark.faults}</span> : null}
+      {status && <span className="tree-status" aria-hidden="true">{STATUS_SIGNS[status]}</span>}
+      {node.children.length > 0 && (
+        <button className="tree-fold nodrag" tabIndex={-1} aria-label={folded ? `Unfold ${node.name}` : `Fold ${node.name}`}
+          onClick={(event) => { event.stopPropagation(); fold(node.id); }}>{folded ? `+${count(node) - 1}` : "−"}</button>
+      )}
+      <Handle type="source" position={Position.Right} isConnectable={false} />
+    </div>
+  );
+});
+const NODE_TYPES = { card: CardView };
+
+interface Shown {
+  node: TreeNode;
+  parent?: string;
+  folded: boolean;
+}
+
+function collect(root: TreeNode, isFolded: (node: TreeNode) => boolean): Map<string, Shown> {
+  const found = new Map<string, Shown>();
+  const add = (node: TreeNode, parent?: string) => {
+    const folded = isFolded(node);
+    found.set(node.id, { node, parent, folded });
+    if (!folded) for (const child of node.children) add(child, node.id);
+  };
+  add(root);
+  return found;
+}
+
+function boxOf(node: TreeNode, isFolded: (node: TreeNode) => boolean): Box {
+  const children = isFolded(node) ? [] : node.children.map((child) => boxOf(child, isFolded));
+  return { id: node.id, width: widthOf(node), height: heightOf(node), children };
+}
+
+function find(node: TreeNode, id: string): TreeNode | null {
+  if (node.id === id) return node;
+  for (const child of node.children) {
+    const found = find(child, id);
+    if (found) return found;
+  }
+  return null;
+}
+
+const counts = new WeakMap<TreeNode, number>();
+function count(node: TreeNode): number {
+  let known = counts.get(node);
+  if (known === undefined) {
+    known = node.children.reduce((sum, child) => sum + count(child), 1);
+    counts.set(node, known);
+  }
+  return known;
+}
+
+const widths = new WeakMap<TreeNode, number>();
+function widthOf(node: TreeNode): number {
+  let known = widths.get(node);
+  if (known === undefined) {
+    const letters = Math.max(node.name.length * 7.4, (node.detail?.length ?? 0) * 6);
+    known = Math.round(Math.min(Math.max(letters + 88, 130), 300));
+    widths.set(node, known);
+  }
+  return known;
+}
+
+const heightOf = (node: TreeNode) => (node.detail ? WITH_DETAIL : HEIGHT);
+
+function dropTarget(card: Card, boxes: Map<string, Shown>, laid: Laid): { parent: string; index: number } | null {
+  const inside = new Set<string>();
+  const mark = (node: TreeNode) => {
+    inside.add(node.id);
+    node.children.forEach(mark);
+  };
+  mark(card.data.node);
+  const middle = { x: card.position.x, y: card.position.y + HEIGHT / 2 };
+  let best: { parent: string; index: number; distance: number } | null = null;
+  for (const { node, folded } of boxes.values()) {
+    if (inside.has(node.id)) continue;
+    const place = laid.places.get(node.id);
+    if (!place) continue;
+    const over = middle.x >= place.x && middle.x <= place.x + widthOf(node) && middle.y >= place.y && middle.y <= place.y + heightOf(node);
+    if (over) return { parent: node.id, index: node.children.length };
+    const children = folded ? [] : node.children.filter((child) => !inside.has(child.id));
+    if (!children.length) continue;
+    const at = children.map((child) => laid.places.get(child.id)).filter((each) => each !== undefined);
+    const column = at[0]!.x;
+    const [top, bottom] = [at[0]!.y, at[at.length - 1]!.y + HEIGHT];
+    const outside = Math.max(top - middle.y, middle.y - bottom, 0);
+    const distance = Math.abs(middle.x - column) + 2 * outside;
+    const index = at.filter((each) => each.y + HEIGHT / 2 < middle.y).length;
+    if (distance < 200 && (!best || distance < best.distance)) best = { parent: node.id, index, distance };
+  }
+  return best && { parent: best.parent, index: best.index };
+}

@@ -1,0 +1,1 @@
+"""Runs of the folder: index, opening, explanation, what-if and comparison."""

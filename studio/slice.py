@@ -1,0 +1,32 @@
+"""Slice: a part of the studio with calls, watches and routes over the shared workspace and jobs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+from starlette.routing import BaseRoute
+
+from .jobs import Jobs
+from .workspace import Workspace
+
+
+@dataclass(frozen=True)
+class Studio:
+    """Shared parts of one server, given to each slice."""
+
+    workspace: Workspace
+    jobs: Jobs
+
+
+class Slice(Protocol):
+    """Part of the studio. Its methods declared with `call` and `watch` are what the page uses."""
+
+    def routes(self) -> Sequence[BaseRoute]:
+        """Return the addresses that it serves over HTTP."""
+        ...
+
+    async def close(self) -> None:
+        """Release what it holds, when the server ends."""
+        ...

@@ -1,0 +1,20 @@
+"""List of the studio's slices."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Final
+
+from .folder_slice import FolderSlice
+from .runs.run_slice import RunSlice
+from .slice import Slice, Studio
+
+MAKERS: Final[tuple[Callable[[Studio], Slice], ...]] = (
+    FolderSlice,
+    RunSlice,
+)
+
+
+def slices(studio: Studio) -> tuple[Slice, ...]:
+    """Return the slices of a server."""
+    return tuple(make(studio) for make in MAKERS)

@@ -1,0 +1,190 @@
+"""The page in a browser: from an empty folder to a what-if; markup in names shows as text; accessibility."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import pytest
+
+from ..browser import Chromium, Told, wait_until
+from ..needs import CHROMIUM, needs, packages
+from .conftest import PATIENCE, Served
+
+pytestmark = needs(CHROMIUM)
+HERE = Path(__file__).parent / "node"
+AXE = HERE / "node_modules" / "axe-core" / "axe.min.js"
+MARKUP = '<img src=x onerror="globalThis.ran=1"><b>bold</b>'
+
+
+@pytest.fixture
+def page(served: Served, chromium: Chromium) -> Iterator[tuple[Any, Told]]:
+    """The studio in a browser, its start page open."""
+    own = f"http://127.0.0.1:{served.port}/"
+    with chromium.blank(own) as (opened, told):
+        opened.set_default_timeout(PATIENCE * 1000)
+        opened.goto(served.link)
+        opened.wait_for_selector("main h1, main h2")
+        yield opened, told
+
+
+def go(page: Any, address: str) -> None:
+    page.evaluate("(address) => { location.hash = address; }", address)
+
+
+def serious(page: Any) -> list[str]:
+    """Serious findings of axe-core on the page, frames left out."""
+    if not AXE.is_file():
+        pytest.skip(packages("studio").reason)
+    page.evaluate(AXE.read_text(encoding="utf-8"))
+    found = page.evaluate(
+        "axe.run({exclude: [['iframe']]}, {iframes: false}).then((all) => all.violations.filter((each) => "
+        "['serious', 'critical'].includes(each.impact)).map((each) => `${each.id}: ${each.nodes.map((n) => n.target)}`))"
+    )
+    return list(found)
+
+
+def test_from_an_empty_folder_to_a_what_if(
+    served: Served, page: tuple[Any, Told], troubled_log: Path
+) -> None:
+    browser, told = page
+    browser.get_by_role("button", name="Copy the examples here").click()
+    browser.get_by_text("one_pick.yaml").first.wait_for()
+    assert (served.folder / "sort_by_colour.yaml").is_file()
+    assert serious(browser) == []
+
+    go(browser, "#/runs")
+    browser.get_by_text("No run in this folder yet").wait_for()
+    shutil.copytree(troubled_log.parent, served.folder / "runs" / "troubled")
+    browser.get_by_role("link", name="sort by colour").wait_for()  # it appears by itself
+    assert serious(browser) == []
+    browser.get_by_label("Condition").fill("status == 'succes'")
+    browser.keyboard.press("Enter")
+    browser.get_by_text("did you mean").wait_for()
+    browser.get_by_label("Condition").fill("lost > 0 and 'grasp.missed' in causes")
+    browser.keyboard.press("Enter")
+    browser.get_by_text("1 runs").wait_for()
+    browser.locator("[data-index='0']").focus()
+    browser.keyboard.press("Enter")
+
+    browser.get_by_role("heading", name="sort by colour").wait_for()
+    failure = browser.locator(".failures button.failure").first
+    failure.wait_for()
+    frame = browser.frame_locator("iframe")
+    frame.locator("html[data-ready=yes]").wait_for(state="attached")
+    failure.click()
+    with served.client() as client:
+        first = client.call("runs.explain", id="runs/troubled")["failures"][0]["time"]
+    wait_until(
+        browser, f"Math.abs(new URLSearchParams(location.hash.split('?')[1]).get('t') - {first}) < 0.001"
+    )
+    assert frame.locator("#clock").inner_text() == f"{first:.2f} s"
+    assert serious(browser) == []
+
+    browser.get_by_role("button", name="What if …").click()
+    browser.get_by_label("none", exact=True).check()
+    editor = browser.get_by_label("Mission", exact=True)
+    editor.click()
+    browser.keyboard.press("Control+Home")
+    browser.keyboard.type("# tried without faults\n")
+    assert serious(browser) == []
+    browser.get_by_role("button", name="Go on from there").click()
+    browser.locator("dialog .job[data-outcome=done], dialog .job[data-outcome=no]").wait_for()
+    assert "what if" in browser.locator("dialog pre").inner_text()
+    edited = served.folder / "sort_by_colour.what-if.yaml"
+    assert edited.read_text(encoding="utf-8").startswith("# tried without faults\npicktree: 1")
+    browser.locator("dialog").get_by_role("link", name="Open").click()
+    browser.get_by_role("heading", name="sort by colour").wait_for()
+    wait_until(browser, "location.hash.startsWith('#/run/runs/') && !location.hash.includes('troubled')")
+    assert told.requests == []
+    assert told.problems == []
+
+
+def test_markup_in_names_and_messages_is_text(
+    served: Served, page: tuple[Any, Told], sample: ModuleType, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    browser, told = page
+    hostile = replace(sample.RUN, mission=MARKUP, scene=MARKUP)
+    monkeypatch.setattr(sample, "RUN", hostile)
+    folder = served.folder / "runs" / '"><img src=x onerror=ran=1>'
+    folder.mkdir(parents=True)
+    sample.record(folder / "log.mcap")
+    (served.folder / "<b>mission.yaml").write_text(f"picktree: 1\nkind: mission\nname: '{MARKUP}'\n")
+    for address in ("#/runs", "#/", f"#/run/runs/{folder.name}", f"#/{MARKUP}"):
+        go(browser, address)
+        browser.wait_for_timeout(700)
+    go(browser, "#/runs")
+    link = browser.get_by_role("link", name=MARKUP)
+    link.wait_for()
+    link.click()
+    browser.locator(".run-title h1").wait_for()
+    assert MARKUP in browser.locator(".run-title h1").inner_text()
+    frame = browser.frame_locator("iframe")
+    frame.locator("html[data-ready=yes]").wait_for(state="attached")
+    assert browser.evaluate(
+        "[globalThis.ran ?? 0, document.querySelectorAll('main img, main b.bold').length]"
+    ) == [0, 0]
+    # The report has an origin of its own: nothing of the studio is within its reach.
+    inside = browser.frames[1]
+    assert inside.evaluate("[globalThis.ran ?? 0, globalThis.origin]") == [0, "null"]
+    with pytest.raises(Exception, match="SecurityError|cross-origin"):
+        inside.evaluate("parent.document.title")
+    assert [each for each in told.problems if "SecurityError" not in each] == []
+
+
+def test_the_page_says_that_the_server_is_gone_and_finds_it_again(
+    served: Served, page: tuple[Any, Told]
+) -> None:
+    browser, _ = page
+    browser.evaluate(
+        "globalThis.sockets = []; const made = WebSocket; globalThis.WebSocket = function (a) { throw 1; };"
+    )
+    assert browser.get_by_role("alert").count() == 0
+
+
+@needs(packages("studio"))
+def test_a_tree_of_a_thousand_nodes_opens_folds_and_is_used_by_keys(
+    served: Served, page: tuple[Any, Told], tmp_path: Path
+) -> None:
+    browser, told = page
+    import subprocess
+
+    bundle = tmp_path / "harness.js"
+    words = [
+        "--bundle",
+        "--format=iife",
+        "--jsx=automatic",
+        '--define:process.env.NODE_ENV="production"',
+        "--log-level=error",
+    ]
+    done = subprocess.run(
+        ["node_modules/.bin/esbuild", "tree_harness.tsx", *words, "--loader:.css=empty", f"--outfile={bundle}"],
+        cwd=HERE, capture_output=True, text=True, env={"PATH": "/usr/bin:/bin:/usr/local/bin", "NODE_PATH": "node_modules"},
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    browser.route(
+        "**/page/studio.js", lambda route: route.fulfill(path=str(bundle), content_type="text/javascript")
+    )
+    browser.goto(f"http://127.0.0.1:{served.port}/")
+    browser.locator(".tree-card").first.wait_for()
+    assert browser.evaluate("globalThis.count") == 1000
+    tree = browser.get_by_role("tree")
+    tree.focus()
+    seen = []
+    for key in ("Home", "ArrowRight", "ArrowDown", "ArrowLeft"):
+        browser.keyboard.press(key)
+        seen.append(browser.evaluate("globalThis.selected"))
+    assert seen == ["n0", "n1", "n2", "n0"]
+    shown = browser.locator(".tree-card").count()
+    browser.keyboard.press("-")
+    wait_until(browser, "document.querySelectorAll('.tree-card').length === 1")
+    assert browser.locator("[aria-expanded=false]").count() == 1
+    browser.keyboard.press("+")
+    wait_until(browser, f"document.querySelectorAll('.tree-card').length >= {shown // 2}")
+    assert told.problems == []
