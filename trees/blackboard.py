@@ -41,15 +41,18 @@ class Blackboard:
         """Return a copy of the value. Raises KeyError when nothing was written under the key."""
         return plain_copy(self._values[key])
 
-    def write(self, key: str, value: object, node: str) -> None:
-        """Write a copy of the value. Raises TypeError or ValueError for a value that is not plain."""
+    def write(self, key: str, value: object, node: str, *, update: bool = True) -> None:
+        """Write a copy of the value. Raises TypeError or ValueError for a value that is not plain.
+
+        `update`: whether the write counts for those who watch the key.
+        """
         self._values[key] = plain_copy(value)
         self._writes.append(BlackboardWrite(key, plain_copy(value), node))
-        for written in self._watchers.get(key, ()):
+        for written in self._watchers.get(key, ()) if update else ():
             written()
 
     def watch(self, key: str, written: Callable[[], None]) -> None:
-        """Call `written` after each write to the key. Restored values are no writes."""
+        """Call `written` after each write to the key that is an update. Restored values are no writes."""
         self._watchers.setdefault(key, []).append(written)
 
     @property
@@ -108,16 +111,18 @@ class Namespace:
             value = wired[0].read(wired[1], scene)
         return resolve(scene, reference, value)
 
-    def write(self, key: str, value: object, node: str) -> None:
-        """Write a key. Raises TypeError or ValueError for a value that is not plain, or a key that is
-        read-only here."""
+    def write(self, key: str, value: object, node: str, *, update: bool = True) -> None:
+        """Write a key; `update`: whether it counts for those who watch it.
+
+        Raises TypeError or ValueError for a value that is not plain, or a key that is read-only here.
+        """
         wired = self._alias(key)
         if wired is None:
-            self._board.write(f"{self._prefix}/{key}", value, node)
+            self._board.write(f"{self._prefix}/{key}", value, node, update=update)
         elif wired[1].attributes:
             raise ValueError(f"{key!r} stands for {wired[1]}, which cannot be written")
         else:
-            wired[0].write(wired[1].key, value, node)
+            wired[0].write(wired[1].key, value, node, update=update)
 
     def names(self) -> list[str]:
         """Return the keys that can be read now, sorted."""

@@ -57,8 +57,11 @@ class KeyRead:
 
 @dataclass(slots=True)
 class WiredTree:
-    """A tree in one way of being wired; `same`: bits that stand for one key; `owned`: inputs that are
-    attributes of an object; `rooted`: keys that other trees write, too, own ones and ports."""
+    """A tree in one way of being wired.
+
+    `same`: bits that stand for one key; `owned`: inputs that are attributes of an object; `rooted`: keys that
+    other trees write, too, own ones and ports.
+    """
 
     layout: KeyBits
     same: Mapping[int, int]

@@ -276,7 +276,8 @@ class SubTree(Node):
     """Node that ticks its one child in a separate namespace.
 
     A port wired to a key of the caller is an alias of that key. Literals, defaults and the values of
-    expressions are written when the sub-tree starts.
+    expressions are written when the sub-tree starts. A literal counts as an update for nodes that watch the
+    key only the first time, as in BehaviorTree.CPP, which writes it once.
     """
 
     node_id = "SubTree"
@@ -294,12 +295,16 @@ class SubTree(Node):
         self.description = tree.describe_call(SubTree, ports)
 
     def on_start(self) -> None:
-        self.on_rewired(frozenset(self.wiring.ports))
+        self._write_inputs(frozenset(self.wiring.ports), starts=True)
 
     def on_rewired(self, ports: frozenset[str]) -> None:
+        self._write_inputs(ports, starts=False)
+
+    def _write_inputs(self, ports: frozenset[str], *, starts: bool) -> None:
         for key, wired in self.wiring.ports.items():
             if key in ports and isinstance(wired, Constant):
-                self.inside.write(key, wired.value, self.path)
+                again = starts and self.inside.has(key)
+                self.inside.write(key, wired.value, self.path, update=not again)
             elif key in ports and isinstance(wired, PortExpression):
                 where = f"input {key!r} of {self.wiring.id}: "
                 value = evaluate(wired.value, self.wiring.namespace, self.world, where)
