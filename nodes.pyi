@@ -978,9 +978,8 @@ class PickAny(Node):
     The camera maps the heights of what lies there. The hand's shape is swept over the map: vertical
     grasps come first, then tilted ones, then looser demands. What the wrist feels after the lift tells
     whether something is held. The thing is then an object of the belief with its hull, colour and weight, for
-    `Place`. A look after the lift may show more than one thing in the hand: the skill fails with
-    `grasp.double`, and the hand still holds them. A thing that the hand holds already is kept. A place where
-    a grasp has failed is left out until the depth there changes.
+    `Place`. A thing that the hand holds already is kept. A place where a grasp has failed is left out until
+    the depth there changes.
 
     Ports:
         from_: the tote, or the fixture with a pile, to pick from.
@@ -1005,20 +1004,20 @@ class PickAny(Node):
     ) -> None: ...
 
 class Present(Node):
-    """Hold the thing in the hand before a fixed camera, look at it from both sides of the hand, and learn its
-    hull, colour, size and tag.
+    """Hold the thing in the hand before a fixed camera, and learn its hull, colour, size and tag.
 
-    The pose follows from the camera's place and field of view; the fingers are beside the thing, so that they
-    do not hide it. Two different tags, or surfaces of two colours, show that more than one thing is in the
-    hand: the skill fails with `grasp.double`, and the hand still holds them. What is learnt is kept for a
-    thing that nobody has catalogued; an object of a known kind is only looked at.
+    The camera sees it from both sides of the hand, as far as the arm gets there. The pose follows from the
+    camera's place and field of view; the fingers are beside the thing, so that they do not hide it. Two
+    different tags, or surfaces of two colours, show that more than one thing is in the hand: the skill fails
+    with `grasp.double`, and the hand still holds them. What is learnt is kept for a thing that nobody has
+    catalogued; an object of a known kind is only looked at.
 
     Ports:
         object: the object to present, which the hand holds.
         camera: the fixed camera to hold it before; default overhead.
         looks: looks at most: 2 for both sides of the hand; at least 1, at most 2; default 2.
         until_classified: whether it ends as soon as the scene's `destinations` know what they ask for; at once when they do already; default False.
-        speed: share of the joints' speed limits: 1 for as fast as allowed; more than 0, at most 1; default 0.7.
+        speed: share of the joints' speed limits: 1 for as fast as allowed; more than 0, at most 1; default 0.5.
     """
 
     def __init__(
