@@ -978,9 +978,8 @@ class PickAny(Node):
     The camera maps the heights of what lies there. The hand's shape is swept over the map: vertical
     grasps come first, then tilted ones, then looser demands. What the wrist feels after the lift tells
     whether something is held. The thing is then an object of the belief with its hull, colour and weight, for
-    `Place`. A look after the lift may show more than one thing in the hand: the skill fails with
-    `grasp.double`, and the hand still holds them. A thing that the hand holds already is kept. A place where
-    a grasp has failed is left out until the depth there changes.
+    `Place`. A thing that the hand holds already is kept. A place where a grasp has failed is left out until
+    the depth there changes.
 
     Ports:
         from_: the tote, or the fixture with a pile, to pick from.

@@ -20,9 +20,8 @@ class PickAny(Skill):
     The camera maps the heights of what lies there. The hand's shape is swept over the map: vertical
     grasps come first, then tilted ones, then looser demands. What the wrist feels after the lift tells
     whether something is held. The thing is then an object of the belief with its hull, colour and weight, for
-    `Place`. A look after the lift may show more than one thing in the hand: the skill fails with
-    `grasp.double`, and the hand still holds them. A thing that the hand holds already is kept. A place where
-    a grasp has failed is left out until the depth there changes.
+    `Place`. A thing that the hand holds already is kept. A place where a grasp has failed is left out until
+    the depth there changes.
     """
 
     example = """
@@ -43,7 +42,6 @@ class PickAny(Skill):
         grasp.NO_CANDIDATE,
         grasp.MISSED,
         grasp.SLIPPED,
-        grasp.DOUBLE,
         planning.ANY,
         control.ANY,
         safety.ANY,
@@ -57,11 +55,9 @@ class PickAny(Skill):
     def run(self, world: World) -> Steps:
         # OpenCV, which the search among grasps takes, is slow to load, and a check does without.
         from ..manipulation.pick.heap_pick import HeapPickTask, pick_any, thing_in_hand
-        from ..manipulation.pick.presentation import check_single
 
         world.handover.drop()
         yield from world.move.rest()
         task = HeapPickTask(self.tote, self.path, self.camera, self.force, self.speed)
         held = yield from thing_in_hand(world)
         self.thing = held or (yield from pick_any(world, task, self.attempts))
-        yield from check_single(world, self.thing, self.camera, self.path)

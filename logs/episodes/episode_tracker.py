@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from copy import deepcopy
 
 from ...world.events.run_events import FaultEvent, RecoveryEvent
-from ...world.events.skill_events import SetAsideEvent
+from ...world.events.skill_events import ItemDoneEvent, SetAsideEvent
 from ...world.journal import JournalEvent
 from .episode import (
     AGAIN,
@@ -95,6 +95,8 @@ class EpisodeTracker:
         for event in events:
             if isinstance(event, RecoveryEvent):
                 self._told(event)
+            elif isinstance(event, ItemDoneEvent):
+                self._progress()
             elif isinstance(event, FaultEvent) and event.struck:
                 item = event.item or ""
                 self._waiting.append(Planted(time, event.fault, event.message, item, "", None, None))
@@ -230,6 +232,12 @@ class EpisodeTracker:
             failing = self._with(cause, parent.arrived)
             parent.failed, parent.dealing = node.path, handling
             parent.failing = parent.failing if failing is None else failing
+
+    def _progress(self) -> None:
+        """An item is done: the time up to now is not lost to what fails later in the same branches."""
+        for node in self._open.values():
+            if not node.dealing:
+                node.run, node.borne = self._time, 0.0
 
     # What is done about it.
 

@@ -140,16 +140,6 @@ def present(world: World, task: PresentTask) -> Doing[None]:
         raise Failure(perception.NOT_FOUND, message, object=held.id, looks=task.looks)
 
 
-def check_single(world: World, object_id: ObjectId, camera: str, node: str) -> Doing[None]:
-    """Look at the thing in the hand where the arm is. Raises grasp.double when it is more than one thing.
-
-    The hand hides a part of it, and its belief stays as it is.
-    """
-    view = yield from world.vision.examine(camera)
-    if float(view.areas.sum()) > MIN_SEEN_AREA:
-        _judge(world, object_id, SeenThing.of([view]), node, whole=False)
-
-
 def _is_done(world: World, task: PresentTask) -> bool:
     """Return whether the rules of the destinations know what they ask for, and nothing else is wanted."""
     thing, rules = world.scene.get(task.object), world.description.destinations
@@ -257,17 +247,11 @@ def _refine(world: World, task: PresentTask, seen: SeenThing, *, whole: bool) ->
         if whole:
             refined = _with_hull(world, refined, seen.points)
         world.scene.put(refined, "looked at in the hand")
-    _judge(world, held.id, seen, task.node, whole=whole)
-
-
-def _judge(world: World, object_id: ObjectId, seen: SeenThing, node: str, *, whole: bool) -> None:
-    """Record what was seen in the hand. Raises grasp.double when it is more than one thing."""
-    held = world.scene.get(object_id)
     world.journal.note(
         PresentEvent(
             f"{held.id} is looked at in the hand: {', '.join(seen.colours) or 'no colour'}, "
             f"{seen.size * 1000:.0f} mm" + "".join(f", tag {number}" for number in seen.tags),
-            node,
+            task.node,
             object=held.id,
             whole=whole,
             colours=seen.colours,

@@ -13,6 +13,7 @@ from picktree.logs.episodes.episode_counts import cause_lines, counted
 from picktree.logs.episodes.episode_tracker import EpisodeTracker
 from picktree.logs.schema.records import TransitionRecord, Tree
 from picktree.world.events.run_events import FaultEvent, RecoveryEvent
+from picktree.world.events.skill_events import ItemDoneEvent
 from picktree.world.journal import JournalEvent
 
 from .scripted_log import begins, ends, tree
@@ -58,6 +59,19 @@ SLIPPED = {
     3.0: [ends(f"{LOOK}/Observe"), ends(LOOK)],
     3.1: [begins(GRASP, "ball_1")],
 }
+
+
+def test_time_up_to_the_last_done_item_is_not_lost() -> None:
+    pick, rest = "Main/Repeat/Pick", "Main/SafeRetreat"
+    nodes = tree("Main:Fallback", "Main/Repeat", pick, rest)
+    script: dict[float, list[TransitionRecord | JournalEvent]] = {
+        0.0: [begins("Main"), begins("Main/Repeat"), begins(pick, "tote")],
+        20.0: [ends(pick), ItemDoneEvent("", pick, object="thing_1"), begins(pick, "tote")],
+        23.0: [*fails(pick, "grasp.no_candidate", "Main/Repeat"), begins(rest)],
+        25.0: [ends(rest), ends("Main")],
+    }
+    episodes, _ = follow(nodes, script)
+    assert [(e.cause, e.seconds) for e in episodes] == [("grasp.no_candidate", 3.0)]
 
 
 def test_a_cure_helps_at_the_second_try() -> None:
