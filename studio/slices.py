@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Final
 
+from .batches.batch_slice import BatchSlice
 from .folder_slice import FolderSlice
 from .runs.run_slice import RunSlice
 from .slice import Slice, Studio
@@ -12,6 +13,7 @@ from .slice import Slice, Studio
 MAKERS: Final[tuple[Callable[[Studio], Slice], ...]] = (
     FolderSlice,
     RunSlice,
+    BatchSlice,
 )
 
 
