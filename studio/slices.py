@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Final
 
+from .batches.batch_slice import BatchSlice
 from .folder_slice import FolderSlice
 from .live.live_slice import LiveSlice
 from .missions.mission_slice import MissionSlice
@@ -16,6 +17,7 @@ MAKERS: Final[tuple[Callable[[Studio], Slice], ...]] = (
     MissionSlice,
     RunSlice,
     LiveSlice,
+    BatchSlice,
 )
 
 

@@ -288,7 +288,10 @@ class Batch:
 
 
 def _locked(folder: Path) -> ExitStack:
-    """Lock the folder until this process ends. Raises PicktreeError when another has the lock."""
+    """Lock the folder until this process ends; the file holds its number.
+
+    Raises PicktreeError when another has the lock.
+    """
     if not folder.is_dir():
         raise PicktreeError(f"{folder}: there is no such folder")
     try:
@@ -302,4 +305,6 @@ def _locked(folder: Path) -> ExitStack:
     except OSError:
         held.close()
         raise PicktreeError(f"{folder}: another process runs this batch") from None
+    os.ftruncate(lock, 0)
+    os.write(lock, f"{os.getpid()}\n".encode())
     return held

@@ -7,6 +7,7 @@ import signal
 import sys
 from collections.abc import Generator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import asdict
 from datetime import datetime
 from pathlib import Path
 from types import FrameType
@@ -15,8 +16,9 @@ from typing import TYPE_CHECKING, Annotated, Literal, TextIO, TypeAlias
 import typer
 
 from ...errors import PicktreeError
+from ...files.marks import FileError
 from ..options import Backend, JsonWritten, Verify
-from ..terminal.output import StatusLine, end_with, keep_stdout, print_answer, program
+from ..terminal.output import StatusLine, end_with, json_text, keep_stdout, print_answer, program
 
 if TYPE_CHECKING:
     from ...batch.cluster.ray_executor import RayExecutor
@@ -257,6 +259,35 @@ batch = typer.Typer(help="Run many jobs, and ask what came of them.", no_args_is
 batch.command()(run)
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object.")]
 Folder = Annotated[Path, typer.Argument(metavar="DIR", help="The batch's folder.")]
+
+
+@batch.command()
+def plan(
+    file: Annotated[Path, typer.Argument(metavar="PLAN", help="Plan file.")],
+    runs: Annotated[
+        Path, typer.Option(metavar="DIR", help="Folder with batches that tell how long jobs take.")
+    ] = Path("runs"),
+    workers: Workers = None,
+    stdin: Annotated[
+        bool, typer.Option("--stdin", help="Read the text from stdin; PLAN says where it belongs.")
+    ] = False,
+    json: Json = False,
+) -> None:
+    """Check a plan, and show its matrix and what it will cost, without running it."""
+    from ...batch.forecast import forecast, recorded_batches
+    from ...batch.plan_loading import check_plan
+    from ...files.yaml.document import read_document
+
+    text = sys.stdin.read() if stdin else None
+    try:
+        wanted = check_plan(read_document(file.absolute(), "plan", text)).required()
+    except FileError as error:
+        if json:
+            print(json_text({"faults": [asdict(fault) for fault in error.faults]}), end="")
+            raise typer.Exit(2) from None
+        raise
+    found = forecast(wanted, recorded_batches(runs), workers)
+    print(json_text(found.to_json()) if json else f"{found.to_text()}\n", end="")
 
 
 @batch.command()

@@ -9,6 +9,8 @@ const SIGNS: Record<string, [sign: string, kind: string]> = {
   interrupted: ["■", "open"],
   running: ["▶", "running"],
   killed: ["†", "open"],
+  crashed: ["†", "failure"],
+  waiting: ["…", "open"],
   unreadable: ["?", "open"],
 };
 
