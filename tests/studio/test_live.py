@@ -18,7 +18,7 @@ from picktree.studio.live.run_start import RunOrder
 from picktree.studio.slice import Studio
 from picktree.studio.workspace import Workspace
 
-PATIENCE = 8.0
+from .conftest import PATIENCE
 
 MISSION = """\
 picktree: 1
