@@ -202,7 +202,9 @@ class AttachServer(Interrupter):
     # Stops.
 
     def _stop_there(self, debugger: Debugger, stop: DebuggerStop) -> None:
-        self._wait({"stop": place(debugger.tree, stop), "when": stop.when, "path": stop.path}, stop)
+        now = debugger.tree.root.world.clock.now
+        where = place(debugger.tree, stop)
+        self._wait({"stop": where, "when": stop.when, "path": stop.path, "time": now}, stop)
 
     def _wait(self, standing: Mapping[str, object], stop: DebuggerStop) -> None:
         """Carry out commands until the run goes on: by a command, an answer, or because nobody steers."""

@@ -17,7 +17,7 @@ from typing import Any
 from picktree.session.session import RunRequest, Session
 
 from ..browser import Chromium
-from .conftest import Served, serving
+from .conftest import Client, Served, serving
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 FAULTS = ("slip.yaml", "remove.yaml", "gripper_weak.yaml")
@@ -53,13 +53,29 @@ def make_folder(folder: Path) -> str:
     return shown.relative_to(folder).as_posix()
 
 
-def shots(run: str, *, every: bool) -> list[Shot]:
-    pages = {"start": "#/", "runs": "#/runs", "run": f"#/run/{run}?t=6"}
+def stopped_run(client: Client) -> str:
+    """Start a run and let it stop at its third item; return its identity."""
+    order = {"mission": "sort_by_colour.yaml", "scene": "sort_small", "backend": "kinematic", "pace": 4.0}
+    identity: str = client.call("live.start", order={**order, "seed": 4})
+    client.call("live.command", id=identity, line="break Place after")
+    stops = 0
+    for event in client.watch("live.follow", id=identity):
+        if event.get("stop"):
+            stops += 1
+            if stops == 2:
+                break
+            client.call("live.command", id=identity, line="continue")
+    return identity
+
+
+def shots(run: str, live: str, *, every: bool) -> list[Shot]:
+    pages = {"start": "#/", "runs": "#/runs", "run": f"#/run/{run}?t=6", "live": f"#/live/{live}"}
     if not every:
         return [
             Shot("studio-runs", pages["runs"], (1280, 560)),
             Shot("studio-run", pages["run"], (1280, 800)),
             Shot("studio-phone", pages["run"], (390, 844), dark=True),
+            Shot("studio-live", pages["live"], (1280, 800)),
         ]
     return [
         Shot(f"studio-{name}-{size[0]}-{'dark' if dark else 'light'}", address, size, dark)
@@ -84,6 +100,10 @@ def wait_for_content(page: Any, shot: Shot) -> None:
         page.locator(".explanation").wait_for()
         page.frame_locator("iframe").locator("html[data-ready=yes]").wait_for(state="attached")
         page.wait_for_timeout(2500)
+    elif shot.address.startswith("#/live/"):
+        page.get_by_text("Stopped at").wait_for()
+        page.locator(".live-view canvas").wait_for()
+        page.wait_for_timeout(4000)
     elif shot.address == "#/runs":
         page.locator("[data-index='0'] a").wait_for()
     else:
@@ -103,9 +123,11 @@ def main() -> None:
         run = make_folder(folder)
         chromium = Chromium()
         try:
-            with serving(folder) as served:
-                for shot in shots(run, every=chosen.all):
+            with serving(folder) as served, served.client() as client:
+                live = stopped_run(client)
+                for shot in shots(run, live, every=chosen.all):
                     photograph(chromium, served, shot, chosen.out)
+                client.call("live.command", id=live, line="halt")
         finally:
             chromium.close()
 
