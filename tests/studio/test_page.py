@@ -159,8 +159,8 @@ def test_a_tree_of_a_thousand_nodes_opens_folds_and_is_used_by_keys(
     assert seen == ["n0", "n1", "n2", "n0"]
     shown = browser.locator(".tree-card").count()
     browser.keyboard.press("-")
-    wait_until(browser, "document.querySelectorAll('.tree-card').length === 1")
+    wait_until(browser, "document.querySelectorAll('.tree-card').length === 1", PATIENCE)
     assert browser.locator("[aria-expanded=false]").count() == 1
     browser.keyboard.press("+")
-    wait_until(browser, f"document.querySelectorAll('.tree-card').length >= {shown // 2}")
+    wait_until(browser, f"document.querySelectorAll('.tree-card').length >= {shown // 2}", PATIENCE)
     assert told.problems == []
