@@ -4,7 +4,7 @@
 
 import { Background, Controls, Handle, Position, ReactFlow, ReactFlowProvider, useReactFlow } from "@xyflow/react";
 import type { Edge, Node, NodeProps } from "@xyflow/react";
-import { createContext, memo, useCallback, useContext, useEffect, useMemo, useRef, useState } from "react";
+import { createContext, memo, useCallback, useContext, useEffect, useLayoutEffect, useMemo, useRef, useState } from "react";
 import type { JSX, KeyboardEvent } from "react";
 
 import { NodeSymbol } from "../ui/Icon";
@@ -77,14 +77,26 @@ function Tree({ root, marks, selected, onSelect, onMenu, onMove, className }: Tr
   const shown = useMemo(() => collect(root, isFolded), [root, isFolded]);
   const laid = useMemo(() => layOut(boxOf(root, isFolded)), [root, isFolded]);
 
+  // What is folded stays where it is on the screen, while the rest moves.
+  const anchor = useRef<{ id: string; x: number; y: number } | null>(null);
+  useLayoutEffect(() => {
+    const before = anchor.current;
+    anchor.current = null;
+    const after = before && laid.places.get(before.id);
+    if (!before || !after) return;
+    const { x, y, zoom } = flow.getViewport();
+    void flow.setViewport({ x: x + (before.x - after.x) * zoom, y: y + (before.y - after.y) * zoom, zoom });
+  }, [laid, flow]);
   const fold = useCallback((id: string) => {
+    const place = laid.places.get(id);
+    anchor.current = place ? { id, ...place } : null;
     setChanged((before) => {
       const node = find(root, id);
       if (!node?.children.length) return before;
       const folded = before.get(id) ?? node.collapsedByDefault ?? false;
       return new Map(before).set(id, !folded);
     });
-  }, [root]);
+  }, [root, laid]);
 
   const nodes = useMemo<Card[]>(() => {
     return [...shown.values()].map(({ node, folded }) => ({
