@@ -2,12 +2,14 @@
 
 `python benchmarks/watching.py [--rounds N]` runs one mission without and with three followers in alternation,
 and prints medians and ranges. Then one run at the pace of the clock gives the lag: from the moment at which
-the run sends a tick's messages until a follower has read them.
+the run sends a tick's messages until a follower has read them. A second one has three viewers of the studio:
+their lag lasts until the studio has the event for the page.
 """
 
 from __future__ import annotations
 
 import argparse
+import asyncio
 import json
 import multiprocessing
 import statistics
@@ -15,11 +17,18 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Callable
 from multiprocessing.queues import SimpleQueue
 from pathlib import Path
 from typing import Any
 
 from picktree.session.live.attach_socket import SOCKET_NAME, connect_to_run
+from picktree.studio.jobs import Jobs
+from picktree.studio.live.live_slice import LiveSlice
+from picktree.studio.slice import Studio
+from picktree.studio.workspace import Workspace
+
+import orjson
 
 MISSION = Path(__file__).parents[1] / "examples" / "sort_by_colour.yaml"
 VIEWERS = 3
@@ -40,8 +49,13 @@ def follow(folder: Path, lags: SimpleQueue[list[float]]) -> None:
     lags.put(found)
 
 
-def run(out: Path, viewers: int, *options: str) -> tuple[dict[str, Any], list[float]]:
-    """Run the mission in a process of its own with that many followers; return its result and the lags, s."""
+def run(
+    out: Path, viewers: int, *options: str, look: Callable[[Path], list[float]] | None = None
+) -> tuple[dict[str, Any], list[float]]:
+    """Run the mission in a process of its own with that many followers; return its result and the lags, s.
+
+    `look` gets the run's folder, and returns further lags.
+    """
     words = ["run", str(MISSION), "--scene", "sort_small", "--seed", "7", "--out", str(out), *options]
     process = subprocess.Popen(
         [sys.executable, "-m", "picktree", *words], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
@@ -56,11 +70,35 @@ def run(out: Path, viewers: int, *options: str) -> tuple[dict[str, Any], list[fl
     ]
     for each in followers:
         each.start()
+    looked = look(folder) if look is not None else []
     process.wait()
-    found = [lag for _ in followers for lag in lags.get()]
+    found = looked + [lag for _ in followers for lag in lags.get()]
     for each in followers:
         each.join()
     return json.loads((folder / "result.json").read_text()), found
+
+
+async def view(folder: Path) -> list[float]:
+    """Watch the run of a folder as three pages of a studio do; return the lag of each event, s."""
+    workspace = Workspace(folder.parent)
+    live = LiveSlice(Studio(workspace, Jobs(workspace)))
+    found: list[float] = []
+
+    async def page() -> None:
+        async for event in live.follow(folder.name):
+            orjson.dumps(event)
+            if isinstance(event, dict) and "wall" in event and "whole" not in event:
+                found.append(time.time() - event["wall"])
+
+    await asyncio.gather(*(page() for _ in range(VIEWERS)))
+    await live.close()
+    return found
+
+
+def show_lags(lags: list[float], what: str) -> None:
+    lags.sort()
+    at = {share: lags[min(int(share * len(lags)), len(lags) - 1)] * 1e3 for share in (0.5, 0.99, 1.0)}
+    print(f"lag of {len(lags)} {what} at pace 1: " + ", ".join(f"{k:.0%} {v:.1f} ms" for k, v in at.items()))
 
 
 def main() -> None:
@@ -77,15 +115,16 @@ def main() -> None:
                 digests.add(result["digest"])
         paced, lags = run(Path(folder) / "paced", VIEWERS, "--pace", "1")
         digests.add(paced["digest"])
+        shown, seen = run(Path(folder) / "studio", 0, "--pace", "1", look=lambda run: asyncio.run(view(run)))
+        digests.add(shown["digest"])
     for viewers, seconds in cpu.items():
         middle, low, high = statistics.median(seconds), min(seconds), max(seconds)
         print(f"{viewers} viewers: CPU {middle:.2f} s ({low:.2f}–{high:.2f}) in {rounds} runs")
     ratio = min(cpu[VIEWERS]) / min(cpu[0])
     print(f"smallest with viewers / smallest without: {ratio:.3f}")
     print(f"digests: {len(digests)} ({'the same' if len(digests) == 1 else 'they differ'})")
-    lags.sort()
-    at = {share: lags[min(int(share * len(lags)), len(lags) - 1)] * 1e3 for share in (0.5, 0.99, 1.0)}
-    print(f"lag of {len(lags)} ticks at pace 1: " + ", ".join(f"{k:.0%} {v:.1f} ms" for k, v in at.items()))
+    show_lags(lags, "ticks")
+    show_lags(seen, "events of the studio")
 
 
 if __name__ == "__main__":

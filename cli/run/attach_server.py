@@ -4,7 +4,7 @@ Both sides send JSON objects, one a line. A client sends `{"steer": bool}` first
 The server sends `reply` to each command, and to all clients `run`, `state`, `stop`, `going`, `question`,
 `told`, `breakpoints` and `end`.
 
-A client whose first object has `"follow": true` also receives the messages of the log, tick by tick:
+A client whose first object has `"follow": true` also receives the messages of the log, of a tick or a few:
 `{"messages": [[TOPIC, SIMULATED NS, BYTES], …], "wall": SECONDS}`, and their payloads behind the line.
 `"whole": true` marks the last message of each topic, at the beginning and after messages that the client did
 not take in time.
@@ -42,6 +42,8 @@ if TYPE_CHECKING:
 
 _STATE_PERIOD = 0.2
 """Maximum interval between two states that are sent while ticks come, wall s."""
+_LOG_PERIOD = 0.02
+"""Minimum interval between two sendings of the log, wall s: the ticks of a fast run are sent together."""
 _NOT_FOLLOWED: Final = frozenset({topics.ROBOT.name, topics.STATE.name, topics.TIMING.name})
 """Topics that followers do not receive: the log has them."""
 
@@ -116,6 +118,7 @@ class AttachServer(Interrupter):
         self._last = LastMessages()
         self._new: list[LogMessage] = []
         """Messages of the log since the last tick that were not sent to followers yet."""
+        self._log_sent = 0.0
         self._breakpoints: Sequence[object] = ()
 
     def __enter__(self) -> Self:
@@ -161,7 +164,7 @@ class AttachServer(Interrupter):
     def ticked(self, now: float, report: TickReport, items_done: int, items_total: int) -> None:
         if not self._clients.listens:
             return
-        if self._clients.follows:
+        if self._clients.follows and time.monotonic() - self._log_sent >= _LOG_PERIOD:
             self._send_log()
         if self._hooked:
             self._debugger.pause_after_tick()
@@ -199,13 +202,16 @@ class AttachServer(Interrupter):
     # Stops.
 
     def _stop_there(self, debugger: Debugger, stop: DebuggerStop) -> None:
-        self._wait({"stop": place(debugger.tree, stop), "when": stop.when, "path": stop.path}, stop)
+        now = debugger.tree.root.world.clock.now
+        where = place(debugger.tree, stop)
+        self._wait({"stop": where, "when": stop.when, "path": stop.path, "time": now}, stop)
 
     def _wait(self, standing: Mapping[str, object], stop: DebuggerStop) -> None:
         """Carry out commands until the run goes on: by a command, an answer, or because nobody steers."""
         if not self._is_awaited():
             return
         self._standing = standing
+        self._send_log()
         self._clients.send_all(standing)
         self._send_standing()
         try:
@@ -287,6 +293,7 @@ class AttachServer(Interrupter):
 
     def _send_log(self) -> None:
         new, self._new = self._new, []
+        self._log_sent = time.monotonic()
         if new:
             self._clients.send_log(new, self._whole)
 

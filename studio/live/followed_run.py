@@ -211,7 +211,8 @@ class FollowedRun:
                     reply = self._replies.popleft()
                     if not reply.done():
                         reply.set_result(text)
-            case {"stop": where, "path": path, "when": when}:
+            case {"stop": where, "path": path, "when": when, "time": now}:
+                picture.set("time", now)
                 picture.set("stop", {"where": where, "path": path, "when": when})
             case {"question": question}:
                 picture.set("question", question)

@@ -10,7 +10,7 @@ import time
 from collections.abc import AsyncIterator, Callable, Iterator, Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from starlette.routing import BaseRoute
 
@@ -20,8 +20,10 @@ from ...session.live.attach_socket import SOCKET_NAME, connect_to_run
 from ..calls import JsonValue, call, watch
 from ..jobs import Job
 from ..slice import Studio
-from .followed_run import FollowedRun
 from .run_start import RunOrder, run_command, start_form
+
+if TYPE_CHECKING:
+    from .followed_run import FollowedRun
 
 MAX_RUNS: Final = 4
 """Number of runs of the folder that may go on at once."""
@@ -126,6 +128,10 @@ class LiveSlice:
         async with self._beginning.setdefault(id, asyncio.Lock()):
             known = self._followed.get(id)
             if known is None or known.ended:
+                from .followed_run import (
+                    FollowedRun,
+                )  # it loads analysis, which a page without runs needs not
+
                 known = FollowedRun(self._workspace.resolve(id))
                 await known.begin()
                 self._followed[id] = known

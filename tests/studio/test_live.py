@@ -18,7 +18,7 @@ from picktree.studio.live.run_start import RunOrder
 from picktree.studio.slice import Studio
 from picktree.studio.workspace import Workspace
 
-PATIENCE = 8.0
+from .conftest import PATIENCE
 
 MISSION = """\
 picktree: 1
@@ -71,6 +71,11 @@ class Page:
         return await self.live.command(self.identity, line)
 
 
+def stopped_at_node(state: dict[str, Any]) -> bool:
+    stop = state.get("stop")
+    return stop is not None and stop["path"] != ""
+
+
 class Room:
     """Studio of a folder with the mission, without a server around it."""
 
@@ -109,11 +114,11 @@ def test_a_run_is_started_steered_left_and_found_again_by_another_server(room: R
         assert await live.stage(identity)
         assert await page.say("break Repeat") == "1: before Main/Sequence/Repeat\n"
         await page.say("continue")
-        stopped = await page.until(lambda s: (s.get("stop") or {}).get("path"))
+        stopped = await page.until(stopped_at_node)
         assert stopped["stop"]["path"] == "Main/Sequence/Repeat"
         assert stopped["breakpoints"] == [{"number": 1, "path": "Main/Sequence/Repeat", "when": "before"}]
         assert stopped["nodes"]["Main/Sequence/Repeat"][0] == "RUNNING"
-        assert (await other.until(lambda s: (s.get("stop") or {}).get("path")))["stop"] == stopped["stop"]
+        assert (await other.until(stopped_at_node))["stop"] == stopped["stop"]
         said = await page.say("set rounds = 2")
         assert said == "Main/rounds is set to 2 by the operator; it was 40\n"
         await other.until(lambda s: s["board"].get("Main/rounds") == 2)

@@ -11,6 +11,8 @@ import type { Body, LiveState, Pose } from "./state";
 
 Object3D.DEFAULT_UP.set(0, 0, 1);
 
+const SLOW = 35; // ms for a frame
+
 interface Packed {
   models: { link: string }[];
   links: string[];
@@ -36,6 +38,7 @@ export class LiveStage {
   private readonly views: Views;
   private readonly observer: ResizeObserver;
   private asked = 0;
+  private nextDrawing = 0;
   private closed = false;
   private state: LiveState | null = null;
 
@@ -114,7 +117,7 @@ export class LiveStage {
   close(): void {
     this.closed = true;
     this.observer.disconnect();
-    cancelAnimationFrame(this.asked);
+    clearTimeout(this.asked);
     this.views.controls.dispose();
     this.scene.traverse((part) => (part as Mesh).geometry?.dispose());
     this.renderer.dispose();
@@ -168,11 +171,21 @@ export class LiveStage {
     this.request();
   }
 
-  // Drawn only when something is another, at most once a frame.
+  // Drawn only when something is another, at most once a frame. Where drawing is slow, as without a graphics
+  // card, the page keeps three quarters of the time for all else.
   private request(): void {
-    this.asked ||= requestAnimationFrame(() => {
-      this.asked = 0;
-      if (!this.closed && this.host.clientWidth) this.renderer.render(this.scene, this.views.camera);
+    if (this.asked || this.closed) return;
+    this.asked = setTimeout(() => requestAnimationFrame(() => this.draw()), Math.max(0, this.nextDrawing - performance.now()));
+  }
+
+  private draw(): void {
+    this.asked = 0;
+    if (this.closed || !this.host.clientWidth) return;
+    const began = performance.now();
+    this.renderer.render(this.scene, this.views.camera);
+    requestAnimationFrame(() => {
+      const cost = performance.now() - began;
+      this.nextDrawing = performance.now() + (cost > SLOW ? 3 * cost : 0);
     });
   }
 }

@@ -4,7 +4,7 @@
 
 import { Background, Controls, Handle, Position, ReactFlow, ReactFlowProvider, useReactFlow } from "@xyflow/react";
 import type { Edge, Node, NodeProps } from "@xyflow/react";
-import { createContext, memo, useCallback, useContext, useEffect, useMemo, useRef, useState } from "react";
+import { createContext, memo, useCallback, useContext, useEffect, useLayoutEffect, useMemo, useRef, useState } from "react";
 import type { JSX, KeyboardEvent } from "react";
 
 import { NodeSymbol } from "../ui/Icon";
@@ -38,6 +38,9 @@ export interface TreeViewProps {
 }
 
 const HEIGHT = 30;
+const MARGIN = 16;
+const READABLE = 0.6; // zoom below which the text is hard to read
+const LARGE_ZOOM = 0.9;
 const WITH_DETAIL = 46;
 const STATUS_SIGNS: Record<TreeStatus, string> = { running: "▶", success: "✓", failure: "✗", skipped: "–", idle: "·" };
 const FAMILIES: Record<string, string> = {
@@ -55,66 +58,73 @@ interface Shared {
 }
 const SharedContext = createContext<Shared>({ marks: {}, fold: () => undefined });
 
-// Drawn again only when a property changes: give it the same functions, and the same objects for nodes that stay.
-export const TreeView = memo(function TreeView(props: TreeViewProps): JSX.Element {
+export function TreeView(props: TreeViewProps): JSX.Element {
   return (
     <ReactFlowProvider>
       <Tree {...props} />
     </ReactFlowProvider>
   );
-});
+}
 
 function Tree({ root, marks, selected, onSelect, onMenu, onMove, className }: TreeViewProps) {
   const [changed, setChanged] = useState<ReadonlyMap<string, boolean>>(new Map());
-  const [dropped, setDropped] = useState(0);
+  const [drops, setDrops] = useState(0);
   const flow = useReactFlow<Card>();
   const host = useRef<HTMLDivElement>(null);
   const fitted = useRef(false);
   const isFolded = useCallback((node: TreeNode) => node.children.length > 0 && (changed.get(node.id) ?? node.collapsedByDefault ?? false), [changed]);
 
   const shown = useMemo(() => collect(root, isFolded), [root, isFolded]);
-  // After a drop the places are taken anew, so that a card that was not moved goes back.
-  const laid = useMemo(() => ({ laid: layOut(boxOf(root, isFolded)), boxes: shown, dropped }), [root, isFolded, shown, dropped]);
+  const laid = useMemo(() => layOut(boxOf(root, isFolded)), [root, isFolded]);
 
+  // What is folded stays where it is on the screen, while the rest moves.
+  const anchor = useRef<{ id: string; x: number; y: number } | null>(null);
+  useLayoutEffect(() => {
+    const before = anchor.current;
+    anchor.current = null;
+    const after = before && laid.places.get(before.id);
+    if (!before || !after) return;
+    const { x, y, zoom } = flow.getViewport();
+    void flow.setViewport({ x: x + (before.x - after.x) * zoom, y: y + (before.y - after.y) * zoom, zoom });
+  }, [laid, flow]);
   const fold = useCallback((id: string) => {
+    const place = laid.places.get(id);
+    anchor.current = place ? { id, ...place } : null;
     setChanged((before) => {
       const node = find(root, id);
       if (!node?.children.length) return before;
       const folded = before.get(id) ?? node.collapsedByDefault ?? false;
       return new Map(before).set(id, !folded);
     });
-  }, [root]);
+  }, [root, laid]);
 
-  // Cards and edges that stay the same keep their objects, so that only the others cost something.
-  const made = useRef({ cards: new Map<string, Card>(), edges: new Map<string, Edge>() });
-  const movable = Boolean(onMove);
   const nodes = useMemo<Card[]>(() => {
-    const before = made.current.cards;
-    const cards = [...laid.boxes.values()].map(({ node, folded }): Card => {
-      const position = laid.laid.places.get(node.id) ?? { x: 0, y: 0 };
-      const draggable = movable && node.id !== root.id;
-      const old = before.get(node.id);
-      if (old && old.data.node === node && old.data.folded === folded && old.position.x === position.x && old.position.y === position.y && old.draggable === draggable) return old;
-      return { id: node.id, type: "card", position, data: { node, folded }, width: widthOf(node), height: heightOf(node), draggable, focusable: false };
-    });
-    made.current.cards = new Map(cards.map((card) => [card.id, card]));
-    return cards;
-  }, [laid, movable, root.id]);
+    return [...shown.values()].map(({ node, folded }) => ({
+      id: node.id,
+      type: "card",
+      position: laid.places.get(node.id) ?? { x: 0, y: 0 },
+      data: { node, folded },
+      width: widthOf(node),
+      height: heightOf(node),
+      draggable: Boolean(onMove) && node.id !== root.id,
+      focusable: false,
+    }));
+    // A card that was dropped where it cannot go returns: `drops` makes the cards anew.
+  }, [laid, shown, onMove, root.id, drops]);
   const edges = useMemo<Edge[]>(() => {
-    const before = made.current.edges;
-    const found = [...laid.boxes.values()].filter((each) => each.parent !== undefined).map((each): Edge => {
-      const id = `${each.parent}→${each.node.id}`;
-      return before.get(id) ?? { id, source: each.parent!, target: each.node.id, type: "smoothstep", focusable: false };
-    });
-    made.current.edges = new Map(found.map((edge) => [edge.id, edge]));
-    return found;
-  }, [laid]);
+    return [...shown.values()].filter((each) => each.parent).map((each) => ({ id: `${each.parent}→${each.node.id}`, source: each.parent!, target: each.node.id, type: "smoothstep", focusable: false }));
+  }, [shown]);
 
   useEffect(() => {
     if (fitted.current) return;
     fitted.current = true;
-    requestAnimationFrame(() => void flow.fitView({ maxZoom: 1, minZoom: 0.4, padding: 0.05 }));
-  }, [flow]);
+    const box = host.current!.getBoundingClientRect();
+    const zoom = Math.min(1, (box.width - 2 * MARGIN) / laid.width, (box.height - 2 * MARGIN) / laid.height);
+    const start = laid.places.get(root.id)!;
+    // All of it where that can be read, else its root at the left edge.
+    if (zoom >= READABLE) void flow.setViewport({ x: (box.width - zoom * laid.width) / 2, y: (box.height - zoom * laid.height) / 2, zoom });
+    else void flow.setViewport({ x: MARGIN, y: box.height / 2 - start.y * LARGE_ZOOM, zoom: LARGE_ZOOM });
+  }, [laid, flow, root.id]);
 
   const keys = (event: KeyboardEvent) => {
     const here = shown.get(selected ?? root.id) ?? shown.get(root.id)!;
@@ -149,12 +159,12 @@ function Tree({ root, marks, selected, onSelect, onMenu, onMove, className }: Tr
   };
   // Moves the view only when the node is out of it.
   const bring = (id: string) => {
-    const place = laid.laid.places.get(id);
+    const place = laid.places.get(id);
     const box = host.current?.getBoundingClientRect();
     if (!place || !box) return;
     const at = flow.flowToScreenPosition(place);
     const { zoom } = flow.getViewport();
-    const node = laid.boxes.get(id)!.node;
+    const node = shown.get(id)!.node;
     const inside = at.x >= box.left && at.y >= box.top && at.x + widthOf(node) * zoom <= box.right && at.y + HEIGHT * zoom <= box.bottom;
     if (!inside) void flow.setCenter(place.x + widthOf(node) / 2, place.y + HEIGHT / 2, { zoom });
   };
@@ -162,11 +172,10 @@ function Tree({ root, marks, selected, onSelect, onMenu, onMove, className }: Tr
   const active = selected && shown.has(selected) ? `tree-${selected}` : undefined;
 
   // A dropped card goes to the card below it as its child, or among the children of the nearest parent by height.
-  const drop = (_: unknown, card: Card) => {
+  const dropped = (_: unknown, card: Card) => {
     if (!onMove) return;
-    const target = dropTarget(card, laid.boxes, laid.laid);
-    made.current.cards.delete(card.id);
-    setDropped((before) => before + 1);
+    const target = dropTarget(card, shown, laid);
+    setDrops((n) => n + 1);
     if (target) onMove(card.id, target.parent, target.index);
   };
 
@@ -180,7 +189,7 @@ function Tree({ root, marks, selected, onSelect, onMenu, onMove, className }: Tr
           onNodeClick={(_, card) => onSelect(card.id)}
           onNodeDoubleClick={(_, card) => fold(card.id)}
           onNodeContextMenu={(event, card) => { if (onMenu) { event.preventDefault(); onMenu(card.id, { x: event.clientX, y: event.clientY }); } }}
-          onNodeDragStop={onMove ? drop : undefined}
+          onNodeDragStop={onMove ? dropped : undefined}
         >
           <Background gap={24} />
           <Controls showInteractive={false} />
