@@ -1,4 +1,4 @@
-"""Batches over the socket and in the browser: a plan, its matrix and cost; a batch started, stopped, resumed."""
+"""Batches over the socket and in the browser: a plan with matrix and cost; started, stopped, resumed."""
 
 from __future__ import annotations
 
