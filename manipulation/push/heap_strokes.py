@@ -1,7 +1,7 @@
-"""Strokes of the closed fingers through a heap, planned from its height map.
+"""Strokes of the fingers through a heap, planned from its height map.
 
 The hand is swept over the map, as for grasps: the fingers must fit where a stroke begins, and the palm all
-along it. A stroke is worth the volume that it moves, and the distance from the walls that this gains. Pushes
+along it. A stroke is worth the volume that it moves, and what its new place is better for a grasp. Pushes
 that make grasps possible were planned from height maps by Danielczuk et al. ("Linear push policies to
 increase grasp access for robot bin picking", CASE 2018); the value here is another one.
 """
@@ -89,7 +89,7 @@ then one follows the other."""
 
 @dataclass(frozen=True, slots=True)
 class HeapStroke:
-    """Straight stroke of the closed fingers through a heap."""
+    """Straight stroke of the fingers through a heap."""
 
     name: str
     start: PlanarPose
