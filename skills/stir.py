@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 class Stir(Skill):
-    """Push through the heap in a tote with closed fingers, for when nothing in it can be grasped.
+    """Push through the heap in a tote with closed or open fingers, for when nothing in it can be grasped.
 
     The strokes are planned from the height map. What lies against a wall is pushed off it; otherwise a stroke
     goes through the highest part. After each the arm moves out of the view and looks. A stroke that changed

@@ -22,14 +22,10 @@ from .grasp_candidates import GraspCandidate
 from .hand_shape import Block, HandShape
 from .heap_views import CONTACT_LEVEL, FAR_BELOW, HeapView, Heights, Profile, heap_view
 
-YAWS = 12
-"""Closing directions over half a turn."""
 OPENING_SHARES = (1.0, 0.75, 0.5, 0.3)
 """Openings of the search as shares of the gripper's greatest one."""
-TIP_CLEARANCE, SIDE_CLEARANCE, PALM_CLEARANCE = 0.002, 0.0015, 0.003
+TIP_CLEARANCE, SIDE_CLEARANCE, PALM_CLEARANCE = 0.002, 0.0015, 0.002
 """Clearance below the finger tips, at the sides of the fingers, and around the palm, m."""
-PALM_STEP = 2
-"""Step of the sweep of the palm, cells."""
 MAX_OVERLAP, MIN_OVERLAP = 0.028, 0.009
 """Greatest and least overlap of the pads with a thing, m."""
 FULL_AREA, FULL_WIDTH, FULL_OVERLAP = 216e-6, 0.024, 0.015
@@ -77,23 +73,24 @@ class Approach:
     name: str
     tilt: float
     """Angle from the vertical, rad."""
-    azimuths: tuple[float, ...] = (0.0,)
-    """Directions into which the hand is tilted, rad."""
+    leans: int
+    """Number of directions over a whole turn into which the hand is tilted."""
+    closings: tuple[float, ...]
+    """Closing directions, from the lean, rad."""
 
 
-def _tilted(name: str, degrees: float, first: float = 0.0) -> Approach:
-    return Approach(name, math.radians(degrees), tuple(math.radians(first + 90.0 * k) for k in range(4)))
-
-
-VERTICAL = Approach("vertical", 0.0)
-TILTED = (_tilted("tilted", 25.0), _tilted("tilted", 25.0, 45.0))
-MORE_TILTED = (_tilted("tilted 40", 40.0), _tilted("tilted 40", 40.0, 45.0))
+VERTICAL = Approach("vertical", 0.0, 1, tuple(math.pi * k / 12 for k in range(12)))
+TILTED = Approach("tilted", math.radians(25.0), 24, (math.pi / 2,))
+MORE_TILTED = Approach("tilted 45", math.radians(45.0), 24, (math.pi / 2,))
+"""Hands that close across their lean: the pads stay parallel to upright sides."""
+OVER_RIM = Approach("tilted 35", math.radians(35.0), 16, (0.0, math.pi / 4, 3 * math.pi / 4))
+"""Hands of which one side is higher than the other: the palm reaches over a wall."""
 STAGES: tuple[tuple[Tier, tuple[Approach, ...]], ...] = (
     (STRICT, (VERTICAL,)),
-    (STRICT, TILTED[:1]),
-    (STRICT, TILTED[1:]),
-    (LOOSE, (VERTICAL, *TILTED)),
-    (LOOSE, MORE_TILTED),
+    (STRICT, (TILTED,)),
+    (STRICT, (MORE_TILTED,)),
+    (LOOSE, (VERTICAL, TILTED, MORE_TILTED)),
+    (LOOSE, (OVER_RIM,)),
 )
 """Approaches from the surest on. The next stage is tried when no grasp of the last one is left."""
 
@@ -124,8 +121,7 @@ def grasps(
 ) -> Iterator[tuple[GraspCandidate, ...]]:
     """Yield the grasps of a heap stage by stage, best first, without those at barred places.
 
-    An approach is searched when a stage with it is requested: a vertical one takes about 45 ms, four tilted
-    directions 165 ms.
+    An approach is searched when a stage with it is requested.
     """
     shape = HandShape.of(gripper)
     searched: dict[Approach, list[_Graded]] = {}
@@ -164,11 +160,11 @@ def _distinct(ranked: Iterable[GraspCandidate], heap: Heap, tip: Array) -> list[
 def _search(heap: HeightMap, hand: HandShape, approach: Approach) -> list[_Graded]:
     """Return the grasps along the approach's directions that meet the loosest demands."""
     found: list[_Graded] = []
-    for azimuth in approach.azimuths:
-        view = heap_view(heap, approach.tilt, azimuth)
-        leaning = f"{approach.name} to {math.degrees(azimuth):.0f}" if approach.tilt else approach.name
-        for k in range(YAWS):
-            found += _Sweep(view, math.pi * k / YAWS, hand, leaning, heap).grasps()
+    for k in range(approach.leans):
+        view = heap_view(heap, approach.tilt, 2 * math.pi * k / approach.leans)
+        leaning = f"{approach.name} to {360.0 * k / approach.leans:.0f}" if approach.tilt else approach.name
+        for yaw in approach.closings:
+            found += _Sweep(view, yaw, hand, leaning, heap).grasps()
     return found
 
 
@@ -200,7 +196,7 @@ class _Sweep:
         """Height of the highest thing across the pads, (n, m) m."""
         self._halves = [round(share * hand.max_width / 2 / view.cell) for share in OPENING_SHARES]
         """Half the openings, cells."""
-        palm = self._swept(hand.palm, PALM_CLEARANCE, PALM_CLEARANCE, (-1, 1), PALM_STEP)
+        palm = self._swept(hand.palm, PALM_CLEARANCE, PALM_CLEARANCE, (-1, 1))
         left, right = (self._swept(hand.fingers, SIDE_CLEARANCE, TIP_CLEARANCE, (side,)) for side in (-1, 1))
         self._lowest = np.stack(
             [
@@ -210,26 +206,19 @@ class _Sweep:
         )
         """Lowest height of the finger tips at which the hand is free, for each opening, (k, n, m) m."""
 
-    def _swept(
-        self, blocks: Sequence[Block], gap: float, below: float, sides: Sequence[int], step: int = 1
-    ) -> Heights:
+    def _swept(self, blocks: Sequence[Block], gap: float, below: float, sides: Sequence[int]) -> Heights:
         """Return the lowest heights of the finger tips at which blocks are free, (n, m) m.
 
-        The blocks reach from the pad's face, or from the middle of the hand, to the given sides. The sweep
-        takes the highest of each `step` cells squared.
+        The blocks reach from the pad's face, or from the middle of the hand, to the given sides.
         """
-        cell, (n, m) = self._view.cell * step, self.solid.shape
-        solid = cv2.dilate(self.solid, np.ones((step, step), np.uint8), anchor=(0, 0))[::step, ::step]
         swept: list[Heights] = []
         for block in blocks:
-            rows = math.ceil((block.half_x + gap) / cell)
-            wide = math.ceil((block.outer + gap) / cell)
+            rows, wide = (math.ceil((reach + gap) / self._view.cell) for reach in (block.half_x, block.outer))
             left, right = wide * (-1 in sides), wide * (1 in sides)
             kernel = np.ones((2 * rows + 1, left + right + 1), np.uint8)
             above = np.float32(block.above - below)
-            swept.append(cv2.dilate(solid, kernel, anchor=(left, rows)) - above)
-        lowest = np.maximum.reduce(swept)
-        return lowest if step == 1 else lowest.repeat(step, axis=0).repeat(step, axis=1)[:n, :m]
+            swept.append(cv2.dilate(self.solid, kernel, anchor=(left, rows)) - above)
+        return np.maximum.reduce(swept)
 
     def grasps(self) -> list[_Graded]:
         """Return the graded grasps of this closing direction, with the hand centred on what it grips."""

@@ -10,13 +10,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ...world.belief.height_map import HeightMap
+from ...world.belief.height_map import WALL_SHADOW, HeightMap
 from ...world.values import Array
 
 FAR_BELOW = np.float32(-1.0)
 """Height outside of the map, m: other checks are made there."""
-WALL_CELLS = 5
-"""Width of the square by which walls are enlarged for the hand, cells: the camera may hang 4 mm off."""
 CONTACT_LEVEL, DEEP_LEVEL = 0.001, 0.007
 """Heights above the finger tips at which the sides of a thing are compared, m."""
 CONTACT_HEIGHT, MIN_CONTACT = 0.012, 0.004
@@ -49,21 +47,33 @@ class HeapView:
         return np.column_stack([np.tile(rows, 2), np.concatenate([first, last])]).astype(np.float64)
 
 
+def surfaces(heap: HeightMap) -> tuple[Heights, Heights]:
+    """Return the heights (n, m) of everything, and those of seen things alone, m in the map's frame.
+
+    Walls are where the tote has them, because it is known. Depth next to a wall may be the wall's: nothing
+    there is higher than what lies beside that strip. What was never seen is as high as the rim.
+    """
+    heights, walls = heap.heights(), heap.walls()
+    unknown, beside = ~np.isfinite(heights), heap.beside_walls()
+    heights = np.where(unknown, heap.floor, heights).astype(np.float32)
+    side = 2 * round(WALL_SHADOW / heap.cell) + 1
+    inner = cv2.dilate(np.where(beside, np.float32(heap.floor), heights), np.ones((side, side), np.uint8))
+    heights = np.where(beside, np.minimum(heights, inner), heights)
+    highest = np.float32(max(heap.rim, float(heights.max())))
+    solid = np.where(unknown, highest if unknown.mean() < 0.5 else np.float32(heap.floor + 0.05), heights)
+    solid = np.where(walls, np.float32(heap.rim), solid)
+    return solid, np.where(unknown | walls, np.float32(heap.floor - 0.01), heights)
+
+
 def heap_view(heap: HeightMap, tilt: float, azimuth: float) -> HeapView:
     """Return the heap as seen along an approach that is tilted towards `azimuth`, rad."""
-    heights, walls = heap.heights(), heap.beside_walls()
-    unknown = ~np.isfinite(heights)
-    low = max(heap.rim, float(np.nanmax(np.where(walls, -1.0, heights), initial=heap.floor)))
-    solid = np.where(unknown, low if unknown.mean() < 0.5 else heap.floor + 0.05, heights)
-    near = cv2.dilate(heap.walls().astype(np.uint8), np.ones((WALL_CELLS, WALL_CELLS), np.uint8)) > 0
-    solid = np.where(near, np.maximum(solid, heap.rim), solid)
-    things = np.where(unknown | walls, heap.floor - 0.01, heights)
+    solid, things = surfaces(heap)
     if tilt == 0.0:
         corner = np.full(2, 0.5 * heap.cell)
-        return HeapView(np.eye(3), corner, heap.cell, solid.astype(np.float32), things.astype(np.float32))
+        return HeapView(np.eye(3), corner, heap.cell, solid, things)
     lean = np.array([math.cos(azimuth), math.sin(azimuth)])
     side = np.array([-lean[1], lean[0]])
-    n, m = heights.shape
+    n, m = heap.shape
     along, across = np.abs([lean, side]) @ (n, m)
     size = (math.ceil(across), math.ceil(along * math.cos(tilt)))
     # Rows lie along the lean, so far apart that their floors are a cell apart in the view.
@@ -75,13 +85,13 @@ def heap_view(heap: HeightMap, tilt: float, azimuth: float) -> HeapView:
     flags = cv2.INTER_NEAREST | cv2.WARP_INVERSE_MAP
     turned = [
         np.asarray(
-            cv2.warpAffine(h.astype(np.float32), matrix, size, flags=flags, borderValue=float(FAR_BELOW)),
+            cv2.warpAffine(h, matrix, size, flags=flags, borderValue=float(FAR_BELOW)),
             np.float32,
         )
         for h in (solid, things)
     ]
     middle = np.array([n, m]) * heap.cell / 2
-    lags = math.ceil(float(np.nanmax(solid)) * math.sin(tilt) / heap.cell) + 1
+    lags = math.ceil(float(solid.max()) * math.sin(tilt) / heap.cell) + 1
     steps: Array = np.arange(size[1], dtype=np.float64) - (size[1] - 1) / 2
     d = np.asarray(steps * heap.cell / math.cos(tilt) + float(middle @ lean), np.float32)
     both = [_sheared(h, d, heap.cell, tilt, lags) for h in turned]
@@ -98,16 +108,20 @@ def _sheared(heights: Heights, d: Heights, cell: float, tilt: float, lags: int) 
 
     A point of a column appears the more rows before its floor, the higher it is.
     """
-    n = len(heights)
-    out = np.full((n + lags, heights.shape[1]), FAR_BELOW, dtype=np.float32)
+    n, m = heights.shape
+    out = np.full((n + lags) * m, FAR_BELOW, dtype=np.float32)
     step = cell / math.sin(tilt)
-    base, up = (d * np.float32(math.sin(tilt)))[:, None], np.float32(math.cos(tilt))
+    up = np.float32(math.cos(tilt))
+    there = np.flatnonzero(heights > FAR_BELOW / 2)
+    high = heights.ravel()[there]
+    base = (d * np.float32(math.sin(tilt)))[there // m]
     for lag in range(lags + 1):
-        low, high = np.float32((lag - 0.5) * step), np.float32((lag + 0.5) * step)
-        seen = np.where(heights >= low, base + np.minimum(heights, high) * up, FAR_BELOW)
-        rows = out[lags - lag : lags - lag + n]
-        np.maximum(rows, seen, out=rows)
-    return out
+        # Few columns are high: only those that reach up to here are left.
+        kept = high >= np.float32((lag - 0.5) * step)
+        there, high, base = there[kept], high[kept], base[kept]
+        at = there + (lags - lag) * m
+        out[at] = np.maximum(out[at], base + np.minimum(high, np.float32((lag + 0.5) * step)) * up)
+    return out.reshape(n + lags, m)
 
 
 @dataclass(frozen=True, eq=False)

@@ -89,12 +89,13 @@ def _choose(world: World, task: HeapPickTask) -> tuple[HeapStroke, Array, bool]:
     offered = heap_strokes(world.vision.heaps[task.tote].map, world.robot.description.gripper)
     fresh = world.attempts.remaining(task.node, heap_id(task.tote), offered)
     why: list[str] = []
-    tip = world.robot.fingers.reach(0.0)
     for one in fresh[:MAX_TESTED_STROKES]:
+        opening = _opening(world, one)
+        tip = world.robot.fingers.reach(opening)
         refusals: list[str] = []
         for flipped in (False, True):
             poses = [one.tcp_at(way, tip, flipped) for way in samples(0.0, one.length)]
-            over = configuration_above_start(world, poses, 0.0, (heap_id(task.tote),))
+            over = configuration_above_start(world, poses, opening, (heap_id(task.tote),))
             if not isinstance(over, str):
                 return one, over, flipped
             refusals.append(over)
@@ -108,11 +109,17 @@ def _choose(world: World, task: HeapPickTask) -> tuple[HeapStroke, Array, bool]:
     )
 
 
+def _opening(world: World, one: HeapStroke) -> float:
+    """Return the opening of the fingers during a stroke, m."""
+    return world.robot.description.gripper.max_width if one.posture.open else 0.0
+
+
 def _execute(world: World, task: HeapPickTask, one: HeapStroke, over: Array, flipped: bool) -> Doing[str]:
     """Make the stroke, and move out of the view. Return what was felt, in words."""
-    tip = world.robot.fingers.reach(0.0)
+    opening = _opening(world, one)
+    tip = world.robot.fingers.reach(opening)
     start = one.tcp_at(0.0, tip, flipped)
-    yield from move_to_start(world, over, start, 0.0, task.node)
+    yield from move_to_start(world, over, start, opening, task.node)
     x, y, _ = start.position
     path = straight(PlanarPose(x, y, one.start.yaw), one.length)
     mass, names = world.robot.hand_mass, (heap_id(task.tote),)

@@ -1,7 +1,7 @@
-"""Strokes of the closed fingers through a heap, planned from its height map.
+"""Strokes of the fingers through a heap, planned from its height map.
 
 The hand is swept over the map, as for grasps: the fingers must fit where a stroke begins, and the palm all
-along it. A stroke is worth the volume that it moves, and the distance from the walls that this gains. Pushes
+along it. A stroke is worth the volume that it moves, and what its new place is better for a grasp. Pushes
 that make grasps possible were planned from height maps by Danielczuk et al. ("Linear push policies to
 increase grasp access for robot bin picking", CASE 2018); the value here is another one.
 """
@@ -17,10 +17,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...robots.description import GripperDescription
-from ...world.belief.height_map import WALL_SHADOW, HeightMap
+from ...world.belief.height_map import HeightMap
 from ...world.planar_geometry import PlanarPose
-from ...world.values import Pose
-from ..grasp.hand_shape import HandShape
+from ...world.values import Array, Pose
+from ..grasp.hand_shape import Block, HandShape
+from ..grasp.heap_views import surfaces
 
 DIRECTIONS = 16
 """Directions of strokes over a whole turn."""
@@ -30,16 +31,16 @@ LENGTHS = (0.05, 0.09, 0.13)
 """Lengths of strokes, m."""
 LEVELS = (0.006, 0.010, 0.016, 0.026, 0.038)
 """Heights of the finger tips above the floor, m: the lowest that is free where the stroke begins is taken."""
-START_CLEARANCE, PALM_CLEARANCE = 0.003, 0.008
+START_CLEARANCE, PALM_CLEARANCE = 0.003, 0.005
 """Clearance around the fingers where a stroke begins, and around the palm all along it, m."""
-WALL_CELLS = 5
-"""Width of the square by which walls are enlarged, cells: the camera may hang 4 mm off."""
-RIM_SHADOW = 0.02
-"""Depth below the rim up to which heights in a tote are taken for its walls, m."""
 WALL_REACH = 0.09
 """Distance from a wall from which on it does not hinder a grasp, m."""
-STIR_VALUE = 1.0
-"""Value of moved volume, as a share of the value of moving it off a wall by `WALL_REACH`."""
+REACH_TILT, REACH_SHARE, REACH_VALUE = math.radians(25.0), 0.5, 0.7
+"""Tilt of the hand, rad, and share of its closing directions that have room at a place from which on the
+place is no better. Value of that room; the rest is for the distance from the walls."""
+STIR_VALUE = 0.5
+"""Value of moved volume, as a share of the value of moving it from where the hand has no room at all to where
+it has."""
 AHEAD = 0.015
 """Distance of the middle of the pushed things from the fingers, m."""
 TOP_DEPTH, MIN_SUPPORT = 0.008, 0.5
@@ -68,20 +69,27 @@ class Posture:
     """Angle between hand and vertical, rad."""
     side: int = 0
     """Direction in which the hand leans, from the push in quarter turns: 0 along it, 1 to its left."""
+    open: bool = False
+    """Whether the fingers are open: each reaches further to its side than the closed ones."""
 
 
-POSTURES = (
-    Posture("vertical", 0.0),
-    Posture("leaning ahead", TILT),
-    Posture("leaning left", TILT, 1),
-    Posture("leaning right", TILT, -1),
+POSTURES = tuple(
+    Posture(f"{name}, open" if opened else name, tilt, side, opened)
+    for opened in (False, True)
+    for name, tilt, side in (
+        ("vertical", 0.0, 0),
+        ("leaning ahead", TILT, 0),
+        ("leaning left", TILT, 1),
+        ("leaning right", TILT, -1),
+    )
 )
-"""Postures of the hand. Fingers push with their broad side, or with the narrow one when it leans sideways."""
+"""Postures of the hand. Fingers push with their broad side, or with the narrow one when it leans sideways;
+then one follows the other."""
 
 
 @dataclass(frozen=True, slots=True)
 class HeapStroke:
-    """Straight stroke of the closed fingers through a heap."""
+    """Straight stroke of the fingers through a heap."""
 
     name: str
     start: PlanarPose
@@ -112,10 +120,11 @@ class HeapStroke:
 
 def heap_strokes(heap: HeightMap, gripper: GripperDescription) -> list[HeapStroke]:
     """Return the strokes through a heap for which hand and fingers have room, best first."""
-    hand, surfaces = HandShape.of(gripper), _Surfaces.of(heap)
+    hand = HandShape.of(gripper)
+    there = _Surfaces.of(heap, hand)
     found: list[HeapStroke] = []
     for k in range(DIRECTIONS):
-        turned = _Turned(heap, surfaces, 2 * math.pi * k / DIRECTIONS)
+        turned = _Turned(heap, there, 2 * math.pi * k / DIRECTIONS)
         for posture in POSTURES:
             found += turned.strokes(hand, posture)
     return sorted(found, key=lambda one: (-one.worth, one.name))
@@ -130,27 +139,33 @@ class _Surfaces:
     things: Heights
     """Heights of what was seen of things; the floor elsewhere."""
     ease: Heights
-    """Distance from the nearest wall as a share of `WALL_REACH`, at most 1."""
+    """Value of a place for a grasp, 0 … 1: the room of the hand there, and the distance from the walls."""
 
     @classmethod
-    def of(cls, heap: HeightMap) -> _Surfaces:
-        heights, walls = heap.heights(), heap.walls()
-        unknown, beside = ~np.isfinite(heights), heap.beside_walls()
-        things = np.where(unknown | beside, heap.floor, heights).astype(np.float32)
-        # Depth next to a wall may be the wall's: things reach up to the wall as they are beside that strip.
-        side = 2 * round(WALL_SHADOW / heap.cell) + 1
-        things = np.where(beside & ~walls, cv2.dilate(things, np.ones((side, side), np.uint8)), things)
-        highest = max(heap.rim, float(things.max()))
-        whole = things
-        if walls.any():
-            things = np.where(things > heap.rim - RIM_SHADOW, heap.floor, things)
-        near = cv2.dilate(walls.astype(np.uint8), np.ones((WALL_CELLS, WALL_CELLS), np.uint8)) > 0
-        solid = np.where(unknown & ~beside | near, highest, whole).astype(np.float32)
-        ease = np.ones(walls.shape, np.float32)
-        if walls.any():
-            away = cv2.distanceTransform((~walls).astype(np.uint8), cv2.DIST_L2, 5)
-            ease = np.minimum(1.0, away * heap.cell / WALL_REACH).astype(np.float32)
-        return cls(solid, things.astype(np.float32), ease)
+    def of(cls, heap: HeightMap, hand: HandShape) -> _Surfaces:
+        solid, things = surfaces(heap)
+        return cls(solid, np.maximum(things, np.float32(heap.floor)), _ease(heap, hand))
+
+
+def _ease(heap: HeightMap, hand: HandShape) -> Heights:
+    """Return the value (n, m) of each place for a grasp: where the palm has room between the walls."""
+    walls = heap.walls()
+    if not walls.any():
+        return np.ones(walls.shape, np.float32)
+    away = cv2.distanceTransform((~walls).astype(np.uint8), cv2.DIST_L2, 5) * heap.cell
+    n, m = walls.shape
+    x: Array = np.arange(n, dtype=np.float64) * heap.cell
+    y: Array = np.arange(m, dtype=np.float64) * heap.cell
+    beside = np.minimum(x, x[::-1])[:, None], np.minimum(y, y[::-1])
+    palm = hand.palm[0]
+    thick = palm.half_x - palm.above * math.sin(REACH_TILT)
+    room = np.zeros(walls.shape)
+    for yaw in (math.pi * k / DIRECTIONS for k in range(DIRECTIONS)):
+        c, s = abs(math.cos(yaw)), abs(math.sin(yaw))
+        room += (beside[0] > c * palm.outer + s * thick) & (beside[1] > s * palm.outer + c * thick)
+    reach = np.minimum(1.0, room / DIRECTIONS / REACH_SHARE)
+    value = REACH_VALUE * reach + (1.0 - REACH_VALUE) * np.minimum(1.0, away / WALL_REACH)
+    return np.where(walls, 0.0, value).astype(np.float32)
 
 
 class _Turned:
@@ -185,23 +200,22 @@ class _Turned:
         fingers = self._lowest(hand, posture, fingers=True)
         palm = self._lowest(hand, posture, fingers=False)
         ways = {length: self._swept(palm, length) for length in LENGTHS}
-        half = hand.fingers[0].half_x if posture.side else hand.fingers[0].outer
-        yield from self._best(self._pushes(half, fingers, ways), posture, drags=False)
-        if posture.side == 0:
+        yield from self._best(self._pushes(hand, posture, fingers, ways), posture, drags=False)
+        if posture.side == 0 and not posture.open:
             yield from self._best(self._drags(hand, fingers, ways), posture, drags=True)
 
     def _pushes(
-        self, half: float, fingers: Heights, ways: Mapping[float, Heights]
+        self, hand: HandShape, posture: Posture, fingers: Heights, ways: Mapping[float, Heights]
     ) -> Iterator[tuple[Heights, Heights, float]]:
         """Yield value (n, n), m³, height of the tips (n, n), m, and length, m, of strokes from free
-        places. `half`: half of the fingers' width across the push, m."""
+        places."""
         below = np.full(fingers.shape, -np.inf)
         for level in (self._heap.floor + above for above in LEVELS):
             begins = (fingers <= level) & (fingers > below)
             below = np.full(fingers.shape, level)
             if not begins.any():
                 continue
-            moved, eased = self._volumes(half, level)
+            moved, eased = self._volumes(hand, posture, level)
             for length, lowest in ways.items():
                 worth = (_ahead(moved, length / self._heap.cell) - moved) * (STIR_VALUE + self._ends(length))
                 worth -= _ahead(eased, length / self._heap.cell) - eased
@@ -253,14 +267,19 @@ class _Turned:
         blocks = hand.fingers if fingers else hand.palm
         lowest = np.full(self._solid.shape, self._heap.floor if fingers else -1.0, np.float32)
         for block in blocks:
-            half, out = block.half_x + gap, block.outer + gap
+            half = block.half_x + gap
             lean = block.above * math.sin(tilt) / self._heap.cell
             underside = block.above * math.cos(tilt) - block.half_x * math.sin(tilt)
-            swept = cv2.dilate(self._solid, self._box(out, half) if side else self._box(half, out))
-            swept = swept.astype(np.float32)
-            # The rows of the image run to the left of the push.
-            there = _ahead(swept.T, side * lean).T if side else _ahead(swept, lean)
-            lowest = np.maximum(lowest, there - underside)
+            for low, high in _spans(block, hand, posture) if fingers else ((-block.outer, block.outer),):
+                out, off = (high - low) / 2 + gap, (low + high) / 2 / self._heap.cell
+                swept = cv2.dilate(self._solid, self._box(out, half) if side else self._box(half, out))
+                swept = swept.astype(np.float32)
+                # The rows of the image run to the left of the push.
+                if side:
+                    there = _ahead(_ahead(swept.T, side * lean).T, off)
+                else:
+                    there = _ahead(_ahead(swept, lean).T, off).T
+                lowest = np.maximum(lowest, there - underside)
         return lowest + np.float32(gap)
 
     def _box(self, half_along: float, half_across: float) -> NDArray[np.uint8]:
@@ -272,14 +291,26 @@ class _Turned:
         cells = round(length / self._heap.cell)
         return cv2.dilate(lowest, np.ones((1, cells + 1), np.uint8), anchor=(0, 0)).astype(np.float32)
 
-    def _volumes(self, half: float, level: float) -> tuple[Heights, Heights]:
+    def _volumes(self, hand: HandShape, posture: Posture, level: float) -> tuple[Heights, Heights]:
         """Return the volume above the finger tips from the image's left edge to each cell, m³; and the same
         weighted by `_Surfaces.ease`."""
-        cell, rows = self._heap.cell, 2 * round(half / self._heap.cell) + 1
+        cell, finger = self._heap.cell, hand.fingers[0]
         depth = np.clip(self._things - np.float32(level + START_CLEARANCE), 0.0, None)
-        both = (cv2.boxFilter(one, -1, (1, rows), normalize=False) for one in (depth, depth * self._ease))
-        moved, eased = (np.cumsum(one, axis=1) * np.float32(cell**2) for one in both)
-        return moved, eased
+        spans = _spans(finger, hand, posture)
+        low, high = spans[0] if posture.side == 0 else (-finger.half_x, finger.half_x)
+        rows = max(1, round((high - low) / cell)) | 1
+        found: list[Heights] = []
+        for one in (depth, depth * self._ease):
+            strip = cv2.boxFilter(one, -1, (1, rows), normalize=False)
+            moved = np.cumsum(strip, axis=1) * np.float32(cell**2)
+            if posture.open:
+                offs = [(low + high) / 2 / cell for low, high in spans]
+                # Of two fingers in line the rear one finds what the other has not moved.
+                moved = (
+                    _ahead(moved, min(offs)) if posture.side else sum(_ahead(moved.T, off).T for off in offs)
+                )
+            found.append(np.asarray(moved, np.float32))
+        return found[0], found[1]
 
     def _stroke(
         self, at: NDArray[np.intp], level: float, length: float, posture: Posture, drags: bool, worth: float
@@ -297,6 +328,14 @@ class _Turned:
             f"{round(y * 1000 / near) * near:.0f}"
         )
         return HeapStroke(name, start, length, float(point[2]), posture, drags, worth)
+
+
+def _spans(block: Block, hand: HandShape, posture: Posture) -> tuple[tuple[float, float], ...]:
+    """Return the ends of a block of both fingers along their motion, from the middle of the hand, m."""
+    if not posture.open:
+        return ((-block.outer, block.outer),)
+    low, high = hand.max_width / 2 + block.inner, hand.max_width / 2 + block.outer
+    return ((low, high), (-high, -low))
 
 
 def _ahead(image: Heights, distance: float) -> Heights:

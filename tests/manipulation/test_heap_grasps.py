@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from picktree.manipulation.grasp.heap_grasps import STAGES, grasps
+from picktree.manipulation.grasp.heap_views import surfaces
 from picktree.perception.heap_mapping import heap_object
 from picktree.robots.loading import load_robot
 from picktree.world.belief.height_map import BarredPlace, Heap, HeightMap
@@ -120,6 +121,36 @@ def test_a_bar_beside_a_wall_is_reached_by_tilting_alone():
     back = tilted[0].pre_grasp(0.08)
     assert back.apply(np.array([0.0, 0.0, GRIPPER.tip]))[2] > TOTE.size[2]
     assert abs(back.position[1] - tilted[0].tcp_in_world.position[1]) > 0.01
+
+
+@pytest.mark.parametrize("spread", [0, 3])
+def test_the_palm_has_room_up_to_a_wall_of_known_place_however_wide_its_depth_spreads(spread: int):
+    def across(y: int) -> int:
+        heights = bar(y=y)
+        heights[:, 2 : 2 + spread] = 0.12
+        return sum(abs(one.tcp_in_world.rotation()[1, 1]) > 0.99 for one in vertical(heap(heights)))
+
+    # The palm reaches 105.5 mm to each side, and the wall ends at 4 mm.
+    assert across(57)
+    assert not across(53)
+
+
+def test_what_lies_up_to_a_wall_is_as_high_beside_it_as_further_in():
+    heights = floor()
+    heights[60:90, 2:16] = FLOOR + 0.03
+    heights[:, 2:4] = 0.12
+    solid, things = surfaces(heap(heights).map)
+    assert np.allclose(solid[62:88, 2:14], FLOOR + 0.03) and np.allclose(things[62:88, 2:14], FLOOR + 0.03)
+    assert np.allclose(solid[100:140, 2:14], FLOOR) and np.allclose(solid[:, :2], 0.12)
+
+
+def test_a_leaning_hand_closes_level_so_that_the_pads_lie_flat_on_upright_sides():
+    beside = heap(bar(y=146 - 8))
+    leaning = [one for stage in grasps(beside, GRIPPER, STAGES[1:3]) for one in stage]
+    assert leaning
+    for one in leaning:
+        assert one.tcp_in_world.rotation()[2, 1] == pytest.approx(0.0, abs=1e-9)
+        assert one.tcp_in_world.rotation()[2, 2] > -0.95
 
 
 def test_a_place_that_failed_is_barred_until_its_depth_changes():

@@ -93,6 +93,19 @@ def test_fingers_that_fit_between_wall_and_thing_push_it_off() -> None:
     assert best.posture.name == "leaning ahead"
 
 
+def test_an_open_finger_reaches_behind_a_thing_where_the_palm_keeps_closed_ones_off() -> None:
+    """The palm is 206 mm wide: closed fingers stay 103 mm off a wall that it stands across to."""
+    heap = tote(bar(36, 30))
+    off = [one for one in heap_strokes(heap, GRIPPER) if math.cos(one.start.yaw) > 0.9]
+    assert off and all(one.posture.open for one in off)
+    best = off[0]
+    beside = np.array([-math.sin(best.start.yaw), math.cos(best.start.yaw)])
+    reach = GRIPPER.max_width / 2 + GRIPPER.pads[0][0].size[1] / 2
+    pushed = np.array([best.start.x, best.start.y]) - reach * beside
+    x, y = pushed - CORNER.position[:2]
+    assert x < 0.052 and y < 0.09
+
+
 def test_a_tote_that_is_turned_has_the_same_strokes_turned() -> None:
     plain = heap_strokes(tote(bar(35, 75)), GRIPPER)[0]
     quarter = Pose((0.35, -0.15, 0.0), (0.0, 0.0, math.sqrt(0.5), math.sqrt(0.5)))
