@@ -158,6 +158,12 @@ function Tree({ root, marks, selected, onSelect, onMenu, onMove, className }: Tr
     const inside = at.x >= box.left && at.y >= box.top && at.x + widthOf(node) * zoom <= box.right && at.y + HEIGHT * zoom <= box.bottom;
     if (!inside) void flow.setCenter(place.x + widthOf(node) / 2, place.y + HEIGHT / 2, { zoom });
   };
+  // A node that was chosen elsewhere comes into view.
+  const bringIt = useRef(bring);
+  bringIt.current = bring;
+  useEffect(() => {
+    if (selected !== undefined) bringIt.current(selected);
+  }, [selected]);
   const shared = useMemo<Shared>(() => ({ marks, selected, fold }), [marks, selected, fold]);
   const active = selected && shown.has(selected) ? `tree-${selected}` : undefined;
 
@@ -171,7 +177,7 @@ function Tree({ root, marks, selected, onSelect, onMenu, onMove, className }: Tr
   };
 
   return (
-    <div className={`tree-view ${className ?? ""}`} ref={host} role="tree" aria-label={`Tree of ${root.name}`} tabIndex={0} onKeyDown={keys} aria-activedescendant={active}>
+    <div className={`tree-view ${className ?? ""}`} ref={host} role="application" aria-roledescription="tree" aria-label={`Tree of ${root.name}: arrows walk, + and − fold`} tabIndex={0} onKeyDown={keys} aria-activedescendant={active}>
       <SharedContext.Provider value={shared}>
         <ReactFlow
           nodes={nodes} edges={edges} nodeTypes={NODE_TYPES} onlyRenderVisibleElements minZoom={0.05} maxZoom={2}
@@ -197,11 +203,10 @@ const CardView = memo(function CardView({ data }: NodeProps<Card>) {
   const status = mark?.status;
   const family = FAMILIES[node.kind] ?? "control";
   const words = [node.name, node.detail, status && status !== "idle" ? status : "", mark?.faults ? `${mark.faults} faults` : "", mark?.breakpoint ? "breakpoint" : "",
-    mark?.coverage !== undefined ? `covered ${Math.round(mark.coverage * 100)} %` : ""].filter(Boolean);
+    mark?.coverage !== undefined ? `covered ${Math.round(mark.coverage * 100)} %` : "", folded ? `${count(node) - 1} nodes folded` : ""].filter(Boolean);
   return (
     <div className={`tree-card ${family} ${status ?? ""} ${selected === node.id ? "selected" : ""} ${mark?.coverage === 0 ? "uncovered" : ""}`}
-      id={`tree-${node.id}`} data-tree-node={node.id} role="treeitem" aria-label={words.join(", ")} aria-selected={selected === node.id}
-      aria-expanded={node.children.length ? !folded : undefined}>
+      id={`tree-${node.id}`} data-tree-node={node.id} role="group" aria-label={words.join(", ")}>
       <Handle type="target" position={Position.Left} isConnectable={false} />
       {mark?.breakpoint && <span className="tree-breakpoint" title="Breakpoint" />}
       <NodeSymbol symbol={node.kind} />

@@ -9,7 +9,7 @@ import { Button } from "../ui/Button";
 import { Empty } from "../ui/Empty";
 import { applyChanges, markNode, redo, undo } from "./editor";
 import { head, picture, treeOfHead } from "./model";
-import type { Edit, MissionNode, NodeEntry, TextFault } from "./model";
+import type { Edit, MissionNode, NodeEntry, Place, TextFault } from "./model";
 import { NodeActions, NodeForm } from "./NodeForm";
 import { NodeMenu } from "./NodeMenu";
 import { DRAGGED, PalettePanel } from "./PalettePanel";
@@ -88,8 +88,8 @@ export function WritePage({ path }: { path: string }) {
   });
 
   const target = addPlace(node, index?.parent(selected) ?? null, palette?.nodes ?? []);
-  const add = useCallback((entry: NodeEntry, place: { parent: string; index: number; slot?: string } | null) => {
-    if (place) void change({ do: "add", place, identity: entry.id, include: entry.include });
+  const add = useCallback((entry: NodeEntry, place: Place | null) => {
+    if (place) void change({ do: "add", place: { parent: place.parent, index: place.index, slot: place.slot }, identity: entry.id, include: entry.include });
   }, [change]);
   const dropped = (event: DragEvent) => {
     const identity = event.dataTransfer.getData(DRAGGED);
@@ -187,7 +187,7 @@ function useSteady<A extends unknown[]>(action: (...args: A) => void): (...args:
 }
 
 // Where a new node goes: into a node that takes children, else behind the node among its siblings.
-function addPlace(node: MissionNode | null, parent: MissionNode | null, nodes: NodeEntry[]): { parent: string; index: number; slot?: string; words: string } | null {
+function addPlace(node: MissionNode | null, parent: MissionNode | null, nodes: NodeEntry[]): (Place & { words: string }) | null {
   if (!node) return null;
   const takes = node.listed || node.slots.length > 0;
   if (takes) {
