@@ -7,12 +7,14 @@ from typing import Final
 
 from .folder_slice import FolderSlice
 from .missions.mission_slice import MissionSlice
+from .missions.scene_slice import SceneSlice
 from .runs.run_slice import RunSlice
 from .slice import Slice, Studio
 
 MAKERS: Final[tuple[Callable[[Studio], Slice], ...]] = (
     FolderSlice,
     MissionSlice,
+    SceneSlice,
     RunSlice,
 )
 
