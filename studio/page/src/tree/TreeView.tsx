@@ -212,6 +212,7 @@ const CardView = memo(function CardView({ data }: NodeProps<Card>) {
       <NodeSymbol symbol={node.kind} />
       <span className="tree-name"><b>{node.name}</b>{node.detail && <small>{node.detail}</small>}</span>
       {mark?.faults ? <span className="tree-faults" title={`${mark.faults} faults`}>{mark.faults}</span> : null}
+      {mark?.coverage !== undefined && <span className={`tree-coverage${mark.coverage < 1 ? " partly" : ""}`} aria-hidden="true">{mark.coverage < 1 ? `${Math.round(mark.coverage * 100)} %` : "✓"}</span>}
       {status && <span className="tree-status" aria-hidden="true">{STATUS_SIGNS[status]}</span>}
       {node.children.length > 0 && (
         <button className="tree-fold nodrag" tabIndex={-1} aria-label={folded ? `Unfold ${node.name}` : `Fold ${node.name}`}
