@@ -5,17 +5,17 @@ from __future__ import annotations
 import base64
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ...errors import PicktreeError
 from ...files.yaml.document import read_document
-from ...logs.meshes.triangle_meshes import Mesh, part_mesh, shape_mesh
-from ...robots.loading import load_robot
-from ...simulation.spawning.spawn import displace_fixtures, spawn_items
 from ...world.colours import COLOURS
 from ...world.scene.description import SceneDescription
 from ...world.scene.loading.scene_loading import SHIPPED, check_scene, load_scene
 from ...world.values import Pose
+
+if TYPE_CHECKING:
+    from ...logs.meshes.triangle_meshes import Mesh
 
 _GREY = (0.6, 0.6, 0.6)
 
@@ -25,13 +25,15 @@ def spawned(name: str, beside: Path, seed: int, text: str | None) -> dict[str, A
 
     `beside`: folder of the mission; `text`: the scene file's text where it is not saved.
     """
+    # The server names these functions, but only its worker loads what they need.
+    from ...logs.meshes.triangle_meshes import part_mesh, shape_mesh
+    from ...simulation.spawning.spawn import displace_fixtures, spawn_items
+
     scene = _scene(name, beside, text)
-    bodies = [
-        _body(
-            str(fixture.id), "fixture", part_mesh(fixture.shape, fixture.holes), fixture.pose, fixture.colour
-        )
-        for fixture in displace_fixtures(scene, seed).fixtures
-    ]
+    bodies: list[dict[str, Any]] = []
+    for fixture in displace_fixtures(scene, seed).fixtures:
+        mesh = part_mesh(fixture.shape, fixture.holes)
+        bodies.append(_body(str(fixture.id), "fixture", mesh, fixture.pose, fixture.colour))
     for each in scene.bins:
         parts = [shape_mesh(box).placed(each.pose.inverse() @ pose) for box, pose in each.parts()]
         bodies += [_body(str(each.id), "bin", part, each.pose, each.colour) for part in parts]
@@ -60,6 +62,7 @@ def robot(name: str, beside: Path, text: str | None) -> dict[str, Any]:
 @lru_cache(maxsize=2)
 def _robot(name: str, beside: str) -> dict[str, Any]:
     from ...analysis.render.snapshot import home_mesh
+    from ...robots.loading import load_robot
 
     return {"robot": name, **_mesh(home_mesh(load_robot(name, Path(beside))))}
 
@@ -97,13 +100,8 @@ def _scene(name: str, beside: Path, text: str | None) -> SceneDescription:
 
 
 def _body(name: str, kind: str, mesh: Mesh, pose: Pose, colour: str) -> dict[str, Any]:
-    return {
-        "name": name,
-        "kind": kind,
-        "colour": list(COLOURS.get(colour, _GREY)),
-        **_pose(pose),
-        **_mesh(mesh),
-    }
+    paint = list(COLOURS.get(colour, _GREY))
+    return {"name": name, "kind": kind, "colour": paint, **_pose(pose), **_mesh(mesh)}
 
 
 def _pose(pose: Pose) -> dict[str, Any]:

@@ -22,7 +22,7 @@ def card(browser: Any, node: str) -> Any:
 
 
 def written(browser: Any) -> str:
-    """Return the text in the editor as it was kept as a draft, else as it is in the file."""
+    """Return the lines of the text that the editor shows."""
     return "\n".join(browser.locator(".cm-line").all_inner_texts())
 
 
@@ -35,10 +35,11 @@ def test_a_mission_is_broken_mended_changed_and_saved(served: Served, page: tupl
     go(browser, f"#/write/{NAME}")
     browser.get_by_text("✓ No faults").wait_for()
     grasp = "SortOne/Recover/Sequence/Grasp"
-    card(browser, grasp).click()
+    line = browser.locator(".cm-line", has_text="- Grasp:")
+    line.click()  # the picture follows the cursor
+    card(browser, grasp).and_(browser.locator(".selected")).wait_for()
 
     # Broken: the fault is at its place in the text and in the picture.
-    line = browser.locator(".cm-line", has_text="- Grasp:")
     line.get_by_text("Grasp", exact=True).dblclick()
     browser.keyboard.type("Graps")
     browser.keyboard.press("Escape")

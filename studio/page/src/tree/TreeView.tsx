@@ -4,7 +4,7 @@
 
 import { Background, Controls, Handle, Position, ReactFlow, ReactFlowProvider, useReactFlow } from "@xyflow/react";
 import type { Edge, Node, NodeProps } from "@xyflow/react";
-import { createContext, memo, useCallback, useContext, useEffect, useMemo, useRef, useState } from "react";
+import { createContext, memo, useCallback, useContext, useEffect, useLayoutEffect, useMemo, useRef, useState } from "react";
 import type { JSX, KeyboardEvent } from "react";
 
 import { NodeSymbol } from "../ui/Icon";
@@ -38,6 +38,9 @@ export interface TreeViewProps {
 }
 
 const HEIGHT = 30;
+const MARGIN = 16;
+const READABLE = 0.6; // zoom below which the text is hard to read
+const LARGE_ZOOM = 0.9;
 const WITH_DETAIL = 46;
 const STATUS_SIGNS: Record<TreeStatus, string> = { running: "▶", success: "✓", failure: "✗", skipped: "–", idle: "·" };
 const FAMILIES: Record<string, string> = {
@@ -66,32 +69,43 @@ export const TreeView = memo(function TreeView(props: TreeViewProps): JSX.Elemen
 
 function Tree({ root, marks, selected, onSelect, onMenu, onMove, className }: TreeViewProps) {
   const [changed, setChanged] = useState<ReadonlyMap<string, boolean>>(new Map());
-  const [dropped, setDropped] = useState(0);
+  const [drops, setDrops] = useState(0);
   const flow = useReactFlow<Card>();
   const host = useRef<HTMLDivElement>(null);
   const fitted = useRef(false);
   const isFolded = useCallback((node: TreeNode) => node.children.length > 0 && (changed.get(node.id) ?? node.collapsedByDefault ?? false), [changed]);
 
   const shown = useMemo(() => collect(root, isFolded), [root, isFolded]);
-  // After a drop the places are taken anew, so that a card that was not moved goes back.
-  const laid = useMemo(() => ({ laid: layOut(boxOf(root, isFolded)), boxes: shown, dropped }), [root, isFolded, shown, dropped]);
+  const laid = useMemo(() => layOut(boxOf(root, isFolded)), [root, isFolded]);
 
+  // What is folded stays where it is on the screen, while the rest moves.
+  const anchor = useRef<{ id: string; x: number; y: number } | null>(null);
+  useLayoutEffect(() => {
+    const before = anchor.current;
+    anchor.current = null;
+    const after = before && laid.places.get(before.id);
+    if (!before || !after) return;
+    const { x, y, zoom } = flow.getViewport();
+    void flow.setViewport({ x: x + (before.x - after.x) * zoom, y: y + (before.y - after.y) * zoom, zoom });
+  }, [laid, flow]);
   const fold = useCallback((id: string) => {
+    const place = laid.places.get(id);
+    anchor.current = place ? { id, ...place } : null;
     setChanged((before) => {
       const node = find(root, id);
       if (!node?.children.length) return before;
       const folded = before.get(id) ?? node.collapsedByDefault ?? false;
       return new Map(before).set(id, !folded);
     });
-  }, [root]);
+  }, [root, laid]);
 
   // Cards and edges that stay the same keep their objects, so that only the others cost something.
   const made = useRef({ cards: new Map<string, Card>(), edges: new Map<string, Edge>() });
   const movable = Boolean(onMove);
   const nodes = useMemo<Card[]>(() => {
     const before = made.current.cards;
-    const cards = [...laid.boxes.values()].map(({ node, folded }): Card => {
-      const position = laid.laid.places.get(node.id) ?? { x: 0, y: 0 };
+    const cards = [...shown.values()].map(({ node, folded }): Card => {
+      const position = laid.places.get(node.id) ?? { x: 0, y: 0 };
       const draggable = movable && node.id !== root.id;
       const old = before.get(node.id);
       if (old && old.data.node === node && old.data.folded === folded && old.position.x === position.x && old.position.y === position.y && old.draggable === draggable) return old;
@@ -99,22 +113,28 @@ function Tree({ root, marks, selected, onSelect, onMenu, onMove, className }: Tr
     });
     made.current.cards = new Map(cards.map((card) => [card.id, card]));
     return cards;
-  }, [laid, movable, root.id]);
+    // A card that was dropped where it cannot go returns: `drops` makes it anew.
+  }, [laid, shown, movable, root.id, drops]);
   const edges = useMemo<Edge[]>(() => {
     const before = made.current.edges;
-    const found = [...laid.boxes.values()].filter((each) => each.parent !== undefined).map((each): Edge => {
+    const found = [...shown.values()].filter((each) => each.parent !== undefined).map((each): Edge => {
       const id = `${each.parent}→${each.node.id}`;
       return before.get(id) ?? { id, source: each.parent!, target: each.node.id, type: "smoothstep", focusable: false };
     });
     made.current.edges = new Map(found.map((edge) => [edge.id, edge]));
     return found;
-  }, [laid]);
+  }, [shown]);
 
   useEffect(() => {
     if (fitted.current) return;
     fitted.current = true;
-    requestAnimationFrame(() => void flow.fitView({ maxZoom: 1, minZoom: 0.4, padding: 0.05 }));
-  }, [flow]);
+    const box = host.current!.getBoundingClientRect();
+    const zoom = Math.min(1, (box.width - 2 * MARGIN) / laid.width, (box.height - 2 * MARGIN) / laid.height);
+    const start = laid.places.get(root.id)!;
+    // All of it where that can be read, else its root at the left edge.
+    if (zoom >= READABLE) void flow.setViewport({ x: (box.width - zoom * laid.width) / 2, y: (box.height - zoom * laid.height) / 2, zoom });
+    else void flow.setViewport({ x: MARGIN, y: box.height / 2 - start.y * LARGE_ZOOM, zoom: LARGE_ZOOM });
+  }, [laid, flow, root.id]);
 
   const keys = (event: KeyboardEvent) => {
     const here = shown.get(selected ?? root.id) ?? shown.get(root.id)!;
@@ -149,12 +169,12 @@ function Tree({ root, marks, selected, onSelect, onMenu, onMove, className }: Tr
   };
   // Moves the view only when the node is out of it.
   const bring = (id: string) => {
-    const place = laid.laid.places.get(id);
+    const place = laid.places.get(id);
     const box = host.current?.getBoundingClientRect();
     if (!place || !box) return;
     const at = flow.flowToScreenPosition(place);
     const { zoom } = flow.getViewport();
-    const node = laid.boxes.get(id)!.node;
+    const node = shown.get(id)!.node;
     const inside = at.x >= box.left && at.y >= box.top && at.x + widthOf(node) * zoom <= box.right && at.y + HEIGHT * zoom <= box.bottom;
     if (!inside) void flow.setCenter(place.x + widthOf(node) / 2, place.y + HEIGHT / 2, { zoom });
   };
@@ -164,20 +184,24 @@ function Tree({ root, marks, selected, onSelect, onMenu, onMove, className }: Tr
   useEffect(() => {
     if (selected !== undefined) bringIt.current(selected);
   }, [selected]);
+  const tree = useRef<HTMLDivElement>(null);
+  const owned = useMemo(() => [...shown.keys()].map(elementId).join(" "), [shown]);
   const shared = useMemo<Shared>(() => ({ marks, selected, fold }), [marks, selected, fold]);
-  const active = selected && shown.has(selected) ? `tree-${selected}` : undefined;
+  const active = selected && shown.has(selected) ? elementId(selected) : undefined;
 
   // A dropped card goes to the card below it as its child, or among the children of the nearest parent by height.
-  const drop = (_: unknown, card: Card) => {
+  const dropped = (_: unknown, card: Card) => {
     if (!onMove) return;
-    const target = dropTarget(card, laid.boxes, laid.laid);
+    const target = dropTarget(card, shown, laid);
     made.current.cards.delete(card.id);
-    setDropped((before) => before + 1);
+    setDrops((n) => n + 1);
     if (target) onMove(card.id, target.parent, target.index);
   };
 
   return (
-    <div className={`tree-view ${className ?? ""}`} ref={host} role="application" aria-roledescription="tree" aria-label={`Tree of ${root.name}: arrows walk, + and − fold`} tabIndex={0} onKeyDown={keys} aria-activedescendant={active}>
+    <div className={`tree-view ${className ?? ""}`} ref={host} onKeyDown={keys} onPointerUp={() => { if (!host.current!.contains(document.activeElement)) tree.current!.focus({ preventScroll: true }); }}>
+      {/* The cards are drawn among what is no tree; this is the tree that has the focus and owns them. */}
+      <div ref={tree} className="tree-keys" role="tree" aria-label={`Tree of ${root.name}`} tabIndex={0} aria-activedescendant={active} aria-owns={owned} />
       <SharedContext.Provider value={shared}>
         <ReactFlow
           nodes={nodes} edges={edges} nodeTypes={NODE_TYPES} onlyRenderVisibleElements minZoom={0.05} maxZoom={2}
@@ -186,7 +210,7 @@ function Tree({ root, marks, selected, onSelect, onMenu, onMove, className }: Tr
           onNodeClick={(_, card) => onSelect(card.id)}
           onNodeDoubleClick={(_, card) => fold(card.id)}
           onNodeContextMenu={(event, card) => { if (onMenu) { event.preventDefault(); onMenu(card.id, { x: event.clientX, y: event.clientY }); } }}
-          onNodeDragStop={onMove ? drop : undefined}
+          onNodeDragStop={onMove ? dropped : undefined}
         >
           <Background gap={24} />
           <Controls showInteractive={false} />
@@ -202,15 +226,16 @@ const CardView = memo(function CardView({ data }: NodeProps<Card>) {
   const mark = marks[node.id];
   const status = mark?.status;
   const family = FAMILIES[node.kind] ?? "control";
-  const words = [node.name, node.detail, status && status !== "idle" ? status : "", mark?.faults ? `${mark.faults} faults` : "", mark?.breakpoint ? "breakpoint" : "",
-    mark?.coverage !== undefined ? `covered ${Math.round(mark.coverage * 100)} %` : "", folded ? `${count(node) - 1} nodes folded` : ""].filter(Boolean);
+  const words = [node.detail ? `${node.name} ${node.detail}` : node.name, status && status !== "idle" ? status : "", mark?.faults ? `${mark.faults} faults` : "", mark?.breakpoint ? "breakpoint" : "",
+    mark?.coverage !== undefined ? `covered ${Math.round(mark.coverage * 100)} %` : ""].filter(Boolean);
   return (
     <div className={`tree-card ${family} ${status ?? ""} ${selected === node.id ? "selected" : ""} ${mark?.coverage === 0 ? "uncovered" : ""}`}
-      id={`tree-${node.id}`} data-tree-node={node.id} role="group" aria-label={words.join(", ")}>
+      id={elementId(node.id)} data-tree-node={node.id} role="treeitem" aria-label={words.join(", ")} aria-selected={selected === node.id}
+      aria-expanded={node.children.length ? !folded : undefined}>
       <Handle type="target" position={Position.Left} isConnectable={false} />
       {mark?.breakpoint && <span className="tree-breakpoint" title="Breakpoint" />}
       <NodeSymbol symbol={node.kind} />
-      <span className="tree-name"><b>{node.name}</b>{node.detail && <small>{node.detail}</small>}</span>
+      <span className="tree-name"><b>{node.name}</b>{" "}{node.detail && <small>{node.detail}</small>}</span>
       {mark?.faults ? <span className="tree-faults" title={`${mark.faults} faults`}>{mark.faults}</span> : null}
       {mark?.coverage !== undefined && <span className={`tree-coverage${mark.coverage < 1 ? " partly" : ""}`} aria-hidden="true">{mark.coverage < 1 ? `${Math.round(mark.coverage * 100)} %` : "✓"}</span>}
       {status && <span className="tree-status" aria-hidden="true">{STATUS_SIGNS[status]}</span>}
@@ -222,6 +247,8 @@ const CardView = memo(function CardView({ data }: NodeProps<Card>) {
     </div>
   );
 });
+// Names of nodes may have blanks, ids of elements none.
+const elementId = (id: string) => `tree-${encodeURIComponent(id)}`;
 const NODE_TYPES = { card: CardView };
 
 interface Shown {
