@@ -16,6 +16,7 @@ from .. import arithmetic
 from ..authoring.check import check_mission
 from ..errors import PicktreeError
 from ..files.marks import FileError
+from ..files.value_wording import suggest_name
 from ..planning.requests import MotionPlan, Request
 from ..robots.loading import load_robot
 from ..simulation.backends import Backend
@@ -29,6 +30,7 @@ from ..trees.node import Node
 from ..trees.status import NodeStatus
 from ..trees.tree_definition import MAIN, MissionSource, TreeDefinition, python_faults
 from ..world.causes import Evidence
+from ..world.protocols import RgbdImage
 from ..world.scene.loading.scene_loading import load_scene
 from .execution import Execution
 from .recipe import DEFAULT_TIME_LIMIT, Recipe, Recording
@@ -132,6 +134,17 @@ class CellSession:
     def time(self) -> float:
         """Simulated time, s."""
         return self.world.clock.now
+
+    def capture(self, camera: str) -> RgbdImage:
+        """Take an image with a camera of the scene, now; the belief stays as it is.
+
+        Raises PicktreeError for a camera that the scene does not have, NoImage when it gives none.
+        """
+        cameras = self._execution.hardware.cameras
+        if camera not in cameras:
+            hint = suggest_name(camera, tuple(cameras))
+            raise PicktreeError(f"the scene has no camera {camera!r} ({hint})")
+        return cameras[camera].capture()
 
     def run(
         self,

@@ -9,12 +9,14 @@ from .batches.batch_slice import BatchSlice
 from .folder_slice import FolderSlice
 from .live.live_slice import LiveSlice
 from .missions.mission_slice import MissionSlice
+from .missions.scene_slice import SceneSlice
 from .runs.run_slice import RunSlice
 from .slice import Slice, Studio
 
 MAKERS: Final[tuple[Callable[[Studio], Slice], ...]] = (
     FolderSlice,
     MissionSlice,
+    SceneSlice,
     RunSlice,
     LiveSlice,
     BatchSlice,

@@ -43,10 +43,7 @@ def draw_robot(robot: RobotDescription, path: Path) -> None:
     """
     model = RobotModel(robot)
     home = model.named("home")
-    poses = model.link_poses(home, robot.gripper.max_width)
-    mesh = join_meshes(
-        [part.placed(pose) for link, part in _parts(robot) if (pose := poses.get(link)) is not None]
-    )
+    mesh = home_mesh(robot)
     middle = (mesh.vertices.min(axis=0) + mesh.vertices.max(axis=0)) / 2
     view = PictureView(
         target=(float(middle[0]), float(middle[1]), float(middle[2])),
@@ -60,6 +57,18 @@ def draw_robot(robot: RobotDescription, path: Path) -> None:
         _frame(picture, view, name, pose)
     if not cv2.imwrite(str(path), cv2.cvtColor(picture, cv2.COLOR_RGB2BGR)):
         raise PicktreeError(f"{path} cannot be written")
+
+
+def home_mesh(robot: RobotDescription) -> Mesh:
+    """Return the robot's collision geometry at `home` with the gripper open, in the world.
+
+    Raises PicktreeError for a mesh that cannot be read.
+    """
+    model = RobotModel(robot)
+    poses = model.link_poses(model.named("home"), robot.gripper.max_width)
+    return join_meshes(
+        [part.placed(pose) for link, part in _parts(robot) if (pose := poses.get(link)) is not None]
+    )
 
 
 def _filling_distance(view: PictureView, offsets: Array) -> float:

@@ -8,9 +8,11 @@ import os
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
+from dataclasses import dataclass
 from typing import Final, ParamSpec, TypeVar
 
 from ...errors import PicktreeError
+from ...files.marks import Diagnostic, FileError
 from ...trees.plugins.plugin import PLUGINS_VARIABLE
 
 P = ParamSpec("P")
@@ -32,13 +34,16 @@ class Worker:
         policy = os.environ.get(PLUGINS_VARIABLE, "")
         work = asyncio.get_running_loop().run_in_executor(pool, _run, policy, function, args, kwargs)
         try:
-            return await asyncio.wait_for(work, LIMIT)
+            result = await asyncio.wait_for(work, LIMIT)
         except TimeoutError:
             self._end(pool)
             raise PicktreeError(f"this took longer than {LIMIT:g} s and was stopped") from None
         except BrokenProcessPool:
             self._end(pool)
             raise PicktreeError("the process that computes this has ended; try again") from None
+        if isinstance(result, _Refusal):
+            raise result.error()
+        return result
 
     async def close(self) -> None:
         """End the process."""
@@ -53,10 +58,28 @@ class Worker:
         pool.shutdown(wait=False, cancel_futures=True)
 
 
-def _run(policy: str, function: Callable[..., T], args: tuple[object, ...], kwargs: dict[str, object]) -> T:
+@dataclass(frozen=True, slots=True)
+class _Refusal:
+    """Error of a request, in a form that goes from process to process."""
+
+    message: str
+    faults: tuple[Diagnostic, ...] = ()
+
+    def error(self) -> PicktreeError:
+        return FileError(self.faults) if self.faults else PicktreeError(self.message)
+
+
+def _run(
+    policy: str, function: Callable[..., T], args: tuple[object, ...], kwargs: dict[str, object]
+) -> T | _Refusal:
     """Run a function with the server's policy on plug-ins."""
     if policy:
         os.environ[PLUGINS_VARIABLE] = policy
     else:
         os.environ.pop(PLUGINS_VARIABLE, None)
-    return function(*args, **kwargs)
+    try:
+        return function(*args, **kwargs)
+    except FileError as error:
+        return _Refusal(str(error), error.faults)
+    except PicktreeError as error:
+        return _Refusal(str(error))

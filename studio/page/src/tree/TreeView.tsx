@@ -99,20 +99,26 @@ function Tree({ root, marks, selected, onSelect, onMenu, onMove, className }: Tr
   }, [root, laid]);
 
   const nodes = useMemo<Card[]>(() => {
-    return [...shown.values()].map(({ node, folded }) => ({
-      id: node.id,
-      type: "card",
-      position: laid.places.get(node.id) ?? { x: 0, y: 0 },
-      data: { node, folded },
-      width: widthOf(node),
-      height: heightOf(node),
-      draggable: Boolean(onMove) && node.id !== root.id,
-      focusable: false,
-    }));
-    // A card that was dropped where it cannot go returns: `drops` makes the cards anew.
-  }, [laid, shown, onMove, root.id, drops]);
+    const before = made.current.cards;
+    const cards = [...shown.values()].map(({ node, folded }): Card => {
+      const position = laid.places.get(node.id) ?? { x: 0, y: 0 };
+      const draggable = movable && node.id !== root.id;
+      const old = before.get(node.id);
+      if (old && old.data.node === node && old.data.folded === folded && old.position.x === position.x && old.position.y === position.y && old.draggable === draggable) return old;
+      return { id: node.id, type: "card", position, data: { node, folded }, width: widthOf(node), height: heightOf(node), draggable, focusable: false };
+    });
+    made.current.cards = new Map(cards.map((card) => [card.id, card]));
+    return cards;
+    // A card that was dropped where it cannot go returns: `drops` makes it anew.
+  }, [laid, shown, movable, root.id, drops]);
   const edges = useMemo<Edge[]>(() => {
-    return [...shown.values()].filter((each) => each.parent).map((each) => ({ id: `${each.parent}→${each.node.id}`, source: each.parent!, target: each.node.id, type: "smoothstep", focusable: false }));
+    const before = made.current.edges;
+    const found = [...shown.values()].filter((each) => each.parent !== undefined).map((each): Edge => {
+      const id = `${each.parent}→${each.node.id}`;
+      return before.get(id) ?? { id, source: each.parent!, target: each.node.id, type: "smoothstep", focusable: false };
+    });
+    made.current.edges = new Map(found.map((edge) => [edge.id, edge]));
+    return found;
   }, [shown]);
 
   useEffect(() => {
@@ -168,19 +174,30 @@ function Tree({ root, marks, selected, onSelect, onMenu, onMove, className }: Tr
     const inside = at.x >= box.left && at.y >= box.top && at.x + widthOf(node) * zoom <= box.right && at.y + HEIGHT * zoom <= box.bottom;
     if (!inside) void flow.setCenter(place.x + widthOf(node) / 2, place.y + HEIGHT / 2, { zoom });
   };
+  // A node that was chosen elsewhere comes into view.
+  const bringIt = useRef(bring);
+  bringIt.current = bring;
+  useEffect(() => {
+    if (selected !== undefined) bringIt.current(selected);
+  }, [selected]);
+  const tree = useRef<HTMLDivElement>(null);
+  const owned = useMemo(() => [...shown.keys()].map(elementId).join(" "), [shown]);
   const shared = useMemo<Shared>(() => ({ marks, selected, fold }), [marks, selected, fold]);
-  const active = selected && shown.has(selected) ? `tree-${selected}` : undefined;
+  const active = selected && shown.has(selected) ? elementId(selected) : undefined;
 
   // A dropped card goes to the card below it as its child, or among the children of the nearest parent by height.
   const dropped = (_: unknown, card: Card) => {
     if (!onMove) return;
     const target = dropTarget(card, shown, laid);
+    made.current.cards.delete(card.id);
     setDrops((n) => n + 1);
     if (target) onMove(card.id, target.parent, target.index);
   };
 
   return (
-    <div className={`tree-view ${className ?? ""}`} ref={host} role="tree" aria-label={`Tree of ${root.name}`} tabIndex={0} onKeyDown={keys} aria-activedescendant={active}>
+    <div className={`tree-view ${className ?? ""}`} ref={host} onKeyDown={keys} onPointerUp={() => { if (!host.current!.contains(document.activeElement)) tree.current!.focus({ preventScroll: true }); }}>
+      {/* The cards are drawn among what is no tree; this is the tree that has the focus and owns them. */}
+      <div ref={tree} className="tree-keys" role="tree" aria-label={`Tree of ${root.name}`} tabIndex={0} aria-activedescendant={active} aria-owns={owned} />
       <SharedContext.Provider value={shared}>
         <ReactFlow
           nodes={nodes} edges={edges} nodeTypes={NODE_TYPES} onlyRenderVisibleElements minZoom={0.05} maxZoom={2}
@@ -205,17 +222,18 @@ const CardView = memo(function CardView({ data }: NodeProps<Card>) {
   const mark = marks[node.id];
   const status = mark?.status;
   const family = FAMILIES[node.kind] ?? "control";
-  const words = [node.name, node.detail, status && status !== "idle" ? status : "", mark?.faults ? `${mark.faults} faults` : "", mark?.breakpoint ? "breakpoint" : "",
+  const words = [node.detail ? `${node.name} ${node.detail}` : node.name, status && status !== "idle" ? status : "", mark?.faults ? `${mark.faults} faults` : "", mark?.breakpoint ? "breakpoint" : "",
     mark?.coverage !== undefined ? `covered ${Math.round(mark.coverage * 100)} %` : ""].filter(Boolean);
   return (
     <div className={`tree-card ${family} ${status ?? ""} ${selected === node.id ? "selected" : ""} ${mark?.coverage === 0 ? "uncovered" : ""}`}
-      id={`tree-${node.id}`} data-tree-node={node.id} role="treeitem" aria-label={words.join(", ")} aria-selected={selected === node.id}
+      id={elementId(node.id)} data-tree-node={node.id} role="treeitem" aria-label={words.join(", ")} aria-selected={selected === node.id}
       aria-expanded={node.children.length ? !folded : undefined}>
       <Handle type="target" position={Position.Left} isConnectable={false} />
       {mark?.breakpoint && <span className="tree-breakpoint" title="Breakpoint" />}
       <NodeSymbol symbol={node.kind} />
-      <span className="tree-name"><b>{node.name}</b>{node.detail && <small>{node.detail}</small>}</span>
+      <span className="tree-name"><b>{node.name}</b>{" "}{node.detail && <small>{node.detail}</small>}</span>
       {mark?.faults ? <span className="tree-faults" title={`${mark.faults} faults`}>{mark.faults}</span> : null}
+      {mark?.coverage !== undefined && <span className={`tree-coverage${mark.coverage < 1 ? " partly" : ""}`} aria-hidden="true">{mark.coverage < 1 ? `${Math.round(mark.coverage * 100)} %` : "✓"}</span>}
       {status && <span className="tree-status" aria-hidden="true">{STATUS_SIGNS[status]}</span>}
       {node.children.length > 0 && (
         <button className="tree-fold nodrag" tabIndex={-1} aria-label={folded ? `Unfold ${node.name}` : `Fold ${node.name}`}
@@ -225,6 +243,8 @@ const CardView = memo(function CardView({ data }: NodeProps<Card>) {
     </div>
   );
 });
+// Names of nodes may have blanks, ids of elements none.
+const elementId = (id: string) => `tree-${encodeURIComponent(id)}`;
 const NODE_TYPES = { card: CardView };
 
 interface Shown {

@@ -9,18 +9,19 @@ import { Button } from "../ui/Button";
 import { Empty } from "../ui/Empty";
 import { applyChanges, markNode, redo, undo } from "./editor";
 import { head, picture, treeOfHead } from "./model";
-import type { Edit, MissionNode, NodeEntry, TextFault } from "./model";
+import type { Edit, MissionNode, NodeEntry, Place, TextFault } from "./model";
 import { NodeActions, NodeForm } from "./NodeForm";
 import { NodeMenu } from "./NodeMenu";
 import { DRAGGED, PalettePanel } from "./PalettePanel";
 import { RehearsePanel } from "./Rehearse";
 import type { Rehearsal } from "./Rehearse";
+import { ScenePanel } from "./ScenePanel";
 import { useMission } from "./useMission";
 import "./write.css";
 
-type Tab = "node" | "add" | "rehearse";
+type Tab = "node" | "add" | "rehearse" | "scene";
 type Show = "both" | "text" | "picture";
-const TABS: [Tab, string][] = [["node", "Node"], ["add", "Add"], ["rehearse", "Rehearse"]];
+const TABS: [Tab, string][] = [["node", "Node"], ["add", "Add"], ["rehearse", "Rehearse"], ["scene", "Scene"]];
 
 export function WritePage({ path }: { path: string }) {
   const [selected, setSelected] = useState("");
@@ -39,7 +40,7 @@ export function WritePage({ path }: { path: string }) {
   const choose = useCallback((id: string) => {
     picked.current = id;
     setSelected(id);
-    setTab((before) => (before === "add" ? before : "node"));
+    setTab((before) => (before === "add" || before === "scene" ? before : "node"));
   }, []);
   const node = index?.node(selected) ?? null;
   useEffect(() => {
@@ -88,8 +89,8 @@ export function WritePage({ path }: { path: string }) {
   });
 
   const target = addPlace(node, index?.parent(selected) ?? null, palette?.nodes ?? []);
-  const add = useCallback((entry: NodeEntry, place: { parent: string; index: number; slot?: string } | null) => {
-    if (place) void change({ do: "add", place, identity: entry.id, include: entry.include });
+  const add = useCallback((entry: NodeEntry, place: Place | null) => {
+    if (place) void change({ do: "add", place: { parent: place.parent, index: place.index, slot: place.slot }, identity: entry.id, include: entry.include });
   }, [change]);
   const dropped = (event: DragEvent) => {
     const identity = event.dataTransfer.getData(DRAGGED);
@@ -123,7 +124,7 @@ export function WritePage({ path }: { path: string }) {
 
   if (writing.problem) return <Empty title="This file cannot be opened"><p>{writing.problem}</p><a href="#/write">To the missions</a></Empty>;
   return (
-    <div className={`write-page show-${show}`}>
+    <div className={`write-page show-${show} tool-${tab}`}>
       <div className="write-bar" role="toolbar" aria-label="Mission">
         <h1>{path}<small>{mission?.name}{writing.unsaved ? " · not saved" : ""}</small></h1>
         <Button primary onClick={writing.save} disabled={!view || !writing.unsaved} title="Ctrl+S">Save</Button>
@@ -171,6 +172,7 @@ export function WritePage({ path }: { path: string }) {
             ) : <p className="muted">Choose a node in the picture, or put the cursor on one in the text.</p>)}
             {tab === "add" && (palette ? <PalettePanel palette={palette} target={target?.words ?? "nothing: choose a node first"} add={(entry) => add(entry, target)} /> : <p className="loading">…</p>)}
             {tab === "rehearse" && <RehearsePanel path={path} text={text} result={rehearsal} onResult={setRehearsal} onNode={choose} />}
+            {tab === "scene" && (mission?.scene ? <ScenePanel path={path} scene={mission.scene} key={mission.scene} /> : <p className="muted">The mission names no scene.</p>)}
           </div>
         </aside>
       </div>
@@ -187,7 +189,7 @@ function useSteady<A extends unknown[]>(action: (...args: A) => void): (...args:
 }
 
 // Where a new node goes: into a node that takes children, else behind the node among its siblings.
-function addPlace(node: MissionNode | null, parent: MissionNode | null, nodes: NodeEntry[]): { parent: string; index: number; slot?: string; words: string } | null {
+function addPlace(node: MissionNode | null, parent: MissionNode | null, nodes: NodeEntry[]): (Place & { words: string }) | null {
   if (!node) return null;
   const takes = node.listed || node.slots.length > 0;
   if (takes) {

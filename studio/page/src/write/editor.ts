@@ -38,7 +38,7 @@ const shownNode = StateField.define<DecorationSet>({
 
 const COLOURS = HighlightStyle.define([
   { tag: [tags.propertyName, tags.definition(tags.propertyName)], color: "var(--reference)" },
-  { tag: [tags.string, tags.special(tags.string)], color: "var(--success)" },
+  { tag: [tags.string, tags.special(tags.string)], color: "color-mix(in srgb, var(--success) 62%, var(--ink))" },
   { tag: [tags.number, tags.bool, tags.null], color: "var(--cure_ink)" },
   { tag: tags.comment, color: "var(--muted)", fontStyle: "italic" },
   { tag: [tags.labelName, tags.keyword, tags.meta], color: "var(--output, var(--running))" },
@@ -51,7 +51,7 @@ const LOOK = EditorView.theme({
   ".cm-cursor": { borderLeftColor: "var(--ink)" },
   ".cm-gutters": { backgroundColor: "var(--bar)", color: "var(--muted)", borderRight: "1px solid var(--rim)" },
   ".cm-activeLine": { backgroundColor: "color-mix(in srgb, var(--running_fill) 35%, transparent)" },
-  ".cm-activeLineGutter": { backgroundColor: "var(--running_fill)" },
+  ".cm-activeLineGutter": { backgroundColor: "var(--running_fill)", color: "var(--ink)" },
   "&.cm-focused > .cm-scroller > .cm-selectionLayer .cm-selectionBackground, .cm-selectionBackground": { backgroundColor: "color-mix(in srgb, var(--running) 28%, transparent)" },
   ".cm-node": { backgroundColor: "color-mix(in srgb, var(--running) 14%, transparent)", borderRadius: "3px" },
   ".cm-tooltip": { backgroundColor: "var(--sheet)", color: "var(--ink)", border: "1px solid var(--rim)", borderRadius: "8px", boxShadow: "0 6px 24px rgb(0 0 0 / 22%)", maxWidth: "min(520px, 90vw)" },
@@ -80,7 +80,7 @@ export function makeEditor(parent: HTMLElement, path: string, text: string, even
       lineNumbers(), foldGutter(), lintGutter(), highlightActiveLine(), highlightActiveLineGutter(), drawSelection(), bracketMatching(), closeBrackets(), history(),
       highlightSelectionMatches(), indentUnit.of("  "), yaml(), syntaxHighlighting(COLOURS), LOOK, shownNode,
       EditorState.lineSeparator.of("\n"),
-      EditorView.contentAttributes.of({ "aria-label": `Text of ${path}` }),
+      EditorView.contentAttributes.of({ "aria-label": `Text of ${path}`, tabindex: "0" }),
       autocompletion({ override: [(context) => complete(path, context)], icons: true }),
       hoverTooltip((view, place) => hover(path, view, place)),
       keymap.of([

@@ -1,0 +1,133 @@
+// The mission's scene beside it: in 3-D, by seed, through its cameras. A fixture that is dragged moves in the scene's file.
+
+import { useCallback, useEffect, useRef, useState } from "react";
+
+import { call } from "../connection";
+import type { CallError } from "../connection";
+import { Button } from "../ui/Button";
+import { Field } from "../ui/Field";
+import { toast, toastError } from "../ui/Toast";
+import { Stage } from "./stage";
+import type { SceneContent, Shape } from "./stage";
+
+interface Seen {
+  colour: string;
+  depth: string;
+  near: number;
+  far: number;
+}
+
+export function ScenePanel({ path, scene }: { path: string; scene: string }) {
+  const host = useRef<HTMLDivElement>(null);
+  const stage = useRef<Stage | null>(null);
+  const [seed, setSeed] = useState(0);
+  const [content, setContent] = useState<SceneContent | null>(null);
+  const [error, setError] = useState("");
+  const [chosen, setChosen] = useState("");
+  const [seen, setSeen] = useState<{ camera: string; seed: number; picture: Seen | null } | null>(null);
+  // The scene's own file: its text, and what it was when it was read.
+  const [file, setFile] = useState<{ text: string; saved: string; version: string } | null>(null);
+  const text = file && file.text !== file.saved ? file.text : null;
+  const now = useRef({ file, content });
+  now.current = { file, content };
+
+  const move = useCallback((name: string, x: number, y: number) => {
+    const before = now.current.file;
+    if (!before) return;
+    call<{ text: string }>("scene.move", { text: before.text, fixture: name, x, y }).then((found) => setFile({ ...before, text: found.text }), (failed: CallError) => {
+      toastError(failed);
+      if (now.current.content) stage.current?.show(now.current.content);
+    });
+  }, []);
+  useEffect(() => {
+    let made: Stage;
+    try {
+      made = new Stage(host.current!, () => now.current.file !== null, setChosen, move);
+    } catch {
+      return setError("This browser draws no 3-D (WebGL).");
+    }
+    stage.current = made;
+    return () => {
+      made.close();
+      stage.current = null;
+    };
+  }, [move]);
+
+  useEffect(() => {
+    let wanted = true;
+    call<Shape>("scene.robot", { mission: path, scene }).then((robot) => wanted && stage.current?.showRobot(robot), () => undefined);
+    return () => { wanted = false; };
+  }, [path, scene]);
+  useEffect(() => {
+    let wanted = true;
+    call<SceneContent>("scene.show", { mission: path, scene, seed, text }).then((found) => {
+      if (!wanted) return;
+      setContent(found);
+      setError("");
+      stage.current?.show(found);
+    }, (failed: CallError) => wanted && setError(failed.message));
+    return () => { wanted = false; };
+  }, [path, scene, seed, text]);
+  const own = content?.file ?? "";
+  useEffect(() => {
+    if (!own) return setFile(null);
+    call<{ text: string; version: string }>("files.read", { path: own }).then((found) => setFile({ text: found.text, saved: found.text, version: found.version }), toastError);
+  }, [own]);
+
+  const save = () => {
+    if (!file) return;
+    call<{ version: string }>("files.write", { path: own, text: file.text, version: file.version }).then((written) => {
+      setFile({ text: file.text, saved: file.text, version: written.version });
+      toast(`${own} saved`, "success");
+    }, toastError);
+  };
+  const look = (camera: string) => {
+    setSeen({ camera, seed, picture: null });
+    call<Seen>("scene.camera", { mission: path, scene, seed, camera, text }).then((picture) => setSeen({ camera, seed, picture }), (failed: CallError) => {
+      setSeen(null);
+      toastError(failed);
+    });
+  };
+  const choose = (name: string) => {
+    setChosen(name);
+    stage.current?.choose(name);
+  };
+  const fixed = [...new Map((content?.bodies ?? []).filter((body) => body.kind !== "item").map((body) => [body.name, body])).values()];
+  const body = fixed.find((each) => each.name === chosen);
+  const items = content?.bodies.filter((each) => each.kind === "item").length ?? 0;
+  return (
+    <div className="scene">
+      <div className="seed" role="group" aria-label="Seed">
+        <Button onClick={() => setSeed(Math.max(0, seed - 1))} disabled={seed === 0} title="The seed before">−</Button>
+        <label>Seed <input type="number" min={0} value={seed} onChange={(event) => setSeed(Math.max(0, Math.floor(Number(event.target.value) || 0)))} /></label>
+        <Button onClick={() => setSeed(seed + 1)} title="The next seed">+</Button>
+        <span className="muted">{scene}, {items} items</span>
+      </div>
+      <div className="stage" ref={host} role="img" aria-label={`Scene ${scene} with seed ${seed}: ${items} items, ${fixed.map((each) => each.name).join(", ")}`} />
+      {error && <p className="problem" role="alert">{error}</p>}
+      <Field label="Fixture or bin" hint={file ? "Drag it in the picture, or write its place." : "A shipped scene is not changed: copy it beside the mission first."}>
+        {(attributes) => <select {...attributes} value={chosen} onChange={(event) => choose(event.target.value)}><option value="">none</option>{fixed.map((each) => <option key={each.name}>{each.name}</option>)}</select>}
+      </Field>
+      {body && file && (
+        <div className="seed">
+          {(["x", "y"] as const).map((axis, number) => (
+            <label key={axis}>{axis}, m <input type="number" step={0.01} key={`${body.name} ${body.position[number]}`} defaultValue={Number(body.position[number]!.toFixed(4))}
+              onBlur={(event) => {
+                const value = Number(event.target.value);
+                if (Math.abs(value - body.position[number]!) > 1e-5) move(body.name, number ? body.position[0] : value, number ? value : body.position[1]);
+              }} /></label>
+          ))}
+        </div>
+      )}
+      {file && <div className="buttons"><Button primary onClick={save} disabled={text === null}>Save {own}</Button><Button onClick={() => setFile({ ...file, text: file.saved })} disabled={text === null}>Take back</Button></div>}
+      <div className="buttons">{content?.views.map((camera) => <Button key={camera} onClick={() => look(camera)} disabled={seen !== null && seen.picture === null}>What {camera} sees</Button>)}</div>
+      {seen && (seen.picture ? (
+        <figure className="views">
+          <img src={seen.picture.colour} alt={`Colour image of ${seen.camera} with seed ${seen.seed}`} />
+          <img src={seen.picture.depth} alt={`Depth image of ${seen.camera} with seed ${seen.seed}`} />
+          <figcaption className="muted">{seen.camera}, seed {seen.seed}; depth {seen.picture.near.toFixed(2)} to {seen.picture.far.toFixed(2)} m, near is bright</figcaption>
+        </figure>
+      ) : <p className="loading"><span className="spinner" /> The scene settles in physics…</p>)}
+    </div>
+  );
+}
