@@ -105,11 +105,12 @@ page: tests/logs/node/node_modules/.package-lock.json tests/studio/node/node_mod
 	@cd tests/logs/node && npm run --silent build
 	@cd tests/studio/node && npm run --silent test && npm run --silent build
 
-# The pictures of docs/report.md and docs/batches.md, taken in headless Chromium of a run with planted faults
-# and of a batch that is run for it: about seven minutes of CPU.
+# The pictures of docs/report.md, docs/batches.md and docs/studio.md, taken in headless Chromium of a run with planted faults
+# of a batch and of five more that are run for it: about eight minutes of CPU.
 pictures: $(DEV)
 	@"$(BIN)/python" -m tests.analysis.report_pictures docs
 	@"$(BIN)/python" -m tests.batch.report_pictures docs
+	@"$(BIN)/python" -m tests.studio.studio_pictures docs
 
 # The digests of the golden runs, recorded again after a change of the simulation that is meant.
 golden: $(RUN)

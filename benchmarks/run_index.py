@@ -3,7 +3,7 @@
     python benchmarks/run_index.py LOG --runs 10000
 
 The runs are folders with hard links to LOG. `cold`: nothing is in the cache; `warm`: in a new index whose
-rows are.
+rows are. `studio`: the same rows in the table of the studio, filtered and sorted.
 """
 
 from __future__ import annotations
@@ -11,13 +11,15 @@ from __future__ import annotations
 import argparse
 import os
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from statistics import median
 from tempfile import TemporaryDirectory
 
 from picktree.files.disk_cache import VARIABLE
 from picktree.logs.run_index import RunFilter, RunIndex, RunRow
+from picktree.studio.runs.run_table import Query, RunTable
+from picktree.studio.workspace import Workspace
 
 
 def cpu(work: Callable[[], object]) -> float:
@@ -25,6 +27,20 @@ def cpu(work: Callable[[], object]) -> float:
     began = time.process_time()
     work()
     return time.process_time() - began
+
+
+def studio_queries(base: Path, rounds: int) -> Iterator[tuple[str, float]]:
+    """Yield names and CPU times of questions to the studio's table, each asked for the first time."""
+    os.environ["XDG_STATE_HOME"] = f"{base}/state"
+    table = RunTable(Workspace(base))
+    yield "all rows", cpu(table.look)
+    words = [Query(text=f"success {number}") for number in range(rounds)]
+    yield "words", median(cpu(lambda each=each: table.select(each)) for each in words)
+    conditions = [
+        Query(where=f"lost >= 0 and 'grasp.missed' not in causes and seed < {n}") for n in range(rounds)
+    ]
+    yield "condition", median(cpu(lambda each=each: table.select(each)) for each in conditions)
+    yield "order", cpu(lambda: table.select(Query(sort="mission", descending=False)))
 
 
 def main() -> None:
@@ -55,6 +71,8 @@ def main() -> None:
         where = RunFilter.parse("status == 'success' and lost >= 0 and 'grasp.missed' not in causes")
         spent = median(cpu(lambda: [row for row in rows if where(row)]) for _ in range(chosen.rounds))
         print(f"filter            {spent:.3f} s over {len(rows)} rows")
+        for name, seconds in studio_queries(Path(base), chosen.rounds):
+            print(f"studio, {name:<10}{seconds:.3f} s")
 
 
 if __name__ == "__main__":

@@ -14,9 +14,6 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-
-pytest.importorskip("uvicorn")
-
 from websockets.sync.client import ClientConnection, connect
 
 from picktree.studio.server import link, listen, make_server

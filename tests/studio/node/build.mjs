@@ -1,6 +1,6 @@
-// Makes studio/page/{studio.js,studio.css,elk.js,licences.txt}; OUT names another folder.
+// Makes studio/page/{studio.js,studio.css,licences.txt}; OUT names another folder.
 import { build } from "esbuild";
-import { copyFile, mkdir, readFile, readdir, writeFile } from "node:fs/promises";
+import { mkdir, readFile, readdir, writeFile } from "node:fs/promises";
 import path from "node:path";
 
 const here = import.meta.dirname;
@@ -28,11 +28,10 @@ const made = await build({
   logLevel: "warning",
 });
 await mkdir(out, { recursive: true });
-await copyFile(path.join(modules, "elkjs/lib/elk-worker.min.js"), path.join(out, "elk.js"));
 
 // The licence of every library of which something is in the bundle.
 const inside = /node_modules\/((?:@[^/]+\/)?[^/]+)\//;
-const names = new Set(["elkjs"]);
+const names = new Set();
 for (const input of Object.keys(made.metafile.inputs)) {
   const found = inside.exec(input);
   if (found) names.add(found[1]);
@@ -45,5 +44,5 @@ for (const name of [...names].sort()) {
   const text = file ? (await readFile(path.join(folder, file), "utf8")).trim() : "";
   parts.push(`${name} ${version}: ${license}\n\n${text}`);
 }
-const head = "studio.js, studio.css and elk.js have parts of these libraries in them. elk.js is elk-worker.min.js of elkjs, unchanged;\nits source is at https://github.com/kieler/elkjs.\n";
+const head = "studio.js and studio.css have parts of these libraries in them.\n";
 await writeFile(path.join(out, "licences.txt"), `${head}\n${parts.join(`\n\n${"-".repeat(80)}\n`)}\n`);

@@ -2,7 +2,7 @@
 
 import { useState } from "react";
 
-import { call, useCall } from "../connection";
+import { call, useWatch } from "../connection";
 import { JobView, useJob } from "../jobs";
 import { Dialog } from "../ui/Dialog";
 import { Field } from "../ui/Field";
@@ -10,16 +10,16 @@ import { Status } from "../ui/Status";
 import { toastError } from "../ui/Toast";
 import type { OpenedRun } from "./RunPage";
 import { done, when } from "./rows";
-import type { RunRow } from "./rows";
+import type { IndexEvent } from "./rows";
 
 const SHOWN = 50;
 
 export function Compare({ run, onClose }: { run: OpenedRun; onClose(): void }) {
   const [text, setText] = useState(run.mission);
   const [number, setNumber] = useState<number | null>(null);
-  const { value } = useCall<RunRow[]>("runs.rows", { text, count: SHOWN });
+  const { value } = useWatch<IndexEvent>("runs.index", { text, count: SHOWN });
   const job = useJob(number);
-  const others = (value ?? []).filter((row) => row.id !== run.id);
+  const others = (value?.rows ?? []).filter((row) => row.id !== run.id);
   const start = (other: string) => {
     call<number>("runs.diff", { id: run.id, other }).then(setNumber, toastError);
   };
@@ -29,7 +29,7 @@ export function Compare({ run, onClose }: { run: OpenedRun; onClose(): void }) {
       <Field label="The other run">
         {(attributes) => <input {...attributes} type="search" value={text} onChange={(event) => setText(event.target.value)} />}
       </Field>
-      {value && others.length === 0 && <p className="muted">No other run has these words. A what-if makes one to compare with.</p>}
+      {value?.complete && others.length === 0 && <p className="muted">No other run has these words. A what-if makes one to compare with.</p>}
       <ul className="run-choice" aria-label="Runs">
         {others.map((row) => (
           <li key={row.id}>

@@ -99,6 +99,7 @@ export function RunIndex({ place }: { place: Place }) {
             onChange={(event) => { setTyped({ ...typed, text: event.target.value }); set({ text: event.target.value }); }} />}
         </Field>
         <Where value={typed.where} fault={fault?.message} onChange={(where) => { setTyped({ ...typed, where }); if (!where) set({ where }); }} onDone={() => set(typed)} />
+        <button type="submit" className="hidden-text" tabIndex={-1}>Filter</button>
         <p className="found" role="status">{state ? counted(state.event) : "Looking into the logs …"}</p>
       </form>
       {state && state.event.matched === 0 && state.event.complete ? (

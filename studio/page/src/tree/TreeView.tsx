@@ -4,7 +4,7 @@
 
 import { Background, Controls, Handle, Position, ReactFlow, ReactFlowProvider, useReactFlow } from "@xyflow/react";
 import type { Edge, Node, NodeProps } from "@xyflow/react";
-import { createContext, memo, useCallback, useContext, useEffect, useMemo, useRef, useState } from "react";
+import { createContext, memo, useCallback, useContext, useEffect, useLayoutEffect, useMemo, useRef, useState } from "react";
 import type { JSX, KeyboardEvent } from "react";
 
 import { NodeSymbol } from "../ui/Icon";
@@ -38,6 +38,9 @@ export interface TreeViewProps {
 }
 
 const HEIGHT = 30;
+const MARGIN = 16;
+const READABLE = 0.6; // zoom below which the text is hard to read
+const LARGE_ZOOM = 0.9;
 const WITH_DETAIL = 46;
 const STATUS_SIGNS: Record<TreeStatus, string> = { running: "▶", success: "✓", failure: "✗", skipped: "–", idle: "·" };
 const FAMILIES: Record<string, string> = {
@@ -65,51 +68,63 @@ export function TreeView(props: TreeViewProps): JSX.Element {
 
 function Tree({ root, marks, selected, onSelect, onMenu, onMove, className }: TreeViewProps) {
   const [changed, setChanged] = useState<ReadonlyMap<string, boolean>>(new Map());
-  const [laid, setLaid] = useState<{ laid: Laid; boxes: Map<string, Shown> } | null>(null);
+  const [drops, setDrops] = useState(0);
   const flow = useReactFlow<Card>();
   const host = useRef<HTMLDivElement>(null);
   const fitted = useRef(false);
   const isFolded = useCallback((node: TreeNode) => node.children.length > 0 && (changed.get(node.id) ?? node.collapsedByDefault ?? false), [changed]);
 
   const shown = useMemo(() => collect(root, isFolded), [root, isFolded]);
-  useEffect(() => {
-    let wanted = true;
-    void layOut(boxOf(root, isFolded)).then((found) => wanted && setLaid({ laid: found, boxes: shown }));
-    return () => { wanted = false; };
-  }, [root, isFolded, shown]);
+  const laid = useMemo(() => layOut(boxOf(root, isFolded)), [root, isFolded]);
 
+  // What is folded stays where it is on the screen, while the rest moves.
+  const anchor = useRef<{ id: string; x: number; y: number } | null>(null);
+  useLayoutEffect(() => {
+    const before = anchor.current;
+    anchor.current = null;
+    const after = before && laid.places.get(before.id);
+    if (!before || !after) return;
+    const { x, y, zoom } = flow.getViewport();
+    void flow.setViewport({ x: x + (before.x - after.x) * zoom, y: y + (before.y - after.y) * zoom, zoom });
+  }, [laid, flow]);
   const fold = useCallback((id: string) => {
+    const place = laid.places.get(id);
+    anchor.current = place ? { id, ...place } : null;
     setChanged((before) => {
       const node = find(root, id);
       if (!node?.children.length) return before;
       const folded = before.get(id) ?? node.collapsedByDefault ?? false;
       return new Map(before).set(id, !folded);
     });
-  }, [root]);
+  }, [root, laid]);
 
   const nodes = useMemo<Card[]>(() => {
-    if (!laid) return [];
-    return [...laid.boxes.values()].map(({ node, folded }) => ({
+    return [...shown.values()].map(({ node, folded }) => ({
       id: node.id,
       type: "card",
-      position: laid.laid.places.get(node.id) ?? { x: 0, y: 0 },
+      position: laid.places.get(node.id) ?? { x: 0, y: 0 },
       data: { node, folded },
       width: widthOf(node),
       height: heightOf(node),
       draggable: Boolean(onMove) && node.id !== root.id,
       focusable: false,
     }));
-  }, [laid, onMove, root.id]);
+    // A card that was dropped where it cannot go returns: `drops` makes the cards anew.
+  }, [laid, shown, onMove, root.id, drops]);
   const edges = useMemo<Edge[]>(() => {
-    if (!laid) return [];
-    return [...laid.boxes.values()].filter((each) => each.parent).map((each) => ({ id: `${each.parent}→${each.node.id}`, source: each.parent!, target: each.node.id, type: "smoothstep", focusable: false }));
-  }, [laid]);
+    return [...shown.values()].filter((each) => each.parent).map((each) => ({ id: `${each.parent}→${each.node.id}`, source: each.parent!, target: each.node.id, type: "smoothstep", focusable: false }));
+  }, [shown]);
 
   useEffect(() => {
-    if (!laid || fitted.current) return;
+    if (fitted.current) return;
     fitted.current = true;
-    requestAnimationFrame(() => void flow.fitView({ maxZoom: 1, minZoom: 0.4, padding: 0.05 }));
-  }, [laid, flow]);
+    const box = host.current!.getBoundingClientRect();
+    const zoom = Math.min(1, (box.width - 2 * MARGIN) / laid.width, (box.height - 2 * MARGIN) / laid.height);
+    const start = laid.places.get(root.id)!;
+    // All of it where that can be read, else its root at the left edge.
+    if (zoom >= READABLE) void flow.setViewport({ x: (box.width - zoom * laid.width) / 2, y: (box.height - zoom * laid.height) / 2, zoom });
+    else void flow.setViewport({ x: MARGIN, y: box.height / 2 - start.y * LARGE_ZOOM, zoom: LARGE_ZOOM });
+  }, [laid, flow, root.id]);
 
   const keys = (event: KeyboardEvent) => {
     const here = shown.get(selected ?? root.id) ?? shown.get(root.id)!;
@@ -144,12 +159,12 @@ function Tree({ root, marks, selected, onSelect, onMenu, onMove, className }: Tr
   };
   // Moves the view only when the node is out of it.
   const bring = (id: string) => {
-    const place = laid?.laid.places.get(id);
+    const place = laid.places.get(id);
     const box = host.current?.getBoundingClientRect();
     if (!place || !box) return;
     const at = flow.flowToScreenPosition(place);
     const { zoom } = flow.getViewport();
-    const node = laid!.boxes.get(id)!.node;
+    const node = shown.get(id)!.node;
     const inside = at.x >= box.left && at.y >= box.top && at.x + widthOf(node) * zoom <= box.right && at.y + HEIGHT * zoom <= box.bottom;
     if (!inside) void flow.setCenter(place.x + widthOf(node) / 2, place.y + HEIGHT / 2, { zoom });
   };
@@ -158,9 +173,9 @@ function Tree({ root, marks, selected, onSelect, onMenu, onMove, className }: Tr
 
   // A dropped card goes to the card below it as its child, or among the children of the nearest parent by height.
   const dropped = (_: unknown, card: Card) => {
-    if (!onMove || !laid) return;
-    const target = dropTarget(card, laid.boxes, laid.laid);
-    setLaid({ ...laid });
+    if (!onMove) return;
+    const target = dropTarget(card, shown, laid);
+    setDrops((n) => n + 1);
     if (target) onMove(card.id, target.parent, target.index);
   };
 

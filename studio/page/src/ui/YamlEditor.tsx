@@ -12,7 +12,7 @@ import { useEffect, useRef } from "react";
 
 const COLOURS = HighlightStyle.define([
   { tag: [tags.propertyName, tags.definition(tags.propertyName)], color: "var(--reference)" },
-  { tag: [tags.string, tags.special(tags.string)], color: "var(--success)" },
+  { tag: [tags.string, tags.special(tags.string)], color: "var(--success_text)" },
   { tag: [tags.number, tags.bool, tags.null], color: "var(--output)" },
   { tag: tags.comment, color: "var(--muted)", fontStyle: "italic" },
   { tag: [tags.keyword, tags.labelName, tags.typeName], color: "var(--cure_ink)" },
@@ -61,6 +61,9 @@ export function YamlEditor({ label, text, onChange, extensions = [], className }
         ],
       }),
     });
+    made.scrollDOM.tabIndex = 0; // it scrolls, so keys reach it
+    made.scrollDOM.setAttribute("role", "group");
+    made.scrollDOM.setAttribute("aria-label", `${label}, scrolled`);
     view.current = made;
     return () => made.destroy();
     // The editor keeps its document: it is made once.

@@ -1,0 +1,114 @@
+"""The pictures of docs/studio.md: `python -m tests.studio.studio_pictures FOLDER`, or `make pictures`.
+
+Runs missions without physics, with and without planted faults, and photographs the studio of their folder in
+headless Chromium. With `--all` each page is photographed in all sizes, light and dark.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import shutil
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from picktree.session.session import RunRequest, Session
+
+from ..browser import Chromium
+from .conftest import Served, serving
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+FAULTS = ("slip.yaml", "remove.yaml", "gripper_weak.yaml")
+SIZES = ((1280, 800), (1920, 1080), (390, 844))
+
+
+@dataclass(frozen=True, slots=True)
+class Shot:
+    name: str
+    address: str
+    size: tuple[int, int]
+    dark: bool = False
+
+
+def make_folder(folder: Path) -> str:
+    """Make a folder with examples and runs; return the identity of the run whose page is shown."""
+    for name in ("sort_by_colour.yaml", "one_pick.yaml"):
+        shutil.copy(EXAMPLES / name, folder)
+    shutil.copytree(EXAMPLES / "faults", folder / "faults")
+
+    def run(mission: str, seed: int, faults: str = "") -> Path:
+        planted = folder / "faults" / faults if faults else None
+        scene = "sort_small" if mission == "sort_by_colour.yaml" else None
+        request = RunRequest(
+            folder / mission, scene=scene, seed=seed, faults=planted, backend="kinematic", out=folder / "runs"
+        )
+        return Session(request).run().folder
+
+    run("one_pick.yaml", 1)
+    for seed, faults in enumerate(FAULTS):
+        run("sort_by_colour.yaml", seed, faults)
+    shown = run("sort_by_colour.yaml", 4, "remove.yaml")
+    return shown.relative_to(folder).as_posix()
+
+
+def shots(run: str, *, every: bool) -> list[Shot]:
+    pages = {"start": "#/", "runs": "#/runs", "run": f"#/run/{run}?t=6"}
+    if not every:
+        return [
+            Shot("studio-runs", pages["runs"], (1280, 560)),
+            Shot("studio-run", pages["run"], (1280, 800)),
+            Shot("studio-phone", pages["run"], (390, 844), dark=True),
+        ]
+    return [
+        Shot(f"studio-{name}-{size[0]}-{'dark' if dark else 'light'}", address, size, dark)
+        for name, address in pages.items()
+        for size in SIZES
+        for dark in (False, True)
+    ]
+
+
+def photograph(chromium: Chromium, served: Served, shot: Shot, out: Path) -> None:
+    own = f"http://127.0.0.1:{served.port}/"
+    with chromium.blank(own, shot.size, dark=shot.dark) as (page, _):
+        page.goto(served.link)
+        page.evaluate("(address) => { location.hash = address; }", shot.address)
+        wait_for_content(page, shot)
+        page.wait_for_timeout(500)
+        page.screenshot(path=str(out / f"{shot.name}.png"))
+
+
+def wait_for_content(page: Any, shot: Shot) -> None:
+    if shot.address.startswith("#/run/"):
+        page.locator(".explanation").wait_for()
+        page.frame_locator("iframe").locator("html[data-ready=yes]").wait_for(state="attached")
+        page.wait_for_timeout(2500)
+    elif shot.address == "#/runs":
+        page.locator("[data-index='0'] a").wait_for()
+    else:
+        page.locator(".last-runs li").first.wait_for()
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser()
+    parser.add_argument("out", type=Path)
+    parser.add_argument("--all", action="store_true")
+    chosen = parser.parse_args()
+    chosen.out.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory() as base:
+        os.environ["XDG_STATE_HOME"] = f"{base}/state"
+        folder = Path(base) / "cell"
+        folder.mkdir()
+        run = make_folder(folder)
+        chromium = Chromium()
+        try:
+            with serving(folder) as served:
+                for shot in shots(run, every=chosen.all):
+                    photograph(chromium, served, shot, chosen.out)
+        finally:
+            chromium.close()
+
+
+if __name__ == "__main__":
+    main()
