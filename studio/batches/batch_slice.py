@@ -231,6 +231,7 @@ class BatchSlice:
                 if process.returncode is None:
                     with suppress(ProcessLookupError):
                         os.killpg(process.pid, signal.SIGKILL)
+                    await process.wait()
         if process.returncode not in codes or not out.strip():
             said = errors.decode("utf-8", "replace").strip()[-2000:]
             raise PicktreeError(said or f"picktree {' '.join(words[:2])} failed")

@@ -1,4 +1,4 @@
-"""Batches over the socket and in the browser: a plan with matrix and cost; started, stopped, resumed."""
+"""Batches over the socket: a plan, its matrix and cost; a batch that is started, stopped and resumed."""
 
 from __future__ import annotations
 
@@ -67,8 +67,9 @@ def test_a_plan_is_checked_as_it_is_typed(served: Served, plan: str) -> None:
             client.call("plans.change", text=PLAN, key="picktree", value=2)
 
 
-def until(progress: Iterator[Any], done: Any) -> Any:
-    return next(each for each in progress if done(each))
+def until(progress: Iterator[Any], done: int, *, running: bool | None = None) -> Any:
+    """Return the first progress with at least so many jobs done, of a batch that is running or not."""
+    return next(p for p in progress if p["done"] >= done and running in (None, p["running"]))
 
 
 def test_a_batch_is_started_stopped_and_resumed_and_tells_what_came_of_it(served: Served, plan: str) -> None:
@@ -76,17 +77,17 @@ def test_a_batch_is_started_stopped_and_resumed_and_tells_what_came_of_it(served
         (served.folder / plan).write_text(PLAN.replace("0:8", "0:4"), encoding="utf-8")
         batch = client.call("plans.start", path=plan, workers=1)["id"]
         seen = watching.watch("batches.progress", id=batch)
-        until(seen, lambda each: each["done"] >= 1)
+        until(seen, 1)
         assert BatchFolder(served.folder / batch).runner() is not None
         with pytest.raises(Refused, match="another process runs this batch"):
             client.call("batches.resume", id=batch)
         client.call("batches.stop", id=batch)
-        stopped = until(seen, lambda each: not each["running"])
+        stopped = until(seen, 1, running=False)
         assert 1 <= stopped["done"] < stopped["total"] == 4
         with pytest.raises(Refused, match="no process runs this batch"):
             client.call("batches.stop", id=batch)
         client.call("batches.resume", id=batch, workers=2)
-        ended = until(seen, lambda each: each["done"] == 4 and not each["running"])
+        ended = until(seen, 4, running=False)
         assert ended["counts"] == {"success": 4}
         (row,) = next(client.watch("batches.index"))
         assert (row["id"], row["done"], "jobs" in row) == (batch, 4, False)

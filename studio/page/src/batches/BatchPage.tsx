@@ -85,7 +85,7 @@ function usePaced(value: number): number {
   return paced;
 }
 
-const SIGN: Record<string, string> = { success: "✓", waiting: "·", crashed: "†", timeout: "⧖", incomplete: "◐" };
+const SIGN: Record<string, string> = { success: "✓", waiting: "·", crashed: "†", timeout: "◔", incomplete: "◐" };
 
 function Tiles({ batch, onAsk }: { batch: BatchProgress; onAsk(asked: Asked): void }) {
   return (
@@ -120,9 +120,10 @@ function Behind({ id, asked, done, onClose }: { id: string; asked: Asked; done: 
       <ul className="behind" aria-label="Jobs">
         {jobs?.map((each) => (
           <li key={each.job}>
-            <Status status={each.status} /> <b>seed {each.seed}</b> {each.label}
-            <span className="muted">{[each.items === null ? "" : `${each.sorted} of ${each.items} sorted`, each.seconds === null ? "" : `${each.seconds.toFixed(1)} s`, each.look_at].filter(Boolean).join(" · ")}</span>
-            <span className="space" />
+            <p>
+              <Status status={each.status} /> <b>seed {each.seed}</b> {each.label}{" "}
+              <span className="muted">{[each.items === null ? "" : `${each.sorted} of ${each.items} sorted`, each.seconds === null ? "" : `${each.seconds.toFixed(1)} s`, each.look_at].filter(Boolean).join(" · ")}</span>
+            </p>
             {each.run
               ? <a className="button" href={href("run", each.run)}>Open the run</a>
               : <Button onClick={() => call<number>("batches.rerun", { id, job: each.job }).then(setNumber, toastError)} title="Its log was not kept: run it again and compare">Run again</Button>}

@@ -74,6 +74,7 @@ function Opened({ path, file }: { path: string; file: TextFile }) {
   const [workers, setWorkers] = useState("");
   const [busy, setBusy] = useState(false);
   const now = useRef(text);
+  const checking = useRef<Promise<unknown>>(Promise.resolve());
   now.current = text;
   const number = Number(workers) || null;
 
@@ -83,7 +84,9 @@ function Opened({ path, file }: { path: string; file: TextFile }) {
     call<FormValues>("plans.form", { text }).then((values) => wanted && setForm(values), () => wanted && setForm(null));
     const timer = setTimeout(() => {
       call("files.draft", { path, text: text === saved.text ? null : text }).catch(toastError);
-      call<Checked>("plans.check", { path, text, workers: number }).then((found) => wanted && setChecked(found), (error) => wanted && toastError(error));
+      // One check at a time: a text that has changed meanwhile is not checked.
+      checking.current = checking.current.then(() => (wanted ? call<Checked>("plans.check", { path, text, workers: number }) : null))
+        .then((found) => { if (found && wanted) setChecked(found); }, (error) => { if (wanted) toastError(error); });
     }, PAUSE);
     return () => { wanted = false; clearTimeout(timer); };
   }, [path, text, number, saved.text]);

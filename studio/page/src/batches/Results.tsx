@@ -35,7 +35,7 @@ export function Results({ summary, label, onAsk }: { summary: BatchSummary; labe
       </section>
       <section className="card">
         <h2>By place on the table</h2>
-        <p className="muted">Where items arrived that were not sorted, from above, the robot below; a number counts them.</p>
+        <p className="muted">Where items arrived, from above, the robot below. A number counts those that were not sorted; choose it for their jobs.</p>
         <HeatMap summary={summary} part={part} onAsk={(value, title) => onAsk({ what: "place", value, label, title })} />
       </section>
       <section className="card">
@@ -110,10 +110,10 @@ function HeatMap({ summary, part, onAsk }: { summary: BatchSummary; part: Breakd
         const style = {
           gridRow: far - Math.round(place.x / side) + 1,
           gridColumn: left - Math.round(place.y / side) + 1,
-          background: `color-mix(in srgb, var(--failure) ${Math.round(15 + 85 * share)}%, var(--sheet))`,
+          background: `color-mix(in srgb, var(--failure) ${Math.round(12 + 43 * share)}%, var(--sheet))`,
         };
         return missed
-          ? <button key={`${place.x} ${place.y}`} className={share > 0.45 ? "dark" : undefined} style={style} title={title} aria-label={title} onClick={() => onAsk(`${place.x} ${place.y}`, title)}>{missed}</button>
+          ? <button key={`${place.x} ${place.y}`} style={style} title={title} aria-label={title} onClick={() => onAsk(`${place.x} ${place.y}`, title)}>{missed}</button>
           : <span key={`${place.x} ${place.y}`} style={{ ...style, background: undefined }} title={title} />;
       })}
     </div>

@@ -1,3 +1,5 @@
+import "./batches.css";
+
 import type { Route } from "../routing";
 import { BatchIndex } from "./BatchIndex";
 import { BatchPage } from "./BatchPage";

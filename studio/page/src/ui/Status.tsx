@@ -4,7 +4,7 @@ const SIGNS: Record<string, [sign: string, kind: string]> = {
   success: ["✓", "success"],
   incomplete: ["◐", "failure"],
   failure: ["✗", "failure"],
-  timeout: ["⧖", "failure"],
+  timeout: ["◔", "failure"],
   paused: ["⏸", "open"],
   interrupted: ["■", "open"],
   running: ["▶", "running"],
