@@ -10,6 +10,8 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Final, TypeAlias
 
+import orjson
+
 _MAX_LINE: Final = 1 << 16
 """Maximum length of a line of a client, bytes."""
 STATE_BACKLOG: Final = 1 << 16
@@ -134,7 +136,7 @@ class Clients:
         """
         sizes = [[topic, at, len(data)] for topic, at, data in messages]
         header = {"messages": sizes, "wall": time.time()}
-        frame = json.dumps(header).encode() + b"\n" + b"".join([data for _, _, data in messages])
+        frame = orjson.dumps(header) + b"\n" + b"".join([data for _, _, data in messages])
         for client in self:
             if not client.follows:
                 continue

@@ -42,7 +42,7 @@ if TYPE_CHECKING:
 
 _STATE_PERIOD = 0.2
 """Maximum interval between two states that are sent while ticks come, wall s."""
-_LOG_PERIOD = 0.02
+_LOG_PERIOD = 0.04
 """Minimum interval between two sendings of the log, wall s: the ticks of a fast run are sent together."""
 _NOT_FOLLOWED: Final = frozenset({topics.ROBOT.name, topics.STATE.name, topics.TIMING.name})
 """Topics that followers do not receive: the log has them."""
@@ -115,6 +115,8 @@ class AttachServer(Interrupter):
         self._halts = False
         self._state: tuple[str, str] = ("", "")
         self._state_sent = 0.0
+        self._reported: object = None
+        """Reports of the nodes that the last state was made of."""
         self._last = LastMessages()
         self._new: list[LogMessage] = []
         """Messages of the log since the last tick that were not sent to followers yet."""
@@ -323,6 +325,10 @@ class AttachServer(Interrupter):
     def _send_state(self, now: float, report: TickReport, done: int, total: int) -> None:
         """Send where the run stands: at each change, and a few times per second of wall time."""
         assert self._run is not None
+        recent = time.monotonic() - self._state_sent < _STATE_PERIOD
+        if recent and report.nodes is self._reported:  # the same tuple while nothing in it changes
+            return
+        self._reported = report.nodes
         leaves = self._run.tree.leaves
         failures = [
             f"{node.path}: {node.cause}: {node.message}"
@@ -330,7 +336,7 @@ class AttachServer(Interrupter):
             if node.cause and node.ticked and node.status == "FAILURE" and node.path in leaves
         ]
         state = (self._run.tally.progress(total), deepest_running(report.nodes))
-        if state == self._state and not failures and time.monotonic() - self._state_sent < _STATE_PERIOD:
+        if state == self._state and not failures and recent:
             return
         self._state, self._state_sent = state, time.monotonic()
         self._clients.send_all(

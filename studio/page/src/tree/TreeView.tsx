@@ -58,13 +58,14 @@ interface Shared {
 }
 const SharedContext = createContext<Shared>({ marks: {}, fold: () => undefined });
 
-export function TreeView(props: TreeViewProps): JSX.Element {
+// Drawn again only when a property changes: give it the same functions, and the same objects for nodes that stay.
+export const TreeView = memo(function TreeView(props: TreeViewProps): JSX.Element {
   return (
     <ReactFlowProvider>
       <Tree {...props} />
     </ReactFlowProvider>
   );
-}
+});
 
 function Tree({ root, marks, selected, onSelect, onMenu, onMove, className }: TreeViewProps) {
   const [changed, setChanged] = useState<ReadonlyMap<string, boolean>>(new Map());
@@ -98,6 +99,9 @@ function Tree({ root, marks, selected, onSelect, onMenu, onMove, className }: Tr
     });
   }, [root, laid]);
 
+  // Cards and edges that stay the same keep their objects, so that only the others cost something.
+  const made = useRef({ cards: new Map<string, Card>(), edges: new Map<string, Edge>() });
+  const movable = Boolean(onMove);
   const nodes = useMemo<Card[]>(() => {
     const before = made.current.cards;
     const cards = [...shown.values()].map(({ node, folded }): Card => {
