@@ -36,6 +36,11 @@ export function WritePage({ path }: { path: string }) {
   const { view, text, mission, index, faults, palette } = writing;
   moved.current = (place) => { if (index) setSelected(index.at(place)); };
 
+  // A node that was renamed in the text is the one at the cursor.
+  useEffect(() => {
+    if (index && view && selected && !index.node(selected) && !treeOfHead(selected)) setSelected(index.at(view.state.selection.main.head));
+  }, [index, view, selected]);
+
   // A choice in the picture shows its text; a move of the cursor chooses in the picture.
   const choose = useCallback((id: string) => {
     picked.current = id;

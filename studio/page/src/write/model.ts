@@ -180,7 +180,7 @@ export function picture(mission: Mission, only: string, before: TreeNode | null)
       old.children.every((child, number) => child === made.children[number]);
     return same ? old : made;
   };
-  const card = (node: MissionNode): TreeNode => share({ id: node.id, name: nameOf(node), kind: node.symbol === "unknown" ? "condition" : node.symbol, detail: detailOf(node), children: node.children.map(card) });
+  const card = (node: MissionNode): TreeNode => share({ id: node.id, name: nameOf(node), kind: node.symbol === "unknown" ? "action" : node.symbol, detail: detailOf(node), children: node.children.map(card) });
   const trees = mission.trees.filter((tree) => !only || tree.name === only).map((tree): TreeNode => share({
     id: head(tree.name),
     name: tree.name,
