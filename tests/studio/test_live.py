@@ -5,8 +5,9 @@ from __future__ import annotations
 import asyncio
 import json
 from collections.abc import AsyncIterator, Awaitable, Callable, Coroutine
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import pytest
 
@@ -19,6 +20,8 @@ from picktree.studio.slice import Studio
 from picktree.studio.workspace import Workspace
 
 from .conftest import PATIENCE
+
+T = TypeVar("T")
 
 MISSION = """\
 picktree: 1
@@ -95,8 +98,10 @@ def room(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Room:
     return Room(tmp_path / "cell")
 
 
-def run(body: Coroutine[Any, Any, None]) -> None:
-    asyncio.run(body)
+def on_a_loop(work: Callable[[], Coroutine[Any, Any, T]]) -> T:
+    """Run a coroutine in a thread of its own: the tests' browser has a loop in this one."""
+    with ThreadPoolExecutor(1) as alone:
+        return alone.submit(lambda: asyncio.run(work())).result()
 
 
 ORDER = RunOrder(mission="asking.yaml", backend="kinematic", pace=2.0)
@@ -153,8 +158,8 @@ def test_a_run_is_started_steered_left_and_found_again_by_another_server(room: R
             await live.command(identity, "pause")
         await live.close()
 
-    identity = asyncio.run(first())
-    run(second(identity))
+    identity = on_a_loop(first)
+    on_a_loop(lambda: second(identity))
     result = json.loads((room.folder / identity / "result.json").read_text())
     assert result["status"] == "success"
 
@@ -184,7 +189,7 @@ def test_the_form_offers_what_the_mission_takes_and_faults_are_named(room: Room)
         with pytest.raises(PicktreeError, match="is not going on"):
             await anext(live.follow("elsewhere"))
 
-    run(body())
+    on_a_loop(body)
 
 
 def test_runs_at_once_are_limited_and_halt_ends_one(room: Room, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -201,4 +206,4 @@ def test_runs_at_once_are_limited_and_halt_ends_one(room: Room, monkeypatch: pyt
         assert (await page.until(lambda s: s.get("ended")))["status"] == "interrupted"
         await live.close()
 
-    run(body())
+    on_a_loop(body)
