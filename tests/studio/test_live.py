@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import asyncio
 import json
-from collections.abc import AsyncIterator, Awaitable, Callable, Coroutine
+from collections.abc import AsyncIterator, Awaitable, Callable, Coroutine, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -13,6 +14,7 @@ import pytest
 
 from picktree.errors import PicktreeError
 from picktree.robots.loading import robot_names
+from picktree.session.live.attach_socket import SOCKET_NAME, connect_to_run
 from picktree.studio.jobs import Jobs
 from picktree.studio.live.live_slice import LiveSlice
 from picktree.studio.live.run_start import RunOrder
@@ -92,10 +94,20 @@ class Room:
 
 
 @pytest.fixture
-def room(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Room:
+def room(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Room]:
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
     (tmp_path / "cell").mkdir()
-    return Room(tmp_path / "cell")
+    yield Room(tmp_path / "cell")
+    end_runs(tmp_path / "cell")
+
+
+def end_runs(folder: Path) -> None:
+    """Interrupt the runs of a folder that a test has left, which would wait for answers."""
+    for left in folder.glob(f"runs/*/{SOCKET_NAME}"):
+        with suppress(PicktreeError), connect_to_run(left.parent) as connection:
+            connection.sendall(b'{"steer": true}\n{"line": "quit"}\n')
+            while connection.recv(1 << 16):
+                pass
 
 
 def on_a_loop(work: Callable[[], Coroutine[Any, Any, T]]) -> T:
