@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import asyncio
 import json
-from collections.abc import AsyncIterator, Awaitable, Callable, Coroutine
+from collections.abc import AsyncIterator, Awaitable, Callable, Coroutine, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import pytest
 
 from picktree.errors import PicktreeError
 from picktree.robots.loading import robot_names
+from picktree.session.live.attach_socket import SOCKET_NAME, connect_to_run
 from picktree.studio.jobs import Jobs
 from picktree.studio.live.live_slice import LiveSlice
 from picktree.studio.live.run_start import RunOrder
@@ -19,6 +22,8 @@ from picktree.studio.slice import Studio
 from picktree.studio.workspace import Workspace
 
 from .conftest import PATIENCE
+
+T = TypeVar("T")
 
 MISSION = """\
 picktree: 1
@@ -89,14 +94,26 @@ class Room:
 
 
 @pytest.fixture
-def room(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Room:
+def room(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Room]:
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
     (tmp_path / "cell").mkdir()
-    return Room(tmp_path / "cell")
+    yield Room(tmp_path / "cell")
+    end_runs(tmp_path / "cell")
 
 
-def run(body: Coroutine[Any, Any, None]) -> None:
-    asyncio.run(body)
+def end_runs(folder: Path) -> None:
+    """Interrupt the runs of a folder that a test has left, which would wait for answers."""
+    for left in folder.glob(f"runs/*/{SOCKET_NAME}"):
+        with suppress(PicktreeError), connect_to_run(left.parent) as connection:
+            connection.sendall(b'{"steer": true}\n{"line": "quit"}\n')
+            while connection.recv(1 << 16):
+                pass
+
+
+def on_a_loop(work: Callable[[], Coroutine[Any, Any, T]]) -> T:
+    """Run a coroutine in a thread of its own: the tests' browser has a loop in this one."""
+    with ThreadPoolExecutor(1) as alone:
+        return alone.submit(lambda: asyncio.run(work())).result()
 
 
 ORDER = RunOrder(mission="asking.yaml", backend="kinematic", pace=2.0)
@@ -153,8 +170,8 @@ def test_a_run_is_started_steered_left_and_found_again_by_another_server(room: R
             await live.command(identity, "pause")
         await live.close()
 
-    identity = asyncio.run(first())
-    run(second(identity))
+    identity = on_a_loop(first)
+    on_a_loop(lambda: second(identity))
     result = json.loads((room.folder / identity / "result.json").read_text())
     assert result["status"] == "success"
 
@@ -184,7 +201,7 @@ def test_the_form_offers_what_the_mission_takes_and_faults_are_named(room: Room)
         with pytest.raises(PicktreeError, match="is not going on"):
             await anext(live.follow("elsewhere"))
 
-    run(body())
+    on_a_loop(body)
 
 
 def test_runs_at_once_are_limited_and_halt_ends_one(room: Room, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -201,4 +218,4 @@ def test_runs_at_once_are_limited_and_halt_ends_one(room: Room, monkeypatch: pyt
         assert (await page.until(lambda s: s.get("ended")))["status"] == "interrupted"
         await live.close()
 
-    run(body())
+    on_a_loop(body)

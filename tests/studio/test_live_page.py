@@ -15,7 +15,7 @@ from picktree.analysis.run import Run
 from ..browser import Chromium, Told, wait_until
 from ..needs import CHROMIUM, needs
 from .conftest import PATIENCE, Served
-from .test_live import MISSION
+from .test_live import MISSION, end_runs
 from .test_page import serious
 
 pytestmark = needs(CHROMIUM)
@@ -33,6 +33,7 @@ def page(served: Served, chromium: Chromium) -> Iterator[tuple[Any, Told]]:
         opened.goto(served.link)
         opened.wait_for_selector("main h1, main h2")
         yield opened, told
+    end_runs(served.folder)
 
 
 def test_a_run_is_started_paused_stepped_changed_answered_and_found(
