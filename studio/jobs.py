@@ -96,7 +96,13 @@ def _tail(file: Path, size: int) -> str:
 
 
 def _plain(text: str) -> str:
-    return _CONTROL.sub("", text).replace("\r", "\n")
+    """Return an output as a terminal shows it in the end: of a line that was written over, the last state.
+
+    >>> _plain("\\r\\x1b[2Kframe 1 of 2\\r\\x1b[2Kframe 2 of 2\\r\\x1b[2Kfilm.mp4: 2 frames\\n")
+    'film.mp4: 2 frames\\n'
+    """
+    lines = _CONTROL.sub("", text).split("\n")
+    return "\n".join(line.rsplit("\r", 1)[-1] for line in lines)
 
 
 class Jobs:

@@ -1,4 +1,4 @@
-"""Files that commands make of a run and that are kept while its log stays the same: explanation and report."""
+"""Files made of a run by commands, explanation and report, kept while its log stays the same."""
 
 from __future__ import annotations
 

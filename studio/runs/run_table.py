@@ -125,6 +125,8 @@ class RunTable:
             shown = time.monotonic()
             pause = _FIRST_SHOWN
             for row in self._index.rows():
+                if not rows:  # what is in the cache has been read by now
+                    shown = time.monotonic()
                 rows.append(row)
                 self._text(row)
                 if not self.snapshot.complete and time.monotonic() - shown > pause:

@@ -9,6 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
 from typing import Any
+from urllib.parse import quote
 
 import pytest
 
@@ -129,6 +130,9 @@ def test_markup_in_names_and_messages_is_text(
         "[globalThis.ran ?? 0, document.querySelectorAll('main img, main b.bold').length]"
     ) == [0, 0]
     # The report has an origin of its own: nothing of the studio is within its reach.
+    address = f"/runs/runs/{quote(folder.name)}/report"
+    _, headers, _ = served.get(address)
+    assert headers["content-security-policy"].startswith("sandbox allow-scripts;")
     inside = browser.frames[1]
     assert inside.evaluate("[globalThis.ran ?? 0, globalThis.origin]") == [0, "null"]
     with pytest.raises(Exception, match=r"SecurityError|cross-origin"):

@@ -5,6 +5,8 @@ from __future__ import annotations
 import asyncio
 import shutil
 import time
+from collections.abc import Callable, Coroutine
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -76,6 +78,12 @@ def test_the_examples_are_offered_and_overwrite_nothing(served: Served) -> None:
     assert (served.folder / "one_pick.yaml").read_text() == "mine\n"
 
 
+def on_a_loop(work: Callable[[], Coroutine[None, None, Job]]) -> Job:
+    """Run a coroutine in a thread of its own: the tests' browser has a loop in this one."""
+    with ThreadPoolExecutor(1) as alone:
+        return alone.submit(lambda: asyncio.run(work())).result()
+
+
 @pytest.fixture
 def workspace(tmp_path: Path, state_home: Path, monkeypatch: pytest.MonkeyPatch) -> Workspace:
     """A workspace without a server."""
@@ -95,11 +103,11 @@ def test_plugins_run_only_after_somebody_has_said_so(workspace: Workspace) -> No
         workspace.apply_trust()
         return await jobs.ended(jobs.start("Check", ["check", str(workspace.root / "wave.yaml")]))
 
-    refused = asyncio.run(check())
+    refused = on_a_loop(check)
     assert (refused.outcome, "P262" in refused.text()) == ("failed", True), refused.text()
     assert not (workspace.root / "ran").exists()
     workspace.state.trust(True)
-    checked = asyncio.run(check())
+    checked = on_a_loop(check)
     assert (checked.outcome, (workspace.root / "ran").exists()) == ("done", True), checked.text()
     assert not (workspace.root / "stolen").exists()
 
@@ -112,18 +120,20 @@ def test_a_job_is_stopped_with_what_it_has_started(workspace: Workspace) -> None
         words = ["run", "one_pick.yaml", "--backend", "kinematic", "--pace", "0.2"]
         job = jobs.start("Run", words, keeps_on=True)
         end = time.monotonic() + PATIENCE
-        while not list(workspace.root.glob("runs/*/log.mcap")) and time.monotonic() < end:
+        while "recording to" not in job.text() and time.monotonic() < end:
             await asyncio.sleep(0.05)
+        await asyncio.sleep(0.5)
         await jobs.close()  # it goes on when the server ends
         assert job.process is not None and job.process.poll() is None
         jobs._waiting.add(asyncio.get_running_loop().create_task(jobs._wait(job)))
         await jobs.stop(job.number)
         return await jobs.ended(job)
 
-    job = asyncio.run(stopped())
+    job = on_a_loop(stopped)
     assert job.outcome == "stopped"
     (log,) = workspace.root.glob("runs/*/log.mcap")
     with RunLog(log) as read:
+        assert "json" in read.result, job.text()
         assert RunResult.from_json_text(read.result["json"], log).status == "interrupted"
 
 
