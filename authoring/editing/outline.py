@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import Literal, TypeAlias
 
 from ...files.marks import Location
@@ -94,8 +95,9 @@ class Outline:
         return {node.id: node for tree in self.trees if tree.root for node in tree.root.iterate()}
 
 
+@lru_cache(maxsize=8)
 def outline(source: Source, known: Declarations) -> Outline:
-    """Return the outline of a text. `known` need not know the trees of the text itself."""
+    """Return the outline of a text, made once. `known` need not know the trees of the text itself."""
     root = source.root
     trees = root.child("trees")
     body = trees.value if trees is not None else None

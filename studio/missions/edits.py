@@ -122,6 +122,18 @@ def edited(text: str, edit: Edit, context: MissionContext, own: Trees) -> Edited
             return editor.rename_tree(tree, name)
 
 
+def needs_trees(edit: Edit, context: MissionContext, text: str) -> bool:
+    """Whether an edit needs the declarations of the text's own trees, which take time to read."""
+    match edit:
+        case SetPort(node=node):
+            found = NodeEditor(text, context.known).outline.nodes().get(node)
+            return found is not None and context.known(found.identity) is None
+        case AddNode(identity=identity) | WrapNode(identity=identity) | ReplaceNode(identity=identity):
+            return context.known(identity) is None
+        case _:
+            return False
+
+
 def _target(place: Place) -> Target:
     return Target(place.parent, place.index, place.slot, place.label)
 

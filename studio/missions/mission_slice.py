@@ -38,7 +38,7 @@ from .context import (
     read_text,
     tree_declarations,
 )
-from .edits import AddNode, Edit, edited
+from .edits import AddNode, Edit, edited, needs_trees
 from .worker import Worker
 
 T = TypeVar("T")
@@ -131,7 +131,7 @@ class MissionSlice:
     def _edit(self, path: Path, text: str, edit: Edit) -> dict[str, Any]:
         context, _ = self._read(path, text)
         include = edit.include if isinstance(edit, AddNode) else ""
-        own = {tree.id: tree for tree in self._own(path, text)}
+        own = {tree.id: tree for tree in self._own(path, text)} if needs_trees(edit, context, text) else {}
         if include:
             own |= {name: tree for name, (tree, file) in library_declarations().items() if file == include}
         result = edited(text, edit, context, own)
