@@ -17,7 +17,7 @@ import { ProgressBar } from "./ProgressBar";
 import { Results } from "./Results";
 import type { Asked, BatchProgress, BatchSummary, JobBehind } from "./values";
 
-const AGAIN = 2500; // ms between two summaries while jobs end
+const AGAIN = 10_000; // ms between two summaries while jobs end
 
 export function BatchPage({ place }: { place: Place }) {
   const id = place.rest;
@@ -34,7 +34,7 @@ function Opened({ id, batch }: { id: string; batch: BatchProgress }) {
   const [stopping, setStopping] = useState(false);
   const [job, setJob] = useState<number | null>(null);
   const shown = useJob(job);
-  const again = usePaced(batch.done);
+  const again = usePaced(batch.done, batch.running ? AGAIN : 0);
   const summary = useCall<BatchSummary>("batches.summary", { id }, again);
   useEffect(() => { if (!batch.running) setStopping(false); }, [batch.running]);
   const stop = (now: boolean) => {
@@ -74,14 +74,14 @@ function Opened({ id, batch }: { id: string; batch: BatchProgress }) {
 }
 
 // A value that changes at most once in a while.
-function usePaced(value: number): number {
+function usePaced(value: number, pause: number): number {
   const [paced, setPaced] = useState(value);
   const last = useRef(0);
   useEffect(() => {
-    const wait = Math.max(0, last.current + AGAIN - Date.now());
+    const wait = Math.max(0, last.current + pause - Date.now());
     const timer = setTimeout(() => { last.current = Date.now(); setPaced(value); }, wait);
     return () => clearTimeout(timer);
-  }, [value]);
+  }, [value, pause]);
   return paced;
 }
 
