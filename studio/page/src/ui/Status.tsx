@@ -5,7 +5,7 @@ const SIGNS: Record<string, [sign: string, kind: string]> = {
   incomplete: ["◐", "failure"],
   failure: ["✗", "failure"],
   timeout: ["◔", "failure"],
-  paused: ["⏸", "open"],
+  paused: ["‖", "open"],
   interrupted: ["■", "open"],
   running: ["▶", "running"],
   killed: ["†", "open"],
