@@ -39,8 +39,7 @@ REACH_TILT, REACH_SHARE, REACH_VALUE = math.radians(25.0), 0.5, 0.7
 """Tilt of the hand, rad, and share of its closing directions that have room at a place from which on the
 place is no better. Value of that room; the rest is for the distance from the walls."""
 STIR_VALUE = 0.5
-"""Value of moved volume, as a share of the value of moving it from where the hand has no room at all to where
-it has."""
+"""Value of moved volume by itself; that of coming from where the hand has no room to where it has is 1."""
 AHEAD = 0.015
 """Distance of the middle of the pushed things from the fingers, m."""
 TOP_DEPTH, MIN_SUPPORT = 0.008, 0.5

@@ -23,7 +23,7 @@ from picktree.world.belief.facts import FACTS
 ROOT = Path(__file__).parents[2]
 SHIPPED = registry(shipped=True)
 NODES = SHIPPED.declarations()
-TYPES = {"item": "object", "items": "list of object", "cause": "string", "attempt": "int"}
+TYPES = {"item": "object", "thing": "object", "items": "list of object", "cause": "string", "attempt": "int"}
 """Of the keys that examples take as given."""
 
 

@@ -104,6 +104,16 @@ def test_all_is_100_percent_and_nothing_less() -> None:
     assert rehearsal.coverage.percent == 99
 
 
+def test_assignments_of_a_script_are_covered_when_they_run() -> None:
+    script = "{Script: {code: 'held := holding'}}"
+    trees = f"Main: {{Fallback: [{{Sequence: [{script}, Go]}}, {script}]}}"
+    rehearsal = play(trees, "cases: {it: {expect: {status: SUCCESS}}}")
+    assert missed(rehearsal.coverage) == [
+        "2 Main/Fallback/Script: never starts",
+        "2 Main/Fallback/Script: 'code 0' never runs",
+    ]
+
+
 def test_causes_that_leaves_declare() -> None:
     rehearsal = play(
         "Main: {Fallback: [{Pick: {object: a}}, {Put: {object: a}}]}",

@@ -200,7 +200,7 @@ def test_the_world_of_a_case(line: str, fault: str) -> None:
         ("{status: SUCCESS, cause: grasp.missed}",
          "P714 5:38: cases.it.expect.cause: a mission that ends in SUCCESS has no cause"),
         ("{cause: grasp.gone}", "P705 5:21: cases.it.expect.cause: no cause is called 'grasp.gone' "
-         "(did you mean 'grasp.*'?)"),
+         "(did you mean 'grasp.double'?)"),
         ("{status: RUNNING}",
          "P714 5:22: cases.it.expect.status: RUNNING needs 'ticks': after how many it must still run"),
         ("{status: IDLE}", "P714 5:22: cases.it.expect.status: a mission is IDLE only when it was halted "
@@ -259,7 +259,7 @@ def test_what_holds_for_all_cases_is_reported_once_where_it_stands() -> None:
         "P712 3:21: objects.a.kind: there is no kind 'blok' (did you mean 'block'?)",
         "P711 4:9: facts.hold: there is no fact 'hold' (did you mean 'holding'?)",
         "P713 5:14: parameters.wait: the mission has no parameter 'wait' (known: pause)",
-        "P705 6:16: leaves.Pick.cause: no cause is called 'grasp.gone' (did you mean 'grasp.missed'?)",
+        "P705 6:16: leaves.Pick.cause: no cause is called 'grasp.gone' (did you mean 'grasp.double'?)",
     ]
 
 
@@ -285,7 +285,7 @@ def test_faults_of_form_and_of_names_come_in_one_round() -> None:
         "P712 7:45: cases.two.objects.b.kind: there is no kind 'blok' (did you mean 'block'?)",
         "P106 9:22: cases.two.leaves.Pick[0].ticks: a whole number is wanted, not 'soon'",
         "P705 9:29: cases.two.leaves.Pick[1].cause: no cause is called 'grasp.gone' "
-        "(did you mean 'grasp.missed'?)",
+        "(did you mean 'grasp.double'?)",
         "P108 11:22: cases.two.expect.status: 'WELL' is not known here "
         "(known: SUCCESS, FAILURE, SKIPPED, RUNNING, IDLE)",
         "P703 11:36: cases.two.expect.never[0]: no node of the mission fits 'Gone' (did you mean 'Go'?)",
@@ -338,7 +338,7 @@ def test_without_a_mission_only_what_every_mission_knows_is_checked() -> None:
     assert faults_of(text, None) == [
         "P711 5:13: cases.it.facts.hold: there is no fact 'hold' (did you mean 'holding'?)",
         "P705 6:24: cases.it.leaves.Whatever.cause: no cause is called 'grasp.gone' "
-        "(did you mean 'grasp.missed'?)",
+        "(did you mean 'grasp.double'?)",
     ]
 
 

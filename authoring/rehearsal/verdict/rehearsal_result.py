@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Literal, TypeAlias
 
 from ....files.marks import Diagnostic, Mark
-from ....trees.declaration import POSTCONDITIONS
 from ....world.causes import all_causes, matches
 from ....world.journal import Plain
 from ..stage.mission_staging import StubbedMission
@@ -116,7 +115,7 @@ def _points(staging: StubbedMission, reached: CoverageRecord, role: NodeRole) ->
     for key, expression in staging.expressions.get(text, {}).items():
         name = key.split()[0]
         place = role.spec.places.get(name, mark)
-        if name in POSTCONDITIONS:
+        if name in role.spec.postconditions:
             yield CoveragePoint("expression", place, text, f"'{name}' never runs", bool(expression.seen))
         elif expression.names:
             for answer in (True, False):
