@@ -110,7 +110,7 @@ def test_assignments_of_a_script_are_covered_when_they_run() -> None:
     rehearsal = play(trees, "cases: {it: {expect: {status: SUCCESS}}}")
     assert missed(rehearsal.coverage) == [
         "2 Main/Fallback/Script: never starts",
-        "2 Main/Fallback/Script: 'code 0' never runs",
+        "2 Main/Fallback/Script: 'code' never runs",
     ]
 
 
