@@ -85,7 +85,7 @@ class EpisodeTracker:
         self, time: float, changes: Iterable[TransitionLike], events: Sequence[JournalEvent] = ()
     ) -> None:
         """One tick: which nodes began and ended, in their order, and what was told in it."""
-        self._time = time
+        self._time = round(time, 9)  # as the log has it
         aside = {event.node for event in events if isinstance(event, SetAsideEvent)}
         for change in changes:
             if change.status == "RUNNING":
