@@ -69,13 +69,21 @@ def stopped_run(client: Client) -> str:
 
 
 def shots(run: str, live: str, *, every: bool) -> list[Shot]:
-    pages = {"start": "#/", "runs": "#/runs", "run": f"#/run/{run}?t=6", "live": f"#/live/{live}"}
+    pages = {
+        "start": "#/",
+        "runs": "#/runs",
+        "run": f"#/run/{run}?t=6",
+        "live": f"#/live/{live}",
+        "write": "#/write/sort_by_colour.yaml",
+        "batches": "#/batches",
+    }
     if not every:
         return [
             Shot("studio-runs", pages["runs"], (1280, 560)),
             Shot("studio-run", pages["run"], (1280, 800)),
             Shot("studio-phone", pages["run"], (390, 844), dark=True),
             Shot("studio-live", pages["live"], (1280, 800)),
+            Shot("studio-write", pages["write"], (1280, 800)),
         ]
     return [
         Shot(f"studio-{name}-{size[0]}-{'dark' if dark else 'light'}", address, size, dark)
@@ -104,6 +112,12 @@ def wait_for_content(page: Any, shot: Shot) -> None:
         page.get_by_text("Stopped at").wait_for()
         page.locator(".live-view canvas").wait_for()
         page.wait_for_timeout(4000)
+    elif shot.address.startswith("#/write/"):
+        page.get_by_text("No faults").wait_for()
+        page.get_by_role("treeitem", name="Recover").first.click(timeout=10_000)
+        page.wait_for_timeout(1500)
+    elif shot.address == "#/batches":
+        page.get_by_role("heading", name="Batches").wait_for()
     elif shot.address == "#/runs":
         page.locator("[data-index='0'] a").wait_for()
     else:

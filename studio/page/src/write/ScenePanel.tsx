@@ -103,7 +103,7 @@ export function ScenePanel({ path, scene }: { path: string; scene: string }) {
         <Button onClick={() => setSeed(seed + 1)} title="The next seed">+</Button>
         <span className="muted">{scene}, {items} items</span>
       </div>
-      <div className="stage" ref={host} role="img" aria-label={`Scene ${scene} with seed ${seed}: ${items} items, ${fixed.map((each) => each.name).join(", ")}`} />
+      <div className="scene-view" ref={host} role="img" aria-label={`Scene ${scene} with seed ${seed}: ${items} items, ${fixed.map((each) => each.name).join(", ")}`} />
       {error && <p className="problem" role="alert">{error}</p>}
       <Field label="Fixture or bin" hint={file ? "Drag it in the picture, or write its place." : "A shipped scene is not changed: copy it beside the mission first."}>
         {(attributes) => <select {...attributes} value={chosen} onChange={(event) => choose(event.target.value)}><option value="">none</option>{fixed.map((each) => <option key={each.name}>{each.name}</option>)}</select>}

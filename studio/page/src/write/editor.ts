@@ -8,7 +8,7 @@ import { HighlightStyle, bracketMatching, foldGutter, foldKeymap, indentUnit, sy
 import { lintGutter, lintKeymap, setDiagnostics } from "@codemirror/lint";
 import type { Diagnostic } from "@codemirror/lint";
 import { highlightSelectionMatches, searchKeymap } from "@codemirror/search";
-import { Annotation, EditorState, StateEffect, StateField } from "@codemirror/state";
+import { Annotation, EditorSelection, EditorState, StateEffect, StateField } from "@codemirror/state";
 import { Decoration, EditorView, drawSelection, highlightActiveLine, highlightActiveLineGutter, hoverTooltip, keymap, lineNumbers } from "@codemirror/view";
 import type { DecorationSet, Tooltip } from "@codemirror/view";
 import { tags } from "@lezer/highlight";
@@ -106,7 +106,11 @@ export function applyChanges(view: EditorView, changes: Change[], byPicture: boo
 // Marks the text of a node, and brings its first line into view.
 export function markNode(view: EditorView, span: { from: number; to: number } | null, scroll: boolean): void {
   const effects: StateEffect<unknown>[] = [showNode.of(span)];
-  if (span && scroll) effects.push(EditorView.scrollIntoView(Math.min(span.from, view.state.doc.length), { y: "center" }));
+  if (span && scroll) {
+    const from = Math.min(span.from, view.state.doc.length);
+    // The line's beginning, and as much up to the node as there is room for.
+    effects.push(EditorView.scrollIntoView(EditorSelection.range(from, view.state.doc.lineAt(from).from), { y: "center" }));
+  }
   view.dispatch({ effects });
 }
 
