@@ -86,6 +86,7 @@ def report(rows: list[Row]) -> str:
         for form, counts in r["items"]["by_form"].items():
             forms[form] += counts["total"]
             right[form] += counts["sorted"]
+    lines.append("items sorted by form")
     lines += [rate(f"  {form}", right[form], forms[form]) for form in sorted(forms)]
     first = sum(r["picks"]["held_first_try"] for r in done)
     lines.append(rate("held at the first try", first, sum(r["picks"]["objects"] for r in done)))
