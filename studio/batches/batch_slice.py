@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-import os
 import re
-import signal
-import sys
 import time
 from collections.abc import AsyncIterator, Sequence
 from contextlib import suppress
@@ -19,6 +16,7 @@ from starlette.routing import BaseRoute
 
 from ...errors import PicktreeError
 from ..calls import JsonValue, call, watch
+from ..command_answer import command_answer
 from ..jobs import Job
 from ..slice import Studio
 from .batch_folder import CELL_SIDE, PLAN_FILE, BatchFolder, Behind, batch_folders, newest_first
@@ -214,27 +212,9 @@ class BatchSlice:
     async def _answer(self, words: list[str], text: str = "", codes: tuple[int, ...] = (0,)) -> bytes:
         """Return what a command prints. Raises PicktreeError with what it said when it failed."""
         async with self._slots:
-            process = await asyncio.create_subprocess_exec(
-                sys.executable, "-P", "-m", "picktree", *words,
-                cwd=self._workspace.root,
-                stdin=asyncio.subprocess.PIPE,
-                stdout=asyncio.subprocess.PIPE,
-                stderr=asyncio.subprocess.PIPE,
-                start_new_session=True,
-                env={**os.environ, "PYTHONSAFEPATH": "1"},
-            )  # fmt: skip
-            try:
-                out, errors = await asyncio.wait_for(process.communicate(text.encode()), PATIENCE)
-            except TimeoutError:
-                raise PicktreeError(f"{' '.join(words[:2])} took longer than {PATIENCE:.0f} s") from None
-            finally:
-                if process.returncode is None:
-                    with suppress(ProcessLookupError):
-                        os.killpg(process.pid, signal.SIGKILL)
-                    await process.wait()
-        if process.returncode not in codes or not out.strip():
-            said = errors.decode("utf-8", "replace").strip()[-2000:]
-            raise PicktreeError(said or f"picktree {' '.join(words[:2])} failed")
+            out = await command_answer(words, PATIENCE, text=text, folder=self._workspace.root, codes=codes)
+        if not out.strip():
+            raise PicktreeError(f"picktree {' '.join(words[:2])} said nothing")
         return out
 
 

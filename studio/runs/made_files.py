@@ -5,8 +5,6 @@ from __future__ import annotations
 import asyncio
 import hashlib
 import os
-import signal
-import sys
 from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -15,6 +13,7 @@ from typing import Final
 from ... import __version__
 from ...errors import PicktreeError
 from ...logs.recording.rotated_log import part_paths
+from ..command_answer import command_answer
 
 MAX_KEPT: Final = 400_000_000
 """Size of all kept files, bytes. Beyond it those that were used longest ago are deleted."""
@@ -67,27 +66,12 @@ class MadeFiles:
         self._folder.mkdir(parents=True, exist_ok=True, mode=0o700)
         beside = place.with_name(f"making-{os.getpid()}-{place.name}")
         words = [word.replace("{}", str(beside)) for word in command]
-        async with self._slots:
-            process = await asyncio.create_subprocess_exec(
-                sys.executable, "-P", "-m", "picktree", *words,
-                stdin=asyncio.subprocess.DEVNULL,
-                stdout=asyncio.subprocess.PIPE,
-                stderr=asyncio.subprocess.PIPE,
-                start_new_session=True,
-                env={**os.environ, "PYTHONSAFEPATH": "1"},
-            )  # fmt: skip
-            try:
-                out, errors = await asyncio.wait_for(process.communicate(), PATIENCE)
-            except TimeoutError:
-                raise PicktreeError(f"{command[0]} took longer than {PATIENCE:.0f} s") from None
-            finally:
-                if process.returncode is None:
-                    with suppress(ProcessLookupError):
-                        os.killpg(process.pid, signal.SIGKILL)
-        if process.returncode != 0:
+        try:
+            async with self._slots:
+                out = await command_answer(words, PATIENCE)
+        except PicktreeError:
             beside.unlink(missing_ok=True)
-            said = errors.decode("utf-8", "replace").strip()[-2000:]
-            raise PicktreeError(said or f"picktree {command[0]} failed")
+            raise
         if words == list(command):
             beside.write_bytes(out)
         beside.replace(place)
