@@ -1,9 +1,9 @@
 """Campaign: many simulations of one program, on worker processes or a Ray cluster.
 
 A campaign goes on where it stopped, in one folder. `results.jsonl` has a line for each finished run: its
-job, the commit and a hash of the sources that made it, its CPU time, and its row. Results of other sources
-are not counted: such runs are run again, unless --mixed is given. `logs` has a folder for each run. Each run
-has a process of its own.
+job, the commit, a digest of the files that the run depended on, its CPU time, and its row;
+`dependencies.json` names these files. A result is not counted when one of its files has changed since: it is
+run again, unless --mixed is given. `logs` has a folder for each run. Each run has a process of its own.
 """
 
 from __future__ import annotations
@@ -27,11 +27,12 @@ from pathlib import Path
 from statistics import median
 from typing import TYPE_CHECKING, Any
 
+from _dependencies import Dependencies, digest, of_program, opened, used
 from picktree.arithmetic import restart
 from picktree.batch.workers.executor import Executor, JobFailed, JobFinished, JobOrder
 from picktree.batch.workers.local_executor import LocalExecutor
 from picktree.errors import PicktreeError
-from picktree.session.environment import hashes, revision, sources
+from picktree.session.environment import hashes, revision
 
 if TYPE_CHECKING:
     from picktree.analysis.run import Run
@@ -61,7 +62,7 @@ def options(
     add("--minutes", type=float, metavar="M", help="wall time after which no run is begun or expected to end")
     add("--ray", metavar="ADDRESS", help="run on that Ray cluster (HOST:PORT, auto); local: start one here")
     add("--out", type=Path, default=folder, metavar="FOLDER", help=f"{folder.relative_to(ROOT)} unless given")
-    add("--mixed", action="store_true", help="count results of other sources, too")
+    add("--mixed", action="store_true", help="count results whose files have changed, too")
     return parser
 
 
@@ -112,7 +113,7 @@ def campaign(
     """
     try:
         with _locked(given.out) as folder:
-            kept = Results(folder / "results.jsonl", _code(one), mixed=given.mixed)
+            kept = Results(folder / "results.jsonl", mixed=given.mixed)
             missing = [job for job in jobs if kept.to_do(job)]
             forecast = Forecast(kept, cost)
             print(_plan(given, missing, jobs, kept, forecast), file=sys.stderr, flush=True)
@@ -144,7 +145,7 @@ class Result:
     job: Mapping[str, Any]
     commit: str
     code: str
-    """Hash of the sources."""
+    """Digest of the files that the run depended on."""
     cpu: float
     """CPU time of the run, s."""
     reference: float
@@ -155,11 +156,11 @@ class Result:
 class Results:
     """File of the finished runs. A line that a kill has cut off is left out."""
 
-    def __init__(self, path: Path, code: str, *, mixed: bool) -> None:
-        self._path, self._code = path, code
+    def __init__(self, path: Path, *, mixed: bool) -> None:
+        self._path, self._dependencies = path, Dependencies(path.parent)
         self.reference = reference()
         self.others: dict[str, int] = {}
-        """Number of results of other sources by commit."""
+        """Number of results whose files have changed since, by commit."""
         self.costs: defaultdict[str, list[float]] = defaultdict(list)
         """CPU times as multiples of the reference, by kind: the job without its seed."""
         self._found: dict[str, Result] = {}
@@ -169,7 +170,7 @@ class Results:
             with suppress(ValueError, TypeError):
                 result = Result(**json.loads(line))
                 self._learn(result)
-                if mixed or result.code == self._code:
+                if mixed or self._dependencies.hold(result.code):
                     self._found[_key(result.job)] = result
                 else:
                     self.others[result.commit] = self.others.get(result.commit, 0) + 1
@@ -182,9 +183,10 @@ class Results:
         row = self.row(job)
         return row is None or "crash" in row
 
-    def add(self, job: Any, row: Row, cpu: float) -> None:
+    def add(self, job: Any, row: Row, cpu: float, files: Iterable[str]) -> None:
         """Write the result to the disk, whole, at once."""
-        result = Result(_plain(job), revision(), self._code, round(cpu, 2), round(self.reference, 3), row)
+        code = self._dependencies.add(files)
+        result = Result(_plain(job), revision(), code, round(cpu, 2), round(self.reference, 3), row)
         line = ("\n" if self._cut else "") + json.dumps(asdict(result), ensure_ascii=False) + "\n"
         with self._path.open("ab", buffering=0) as file:
             file.write(line.encode())
@@ -261,8 +263,10 @@ def attempt(order: JobOrder) -> bytes:
         raise PicktreeError("the programs in benchmarks/ are others on this machine")
     job = jobs[order.seed]
     began = _cpu()
-    row = {"seed": job.seed, **one(job, order.folder)}
-    return json.dumps({"row": row, "cpu": _cpu() - began}).encode()
+    with opened() as files:
+        row = {"seed": job.seed, **one(job, order.folder)}
+    files = sorted({*used(files), *_program(one)})
+    return json.dumps({"row": row, "cpu": _cpu() - began, "files": files}).encode()
 
 
 def _run(
@@ -294,8 +298,8 @@ def _run(
                 workers.submit(order)
             for event in workers.wait(1.0):
                 job = under_way.pop(event.order.job)
-                row, cpu = _outcome(event, job)
-                results.add(job, row, cpu)
+                row, cpu, files = _outcome(event, job)
+                results.add(job, row, cpu, files or _program(one))
                 left = forecast.total(job for _, job in waiting) / max(1, workers.slots) / 60
                 told = row.get("crash") or short(row)
                 print(f"  seed {row['seed']}: {told}; {left:.0f} min left", file=sys.stderr, flush=True)
@@ -314,19 +318,19 @@ def _order(recipe: Path, number: int, folder: Path) -> JobOrder:
     )
 
 
-def _outcome(event: object, job: Any) -> tuple[Row, float]:
-    """Return the row of a job that has ended, and its CPU time, s."""
+def _outcome(event: object, job: Any) -> tuple[Row, float, list[str]]:
+    """Return the row of a job that has ended, its CPU time, s, and its files; none when it told of none."""
     match event:
         case JobFinished(order):
             found = json.loads(order.result.read_bytes())
             order.result.unlink()
             with suppress(OSError):
                 order.folder.rmdir()  # unless there are logs
-            return found["row"], found["cpu"]
+            return found["row"], found["cpu"], found["files"]
         case JobFailed(_, reason):
-            return {"seed": job.seed, "crash": reason}, 0.0
+            return {"seed": job.seed, "crash": reason}, 0.0, []
         case _:
-            return {"seed": job.seed, "crash": "it was stopped"}, 0.0
+            return {"seed": job.seed, "crash": "it was stopped"}, 0.0, []
 
 
 def _written_jobs(folder: Path, jobs: Sequence[Any], one: Callable[[Any, Path], Row]) -> Path:
@@ -356,7 +360,7 @@ def _plan(
     lines[0] += f"; {revision() or 'installed'}, results in {given.out}"
     if kept.others:
         counts = ", ".join(f"{count} of {commit}" for commit, count in kept.others.items())
-        lines.append(f"results of other sources are not counted ({counts}); --mixed counts them")
+        lines.append(f"results whose files have changed are not counted ({counts}); --mixed counts them")
     return "\n".join(lines)
 
 
@@ -372,15 +376,13 @@ def _locked(folder: Path) -> Generator[Path]:
         yield folder
 
 
+def _program(one: Callable[[Any, Path], Row]) -> list[str]:
+    return [os.path.relpath(inspect.getfile(one), ROOT)]
+
+
 def _code(one: Callable[[Any, Path], Row]) -> str:
-    return code(Path(inspect.getfile(one)))
-
-
-def code(program: Path) -> str:
-    """Return a hash of what determines results: picktree's sources, the program, and parts of programs."""
-    parts = [program, *sorted((ROOT / "benchmarks").glob("_*.py"))]
-    known = [*sources().values(), *(hashlib.sha256(part.read_bytes()).hexdigest() for part in parts)]
-    return hashlib.sha256(" ".join(known).encode()).hexdigest()[:12]
+    """Return a digest of all that a worker elsewhere must have like this machine."""
+    return digest(of_program(Path(inspect.getfile(one))))
 
 
 def _plain(job: Any) -> Row:

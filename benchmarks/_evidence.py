@@ -8,7 +8,8 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
-from _campaign import ROOT, Figure, code, figures
+from _campaign import ROOT, Figure, figures
+from _dependencies import digest
 
 import yaml
 
@@ -43,9 +44,8 @@ class Campaign:
         return f"python benchmarks/{self.command} --runs {self.runs}"
 
     @property
-    def code(self) -> str:
-        """Hash of what its runs depend on."""
-        return code(ROOT / "benchmarks" / self.command.split()[0])
+    def program(self) -> Path:
+        return ROOT / "benchmarks" / self.command.split()[0]
 
 
 @dataclass(frozen=True)
@@ -53,10 +53,18 @@ class Record:
     """Last result of a campaign."""
 
     commit: str
-    code: str
     date: str
     text: str
     """All that the program printed as its result."""
+    files: str
+    """Files that its runs depended on, with blanks between."""
+    code: str
+    """Digest of their contents."""
+
+    @property
+    def old(self) -> bool:
+        """Whether one of the files has changed since."""
+        return digest(self.files.split()) != self.code
 
     @property
     def rates(self) -> Mapping[str, Figure]:
@@ -116,7 +124,7 @@ def in_order(table: Sequence[Campaign], records: Mapping[str, Record]) -> list[C
         record = records.get(one.name)
         if record is None:
             return (0,)
-        if record.code != one.code:
+        if record.old:
             return (1, record.date)
         return (2, -max((rate.width for rate in record.rates.values()), default=0.0))
 
@@ -136,7 +144,7 @@ def to_page(table: Sequence[Campaign], records: Mapping[str, Record]) -> str:
 
 
 def _section(one: Campaign, record: Record) -> str:
-    old = " **Old: the code of these runs has changed since.**" if record.code != one.code else ""
+    old = " **Old: the code of these runs has changed since.**" if record.old else ""
     lines = [
         f"## {one.title}\n",
         f"{one.words} `{one.line}`, commit {record.commit}, {record.date} UTC.{old}\n",

@@ -8,7 +8,7 @@ import math
 import resource
 import time
 from array import array
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -75,8 +75,16 @@ class Diary(Interrupter):
     """Watches a run and writes a line for each minute and each quarter of an hour into a file, at once: a
     soak that is cut off has told what it knew. It ends the run `seconds` of wall time after its making."""
 
-    def __init__(self, path: Path, part: int = 1, *, say: bool = True, seconds: float | None = None) -> None:
-        self._path, self._part, self._say = path, part, say
+    def __init__(
+        self,
+        path: Path,
+        part: int = 1,
+        *,
+        say: bool = True,
+        seconds: float | None = None,
+        each_quarter: Callable[[], object] = lambda: None,
+    ) -> None:
+        self._path, self._part, self._say, self._each_quarter = path, part, say, each_quarter
         self._until = math.inf if seconds is None else time.monotonic() + seconds
         self._began, self._last = time.perf_counter(), 0.0
         self._minute = self._quarter = 0.0
@@ -116,6 +124,7 @@ class Diary(Interrupter):
             self._quarter += QUARTER
             self._write({"quarter": asdict(quarter(now, self._ticks, self._part))})
             self._ticks = array("d")
+            self._each_quarter()
         self._last = time.process_time()  # what this diary costs is no part of a tick
 
     def stops(self) -> bool:

@@ -5,9 +5,10 @@
     python benchmarks/evidence.py --only tote,pile --hours 0.5
     python benchmarks/evidence.py --page              # run nothing, write the page
 
-Campaigns without a figure come first, then those whose code has changed since, oldest first, then those with
-the widest interval. Each gets an equal share of the time that is left and goes on where it stopped. What it
-printed is kept in evidence.json with commit and date; the page has nothing else.
+Campaigns without a figure come first, then those of which a file that their runs depended on has changed
+since, oldest first, then those with the widest interval. Each gets an equal share of the time that is left
+and goes on where it stopped. What it printed is kept in evidence.json with commit and date; the page has
+nothing else.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from _campaign import ROOT
+from _dependencies import Dependencies, digest, of_program
 from _evidence import Campaign, Record, campaigns, in_order, read, to_page, write
 from picktree.session.environment import revision
 
@@ -36,19 +38,21 @@ def run(one: Campaign, minutes: float) -> Record | None:
     """Run a campaign for so long; return its result, or None when it has none yet."""
     program, *words = shlex.split(one.line)[1:]
     print(f"\n== {one.name}: {one.line}, {minutes:.0f} min", file=sys.stderr, flush=True)
-    commit, made_by = revision(), one.code
+    commit = revision()
     given = [sys.executable, program, *words, "--out", str(_folder(one)), "--minutes", f"{minutes:.2f}"]
     done = subprocess.run(given, cwd=ROOT, stdout=subprocess.PIPE, text=True, check=False)
     if done.returncode not in (0, 1) or not done.stdout.strip():  # 1: a target of its own is missed
         print(f"   no result (exit code {done.returncode})", file=sys.stderr, flush=True)
         return None
-    return Record(commit, made_by, f"{datetime.now(UTC):%Y-%m-%d %H:%M}", done.stdout.strip("\n"))
+    files = Dependencies(_folder(one)).files or of_program(one.program)
+    date, text = f"{datetime.now(UTC):%Y-%m-%d %H:%M}", done.stdout.strip("\n")
+    return Record(commit, date, text, " ".join(files), digest(files))
 
 
-def _state(one: Campaign, record: Record | None) -> str:
+def _state(record: Record | None) -> str:
     if record is None:
         return "no figure yet"
-    return "up to date" if record.code == one.code else "old"
+    return "old" if record.old else "up to date"
 
 
 def _shares(waiting: Sequence[Campaign], hours: float) -> Generator[tuple[Campaign, float]]:
@@ -84,7 +88,7 @@ def main() -> int:
     waiting = in_order([one for one in table if not names or one.name in names], records)
     if given.list:
         for one in waiting:
-            print(f"{one.name:<34} {_state(one, records.get(one.name)):<14} {one.line}")
+            print(f"{one.name:<34} {_state(records.get(one.name)):<14} {one.line}")
         return 0
     if not given.page:
         for one, minutes in _shares(waiting, given.hours):

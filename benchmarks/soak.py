@@ -6,8 +6,8 @@ are, and does each file of the log open by itself?
     python benchmarks/soak.py --minutes 30                 # half an hour of them
     python benchmarks/soak.py --report                     # what it has told so far
 
-It goes on from its last checkpoint, in a process of its own each time, until the hours are full. After a
-change of the sources it begins anew.
+It goes on from its last checkpoint, in a process of its own each time, until the hours are full. When a file
+that it depended on has changed, it begins anew.
 
 A feed that never ends brings items, full bins are exchanged, and faults come as benchmarks/soak/faults.yaml
 draws them. Each simulated minute is a line in the soak's diary: resident memory, items; each quarter of an
@@ -19,11 +19,13 @@ from __future__ import annotations
 import argparse
 import subprocess
 import sys
+from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from _campaign import REFERENCE_COST, RESULTS, ROOT, code, reference
+from _campaign import REFERENCE_COST, RESULTS, ROOT, reference
+from _dependencies import Dependencies, opened, used
 from _soaking import SETTLED, Diary, Soak, growth
 
 import numpy as np
@@ -59,17 +61,20 @@ def main() -> int:
     parser.add_argument("--minutes", type=float, metavar="M", help="wall time after which this part ends")
     parser.add_argument("--report", action="store_true", help="only say what the soak in --out has told")
     given = parser.parse_args()
-    given.out /= code(Path(__file__))
-    diary = given.out / "diary.jsonl"
+    diary, dependencies = given.out / "diary.jsonl", Dependencies(given.out)
+    if diary.exists() and dependencies.changed and not given.report:
+        diary.rename(diary.with_stem(f"diary-{diary.stat().st_mtime:.0f}"))
+        dependencies.clear()
     if not given.report and not (diary.exists() and Soak.read(diary).result):
-        soak(given, diary)
+        with opened() as files:
+            soak(given, diary, lambda: dependencies.add(used(files)))
     if not diary.exists():
         print(f"{diary}: there is no soak", file=sys.stderr)
         return 2
     return report(diary, given.parts, given.runs)
 
 
-def soak(given: argparse.Namespace, diary: Path) -> None:
+def soak(given: argparse.Namespace, diary: Path, each_quarter: Callable[[], object]) -> None:
     from picktree.logs.recording.rotated_log import FEED_ROTATION
     from picktree.session.resume.resumption import ResumeRequest, Resumption
     from picktree.session.session import RunRequest, Session
@@ -88,13 +93,13 @@ def soak(given: argparse.Namespace, diary: Path) -> None:
         seconds = None if given.minutes is None else 60 * given.minutes
         if diary.exists():
             folders = Soak.read(diary).folders
-            watcher = Diary(diary, 1 + len(folders), say=False, seconds=seconds)
+            watcher = Diary(diary, 1 + len(folders), say=False, seconds=seconds, each_quarter=each_quarter)
             asked = ResumeRequest(folders[-1], given.out, until + OVERTIME, FEED_ROTATION)
             resumption = stack.enter_context(Resumption(asked))
             print(resumption.told, file=sys.stderr, flush=True)
             session = resumption.session([watcher])
         else:
-            watcher = Diary(diary, say=False, seconds=seconds)
+            watcher = Diary(diary, say=False, seconds=seconds, each_quarter=each_quarter)
             request = RunRequest(
                 mission=given.mission,
                 scene=given.scene,
@@ -112,6 +117,8 @@ def soak(given: argparse.Namespace, diary: Path) -> None:
         except BaseException as error:
             watcher.died(error)
             raise
+        finally:
+            each_quarter()
 
 
 def report(path: Path, parts: int, hours: float) -> int:

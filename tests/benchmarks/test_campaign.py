@@ -169,7 +169,9 @@ def test_a_killed_campaign_goes_on_and_a_cut_line_costs_its_run_alone(squares: S
     assert "to do" not in err or "0 of 3 runs to do" in err  # what was written after the cut line can be read
 
 
-def test_results_of_other_sources_are_named_and_run_again_or_counted_when_asked(squares: Squares) -> None:
+def test_results_whose_files_have_changed_are_run_again_or_counted_when_asked(
+    squares: Squares,
+) -> None:
     squares.run("--runs", "1")
     commit = squares.lines()[0]["commit"]
     squares.change()
@@ -177,7 +179,7 @@ def test_results_of_other_sources_are_named_and_run_again_or_counted_when_asked(
     assert "0 of 1 runs to do" in err
     assert squares.runs() == 1
     _, err = squares.run("--runs", "1")
-    assert f"results of other sources are not counted (1 of {commit}); --mixed counts them" in err
+    assert f"results whose files have changed are not counted (1 of {commit}); --mixed counts them" in err
     assert squares.runs() == 2
 
 

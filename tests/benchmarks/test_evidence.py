@@ -76,13 +76,13 @@ def test_time_goes_to_what_has_no_figure_then_to_old_then_to_uncertain(
     evidence = program("_evidence")
     names = ("certain", "uncertain", "older", "old", "new")
     table = [evidence.Campaign(name, name, "", "sorting.py", 10) for name in names]
-    code = table[0].code
+    code = program("_dependencies").digest(["benchmarks/sorting.py"])
     line = program("_campaign").rate
     records = {
-        "certain": evidence.Record("c", code, "2026-01-03", line("x", 99, 100)),
-        "uncertain": evidence.Record("c", code, "2026-01-03", line("x", 5, 10)),
-        "older": evidence.Record("c", "other", "2026-01-01", line("x", 99, 100)),
-        "old": evidence.Record("c", "other", "2026-01-02", line("x", 5, 10)),
+        "certain": evidence.Record("c", "2026-01-03", line("x", 99, 100), "benchmarks/sorting.py", code),
+        "uncertain": evidence.Record("c", "2026-01-03", line("x", 5, 10), "benchmarks/sorting.py", code),
+        "older": evidence.Record("c", "2026-01-01", line("x", 99, 100), "benchmarks/sorting.py", "other"),
+        "old": evidence.Record("c", "2026-01-02", line("x", 5, 10), "benchmarks/sorting.py", "other"),
     }
     order = [one.name for one in evidence.in_order(table, records)]
     assert order == [
@@ -103,9 +103,11 @@ def test_the_page_marks_what_is_old_and_what_is_missed(program: Program, tmp_pat
         evidence.Campaign("b", "Kits", "Words.", "sorting.py", 40, {"items sorted": "at least 99 %"}),
         evidence.Campaign("c", "Not yet", "Words.", "sorting.py", 40),
     ]
+    files = "benchmarks/sorting.py benchmarks/singulating.py"
+    code = program("_dependencies").digest(files.split())
     records = {
-        "a": evidence.Record("c0ffee", table[0].code, "2026-01-01 10:00", PRINTED),
-        "b": evidence.Record("c0ffee", "other", "2026-01-01 10:00", rate("items sorted", 9, 10)),
+        "a": evidence.Record("c0ffee", "2026-01-01 10:00", PRINTED, files, code),
+        "b": evidence.Record("c0ffee", "2026-01-01 10:00", rate("items sorted", 9, 10), files, "other"),
     }
     evidence.write(records, tmp_path / "kept.json")
     assert evidence.read(tmp_path / "kept.json") == records
@@ -134,4 +136,4 @@ def _without_marks(page: str) -> str:
 
 def test_each_campaign_of_the_table_is_a_program(program: Program) -> None:
     for one in program("_evidence").campaigns():
-        assert one.code, one.name
+        assert one.program.is_file(), one.name
