@@ -37,6 +37,8 @@ class Campaign:
     runs: int
     targets: Mapping[str, str] = field(default_factory=dict[str, str])
     """`at least X %`, `at most X %` or `interval above X %`, by the name of a rate."""
+    picture: str = ""
+    """File in docs/ that the program draws; empty for none."""
 
     @property
     def line(self) -> str:
@@ -165,6 +167,8 @@ def _section(one: Campaign, record: Record) -> str:
         for name, target in one.targets.items()
         if name not in record.rates
     ]
+    if one.picture:
+        lines += ["", f"![{one.title}]({one.picture})"]
     printed = [
         "<details markdown><summary>All that it printed</summary>",
         "",

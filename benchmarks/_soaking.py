@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from picktree.session.execution import Execution
     from picktree.trees.running.runner import TickReport
 
-MINUTE, QUARTER = 60.0, 900.0
+MINUTE, QUARTER, HOUR = 60.0, 900.0, 3600.0
 """Simulated s."""
 SETTLED = 1800.0
 """Simulated s after which memory must stay where it is."""
@@ -239,12 +239,7 @@ class Growth:
 def growth(minutes: Iterable[Minute], settled: float = SETTLED) -> Growth | None:
     """Of the process that went on longest: None when it was over before there was something to compare. A
     process that took a soak up begins its half hour when it begins."""
-    parts: dict[int, list[Minute]] = {}
-    for minute in minutes:
-        parts.setdefault(minute.part, []).append(minute)
-    if not parts:
-        return None
-    own = max(parts.values(), key=lambda part: part[-1].time - part[0].time)
+    own = _longest(minutes)
     later = [minute for minute in own if minute.time - own[0].time >= settled - 1.5 * MINUTE]
     if len(later) < 3:
         return None
@@ -259,6 +254,77 @@ def growth(minutes: Iterable[Minute], settled: float = SETTLED) -> Growth | None
         1000 * _slope(items, memory),
         1000 * _slope(items, np.array([minute.heap for minute in later])),
     )
+
+
+@dataclass(frozen=True, slots=True)
+class Steadiness:
+    """First hour of the process that went on longest, without its first half hour, beside its last hour."""
+
+    memory: tuple[float, float]
+    """Medians over the minutes, MB."""
+    p999: tuple[float, float]
+    """Means over the quarters of an hour of a tick's 99.9th percentile, CPU ms."""
+    minutes: tuple[int, int]
+    """Minutes after the first hour within 3 % of its memory, and all of them."""
+    quarters: tuple[int, int]
+    """Quarters of an hour after the first hour whose 99.9th percentile is at most 10 % above its, and all."""
+
+
+def steadiness(soak: Soak) -> Steadiness | None:
+    """Return None when no process went on for two hours."""
+    own = _longest(soak.minutes)
+    if not own or own[-1].time - own[0].time < 2 * HOUR - 1.5 * MINUTE:
+        return None
+    begin, end = own[0].time - MINUTE, own[-1].time
+    ticks = [each for each in soak.quarters if each.part == own[0].part]
+    first = [minute for minute in own if SETTLED < minute.time - begin <= HOUR + 1]
+    later = [minute for minute in own if minute.time - begin > HOUR + 1]
+    last = [minute for minute in own if minute.time > end - HOUR]
+    memory = float(np.median([minute.memory for minute in first]))
+    early = float(np.mean([each.p999 for each in ticks if SETTLED < each.time - begin <= HOUR + 1]))
+    late = float(np.mean([each.p999 for each in ticks if each.time > end - HOUR]))
+    after = [each for each in ticks if each.time - begin > HOUR + 1]
+    return Steadiness(
+        (memory, float(np.median([minute.memory for minute in last]))),
+        (early, late),
+        (sum(minute.memory <= 1.03 * memory for minute in later), len(later)),
+        (sum(each.p999 <= 1.1 * early for each in after), len(after)),
+    )
+
+
+def draw(soak: Soak, path: Path) -> None:
+    """Draw memory and CPU time of a tick over the simulated hours, as SVG."""
+    from matplotlib.figure import Figure
+    from matplotlib.ticker import NullLocator, ScalarFormatter
+
+    figure = Figure(figsize=(8, 5), layout="constrained")
+    above, below = figure.subplots(2, 1, sharex=True)
+    hours = [minute.time / HOUR for minute in soak.minutes]
+    above.plot(hours, [minute.memory for minute in soak.minutes], label="resident")
+    above.plot(hours, [minute.heap for minute in soak.minutes], label="heap in use")
+    above.set(ylabel="memory, MB", ylim=(0, None))
+    hours = [each.time / HOUR for each in soak.quarters]
+    for name, label in (("p999", "99.9 %"), ("p95", "95 %"), ("mean", "mean"), ("median", "median")):
+        below.plot(hours, [getattr(each, name) for each in soak.quarters], marker=".", label=label)
+    below.set(xlabel="simulated hours", ylabel="CPU of a tick, ms", yscale="log")
+    below.yaxis.set_major_formatter(ScalarFormatter())
+    below.yaxis.set_minor_locator(NullLocator())
+    for axes in (above, below):
+        axes.grid(alpha=0.3)
+        axes.legend(loc="upper left", ncols=4, fontsize="small")
+    for part in {minute.part for minute in soak.minutes} - {1}:
+        begin = min(minute.time for minute in soak.minutes if minute.part == part) / HOUR
+        above.axvline(begin, color="grey", linewidth=0.8)
+        below.axvline(begin, color="grey", linewidth=0.8)
+    figure.savefig(str(path), format="svg", metadata={"Date": None})  # pyright: ignore[reportUnknownMemberType]
+
+
+def _longest(minutes: Iterable[Minute]) -> list[Minute]:
+    """Return the minutes of the process that went on longest."""
+    parts: dict[int, list[Minute]] = {}
+    for minute in minutes:
+        parts.setdefault(minute.part, []).append(minute)
+    return max(parts.values(), key=lambda part: part[-1].time - part[0].time, default=list[Minute]())
 
 
 def _slope(x: np.ndarray, y: np.ndarray) -> float:

@@ -24,9 +24,9 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from _campaign import REFERENCE_COST, RESULTS, ROOT, reference
+from _campaign import REFERENCE_COST, RESULTS, ROOT, rate, reference
 from _dependencies import Dependencies, opened, used
-from _soaking import SETTLED, Diary, Soak, growth
+from _soaking import SETTLED, Diary, Soak, draw, growth, steadiness
 
 import numpy as np
 
@@ -60,6 +60,7 @@ def main() -> int:
     parser.add_argument("--parts", type=int, default=PARTS, help="files of the log to open; 0 for all")
     parser.add_argument("--minutes", type=float, metavar="M", help="wall time after which this part ends")
     parser.add_argument("--report", action="store_true", help="only say what the soak in --out has told")
+    parser.add_argument("--picture", type=Path, metavar="SVG", help="draw memory and ticks over the hours")
     given = parser.parse_args()
     diary, dependencies = given.out / "diary.jsonl", Dependencies(given.out)
     if diary.exists() and dependencies.changed and not given.report:
@@ -71,6 +72,8 @@ def main() -> int:
     if not diary.exists():
         print(f"{diary}: there is no soak", file=sys.stderr)
         return 2
+    if given.picture and Soak.read(diary).quarters:
+        draw(Soak.read(diary), given.picture)
     return report(diary, given.parts, given.runs)
 
 
@@ -148,6 +151,18 @@ def report(path: Path, parts: int, hours: float) -> int:
         )
         if grown.share >= 0.03:
             missed.append("memory grows by 3 % or more after the first half hour")
+    if (steady := steadiness(told)) is not None:
+        (early, late), (p999, p999_late) = steady.memory, steady.p999
+        more, slower = late / early - 1, p999_late / p999 - 1
+        print(f"first hour against last: memory {early:.1f} → {late:.1f} MB ({100 * more:+.1f} %), ", end="")
+        print(f"99.9 % of ticks {p999:.0f} → {p999_late:.0f} ms ({100 * slower:+.1f} %)\n")
+        print(rate("minutes with memory at most 3 % above the first hour's", *steady.minutes))
+        print(rate("quarters of an hour with ticks at most 10 % above", *steady.quarters))
+        if more > 0.03:
+            missed.append("memory is more than 3 % higher in the last hour than in the first")
+        if slower > 0.1:
+            missed.append("the 99.9th percentile of ticks is more than 10 % higher in the last hour")
+    print(rate("items done of those that came", last.items, last.came) + "\n")
     if told.quarters:
         _print_ticks(told)
     missed += _open_parts(told, parts)

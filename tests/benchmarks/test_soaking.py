@@ -41,3 +41,23 @@ def test_a_diary_that_was_cut_off_tells_what_it_knew(program: Program, tmp_path:
     assert (told.minutes, told.quarters, told.folders) == ((minute,), (ticks,), ("runs/a",))
     assert (told.result, told.crash) == (None, "")
     assert (ticks.median, ticks.mean, ticks.ticks) == (1.0, pytest.approx(5.95), 100)
+
+
+def test_the_first_hour_is_held_against_the_last(program: Program, tmp_path: Path) -> None:
+    soaking = program("_soaking")
+    minutes = tuple(
+        soaking.Minute(60.0 * n, 60.0 * n, 30.0 * n, 300.0 if n <= 120 else 312.0, 80.0, n, n, 1)
+        for n in range(1, 181)
+    )
+    quarters = tuple(
+        soaking.Quarter(900.0 * n, 18000, 1.0, 2.0, 100.0 if n < 12 else 120.0, 1.5, 1) for n in range(1, 13)
+    )
+    soak = soaking.Soak(minutes, quarters, (), None, "")
+    steady = soaking.steadiness(soak)
+    assert steady.memory == (300.0, 312.0)
+    assert steady.p999 == (100.0, 105.0)
+    assert steady.minutes == (60, 120)
+    assert steady.quarters == (7, 8)
+    assert soaking.steadiness(soaking.Soak(minutes[:90], quarters[:6], (), None, "")) is None
+    soaking.draw(soak, tmp_path / "soak.svg")
+    assert "<svg" in (tmp_path / "soak.svg").read_text()
