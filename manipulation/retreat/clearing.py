@@ -159,10 +159,13 @@ class RetreatMotion:
             with world.plan.checking():
                 found = outward.way(direction, way, until_free=False)
             yield from world.plan.charge()
-            if found.length >= MIN_ESCAPE_LENGTH and (yield from self._go(found)):
-                return
             if found.length < MIN_ESCAPE_LENGTH:
                 self.tried.append(f"{direction}: {found.ended_by}")
+                continue
+            if (yield from self._go(found)):
+                return
+            with world.plan.checking():
+                outward = world.plan.outward()  # a contact has ended the motion on its way
 
     def touched_on_the_way(self, result: JointImpedanceResult, where: str) -> Doing[None]:
         """Record a contact on a free path, and move back a little along the last trajectory."""
