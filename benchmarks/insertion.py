@@ -111,7 +111,7 @@ def main() -> int:
         for way in WAYS
         if way in given.ways.split(",") and (not only or setting.name in only)
     ]
-    jobs = [Job(setting, way, seed) for setting, way in kinds for seed in seeds(given)]
+    jobs = [Job(setting, way, seed) for seed in seeds(given) for setting, way in kinds]
     rows = campaign(given, jobs, one, cost=_cost, short=short)
     for setting, way in kinds:
         of = [row for row in rows if row["job"]["setting"] == asdict(setting) and row["job"]["way"] == way]
