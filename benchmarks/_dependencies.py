@@ -58,12 +58,17 @@ def _files(top: Path) -> Generator[Path]:
 
 def digest(files: Iterable[str]) -> str:
     """Return a digest of the contents of files, as they were when this process first asked."""
-    known = [(file, contents().get(file) or _content(ROOT / file)) for file in sorted(files)]
+    known = [(file, content(file)) for file in sorted(files)]
     return hashlib.sha256(repr(known).encode()).hexdigest()[:12]
 
 
+def content(file: str) -> str:
+    """Return the digest of a file by its path, as it was when this process first asked; empty when there is
+    none."""
+    return contents().get(file) or _content(ROOT / file)
+
+
 def _content(file: Path) -> str:
-    """Return the digest of a file; empty when there is none."""
     return hashlib.sha256(file.read_bytes()).hexdigest()[:12] if file.is_file() else ""
 
 

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
 from _campaign import ROOT, Figure, figures
-from _dependencies import digest
+from _dependencies import content
 
 import yaml
 
@@ -23,6 +23,8 @@ the project set itself. Figures of earlier versions, and of programs that are no
 """
 TABLE = ROOT / "benchmarks" / "evidence.yaml"
 KEPT = ROOT / "benchmarks" / "evidence.json"
+NAMED = 3
+"""Number of changed files that the page names; the others are counted."""
 
 
 @dataclass(frozen=True)
@@ -59,19 +61,26 @@ class Record:
     text: str
     """All that the program printed as its result."""
     files: str
-    """Files that its runs depended on, with blanks between."""
-    code: str
-    """Digest of their contents."""
+    """Files that its runs depended on, each with the digest of its content: `skills/push.py:1f2e3d4c …`."""
 
     @property
-    def old(self) -> bool:
-        """Whether one of the files has changed since."""
-        return digest(self.files.split()) != self.code
+    def changed(self) -> list[str]:
+        """Files that have changed since."""
+        return [file for file, _, known in map(_parted, self.files.split()) if content(file) != known]
 
     @property
     def rates(self) -> Mapping[str, Figure]:
         """Rates by name, in the order of the text."""
         return figures(self.text)
+
+
+def with_contents(files: Iterable[str]) -> str:
+    """Return files as a record has them, with what they hold now."""
+    return " ".join(f"{file}:{content(file)}" for file in files)
+
+
+def _parted(word: str) -> tuple[str, str, str]:
+    return word.rpartition(":")
 
 
 def campaigns(path: Path = TABLE) -> list[Campaign]:
@@ -126,7 +135,7 @@ def in_order(table: Sequence[Campaign], records: Mapping[str, Record]) -> list[C
         record = records.get(one.name)
         if record is None:
             return (0,)
-        if record.old:
+        if record.changed:
             return (1, record.date)
         return (2, -max((rate.width for rate in record.rates.values()), default=0.0))
 
@@ -146,7 +155,10 @@ def to_page(table: Sequence[Campaign], records: Mapping[str, Record]) -> str:
 
 
 def _section(one: Campaign, record: Record) -> str:
-    old = " **Old: the code of these runs has changed since.**" if record.old else ""
+    changed = record.changed
+    more = f" and {len(changed) - NAMED} more" if len(changed) > NAMED else ""
+    names = ", ".join(f"`{file}`" for file in changed[:NAMED])
+    old = f" **Old: {names}{more} changed since.**" if changed else ""
     lines = [
         f"## {one.title}\n",
         f"{one.words} `{one.line}`, commit {record.commit}, {record.date} UTC.{old}\n",

@@ -23,8 +23,8 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from _campaign import ROOT
-from _dependencies import Dependencies, digest, of_program
-from _evidence import Campaign, Record, campaigns, in_order, read, to_page, write
+from _dependencies import Dependencies, of_program
+from _evidence import Campaign, Record, campaigns, in_order, read, to_page, with_contents, write
 from picktree.session.environment import revision
 
 PAGE = ROOT / "docs" / "figures.md"
@@ -46,13 +46,13 @@ def run(one: Campaign, minutes: float) -> Record | None:
         return None
     files = Dependencies(_folder(one)).files or of_program(one.program)
     date, text = f"{datetime.now(UTC):%Y-%m-%d %H:%M}", done.stdout.strip("\n")
-    return Record(commit, date, text, " ".join(files), digest(files))
+    return Record(commit, date, text, with_contents(files))
 
 
 def _state(record: Record | None) -> str:
     if record is None:
         return "no figure yet"
-    return "old" if record.old else "up to date"
+    return "old" if record.changed else "up to date"
 
 
 def _shares(waiting: Sequence[Campaign], hours: float) -> Generator[tuple[Campaign, float]]:
