@@ -200,6 +200,18 @@ class Results:
             self.costs[_key(result.job, seed=False)].append(result.cpu / result.reference)
 
 
+def commits(folder: Path) -> list[str]:
+    """Return the commits of the results in a campaign's folder whose files have not changed, oldest first."""
+    path, dependencies = folder / "results.jsonl", Dependencies(folder)
+    found: dict[str, None] = {}
+    for line in path.read_bytes().decode(errors="replace").splitlines() if path.exists() else ():
+        with suppress(ValueError, TypeError):
+            result = Result(**json.loads(line))
+            if dependencies.hold(result.code):
+                found[result.commit] = None
+    return list(found)
+
+
 class Forecast:
     """Forecast of CPU times: the median of recorded runs of the same kind, scaled to this machine's speed."""
 

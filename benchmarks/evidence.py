@@ -22,7 +22,7 @@ from collections.abc import Generator, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 
-from _campaign import ROOT
+from _campaign import ROOT, commits
 from _dependencies import Dependencies, of_program
 from _evidence import Campaign, Record, campaigns, in_order, read, to_page, with_contents, write
 from picktree.session.environment import revision
@@ -38,13 +38,13 @@ def run(one: Campaign, minutes: float) -> Record | None:
     """Run a campaign for so long; return its result, or None when it has none yet."""
     program, *words = shlex.split(one.line)[1:]
     print(f"\n== {one.name}: {one.line}, {minutes:.0f} min", file=sys.stderr, flush=True)
-    commit = revision()
     given = [sys.executable, program, *words, "--out", str(_folder(one)), "--minutes", f"{minutes:.2f}"]
     done = subprocess.run(given, cwd=ROOT, stdout=subprocess.PIPE, text=True, check=False)
     if done.returncode not in (0, 1) or not done.stdout.strip():  # 1: a target of its own is missed
         print(f"   no result (exit code {done.returncode})", file=sys.stderr, flush=True)
         return None
     files = Dependencies(_folder(one)).files or of_program(one.program)
+    commit = ", ".join(commits(_folder(one))) or revision()
     date, text = f"{datetime.now(UTC):%Y-%m-%d %H:%M}", done.stdout.strip("\n")
     return Record(commit, date, text, with_contents(files))
 

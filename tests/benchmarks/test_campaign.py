@@ -170,11 +170,13 @@ def test_a_killed_campaign_goes_on_and_a_cut_line_costs_its_run_alone(squares: S
 
 
 def test_results_whose_files_have_changed_are_run_again_or_counted_when_asked(
-    squares: Squares,
+    squares: Squares, program: Callable[[str], ModuleType]
 ) -> None:
     squares.run("--runs", "1")
     commit = squares.lines()[0]["commit"]
+    assert program("_campaign").commits(squares.out) == [commit]
     squares.change()
+    assert program("_campaign").commits(squares.out) == []
     _, err = squares.run("--runs", "1", "--mixed")
     assert "0 of 1 runs to do" in err
     assert squares.runs() == 1
