@@ -114,10 +114,17 @@ def met(target: str, rate: Figure) -> bool | None:
 
 
 def read(path: Path = KEPT) -> dict[str, Record]:
-    """Read the kept results by the campaign's name; none when there is no file yet."""
+    """Read the kept results by the campaign's name; none when there is no file yet.
+
+    Raises SystemExit for a result with other keys.
+    """
     if not path.exists():
         return {}
-    return {name: Record(**entry) for name, entry in json.loads(path.read_text(encoding="utf-8")).items()}
+    entries = json.loads(path.read_text(encoding="utf-8"))
+    try:
+        return {name: Record(**entry) for name, entry in entries.items()}
+    except TypeError:
+        raise SystemExit(f"{path}: each result has commit, date, text and files, and nothing else") from None
 
 
 def write(records: Mapping[str, Record], path: Path = KEPT) -> None:
