@@ -311,7 +311,7 @@ def draw(soak: Soak, path: Path) -> None:
     below.yaxis.set_minor_locator(NullLocator())
     for axes in (above, below):
         axes.grid(alpha=0.3)
-        axes.legend(loc="upper left", ncols=4, fontsize="small")
+        axes.legend(loc="best", ncols=4, fontsize="small")
     for part in {minute.part for minute in soak.minutes} - {1}:
         begin = min(minute.time for minute in soak.minutes if minute.part == part) / HOUR
         above.axvline(begin, color="grey", linewidth=0.8)
