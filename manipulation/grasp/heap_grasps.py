@@ -70,7 +70,8 @@ class Tier:
 
 
 STRICT = Tier(90e-6, 0.012, 0.85)
-SURE = replace(STRICT, score=1.0)
+SURE, SURE_TILTED = replace(STRICT, score=1.35), replace(STRICT, score=1.0)
+"""Of grasps with such scores nearly all hold: these come first, whatever else is near."""
 LOOSE = Tier(65e-6, MIN_OVERLAP, 0.60)
 
 
@@ -95,7 +96,7 @@ OVER_RIM = Approach("tilted 35", math.radians(35.0), 16, (0.0, math.pi / 4, 3 * 
 """Hands of which one side is higher than the other: the palm reaches over a wall."""
 STAGES: tuple[tuple[Tier, tuple[Approach, ...]], ...] = (
     (SURE, (VERTICAL,)),
-    (SURE, (TILTED,)),
+    (SURE_TILTED, (TILTED, MORE_TILTED)),
     (STRICT, (VERTICAL, TILTED, MORE_TILTED)),
     (LOOSE, (VERTICAL, TILTED, MORE_TILTED)),
     (LOOSE, (OVER_RIM,)),

@@ -256,7 +256,7 @@ def _seen_size(heap: HeightMap, cells: NDArray[np.bool_]) -> float:
 def _lift_out(world: World, task: HeapPickTask, thing: BeliefObject) -> Doing[None]:
     """Lift the thing straight up until it is above the rim."""
     bottom = thing.pose.position[2] - (top(thing.shape, thing.pose) - thing.pose.position[2])
-    rise = _rim(world, task.tote) + RIM_CLEARANCE - bottom
+    rise = rim_height(world, task.tote) + RIM_CLEARANCE - bottom
     names = (task.tote, heap_id(task.tote))
     with world.scene.allow(*((side, name) for side in ("gripper", thing.id) for name in names)):
         yield from lift(world, thing.id, task.node, max(rise, world.handling.approach))
@@ -275,7 +275,7 @@ def _clear_view(world: World, task: HeapPickTask) -> Doing[None]:
     """Move the empty hand straight up above the rim, as far as that is free, and home: the camera sees the
     tote."""
     tips = world.control.tcp.position[2] - world.robot.description.gripper.tip
-    rise = _rim(world, task.tote) + RIM_CLEARANCE - tips
+    rise = rim_height(world, task.tote) + RIM_CLEARANCE - tips
     guard = world.handling.guard + LIFT_GUARD_FORCE
     yield from world.move.rest()
     if rise > 0.0:
@@ -288,7 +288,7 @@ def _clear_view(world: World, task: HeapPickTask) -> Doing[None]:
     yield from world.move.along(plan.trajectory, guard=guard, node=task.node)
 
 
-def _rim(world: World, tote: ObjectId) -> float:
+def rim_height(world: World, tote: ObjectId) -> float:
     """Return the height of the rim in the world, m; of a pile without walls that of its highest point."""
     heap = world.vision.heaps[tote].map
     top = heap.rim if heap.walls().any() else float(np.nanmax(heap.heights(), initial=heap.floor))
