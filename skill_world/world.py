@@ -116,7 +116,7 @@ class HandlingParameters:
     release: float = 0.03
     """Extra opening beyond the object's width at release, m."""
 
-    unknown_hold: float = 0.4
+    unknown_hold: float = 0.2
     """Share of the joints' accelerations with a thing in the hand of which nobody knows how it is held."""
 
     def scaling(self, speed: float, held: BeliefObject | None = None) -> Scaling:

@@ -17,6 +17,7 @@ from ...world.values import Array, ObjectId, Pose
 from ..push.heap_strokes import HeapStroke, heap_strokes
 from ..push.push_arcs import straight
 from ..push.push_stroke import (
+    STEP_BACK_HEIGHT,
     configuration_above_start,
     follow_course,
     move_to_start,
@@ -150,7 +151,8 @@ def _execute(world: World, task: HeapPickTask, one: HeapStroke, start: Pose) -> 
     else:
         course = PushMotion(path, PlanarPose(0.0, 0.0), 0.0, task.speed, task.force, mass, through=True)
         force = yield from follow_course(world, course, names, task.node)
-    yield from step_back(world, names, task.node)
+    rise = max(STEP_BACK_HEIGHT, rim_height(world, task.tote) + RIM_CLEARANCE - one.tips)
+    yield from step_back(world, names, task.node, rise)
     way = f"{course.reached * 1000:.0f} mm"
     if course.blocked:
         return f"blocked at {force:.1f} N after {way}"

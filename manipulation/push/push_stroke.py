@@ -347,16 +347,18 @@ def _believe(world: World, name: ObjectId, at: PlanarPose) -> None:
         world.scene.put(replace(known, pose=pose, sigma_position=sigma), "pushed there")
 
 
-def step_back(world: World, names: Collection[str], node: str) -> Doing[None]:
-    """Move up beside the object and to where the cameras see the table."""
+def step_back(world: World, names: Collection[str], node: str, rise: float = STEP_BACK_HEIGHT) -> Doing[None]:
+    """Move up by `rise` m beside the object and to where the cameras see the table."""
     handling = world.handling
     near = world.queries.hand_contacts(world.control.tcp, world.gripper.width, margin=0.02)
-    touched = {*names, *(c.b for c in near if c.b not in world.scene.fixtures)}
+    fixed = {*world.scene.fixtures, *world.scene.bins}
+    touched = {*names, *(c.b for c in near if c.b not in fixed)}
     pairs = tuple(("gripper", name) for name in sorted(touched))
+    walls = tuple(("gripper", c.b) for c in near if c.b in world.scene.bins)
     legs = (
         Request(
-            OffsetGoal((0.0, 0.0, STEP_BACK_HEIGHT), least_fraction=0.3),
-            allowed=pairs,
+            OffsetGoal((0.0, 0.0, rise), least_fraction=0.3),
+            allowed=(*pairs, *walls),
             scaling=handling.slowly,
         ),
         Request(NamedGoal(LOOKING_POSE), allowed=pairs, scaling=handling.scaling(1.0)),
