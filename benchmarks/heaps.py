@@ -56,6 +56,8 @@ class Job(MissionJob):
     """Distance by which the overhead camera hangs off, m."""
     friction: float | None
     """Friction of the things; None: as the scene has it."""
+    robot: str | None
+    """Name or file of the robot; None: as the scene has it."""
 
 
 def one(job: Job, folder: Path) -> Row:
@@ -155,7 +157,7 @@ def _request(job: Job, folder: Path) -> RunRequest:
 
 
 def _scene(job: Job, folder: Path, patch: dict[str, Any]) -> str:
-    """Return the scene, with a patch and another camera or friction laid on it."""
+    """Return the scene, with a patch and another camera, friction or robot laid on it."""
     camera: dict[str, Any] = {}
     if job.noise is not None:
         camera["depth_noise"] = job.noise
@@ -164,6 +166,8 @@ def _scene(job: Job, folder: Path, patch: dict[str, Any]) -> str:
     patch = patch | ({"cameras": {"overhead": camera}} if camera else {})
     if job.friction is not None:
         patch["assortment"] = {"friction": job.friction}
+    if job.robot is not None:
+        patch["robot"] = job.robot
     if not patch:
         return job.scene
     folder.mkdir(parents=True, exist_ok=True)
@@ -241,8 +245,9 @@ def main() -> int:
     options.add_argument("--noise", type=float, metavar="M", help="noise of the depth at 0.7 m")
     options.add_argument("--camera-off", type=float, default=0.0, metavar="M", help="the camera hangs off")
     options.add_argument("--friction", type=float, metavar="MU", help="friction of the things")
+    options.add_argument("--robot", metavar="R", help="name or file of another robot than the scene's")
     given = options.parse_args()
-    changes = (given.noise, given.camera_off, given.friction)
+    changes = (given.noise, given.camera_off, given.friction, given.robot)
     jobs = [Job(given.mission, given.scene, seed, *changes) for seed in seeds(given)]
     print(report(campaign(given, jobs, one, cost=COST_A_RUN, short=_short)))
     return 0

@@ -82,16 +82,21 @@ class GripperDescription:
     """Distance from the TCP back (-z) to the palm, m."""
     hand: tuple[tuple[Box, Pose], ...]
     """Boxes that enclose hand (without fingers), each with its pose in the TCP frame."""
-    finger_boxes: tuple[Box, Pose]
-    """Box that encloses the +y finger at opening 0, in the TCP frame; mirrored for the other."""
+    finger_boxes: tuple[tuple[Box, Pose], ...]
+    """Boxes that enclose the +y finger at opening 0, in the TCP frame; mirrored for the other."""
     linkage: Linkage | None = None
     """Finger linkage; None: two sliders."""
     finger_bodies: tuple[tuple[Box, Pose], ...] = ()
-    """Box of the rest of each finger behind its pad, with its pose in its finger link; empty: unknown."""
+    """Boxes of the rest of the fingers behind their pads, each with its pose in its finger link, of the first
+    and the second finger in turn; empty: unknown."""
+
+    def bodies_of(self, finger: int) -> tuple[tuple[Box, Pose], ...]:
+        """Return the boxes behind the pad of the first (0) or second (1) finger."""
+        return self.finger_bodies[finger::2]
 
     def finger_depth(self, *, whole: bool) -> float:
         """Return half of a finger's size along the TCP's x axis, m. `whole`: with the body behind the pad."""
-        bodies = self.finger_bodies[:1] if whole else ()
+        bodies = self.bodies_of(0) if whole else ()
         return max(box.size[0] for box, _ in (self.pads[0], *bodies)) / 2
 
 

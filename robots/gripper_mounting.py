@@ -7,11 +7,13 @@ import hashlib
 import os
 import tempfile
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from ..files.value_wording import suggest_name
+from ..world.colours import COLOURS
+from ..world.shapes import Box
 from ..world.values import Pose, Vector3
 from .description import RobotDescription
 from .urdf_tree import PACKAGE, UrdfError, mesh_file, parsed_urdf, skeleton_of
@@ -55,8 +57,15 @@ class LinkInertia:
     """ixy, ixz, iyz"""
 
 
+Attachments = Mapping[str, Sequence[tuple[Box, Pose]]]
+"""Boxes that are fixed to links, by the link's name, each with its pose in the link."""
+
+
 def write_composed_urdf(
-    arm: NamedUrdf, mounting: GripperMount | None, inertias: Mapping[str, LinkInertia] | None = None
+    arm: NamedUrdf,
+    mounting: GripperMount | None,
+    inertias: Mapping[str, LinkInertia] | None = None,
+    attachments: Attachments | None = None,
 ) -> Path:
     """Write the composed URDF to a file and return its path. The same arguments always give the same text and
     the same file.
@@ -64,10 +73,15 @@ def write_composed_urdf(
     Meshes of installed packages are named as `package://package/path`, so that the text does not depend on
     where the packages stand. Raises UrdfError when they do not go together.
     """
-    return _kept(composed_urdf(arm, mounting, inertias or {}), arm.path.stem)
+    return _kept(composed_urdf(arm, mounting, inertias or {}, attachments or {}), arm.path.stem)
 
 
-def composed_urdf(arm: NamedUrdf, mounting: GripperMount | None, inertias: Mapping[str, LinkInertia]) -> str:
+def composed_urdf(
+    arm: NamedUrdf,
+    mounting: GripperMount | None,
+    inertias: Mapping[str, LinkInertia],
+    attachments: Attachments,
+) -> str:
     """Return the text that `write_composed_urdf` writes."""
     whole = parsed_urdf(arm.path)
     skeleton_of(whole)
@@ -75,11 +89,15 @@ def composed_urdf(arm: NamedUrdf, mounting: GripperMount | None, inertias: Mappi
     if mounting is not None:
         _hang(whole, mounting)
     links = {link.get("name", ""): link for link in whole.findall("link")}
-    for name, inertia in inertias.items():
+    for name in (*inertias, *attachments):
         if name not in links:
             hint = suggest_name(name, links)
             raise UrdfError(f"there is no link {name!r}" + (f" ({hint})" if hint else ""))
+    for name, inertia in inertias.items():
         _put_inertia(links[name], inertia)
+    for name, boxes in attachments.items():
+        for box, pose in boxes:
+            _attach(links[name], box, pose)
     ElementTree.indent(whole)
     return ElementTree.tostring(whole, encoding="unicode") + "\n"
 
@@ -93,6 +111,20 @@ def _put_inertia(link: ElementTree.Element, inertia: LinkInertia) -> None:
     keys = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
     values = map(repr, (*inertia.moments, *inertia.products))
     ElementTree.SubElement(inertial, "inertia", dict(zip(keys, values, strict=True)))
+
+
+def _attach(link: ElementTree.Element, box: Box, pose: Pose) -> None:
+    """Fix a box to a link, to be seen and to be touched."""
+    for tag in ("visual", "collision"):
+        element = ElementTree.SubElement(link, tag)
+        origin = {"xyz": numbers_text(pose.position), "rpy": numbers_text(pose.rpy())}
+        ElementTree.SubElement(element, "origin", origin)
+        geometry = ElementTree.SubElement(element, "geometry")
+        ElementTree.SubElement(geometry, "box", size=numbers_text(box.size))
+        if tag == "visual":
+            red, green, blue = COLOURS["grey"]
+            material = ElementTree.SubElement(element, "material", name=f"{link.get('name')}_attachment")
+            ElementTree.SubElement(material, "color", rgba=f"{red} {green} {blue} 1")
 
 
 def _hang(whole: ElementTree.Element, mounting: GripperMount) -> None:

@@ -12,6 +12,8 @@ from ..files.shipped_files import find_file, is_file, shipped_names
 from ..files.value_wording import describe, suggest_name
 from ..files.yaml.document import Document, read_document
 from ..files.yaml.document_checker import DocumentChecker
+from ..world.shapes import Box
+from ..world.values import Pose
 from .description import Follower, GripperDescription, JointLimits, Linkage, PadContact, RobotDescription
 from .finger_linkage import LinkageParts, UnfitLinkage, solve_linkage
 from .gripper_mounting import GripperMount, LinkInertia, NamedUrdf, write_composed_urdf
@@ -83,13 +85,13 @@ def _described(
             max_force=gripper.max_force,
             speed=gripper.speed,
             pads=(first.placed(), second.placed()),
-            finger_bodies=tuple(box.placed() for box in gripper.finger_bodies or ()),
+            finger_bodies=tuple(box.placed() for box in gripper.finger_bodies),
             pad_contact=PadContact(**gripper.pad_contact.model_dump()),
             gear=gripper.gear,
             tip=gripper.tip,
             palm=gripper.palm,
             hand=tuple(box.placed() for box in gripper.hand),
-            finger_boxes=gripper.finger.placed(),
+            finger_boxes=_finger_boxes(robot, urdf),
             linkage=linkage,
         ),
         disabled_pairs=robot.disabled_pairs,
@@ -97,6 +99,20 @@ def _described(
         planner=robot.planner or "",
         source=str(document.path),
         text=document.text,
+    )
+
+
+def _finger_boxes(robot: RobotFile, urdf: Path) -> tuple[tuple[Box, Pose], ...]:
+    """Return the boxes around the first finger, which is on the +y side, at opening 0 in the TCP frame."""
+    gripper = robot.gripper
+    if gripper.finger is not None:
+        return (gripper.finger.placed(),)
+    tree = read_skeleton(urdf)
+    tcp = tree.pose(robot.tcp.link, {}) @ robot.tcp.pose()
+    finger = tcp.inverse() @ tree.pose(gripper.links[0], {})
+    return tuple(
+        (box, finger @ pose)
+        for box, pose in (one.placed() for one in (gripper.pads[0], *gripper.finger_bodies[::2]))
     )
 
 
@@ -109,7 +125,7 @@ def _whole_urdf(check: DocumentChecker, robot: RobotFile, source: Path) -> Path 
         hand = _urdf(check, ("mount", "urdf"), mount.urdf, source)
     if arm is None or (mount is not None and hand is None):
         return None
-    if mount is None and not robot.inertias:
+    if mount is None and not robot.inertias and not robot.attachments:
         return arm.path
     for part, name in ((arm, "urdf"), (hand, "mount")):
         try:
@@ -124,18 +140,18 @@ def _whole_urdf(check: DocumentChecker, robot: RobotFile, source: Path) -> Path 
         name: LinkInertia(link.mass, link.at, link.moments, link.products)
         for name, link in robot.inertias.items()
     }
+    attachments = {name: tuple(box.placed() for box in boxes) for name, boxes in robot.attachments.items()}
     try:
-        path = write_composed_urdf(arm, mounting)
+        links = read_skeleton(write_composed_urdf(arm, mounting)).links
     except UrdfError as error:
         check.fault(("mount",), f"the gripper cannot be mounted: {error}", code="P512", key=True)
         return None
-    if not inertias:
-        return path
-    try:
-        return write_composed_urdf(arm, mounting, inertias)
-    except UrdfError as error:
-        check.fault(("inertias",), str(error), code="P503", key=True)
-        return None
+    unknown = [("inertias", name) for name in inertias if name not in links]
+    unknown += [("attachments", name) for name in attachments if name not in links]
+    for loc in unknown:
+        hint = suggest_name(loc[1], links)
+        check.fault(loc, f"the URDF has no link {describe(loc[1])}", hint, code="P503", key=True)
+    return None if unknown else write_composed_urdf(arm, mounting, inertias, attachments)
 
 
 def _mounting(mount: MountFile, hand: NamedUrdf) -> GripperMount:
@@ -171,8 +187,14 @@ def _check_form(check: DocumentChecker, gripper: GripperFile) -> None:
         return
     if gripper.joints is not None and gripper.max_width is None:
         check.fault(("gripper",), "'max_width' is missing", code="P105", key=True)
+    if len(gripper.finger_bodies) % 2:
+        message = f"one box of each finger in turn is wanted, not {len(gripper.finger_bodies)} boxes"
+        check.fault(("gripper", "finger_bodies"), message, code="P508")
     if gripper.linkage is not None:
         linkage = gripper.linkage
+        if gripper.finger is None:
+            hint = "pads alone do not tell where the fingers of a linkage are when it is closed"
+            check.fault(("gripper",), "'finger' is missing", hint, code="P105", key=True)
         for name in linkage.offsets:
             if name not in linkage.followers:
                 hint = suggest_name(name, linkage.followers)

@@ -165,13 +165,15 @@ class RobotModel:
             g for g in link_geometry(self.description.urdf, "collision") if isinstance(g, UrdfPrimitive)
         )
 
-    def finger_boxes(self, width: float) -> tuple[tuple[Box, Pose], tuple[Box, Pose]]:
-        """Return boxes that enclose the +y and the -y finger at an opening of `width` m, in the TCP frame."""
-        box, closed = self.description.gripper.finger_boxes
-        x, y, z = closed.position
-        near = Pose((x, y + width / 2, z), closed.orientation)
-        turned = Pose((0.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0)) @ near
-        return (box, near), (box, turned)
+    def finger_boxes(self, width: float) -> tuple[tuple[Box, Pose], ...]:
+        """Return boxes that enclose the fingers at an opening of `width` m, in the TCP frame: for each part
+        that of the +y and that of the -y finger."""
+        found: list[tuple[Box, Pose]] = []
+        for box, closed in self.description.gripper.finger_boxes:
+            x, y, z = closed.position
+            near = Pose((x, y + width / 2, z), closed.orientation)
+            found += [(box, near), (box, Pose((0.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0)) @ near)]
+        return tuple(found)
 
 
 def _whole_robot(description: RobotDescription) -> pin.Model:

@@ -110,15 +110,16 @@ class GripperFile(FileModel):
     """Distance from the TCP back to the palm."""
     pads: tuple[BoxFile, BoxFile]
     """The pads, each in the frame of its finger link, with edges along the x, y and z of the TCP."""
-    finger_bodies: tuple[BoxFile, BoxFile] | None = None
-    """The rest of each finger between its pad and the palm, in the frame of its link. It collides without
-    gripping: it stands back behind the pad's face."""
+    finger_bodies: tuple[BoxFile, ...] = ()
+    """The rest of the fingers between pad and palm, each in the frame of its link: of the first and the
+    second finger in turn. They collide without gripping: they stand back behind the pad's face."""
     pad_contact: PadContactFile = PadContactFile()
     """How the pads touch in simulation."""
     hand: tuple[BoxFile, ...]
     """Boxes around the hand without the fingers, in the frame of the TCP."""
-    finger: BoxFile
-    """A box around the finger on the +y side at opening 0, in the frame of the TCP; the other mirrors it."""
+    finger: BoxFile | None = None
+    """A box around the finger on the +y side at opening 0, in the frame of the TCP; the other mirrors it.
+    Without it, its pad and the bodies behind it are taken."""
 
 
 class InertiaFile(FileModel):
@@ -158,6 +159,11 @@ class RobotFile(FileModel):
     """A gripper of another URDF, for an arm that comes without one."""
     inertias: dict[str, InertiaFile] = Field(default_factory=lambda: dict[str, InertiaFile]())
     """Inertias by the name of the link, instead of those of the URDF where no real body can have them."""
+    attachments: dict[str, tuple[BoxFile, ...]] = Field(
+        default_factory=lambda: dict[str, tuple[BoxFile, ...]]()
+    )
+    """Boxes that are fixed to links, by the name of the link and in its frame: longer fingers, a bracket.
+    They collide, and pictures show them; what they weigh is said under `inertias`."""
     base: FrameFile = FrameFile()
     """Where its base stands in the world."""
     joints: dict[str, JointFile]

@@ -116,9 +116,13 @@ class HandlingParameters:
     release: float = 0.03
     """Extra opening beyond the object's width at release, m."""
 
-    def scaling(self, speed: float) -> Scaling:
-        """Return the scaling of planned motions at `speed`, a share in (0, 1]."""
-        return Scaling(velocity=self.free * speed, acceleration=speed)
+    unknown_hold: float = 0.2
+    """Share of the joints' accelerations with a thing in the hand of which nobody knows how it is held."""
+
+    def scaling(self, speed: float, held: BeliefObject | None = None) -> Scaling:
+        """Return the scaling of planned motions at `speed`, a share in (0, 1], with `held` in the hand."""
+        share = self.unknown_hold if held is not None and held.kind == "unknown" else 1.0
+        return Scaling(velocity=self.free * speed, acceleration=speed * share)
 
     @property
     def slowly(self) -> Scaling:

@@ -37,6 +37,10 @@ MIN_UPRIGHT_COSINE = 0.98
 GRASP_YAWS = 8
 """Closing directions for an object without a preferred one, over half a turn."""
 
+WALL_CLEARANCE, OPEN_SHARE = 0.02, 0.75
+"""Clearance of the finger tips above walls at the pre-grasp, m, along the hand's way. Share of the way above
+walls within which a path may cut the corner."""
+
 
 @dataclass(frozen=True, slots=True)
 class GraspCandidate:
@@ -56,16 +60,23 @@ class GraspCandidate:
     """Score of the candidate; lower is better."""
     tilted: bool = False
     """Whether the hand comes along its own axis instead of straight down."""
-    rise: float = 0.0
-    """Least distance of the pre-grasp, m: the hand is above the walls around the object there."""
+    enclosed: float = 0.0
+    """Last part of the straight way to the grasp that lies between walls around the object, m."""
 
     def pre_grasp(self, height: float) -> Pose:
         """Return the TCP pose in the world from which the hand comes straight, at least `height` m before the
-        grasp."""
-        height = max(height, self.rise)
+        grasp, and above the walls."""
+        height = max(height, self.enclosed + WALL_CLEARANCE if self.enclosed else 0.0)
         if self.tilted:
             return self.tcp_in_world @ Pose((0.0, 0.0, -height))
         return self.tcp_in_world.shifted((0.0, 0.0, height))
+
+    def rounded(self, height: float, most: float) -> float:
+        """Return the length of the way from the pre-grasp, at most `most` m, within which a path may cut the
+        corner: no part of it lies between walls. `height` as for `pre_grasp`."""
+        if not self.enclosed:
+            return most
+        return min(most, max(height - self.enclosed, WALL_CLEARANCE) * OPEN_SHARE)
 
 
 @dataclass(frozen=True, slots=True)

@@ -35,7 +35,7 @@ class HandShape:
         pad, pad_in_link = gripper.pads[0]
         fingers = [Block(pad.size[0] / 2, 0.0, pad.size[1], 0.0)]
         face = abs(pad_in_link.position[1]) - pad.size[1] / 2
-        for box, in_link in gripper.finger_bodies[:1]:
+        for box, in_link in gripper.bodies_of(0):
             middle = abs(in_link.position[1]) - face
             end = pad_in_link.position[2] + pad.size[2] / 2
             above = end - in_link.position[2] - box.size[2] / 2

@@ -15,6 +15,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from ...perception.segmentation import LABEL_NAMES
 from ...robots.description import GripperDescription
 from ...world.belief.height_map import Heap, HeightMap
 from ...world.values import Array, Pose
@@ -36,6 +37,13 @@ mean slope of its sides, as distance over height."""
 KEPT_PER_SWEEP, BLOCK, KEPT_PER_YAW = 16, 4, 8
 """Places that are profiled for each yaw and opening, at most one in a block of so many cells squared. Grasps
 that are kept for each yaw."""
+MIXED_COST = 3.0
+"""Cost of the share of colours between the pads other than the most frequent one: two things come at once."""
+SAMPLED_ROWS, SAMPLED_SHARES, SAMPLED_HEIGHT = (-4, -2, 0, 2, 4), np.linspace(-0.45, 0.45, 9), 0.005
+"""Where the colours between the pads are sampled: rows, shares of the thing's width, and height above the
+finger tips, m."""
+MIN_SAMPLED = 0.008
+"""Least width in which colours are sampled, m."""
 CENTRINGS = 2
 """Number of times that the hand is moved to the middle of what lies between the pads."""
 PROFILE_ROWS, PROFILE_REACH, AXIS_REACH = 4, 20, 20
@@ -45,9 +53,6 @@ MAX_CANDIDATES = 48
 """Greatest number of candidates of one stage."""
 APART, APART_YAW = 0.008, math.radians(16.0)
 """Distance, m, and turn, rad, below which two grasps are alike: the better one is kept."""
-
-RIM_CLEARANCE = 0.02
-"""Clearance of the finger tips above the rim at the pre-grasp, m."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,9 +65,13 @@ class Tier:
     """Least overlap of the pads, m."""
     solid: float
     """Least share of the cells between the pads that the thing fills."""
+    score: float = math.inf
+    """Greatest score."""
 
 
 STRICT = Tier(90e-6, 0.012, 0.85)
+SURE, SURE_TILTED = replace(STRICT, score=1.35), replace(STRICT, score=1.0)
+"""Of grasps with such scores nearly all hold: these come first, whatever else is near."""
 LOOSE = Tier(65e-6, MIN_OVERLAP, 0.60)
 
 
@@ -86,9 +95,9 @@ MORE_TILTED = Approach("tilted 45", math.radians(45.0), 24, (math.pi / 2,))
 OVER_RIM = Approach("tilted 35", math.radians(35.0), 16, (0.0, math.pi / 4, 3 * math.pi / 4))
 """Hands of which one side is higher than the other: the palm reaches over a wall."""
 STAGES: tuple[tuple[Tier, tuple[Approach, ...]], ...] = (
-    (STRICT, (VERTICAL,)),
-    (STRICT, (TILTED,)),
-    (STRICT, (MORE_TILTED,)),
+    (SURE, (VERTICAL,)),
+    (SURE_TILTED, (TILTED, MORE_TILTED)),
+    (STRICT, (VERTICAL, TILTED, MORE_TILTED)),
     (LOOSE, (VERTICAL, TILTED, MORE_TILTED)),
     (LOOSE, (OVER_RIM,)),
 )
@@ -108,12 +117,14 @@ class _Graded:
     """Half the opening, cells."""
     width: float
     score: float
-    profile: Tier
-    """Area, overlap and solid share of its profile."""
+    area: float
+    overlap: float
+    solid: float
+    """Area, m², overlap, m, and solid share of its profile."""
 
     def meets(self, tier: Tier) -> bool:
-        mine = self.profile
-        return mine.area >= tier.area and mine.overlap >= tier.overlap and mine.solid >= tier.solid
+        enough = self.area >= tier.area and self.overlap >= tier.overlap and self.solid >= tier.solid
+        return enough and self.score <= tier.score
 
 
 def grasps(
@@ -133,6 +144,17 @@ def grasps(
             found += [one for one in searched[approach] if one.meets(tier)]
         ranked = (one.sweep.candidate(one) for one in sorted(found, key=lambda one: one.score))
         yield tuple(_distinct(ranked, heap, np.array([0.0, 0.0, gripper.tip])))
+
+
+def colour_between(heap: HeightMap, tcp: Pose, tip: float, width: float) -> str:
+    """Return the most frequent colour between the pads; `grey` where there is none.
+
+    `tcp`: TCP in the map's frame; `tip`: reach of the finger tips beyond it, m; `width`: opening, m.
+    """
+    x, y = np.meshgrid(np.array(SAMPLED_ROWS) * heap.cell, SAMPLED_SHARES * max(width, MIN_SAMPLED))
+    points = tcp.apply(np.column_stack([x.ravel(), y.ravel(), np.full(x.size, tip - SAMPLED_HEIGHT)]))
+    counts = np.bincount(heap.labels_at(points), minlength=len(LABEL_NAMES))[1:]
+    return LABEL_NAMES[1 + int(counts.argmax())] if counts.any() else "grey"
 
 
 def _distinct(ranked: Iterable[GraspCandidate], heap: Heap, tip: Array) -> list[GraspCandidate]:
@@ -272,7 +294,7 @@ class _Sweep:
         """Return the heights (k,) of the finger tips at places (k, 3), m."""
         return self._lowest[picked[:, 0], picked[:, 1], picked[:, 2]]
 
-    def _points(self, at: NDArray[np.intp], heights: Array | Heights) -> Array:
+    def _points(self, at: NDArray[np.intp] | Array, heights: Array | Heights) -> Array:
         """Return the points (k, 3) in the map's frame of pixels (k, 2) at heights (k,) of the view, m."""
         offsets = (at[:, ::-1] - self._middle) @ self._to_view.T
         across = self._view.corner + (self._centre + offsets) * self._view.cell
@@ -303,6 +325,7 @@ class _Sweep:
         kept = (area >= LOOSE.area) & (overlap >= LOOSE.overlap) & (solid >= LOOSE.solid)
         kept &= (profile.rows >= MIN_ROWS) & (room >= MIN_ROOM) & (slope <= MAX_SLOPE)
         kept &= (off <= 1.5 * cell) & (first < last)
+        score += MIXED_COST * self._mixed(picked, first, last, profile.tips)
         best = [k for k in np.argsort(score, kind="stable") if kept[k]][:KEPT_PER_YAW]
         return [
             _Graded(
@@ -312,10 +335,27 @@ class _Sweep:
                 self._halves[int(picked[k, 0])],
                 float(width[k]),
                 float(score[k]),
-                Tier(float(area[k]), float(overlap[k]), float(solid[k])),
+                float(area[k]),
+                float(overlap[k]),
+                float(solid[k]),
             )
             for k in best
         ]
+
+    def _mixed(
+        self, picked: NDArray[np.intp], first: NDArray[np.intp], last: NDArray[np.intp], tips: Heights
+    ) -> Array:
+        """Return the share (k,) of the coloured cells between the pads without the most frequent colour."""
+        rows, shares = np.meshgrid(SAMPLED_ROWS, SAMPLED_SHARES, indexing="ij")
+        row = picked[:, 1, None] + rows.ravel()
+        middle, width = picked[:, 2] + (first + last) / 2, last - first + 1
+        column = middle[:, None] + shares.ravel() * width[:, None]
+        heights = np.repeat(tips + np.float32(SAMPLED_HEIGHT), rows.size)
+        at: Array = np.column_stack([row.ravel(), column.ravel()]).astype(np.float64)
+        points = self._points(at, heights)
+        labels = self._heap.labels_at(points).reshape(row.shape)
+        counts = np.stack([np.count_nonzero(labels == one, axis=1) for one in range(1, len(LABEL_NAMES))])
+        return 1.0 - counts.max(axis=0) / np.maximum(1, counts.sum(axis=0))
 
     def _aside(self, picked: NDArray[np.intp], tips: Heights) -> Array:
         """Return the distance of the thing's middle from the pads, across the closing direction, m."""
@@ -341,8 +381,10 @@ class _Sweep:
         )
         tilted = bool(z[2] < 1.0)
         margin = SIDE_CLEARANCE / 2
-        rise = float(self._heap.rim + RIM_CLEARANCE - point[2] + self._hand.tip) / float(z[2])
-        return GraspCandidate(name, pose, opening, graded.width, margin, False, graded.score, tilted, rise)
+        enclosed = max(0.0, float(self._heap.rim - point[2] + self._hand.tip) / float(z[2]))
+        return GraspCandidate(
+            name, pose, opening, graded.width, margin, False, graded.score, tilted, enclosed
+        )
 
 
 def _shifted(image: Heights, columns: int) -> Heights:

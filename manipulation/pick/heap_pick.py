@@ -9,7 +9,6 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ...perception import segmentation
 from ...perception.heap_mapping import put_heap
 from ...planning.requests import NamedGoal, OffsetGoal
 from ...world.belief.height_map import BarredPlace, Heap, HeightMap, heap_id
@@ -22,7 +21,7 @@ from ...world.values import Array, ObjectId, Pose
 from ..carry.hold_check import GripCheck, measure_grip
 from ..carry.weighing import register_payload, update_payload_mass
 from ..grasp.compliant_closing import GripForce, close, grip_force
-from ..grasp.heap_grasps import grasps
+from ..grasp.heap_grasps import colour_between, grasps
 from ..grasp.straight_lines import LIFT_GUARD_FORCE, lift
 from ..replanning import plan_after_stop
 from .pick_candidates import PickPlaceCandidate, count_rejections, describe_rejections
@@ -169,9 +168,8 @@ def _believe_thing(world: World, task: HeapPickTask, width: float, press: GripFo
     heap = world.vision.heaps[task.tote]
     cells, tip = _cells_between(world, heap.map, width)
     shape, pose = _hull(heap.map, cells, tip)
-    labels = heap.map.labels()[cells]
-    known = np.bincount(labels[labels > 0], minlength=1) if (labels > 0).any() else np.zeros(1, np.intp)
-    colour = segmentation.LABEL_NAMES[int(known.argmax())] if known.any() else "grey"
+    tcp = heap.map.frame.inverse() @ world.control.tcp
+    colour = colour_between(heap.map, tcp, world.robot.description.gripper.tip, width)
     thing = BeliefObject(
         world.scene.new_id("thing"), "item", "unknown", "mesh", shape, colour, pose, 0.01, 0.3, 0.5,
         world.clock.now, place=task.tote, seen_size=_seen_size(heap.map, cells), tag=_tag_on(heap.map, cells),
@@ -258,7 +256,7 @@ def _seen_size(heap: HeightMap, cells: NDArray[np.bool_]) -> float:
 def _lift_out(world: World, task: HeapPickTask, thing: BeliefObject) -> Doing[None]:
     """Lift the thing straight up until it is above the rim."""
     bottom = thing.pose.position[2] - (top(thing.shape, thing.pose) - thing.pose.position[2])
-    rise = _rim(world, task.tote) + RIM_CLEARANCE - bottom
+    rise = rim_height(world, task.tote) + RIM_CLEARANCE - bottom
     names = (task.tote, heap_id(task.tote))
     with world.scene.allow(*((side, name) for side in ("gripper", thing.id) for name in names)):
         yield from lift(world, thing.id, task.node, max(rise, world.handling.approach))
@@ -277,7 +275,7 @@ def _clear_view(world: World, task: HeapPickTask) -> Doing[None]:
     """Move the empty hand straight up above the rim, as far as that is free, and home: the camera sees the
     tote."""
     tips = world.control.tcp.position[2] - world.robot.description.gripper.tip
-    rise = _rim(world, task.tote) + RIM_CLEARANCE - tips
+    rise = rim_height(world, task.tote) + RIM_CLEARANCE - tips
     guard = world.handling.guard + LIFT_GUARD_FORCE
     yield from world.move.rest()
     if rise > 0.0:
@@ -290,7 +288,7 @@ def _clear_view(world: World, task: HeapPickTask) -> Doing[None]:
     yield from world.move.along(plan.trajectory, guard=guard, node=task.node)
 
 
-def _rim(world: World, tote: ObjectId) -> float:
+def rim_height(world: World, tote: ObjectId) -> float:
     """Return the height of the rim in the world, m; of a pile without walls that of its highest point."""
     heap = world.vision.heaps[tote].map
     top = heap.rim if heap.walls().any() else float(np.nanmax(heap.heights(), initial=heap.floor))

@@ -10,13 +10,14 @@ import numpy as np
 
 from ...world.belief.height_map import HeightMap, heap_id
 from ...world.belief.planning_scene import BeliefObject
-from ...world.causes import Failure, grasp, push
+from ...world.causes import Failure, grasp, matches, planning, push
 from ...world.events.skill_events import PushEvent
 from ...world.planar_geometry import PlanarPose
-from ...world.values import Array
+from ...world.values import Array, ObjectId, Pose
 from ..push.heap_strokes import HeapStroke, heap_strokes
 from ..push.push_arcs import straight
 from ..push.push_stroke import (
+    STEP_BACK_HEIGHT,
     configuration_above_start,
     follow_course,
     move_to_start,
@@ -24,7 +25,7 @@ from ..push.push_stroke import (
     step_back,
 )
 from ..push.stroke_course import DRAG_STIFFNESS, DragMotion, PushMotion
-from .heap_pick import HeapPickTask, look_into_tote
+from .heap_pick import RIM_CLEARANCE, HeapPickTask, look_into_tote, rim_height
 
 if TYPE_CHECKING:
     from ...control.execution.trajectory_motion import Doing
@@ -32,6 +33,8 @@ if TYPE_CHECKING:
 
 MAX_TESTED_STROKES = 16
 """Greatest number of strokes that are tested for reachability."""
+MAX_TRIED_STARTS = 4
+"""Greatest number of strokes whose start is tried."""
 DRAG_FORCE = 10.0
 """Force with which the fingers press on a thing that they drag, N."""
 CHANGED_HEIGHT, CHANGED_AREA = 0.005, 2e-4
@@ -48,9 +51,8 @@ def stir(world: World, task: HeapPickTask, strokes: int) -> Doing[None]:
     for _ in range(strokes):
         belief = yield from _look(world, task)
         before = world.vision.heaps[task.tote].map
-        one, over, flipped = _choose(world, task)
-        world.attempts.failed(task.node, belief.id, one.name)
-        told.append(f"{one.name}: {yield from _execute(world, task, one, over, flipped)}")
+        one, start = yield from _begin(world, task, belief.id)
+        told.append(f"{one.name}: {yield from _execute(world, task, one, start)}")
         yield from world.control.settle()
         yield from world.vision.look(task.camera)
         if heap_changed(before, world.vision.heaps[task.tote].map):
@@ -83,19 +85,43 @@ def _look(world: World, task: HeapPickTask) -> Doing[BeliefObject]:
         raise Failure(push.NO_STROKE, failure.message, object=task.tote, empty=True) from None
 
 
+def _begin(world: World, task: HeapPickTask, heap: ObjectId) -> Doing[tuple[HeapStroke, Pose]]:
+    """Move to the start of the best stroke that the arm gets to; return it with the TCP pose there.
+
+    Raises push.no_stroke, and the failures of motions.
+    """
+    refused: Failure | None = None
+    for _ in range(MAX_TRIED_STARTS):
+        one, over, flipped = _choose(world, task)
+        world.attempts.failed(task.node, heap, one.name)
+        opening = _opening(world, one)
+        start = one.tcp_at(0.0, world.robot.fingers.reach(opening), flipped)
+        try:
+            yield from move_to_start(world, over, start, opening, task.node, (heap,))
+        except Failure as failure:
+            if not matches("planning.*", failure.cause) or failure.cause is planning.START_IN_COLLISION:
+                raise
+            refused = failure
+        else:
+            return one, start
+    assert refused is not None
+    raise refused
+
+
 def _choose(world: World, task: HeapPickTask) -> tuple[HeapStroke, Array, bool]:
     """Return the best stroke that the arm can follow, with the configuration (n,) above its start, and
     whether the hand is flipped. Strokes that were made in vain come last. Raises push.no_stroke."""
     offered = heap_strokes(world.vision.heaps[task.tote].map, world.robot.description.gripper)
     fresh = world.attempts.remaining(task.node, heap_id(task.tote), offered)
     why: list[str] = []
+    rim, heap = rim_height(world, task.tote) + RIM_CLEARANCE, (heap_id(task.tote),)
     for one in fresh[:MAX_TESTED_STROKES]:
-        opening = _opening(world, one)
+        opening, rise = _opening(world, one), max(world.handling.approach, rim - one.tips)
         tip = world.robot.fingers.reach(opening)
         refusals: list[str] = []
         for flipped in (False, True):
             poses = [one.tcp_at(way, tip, flipped) for way in samples(0.0, one.length)]
-            over = configuration_above_start(world, poses, opening, (heap_id(task.tote),))
+            over = configuration_above_start(world, poses, opening, heap, rise=rise, beside=heap)
             if not isinstance(over, str):
                 return one, over, flipped
             refusals.append(over)
@@ -114,12 +140,8 @@ def _opening(world: World, one: HeapStroke) -> float:
     return world.robot.description.gripper.max_width if one.posture.open else 0.0
 
 
-def _execute(world: World, task: HeapPickTask, one: HeapStroke, over: Array, flipped: bool) -> Doing[str]:
-    """Make the stroke, and move out of the view. Return what was felt, in words."""
-    opening = _opening(world, one)
-    tip = world.robot.fingers.reach(opening)
-    start = one.tcp_at(0.0, tip, flipped)
-    yield from move_to_start(world, over, start, opening, task.node)
+def _execute(world: World, task: HeapPickTask, one: HeapStroke, start: Pose) -> Doing[str]:
+    """Make the stroke from its start, and move out of the view. Return what was felt, in words."""
     x, y, _ = start.position
     path = straight(PlanarPose(x, y, one.start.yaw), one.length)
     mass, names = world.robot.hand_mass, (heap_id(task.tote),)
@@ -129,7 +151,8 @@ def _execute(world: World, task: HeapPickTask, one: HeapStroke, over: Array, fli
     else:
         course = PushMotion(path, PlanarPose(0.0, 0.0), 0.0, task.speed, task.force, mass, through=True)
         force = yield from follow_course(world, course, names, task.node)
-    yield from step_back(world, names, task.node)
+    rise = max(STEP_BACK_HEIGHT, rim_height(world, task.tote) + RIM_CLEARANCE - one.tips)
+    yield from step_back(world, names, task.node, rise)
     way = f"{course.reached * 1000:.0f} mm"
     if course.blocked:
         return f"blocked at {force:.1f} N after {way}"

@@ -208,7 +208,7 @@ def _plan_down(world: World, task: PlaceTask, over: Sequence[PlaceCandidate]) ->
     goal, held = PoseGoal(tuple(landing.above for landing in over)), world.scene.held
     # Parts of an unknown thing may be hidden: it is lowered until contact instead.
     drop = 0.0 if held is not None and held.kind == "unknown" else over[0].drop
-    scaling = world.handling.scaling(task.speed)
+    scaling = world.handling.scaling(task.speed, held)
     if drop > 0.0:
         legs = (Request(goal, scaling=scaling), lower_request(world, drop, task.speed))
         try:
@@ -235,7 +235,7 @@ def _plan_to_point(world: World, task: PlaceTask, held: BeliefObject) -> Doing[P
         raise Failure(place.OCCUPIED, f"{by} stands where {task.object} should go", object=task.object, by=by)
     room = PutDownWatch(world, held, poses[0])
     over = PoseGoal(tuple(pose.shifted((0.0, 0.0, world.handling.approach)) for pose in poses))
-    scaling = world.handling.scaling(task.speed)
+    scaling = world.handling.scaling(task.speed, held)
     motion = yield from world.plan.to(over, scaling=scaling, node=task.node)
     return PlacePlan(motion, ReleaseSpot("point"), room)
 

@@ -354,7 +354,8 @@ class CandidateSearch:
         world, grasp = self._world, branch.grasp
         legs = approach(world, self._belief.id, grasp, branch.over, speed)
         try:
-            plan = yield from world.plan.through(legs, node=self._node, rounded=world.handling.rounded)
+            rounded = grasp.rounded(world.handling.approach, world.handling.rounded)
+            plan = yield from world.plan.through(legs, node=self._node, rounded=rounded)
         except Failure as failure:
             if failure.cause is planning.START_IN_COLLISION:
                 raise
@@ -386,7 +387,7 @@ class CandidateSearch:
         if branch.grasp.name in self._turned or len(self._turned) == MAX_TURNED_GRASPS:
             return
         self._turned.add(branch.grasp.name)
-        tcp = branch.grasp.tcp_in_world.shifted((0.0, 0.0, self._world.handling.approach))
+        tcp = branch.grasp.pre_grasp(self._world.handling.approach)
         for over in self._world.plan.postures(self._request(tcp, self._start, branch.grasp)):
             if np.abs(over - branch.over).max() > MIN_POSTURE_DIFFERENCE:
                 longer = joint_travel_time(self._world.robot, self._start, over)

@@ -222,7 +222,7 @@ def _plan_before(
                 for pose in presenting_poses(camera.pose, distance, tilt, centre, side)
             )
         )
-        scaling = world.handling.scaling(task.speed)
+        scaling = world.handling.scaling(task.speed, world.scene.held)
         try:
             return (yield from world.plan.to(goal, scaling=scaling, node=task.node))
         except Failure as failure:

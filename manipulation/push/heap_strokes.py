@@ -191,14 +191,18 @@ class _Turned:
 
         outside = rim if heap.walls().any() else heap.floor
         self._solid = turned(surfaces.solid, outside)
+        walls = np.where(heap.walls(), np.float32(heap.rim), np.float32(heap.floor))
+        self._walls = turned(walls, outside)
         self._things = turned(surfaces.things, heap.floor)
         self._ease = turned(surfaces.ease, 0.0 if heap.walls().any() else 1.0)
 
     def strokes(self, hand: HandShape, posture: Posture) -> Iterator[HeapStroke]:
         """Yield the best pushes and drags of each block of cells."""
-        fingers = self._lowest(hand, posture, fingers=True)
-        palm = self._lowest(hand, posture, fingers=False)
-        ways = {length: self._swept(palm, length) for length in LENGTHS}
+        fingers = self._lowest(self._solid, hand, posture, fingers=True)
+        palm = self._lowest(self._solid, hand, posture, fingers=False)
+        # Things give way to the fingers, walls do not.
+        way = np.maximum(palm, self._lowest(self._walls, hand, posture, fingers=True))
+        ways = {length: self._swept(way, length) for length in LENGTHS}
         yield from self._best(self._pushes(hand, posture, fingers, ways), posture, drags=False)
         if posture.side == 0 and not posture.open:
             yield from self._best(self._drags(hand, fingers, ways), posture, drags=True)
@@ -260,18 +264,18 @@ class _Turned:
             level, length = (round(float(one), 4) for one in chosen[at[0], at[1]])
             yield self._stroke(at, level, length, posture, drags, float(best[at[0], at[1]]))
 
-    def _lowest(self, hand: HandShape, posture: Posture, *, fingers: bool) -> Heights:
-        """Return the lowest height of the finger tips at which fingers or palm are free, m."""
+    def _lowest(self, solid: Heights, hand: HandShape, posture: Posture, *, fingers: bool) -> Heights:
+        """Return the lowest height of the finger tips at which fingers or palm are free of a surface, m."""
         gap, tilt, side = START_CLEARANCE if fingers else PALM_CLEARANCE, posture.tilt, posture.side
         blocks = hand.fingers if fingers else hand.palm
-        lowest = np.full(self._solid.shape, self._heap.floor if fingers else -1.0, np.float32)
+        lowest = np.full(solid.shape, self._heap.floor if fingers else -1.0, np.float32)
         for block in blocks:
             half = block.half_x + gap
             lean = block.above * math.sin(tilt) / self._heap.cell
             underside = block.above * math.cos(tilt) - block.half_x * math.sin(tilt)
             for low, high in _spans(block, hand, posture) if fingers else ((-block.outer, block.outer),):
                 out, off = (high - low) / 2 + gap, (low + high) / 2 / self._heap.cell
-                swept = cv2.dilate(self._solid, self._box(out, half) if side else self._box(half, out))
+                swept = cv2.dilate(solid, self._box(out, half) if side else self._box(half, out))
                 swept = swept.astype(np.float32)
                 # The rows of the image run to the left of the push.
                 if side:

@@ -193,12 +193,19 @@ def plan_stroke(
 
 
 def configuration_above_start(
-    world: World, poses: Sequence[Pose], opening: float, touching: Collection[str]
+    world: World,
+    poses: Sequence[Pose],
+    opening: float,
+    touching: Collection[str],
+    *,
+    rise: float | None = None,
+    beside: Collection[str] = (),
 ) -> Array | str:
-    """Return the configuration (n,) above the first of a stroke's TCP poses from which the arm can follow
-    them, or why there is none.
+    """Return the configuration (n,) `rise` m above the first of a stroke's TCP poses from which the arm can
+    follow them, or why there is none.
 
-    `touching`: names that the gripper may touch after the start. The search begins at the middle of the path.
+    `touching`: names that the gripper may touch after the start; `beside`: before it, too, because something
+    finer than the belief's shapes shows that it fits there. The search begins at the middle of the path.
     There the arm has a comfortable configuration, and the change along the path is shared between both ends.
     """
     start, middle = poses[0], len(poses) // 2
@@ -214,10 +221,15 @@ def configuration_above_start(
         back = first if isinstance(first, str) else _chain(solver, found.q, poses[middle - 1 : 0 : -1])
         if isinstance(back, str):
             return f"on the way {back}"
+        pairs = tuple(("gripper", name) for name in beside)
+        solver.look(Request(PoseGoal((start,)), None, opening, allowed=pairs))
+        there = _chain(solver, back, [start])
+        if isinstance(there, str):
+            return f"beside it {there}"
         solver.look(Request(PoseGoal((start,)), None, opening))
-        over = start.shifted((0.0, 0.0, world.handling.approach))
-        above = _chain(solver, back, [start, over])
-    return f"beside it {above}" if isinstance(above, str) else above
+        over = start.shifted((0.0, 0.0, world.handling.approach if rise is None else rise))
+        above = _chain(solver, there, [over])
+    return f"above it {above}" if isinstance(above, str) else above
 
 
 def _chain(solver: RequestSolver, q: Array, poses: Sequence[Pose]) -> Array | str:
@@ -286,10 +298,15 @@ def execute_stroke(
     return pushed
 
 
-def move_to_start(world: World, over: Array, start: Pose, opening: float, node: str) -> Doing[None]:
-    """Move the tool with its fingers at `opening` m to a configuration `over` (n,) the start, and down to
-    it."""
+def move_to_start(
+    world: World, over: Array, start: Pose, opening: float, node: str, beside: Collection[str] = ()
+) -> Doing[None]:
+    """Move the tool with its fingers at `opening` m to a configuration `over` (n,) the start, and down to it.
+
+    `beside`: as for `configuration_above_start`.
+    """
     handling = world.handling
+    pairs = tuple(("gripper", name) for name in beside)
     world.gripper.start(opening)
     legs = (
         Request(
@@ -298,7 +315,7 @@ def move_to_start(world: World, over: Array, start: Pose, opening: float, node: 
             clearance=world.gripper.extension(opening),
             scaling=handling.scaling(1.0),
         ),
-        Request(LineGoal(start), width=opening, scaling=handling.slowly),
+        Request(LineGoal(start), width=opening, allowed=pairs, scaling=handling.slowly),
     )
     yield from follow_with_replanning(
         world, lambda: world.plan.through(legs, node=node), guard=handling.guard, node=node
@@ -330,16 +347,18 @@ def _believe(world: World, name: ObjectId, at: PlanarPose) -> None:
         world.scene.put(replace(known, pose=pose, sigma_position=sigma), "pushed there")
 
 
-def step_back(world: World, names: Collection[str], node: str) -> Doing[None]:
-    """Move up beside the object and to where the cameras see the table."""
+def step_back(world: World, names: Collection[str], node: str, rise: float = STEP_BACK_HEIGHT) -> Doing[None]:
+    """Move up by `rise` m beside the object and to where the cameras see the table."""
     handling = world.handling
     near = world.queries.hand_contacts(world.control.tcp, world.gripper.width, margin=0.02)
-    touched = {*names, *(c.b for c in near if c.b not in world.scene.fixtures)}
+    fixed = {*world.scene.fixtures, *world.scene.bins}
+    touched = {*names, *(c.b for c in near if c.b not in fixed)}
     pairs = tuple(("gripper", name) for name in sorted(touched))
+    walls = tuple(("gripper", c.b) for c in near if c.b in world.scene.bins)
     legs = (
         Request(
-            OffsetGoal((0.0, 0.0, STEP_BACK_HEIGHT), least_fraction=0.3),
-            allowed=pairs,
+            OffsetGoal((0.0, 0.0, rise), least_fraction=0.3),
+            allowed=(*pairs, *walls),
             scaling=handling.slowly,
         ),
         Request(NamedGoal(LOOKING_POSE), allowed=pairs, scaling=handling.scaling(1.0)),

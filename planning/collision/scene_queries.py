@@ -147,7 +147,7 @@ class SceneQueries:
         self._scene = scene
         self._margins = CollisionMargins()
         self._hand = [(solid(shape), pose) for shape, pose in self._gripper.hand]
-        self._finger = solid(self._gripper.finger_boxes[0])
+        self._fingers = {box: solid(box) for box, _ in self._gripper.finger_boxes}
         self._still = [(body, place(solid(body.shape), body.pose)) for body in fixed_bodies(scene)]
         self._known: dict[CollisionBody, FclPlacedSolid] = {}
         self._objects: tuple[BeliefObject, ...] | None = None
@@ -164,7 +164,7 @@ class SceneQueries:
         Fingers may come to 0.5 mm of a level board, unless `margin` is wider than the usual 3 mm.
         """
         hand = [("hand", s, tcp_in_world @ pose) for s, pose in self._hand]
-        parts = (*hand, *self._fingers(tcp_in_world, width))
+        parts = (*hand, *self._placed_fingers(tcp_in_world, width))
         found = itertools.chain.from_iterable(self._contacts(*part, ignore, margin) for part in parts)
         return sorted(found, key=lambda contact: contact.distance)
 
@@ -177,16 +177,16 @@ class SceneQueries:
         """
         nearest = math.inf
         hand = (("hand", s, tcp_in_world @ pose) for s, pose in self._hand)
-        for part in (*self._fingers(tcp_in_world, width), *hand):
+        for part in (*self._placed_fingers(tcp_in_world, width), *hand):
             for contact in self._contacts(*part, ignore, margin):
                 nearest = min(nearest, contact.distance)
                 if nearest < least:
                     return nearest
         return nearest
 
-    def _fingers(self, tcp_in_world: Pose, width: float) -> Iterator[tuple[str, FclSolid, Pose]]:
-        for _, pose in self._model.finger_boxes(width):
-            yield "finger", self._finger, tcp_in_world @ pose
+    def _placed_fingers(self, tcp_in_world: Pose, width: float) -> Iterator[tuple[str, FclSolid, Pose]]:
+        for box, pose in self._model.finger_boxes(width):
+            yield "finger", self._fingers[box], tcp_in_world @ pose
 
     def _contacts(
         self, name: str, part: FclSolid, pose: Pose, ignore: Collection[str], margin: float

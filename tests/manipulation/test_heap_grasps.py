@@ -7,10 +7,20 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
-from picktree.manipulation.grasp.heap_grasps import STAGES, grasps
+from picktree.manipulation.grasp.heap_grasps import (
+    MORE_TILTED,
+    STAGES,
+    STRICT,
+    TILTED,
+    VERTICAL,
+    colour_between,
+    grasps,
+)
 from picktree.manipulation.grasp.heap_views import surfaces
 from picktree.perception.heap_mapping import heap_object
+from picktree.perception.segmentation import LABEL_NAMES
 from picktree.robots.loading import load_robot
 from picktree.world.belief.height_map import BarredPlace, Heap, HeightMap
 from picktree.world.scene.description import Bin
@@ -22,10 +32,10 @@ TOTE = Bin(ObjectId("tote"), (0.3, 0.3, 0.12), 0.004, Pose((0.5, 0.0, 0.0)), is_
 FLOOR = 0.004
 
 
-def heap(heights: Array) -> Heap:
+def heap(heights: Array, labels: NDArray[np.uint8] | None = None) -> Heap:
     walls = np.ones(heights.shape, dtype=np.bool_)
     walls[2:-2, 2:-2] = False
-    labels = np.zeros(heights.shape, dtype=np.uint8)
+    labels = np.zeros(heights.shape, dtype=np.uint8) if labels is None else labels
     frame = Pose((0.35, -0.15, 0.0))
     return Heap(HeightMap.of(frame, 0.002, (FLOOR, 0.12), heights, walls, labels))
 
@@ -42,7 +52,7 @@ def bar(x: int = 75, y: int = 75) -> Array:
 
 
 def vertical(one: Heap):
-    return next(grasps(one, GRIPPER, STAGES[:1]))
+    return next(grasps(one, GRIPPER, [(STRICT, (VERTICAL,))]))
 
 
 def test_the_best_grasp_of_a_bar_closes_across_its_middle_and_stays_above_the_floor():
@@ -105,7 +115,7 @@ def test_no_wall_is_between_the_fingers():
     heights = floor()
     heights[60:90, 9:21] = FLOOR + 0.10  # 14 mm from the wall: a finger fits outside of the tote only
     heights[60:90, 69:81] = FLOOR + 0.10
-    found = [one for stage in grasps(heap(heights), GRIPPER, STAGES[:2]) for one in stage]
+    found = next(grasps(heap(heights), GRIPPER, [(STRICT, (VERTICAL, TILTED))]))
     assert len(found) > 10
     for one in found:
         for side in (-1, 1):
@@ -116,7 +126,7 @@ def test_no_wall_is_between_the_fingers():
 def test_a_bar_beside_a_wall_is_reached_by_tilting_alone():
     beside = heap(bar(y=146 - 8))
     assert not vertical(beside)
-    tilted = next(grasps(beside, GRIPPER, STAGES[1:2]))
+    tilted = next(grasps(beside, GRIPPER, [(STRICT, (TILTED,))]))
     assert tilted and all(one.tilted for one in tilted)
     back = tilted[0].pre_grasp(0.08)
     assert back.apply(np.array([0.0, 0.0, GRIPPER.tip]))[2] > TOTE.size[2]
@@ -146,7 +156,7 @@ def test_what_lies_up_to_a_wall_is_as_high_beside_it_as_further_in():
 
 def test_a_leaning_hand_closes_level_so_that_the_pads_lie_flat_on_upright_sides():
     beside = heap(bar(y=146 - 8))
-    leaning = [one for stage in grasps(beside, GRIPPER, STAGES[1:3]) for one in stage]
+    leaning = [one for stage in grasps(beside, GRIPPER, [(STRICT, (TILTED, MORE_TILTED))]) for one in stage]
     assert leaning
     for one in leaning:
         assert one.tcp_in_world.rotation()[2, 1] == pytest.approx(0.0, abs=1e-9)
@@ -162,6 +172,46 @@ def test_a_place_that_failed_is_barred_until_its_depth_changes():
     moved = replace(barred, map=heap(bar() + 0.004 * (bar() > FLOOR)).map)
     near = [one for one in vertical(moved) if one.tcp_in_world.distance(best.tcp_in_world) < 0.012]
     assert near
+
+
+def test_a_grasp_that_is_not_sure_waits_until_other_approaches_are_searched():
+    def best(stage: int) -> float:
+        found = next(grasps(low, GRIPPER, STAGES[stage : stage + 1]), ())
+        return min((one.score for one in found), default=math.inf)
+
+    heights = floor()
+    heights[60:90, 69:81] = FLOOR + 0.02
+    heights[60:90, 82:94] = FLOOR + 0.012  # a neighbour that leaves little room for a finger
+    low = heap(heights)
+    assert all(one.score <= STAGES[0][0].score for one in next(grasps(low, GRIPPER, STAGES[:1])))
+    assert best(2) <= min(best(0), best(1))
+
+
+def test_the_path_cuts_no_corner_between_the_walls():
+    best = vertical(heap(bar()))[0]
+    for approach in (0.05, 0.08, 0.15):
+        way = best.pre_grasp(approach).position[2] - best.tcp_in_world.position[2]
+        tips = best.pre_grasp(approach).position[2] - GRIPPER.tip - best.rounded(approach, 0.05)
+        assert way >= approach and tips > TOTE.size[2]
+    assert replace(best, enclosed=0.0).rounded(0.08, 0.05) == 0.05
+
+
+def test_two_colours_between_the_pads_come_last():
+    labels = np.zeros((150, 150), dtype=np.uint8)
+    labels[60:90, 69:75], labels[60:90, 75:81] = 1, 2
+    mixed, plain = vertical(heap(bar(), labels))[0], vertical(heap(bar(), np.clip(labels, 0, 1)))[0]
+    assert mixed.score > plain.score + 1.0
+
+
+def test_the_colour_of_a_thing_is_the_one_between_the_pads():
+    labels = np.full((150, 150), 1, dtype=np.uint8)
+    labels[69:81, 69:81] = 2
+    there = heap(bar(), labels)
+    best = vertical(there)[0]
+    in_map = there.map.frame.inverse() @ best.tcp_in_world
+    middle = replace(in_map, position=(0.15, 0.15, in_map.position[2]))
+    assert colour_between(there.map, middle, GRIPPER.tip, 0.02) == LABEL_NAMES[2]
+    assert colour_between(heap(bar()).map, middle, GRIPPER.tip, 0.02) == "grey"
 
 
 def test_two_searches_give_the_same_grasps():

@@ -47,6 +47,18 @@ def swept(one: HeapStroke, heap: HeightMap) -> Array:
     return np.array(found)
 
 
+@pytest.mark.parametrize("robot", ["panda", "panda_long_fingers"])
+def test_fingers_do_not_meet_a_wall_on_the_way(robot: str) -> None:
+    gripper = load_robot(robot).gripper
+    half = gripper.pads[0][0].size[1]
+    for one in heap_strokes(tote(bar(40, 60)), gripper):
+        if one.posture.open:
+            continue
+        for way in (0.0, one.length):
+            at = one.start @ PlanarPose(way, 0.0)
+            assert max(abs(at.x - 0.5), abs(at.y)) < 0.146 - min(half, gripper.pads[0][0].size[0] / 2)
+
+
 def test_an_empty_tote_has_no_strokes() -> None:
     assert heap_strokes(tote(floor()), GRIPPER) == []
 

@@ -15,8 +15,9 @@ from picktree.errors import PicktreeError
 from picktree.files.marks import FileError
 from picktree.robots.loading import load_robot, parse_robot, robot_names
 from picktree.robots.model import RobotModel
-from picktree.robots.urdf_tree import read_mesh
+from picktree.robots.urdf_tree import UrdfPrimitive, link_geometry, read_mesh
 from picktree.simulation.physics.robot.robot_body import patched_urdf
+from picktree.world.shapes import Box
 
 URDF = """\
 <robot name="arm">
@@ -140,7 +141,7 @@ def test_a_urdf_that_is_no_xml(robot_file: Path) -> None:
 
 
 def test_unknown_robots() -> None:
-    assert robot_names() == ("gen3", "iiwa", "panda", "ur10e", "xarm6")
+    assert robot_names() == ("gen3", "iiwa", "panda", "panda_long_fingers", "ur10e", "xarm6")
     with pytest.raises(PicktreeError) as caught:
         load_robot("pnada")
     assert str(caught.value) == "unknown robot 'pnada' (did you mean 'panda'?)"
@@ -178,7 +179,7 @@ def test_the_gripper_numbers_are_those_of_the_meshes() -> None:
     assert hand[:, 2].max() == pytest.approx(-gripper.palm, abs=1e-4)
     assert np.ptp(hand[:, 1]) == pytest.approx(0.204, abs=5e-4)
 
-    box, pose = gripper.finger_boxes
+    ((box, pose),) = gripper.finger_boxes
     half = np.array(box.size) / 2 + 2e-4
     assert (np.abs(finger - pose.position) <= half).all()
     boxes = [(np.array(b.size) / 2, np.array(p.position)) for b, p in gripper.hand]
@@ -195,6 +196,38 @@ def test_the_pads_meet_at_width_zero_and_lie_on_the_flat_of_the_fingers() -> Non
     low, high = left_pose.position[2] - left.size[2] / 2, left_pose.position[2] + left.size[2] / 2
     assert min(v[2] for v in flat) == pytest.approx(low, abs=2e-3)
     assert max(v[2] for v in flat) == pytest.approx(high, abs=3e-3)
+
+
+def test_attachments_collide_are_seen_and_reach_as_far_as_the_fingers_that_the_planner_knows() -> None:
+    robot = load_robot("panda_long_fingers")
+    model = RobotModel(robot)
+    tips = {
+        shape.link: shape.pose_in_link.position[2] + shape.shape.size[2] / 2 - 0.0538
+        for shape in link_geometry(robot.urdf, "visual")
+        if isinstance(shape, UrdfPrimitive) and isinstance(shape.shape, Box)
+    }
+    assert tips == pytest.approx({"panda_leftfinger": 0.08, "panda_rightfinger": 0.08}, abs=1e-6)
+    assert {shape.link for shape in model.collision_shapes()} >= set(tips)
+    reach = [pose.position[2] + box.size[2] / 2 for box, pose in model.finger_boxes(0.02)]
+    assert max(reach) == pytest.approx(robot.gripper.tip, abs=1e-6)
+    inner = [abs(pose.position[1]) - box.size[1] / 2 for box, pose in model.finger_boxes(0.02)]
+    assert min(inner) == pytest.approx(0.01)
+    text = patched_urdf(robot)
+    assert text.count("0.0176 0.0104 0.08") == 4  # each bar seen and touched
+    assert text.count("0.019 0.013 0.0362") == 2  # and the Franka fingers behind the bars
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("tip: 7 mm", "tip: 7 mm\n  finger_bodies: [{box: [1, 1, 1]}]", "one box of each finger in turn"),
+        ("base: {at", "attachments: {lefd: []}\nbase: {at", "no link 'lefd' (did you mean 'left'?)"),
+    ],
+)  # fmt: skip
+def test_faulty_parts_of_fingers_are_refused(robot_file: Path, old: str, new: str, message: str) -> None:
+    with pytest.raises(FileError) as caught:
+        parse_robot(ROBOT.replace(old, new), robot_file)
+    assert message in str(caught.value)
 
 
 def test_reading_the_panda_imports_no_simulator() -> None:

@@ -504,7 +504,7 @@ def test_shipped_scenes_are_read_and_their_logged_text_gives_them_again(name: st
     loads = (*scene.spawn, *(delivery.load for delivery in scene.deliveries))
     assert sum(number for load in loads for _, number in load.counts) == total
     kinds = {kind for load in loads for kind, _ in load.counts} - {"assortment"}
-    assert (scene.assortment is not None) == (name in ("tote", "totes", "pile", "packed"))
+    assert (scene.assortment is not None) == (name in ("tote", "totes", "tote_of_items", "pile", "packed"))
     forms = {scene.entry(kind).form for kind in kinds}
     if name not in (
         "pegs",
@@ -518,6 +518,7 @@ def test_shipped_scenes_are_read_and_their_logged_text_gives_them_again(name: st
         "self_test",
         "tote",
         "totes",
+        "tote_of_items",
         "pile",
         "packed",
     ):

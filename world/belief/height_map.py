@@ -120,6 +120,14 @@ class HeightMap:
         raw = zlib.decompress(base64.b64decode(self.packed_labels))
         return np.frombuffer(raw, np.uint8).reshape(self.shape)
 
+    def labels_at(self, points: Array) -> NDArray[np.uint8]:
+        """Return the labels (…) of the cells at points (…, 3) of the frame; 0 outside of the map."""
+        i, j = (np.floor(points[..., k] / self.cell).astype(np.intp) for k in (0, 1))
+        n, m = self.shape
+        there = (i >= 0) & (i < n) & (j >= 0) & (j < m)
+        found = self.labels()[np.clip(i, 0, n - 1), np.clip(j, 0, m - 1)]
+        return np.where(there, found, 0).astype(np.uint8)
+
     def with_heights(self, heights: Array) -> HeightMap:
         """Return the map with other heights (n, m), m."""
         levels, walls = (self.floor, self.rim), self.walls()

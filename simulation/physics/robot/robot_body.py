@@ -82,10 +82,10 @@ def _add_no_mass(link: ElementTree.Element) -> None:
 
 
 def _put_finger(link: ElementTree.Element, n: int, gripper: GripperDescription) -> None:
-    """Replace the collision geometry of a finger link by the pad of finger `n` and the body behind it."""
+    """Replace the collision geometry of a finger link by the pad of finger `n` and what is behind it."""
     for old in [*link.findall("collision"), *link.findall("contact")]:
         link.remove(old)
-    for box, pose in (gripper.pads[n], *gripper.finger_bodies[n : n + 1]):
+    for box, pose in (gripper.pads[n], *gripper.bodies_of(n)):
         collision = ElementTree.SubElement(link, "collision")
         origin = {"xyz": numbers_text(pose.position), "rpy": numbers_text(pose.rpy())}
         ElementTree.SubElement(collision, "origin", origin)
