@@ -497,6 +497,7 @@ def test_shipped_scenes_are_read_and_their_logged_text_gives_them_again(name: st
         "calibrating": 0,
         "self_test": 2,
         "tote": 18,
+        "tote_of_items": 18,
         "pile": 8,
         "packed": 8,
         "totes": 24,
