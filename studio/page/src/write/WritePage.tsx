@@ -3,6 +3,7 @@
 import { useCallback, useEffect, useMemo, useRef, useState } from "react";
 import type { DragEvent, KeyboardEvent } from "react";
 
+import { go, href } from "../routing";
 import { TreeView } from "../tree/TreeView";
 import type { TreeMarks, TreeNode } from "../tree/TreeView";
 import { Button } from "../ui/Button";
@@ -123,6 +124,9 @@ export function WritePage({ path }: { path: string }) {
     setTab("add");
     requestAnimationFrame(() => document.getElementById("palette-search")?.focus());
   };
+  const run = async () => {
+    if (!writing.unsaved || (await writing.save())) go(href("live", "", { mission: path }));
+  };
   const tree = mission?.trees.find((each) => head(each.name) === selected);
   const parent = index?.parent(selected) ?? null;
   const wrappers = (palette?.nodes ?? []).filter((each) => each.wraps).map((each) => each.id);
@@ -132,9 +136,10 @@ export function WritePage({ path }: { path: string }) {
     <div className={`write-page show-${show} tool-${tab}`}>
       <div className="write-bar" role="toolbar" aria-label="Mission">
         <h1>{path}<small>{mission?.name}{writing.unsaved ? " · not saved" : ""}</small></h1>
-        <Button primary onClick={writing.save} disabled={!view || !writing.unsaved} title="Ctrl+S">Save</Button>
+        <Button primary onClick={() => void writing.save()} disabled={!view || !writing.unsaved} title="Ctrl+S">Save</Button>
         <Button onClick={() => view && undo(view)} disabled={!writing.undoable} title="Ctrl+Z">Undo</Button>
         <Button onClick={() => view && redo(view)} disabled={!writing.redoable} title="Ctrl+Shift+Z">Redo</Button>
+        <Button onClick={() => void run()} disabled={!view} title={writing.unsaved ? "Save it, and start a run of it" : "Start a run of it"}>Run …</Button>
         <span className="space" />
         <select aria-label="Trees in the picture" value={only} onChange={(event) => setOnly(event.target.value)}>
           <option value="">All trees</option>

@@ -32,7 +32,8 @@ export interface Writing {
   undoable: boolean;
   redoable: boolean;
   edit(edit: Edit): Promise<string | null>;
-  save(): void;
+  // Resolves with whether the file has the text.
+  save(): Promise<boolean>;
 }
 
 export function useMission(path: string, onCursor: (place: number) => void): Writing {
@@ -74,11 +75,15 @@ export function useMission(path: string, onCursor: (place: number) => void): Wri
   const save = useCallback(() => {
     const now = state.current;
     const written = now.text;
-    call<{ version: string }>("files.write", { path, text: written.replaceAll("\n", now.ends), version: now.version || null }).then((file) => {
+    return call<{ version: string }>("files.write", { path, text: written.replaceAll("\n", now.ends), version: now.version || null }).then((file) => {
       now.version = file.version;
       setSaved(written);
       toast(`${path} saved`, "success");
-    }, toastError);
+      return true;
+    }, (error: CallError) => {
+      toastError(error);
+      return false;
+    });
   }, [path]);
 
   useEffect(() => {
