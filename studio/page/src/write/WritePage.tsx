@@ -110,11 +110,21 @@ export function WritePage({ path }: { path: string }) {
   const keys = (event: KeyboardEvent) => {
     const parent = index?.parent(selected);
     const place = parent?.children.findIndex((child) => child.id === selected) ?? -1;
+    const move = (to: MissionNode, number: number) => void change({ do: "move", node: selected, place: { parent: to.id, index: number } });
+    const moves: Record<string, () => void> = parent ? {
+      ArrowUp: () => { if (place > 0) move(parent, place - 1); },
+      ArrowDown: () => { if (place < parent.children.length - 1) move(parent, place + 2); },
+      // Out of its parent, behind it; into the sibling before it, at its end.
+      ArrowLeft: () => {
+        const above = index!.parent(parent.id);
+        if (above) move(above, above.children.findIndex((child) => child.id === parent.id) + 1);
+      },
+      ArrowRight: () => { if (place > 0) move(parent.children[place - 1]!, parent.children[place - 1]!.children.length); },
+    } : {};
     if ((event.ctrlKey || event.metaKey) && event.key.toLowerCase() === "z" && view) (event.shiftKey ? redo : undo)(view);
     else if ((event.ctrlKey || event.metaKey) && event.key.toLowerCase() === "y" && view) redo(view);
     else if (event.key === "Delete" && node && parent) void change({ do: "remove", node: node.id });
-    else if (event.altKey && event.key === "ArrowUp" && parent && place > 0) void change({ do: "move", node: selected, place: { parent: parent.id, index: place - 1 } });
-    else if (event.altKey && event.key === "ArrowDown" && parent && place < parent.children.length - 1) void change({ do: "move", node: selected, place: { parent: parent.id, index: place + 2 } });
+    else if (event.altKey && event.key in moves) moves[event.key]!();
     else if (event.key === "a" && !event.ctrlKey && !event.metaKey) showPalette();
     else return;
     event.preventDefault();
@@ -155,7 +165,7 @@ export function WritePage({ path }: { path: string }) {
           <div className="write-editor" ref={writing.host} />
           <Faults faults={faults} onShow={(fault) => { if (view) { view.dispatch({ selection: { anchor: fault.from }, scrollIntoView: true }); view.focus(); } }} onFix={(fault) => { if (view) applyChanges(view, [fault.fix!], false); }} />
         </section>
-        <section className="write-picture" aria-label="Picture" onKeyDown={keys} onDragOver={(event) => { if (event.dataTransfer.types.includes(DRAGGED)) event.preventDefault(); }} onDrop={dropped}>
+        <section className="write-picture" aria-label="Picture" onKeyDownCapture={keys} onDragOver={(event) => { if (event.dataTransfer.types.includes(DRAGGED)) event.preventDefault(); }} onDrop={dropped}>
           {root ? <TreeView root={root} marks={marks} selected={selected} onSelect={choose} onMove={move} onMenu={openMenu} /> : <p className="loading">Reading the mission…</p>}
           {mission && !mission.whole && <p className="stale" role="status">The text has a fault of form. The picture shows what can be read.</p>}
         </section>
