@@ -1,8 +1,8 @@
 """The pictures of docs/studio.md: `python -m tests.studio.studio_pictures FOLDER`, or `make pictures`.
 
 Runs missions without physics, with and without planted faults, and photographs the studio of their folder in
-headless Chromium. With `--all` each page is photographed in all sizes, light and dark, as docs/studio-pictures.md
-shows them.
+headless Chromium. With `--all` each page is photographed in all sizes, light and dark, for
+docs/studio-pictures.md.
 """
 
 from __future__ import annotations
@@ -14,9 +14,6 @@ import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
-
-import cv2
-import numpy as np
 
 from picktree.session.session import RunRequest, Session
 
@@ -120,6 +117,9 @@ def shots(run: str, live: str, batch: str, *, every: bool) -> list[Shot]:
 
 
 def photograph(chromium: Chromium, served: Served, shot: Shot, out: Path) -> None:
+    import cv2  # Not at the top: picktree comes before numpy.
+    import numpy as np
+
     own = f"http://127.0.0.1:{served.port}/"
     with chromium.blank(own, shot.size, dark=shot.dark) as (page, _):
         page.goto(served.link)
@@ -141,10 +141,10 @@ def wait_for_content(page: Any, shot: Shot) -> None:
     elif shot.address.startswith("#/live/"):
         page.get_by_text("Stopped at").wait_for()
         page.locator(".live-view canvas").wait_for()
-        page.wait_for_timeout(4000)
+        page.wait_for_timeout(3000)
     elif shot.address.startswith("#/write/"):
         page.get_by_text("No faults").wait_for()
-        page.get_by_role("treeitem", name="Recover").first.click(timeout=10_000)
+        page.locator(".cm-line", has_text="Recover:").first.click()
         page.wait_for_timeout(1500)
     elif shot.address.startswith("#/batch/"):
         page.locator(".pareto button").first.wait_for()

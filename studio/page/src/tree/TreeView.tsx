@@ -316,7 +316,7 @@ function widthOf(node: TreeNode): number {
   let known = widths.get(node);
   if (known === undefined) {
     const letters = Math.max(node.name.length * 7.4, (node.detail?.length ?? 0) * 6);
-    known = Math.round(Math.min(Math.max(letters + 88, 130), 300));
+    known = Math.round(Math.min(Math.max(letters + 104, 130), 300));
     widths.set(node, known);
   }
   return known;
