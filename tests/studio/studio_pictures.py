@@ -144,7 +144,7 @@ def wait_for_content(page: Any, shot: Shot) -> None:
         page.wait_for_timeout(3000)
     elif shot.address.startswith("#/write/"):
         page.get_by_text("No faults").wait_for()
-        page.locator(".cm-line", has_text="Recover:").first.click()
+        page.locator(".cm-line", has_text="Recover:").first.click(position={"x": 60, "y": 8})
         page.wait_for_timeout(1500)
     elif shot.address.startswith("#/batch/"):
         page.locator(".pareto button").first.wait_for()
