@@ -128,6 +128,7 @@ def photograph(chromium: Chromium, served: Served, shot: Shot, out: Path) -> Non
         page.wait_for_timeout(500)
         if shot.compressed:
             picture = cv2.imdecode(np.frombuffer(page.screenshot(), np.uint8), cv2.IMREAD_COLOR)
+            assert picture is not None
             cv2.imwrite(str(out / f"{shot.name}.webp"), picture, [cv2.IMWRITE_WEBP_QUALITY, QUALITY])
         else:
             page.screenshot(path=str(out / f"{shot.name}.png"))
