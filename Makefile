@@ -111,6 +111,7 @@ pictures: $(DEV)
 	@"$(BIN)/python" -m tests.analysis.report_pictures docs
 	@"$(BIN)/python" -m tests.batch.report_pictures docs
 	@"$(BIN)/python" -m tests.studio.studio_pictures docs
+	@"$(BIN)/python" -m tests.studio.studio_pictures docs/studio --all
 
 # The digests of the golden runs, recorded again after a change of the simulation that is meant.
 golden: $(RUN)

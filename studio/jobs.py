@@ -1,6 +1,7 @@
 """Jobs: commands of picktree as processes of their own, started, watched and stopped from the page.
 
-A process has a session of its own and writes into files, so that it needs neither the page nor the server.
+A process has a session of its own and writes into files, so that it needs neither the page nor the server. A
+server that starts takes over the jobs of one that was killed, by their records.
 """
 
 from __future__ import annotations
@@ -15,12 +16,12 @@ import sys
 import time
 from collections.abc import AsyncIterator, Callable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Final, Literal, TypeAlias
+from typing import Final
 
 from ..errors import PicktreeError
 from .calls import JsonValue, call, watch
+from .job_records import Job, JobRecords, mark_of
 from .workspace import Workspace
 
 MAX_JOBS: Final = 4
@@ -31,54 +32,33 @@ MAX_KEPT: Final = 100
 """Number of jobs that are listed; beyond it the oldest that ended is forgotten."""
 STATUS_VARIABLE: Final = "PICKTREE_STATUS"
 """Environment variable that makes commands write their status line where stderr is no terminal."""
+_JOB_MODULE: Final = f"{__package__}.job_process"
 _GRACE: Final = 20.0
 """Time for a stopped job to end by itself, wall s."""
 _OUTPUT_SHOWN: Final = 20_000
 _PERIOD: Final = 0.25
 _CONTROL: Final = re.compile(r"\x1b\[[0-9;?]*[A-Za-z]")
 
-Outcome: TypeAlias = Literal["running", "done", "no", "failed", "stopped"]
-"""`no`: exit code 1, which is the answer no; `failed`: bad input or a fault."""
+
+def job_json(job: Job) -> dict[str, JsonValue]:
+    """Return a job as the page has it."""
+    return {
+        "number": job.number,
+        "title": job.title,
+        "command": " ".join(["picktree", *job.command]),
+        "result": job.result,
+        "began": job.began,
+        "ended": job.ended,
+        "outcome": job.outcome,
+        "progress": last_line(job.output),
+    }
 
 
-@dataclass
-class Job:
-    """One command that runs or has run."""
-
-    number: int
-    title: str
-    command: tuple[str, ...]
-    """Words after `picktree`."""
-    output: Path
-    """File with what it wrote on stdout and stderr."""
-    result: str = ""
-    """Address in the page of what it makes, as `#/run/…` or `/files/…`; empty: none is known."""
-    began: float = field(default_factory=time.time)
-    ended: float | None = None
-    outcome: Outcome = "running"
-    keeps_on: bool = False
-    """Whether it goes on when the server ends."""
-    finish: Callable[[Job], None] | None = None
-    """Called when it has ended, as to find its result."""
-    process: subprocess.Popen[bytes] | None = None
-
-    def to_json(self) -> dict[str, JsonValue]:
-        return {
-            "number": self.number,
-            "title": self.title,
-            "command": " ".join(["picktree", *self.command]),
-            "result": self.result,
-            "began": self.began,
-            "ended": self.ended,
-            "outcome": self.outcome,
-            "progress": last_line(self.output),
-        }
-
-    def text(self) -> str:
-        """Return the end of what it wrote, without control characters of terminals."""
-        with suppress(OSError):
-            return _plain(_tail(self.output, _OUTPUT_SHOWN))
-        return ""
+def job_text(job: Job) -> str:
+    """Return the end of what a job wrote, without control characters of terminals."""
+    with suppress(OSError):
+        return _plain(_tail(job.output, _OUTPUT_SHOWN))
+    return ""
 
 
 def last_line(file: Path) -> str:
@@ -109,11 +89,33 @@ class Jobs:
     """Jobs of one server."""
 
     def __init__(self, workspace: Workspace) -> None:
+        self.finishers: dict[str, Callable[[Job], None]] = {}
+        """Functions by the names that jobs have in `finish`: each completes the result at a job's end."""
         self._workspace = workspace
         self._jobs: dict[int, Job] = {}
+        self._children: dict[int, subprocess.Popen[bytes]] = {}
+        """Processes that this server has started, by job."""
         self._changed = asyncio.Event()
         self._waiting: set[asyncio.Task[None]] = set()
-        self._folder = workspace.state.place / "jobs"
+        self._records = JobRecords(workspace.state.place / "jobs")
+        self._server = mark_of(os.getpid())
+
+    async def take_over(self) -> list[Job]:
+        """List the jobs of servers that have ended, and watch those that still run; return these."""
+        taken: list[Job] = []
+        for job in await asyncio.to_thread(lambda: list(self._records.read())):
+            other = job.server is not None and job.server != self._server and job.server.alive
+            if other or job.number in self._jobs:
+                continue
+            job.server = self._server
+            self._jobs[job.number] = job
+            if job.ended is None:
+                self._records.write(job)
+                self._watch(job)
+                taken.append(job)
+        self._forget_old()
+        self._tell()
+        return taken
 
     def start(
         self,
@@ -122,7 +124,7 @@ class Jobs:
         *,
         result: str = "",
         keeps_on: bool = False,
-        finish: Callable[[Job], None] | None = None,
+        finish: str = "",
     ) -> Job:
         """Start a command in the folder. Paths in it are absolute, so that none is taken for an option.
 
@@ -134,14 +136,21 @@ class Jobs:
         free = shutil.disk_usage(self._workspace.root).free
         if free < MIN_FREE:
             raise PicktreeError(f"the disk has {free / 1e6:.0f} MB left; make room before starting more")
-        number = max(self._jobs, default=0) + 1
-        self._folder.mkdir(exist_ok=True, mode=0o700)
-        output = self._folder / f"{os.getpid()}-{number}.txt"
-        job = Job(number, title, tuple(command), output, result, keeps_on=keeps_on, finish=finish)
-        with output.open("wb") as opened:
-            job.process = subprocess.Popen(
+        number = self._records.new_number(max(self._jobs, default=0))
+        job = Job(
+            number,
+            title,
+            tuple(command),
+            self._records.output(number),
+            server=self._server,
+            result=result,
+            finish=finish,
+            keeps_on=keeps_on,
+        )
+        with job.output.open("wb") as opened:
+            process = subprocess.Popen(
                 # -P: nothing is imported from the folder, whatever it holds.
-                [sys.executable, "-P", "-m", "picktree", *command],
+                [sys.executable, "-P", "-m", _JOB_MODULE, str(self._records.code_file(number)), *command],
                 cwd=self._workspace.root,
                 stdin=subprocess.DEVNULL,
                 stdout=opened,
@@ -149,13 +158,23 @@ class Jobs:
                 start_new_session=True,
                 env={**os.environ, STATUS_VARIABLE: "1", "PYTHONSAFEPATH": "1"},
             )
+        job.process = mark_of(process.pid)
+        self._children[number] = process
         self._jobs[number] = job
+        self._records.write(job)
         self._forget_old()
+        self._watch(job)
+        self._tell()
+        return job
+
+    def write(self, job: Job) -> None:
+        """Keep what was changed of a job, for a later server."""
+        self._records.write(job)
+
+    def _watch(self, job: Job) -> None:
         task = asyncio.get_running_loop().create_task(self._wait(job))
         self._waiting.add(task)
         task.add_done_callback(self._waiting.discard)
-        self._tell()
-        return job
 
     async def ended(self, job: Job) -> Job:
         """Wait for the end of a job."""
@@ -164,17 +183,22 @@ class Jobs:
         return job
 
     async def _wait(self, job: Job) -> None:
-        process = job.process
-        assert process is not None
-        while process.poll() is None:
+        while self._runs(job):
             await asyncio.sleep(0.1)
-        code = process.returncode
+        code = self._records.exit_code(job.number)
         if job.outcome == "running":
             job.outcome = "done" if code == 0 else "no" if code == 1 else "failed"
-        if job.finish is not None:
-            job.finish(job)
+        if job.finish in self.finishers:
+            self.finishers[job.finish](job)
         job.ended = time.time()
+        self._records.write(job)
         self._tell()
+
+    def _runs(self, job: Job) -> bool:
+        child = self._children.get(job.number)
+        if child is not None:
+            return child.poll() is None
+        return job.process is not None and job.process.alive
 
     def _tell(self) -> None:
         self._changed.set()
@@ -185,7 +209,7 @@ class Jobs:
         for number, job in list(self._jobs.items()):
             if over > 0 and job.ended is not None:
                 del self._jobs[number]
-                job.output.unlink(missing_ok=True)
+                self._records.delete(number)
                 over -= 1
 
     def _job(self, number: int) -> Job:
@@ -197,21 +221,21 @@ class Jobs:
     async def stop(self, number: int) -> None:
         """Interrupt a job as Ctrl-C does; when it does not end, kill it and its children."""
         job = self._job(number)
-        process = job.process
-        if process is None or job.ended is not None:
+        if job.ended is not None or not self._runs(job):
             return
         job.outcome = "stopped"
-        _signal(process, signal.SIGINT)
+        self._records.write(job)
+        _signal(job, signal.SIGINT)
         end = time.monotonic() + _GRACE
-        while process.poll() is None and time.monotonic() < end:
+        while self._runs(job) and time.monotonic() < end:
             await asyncio.sleep(0.05)
-        if process.poll() is None:
-            _signal(process, signal.SIGKILL)
+        if self._runs(job):
+            _signal(job, signal.SIGKILL)
 
     @call("jobs.output")
     async def output(self, number: int) -> str:
         """Return the end of what a job wrote."""
-        return await asyncio.to_thread(self._job(number).text)
+        return await asyncio.to_thread(job_text, self._job(number))
 
     @watch("jobs.watch")
     async def jobs(self) -> AsyncIterator[JsonValue]:
@@ -219,7 +243,7 @@ class Jobs:
         before: list[JsonValue] | None = None
         while True:
             changed = self._changed
-            now: list[JsonValue] = [job.to_json() for job in reversed(self._jobs.values())]
+            now: list[JsonValue] = [job_json(job) for job in reversed(self._jobs.values())]
             if now != before:
                 yield now
                 before = now
@@ -230,13 +254,16 @@ class Jobs:
     async def close(self) -> None:
         """End the jobs that do not go on without the server."""
         for job in list(self._jobs.values()):
-            if job.ended is None and not job.keeps_on and job.process is not None:
+            if job.ended is None and not job.keeps_on and self._runs(job):
                 job.outcome = "stopped"
-                _signal(job.process, signal.SIGTERM)
+                self._records.write(job)
+                _signal(job, signal.SIGTERM)
         for task in list(self._waiting):
             task.cancel()
 
 
-def _signal(process: subprocess.Popen[bytes], number: signal.Signals) -> None:
-    with suppress(ProcessLookupError, PermissionError):
-        os.killpg(process.pid, number)
+def _signal(job: Job, number: signal.Signals) -> None:
+    """Send a signal to a job's process and its children. The process must have been seen to run."""
+    if job.process is not None:
+        with suppress(ProcessLookupError, PermissionError):
+            os.killpg(job.process.number, number)

@@ -65,6 +65,7 @@ def create_app(
 
     @contextlib.asynccontextmanager
     async def lifespan(_: Starlette) -> AsyncGenerator[None]:
+        await jobs.take_over()
         yield
         for part in parts:
             await part.close()

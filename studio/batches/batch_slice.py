@@ -17,7 +17,8 @@ from starlette.routing import BaseRoute
 from ...errors import PicktreeError
 from ..calls import JsonValue, call, watch
 from ..command_answer import command_answer
-from ..jobs import Job
+from ..job_records import Job
+from ..jobs import job_text
 from ..slice import Studio
 from .batch_folder import CELL_SIDE, PLAN_FILE, BatchFolder, Behind, batch_folders, newest_first
 from .plan_text import form_of, with_key
@@ -82,7 +83,7 @@ class BatchSlice:
         job = self._begin(f"Batch {folder.name}", command, folder)
         while not (folder / PLAN_FILE).is_file():
             if job.ended is not None:
-                raise PicktreeError(job.text().strip() or "the batch could not be started")
+                raise PicktreeError(job_text(job).strip() or "the batch could not be started")
             await asyncio.sleep(0.1)
         return {"job": job.number, "id": self._workspace.relative(folder)}
 

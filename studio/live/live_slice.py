@@ -7,7 +7,7 @@ import os
 import socket
 import struct
 import time
-from collections.abc import AsyncIterator, Callable, Iterator, Sequence
+from collections.abc import AsyncIterator, Iterator, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
@@ -18,7 +18,8 @@ from ...errors import PicktreeError
 from ...logs.mcap.sealed_file import is_written
 from ...session.live.attach_socket import SOCKET_NAME, connect_to_run
 from ..calls import JsonValue, call, watch
-from ..jobs import Job
+from ..job_records import Job
+from ..jobs import job_text
 from ..slice import Studio
 from .run_start import RunOrder, run_command, start_form
 
@@ -27,6 +28,9 @@ if TYPE_CHECKING:
 
 MAX_RUNS: Final = 4
 """Number of runs of the folder that may go on at once."""
+_LIVE: Final = "#/live/"
+_ENDED: Final = "live.ended"
+"""Name of what is done at the end of a run's job."""
 _PERIOD: Final = 0.5
 _START_TIME: Final = 120.0
 """Time for a new run to appear, wall s: a robot is read, and its meshes are made when they are new."""
@@ -41,6 +45,7 @@ class LiveSlice:
     def __init__(self, studio: Studio) -> None:
         self._workspace = studio.workspace
         self._jobs = studio.jobs
+        self._jobs.finishers[_ENDED] = _show_as_kept
         self._followed: dict[str, FollowedRun] = {}
         self._beginning: dict[str, asyncio.Lock] = {}
         self._over: set[str] = set()
@@ -79,21 +84,21 @@ class LiveSlice:
             raise PicktreeError(f"{MAX_RUNS} runs go on in this folder; wait for one, or halt one")
         runs = self._workspace.root / "runs"
         command = await asyncio.to_thread(run_command, self._workspace, order, runs)
-        job = self._jobs.start(f"Run {order.mission}", command, keeps_on=True)
+        job = self._jobs.start(f"Run {order.mission}", command, keeps_on=True, finish=_ENDED)
         return await self._appeared(job)
 
     async def _appeared(self, job: Job) -> str:
         """Return the identity of the job's run when its socket is there."""
         end = time.monotonic() + _START_TIME
-        assert job.process is not None
         while time.monotonic() < end:
             for found in await asyncio.to_thread(lambda: list(self._sockets())):
-                if await asyncio.to_thread(_is_of, found, job.process.pid):
+                if job.process and await asyncio.to_thread(_is_of, found, job.process.number):
                     identity = self._workspace.relative(found)
-                    job.result, job.finish = f"#/live/{identity}", _ended_as(identity)
+                    job.result = f"{_LIVE}{identity}"
+                    self._jobs.write(job)
                     return identity
             if job.ended is not None:
-                raise PicktreeError(job.text().strip()[-2000:] or "the run has ended at once")
+                raise PicktreeError(job_text(job).strip()[-2000:] or "the run has ended at once")
             await asyncio.sleep(0.05)
         raise PicktreeError(f"the run has not begun within {_START_TIME:g} s")
 
@@ -167,13 +172,10 @@ def _may_hold_runs(entry: os.DirEntry[str]) -> bool:
     return not hidden and entry.is_dir(follow_symlinks=False)
 
 
-def _ended_as(identity: str) -> Callable[[Job], None]:
-    """Return what is done at the end of a run's job: its result is the run as it is kept."""
-
-    def ended(job: Job) -> None:
-        job.result = f"#/run/{identity}"
-
-    return ended
+def _show_as_kept(job: Job) -> None:
+    """Let the result of a run's job be the run as it is kept, when the run has ended."""
+    if job.result.startswith(_LIVE):
+        job.result = f"#/run/{job.result.removeprefix(_LIVE)}"
 
 
 def _began(folder: Path) -> float:

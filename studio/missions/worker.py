@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import multiprocessing
 import os
+import threading
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
@@ -30,7 +31,9 @@ class Worker:
 
     async def run(self, function: Callable[P, T], *args: P.args, **kwargs: P.kwargs) -> T:
         """Run a function there. Raises what it raises, and PicktreeError when it takes too long."""
-        pool = self._pool = self._pool or ProcessPoolExecutor(1, multiprocessing.get_context("spawn"))
+        pool = self._pool = self._pool or ProcessPoolExecutor(
+            1, multiprocessing.get_context("spawn"), _end_with_the_server
+        )
         policy = os.environ.get(PLUGINS_VARIABLE, "")
         work = asyncio.get_running_loop().run_in_executor(pool, _run, policy, function, args, kwargs)
         try:
@@ -67,6 +70,18 @@ class _Refusal:
 
     def error(self) -> PicktreeError:
         return FileError(self.faults) if self.faults else PicktreeError(self.message)
+
+
+def _end_with_the_server() -> None:
+    """Let this process end when the server's has, also when that was killed."""
+    server = multiprocessing.parent_process()
+    assert server is not None
+
+    def wait() -> None:
+        server.join()
+        os._exit(0)
+
+    threading.Thread(target=wait, daemon=True).start()
 
 
 def _run(

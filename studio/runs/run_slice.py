@@ -20,7 +20,8 @@ from ...logs.optional_libraries import install_command
 from ...logs.run_index import COLUMNS, RunIndex, RunRow
 from ...logs.run_log import RunLog, find_log
 from ..calls import JsonValue, call, watch
-from ..jobs import Job
+from ..job_records import Job
+from ..jobs import job_text
 from ..security import SANDBOXED
 from ..slice import Studio
 from .made_files import MadeFiles
@@ -29,6 +30,8 @@ from .run_table import Query, RunTable
 MAX_WINDOW: Final = 500
 """Number of rows that one call returns at most."""
 _PERIOD: Final = 0.2
+_WHATIF: Final = "runs.whatif"
+"""Name of what is done at the end of a what-if."""
 _NEW_LOG: Final = re.compile(r"^new log +(.+)$", re.MULTILINE)
 
 Count = Annotated[int, Field(ge=0, le=MAX_WINDOW)]
@@ -41,6 +44,7 @@ class RunSlice:
     def __init__(self, studio: Studio) -> None:
         self._workspace = studio.workspace
         self._jobs = studio.jobs
+        self._jobs.finishers[_WHATIF] = self._find_new_run
         self._table = RunTable(studio.workspace)
         self._made = MadeFiles(studio.workspace.state.place / "made")
 
@@ -191,7 +195,7 @@ class RunSlice:
                 command += [f"--{option}", str(place)]
         if no_faults:
             command.append("--no-faults")
-        return self._jobs.start(f"What if, from {at:.2f} s", command, finish=self._find_new_run).number
+        return self._jobs.start(f"What if, from {at:.2f} s", command, finish=_WHATIF).number
 
     def _write_over(self, path: str, text: str) -> Path:
         """Write a text that the studio itself makes for a command."""
@@ -206,7 +210,7 @@ class RunSlice:
         return folder if holds_runs else root / "runs"
 
     def _find_new_run(self, job: Job) -> None:
-        found = _NEW_LOG.search(job.text())
+        found = _NEW_LOG.search(job_text(job))
         if found is not None:
             with suppress(PicktreeError, ValueError):
                 place = (self._workspace.root / found[1].strip()).resolve()

@@ -1,7 +1,8 @@
 """The pictures of docs/studio.md: `python -m tests.studio.studio_pictures FOLDER`, or `make pictures`.
 
 Runs missions without physics, with and without planted faults, and photographs the studio of their folder in
-headless Chromium. With `--all` each page is photographed in all sizes, light and dark.
+headless Chromium. With `--all` each page is photographed in all sizes, light and dark, for
+docs/studio-pictures.md.
 """
 
 from __future__ import annotations
@@ -21,6 +22,8 @@ from .conftest import Client, Served, serving
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 FAULTS = ("slip.yaml", "remove.yaml", "gripper_weak.yaml")
+QUALITY = 62
+"""Quality of compressed pictures, %."""
 SIZES = ((1280, 800), (1920, 1080), (390, 844))
 
 
@@ -30,6 +33,7 @@ class Shot:
     address: str
     size: tuple[int, int]
     dark: bool = False
+    compressed: bool = False
 
 
 def make_folder(folder: Path) -> str:
@@ -68,14 +72,33 @@ def stopped_run(client: Client) -> str:
     return identity
 
 
-def shots(run: str, live: str, *, every: bool) -> list[Shot]:
+PLAN = """picktree: 1
+kind: plan
+missions: [one_pick.yaml]
+seeds: 0:6
+faults: [none, faults/slip.yaml]
+backend: kinematic
+"""
+
+
+def run_batch(client: Client) -> str:
+    """Run a batch to its end; return its identity."""
+    client.call("files.write", path="night.yaml", text=PLAN, version=None)
+    identity: str = client.call("plans.start", path="night.yaml")["id"]
+    for event in client.watch("batches.progress", id=identity):
+        if event["done"] == event["total"] and not event["running"]:
+            break
+    return identity
+
+
+def shots(run: str, live: str, batch: str, *, every: bool) -> list[Shot]:
     pages = {
         "start": "#/",
         "runs": "#/runs",
         "run": f"#/run/{run}?t=6",
         "live": f"#/live/{live}",
         "write": "#/write/sort_by_colour.yaml",
-        "batches": "#/batches",
+        "batch": f"#/batch/{batch}",
     }
     if not every:
         return [
@@ -86,7 +109,7 @@ def shots(run: str, live: str, *, every: bool) -> list[Shot]:
             Shot("studio-write", pages["write"], (1280, 800)),
         ]
     return [
-        Shot(f"studio-{name}-{size[0]}-{'dark' if dark else 'light'}", address, size, dark)
+        Shot(f"studio-{name}-{size[0]}-{'dark' if dark else 'light'}", address, size, dark, True)
         for name, address in pages.items()
         for size in SIZES
         for dark in (False, True)
@@ -94,13 +117,21 @@ def shots(run: str, live: str, *, every: bool) -> list[Shot]:
 
 
 def photograph(chromium: Chromium, served: Served, shot: Shot, out: Path) -> None:
+    import cv2  # Not at the top: picktree comes before numpy.
+    import numpy as np
+
     own = f"http://127.0.0.1:{served.port}/"
     with chromium.blank(own, shot.size, dark=shot.dark) as (page, _):
         page.goto(served.link)
         page.evaluate("(address) => { location.hash = address; }", shot.address)
         wait_for_content(page, shot)
         page.wait_for_timeout(500)
-        page.screenshot(path=str(out / f"{shot.name}.png"))
+        if shot.compressed:
+            picture = cv2.imdecode(np.frombuffer(page.screenshot(), np.uint8), cv2.IMREAD_COLOR)
+            assert picture is not None
+            cv2.imwrite(str(out / f"{shot.name}.webp"), picture, [cv2.IMWRITE_WEBP_QUALITY, QUALITY])
+        else:
+            page.screenshot(path=str(out / f"{shot.name}.png"))
 
 
 def wait_for_content(page: Any, shot: Shot) -> None:
@@ -111,13 +142,13 @@ def wait_for_content(page: Any, shot: Shot) -> None:
     elif shot.address.startswith("#/live/"):
         page.get_by_text("Stopped at").wait_for()
         page.locator(".live-view canvas").wait_for()
-        page.wait_for_timeout(4000)
+        page.wait_for_timeout(3000)
     elif shot.address.startswith("#/write/"):
         page.get_by_text("No faults").wait_for()
-        page.get_by_role("treeitem", name="Recover").first.click(timeout=10_000)
+        page.locator(".cm-line", has_text="Recover:").first.click(position={"x": 60, "y": 8})
         page.wait_for_timeout(1500)
-    elif shot.address == "#/batches":
-        page.get_by_role("heading", name="Batches").wait_for()
+    elif shot.address.startswith("#/batch/"):
+        page.locator(".pareto button").first.wait_for()
     elif shot.address == "#/runs":
         page.locator("[data-index='0'] a").wait_for()
     else:
@@ -139,7 +170,8 @@ def main() -> None:
         try:
             with serving(folder) as served, served.client() as client:
                 live = stopped_run(client)
-                for shot in shots(run, live, every=chosen.all):
+                batch = run_batch(client)
+                for shot in shots(run, live, batch, every=chosen.all):
                     photograph(chromium, served, shot, chosen.out)
                 client.call("live.command", id=live, line="halt")
         finally:

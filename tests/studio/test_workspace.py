@@ -15,7 +15,8 @@ from picktree.errors import PicktreeError
 from picktree.logs.run_log import RunLog
 from picktree.logs.run_result import RunResult
 from picktree.studio.folder_slice import EXAMPLES, example_files
-from picktree.studio.jobs import Job, Jobs
+from picktree.studio.job_records import Job
+from picktree.studio.jobs import Jobs, job_text
 from picktree.studio.workspace import Workspace
 from picktree.trees.plugins.plugin import PLUGINS_VARIABLE
 
@@ -104,11 +105,11 @@ def test_plugins_run_only_after_somebody_has_said_so(workspace: Workspace) -> No
         return await jobs.ended(jobs.start("Check", ["check", str(workspace.root / "wave.yaml")]))
 
     refused = on_a_loop(check)
-    assert (refused.outcome, "P262" in refused.text()) == ("failed", True), refused.text()
+    assert (refused.outcome, "P262" in job_text(refused)) == ("failed", True), job_text(refused)
     assert not (workspace.root / "ran").exists()
     workspace.state.trust(True)
     checked = on_a_loop(check)
-    assert (checked.outcome, (workspace.root / "ran").exists()) == ("done", True), checked.text()
+    assert (checked.outcome, (workspace.root / "ran").exists()) == ("done", True), job_text(checked)
     assert not (workspace.root / "stolen").exists()
 
 
@@ -120,20 +121,21 @@ def test_a_job_is_stopped_with_what_it_has_started(workspace: Workspace) -> None
         words = ["run", "one_pick.yaml", "--backend", "kinematic", "--pace", "0.2"]
         job = jobs.start("Run", words, keeps_on=True)
         end = time.monotonic() + PATIENCE
-        while "recording to" not in job.text() and time.monotonic() < end:
+        while "recording to" not in job_text(job) and time.monotonic() < end:
             await asyncio.sleep(0.05)
         await asyncio.sleep(0.5)
         await jobs.close()  # it goes on when the server ends
-        assert job.process is not None and job.process.poll() is None
-        jobs._waiting.add(asyncio.get_running_loop().create_task(jobs._wait(job)))
-        await jobs.stop(job.number)
-        return await jobs.ended(job)
+        later = Jobs(workspace)
+        (taken,) = await later.take_over()
+        assert (taken.number, taken.ended) == (job.number, None)
+        await later.stop(taken.number)
+        return await later.ended(taken)
 
     job = on_a_loop(stopped)
     assert job.outcome == "stopped"
     (log,) = workspace.root.glob("runs/*/log.mcap")
     with RunLog(log) as read:
-        assert "json" in read.result, job.text()
+        assert "json" in read.result, job_text(job)
         assert RunResult.from_json_text(read.result["json"], log).status == "interrupted"
 
 

@@ -26,6 +26,7 @@ export class CallError extends Error {
 interface Waiting {
   message: object;
   sent: boolean;
+  repeatable: boolean;
   done(result: unknown): void;
   failed(error: CallError): void;
 }
@@ -45,6 +46,7 @@ const watches = new Map<number, Watching>();
 const listeners = new Set<() => void>();
 let socket: WebSocket | null = null;
 let state: State = "connecting";
+let retry = 0; // timer of the next attempt to connect
 let next = 1;
 
 function setState(wanted: State): void {
@@ -52,7 +54,9 @@ function setState(wanted: State): void {
   for (const listener of listeners) listener();
 }
 
+// One socket at a time: while another attempt is due, none is made.
 function connect(): void {
+  if (socket || retry) return;
   const opened = new WebSocket(`ws://${location.host}/ws`);
   socket = opened;
   opened.onopen = () => {
@@ -64,13 +68,17 @@ function connect(): void {
   opened.onclose = () => {
     socket = null;
     setState("lost");
-    // What was asked for and not answered may have been done: it is not asked for a second time.
+    // What was asked for and not answered may have been done: it is asked again only where that does no harm.
     for (const [id, call] of calls) {
       if (!call.sent) continue;
+      if (call.repeatable) {
+        call.sent = false;
+        continue;
+      }
       calls.delete(id);
       call.failed(new CallError("the connection to the studio was lost before the answer came"));
     }
-    setTimeout(connect, RETRY);
+    retry = window.setTimeout(() => { retry = 0; connect(); }, RETRY);
   };
 }
 
@@ -109,11 +117,11 @@ function receive(answer: Answer): void {
 
 const isOpen = () => socket?.readyState === WebSocket.OPEN;
 
-// Calls by name; rejects with a CallError.
-export function call<T>(name: string, args: object = {}): Promise<T> {
-  if (!socket) connect();
+// Calls by name; rejects with a CallError. A repeatable one is sent again when the connection was lost before its answer.
+export function call<T>(name: string, args: object = {}, repeatable = false): Promise<T> {
+  connect();
   return new Promise((done, failed) => {
-    const waiting: Waiting = { message: { call: name, with: args }, sent: false, done: done as (r: unknown) => void, failed };
+    const waiting: Waiting = { message: { call: name, with: args }, sent: false, repeatable, done: done as (r: unknown) => void, failed };
     const id = next++;
     calls.set(id, waiting);
     if (isOpen()) send(id, waiting);
@@ -122,7 +130,7 @@ export function call<T>(name: string, args: object = {}): Promise<T> {
 
 // Watches until the returned function is called.
 export function watch<T>(name: string, args: object, onEvent: (event: T) => void, onError?: (error: CallError) => void, onEnd?: () => void): () => void {
-  if (!socket) connect();
+  connect();
   const id = next++;
   const message = { watch: name, with: args };
   watches.set(id, { message, event: onEvent as (e: unknown) => void, failed: onError, ended: onEnd });
@@ -153,7 +161,7 @@ export function useCall<T>(name: string, args: object, again: unknown = null): L
   const key = JSON.stringify([name, args, again]);
   useEffect(() => {
     let wanted = true;
-    call<T>(name, args).then(
+    call<T>(name, args, true).then(
       (value) => wanted && setLoaded({ value, error: null }),
       (error: CallError) => wanted && setLoaded({ value: null, error }),
     );

@@ -83,7 +83,7 @@ function Opened({ path, file }: { path: string; file: TextFile }) {
     setChecked(null);
     call<FormValues>("plans.form", { text }).then((values) => wanted && setForm(values), () => wanted && setForm(null));
     const timer = setTimeout(() => {
-      call("files.draft", { path, text: text === saved.text ? null : text }).catch(toastError);
+      call("files.draft", { path, text: text === saved.text ? null : text }, true).catch(toastError);
       // One check at a time: a text that has changed meanwhile is not checked.
       checking.current = checking.current.then(() => (wanted ? call<Checked>("plans.check", { path, text, workers: number }) : null))
         .then((found) => { if (found && wanted) setChecked(found); }, (error) => { if (wanted) toastError(error); });

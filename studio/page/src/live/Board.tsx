@@ -5,6 +5,8 @@ import { memo, useState } from "react";
 import { Button } from "../ui/Button";
 import { toast, toastError } from "../ui/Toast";
 
+const LONG = 100; // letters above which a value may be scrolled, so that keys must reach it
+
 // `say` is null when nothing can be changed.
 export const Board = memo(function Board({ board, say }: { board: Record<string, unknown>; say: ((line: string) => Promise<string>) | null }) {
   const [edited, setEdited] = useState<{ key: string; text: string; fault: string } | null>(null);
@@ -43,7 +45,7 @@ export const Board = memo(function Board({ board, say }: { board: Record<string,
               </dd>
             ) : (
               <dd>
-                <code>{text}</code>
+                <code tabIndex={text.length > LONG ? 0 : undefined}>{text}</code>
                 {say && <button className="change" aria-label={`Change ${key}`} onClick={() => setEdited({ key, text: typeof board[key] === "string" ? (board[key] as string) : text, fault: "" })}>Change</button>}
               </dd>
             )}

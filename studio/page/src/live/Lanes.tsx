@@ -20,7 +20,7 @@ export const Lanes = memo(function Lanes({ state }: { state: LiveState }) {
   const start = state.time - SPAN;
   if (!lanes.length) return <p className="muted live-none">No leaf has run yet.</p>;
   return (
-    <ul className="live-lanes">
+    <ul className="live-lanes" tabIndex={0} aria-label="Lanes of the leaves">
       {lanes.map(([path, bars]) => (
         <li key={path}>
           <span className="lane-name" title={path}>{path.split("/").pop()}</span>

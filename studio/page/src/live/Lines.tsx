@@ -29,7 +29,7 @@ export const Cameras = memo(function Cameras({ images }: { images: LiveState["im
   const names = Object.keys(images).sort();
   if (!names.length) return <p className="muted live-none">No camera has taken a picture yet.</p>;
   return (
-    <div className="live-cameras">
+    <div className="live-cameras" tabIndex={0} role="group" aria-label="Pictures of the cameras">
       {names.map((name) => (
         <figure key={name}>
           <img src={images[name]!.url} alt={`Picture of the camera ${name}`} />

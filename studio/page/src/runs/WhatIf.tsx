@@ -84,7 +84,7 @@ function useDraft(path: string, first: string): [string, (text: string) => void]
     touched.current = true;
     setText(now);
     clearTimeout(timer.current);
-    timer.current = setTimeout(() => void call("files.draft", { path, text: now === first ? null : now }).catch(toastError), LATER);
+    timer.current = setTimeout(() => void call("files.draft", { path, text: now === first ? null : now }, true).catch(toastError), LATER);
   };
   return [text, set];
 }

@@ -32,6 +32,8 @@ const KINDS: [kind: string, many: string, what: string][] = [
   ["plan", "Plans", "batches of runs"],
   ["robot", "Robots", "arms of one's own"],
 ];
+// Routes that open a file, by its kind.
+const PAGES: Record<string, string> = { mission: "write", plan: "plan" };
 const SHOWN = 8;
 
 export function Start() {
@@ -41,7 +43,7 @@ export function Start() {
   if (!value) return <p className="loading" role="status">Looking into the folder …</p>;
   const refresh = () => setAgain(again + 1);
   const missions = value.files.filter((file) => file.kind === "mission");
-  const canWrite = ROUTES.some((route) => route.name === "write");
+  const pages = Object.fromEntries(Object.entries(PAGES).filter(([, name]) => ROUTES.some((route) => route.name === name)));
   return (
     <div className="start">
       <h1>{value.name} <small className="mono">{value.folder}</small></h1>
@@ -59,7 +61,7 @@ export function Start() {
                 <ul>
                   {files.slice(0, SHOWN).map((file) => (
                     <li key={file.path}>
-                      {kind === "mission" && canWrite ? <a href={href("write", file.path)}>{file.path}</a> : <span className="mono">{file.path}</span>}
+                      {pages[kind] ? <a href={href(pages[kind], file.path)}>{file.path}</a> : <span className="mono">{file.path}</span>}
                       {file.name && <span className="muted"> {file.name}</span>}
                     </li>
                   ))}

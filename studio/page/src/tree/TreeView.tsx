@@ -184,12 +184,30 @@ function Tree({ root, marks, selected, onSelect, onMenu, onMove, className }: Tr
   useEffect(() => {
     if (selected !== undefined) bringIt.current(selected);
   }, [selected]);
+  // Also when the view gets smaller, as by the details of the node below it.
+  const last = useRef(selected);
+  last.current = selected;
+  useEffect(() => {
+    const watch = new ResizeObserver(() => { if (last.current !== undefined) bringIt.current(last.current); });
+    watch.observe(host.current!);
+    return () => watch.disconnect();
+  }, []);
   const tree = useRef<HTMLDivElement>(null);
   const owned = useMemo(() => [...shown.keys()].map(elementId).join(" "), [shown]);
   const shared = useMemo<Shared>(() => ({ marks, selected, fold }), [marks, selected, fold]);
   const active = selected && shown.has(selected) ? elementId(selected) : undefined;
+  // A card out of view is not drawn, and none that is not there may be named as the active one.
+  const nameActive = () => {
+    if (active && document.getElementById(active)) tree.current?.setAttribute("aria-activedescendant", active);
+    else tree.current?.removeAttribute("aria-activedescendant");
+  };
+  useEffect(() => {
+    nameActive();
+    const drawn = requestAnimationFrame(() => requestAnimationFrame(nameActive));
+    return () => cancelAnimationFrame(drawn);
+  });
 
-  // A dropped card goes to the card below it as its child, or among the children of the nearest parent by height.
+  // A dropped card goes before, behind or into the card below it, or among the children of the nearest parent by height.
   const dropped = (_: unknown, card: Card) => {
     if (!onMove) return;
     const target = dropTarget(card, shown, laid);
@@ -201,12 +219,13 @@ function Tree({ root, marks, selected, onSelect, onMenu, onMove, className }: Tr
   return (
     <div className={`tree-view ${className ?? ""}`} ref={host} onKeyDown={keys} onPointerUp={() => { if (!host.current!.contains(document.activeElement)) tree.current!.focus({ preventScroll: true }); }}>
       {/* The cards are drawn among what is no tree; this is the tree that has the focus and owns them. */}
-      <div ref={tree} className="tree-keys" role="tree" aria-label={`Tree of ${root.name}`} tabIndex={0} aria-activedescendant={active} aria-owns={owned} />
+      <div ref={tree} className="tree-keys" role="tree" aria-label={`Tree of ${root.name}`} tabIndex={0} aria-owns={owned} />
       <SharedContext.Provider value={shared}>
         <ReactFlow
           nodes={nodes} edges={edges} nodeTypes={NODE_TYPES} onlyRenderVisibleElements minZoom={0.05} maxZoom={2}
           nodesConnectable={false} elementsSelectable={false} nodesFocusable={false} edgesFocusable={false} disableKeyboardA11y
           proOptions={{ hideAttribution: false }}
+          onMoveEnd={() => requestAnimationFrame(nameActive)}
           onNodeClick={(_, card) => onSelect(card.id)}
           onNodeDoubleClick={(_, card) => fold(card.id)}
           onNodeContextMenu={(event, card) => { if (onMenu) { event.preventDefault(); onMenu(card.id, { x: event.clientX, y: event.clientY }); } }}
@@ -297,7 +316,7 @@ function widthOf(node: TreeNode): number {
   let known = widths.get(node);
   if (known === undefined) {
     const letters = Math.max(node.name.length * 7.4, (node.detail?.length ?? 0) * 6);
-    known = Math.round(Math.min(Math.max(letters + 88, 130), 300));
+    known = Math.round(Math.min(Math.max(letters + 104, 130), 300));
     widths.set(node, known);
   }
   return known;
@@ -314,19 +333,31 @@ function dropTarget(card: Card, boxes: Map<string, Shown>, laid: Laid): { parent
   mark(card.data.node);
   const middle = { x: card.position.x, y: card.position.y + HEIGHT / 2 };
   let best: { parent: string; index: number; distance: number } | null = null;
-  for (const { node, folded } of boxes.values()) {
+  for (const { node, folded, parent } of boxes.values()) {
     if (inside.has(node.id)) continue;
     const place = laid.places.get(node.id);
     if (!place) continue;
     const over = middle.x >= place.x && middle.x <= place.x + widthOf(node) && middle.y >= place.y && middle.y <= place.y + heightOf(node);
-    if (over) return { parent: node.id, index: node.children.length };
+    if (over) {
+      // The upper edge is the place before it, the lower one that behind it; a leaf has nothing between them.
+      const leaf = !node.children.length && ["action", "condition"].includes(FAMILIES[node.kind] ?? "");
+      const edge = leaf ? 0.5 : 0.25;
+      const part = (middle.y - place.y) / heightOf(node);
+      const siblings = parent === undefined ? [] : boxes.get(parent)!.node.children.filter((child) => !inside.has(child.id));
+      const number = siblings.findIndex((child) => child.id === node.id);
+      if (parent !== undefined && part < edge) return { parent, index: number };
+      if (parent !== undefined && part >= 1 - edge) return { parent, index: number + 1 };
+      return { parent: node.id, index: node.children.length };
+    }
     const children = folded ? [] : node.children.filter((child) => !inside.has(child.id));
     if (!children.length) continue;
     const at = children.map((child) => laid.places.get(child.id)).filter((each) => each !== undefined);
     const column = at[0]!.x;
     const [top, bottom] = [at[0]!.y, at[at.length - 1]!.y + HEIGHT];
     const outside = Math.max(top - middle.y, middle.y - bottom, 0);
-    const distance = Math.abs(middle.x - column) + 2 * outside;
+    // Just above the first or below the last of its siblings it stays one of them, though others may be near.
+    const own = boxes.get(card.id)?.parent === node.id ? 2 * HEIGHT : 0;
+    const distance = Math.abs(middle.x - column) + 2 * outside - own;
     const index = at.filter((each) => each.y + HEIGHT / 2 < middle.y).length;
     if (distance < 200 && (!best || distance < best.distance)) best = { parent: node.id, index, distance };
   }

@@ -44,7 +44,7 @@ export function PalettePanel({ palette, target, add }: { palette: Palette; targe
         placeholder="Search a node" value={search} onChange={(event) => { setSearch(event.target.value); setChosen(0); }} onKeyDown={keys} autoComplete="off" />
       <p className="muted">Enter adds {target}. Or drag a node onto the picture.</p>
       <ul id="palette-list" role="listbox" aria-label="Nodes">
-        {search ? found.map(row) : groups.map((group) => <li key={group.title} role="group" aria-label={group.title}><h3>{group.title}</h3><ul role="presentation">{group.nodes.map(row)}</ul></li>)}
+        {search ? found.map(row) : groups.map((group) => <li key={group.title} role="group" aria-label={group.title}><h3 aria-hidden="true">{group.title}</h3><ul role="presentation">{group.nodes.map(row)}</ul></li>)}
       </ul>
       {!order.length && <p>No node is called so.</p>}
     </div>

@@ -44,7 +44,7 @@ export function RehearsePanel({ path, text, result, onResult, onNode }: { path: 
   const rehearse = () => {
     setBusy(true);
     setError(null);
-    call<Rehearsal>("mission.rehearse", { path, text, cases: chosen }).then(onResult, (failed: CallError) => {
+    call<Rehearsal>("mission.rehearse", { path, text, cases: chosen }, true).then(onResult, (failed: CallError) => {
       onResult(null);
       setError(failed);
     }).finally(() => setBusy(false));

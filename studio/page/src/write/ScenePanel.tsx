@@ -112,6 +112,7 @@ export function ScenePanel({ path, scene }: { path: string; scene: string }) {
         <div className="seed">
           {(["x", "y"] as const).map((axis, number) => (
             <label key={axis}>{axis}, m <input type="number" step={0.01} key={`${body.name} ${body.position[number]}`} defaultValue={Number(body.position[number]!.toFixed(4))}
+              onKeyDown={(event) => { if (event.key === "Enter") event.currentTarget.blur(); }}
               onBlur={(event) => {
                 const value = Number(event.target.value);
                 if (Math.abs(value - body.position[number]!) > 1e-5) move(body.name, number ? body.position[0] : value, number ? value : body.position[1]);

@@ -3,6 +3,7 @@
 import { useCallback, useEffect, useMemo, useRef, useState } from "react";
 import type { DragEvent, KeyboardEvent } from "react";
 
+import { go, href } from "../routing";
 import { TreeView } from "../tree/TreeView";
 import type { TreeMarks, TreeNode } from "../tree/TreeView";
 import { Button } from "../ui/Button";
@@ -109,11 +110,21 @@ export function WritePage({ path }: { path: string }) {
   const keys = (event: KeyboardEvent) => {
     const parent = index?.parent(selected);
     const place = parent?.children.findIndex((child) => child.id === selected) ?? -1;
+    const move = (to: MissionNode, number: number) => void change({ do: "move", node: selected, place: { parent: to.id, index: number } });
+    const moves: Record<string, () => void> = parent ? {
+      ArrowUp: () => { if (place > 0) move(parent, place - 1); },
+      ArrowDown: () => { if (place < parent.children.length - 1) move(parent, place + 2); },
+      // Out of its parent, behind it; into the sibling before it, at its end.
+      ArrowLeft: () => {
+        const above = index!.parent(parent.id);
+        if (above) move(above, above.children.findIndex((child) => child.id === parent.id) + 1);
+      },
+      ArrowRight: () => { if (place > 0) move(parent.children[place - 1]!, parent.children[place - 1]!.children.length); },
+    } : {};
     if ((event.ctrlKey || event.metaKey) && event.key.toLowerCase() === "z" && view) (event.shiftKey ? redo : undo)(view);
     else if ((event.ctrlKey || event.metaKey) && event.key.toLowerCase() === "y" && view) redo(view);
     else if (event.key === "Delete" && node && parent) void change({ do: "remove", node: node.id });
-    else if (event.altKey && event.key === "ArrowUp" && parent && place > 0) void change({ do: "move", node: selected, place: { parent: parent.id, index: place - 1 } });
-    else if (event.altKey && event.key === "ArrowDown" && parent && place < parent.children.length - 1) void change({ do: "move", node: selected, place: { parent: parent.id, index: place + 2 } });
+    else if (event.altKey && event.key in moves) moves[event.key]!();
     else if (event.key === "a" && !event.ctrlKey && !event.metaKey) showPalette();
     else return;
     event.preventDefault();
@@ -122,6 +133,9 @@ export function WritePage({ path }: { path: string }) {
   const showPalette = () => {
     setTab("add");
     requestAnimationFrame(() => document.getElementById("palette-search")?.focus());
+  };
+  const run = async () => {
+    if (!writing.unsaved || (await writing.save())) go(href("live", "", { mission: path }));
   };
   const tree = mission?.trees.find((each) => head(each.name) === selected);
   const parent = index?.parent(selected) ?? null;
@@ -132,9 +146,10 @@ export function WritePage({ path }: { path: string }) {
     <div className={`write-page show-${show} tool-${tab}`}>
       <div className="write-bar" role="toolbar" aria-label="Mission">
         <h1>{path}<small>{mission?.name}{writing.unsaved ? " · not saved" : ""}</small></h1>
-        <Button primary onClick={writing.save} disabled={!view || !writing.unsaved} title="Ctrl+S">Save</Button>
+        <Button primary onClick={() => void writing.save()} disabled={!view || !writing.unsaved} title="Ctrl+S">Save</Button>
         <Button onClick={() => view && undo(view)} disabled={!writing.undoable} title="Ctrl+Z">Undo</Button>
         <Button onClick={() => view && redo(view)} disabled={!writing.redoable} title="Ctrl+Shift+Z">Redo</Button>
+        <Button onClick={() => void run()} disabled={!view} title={writing.unsaved ? "Save it, and start a run of it" : "Start a run of it"}>Run …</Button>
         <span className="space" />
         <select aria-label="Trees in the picture" value={only} onChange={(event) => setOnly(event.target.value)}>
           <option value="">All trees</option>
@@ -150,7 +165,7 @@ export function WritePage({ path }: { path: string }) {
           <div className="write-editor" ref={writing.host} />
           <Faults faults={faults} onShow={(fault) => { if (view) { view.dispatch({ selection: { anchor: fault.from }, scrollIntoView: true }); view.focus(); } }} onFix={(fault) => { if (view) applyChanges(view, [fault.fix!], false); }} />
         </section>
-        <section className="write-picture" aria-label="Picture" onKeyDown={keys} onDragOver={(event) => { if (event.dataTransfer.types.includes(DRAGGED)) event.preventDefault(); }} onDrop={dropped}>
+        <section className="write-picture" aria-label="Picture" onKeyDownCapture={keys} onDragOver={(event) => { if (event.dataTransfer.types.includes(DRAGGED)) event.preventDefault(); }} onDrop={dropped}>
           {root ? <TreeView root={root} marks={marks} selected={selected} onSelect={choose} onMove={move} onMenu={openMenu} /> : <p className="loading">Reading the mission…</p>}
           {mission && !mission.whole && <p className="stale" role="status">The text has a fault of form. The picture shows what can be read.</p>}
         </section>

@@ -192,6 +192,7 @@ async function hover(path: string, view: EditorView, place: number): Promise<Too
 export function words(text: string): HTMLElement {
   const holder = document.createElement("div");
   holder.className = "cm-words";
+  holder.tabIndex = 0; // it may scroll, so keys reach it
   for (const part of text.split(/\n{2,}/)) {
     const fenced = /^```\w*\n([\s\S]*?)\n?```$/.exec(part.trim());
     const block = document.createElement(fenced ? "pre" : "p");

@@ -32,7 +32,8 @@ export interface Writing {
   undoable: boolean;
   redoable: boolean;
   edit(edit: Edit): Promise<string | null>;
-  save(): void;
+  // Resolves with whether the file has the text.
+  save(): Promise<boolean>;
 }
 
 export function useMission(path: string, onCursor: (place: number) => void): Writing {
@@ -65,7 +66,7 @@ export function useMission(path: string, onCursor: (place: number) => void): Wri
     now.asking = true;
     now.stale = false;
     const asked = now.text;
-    call<Mission>("mission.tree", { path, text: asked }).then((found) => asked === now.text && showTree(found), toastError).finally(() => {
+    call<Mission>("mission.tree", { path, text: asked }, true).then((found) => asked === now.text && showTree(found), toastError).finally(() => {
       now.asking = false;
       if (now.stale) readTree();
     });
@@ -74,11 +75,15 @@ export function useMission(path: string, onCursor: (place: number) => void): Wri
   const save = useCallback(() => {
     const now = state.current;
     const written = now.text;
-    call<{ version: string }>("files.write", { path, text: written.replaceAll("\n", now.ends), version: now.version || null }).then((file) => {
+    return call<{ version: string }>("files.write", { path, text: written.replaceAll("\n", now.ends), version: now.version || null }).then((file) => {
       now.version = file.version;
       setSaved(written);
       toast(`${path} saved`, "success");
-    }, toastError);
+      return true;
+    }, (error: CallError) => {
+      toastError(error);
+      return false;
+    });
   }, [path]);
 
   useEffect(() => {
@@ -87,15 +92,15 @@ export function useMission(path: string, onCursor: (place: number) => void): Wri
     const timers = { faults: 0, draft: 0 };
     const readFaults = () => {
       const asked = state.current.text;
-      call<TextFault[]>("mission.faults", { path, text: asked }).then((found) => {
+      call<TextFault[]>("mission.faults", { path, text: asked }, true).then((found) => {
         if (!wanted || asked !== state.current.text) return;
         setFaults(found);
         if (made) showFaults(made, found);
       }, (error: CallError) => wanted && toastError(error));
     };
-    const readPalette = () => void call<Palette>("mission.palette", { path, text: state.current.text }).then((found) => wanted && setPalette(found), () => undefined);
-    const keepDraft = (now: string) => void call("files.draft", { path, text: now.replaceAll("\n", state.current.ends) }).catch(toastError);
-    call<Opened>("files.read", { path }).then((file) => {
+    const readPalette = () => void call<Palette>("mission.palette", { path, text: state.current.text }, true).then((found) => wanted && setPalette(found), () => undefined);
+    const keepDraft = (now: string) => void call("files.draft", { path, text: now.replaceAll("\n", state.current.ends) }, true).catch(toastError);
+    call<Opened>("files.read", { path }, true).then((file) => {
       if (!wanted || !host.current) return;
       const now = state.current;
       now.version = file.version;
@@ -144,13 +149,13 @@ export function useMission(path: string, onCursor: (place: number) => void): Wri
       first.current = false;
       return;
     }
-    void call<Palette>("mission.palette", { path, text: state.current.text }).then(setPalette, () => undefined);
+    void call<Palette>("mission.palette", { path, text: state.current.text }, true).then(setPalette, () => undefined);
   }, [path, trees]);
 
   // Saved by hand, or typed back: nothing is left to keep.
   const unsaved = text !== saved;
   useEffect(() => {
-    if (view && !unsaved) void call("files.draft", { path, text: null }).catch(() => undefined);
+    if (view && !unsaved) void call("files.draft", { path, text: null }, true).catch(() => undefined);
   }, [path, unsaved, view]);
 
   // An edit by the picture. Resolves with the node that it concerns; null when it could not be done.

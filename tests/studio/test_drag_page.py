@@ -1,0 +1,174 @@
+"""What is dragged in the page of a mission, and the keys that do the same: nodes, the palette, fixtures."""
+
+from __future__ import annotations
+
+import re
+import shutil
+from typing import Any
+
+import numpy as np
+import pytest
+
+from picktree.files.shipped_files import ROOT
+from picktree.world.scene.loading.scene_loading import SHIPPED
+
+from ..browser import Told, wait_until
+from ..needs import CHROMIUM, needs
+from .conftest import Served
+from .test_page import go, page
+from .test_write_page import card, written
+
+__all__ = ["page"]
+pytestmark = needs(CHROMIUM)
+NAME = "sort_by_colour.yaml"
+SEQUENCE = "SortOne/Recover/Sequence"
+GRASP = '          - Grasp: {object: "{item}"}'
+PLACE = '          - Place: {object: "{item}", into: "{item.destination}"}'
+
+
+def open_mission(served: Served, browser: Any, text: str | None = None) -> None:
+    shutil.copyfile(ROOT / "examples" / NAME, served.folder / NAME)
+    if text is not None:
+        (served.folder / NAME).write_text(text, encoding="utf-8")
+    go(browser, f"#/write/{NAME}")
+    browser.get_by_text("✓ No faults").wait_for()
+
+
+def drag(browser: Any, start: tuple[float, float], end: tuple[float, float]) -> None:
+    browser.mouse.move(*start)
+    browser.mouse.down()
+    for part in np.linspace(0.1, 1.0, 8):
+        browser.mouse.move(*(a + (b - a) * part for a, b in zip(start, end, strict=True)))
+    browser.mouse.up()
+
+
+def middle(box: dict[str, float]) -> tuple[float, float]:
+    return box["x"] + 40, box["y"] + box["height"] / 2
+
+
+def test_a_node_is_moved_by_drag_and_by_keys(served: Served, page: tuple[Any, Told]) -> None:
+    browser, told = page
+    open_mission(served, browser)
+    before = (served.folder / NAME).read_text(encoding="utf-8")
+    swapped = before.replace(f"{GRASP}\n{PLACE}\n", f"{PLACE}\n{GRASP}\n")
+    assert swapped != before
+
+    def saved() -> str:
+        browser.keyboard.press("Control+s")
+        wait_until(browser, "document.querySelector('.write-bar button').disabled")
+        return (served.folder / NAME).read_text(encoding="utf-8")
+
+    browser.locator(".cm-line", has_text="- Place:").click()
+    place, grasp = card(browser, f"{SEQUENCE}/Place"), card(browser, f"{SEQUENCE}/Grasp")
+    place.and_(browser.locator(".selected")).wait_for()
+    browser.wait_for_timeout(300)
+    start, onto = middle(place.bounding_box()), grasp.bounding_box()
+    drag(browser, start, (start[0], start[1] - (place.bounding_box()["y"] - onto["y"]) - onto["height"] / 4))
+    wait_until(browser, order_of("Place", "Grasp"))
+    browser.locator(".cm-line", has_text="- Place:").click()
+    assert saved() == swapped
+
+    # By keys: down again, then out of the sequence and back into it.
+    place.click()
+    browser.keyboard.press("Alt+ArrowDown")
+    wait_until(browser, order_of("Grasp", "Place"))
+    browser.locator(".cm-line", has_text="- Place:").click()
+    assert saved() == before
+    browser.locator(".cm-line", has_text="GoTo:").get_by_text("GoTo", exact=True).click()
+    goto = browser.locator(".tree-card.selected", has_text="GoTo")
+    goto.click()
+    path = goto.get_attribute("data-tree-node")
+    assert path is not None
+    browser.keyboard.press("Alt+ArrowLeft")
+    card(browser, "Main/Repeat/Sequence/GoTo").and_(goto).wait_for()
+    browser.keyboard.press("Alt+ArrowRight")
+    card(browser, path).and_(goto).wait_for()
+    assert "- Fallback: [SafeRetreat, {GoTo: {pose: home}}]" in written(browser)
+    assert told.problems == []
+
+
+def order_of(first: str, second: str) -> str:
+    """Return a condition of the page: a line with the first node comes before one with the second."""
+    lines = "[...document.querySelectorAll('.cm-line')].map((line) => line.textContent)"
+    at = f"(name) => {lines}.findIndex((text) => text.includes(`- ${{name}}:`))"
+    return f"(({at})('{first}') < ({at})('{second}'))"
+
+
+def test_a_node_is_taken_from_the_palette(served: Served, page: tuple[Any, Told]) -> None:
+    browser, told = page
+    open_mission(served, browser)
+    browser.locator(".cm-line", has_text="- Grasp:").click()
+    grasp = card(browser, f"{SEQUENCE}/Grasp")
+    grasp.and_(browser.locator(".selected")).wait_for()
+    browser.get_by_role("tab", name="Add").click()
+    browser.get_by_role("combobox", name="Search a node").fill("OpenGr")
+    browser.get_by_role("option", name="OpenGripper").drag_to(grasp)
+    card(browser, f"{SEQUENCE}/OpenGripper").wait_for()
+    assert f"{GRASP}\n          - OpenGripper\n{PLACE}" in written(browser)
+    assert told.problems == []
+
+
+def on_screen(browser: Any, point: tuple[float, float, float]) -> tuple[float, float]:
+    """Return where the first view of the scene panel shows a point of the world, px."""
+    box = browser.locator(".scene-view canvas").bounding_box()
+    eye, target = np.array([1.75, -1.25, 1.25]), np.array([0.35, 0.0, 0.1])
+    ahead = (target - eye) / np.linalg.norm(target - eye)
+    right = np.cross(ahead, [0.0, 0.0, 1.0])
+    right /= np.linalg.norm(right)
+    above = np.cross(right, ahead)
+    offset = np.array(point) - eye
+    half = box["height"] / 2 / np.tan(np.radians(42) / 2)
+    depth = float(offset @ ahead)
+    x = box["x"] + box["width"] / 2 + half * float(offset @ right) / depth
+    y = box["y"] + box["height"] / 2 - half * float(offset @ above) / depth
+    return x, y
+
+
+def test_a_fixture_is_dragged_in_the_scene_and_only_its_line_changes(
+    served: Served, page: tuple[Any, Told]
+) -> None:
+    browser, told = page
+    scene = re.sub(r"  nut: .*\n|, nut: 1", "", (SHIPPED / "three_bins.yaml").read_text(encoding="utf-8"))
+    (served.folder / "cell.yaml").write_text(scene, encoding="utf-8")
+    mission = (ROOT / "examples" / NAME).read_text(encoding="utf-8")
+    open_mission(served, browser, mission.replace("scene: three_bins ", "scene: cell.yaml "))
+    browser.get_by_role("tab", name="Scene").click()
+    browser.get_by_role("button", name="Save cell.yaml").wait_for()
+    browser.locator(".scene-view canvas").scroll_into_view_if_needed()
+    browser.wait_for_timeout(500)
+    (at,) = re.findall(r"red_bin:.*?at: (\[[^\]]*\])", scene, re.DOTALL)[:1]
+    x, y, z = (float(word) for word in at.strip("[]").split(","))
+
+    height = z + 0.005  # near the floor of the bin
+    drag(browser, on_screen(browser, (x, y, height)), on_screen(browser, (x - 0.1, y + 0.05, height)))
+    assert browser.get_by_label("Fixture or bin").input_value() == "red_bin"
+    save = browser.get_by_role("button", name="Save cell.yaml")
+    wait_until(browser, f"!{disabled('Save cell.yaml')}")
+    save.click()
+    wait_until(browser, disabled("Save cell.yaml"))
+    moved = changed_line(scene, (served.folder / "cell.yaml").read_text(encoding="utf-8"))
+    found = [float(word) for word in re.findall(r"at: \[([^\]]*)\]", moved)[0].split(",")]
+    # The hand takes the bin where the ray meets it first, which may be its rim.
+    assert found == pytest.approx([x - 0.1, y + 0.05, z], abs=0.03)
+
+    # By keys: a number, taken over with Enter.
+    value = browser.get_by_label("x, m")
+    value.fill("0.4")
+    value.press("Enter")
+    wait_until(browser, f"!{disabled('Save cell.yaml')}")
+    save.click()
+    wait_until(browser, disabled("Save cell.yaml"))
+    typed = changed_line(scene, (served.folder / "cell.yaml").read_text(encoding="utf-8"))
+    assert "at: [0.4, " in typed
+    assert told.problems == []
+
+
+def disabled(name: str) -> str:
+    return f"[...document.querySelectorAll('button')].find((each) => each.textContent === '{name}').disabled"
+
+
+def changed_line(before: str, after: str) -> str:
+    """Return the only line that is another one."""
+    pairs = zip(before.split("\n"), after.split("\n"), strict=True)
+    (line,) = (new for old, new in pairs if old != new)
+    return line
