@@ -2,14 +2,16 @@
 //
 // Arrow keys go to parent, child and siblings, Enter and Space choose, + and − fold, the menu key opens the menu.
 
-import { Background, Controls, Handle, Position, ReactFlow, ReactFlowProvider, useReactFlow } from "@xyflow/react";
-import type { Edge, Node, NodeProps } from "@xyflow/react";
+import { Background, Controls, Position, ReactFlow, ReactFlowProvider, ViewportPortal, useReactFlow, useStore } from "@xyflow/react";
+import type { Node, NodeHandle, NodeProps } from "@xyflow/react";
 import { createContext, memo, useCallback, useContext, useEffect, useLayoutEffect, useMemo, useRef, useState } from "react";
 import type { JSX, KeyboardEvent } from "react";
 
 import { NodeSymbol } from "../ui/Icon";
 import { layOut } from "./layout";
 import type { Box, Laid } from "./layout";
+import { Cards, Lines } from "./Outlines";
+import type { Outline } from "./Outlines";
 
 export interface TreeNode {
   id: string;
@@ -41,6 +43,7 @@ const HEIGHT = 30;
 const MARGIN = 16;
 const READABLE = 0.6; // zoom below which the text is hard to read
 const LARGE_ZOOM = 0.9;
+const FAR = 0.28; // zoom below which cards are drawn as plain rectangles
 const WITH_DETAIL = 46;
 const STATUS_SIGNS: Record<TreeStatus, string> = { running: "▶", success: "✓", failure: "✗", skipped: "–", idle: "·" };
 const FAMILIES: Record<string, string> = {
@@ -99,42 +102,43 @@ function Tree({ root, marks, selected, onSelect, onMenu, onMove, className }: Tr
     });
   }, [root, laid]);
 
-  // Cards and edges that stay the same keep their objects, so that only the others cost something.
-  const made = useRef({ cards: new Map<string, Card>(), edges: new Map<string, Edge>() });
+  // Cards that stay the same keep their objects, so that only the others cost something.
+  const made = useRef(new Map<string, Card>());
   const movable = Boolean(onMove);
   const nodes = useMemo<Card[]>(() => {
-    const before = made.current.cards;
+    const before = made.current;
     const cards = [...shown.values()].map(({ node, folded }): Card => {
       const position = laid.places.get(node.id) ?? { x: 0, y: 0 };
       const draggable = movable && node.id !== root.id;
       const old = before.get(node.id);
-      if (old && old.data.node === node && old.data.folded === folded && old.position.x === position.x && old.position.y === position.y && old.draggable === draggable) return old;
-      return { id: node.id, type: "card", position, data: { node, folded }, width: widthOf(node), height: heightOf(node), draggable, focusable: false };
+      const same = old && old.data.node === node && old.data.folded === folded;
+      if (same && old.position.x === position.x && old.position.y === position.y && old.draggable === draggable) return old;
+      return { id: node.id, type: "card", position, data: same ? old.data : { node, folded }, width: widthOf(node), height: heightOf(node), handles: HANDLES, draggable, focusable: false };
     });
-    made.current.cards = new Map(cards.map((card) => [card.id, card]));
+    made.current = new Map(cards.map((card) => [card.id, card]));
     return cards;
     // A card that was dropped where it cannot go returns: `drops` makes it anew.
   }, [laid, shown, movable, root.id, drops]);
-  const edges = useMemo<Edge[]>(() => {
-    const before = made.current.edges;
-    const found = [...shown.values()].filter((each) => each.parent !== undefined).map((each): Edge => {
-      const id = `${each.parent}→${each.node.id}`;
-      return before.get(id) ?? { id, source: each.parent!, target: each.node.id, type: "smoothstep", focusable: false };
-    });
-    made.current.edges = new Map(found.map((edge) => [edge.id, edge]));
-    return found;
-  }, [shown]);
+  // From afar no words can be read, and a thousand cards of a document are slow: rectangles stand for them.
+  const far = useStore((store) => store.transform[2] < FAR);
+  const drawn = useMemo(() => [...shown.values()].map(({ node, parent }): Outline => ({
+    id: node.id, parent, family: FAMILIES[node.kind] ?? "control", width: widthOf(node), height: heightOf(node), ...laid.places.get(node.id)!,
+  })), [shown, laid]);
 
+  const whole = useCallback(() => {
+    const box = host.current!.getBoundingClientRect();
+    const zoom = Math.min(1, (box.width - 2 * MARGIN) / laid.width, (box.height - 2 * MARGIN) / laid.height);
+    return { x: (box.width - zoom * laid.width) / 2, y: (box.height - zoom * laid.height) / 2, zoom };
+  }, [laid]);
+  const showAll = () => void flow.setViewport(whole());
   useEffect(() => {
     if (fitted.current) return;
     fitted.current = true;
-    const box = host.current!.getBoundingClientRect();
-    const zoom = Math.min(1, (box.width - 2 * MARGIN) / laid.width, (box.height - 2 * MARGIN) / laid.height);
-    const start = laid.places.get(root.id)!;
+    const [all, start] = [whole(), laid.places.get(root.id)!];
     // All of it where that can be read, else its root at the left edge.
-    if (zoom >= READABLE) void flow.setViewport({ x: (box.width - zoom * laid.width) / 2, y: (box.height - zoom * laid.height) / 2, zoom });
-    else void flow.setViewport({ x: MARGIN, y: box.height / 2 - start.y * LARGE_ZOOM, zoom: LARGE_ZOOM });
-  }, [laid, flow, root.id]);
+    if (all.zoom >= READABLE) void flow.setViewport(all);
+    else void flow.setViewport({ x: MARGIN, y: host.current!.clientHeight / 2 - start.y * LARGE_ZOOM, zoom: LARGE_ZOOM });
+  }, [laid, flow, root.id, whole]);
 
   const keys = (event: KeyboardEvent) => {
     const here = shown.get(selected ?? root.id) ?? shown.get(root.id)!;
@@ -189,11 +193,16 @@ function Tree({ root, marks, selected, onSelect, onMenu, onMove, className }: Tr
   const shared = useMemo<Shared>(() => ({ marks, selected, fold }), [marks, selected, fold]);
   const active = selected && shown.has(selected) ? elementId(selected) : undefined;
 
+  const at = ({ clientX, clientY }: { clientX: number; clientY: number }) => {
+    const { x, y } = flow.screenToFlowPosition({ x: clientX, y: clientY });
+    return drawn.find((each) => x >= each.x && y >= each.y && x <= each.x + each.width && y <= each.y + each.height)?.id;
+  };
+
   // A dropped card goes to the card below it as its child, or among the children of the nearest parent by height.
   const dropped = (_: unknown, card: Card) => {
     if (!onMove) return;
     const target = dropTarget(card, shown, laid);
-    made.current.cards.delete(card.id);
+    made.current.delete(card.id);
     setDrops((n) => n + 1);
     if (target) onMove(card.id, target.parent, target.index);
   };
@@ -204,16 +213,24 @@ function Tree({ root, marks, selected, onSelect, onMenu, onMove, className }: Tr
       <div ref={tree} className="tree-keys" role="tree" aria-label={`Tree of ${root.name}`} tabIndex={0} aria-activedescendant={active} aria-owns={owned} />
       <SharedContext.Provider value={shared}>
         <ReactFlow
-          nodes={nodes} edges={edges} nodeTypes={NODE_TYPES} onlyRenderVisibleElements minZoom={0.05} maxZoom={2}
+          nodes={far ? NONE : nodes} nodeTypes={NODE_TYPES} onlyRenderVisibleElements minZoom={0.02} maxZoom={2}
           nodesConnectable={false} elementsSelectable={false} nodesFocusable={false} edgesFocusable={false} disableKeyboardA11y
           proOptions={{ hideAttribution: false }}
           onNodeClick={(_, card) => onSelect(card.id)}
           onNodeDoubleClick={(_, card) => fold(card.id)}
           onNodeContextMenu={(event, card) => { if (onMenu) { event.preventDefault(); onMenu(card.id, { x: event.clientX, y: event.clientY }); } }}
           onNodeDragStop={onMove ? dropped : undefined}
+          onMoveStart={() => host.current!.classList.add("moving")}
+          onMoveEnd={() => host.current!.classList.remove("moving")}
+          onPaneClick={far ? (event) => { const id = at(event); if (id !== undefined) onSelect(id); } : undefined}
+          onPaneContextMenu={far && onMenu ? (event) => { const id = at(event); if (id === undefined) return; event.preventDefault(); onMenu(id, { x: event.clientX, y: event.clientY }); } : undefined}
         >
+          <ViewportPortal>
+            <Lines shown={drawn} />
+            {far && <Cards shown={drawn} marks={marks} selected={selected} />}
+          </ViewportPortal>
           <Background gap={24} />
-          <Controls showInteractive={false} />
+          <Controls showInteractive={false} onFitView={showAll} />
         </ReactFlow>
       </SharedContext.Provider>
     </div>
@@ -232,7 +249,6 @@ const CardView = memo(function CardView({ data }: NodeProps<Card>) {
     <div className={`tree-card ${family} ${status ?? ""} ${selected === node.id ? "selected" : ""} ${mark?.coverage === 0 ? "uncovered" : ""}`}
       id={elementId(node.id)} data-tree-node={node.id} role="treeitem" aria-label={words.join(", ")} aria-selected={selected === node.id}
       aria-expanded={node.children.length ? !folded : undefined}>
-      <Handle type="target" position={Position.Left} isConnectable={false} />
       {mark?.breakpoint && <span className="tree-breakpoint" title="Breakpoint" />}
       <NodeSymbol symbol={node.kind} />
       <span className="tree-name"><b>{node.name}</b>{" "}{node.detail && <small>{node.detail}</small>}</span>
@@ -243,13 +259,15 @@ const CardView = memo(function CardView({ data }: NodeProps<Card>) {
         <button className="tree-fold nodrag" tabIndex={-1} aria-label={folded ? `Unfold ${node.name}` : `Fold ${node.name}`}
           onClick={(event) => { event.stopPropagation(); fold(node.id); }}>{folded ? `+${count(node) - 1}` : "−"}</button>
       )}
-      <Handle type="source" position={Position.Right} isConnectable={false} />
     </div>
   );
 });
 // Names of nodes may have blanks, ids of elements none.
 const elementId = (id: string) => `tree-${encodeURIComponent(id)}`;
 const NODE_TYPES = { card: CardView };
+const NONE: Card[] = [];
+// Cards without them are all drawn once to be measured, in view or not.
+const HANDLES: NodeHandle[] = [{ type: "source", position: Position.Right, x: 0, y: 0 }];
 
 interface Shown {
   node: TreeNode;

@@ -5,7 +5,7 @@ import { href } from "../routing";
 import { Button } from "../ui/Button";
 import { Empty } from "../ui/Empty";
 import { toast, toastError } from "../ui/Toast";
-import { useState } from "react";
+import { useEffect, useState } from "react";
 
 interface Listed {
   path: string;
@@ -13,6 +13,7 @@ interface Listed {
 }
 
 export function Missions() {
+  useEffect(() => void call("mission.prepare").catch(() => undefined), []);
   const [again, setAgain] = useState(0);
   const missions = useCall<Listed[]>("files.list", { kind: "mission" }, again);
   const copy = () => void call<string[]>("folder.copy_examples").then((written) => {
