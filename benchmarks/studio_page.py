@@ -193,6 +193,7 @@ def measure_mission(page: Any, link: str, rounds: int) -> None:
     show_frames("pan, all in view", page, DRAG)
     show_frames("zoom, all in view", page, WHEEL)
     fold_often("fold a tree, all in view")
+    page.locator(".react-flow__controls-fitview").click()
     page.evaluate(NEARER)
     page.wait_for_timeout(500)
     show_frames("pan, most cards in view", page, DRAG)
@@ -282,11 +283,11 @@ def measure_index(page: Any, link: str, runs: int, rounds: int) -> None:
         found.get_by_text(f"{runs} runs", exact=True).wait_for()
         page.get_by_label("Words").fill(f"run-{number}")
         page.wait_for_timeout(600)
-        times.append(filtered("Words", "7", f" of {runs} runs", "7"))
+        times.append(filtered("Words", "x", f"0 of {runs} runs", "x"))
         page.get_by_label("Words").fill("")
         found.get_by_text(f"{runs} runs", exact=True).wait_for()
         page.get_by_label("Condition").fill(
-            f"lost >= 0 and 'x' not in causes and seed < {number} + 1000 and '-{number}' in folder"
+            f"lost >= 0 and 'x' not in causes and folder != 'run-{number}-20261123-090000'"
         )
         conditions.append(filtered("Condition", "Enter", f" of {runs} runs", "Enter"))
         page.get_by_label("Condition").fill("")

@@ -67,7 +67,7 @@ def test_from_an_empty_folder_to_a_what_if(
     browser.get_by_text("did you mean").wait_for()
     browser.get_by_label("Condition").fill("lost > 0 and 'grasp.missed' in causes")
     browser.keyboard.press("Enter")
-    browser.get_by_text("1 runs").wait_for()
+    browser.get_by_text("1 run").wait_for()
     browser.locator("[data-index='0']").focus()
     browser.keyboard.press("Enter")
 

@@ -8,6 +8,7 @@ import { createContext, memo, useCallback, useContext, useEffect, useLayoutEffec
 import type { JSX, KeyboardEvent } from "react";
 
 import { NodeSymbol } from "../ui/Icon";
+import { counted } from "../ui/words";
 import { layOut } from "./layout";
 import type { Box, Laid } from "./layout";
 import { Cards, Lines } from "./Outlines";
@@ -182,12 +183,19 @@ function Tree({ root, marks, selected, onSelect, onMenu, onMove, className }: Tr
     const inside = at.x >= box.left && at.y >= box.top && at.x + widthOf(node) * zoom <= box.right && at.y + HEIGHT * zoom <= box.bottom;
     if (!inside) void flow.setCenter(place.x + widthOf(node) / 2, place.y + HEIGHT / 2, { zoom });
   };
-  // A node that was chosen elsewhere comes into view.
+  // A node that was chosen elsewhere comes into view, out of branches that are folded.
   const bringIt = useRef(bring);
   bringIt.current = bring;
+  const hidden = selected !== undefined && !shown.has(selected);
+  const brought = useRef<string>(undefined);
   useEffect(() => {
-    if (selected !== undefined) bringIt.current(selected);
-  }, [selected]);
+    if (selected === undefined || brought.current === selected) return;
+    if (hidden) setChanged((before) => new Map([...before, ...above(root, selected).map((id) => [id, false] as const)]));
+    else {
+      brought.current = selected; // from now on it may be folded away, and the view may leave it
+      bringIt.current(selected);
+    }
+  }, [selected, hidden, root]);
   const tree = useRef<HTMLDivElement>(null);
   const owned = useMemo(() => [...shown.keys()].map(elementId).join(" "), [shown]);
   const shared = useMemo<Shared>(() => ({ marks, selected, fold }), [marks, selected, fold]);
@@ -243,7 +251,7 @@ const CardView = memo(function CardView({ data }: NodeProps<Card>) {
   const mark = marks[node.id];
   const status = mark?.status;
   const family = FAMILIES[node.kind] ?? "control";
-  const words = [node.detail ? `${node.name} ${node.detail}` : node.name, status && status !== "idle" ? status : "", mark?.faults ? `${mark.faults} faults` : "", mark?.breakpoint ? "breakpoint" : "",
+  const words = [node.detail ? `${node.name} ${node.detail}` : node.name, status && status !== "idle" ? status : "", mark?.faults ? counted(mark.faults, "fault") : "", mark?.breakpoint ? "breakpoint" : "",
     mark?.coverage !== undefined ? `covered ${Math.round(mark.coverage * 100)} %` : ""].filter(Boolean);
   return (
     <div className={`tree-card ${family} ${status ?? ""} ${selected === node.id ? "selected" : ""} ${mark?.coverage === 0 ? "uncovered" : ""}`}
@@ -252,7 +260,7 @@ const CardView = memo(function CardView({ data }: NodeProps<Card>) {
       {mark?.breakpoint && <span className="tree-breakpoint" title="Breakpoint" />}
       <NodeSymbol symbol={node.kind} />
       <span className="tree-name"><b>{node.name}</b>{" "}{node.detail && <small>{node.detail}</small>}</span>
-      {mark?.faults ? <span className="tree-faults" title={`${mark.faults} faults`}>{mark.faults}</span> : null}
+      {mark?.faults ? <span className="tree-faults" title={counted(mark.faults, "fault")}>{mark.faults}</span> : null}
       {mark?.coverage !== undefined && <span className={`tree-coverage${mark.coverage < 1 ? " partly" : ""}`} aria-hidden="true">{mark.coverage < 1 ? `${Math.round(mark.coverage * 100)} %` : "✓"}</span>}
       {status && <span className="tree-status" aria-hidden="true">{STATUS_SIGNS[status]}</span>}
       {node.children.length > 0 && (
@@ -298,6 +306,16 @@ function find(node: TreeNode, id: string): TreeNode | null {
     if (found) return found;
   }
   return null;
+}
+
+// The ids of the nodes above a node, from the root on; none when it is not in the tree.
+function above(node: TreeNode, id: string): string[] {
+  for (const child of node.children) {
+    if (child.id === id) return [node.id];
+    const found = above(child, id);
+    if (found.length) return [node.id, ...found];
+  }
+  return [];
 }
 
 const counts = new WeakMap<TreeNode, number>();
