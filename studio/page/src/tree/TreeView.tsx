@@ -80,7 +80,10 @@ function Tree({ root, marks, selected, onSelect, onMenu, onMove, className }: Tr
   const isFolded = useCallback((node: TreeNode) => node.children.length > 0 && (changed.get(node.id) ?? node.collapsedByDefault ?? false), [changed]);
 
   const shown = useMemo(() => collect(root, isFolded), [root, isFolded]);
-  const laid = useMemo(() => layOut(boxOf(root, isFolded)), [root, isFolded]);
+  // Most edits change no size: then all stays where it is.
+  const sizes = [...shown.values()].map(({ node, parent }) => `${node.id} ${parent} ${widthOf(node)} ${heightOf(node)}`).join("\n");
+  // eslint-disable-next-line react-hooks/exhaustive-deps
+  const laid = useMemo(() => layOut(boxOf(root, isFolded)), [sizes]);
 
   // What is folded stays where it is on the screen, while the rest moves.
   const anchor = useRef<{ id: string; x: number; y: number } | null>(null);
