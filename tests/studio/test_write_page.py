@@ -53,10 +53,12 @@ def test_a_mission_is_broken_mended_changed_and_saved(served: Served, page: tupl
     card(browser, grasp).wait_for()
 
     # Folded away, and unfolded by the cursor in its text.
+    card(browser, grasp).and_(browser.locator(".selected")).wait_for()
     browser.get_by_role("tree").focus()
     for key in ("ArrowLeft", "-"):
         browser.keyboard.press(key)
     card(browser, grasp).wait_for(state="detached")
+    browser.wait_for_timeout(800)  # the text comes to what was chosen
     line.click()
     card(browser, grasp).and_(browser.locator(".selected")).wait_for()
 

@@ -98,13 +98,13 @@ function Tree({ root, marks, selected, onSelect, onMenu, onMove, className }: Tr
   const fold = useCallback((id: string) => {
     const place = laid.places.get(id);
     anchor.current = place ? { id, ...place } : null;
-    setChanged((before) => {
-      const node = find(root, id);
-      if (!node?.children.length) return before;
-      const folded = before.get(id) ?? node.collapsedByDefault ?? false;
-      return new Map(before).set(id, !folded);
-    });
-  }, [root, laid]);
+    const node = find(root, id);
+    if (!node?.children.length) return;
+    const folded = isFolded(node);
+    setChanged((before) => new Map(before).set(id, !folded));
+    // The choice is never hidden: it goes to what is folded, and comes back when it is chosen again.
+    if (!folded && selected !== undefined && above(node, selected).length) onSelect(id);
+  }, [root, laid, isFolded, selected, onSelect]);
 
   // Cards that stay the same keep their objects, so that only the others cost something.
   const made = useRef(new Map<string, Card>());
