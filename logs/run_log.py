@@ -321,9 +321,11 @@ class RunLog:
         wanted: Collection[str] | None = None,
         start: float | None = None,
         end: float | None = None,
+        *,
+        newest_first: bool = False,
     ) -> Iterator[RawMessage]:
         """Yield undecoded messages of these topics."""
-        return self._file.messages(wanted, _ns(start), _ns(end))
+        return self._file.messages(wanted, _ns(start), _ns(end), newest_first=newest_first)
 
     def times(self, topic: str) -> list[float]:
         """Return the times of a topic's messages, simulated s."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import gc
 import logging
 import mimetypes
 import socket
@@ -170,5 +171,8 @@ def serve(folder: Path, port: int | None, ready: Callable[[str], None]) -> None:
     with listen(port) as listening:
         logging.basicConfig(format="%(name)s: %(message)s")
         server = make_server(workspace, listening)
+        # What is loaded by now stays: collections of garbage, which would hold up answers, pass it over.
+        gc.collect()
+        gc.freeze()
         ready(link(workspace, listening))
         server.run(sockets=[listening])

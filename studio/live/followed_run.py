@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import itertools
 import json
 import logging
 import time
@@ -20,14 +21,14 @@ from ...logs.schema import topics
 from ...robots.loading import parse_robot
 from ...session.live.attach_socket import connect_to_run
 from ..calls import JsonValue
-from .run_picture import LogMessage, RunPicture
+from .run_picture import MAX_LINES, LogMessage, RunPicture
 
 PERIOD: Final = 0.05
 """Interval between two events for a viewer, wall s."""
 GRACE: Final = 10.0
 """Time for which the connection stays when the last viewer has left, wall s; a stop lasts as long."""
 HISTORY: Final = 120.0
-"""Simulated time before the first viewer that is read from the log, s."""
+"""Simulated time before the first viewer of which all is read from the log, s; before it, the lines."""
 MAX_VIEWERS: Final = 16
 """Number of viewers of one run."""
 _REPLY_TIME: Final = 30.0
@@ -35,13 +36,8 @@ _REPLY_TIME: Final = 30.0
 _MAX_LINE: Final = 1 << 26
 _BACKLOG: Final = 40
 """Number of events that wait for a viewer, above which it receives everything anew."""
-_HISTORY_TOPICS: Final = (
-    topics.TICK.name,
-    topics.WRENCH.name,
-    topics.TF.name,
-    topics.LOG.name,
-    topics.EVENTS.name,
-)
+_LINE_TOPICS: Final = (topics.LOG.name, topics.EVENTS.name)
+_HISTORY_TOPICS: Final = (topics.TICK.name, topics.WRENCH.name, topics.TF.name, *_LINE_TOPICS)
 _LOG_TRIES: Final = 40
 _LOG_PERIOD: Final = 0.05
 """Number of looks at the log until it has what the run has sent, and the time between them, wall s."""
@@ -177,7 +173,11 @@ class FollowedRun:
             info = log.run
             picture.set("run", {"mission": info.mission, "scene": info.scene, "robot": info.robot,
                                 "seed": info.seed, "backend": info.backend})  # fmt: skip
-            for message in log.messages(_HISTORY_TOPICS, max(0.0, until - HISTORY), until):
+            begin = max(0.0, until - HISTORY)
+            before = log.messages(_LINE_TOPICS, None, begin, newest_first=True)
+            lines = [each for each in itertools.islice(before, MAX_LINES) if each.time < round(begin * 1e9)]
+            recent = log.messages(_HISTORY_TOPICS, begin, until)
+            for message in itertools.chain(reversed(lines), recent):
                 picture.take((message.topic, message.time, message.data))
         return picture
 

@@ -24,7 +24,7 @@ LogMessage: TypeAlias = tuple[str, int, bytes]
 
 MAX_ROWS: Final = 1500
 """Number of readings that a new viewer receives."""
-MAX_LINES: Final = 300
+MAX_LINES: Final = 1000
 MAX_TRANSITIONS: Final = 4000
 _POSE_DIGITS: Final = 5
 _BODY_TOPICS: Final = frozenset({topics.OBJECTS.name, topics.TRUTH.name})

@@ -6,7 +6,7 @@ import asyncio
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import Annotated, Any, TypeVar
+from typing import Annotated, Any, Final, TypeVar
 
 from pydantic import Field
 from starlette.routing import BaseRoute
@@ -42,6 +42,14 @@ from .edits import AddNode, Edit, edited, needs_trees
 from .worker import Worker
 
 T = TypeVar("T")
+
+_SMALLEST: Final = """
+picktree: 1
+kind: mission
+name: smallest
+scene: three_bins
+trees: {Main: {GoTo: {pose: home}}}
+"""
 
 
 class MissionSlice:
@@ -94,6 +102,11 @@ class MissionSlice:
     async def hover(self, path: str, text: str, line: int, character: int) -> JsonValue:
         """Return the documentation of what stands at a place as Markdown; none for nothing."""
         return await self._quickly(self._hover, self._place(path, text), text, line, character)
+
+    @call("mission.prepare")
+    async def prepare(self) -> None:
+        """Start what checks texts, which takes seconds, before somebody types."""
+        await self._worker.run(checks.faults, self._workspace.root / "prepared.yaml", _SMALLEST)
 
     @call("mission.faults")
     async def faults(self, path: str, text: str) -> JsonValue:

@@ -58,6 +58,10 @@ class Worker:
             self._pool = None
         for process in list(getattr(pool, "_processes", None) or {}):
             os.kill(process, 9)
+        # A request that nobody reads any more would keep the thread that writes it, and with it this process.
+        reader = getattr(getattr(pool, "_call_queue", None), "_reader", None)
+        if reader is not None:
+            reader.close()
         pool.shutdown(wait=False, cancel_futures=True)
 
 

@@ -117,3 +117,24 @@ def test_a_lock_file_alone_is_no_running_batch(tmp_path: Path) -> None:
     (tmp_path / "plan.json").write_text("{}")
     (tmp_path / "lock").write_text("1\n")
     assert BatchFolder(tmp_path).runner() is None
+
+
+def test_two_batches_of_different_folders_are_compared(served: Served, plan: str) -> None:
+    with served.client() as client:
+        ids = list[str]()
+        for name, seeds in ((plan, "0:3"), ("other.yaml", "1:4")):
+            (served.folder / name).write_text(PLAN.replace("0:8", seeds), encoding="utf-8")
+            ids.append(client.call("plans.start", path=name, workers=1)["id"])
+            until(client.watch("batches.progress", id=ids[-1]), 3, running=False)
+        moved = f"kept/last week/{Path(ids[1]).name}"
+        (served.folder / moved).parent.mkdir(parents=True)
+        (served.folder / ids[1]).rename(served.folder / moved)
+        assert client.call("batches.summary", id=moved)["recipes"][0]["success"]["successes"] == 3
+
+        number = client.call("batches.compare", id=ids[0], other=moved)
+        jobs = next(j for j in client.watch("jobs.watch") if j[0]["outcome"] != "running")
+        said = client.call("jobs.output", number=number)
+        assert jobs[0]["outcome"] == "done", said
+        assert "2 seeds" in said, said
+        with pytest.raises(Refused, match="is not below the folder"):
+            client.call("batches.compare", id=ids[0], other="../kept")

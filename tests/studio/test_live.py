@@ -16,6 +16,7 @@ from picktree.errors import PicktreeError
 from picktree.robots.loading import robot_names
 from picktree.session.live.attach_socket import SOCKET_NAME, connect_to_run
 from picktree.studio.jobs import Jobs
+from picktree.studio.live import followed_run
 from picktree.studio.live.live_slice import LiveSlice
 from picktree.studio.live.run_start import RunOrder
 from picktree.studio.slice import Studio
@@ -119,7 +120,9 @@ def on_a_loop(work: Callable[[], Coroutine[Any, Any, T]]) -> T:
 ORDER = RunOrder(mission="asking.yaml", backend="kinematic", pace=2.0)
 
 
-def test_a_run_is_started_steered_left_and_found_again_by_another_server(room: Room) -> None:
+def test_a_run_is_started_steered_left_and_found_again_by_another_server(
+    room: Room, monkeypatch: pytest.MonkeyPatch
+) -> None:
     async def first() -> str:
         live = room.open()
         identity = await live.start(ORDER)
@@ -171,6 +174,7 @@ def test_a_run_is_started_steered_left_and_found_again_by_another_server(room: R
         await live.close()
 
     identity = on_a_loop(first)
+    monkeypatch.setattr(followed_run, "HISTORY", 0.0)  # lines are known from the beginning on
     on_a_loop(lambda: second(identity))
     result = json.loads((room.folder / identity / "result.json").read_text())
     assert result["status"] == "success"

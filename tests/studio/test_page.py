@@ -67,7 +67,7 @@ def test_from_an_empty_folder_to_a_what_if(
     browser.get_by_text("did you mean").wait_for()
     browser.get_by_label("Condition").fill("lost > 0 and 'grasp.missed' in causes")
     browser.keyboard.press("Enter")
-    browser.get_by_text("1 runs").wait_for()
+    browser.get_by_text("1 run").wait_for()
     browser.locator("[data-index='0']").focus()
     browser.keyboard.press("Enter")
 
@@ -114,8 +114,22 @@ def test_markup_in_names_and_messages_is_text(
     folder = served.folder / "runs" / '"><img src=x onerror=ran=1>'
     folder.mkdir(parents=True)
     sample.record(folder / "log.mcap")
-    (served.folder / "<b>mission.yaml").write_text(f"picktree: 1\nkind: mission\nname: '{MARKUP}'\n")
-    for address in ("#/runs", "#/", f"#/run/runs/{folder.name}", f"#/{MARKUP}"):
+    image = "<img src=x onerror=ran=1>"
+    (served.folder / "<b>mission.yaml").write_text(
+        f"picktree: 1\nkind: mission\nname: '{MARKUP}'\nscene: '{image}'\n"
+        f"trees:\n  Main: {{'{image}': {{pose: '{image}'}}}}\n"
+        f"  '{image}': {{Grasp: {{'{image}': '{image}'}}}}\n"
+    )
+    (served.folder / f"{image}.yaml").write_text(
+        f"picktree: 1\nkind: plan\nname: '{image}'\nmission: '{image}'\nset: {{'{image}': '{image}'}}\n"
+    )
+    hostile_files = (
+        f"#/write/{quote('<b>mission.yaml')}",
+        "#/write",
+        "#/batches",
+        f"#/plan/{quote(image)}.yaml",
+    )
+    for address in (*hostile_files, "#/runs", "#/", f"#/run/runs/{folder.name}", f"#/{MARKUP}"):
         go(browser, address)
         browser.wait_for_timeout(700)
     go(browser, "#/runs")

@@ -52,6 +52,16 @@ def test_a_mission_is_broken_mended_changed_and_saved(served: Served, page: tupl
     browser.get_by_text("✓ No faults").wait_for()
     card(browser, grasp).wait_for()
 
+    # Folded away, and unfolded by the cursor in its text.
+    card(browser, grasp).and_(browser.locator(".selected")).wait_for()
+    browser.get_by_role("tree").focus()
+    for key in ("ArrowLeft", "-"):
+        browser.keyboard.press(key)
+    card(browser, grasp).wait_for(state="detached")
+    browser.wait_for_timeout(800)  # the text comes to what was chosen
+    line.click()
+    card(browser, grasp).and_(browser.locator(".selected")).wait_for()
+
     # A node from the palette, behind the selected one, by keyboard; undone by the history of the text.
     card(browser, grasp).click()
     browser.get_by_role("tab", name="Add").click()

@@ -11,6 +11,7 @@ import { createRoot } from "react-dom/client";
 
 import { startTheme } from "../../../analysis/report/page/src/theme.js";
 import { App } from "./App";
+import { loadSymbols } from "./ui/Icon";
 
 startTheme();
-createRoot(document.getElementById("root")!).render(<App />);
+void loadSymbols().catch(() => undefined).finally(() => createRoot(document.getElementById("root")!).render(<App />));

@@ -12,6 +12,7 @@ import { Empty } from "../ui/Empty";
 import { Field } from "../ui/Field";
 import { Status } from "../ui/Status";
 import { toastError } from "../ui/Toast";
+import { counted } from "../ui/words";
 import { CompareBatches } from "./CompareBatches";
 import { ProgressBar } from "./ProgressBar";
 import { Results } from "./Results";
@@ -116,7 +117,7 @@ function Behind({ id, asked, done, onClose }: { id: string; asked: Asked; done: 
     <Dialog title={asked.title} onClose={onClose} wide>
       {error && <p role="alert">{error.message}</p>}
       {job && <JobView key={job.number} job={job} output />}
-      {jobs && <p className="muted">{jobs.length} {jobs.length === 1 ? "job" : "jobs"}</p>}
+      {jobs && <p className="muted">{counted(jobs.length, "job")}</p>}
       <ul className="behind" aria-label="Jobs">
         {jobs?.map((each) => (
           <li key={each.job}>

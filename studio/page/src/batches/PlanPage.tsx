@@ -11,6 +11,7 @@ import { Empty } from "../ui/Empty";
 import { Field } from "../ui/Field";
 import { toast, toastError } from "../ui/Toast";
 import { YamlEditor } from "../ui/YamlEditor";
+import { counted } from "../ui/words";
 import { PlanForm } from "./PlanForm";
 import type { FormValues } from "./PlanForm";
 import { duration } from "./values";
@@ -120,7 +121,7 @@ function Opened({ path, file }: { path: string; file: TextFile }) {
             {(attributes) => <input {...attributes} inputMode="numeric" className="workers" placeholder="workers: a core each" value={workers} onChange={(event) => setWorkers(event.target.value.replace(/\D/g, ""))} />}
           </Field>
           <Button onClick={() => void save().then(() => toast("Saved", "success"), toastError)} disabled={text === saved.text}>Save</Button>
-          <Button primary onClick={() => void start()} disabled={!forecast || busy} title={forecast ? "Save it and run it" : "It must be without faults"}>Start {forecast ? `${forecast.jobs} jobs` : ""}</Button>
+          <Button primary onClick={() => void start()} disabled={!forecast || busy} title={forecast ? "Save it and run it" : "It must be without faults"}>Start {forecast ? counted(forecast.jobs, "job") : ""}</Button>
         </div>
       </header>
       <div className="plan-panes">
@@ -149,7 +150,7 @@ function Matrix({ forecast }: { forecast: Forecast }) {
   const recorded = Math.min(...forecast.variants.map((variant) => variant.recorded));
   return (
     <>
-      <h2>Matrix: {forecast.variants.length} × {forecast.variants[0]?.jobs ?? 0} seeds = {forecast.jobs} jobs</h2>
+      <h2>Matrix: {forecast.variants.length} × {counted(forecast.variants[0]?.jobs ?? 0, "seed")} = {counted(forecast.jobs, "job")}</h2>
       <p>
         {known
           ? `About ${duration(forecast.wall_seconds)} on ${forecast.workers} workers (${duration(forecast.cpu_seconds)} CPU), by ${recorded} or more recorded jobs of each mission.`

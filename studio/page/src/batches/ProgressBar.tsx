@@ -2,12 +2,13 @@
 
 import type { BatchRow } from "./values";
 import { duration } from "./values";
+import { counted } from "../ui/words";
 
 export function ProgressBar({ batch }: { batch: BatchRow }) {
   const { total = 0, done = 0, success = 0 } = batch;
   const state = batch.running ? "running" : done === total && total > 0 ? "done" : "stopped";
   const parts = [
-    `${done} of ${total} jobs`,
+    `${done} of ${counted(total, "job")}`,
     done ? `${success} reached the goal` : "",
     batch.counts?.crashed ? `${batch.counts.crashed} crashed` : "",
     batch.cpu_seconds_a_job ? `${batch.cpu_seconds_a_job.toFixed(1)} s CPU a job` : "",

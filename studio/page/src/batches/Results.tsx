@@ -2,6 +2,7 @@
 
 import type { Asked, BatchSummary, Breakdown, Rate } from "./values";
 import { percent, words } from "./values";
+import { counted } from "../ui/words";
 
 export function Results({ summary, label, onAsk }: { summary: BatchSummary; label: string; onAsk(asked: Asked): void }) {
   const part: Breakdown = (label && summary.by_recipe[label]) || summary;
@@ -26,7 +27,7 @@ export function Results({ summary, label, onAsk }: { summary: BatchSummary; labe
           {part.roots.map((root) => (
             <li key={root.cause}>
               <button onClick={() => onAsk({ what: "root", value: root.cause, label, title: `Jobs with the root cause ${root.cause}` })}>
-                <code>{root.cause}</code> <span>{root.jobs} {root.jobs === 1 ? "job" : "jobs"}, {root.missed} missed the goal</span>
+                <code>{root.cause}</code> <span>{counted(root.jobs, "job")}, {root.missed} missed the goal</span>
               </button>
               {root.look_at && <p className="muted">{root.look_at}</p>}
             </li>
@@ -84,7 +85,7 @@ function Pareto({ part, onAsk }: { part: Breakdown; onAsk(cause: string): void }
                 <i className="good" style={{ width: `${(100 * row.cured) / most}%` }} />
                 <i className="bad" style={{ width: `${(100 * (row.failures - row.cured)) / most}%` }} />
               </span>
-              <span>{row.failures} failures, {row.cured} cured, in {row.jobs} {row.jobs === 1 ? "job" : "jobs"}; together {percent(sum / total)}</span>
+              <span>{counted(row.failures, "failure")}, {row.cured} cured, in {counted(row.jobs, "job")}; together {percent(sum / total)}</span>
             </button>
           </li>
         );

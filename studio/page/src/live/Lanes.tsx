@@ -3,6 +3,7 @@
 import { memo, useMemo } from "react";
 
 import type { LiveState, Status, Transition } from "./state";
+import { counted } from "../ui/words";
 
 const SPAN = 30; // s
 const MOST = 40;
@@ -24,7 +25,7 @@ export const Lanes = memo(function Lanes({ state }: { state: LiveState }) {
       {lanes.map(([path, bars]) => (
         <li key={path}>
           <span className="lane-name" title={path}>{path.split("/").pop()}</span>
-          <span className="lane" role="img" aria-label={`${bars.length} times; last: ${bars[bars.length - 1]!.title}`}>
+          <span className="lane" role="img" aria-label={`${counted(bars.length, "time")}; last: ${bars[bars.length - 1]!.title}`}>
             {bars.map((bar) => (
               <i key={bar.from} className={bar.status.toLowerCase()} title={bar.title}
                 style={{ left: `${(100 * Math.max(bar.from - start, 0)) / SPAN}%`, width: `max(3px, ${(100 * (bar.to - Math.max(bar.from, start))) / SPAN}%)` }}>

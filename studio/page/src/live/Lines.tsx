@@ -4,7 +4,7 @@ import { memo, useEffect, useRef } from "react";
 
 import type { Line, LiveState } from "./state";
 
-const SHOWN = 200;
+const SHOWN = 1000;
 const BAD = new Set(["ERROR", "FATAL", "safety_stop", "internal_error", "budget"]);
 
 export const Lines = memo(function Lines({ lines }: { lines: Line[] }) {

@@ -62,7 +62,7 @@ export interface LiveState {
 }
 
 const TABLES = ["nodes", "board", "frames", "looks", "images"] as const;
-const LISTS = { rows: 3000, lines: 600, transitions: 8000 } as const;
+const LISTS = { rows: 3000, lines: 1000, transitions: 8000 } as const;
 
 function nothing(): LiveState {
   return { time: 0, tree: [], breakpoints: [], belief: [], truth: [], nodes: {}, board: {}, frames: {}, looks: {}, images: {}, rows: [], lines: [], transitions: [] };

@@ -11,6 +11,7 @@ import { Field } from "../ui/Field";
 import { Status } from "../ui/Status";
 import { Table } from "../ui/Table";
 import type { Column } from "../ui/Table";
+import { counted } from "../ui/words";
 import { done, seconds, when } from "./rows";
 import type { IndexEvent, RunRow } from "./rows";
 
@@ -100,7 +101,7 @@ export function RunIndex({ place }: { place: Place }) {
         </Field>
         <Where value={typed.where} fault={fault?.message} onChange={(where) => { setTyped({ ...typed, where }); if (!where) set({ where }); }} onDone={() => set(typed)} />
         <button type="submit" className="hidden-text" tabIndex={-1}>Filter</button>
-        <p className="found" role="status">{state ? counted(state.event) : "Looking into the logs …"}</p>
+        <p className="found" role="status">{state ? found(state.event) : "Looking into the logs …"}</p>
       </form>
       {state && state.event.matched === 0 && state.event.complete ? (
         <Empty title="No run meets the condition"><p><a href={href("runs")} onClick={() => setTyped({ text: "", where: "" })}>Show all {state.event.total}</a></p></Empty>
@@ -114,8 +115,8 @@ export function RunIndex({ place }: { place: Place }) {
   );
 }
 
-function counted({ total, matched, complete }: IndexEvent): string {
-  const number = matched === total ? `${total} runs` : `${matched} of ${total} runs`;
+function found({ total, matched, complete }: IndexEvent): string {
+  const number = matched === total ? counted(total, "run") : `${matched} of ${counted(total, "run")}`;
   return complete ? number : `${number}, looking further …`;
 }
 

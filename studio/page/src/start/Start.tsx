@@ -9,6 +9,7 @@ import { Button } from "../ui/Button";
 import { Dialog } from "../ui/Dialog";
 import { Empty } from "../ui/Empty";
 import { toast, toastError } from "../ui/Toast";
+import { counted } from "../ui/words";
 import { LastRuns } from "../runs/LastRuns";
 
 interface ListedFile {
@@ -83,7 +84,7 @@ function First({ refresh }: { refresh(): void }) {
     setCopying(true);
     try {
       const written = await call<string[]>("folder.copy_examples");
-      toast(`${written.length} files copied into the folder`, "success");
+      toast(`${counted(written.length, "file")} copied into the folder`, "success");
       refresh();
     } catch (error) {
       toastError(error);

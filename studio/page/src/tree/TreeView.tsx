@@ -2,14 +2,17 @@
 //
 // Arrow keys go to parent, child and siblings, Enter and Space choose, + and − fold, the menu key opens the menu.
 
-import { Background, Controls, Handle, Position, ReactFlow, ReactFlowProvider, useReactFlow } from "@xyflow/react";
-import type { Edge, Node, NodeProps } from "@xyflow/react";
+import { Background, Controls, Position, ReactFlow, ReactFlowProvider, ViewportPortal, useReactFlow, useStore } from "@xyflow/react";
+import type { Node, NodeHandle, NodeProps } from "@xyflow/react";
 import { createContext, memo, useCallback, useContext, useEffect, useLayoutEffect, useMemo, useRef, useState } from "react";
 import type { JSX, KeyboardEvent } from "react";
 
 import { NodeSymbol } from "../ui/Icon";
+import { counted } from "../ui/words";
 import { layOut } from "./layout";
 import type { Box, Laid } from "./layout";
+import { Cards, Lines } from "./Outlines";
+import type { Outline } from "./Outlines";
 
 export interface TreeNode {
   id: string;
@@ -41,6 +44,7 @@ const HEIGHT = 30;
 const MARGIN = 16;
 const READABLE = 0.6; // zoom below which the text is hard to read
 const LARGE_ZOOM = 0.9;
+const FAR = 0.4; // zoom below which no word can be read: cards are drawn as plain rectangles
 const WITH_DETAIL = 46;
 const STATUS_SIGNS: Record<TreeStatus, string> = { running: "▶", success: "✓", failure: "✗", skipped: "–", idle: "·" };
 const FAMILIES: Record<string, string> = {
@@ -76,7 +80,10 @@ function Tree({ root, marks, selected, onSelect, onMenu, onMove, className }: Tr
   const isFolded = useCallback((node: TreeNode) => node.children.length > 0 && (changed.get(node.id) ?? node.collapsedByDefault ?? false), [changed]);
 
   const shown = useMemo(() => collect(root, isFolded), [root, isFolded]);
-  const laid = useMemo(() => layOut(boxOf(root, isFolded)), [root, isFolded]);
+  // Most edits change no size: then all stays where it is.
+  const sizes = [...shown.values()].map(({ node, parent }) => `${node.id} ${parent} ${widthOf(node)} ${heightOf(node)}`).join("\n");
+  // eslint-disable-next-line react-hooks/exhaustive-deps
+  const laid = useMemo(() => layOut(boxOf(root, isFolded)), [sizes]);
 
   // What is folded stays where it is on the screen, while the rest moves.
   const anchor = useRef<{ id: string; x: number; y: number } | null>(null);
@@ -91,50 +98,51 @@ function Tree({ root, marks, selected, onSelect, onMenu, onMove, className }: Tr
   const fold = useCallback((id: string) => {
     const place = laid.places.get(id);
     anchor.current = place ? { id, ...place } : null;
-    setChanged((before) => {
-      const node = find(root, id);
-      if (!node?.children.length) return before;
-      const folded = before.get(id) ?? node.collapsedByDefault ?? false;
-      return new Map(before).set(id, !folded);
-    });
-  }, [root, laid]);
+    const node = find(root, id);
+    if (!node?.children.length) return;
+    const folded = isFolded(node);
+    setChanged((before) => new Map(before).set(id, !folded));
+    // The choice is never hidden: it goes to what is folded, and comes back when it is chosen again.
+    if (!folded && selected !== undefined && above(node, selected).length) onSelect(id);
+  }, [root, laid, isFolded, selected, onSelect]);
 
-  // Cards and edges that stay the same keep their objects, so that only the others cost something.
-  const made = useRef({ cards: new Map<string, Card>(), edges: new Map<string, Edge>() });
+  // Cards that stay the same keep their objects, so that only the others cost something.
+  const made = useRef(new Map<string, Card>());
   const movable = Boolean(onMove);
   const nodes = useMemo<Card[]>(() => {
-    const before = made.current.cards;
+    const before = made.current;
     const cards = [...shown.values()].map(({ node, folded }): Card => {
       const position = laid.places.get(node.id) ?? { x: 0, y: 0 };
       const draggable = movable && node.id !== root.id;
       const old = before.get(node.id);
-      if (old && old.data.node === node && old.data.folded === folded && old.position.x === position.x && old.position.y === position.y && old.draggable === draggable) return old;
-      return { id: node.id, type: "card", position, data: { node, folded }, width: widthOf(node), height: heightOf(node), draggable, focusable: false };
+      const same = old && old.data.node === node && old.data.folded === folded;
+      if (same && old.position.x === position.x && old.position.y === position.y && old.draggable === draggable) return old;
+      return { id: node.id, type: "card", position, data: same ? old.data : { node, folded }, width: widthOf(node), height: heightOf(node), handles: HANDLES, draggable, focusable: false };
     });
-    made.current.cards = new Map(cards.map((card) => [card.id, card]));
+    made.current = new Map(cards.map((card) => [card.id, card]));
     return cards;
     // A card that was dropped where it cannot go returns: `drops` makes it anew.
   }, [laid, shown, movable, root.id, drops]);
-  const edges = useMemo<Edge[]>(() => {
-    const before = made.current.edges;
-    const found = [...shown.values()].filter((each) => each.parent !== undefined).map((each): Edge => {
-      const id = `${each.parent}→${each.node.id}`;
-      return before.get(id) ?? { id, source: each.parent!, target: each.node.id, type: "smoothstep", focusable: false };
-    });
-    made.current.edges = new Map(found.map((edge) => [edge.id, edge]));
-    return found;
-  }, [shown]);
+  // From afar no words can be read, and a thousand cards of a document are slow: rectangles stand for them.
+  const far = useStore((store) => store.transform[2] < FAR);
+  const drawn = useMemo(() => [...shown.values()].map(({ node, parent }): Outline => ({
+    id: node.id, parent, family: FAMILIES[node.kind] ?? "control", width: widthOf(node), height: heightOf(node), ...laid.places.get(node.id)!,
+  })), [shown, laid]);
 
+  const whole = useCallback(() => {
+    const box = host.current!.getBoundingClientRect();
+    const zoom = Math.min(1, (box.width - 2 * MARGIN) / laid.width, (box.height - 2 * MARGIN) / laid.height);
+    return { x: (box.width - zoom * laid.width) / 2, y: (box.height - zoom * laid.height) / 2, zoom };
+  }, [laid]);
+  const showAll = () => void flow.setViewport(whole());
   useEffect(() => {
     if (fitted.current) return;
     fitted.current = true;
-    const box = host.current!.getBoundingClientRect();
-    const zoom = Math.min(1, (box.width - 2 * MARGIN) / laid.width, (box.height - 2 * MARGIN) / laid.height);
-    const start = laid.places.get(root.id)!;
+    const [all, start] = [whole(), laid.places.get(root.id)!];
     // All of it where that can be read, else its root at the left edge.
-    if (zoom >= READABLE) void flow.setViewport({ x: (box.width - zoom * laid.width) / 2, y: (box.height - zoom * laid.height) / 2, zoom });
-    else void flow.setViewport({ x: MARGIN, y: box.height / 2 - start.y * LARGE_ZOOM, zoom: LARGE_ZOOM });
-  }, [laid, flow, root.id]);
+    if (all.zoom >= READABLE) void flow.setViewport(all);
+    else void flow.setViewport({ x: MARGIN, y: host.current!.clientHeight / 2 - start.y * LARGE_ZOOM, zoom: LARGE_ZOOM });
+  }, [laid, flow, root.id, whole]);
 
   const keys = (event: KeyboardEvent) => {
     const here = shown.get(selected ?? root.id) ?? shown.get(root.id)!;
@@ -178,12 +186,19 @@ function Tree({ root, marks, selected, onSelect, onMenu, onMove, className }: Tr
     const inside = at.x >= box.left && at.y >= box.top && at.x + widthOf(node) * zoom <= box.right && at.y + HEIGHT * zoom <= box.bottom;
     if (!inside) void flow.setCenter(place.x + widthOf(node) / 2, place.y + HEIGHT / 2, { zoom });
   };
-  // A node that was chosen elsewhere comes into view.
+  // A node that was chosen elsewhere comes into view, out of branches that are folded.
   const bringIt = useRef(bring);
   bringIt.current = bring;
+  const hidden = selected !== undefined && !shown.has(selected);
+  const brought = useRef<string>(undefined);
   useEffect(() => {
-    if (selected !== undefined) bringIt.current(selected);
-  }, [selected]);
+    if (selected === undefined || brought.current === selected) return;
+    if (hidden) setChanged((before) => new Map([...before, ...above(root, selected).map((id) => [id, false] as const)]));
+    else {
+      brought.current = selected; // from now on it may be folded away, and the view may leave it
+      bringIt.current(selected);
+    }
+  }, [selected, hidden, root]);
   // Also when the view gets smaller, as by the details of the node below it.
   const last = useRef(selected);
   last.current = selected;
@@ -207,11 +222,16 @@ function Tree({ root, marks, selected, onSelect, onMenu, onMove, className }: Tr
     return () => cancelAnimationFrame(drawn);
   });
 
+  const at = ({ clientX, clientY }: { clientX: number; clientY: number }) => {
+    const { x, y } = flow.screenToFlowPosition({ x: clientX, y: clientY });
+    return drawn.find((each) => x >= each.x && y >= each.y && x <= each.x + each.width && y <= each.y + each.height)?.id;
+  };
+
   // A dropped card goes before, behind or into the card below it, or among the children of the nearest parent by height.
   const dropped = (_: unknown, card: Card) => {
     if (!onMove) return;
     const target = dropTarget(card, shown, laid);
-    made.current.cards.delete(card.id);
+    made.current.delete(card.id);
     setDrops((n) => n + 1);
     if (target) onMove(card.id, target.parent, target.index);
   };
@@ -222,17 +242,24 @@ function Tree({ root, marks, selected, onSelect, onMenu, onMove, className }: Tr
       <div ref={tree} className="tree-keys" role="tree" aria-label={`Tree of ${root.name}`} tabIndex={0} aria-owns={owned} />
       <SharedContext.Provider value={shared}>
         <ReactFlow
-          nodes={nodes} edges={edges} nodeTypes={NODE_TYPES} onlyRenderVisibleElements minZoom={0.05} maxZoom={2}
+          nodes={far ? NONE : nodes} nodeTypes={NODE_TYPES} onlyRenderVisibleElements minZoom={0.02} maxZoom={2}
           nodesConnectable={false} elementsSelectable={false} nodesFocusable={false} edgesFocusable={false} disableKeyboardA11y
           proOptions={{ hideAttribution: false }}
-          onMoveEnd={() => requestAnimationFrame(nameActive)}
           onNodeClick={(_, card) => onSelect(card.id)}
           onNodeDoubleClick={(_, card) => fold(card.id)}
           onNodeContextMenu={(event, card) => { if (onMenu) { event.preventDefault(); onMenu(card.id, { x: event.clientX, y: event.clientY }); } }}
           onNodeDragStop={onMove ? dropped : undefined}
+          onMoveStart={() => host.current!.classList.add("moving")}
+          onMoveEnd={() => { host.current!.classList.remove("moving"); requestAnimationFrame(nameActive); }}
+          onPaneClick={far ? (event) => { const id = at(event); if (id !== undefined) onSelect(id); } : undefined}
+          onPaneContextMenu={far && onMenu ? (event) => { const id = at(event); if (id === undefined) return; event.preventDefault(); onMenu(id, { x: event.clientX, y: event.clientY }); } : undefined}
         >
+          <ViewportPortal>
+            <Lines shown={drawn} />
+            {far && <Cards shown={drawn} marks={marks} selected={selected} />}
+          </ViewportPortal>
           <Background gap={24} />
-          <Controls showInteractive={false} />
+          <Controls showInteractive={false} onFitView={showAll} />
         </ReactFlow>
       </SharedContext.Provider>
     </div>
@@ -245,30 +272,31 @@ const CardView = memo(function CardView({ data }: NodeProps<Card>) {
   const mark = marks[node.id];
   const status = mark?.status;
   const family = FAMILIES[node.kind] ?? "control";
-  const words = [node.detail ? `${node.name} ${node.detail}` : node.name, status && status !== "idle" ? status : "", mark?.faults ? `${mark.faults} faults` : "", mark?.breakpoint ? "breakpoint" : "",
+  const words = [node.detail ? `${node.name} ${node.detail}` : node.name, status && status !== "idle" ? status : "", mark?.faults ? counted(mark.faults, "fault") : "", mark?.breakpoint ? "breakpoint" : "",
     mark?.coverage !== undefined ? `covered ${Math.round(mark.coverage * 100)} %` : ""].filter(Boolean);
   return (
     <div className={`tree-card ${family} ${status ?? ""} ${selected === node.id ? "selected" : ""} ${mark?.coverage === 0 ? "uncovered" : ""}`}
       id={elementId(node.id)} data-tree-node={node.id} role="treeitem" aria-label={words.join(", ")} aria-selected={selected === node.id}
       aria-expanded={node.children.length ? !folded : undefined}>
-      <Handle type="target" position={Position.Left} isConnectable={false} />
       {mark?.breakpoint && <span className="tree-breakpoint" title="Breakpoint" />}
       <NodeSymbol symbol={node.kind} />
       <span className="tree-name"><b>{node.name}</b>{" "}{node.detail && <small>{node.detail}</small>}</span>
-      {mark?.faults ? <span className="tree-faults" title={`${mark.faults} faults`}>{mark.faults}</span> : null}
+      {mark?.faults ? <span className="tree-faults" title={counted(mark.faults, "fault")}>{mark.faults}</span> : null}
       {mark?.coverage !== undefined && <span className={`tree-coverage${mark.coverage < 1 ? " partly" : ""}`} aria-hidden="true">{mark.coverage < 1 ? `${Math.round(mark.coverage * 100)} %` : "✓"}</span>}
       {status && <span className="tree-status" aria-hidden="true">{STATUS_SIGNS[status]}</span>}
       {node.children.length > 0 && (
         <button className="tree-fold nodrag" tabIndex={-1} aria-label={folded ? `Unfold ${node.name}` : `Fold ${node.name}`}
           onClick={(event) => { event.stopPropagation(); fold(node.id); }}>{folded ? `+${count(node) - 1}` : "−"}</button>
       )}
-      <Handle type="source" position={Position.Right} isConnectable={false} />
     </div>
   );
 });
 // Names of nodes may have blanks, ids of elements none.
 const elementId = (id: string) => `tree-${encodeURIComponent(id)}`;
 const NODE_TYPES = { card: CardView };
+const NONE: Card[] = [];
+// Cards without them are all drawn once to be measured, in view or not.
+const HANDLES: NodeHandle[] = [{ type: "source", position: Position.Right, x: 0, y: 0 }];
 
 interface Shown {
   node: TreeNode;
@@ -299,6 +327,16 @@ function find(node: TreeNode, id: string): TreeNode | null {
     if (found) return found;
   }
   return null;
+}
+
+// The ids of the nodes above a node, from the root on; none when it is not in the tree.
+function above(node: TreeNode, id: string): string[] {
+  for (const child of node.children) {
+    if (child.id === id) return [node.id];
+    const found = above(child, id);
+    if (found.length) return [node.id, ...found];
+  }
+  return [];
 }
 
 const counts = new WeakMap<TreeNode, number>();

@@ -1,7 +1,26 @@
 // A modal dialog: Escape and a click beside it close it, and the focus returns to where it was.
 
-import { useEffect, useId, useRef } from "react";
+import { useEffect, useId, useRef, useSyncExternalStore } from "react";
 import type { ReactNode } from "react";
+
+let open: HTMLElement[] = [];
+const listeners = new Set<() => void>();
+
+function setOpen(now: HTMLElement[]): void {
+  open = now;
+  for (const listener of listeners) listener();
+}
+
+// The uppermost dialog that is open, out of which nothing can be seen or reached; null without one.
+export function useTopDialog(): HTMLElement | null {
+  return useSyncExternalStore(
+    (listener) => {
+      listeners.add(listener);
+      return () => listeners.delete(listener);
+    },
+    () => open[open.length - 1] ?? null,
+  );
+}
 
 export function Dialog({ title, onClose, children, wide = false }: { title: string; onClose(): void; children: ReactNode; wide?: boolean }) {
   const dialog = useRef<HTMLDialogElement>(null);
@@ -9,7 +28,11 @@ export function Dialog({ title, onClose, children, wide = false }: { title: stri
   useEffect(() => {
     const shown = dialog.current!;
     if (!shown.open) shown.showModal();
-    return () => shown.close();
+    setOpen([...open, shown]);
+    return () => {
+      setOpen(open.filter((each) => each !== shown));
+      shown.close();
+    };
   }, []);
   return (
     <dialog ref={dialog} className={wide ? "wide" : undefined} aria-labelledby={heading}

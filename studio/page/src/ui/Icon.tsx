@@ -14,6 +14,14 @@ export function Icon({ name }: { name: IconName }) {
   return <span className="icon-holder" ref={holder} aria-hidden="true" />;
 }
 
+// Shapes of the symbols, of which each is one path. A `use` of the sheet in each of hundreds of cards is slow.
+const paths = new Map<string, string>();
+
+export async function loadSymbols(): Promise<void> {
+  const sheet = new DOMParser().parseFromString(await (await fetch("/page/symbols.svg")).text(), "image/svg+xml");
+  for (const each of sheet.querySelectorAll("symbol")) paths.set(each.id, each.querySelector("path")?.getAttribute("d") ?? "");
+}
+
 export function NodeSymbol({ symbol }: { symbol: string }) {
-  return <svg className="symbol" viewBox="0 0 14 14" aria-hidden="true"><use href={`/page/symbols.svg#i-${symbol}`} /></svg>;
+  return <svg className="symbol" viewBox="0 0 14 14" aria-hidden="true"><path d={paths.get(`i-${symbol}`)} /></svg>;
 }

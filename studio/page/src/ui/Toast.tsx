@@ -1,8 +1,10 @@
 // Short messages at the edge of the page; they stay until they are closed when they say what went wrong.
 
 import { useSyncExternalStore } from "react";
+import { createPortal } from "react-dom";
 
 import { CallError } from "../connection";
+import { useTopDialog } from "./Dialog";
 
 export type ToastKind = "success" | "failure" | "info";
 interface Toast {
@@ -47,7 +49,8 @@ export function Toasts() {
     },
     () => toasts,
   );
-  return (
+  const dialog = useTopDialog();
+  const messages = (
     <div className="toasts" role="region" aria-label="Messages" aria-live="polite">
       {shown.map((each) => (
         <div key={each.id} className={`toast ${each.kind}`}>
@@ -58,4 +61,5 @@ export function Toasts() {
       ))}
     </div>
   );
+  return dialog ? createPortal(messages, dialog) : messages;
 }

@@ -5,7 +5,8 @@ import { href } from "../routing";
 import { Button } from "../ui/Button";
 import { Empty } from "../ui/Empty";
 import { toast, toastError } from "../ui/Toast";
-import { useState } from "react";
+import { counted } from "../ui/words";
+import { useEffect, useState } from "react";
 
 interface Listed {
   path: string;
@@ -13,10 +14,11 @@ interface Listed {
 }
 
 export function Missions() {
+  useEffect(() => void call("mission.prepare").catch(() => undefined), []);
   const [again, setAgain] = useState(0);
   const missions = useCall<Listed[]>("files.list", { kind: "mission" }, again);
   const copy = () => void call<string[]>("folder.copy_examples").then((written) => {
-    toast(`${written.length} files written`, "success");
+    toast(`${counted(written.length, "file")} written`, "success");
     setAgain(again + 1);
   }, toastError);
   if (missions.error) return <Empty title="The folder cannot be read"><p>{missions.error.message}</p></Empty>;

@@ -1,11 +1,13 @@
 // The ports of the selected node as a form, made from the node's declaration.
 
-import { useState } from "react";
+import { useEffect, useState } from "react";
 
 import { useCall } from "../connection";
 import { Button } from "../ui/Button";
 import { Field } from "../ui/Field";
 import type { CommonEntry, Edit, MissionNode, NodeEntry, Palette, PortEntry } from "./model";
+
+const CALM_AFTER = 600; // ms
 
 interface Form {
   ports: { key: string; names: string[]; default: string }[];
@@ -21,7 +23,7 @@ export interface NodeFormProps {
 }
 
 export function NodeForm({ path, text, node, palette, change }: NodeFormProps) {
-  const form = useCall<Form>("mission.form", { path, text, node: node.id });
+  const form = useCall<Form>("mission.form", { path, text: useCalm(text, node.id), node: node.id });
   const entry = palette?.nodes.find((each) => each.id === node.identity);
   const values = new Map(node.ports.map((port) => [port.key, port.text]));
   const known = new Set([...(entry?.ports ?? []).map((port) => port.key), ...(palette?.common ?? []).map((each) => each.key)]);
@@ -58,6 +60,17 @@ export function NodeForm({ path, text, node, palette, change }: NodeFormProps) {
       {entry && <EntryDoc entry={entry} />}
     </div>
   );
+}
+
+// A text as it was when `id` changed last, or when nobody had typed for a moment: the picture has precedence.
+function useCalm(text: string, id: string): string {
+  const [calm, setCalm] = useState({ text, id });
+  if (calm.id !== id) setCalm({ text, id });
+  useEffect(() => {
+    const timer = setTimeout(() => setCalm((before) => (before.text === text ? before : { ...before, text })), CALM_AFTER);
+    return () => clearTimeout(timer);
+  }, [text]);
+  return calm.text;
 }
 
 function EntryDoc({ entry }: { entry: NodeEntry }) {

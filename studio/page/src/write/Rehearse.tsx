@@ -5,6 +5,7 @@ import { useState } from "react";
 import { call, useCall } from "../connection";
 import type { CallError } from "../connection";
 import { Button } from "../ui/Button";
+import { counted } from "../ui/words";
 
 export interface Rehearsal {
   file: string;
@@ -74,7 +75,7 @@ function Verdict({ result, onNode }: { result: Rehearsal; onNode(id: string): vo
   const { coverage } = result;
   return (
     <>
-      <p role="status"><b>{result.passed ? "✓ All cases pass" : "✗ Some cases fail"}</b>; {coverage.reached} of {coverage.total} points of the text are reached, {coverage.percent} %.</p>
+      <p role="status"><b>{result.passed ? "✓ All cases pass" : "✗ Some cases fail"}</b>; {coverage.reached} of {counted(coverage.total, "point")} of the text are reached, {coverage.percent} %.</p>
       <ul className="cases">
         {result.cases.map((each) => (
           <li key={each.name}>

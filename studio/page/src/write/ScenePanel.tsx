@@ -7,6 +7,7 @@ import type { CallError } from "../connection";
 import { Button } from "../ui/Button";
 import { Field } from "../ui/Field";
 import { toast, toastError } from "../ui/Toast";
+import { counted } from "../ui/words";
 import { Stage } from "./stage";
 import type { SceneContent, Shape } from "./stage";
 
@@ -101,9 +102,9 @@ export function ScenePanel({ path, scene }: { path: string; scene: string }) {
         <Button onClick={() => setSeed(Math.max(0, seed - 1))} disabled={seed === 0} title="The seed before">−</Button>
         <label>Seed <input type="number" min={0} value={seed} onChange={(event) => setSeed(Math.max(0, Math.floor(Number(event.target.value) || 0)))} /></label>
         <Button onClick={() => setSeed(seed + 1)} title="The next seed">+</Button>
-        <span className="muted">{scene}, {items} items</span>
+        <span className="muted">{scene}, {counted(items, "item")}</span>
       </div>
-      <div className="scene-view" ref={host} role="img" aria-label={`Scene ${scene} with seed ${seed}: ${items} items, ${fixed.map((each) => each.name).join(", ")}`} />
+      <div className="scene-view" ref={host} role="img" aria-label={`Scene ${scene} with seed ${seed}: ${counted(items, "item")}, ${fixed.map((each) => each.name).join(", ")}`} />
       {error && <p className="problem" role="alert">{error}</p>}
       <Field label="Fixture or bin" hint={file ? "Drag it in the picture, or write its place." : "A shipped scene is not changed: copy it beside the mission first."}>
         {(attributes) => <select {...attributes} value={chosen} onChange={(event) => choose(event.target.value)}><option value="">none</option>{fixed.map((each) => <option key={each.name}>{each.name}</option>)}</select>}

@@ -8,6 +8,7 @@ import { TreeView } from "../tree/TreeView";
 import type { TreeMarks, TreeNode } from "../tree/TreeView";
 import { Button } from "../ui/Button";
 import { Empty } from "../ui/Empty";
+import { counted } from "../ui/words";
 import { applyChanges, markNode, redo, undo } from "./editor";
 import { head, picture, treeOfHead } from "./model";
 import type { Edit, MissionNode, NodeEntry, Place, TextFault } from "./model";
@@ -225,10 +226,10 @@ function addPlace(node: MissionNode | null, parent: MissionNode | null, nodes: N
 function Faults({ faults, onShow, onFix }: { faults: TextFault[] | null; onShow(fault: TextFault): void; onFix(fault: TextFault): void }) {
   const errors = faults?.filter((each) => each.severity === "error").length ?? 0;
   const warnings = (faults?.length ?? 0) - errors;
-  const counted = [errors ? `${errors} ${errors === 1 ? "error" : "errors"}` : "", warnings ? `${warnings} ${warnings === 1 ? "warning" : "warnings"}` : ""].filter(Boolean).join(", ");
+  const found = [errors ? counted(errors, "error") : "", warnings ? counted(warnings, "warning") : ""].filter(Boolean).join(", ");
   return (
     <div className="write-faults">
-      <p role="status">{faults === null ? "Checking…" : counted ? <b>{counted}</b> : "✓ No faults"}</p>
+      <p role="status">{faults === null ? "Checking…" : found ? <b>{found}</b> : "✓ No faults"}</p>
       {faults !== null && faults.length > 0 && (
         <ul>
           {faults.map((fault, number) => (

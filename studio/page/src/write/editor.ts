@@ -1,19 +1,17 @@
-// The text editor: CodeMirror with what the server knows of missions.
+// The editor of a mission: that of YAML, with what the server knows of missions.
 
-import { autocompletion, closeBrackets, closeBracketsKeymap, completionKeymap, insertCompletionText, snippet } from "@codemirror/autocomplete";
+import { autocompletion, completionKeymap, insertCompletionText, snippet } from "@codemirror/autocomplete";
 import type { Completion, CompletionContext, CompletionResult } from "@codemirror/autocomplete";
-import { defaultKeymap, history, historyKeymap, indentWithTab, redo, redoDepth, undo, undoDepth } from "@codemirror/commands";
-import { yaml } from "@codemirror/lang-yaml";
-import { HighlightStyle, bracketMatching, foldGutter, foldKeymap, indentUnit, syntaxHighlighting } from "@codemirror/language";
+import { redo, redoDepth, undo, undoDepth } from "@codemirror/commands";
 import { lintGutter, lintKeymap, setDiagnostics } from "@codemirror/lint";
 import type { Diagnostic } from "@codemirror/lint";
-import { highlightSelectionMatches, searchKeymap } from "@codemirror/search";
-import { Annotation, EditorSelection, EditorState, StateEffect, StateField } from "@codemirror/state";
-import { Decoration, EditorView, drawSelection, highlightActiveLine, highlightActiveLineGutter, hoverTooltip, keymap, lineNumbers } from "@codemirror/view";
+import { Annotation, EditorSelection, StateEffect, StateField } from "@codemirror/state";
+import type { EditorState } from "@codemirror/state";
+import { Decoration, EditorView, hoverTooltip, keymap } from "@codemirror/view";
 import type { DecorationSet, Tooltip } from "@codemirror/view";
-import { tags } from "@lezer/highlight";
 
 import { call } from "../connection";
+import { makeYamlEditor } from "../ui/YamlEditor";
 import type { Change, TextFault } from "./model";
 
 export { redo, undo };
@@ -36,35 +34,6 @@ const shownNode = StateField.define<DecorationSet>({
   provide: (field) => EditorView.decorations.from(field),
 });
 
-const COLOURS = HighlightStyle.define([
-  { tag: [tags.propertyName, tags.definition(tags.propertyName)], color: "var(--reference)" },
-  { tag: [tags.string, tags.special(tags.string)], color: "color-mix(in srgb, var(--success) 62%, var(--ink))" },
-  { tag: [tags.number, tags.bool, tags.null], color: "var(--cure_ink)" },
-  { tag: tags.comment, color: "var(--muted)", fontStyle: "italic" },
-  { tag: [tags.labelName, tags.keyword, tags.meta], color: "var(--output, var(--running))" },
-]);
-
-const LOOK = EditorView.theme({
-  "&": { height: "100%", fontSize: "13px", backgroundColor: "var(--sheet)", color: "var(--ink)" },
-  ".cm-scroller": { fontFamily: "var(--mono)", lineHeight: "1.5" },
-  ".cm-content": { caretColor: "var(--ink)" },
-  ".cm-cursor": { borderLeftColor: "var(--ink)" },
-  ".cm-gutters": { backgroundColor: "var(--bar)", color: "var(--muted)", borderRight: "1px solid var(--rim)" },
-  ".cm-activeLine": { backgroundColor: "color-mix(in srgb, var(--running_fill) 35%, transparent)" },
-  ".cm-activeLineGutter": { backgroundColor: "var(--running_fill)", color: "var(--ink)" },
-  "&.cm-focused > .cm-scroller > .cm-selectionLayer .cm-selectionBackground, .cm-selectionBackground": { backgroundColor: "color-mix(in srgb, var(--running) 28%, transparent)" },
-  ".cm-node": { backgroundColor: "color-mix(in srgb, var(--running) 14%, transparent)", borderRadius: "3px" },
-  ".cm-tooltip": { backgroundColor: "var(--sheet)", color: "var(--ink)", border: "1px solid var(--rim)", borderRadius: "8px", boxShadow: "0 6px 24px rgb(0 0 0 / 22%)", maxWidth: "min(520px, 90vw)" },
-  ".cm-tooltip-autocomplete ul li[aria-selected]": { backgroundColor: "var(--reference)", color: "var(--sheet)" },
-  ".cm-diagnostic-error": { borderLeftColor: "var(--failure)" },
-  ".cm-diagnostic-warning": { borderLeftColor: "var(--cure_rim)" },
-  ".cm-diagnosticAction": { backgroundColor: "var(--reference)", color: "var(--sheet)", borderRadius: "6px", padding: "3px 8px", minHeight: "24px" },
-  ".cm-lintRange-error": { backgroundImage: "none", textDecoration: "underline wavy var(--failure) 1.5px", textUnderlineOffset: "3px" },
-  ".cm-lintRange-warning": { backgroundImage: "none", textDecoration: "underline wavy var(--cure_rim) 1.5px", textUnderlineOffset: "3px" },
-  ".cm-panels": { backgroundColor: "var(--bar)", color: "var(--ink)" },
-  ".cm-foldPlaceholder": { backgroundColor: "var(--bar)", border: "1px solid var(--rim)", color: "var(--muted)" },
-});
-
 export interface EditorEvents {
   // After each change; `byPicture`: the picture knows of it.
   changed(text: string, byPicture: boolean): void;
@@ -74,26 +43,16 @@ export interface EditorEvents {
 }
 
 export function makeEditor(parent: HTMLElement, path: string, text: string, events: EditorEvents): EditorView {
-  const state = EditorState.create({
-    doc: text,
-    extensions: [
-      lineNumbers(), foldGutter(), lintGutter(), highlightActiveLine(), highlightActiveLineGutter(), drawSelection(), bracketMatching(), closeBrackets(), history(),
-      highlightSelectionMatches(), indentUnit.of("  "), yaml(), syntaxHighlighting(COLOURS), LOOK, shownNode,
-      EditorState.lineSeparator.of("\n"),
-      EditorView.contentAttributes.of({ "aria-label": `Text of ${path}`, tabindex: "0" }),
-      autocompletion({ override: [(context) => complete(path, context)], icons: true }),
-      hoverTooltip((view, place) => hover(path, view, place)),
-      keymap.of([
-        { key: "Mod-s", preventDefault: true, run: () => { events.save(); return true; } },
-        ...closeBracketsKeymap, ...completionKeymap, ...searchKeymap, ...historyKeymap, ...foldKeymap, ...lintKeymap, ...defaultKeymap, indentWithTab,
-      ]),
-      EditorView.updateListener.of((update) => {
-        if (update.docChanged) events.changed(update.state.doc.toString(), update.transactions.some((each) => each.annotation(ByPicture)));
-        else if (update.selectionSet && update.view.hasFocus) events.moved(update.state.selection.main.head);
-      }),
-    ],
-  });
-  return new EditorView({ state, parent });
+  return makeYamlEditor(parent, `Text of ${path}`, text, [
+    lintGutter(), shownNode,
+    autocompletion({ override: [(context) => complete(path, context)], icons: true }),
+    hoverTooltip((view, place) => hover(path, view, place)),
+    keymap.of([{ key: "Mod-s", preventDefault: true, run: () => { events.save(); return true; } }, ...completionKeymap, ...lintKeymap]),
+    EditorView.updateListener.of((update) => {
+      if (update.docChanged) events.changed(update.state.doc.toString(), update.transactions.some((each) => each.annotation(ByPicture)));
+      else if (update.selectionSet && update.view.hasFocus) events.moved(update.state.selection.main.head);
+    }),
+  ]);
 }
 
 export const canUndo = (view: EditorView) => undoDepth(view.state) > 0;

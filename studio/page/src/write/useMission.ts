@@ -45,32 +45,21 @@ export function useMission(path: string, onCursor: (place: number) => void): Wri
   const [faults, setFaults] = useState<TextFault[] | null>(null);
   const [palette, setPalette] = useState<Palette | null>(null);
   const [problem, setProblem] = useState("");
-  const state = useRef({ version: "", ends: "\n", text: "", asking: false, stale: false, mission: null as Mission | null });
+  const state = useRef({ version: "", ends: "\n", text: "" });
   const cursor = useRef(onCursor);
   cursor.current = onCursor;
 
   const showTree = useCallback((found: Mission) => {
     // A text of which nothing can be read leaves the last picture.
     if (!found.readable) return setMission((before) => before && { ...before, whole: false });
-    state.current.mission = found;
     setMission(found);
   }, []);
 
-  // One question at a time: the text of the last one is what counts.
-  const readTree = useCallback(() => {
-    const now = state.current;
-    if (now.asking) {
-      now.stale = true;
-      return;
-    }
-    now.asking = true;
-    now.stale = false;
-    const asked = now.text;
-    call<Mission>("mission.tree", { path, text: asked }, true).then((found) => asked === now.text && showTree(found), toastError).finally(() => {
-      now.asking = false;
-      if (now.stale) readTree();
-    });
-  }, [path, showTree]);
+  const readTree = useMemo(() => oneAtATime(async () => {
+    const asked = state.current.text;
+    const found = await call<Mission>("mission.tree", { path, text: asked }, true);
+    if (asked === state.current.text) showTree(found);
+  }), [path, showTree]);
 
   const save = useCallback(() => {
     const now = state.current;
@@ -90,14 +79,14 @@ export function useMission(path: string, onCursor: (place: number) => void): Wri
     let made: EditorView | null = null;
     let wanted = true;
     const timers = { faults: 0, draft: 0 };
-    const readFaults = () => {
+    const readFaults = oneAtATime(async () => {
+      if (!wanted) return;
       const asked = state.current.text;
-      call<TextFault[]>("mission.faults", { path, text: asked }, true).then((found) => {
-        if (!wanted || asked !== state.current.text) return;
-        setFaults(found);
-        if (made) showFaults(made, found);
-      }, (error: CallError) => wanted && toastError(error));
-    };
+      const found = await call<TextFault[]>("mission.faults", { path, text: asked }, true);
+      if (!wanted || asked !== state.current.text) return;
+      setFaults(found);
+      if (made) showFaults(made, found);
+    });
     const readPalette = () => void call<Palette>("mission.palette", { path, text: state.current.text }, true).then((found) => wanted && setPalette(found), () => undefined);
     const keepDraft = (now: string) => void call("files.draft", { path, text: now.replaceAll("\n", state.current.ends) }, true).catch(toastError);
     call<Opened>("files.read", { path }, true).then((file) => {
@@ -179,4 +168,18 @@ export function useMission(path: string, onCursor: (place: number) => void): Wri
 
   const index = useMemo(() => (mission ? new Index(mission) : null), [mission]);
   return { host, view, text, mission, index, faults, palette, problem, unsaved, undoable: Boolean(view && canUndo(view)), redoable: Boolean(view && canRedo(view)), edit, save };
+}
+
+// Asks again when the answer has come, if it was wanted meanwhile: the last text is what counts, and none waits for others.
+function oneAtATime(ask: () => Promise<void>): () => void {
+  let [asking, stale] = [false, false];
+  return function again() {
+    stale = asking;
+    if (asking) return;
+    asking = true;
+    ask().catch(toastError).finally(() => {
+      asking = false;
+      if (stale) again();
+    });
+  };
 }
