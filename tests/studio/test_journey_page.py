@@ -123,7 +123,7 @@ def find_the_failure(browser: Any, identity: str) -> None:
     browser.get_by_role("link", name="Runs", exact=True).click()
     browser.get_by_label("Condition").fill("'grasp.slipped' in causes")
     browser.keyboard.press("Enter")
-    browser.get_by_text("1 runs").wait_for()
+    browser.get_by_text("1 run").wait_for()
     browser.get_by_role("link", name="sort tirelessly").click()
     wait_until(browser, f"decodeURIComponent(location.hash).startsWith('#/run/{identity}')")
     assert "item.slipped" in browser.get_by_role("region", name="Root causes").inner_text()
