@@ -25,7 +25,7 @@ checkpoint_every: 1
 cameras: {overhead: {size: [320, 240]}}
 spawn: [{of: {assortment: 3}, colours: [red, blue], into: tote, drop: heap}]
 """
-SEED = 6
+SEED = 9
 EXAMPLES = Path(__file__).parents[2] / "examples"
 MISSION = """\
 picktree: 1
