@@ -70,7 +70,7 @@ class Tier:
 
 
 STRICT = Tier(90e-6, 0.012, 0.85)
-SURE, SURE_TILTED = replace(STRICT, score=1.35), replace(STRICT, score=1.0)
+SURE, SURE_TILTED = replace(STRICT, score=1.35), replace(STRICT, score=1.1)
 """Of grasps with such scores nearly all hold: these come first, whatever else is near."""
 LOOSE = Tier(65e-6, MIN_OVERLAP, 0.60)
 
@@ -86,13 +86,15 @@ class Approach:
     """Number of directions over a whole turn into which the hand is tilted."""
     closings: tuple[float, ...]
     """Closing directions, from the lean, rad."""
+    cost: float
+    """Cost of the approach in the score of a grasp: tilted hands lose more."""
 
 
-VERTICAL = Approach("vertical", 0.0, 1, tuple(math.pi * k / 12 for k in range(12)))
-TILTED = Approach("tilted", math.radians(25.0), 24, (math.pi / 2,))
-MORE_TILTED = Approach("tilted 45", math.radians(45.0), 24, (math.pi / 2,))
+VERTICAL = Approach("vertical", 0.0, 1, tuple(math.pi * k / 12 for k in range(12)), 0.0)
+TILTED = Approach("tilted", math.radians(25.0), 24, (math.pi / 2,), 0.3)
+MORE_TILTED = Approach("tilted 45", math.radians(45.0), 24, (math.pi / 2,), 0.8)
 """Hands that close across their lean: the pads stay parallel to upright sides."""
-OVER_RIM = Approach("tilted 35", math.radians(35.0), 16, (0.0, math.pi / 4, 3 * math.pi / 4))
+OVER_RIM = Approach("tilted 35", math.radians(35.0), 16, (0.0, math.pi / 4, 3 * math.pi / 4), 0.8)
 """Hands of which one side is higher than the other: the palm reaches over a wall."""
 STAGES: tuple[tuple[Tier, tuple[Approach, ...]], ...] = (
     (SURE, (VERTICAL,)),
@@ -186,15 +188,18 @@ def _search(heap: HeightMap, hand: HandShape, approach: Approach) -> list[_Grade
         view = heap_view(heap, approach.tilt, 2 * math.pi * k / approach.leans)
         leaning = f"{approach.name} to {360.0 * k / approach.leans:.0f}" if approach.tilt else approach.name
         for yaw in approach.closings:
-            found += _Sweep(view, yaw, hand, leaning, heap).grasps()
+            found += _Sweep(view, yaw, hand, leaning, heap, approach.cost).grasps()
     return found
 
 
 class _Sweep:
     """Search of one view for one closing direction, in an image whose columns lie along it."""
 
-    def __init__(self, view: HeapView, yaw: float, hand: HandShape, name: str, heap: HeightMap) -> None:
+    def __init__(
+        self, view: HeapView, yaw: float, hand: HandShape, name: str, heap: HeightMap, cost: float
+    ) -> None:
         self._view, self._yaw, self._hand, self._name, self._heap = view, yaw, hand, name, heap
+        self._cost = cost
         # Image pixel (column, row) = (along the closing direction, across it).
         c, s = math.cos(yaw), math.sin(yaw)
         self._to_view = np.array([[c, -s], [s, c]])
@@ -313,7 +318,8 @@ class _Sweep:
         )  # fmt: skip
         off, width = np.abs(first + last) / 2 * cell, (last - first + 1) * cell
         score = (
-            2.0 * np.maximum(0.0, 1.0 - area / FULL_AREA)
+            self._cost
+            + 2.0 * np.maximum(0.0, 1.0 - area / FULL_AREA)
             + np.maximum(0.0, 1.0 - width / FULL_WIDTH)
             + 2.0 * np.maximum(0.0, 1.0 - overlap / FULL_OVERLAP)
             + 0.5 * width / self._hand.max_width
