@@ -87,8 +87,8 @@ class GripperDescription:
     linkage: Linkage | None = None
     """Finger linkage; None: two sliders."""
     finger_bodies: tuple[tuple[Box, Pose], ...] = ()
-    """Boxes of the rest of the fingers behind their pads, each with its pose in its finger link, of the first
-    and the second finger in turn; empty: unknown."""
+    """Boxes of the first and the second finger in turn, behind their pads, each with its pose in its finger
+    link; empty: unknown."""
 
     def bodies_of(self, finger: int) -> tuple[tuple[Box, Pose], ...]:
         """Return the boxes behind the pad of the first (0) or second (1) finger."""

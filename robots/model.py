@@ -166,8 +166,10 @@ class RobotModel:
         )
 
     def finger_boxes(self, width: float) -> tuple[tuple[Box, Pose], ...]:
-        """Return boxes that enclose the fingers at an opening of `width` m, in the TCP frame: for each part
-        that of the +y and that of the -y finger."""
+        """Return boxes that enclose the fingers at an opening of `width` m, in the TCP frame.
+
+        They are those of the +y and the -y finger in turn.
+        """
         found: list[tuple[Box, Pose]] = []
         for box, closed in self.description.gripper.finger_boxes:
             x, y, z = closed.position

@@ -72,8 +72,11 @@ class GraspCandidate:
         return self.tcp_in_world.shifted((0.0, 0.0, height))
 
     def rounded(self, height: float, most: float) -> float:
-        """Return the length of the way from the pre-grasp, at most `most` m, within which a path may cut the
-        corner: no part of it lies between walls. `height` as for `pre_grasp`."""
+        """Return the length of the way, at most `most` m, within which a path may cut the corner at the
+        pre-grasp.
+
+        No part of it lies between walls. `height` as for `pre_grasp`.
+        """
         if not self.enclosed:
             return most
         return min(most, max(height - self.enclosed, WALL_CLEARANCE) * OPEN_SHARE)

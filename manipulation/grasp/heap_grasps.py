@@ -71,7 +71,7 @@ class Tier:
 
 STRICT = Tier(90e-6, 0.012, 0.85)
 SURE, SURE_TILTED = replace(STRICT, score=1.35), replace(STRICT, score=1.1)
-"""Of grasps with such scores nearly all hold: these come first, whatever else is near."""
+"""Scores up to which nearly all grasps hold: these come first, whatever else is near."""
 LOOSE = Tier(65e-6, MIN_OVERLAP, 0.60)
 
 

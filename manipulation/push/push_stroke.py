@@ -201,9 +201,10 @@ def configuration_above_start(
     rise: float | None = None,
     beside: Collection[str] = (),
 ) -> Array | str:
-    """Return the configuration (n,) `rise` m above the first of a stroke's TCP poses from which the arm can
-    follow them, or why there is none.
+    """Return the configuration (n,) above the first of a stroke's TCP poses from which the arm can follow
+    them, or why there is none.
 
+    `rise`: height above that pose, m; without it that of a pre-grasp.
     `touching`: names that the gripper may touch after the start; `beside`: before it, too, because something
     finer than the belief's shapes shows that it fits there. The search begins at the middle of the path.
     There the arm has a comfortable configuration, and the change along the path is shared between both ends.
