@@ -19,12 +19,16 @@ from __future__ import annotations
 import itertools
 import json
 import random
+import re
 import sys
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Generator, Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+from unittest.mock import patch
 
 from _campaign import ROOT, MissionJob, Row, campaign, finished, mission_options, rate, seeds
 from picktree.world.events.skill_events import ItemDoneEvent, PickEvent
@@ -58,6 +62,12 @@ class Job(MissionJob):
     """Friction of the things; None: as the scene has it."""
     robot: str | None
     """Name or file of the robot; None: as the scene has it."""
+    half_size: bool
+    """Whether the overhead camera has half as many pixels along each side."""
+    tilt: bool
+    """Whether the hand may lean at a grasp."""
+    stir: bool
+    """Whether the mission stirs."""
 
 
 def one(job: Job, folder: Path) -> Row:
@@ -68,7 +78,8 @@ def one(job: Job, folder: Path) -> Row:
 
     request = _request(job, folder)
     session = Session(request)
-    result = session.run()
+    with _approaches(job):
+        result = session.run()
     execution = session.execution
     truth = execution.hardware.truth()
     scored = score(truth, execution.recipe.scene)
@@ -148,7 +159,7 @@ def _request(job: Job, folder: Path) -> RunRequest:
     heap = next(spawn for spawn in scene.spawn if spawn.drop is not None)
     if heap.into is not None:
         laid = _scene(job, folder, {})
-        return RunRequest(Path(job.mission), laid, seed=job.seed, out=folder)
+        return RunRequest(_mission(job, folder), laid, seed=job.seed, out=folder)
     spawn = yaml.safe_load(scene.text)["spawn"]
     spawn[scene.spawn.index(heap)]["of"] = {"assortment": random.Random(job.seed).randint(*ROUND_THINGS)}
     laid = _scene(job, folder, {"spawn": spawn})
@@ -156,23 +167,49 @@ def _request(job: Job, folder: Path) -> RunRequest:
     return RunRequest(mission, laid, seed=job.seed, out=folder, parameters=ROUND)
 
 
-def _scene(job: Job, folder: Path, patch: dict[str, Any]) -> str:
-    """Return the scene, with a patch and another camera, friction or robot laid on it."""
+@contextmanager
+def _approaches(job: Job) -> Generator[None]:
+    """Limit the search to a hand that does not lean, where the job says so."""
+    from picktree.manipulation.grasp.heap_grasps import LOOSE, STRICT, VERTICAL, grasps
+    from picktree.manipulation.pick import heap_pick
+
+    upright = [(STRICT, (VERTICAL,)), (LOOSE, (VERTICAL,))]
+    search = grasps if job.tilt else partial(grasps, stages=upright)
+    with patch.object(heap_pick, "grasps", search):
+        yield
+
+
+def _mission(job: Job, folder: Path) -> Path:
+    """Return the mission; where nothing is stirred, with a failure in the place of each `Stir`."""
+    mission = Path(job.mission)
+    if job.stir:
+        return mission
+    text = re.sub(r"Stir: \{[^}]*\}", "AlwaysFailure: {}", mission.read_text())
+    folder.mkdir(parents=True, exist_ok=True)
+    without = folder / mission.name
+    without.write_text(text)
+    return without
+
+
+def _scene(job: Job, folder: Path, change: dict[str, Any]) -> str:
+    """Return the scene, with a change and another camera, friction or robot laid on it."""
     camera: dict[str, Any] = {}
     if job.noise is not None:
         camera["depth_noise"] = job.noise
     if job.camera_off:
         camera["error"] = [job.camera_off, 0.0, 0.0]
-    patch = patch | ({"cameras": {"overhead": camera}} if camera else {})
+    if job.half_size:
+        camera["size"] = [320, 240]
+    change = change | ({"cameras": {"overhead": camera}} if camera else {})
     if job.friction is not None:
-        patch["assortment"] = {"friction": job.friction}
+        change["assortment"] = {"friction": job.friction}
     if job.robot is not None:
-        patch["robot"] = job.robot
-    if not patch:
+        change["robot"] = job.robot
+    if not change:
         return job.scene
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / "scene.yaml"
-    path.write_text(json.dumps({"picktree": 1, "kind": "scene", "base": job.scene} | patch))
+    path.write_text(json.dumps({"picktree": 1, "kind": "scene", "base": job.scene} | change))
     return str(path)
 
 
@@ -246,8 +283,19 @@ def main() -> int:
     options.add_argument("--camera-off", type=float, default=0.0, metavar="M", help="the camera hangs off")
     options.add_argument("--friction", type=float, metavar="MU", help="friction of the things")
     options.add_argument("--robot", metavar="R", help="name or file of another robot than the scene's")
+    options.add_argument("--half-size", action="store_true", help="overhead pictures of 320 × 240")
+    options.add_argument("--no-tilt", action="store_true", help="the hand does not lean")
+    options.add_argument("--no-stir", action="store_true", help="nothing is stirred")
     given = options.parse_args()
-    changes = (given.noise, given.camera_off, given.friction, given.robot)
+    changes = (
+        given.noise,
+        given.camera_off,
+        given.friction,
+        given.robot,
+        given.half_size,
+        not given.no_tilt,
+        not given.no_stir,
+    )
     jobs = [Job(given.mission, given.scene, seed, *changes) for seed in seeds(given)]
     print(report(campaign(given, jobs, one, cost=COST_A_RUN, short=_short)))
     return 0
