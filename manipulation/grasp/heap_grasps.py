@@ -21,7 +21,7 @@ from ...world.belief.height_map import Heap, HeightMap
 from ...world.values import Array, Pose
 from .grasp_candidates import GraspCandidate
 from .hand_shape import Block, HandShape
-from .heap_views import CONTACT_LEVEL, FAR_BELOW, HeapView, Heights, Profile, heap_view
+from .heap_views import CONTACT_LEVEL, FAR_BELOW, HeapView, Heights, Profile, heap_view, surfaces
 
 OPENING_SHARES = (1.0, 0.75, 0.5, 0.3)
 """Openings of the search as shares of the gripper's greatest one."""
@@ -184,8 +184,9 @@ def _distinct(ranked: Iterable[GraspCandidate], heap: Heap, tip: Array) -> list[
 def _search(heap: HeightMap, hand: HandShape, approach: Approach) -> list[_Graded]:
     """Return the grasps along the approach's directions that meet the loosest demands."""
     found: list[_Graded] = []
+    seen = surfaces(heap)
     for k in range(approach.leans):
-        view = heap_view(heap, approach.tilt, 2 * math.pi * k / approach.leans)
+        view = heap_view(heap, seen, approach.tilt, 2 * math.pi * k / approach.leans)
         leaning = f"{approach.name} to {360.0 * k / approach.leans:.0f}" if approach.tilt else approach.name
         for yaw in approach.closings:
             found += _Sweep(view, yaw, hand, leaning, heap, approach.cost).grasps()

@@ -65,9 +65,9 @@ def surfaces(heap: HeightMap) -> tuple[Heights, Heights]:
     return solid, np.where(unknown | walls, np.float32(heap.floor - 0.01), heights)
 
 
-def heap_view(heap: HeightMap, tilt: float, azimuth: float) -> HeapView:
-    """Return the heap as seen along an approach that is tilted towards `azimuth`, rad."""
-    solid, things = surfaces(heap)
+def heap_view(heap: HeightMap, seen: tuple[Heights, Heights], tilt: float, azimuth: float) -> HeapView:
+    """Return a heap with its `surfaces` as seen along an approach that is tilted towards `azimuth`, rad."""
+    solid, things = seen
     if tilt == 0.0:
         corner = np.full(2, 0.5 * heap.cell)
         return HeapView(np.eye(3), corner, heap.cell, solid, things)
@@ -109,19 +109,16 @@ def _sheared(heights: Heights, d: Heights, cell: float, tilt: float, lags: int) 
     A point of a column appears the more rows before its floor, the higher it is.
     """
     n, m = heights.shape
-    out = np.full((n + lags) * m, FAR_BELOW, dtype=np.float32)
-    step = cell / math.sin(tilt)
-    up = np.float32(math.cos(tilt))
-    there = np.flatnonzero(heights > FAR_BELOW / 2)
-    high = heights.ravel()[there]
-    base = (d * np.float32(math.sin(tilt)))[there // m]
-    for lag in range(lags + 1):
-        # Few columns are high: only those that reach up to here are left.
-        kept = high >= np.float32((lag - 0.5) * step)
-        there, high, base = there[kept], high[kept], base[kept]
-        at = there + (lags - lag) * m
-        out[at] = np.maximum(out[at], base + np.minimum(high, np.float32((lag + 0.5) * step)) * up)
-    return out.reshape(n + lags, m)
+    out = np.full((n + lags, m), FAR_BELOW, dtype=np.float32)
+    step, up = cell / math.sin(tilt), np.float32(math.cos(tilt))
+    base = (d * np.float32(math.sin(tilt)))[:, None]
+    tops = base + heights * up
+    for lag in range(min(lags, math.floor(float(heights.max()) / step + 0.5)) + 1):
+        # Of two columns that appear at the same place the higher one is nearer to the hand: it comes later.
+        reached = (heights >= np.float32((lag - 0.5) * step)).view(np.uint8)
+        raised = np.minimum(tops, base + np.float32((lag + 0.5) * step) * up)
+        cv2.copyTo(raised, reached, out[lags - lag : lags - lag + n])
+    return out
 
 
 @dataclass(frozen=True, eq=False)
