@@ -271,6 +271,8 @@ WATCH = {
     "item.beside_bin": "the bin's wall beside the item",
     "arm.hides_items": "the camera's picture, and the arm in it",
     "heap.out_of_reach": "what is left in the tote, and the grasps that were refused",
+    "heap.empty": "the empty tote",
+    "bin.under_arm": "the arm over the bin",
     "item.never_seen": "the camera's picture, and where the item truly lies",
     "camera.off": "truth beside belief of any item: all are off the same way",
     "grasp.weak": "the fingers' force and the wrist's load while the hand lifts",

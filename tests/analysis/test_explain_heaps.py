@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
@@ -75,6 +76,31 @@ def test_what_is_left_in_a_tote_is_one_root_cause(vain: Run) -> None:
     assert root.title.startswith("3 things in tote got no grasp: ")
     assert [sum(f"(item_0{k})" in reason for reason in root.reasons) for k in range(3)] == [1, 1, 1]
     assert all("no grasp was found on it" in reason for reason in root.reasons)
+
+
+MISSION = """\
+picktree: 1
+kind: mission
+name: exchange
+scene: scene.yaml
+trees:
+  Main:
+    Sequence:
+      - ForceSuccess: {do: {PickAny: {from: tote, out: "{thing}"}}}
+      - ExchangeBin: {bin: tote, clearance: 1 s}
+"""
+
+
+def test_an_empty_tote_and_the_arm_over_it_are_causes(tmp_path: Path) -> None:
+    scene = "picktree: 1\nkind: scene\nbase: tote\nspawn: []\nexchange: {takes: 2 s}\n"
+    (tmp_path / "scene.yaml").write_text(scene)
+    (tmp_path / "exchange.yaml").write_text(MISSION)
+    result = Session(RunRequest(tmp_path / "exchange.yaml", seed=1, out=tmp_path)).run()
+    with Run(result.log) as run:
+        under, empty = run.explanation.root_causes
+        assert (under.cause, under.ended_run, under.confidence) == ("bin.under_arm", True, "likely")
+        assert under.reasons[0].endswith(" mm above the rim")
+        assert (empty.cause, empty.title, empty.confidence) == ("heap.empty", "tote was empty", "likely")
 
 
 def test_things_that_were_never_lifted_are_told_so(vain: Run) -> None:

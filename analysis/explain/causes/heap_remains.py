@@ -11,13 +11,14 @@ from ....files.value_wording import listed
 from ....logs.schema.records import BodyRecord
 from ....world.belief.height_map import heap_id
 from ....world.causes import grasp
+from ....world.events.run_events import BinExchangedEvent
 from ....world.events.skill_events import PickEvent
 from ....world.scene.description import Bin
 from ....world.shapes import extents
 from ....world.values import Pose
 from ..investigation.case import Investigation
 from ..investigation.explanation import FailureStory, Finding
-from ..investigation.number_wording import counted, distance, place, times
+from ..investigation.number_wording import counted, distance, place, seconds, times
 
 NEAR_THING = 0.035
 """Distance from a thing's middle up to which grasps and failed closings are its own, m."""
@@ -49,31 +50,36 @@ class Remainder:
 
 
 def left_in_tote(case: Investigation, failure: FailureStory) -> Finding | None:
-    """Return what was left in the tote when the last search for grasps in it failed.
+    """Return what was left in the tote when the last search for grasps in it failed, before it was exchanged.
 
-    None: nothing, or the failure is no such search.
+    None when the failure is no such search.
     """
     if failure.cause != grasp.NO_CANDIDATE.name:
         return None
-    tote = failure.evidence.get("object")
-    found = [f for f in case.failures if f.cause == failure.cause and f.evidence.get("object") == tote]
-    time = found[-1].time
-    left = remains(case, str(tote), time)
-    if not left:
+    tote = str(failure.evidence.get("object"))
+    if tote not in case.bins or not case.bins[tote].is_tote:
         return None
+    exchanges = [at.time for at in case.events(BinExchangedEvent) if at.record.bin == tote]
+    gone = min((time for time in exchanges if time > failure.time), default=math.inf)
+    about = f"{tote} {sum(time <= failure.time for time in exchanges)}"
+    searches = [f for f in case.failures if f.cause == failure.cause and f.evidence.get("object") == tote]
+    time = max(f.time for f in searches if f.time < gone)
+    left = remains(case, tote, time)
+    if not left:
+        reasons = (f"truly nothing was left in it at {seconds(time)}",)
+        return Finding("heap.empty", tote, f"{tote} was empty", reasons, "", time)
     states = Counter(one.state.split(",")[0] for one in left)
     title = (
         f"{counted(len(left), 'thing')} in {tote} got no grasp: "
         f"{listed([f'{n} {state}' for state, n in states.most_common()], 5)}"
     )
-    return Finding("heap.out_of_reach", str(tote), title, tuple(str(one) for one in left), "", time)
+    return Finding("heap.out_of_reach", about, title, tuple(str(one) for one in left), "", time)
 
 
 def why_left(case: Investigation, true: str) -> Finding | None:
     """Return why a thing that nobody picked is left in a tote: from the last search for grasps there."""
-    failures = [f for f in case.failures if f.cause == grasp.NO_CANDIDATE.name]
-    found = left_in_tote(case, failures[-1]) if failures else None
-    return found if found is not None and any(f"({true})" in reason for reason in found.reasons) else None
+    found = (left_in_tote(case, failure) for failure in reversed(case.failures))
+    return next((one for one in found if one and any(f"({true})" in reason for reason in one.reasons)), None)
 
 
 def remains(case: Investigation, tote: str, time: float) -> list[Remainder]:

@@ -44,6 +44,8 @@ def _overlap(fixture: Fixture, low: Sequence[float], high: Sequence[float]) -> b
     return bool(np.all(at + least < np.array(high)) and np.all(at + most > np.array(low)))
 
 
+BESIDE = 0.1
+"""Distance beside a bin at which the middle of a link still reaches over it, m."""
 NOWHERE = "cannot be put where it belongs"
 APPROACH = 0.08
 """Height over a grasp, or a bin, from which the hand comes down, m."""
@@ -134,10 +136,28 @@ def obstruction_cause(case: Investigation, failure: FailureStory) -> Finding | N
             return _no_reach(failure)
         case "planning.no_path" if failure.item and failure.evidence.get("joint"):
             return _bent(failure)
+        case "feed.obstructed":
+            return _under_arm(case, failure)
         case _ if failure.cause.startswith("planning."):
             return _touching(case, failure, _pairs(words(failure, "pairs")), ())
         case _:
             return None
+
+
+def _under_arm(case: Investigation, failure: FailureStory) -> Finding | None:
+    """Return that the arm stayed over a bin, or over a line, that was to be exchanged."""
+    bin_ = case.bins.get(word(failure, "bin"))
+    links = case.links(failure.time)
+    if bin_ is None or not len(links):
+        return None
+    x, y, _ = bin_.pose.inverse().apply(links).T
+    over = links[(abs(x) < bin_.size[0] / 2 + BESIDE) & (abs(y) < bin_.size[1] / 2 + BESIDE)]
+    if not len(over):
+        return None
+    height = over[:, 2].min() - (bin_.pose.position[2] + bin_.size[2])
+    reason = f"at {seconds(failure.time)} it was {max(0.0, 1000.0 * height):.0f} mm above the rim"
+    title = f"the arm stayed over {bin_.id}, which is exchanged when nothing is over it"
+    return Finding("bin.under_arm", str(bin_.id), title, (reason,), "", failure.time)
 
 
 def _held_another(failure: FailureStory) -> Finding | None:
