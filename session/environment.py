@@ -74,15 +74,25 @@ def machine() -> Mapping[str, str]:
     }
 
 
+RECORDS = (":!docs", ":!benchmarks/evidence.json")
+"""What campaigns write between their runs, and no run depends on."""
+
+
 @cache
 def revision() -> str:
-    """Return the Git revision of the checkout that runs; empty for an installed wheel."""
+    """Return the Git revision of the checkout that runs; empty for an installed wheel.
+
+    `-dirty` at its end: a file has changed since. Documents do not count.
+    """
     if not (ROOT / ".git").exists():
         return ""
-    answer = subprocess.run(
-        ["git", "describe", "--always", "--dirty"], cwd=ROOT, capture_output=True, text=True, check=False
-    )
-    return answer.stdout.strip()
+
+    def git(*words: str) -> subprocess.CompletedProcess[str]:
+        return subprocess.run(["git", *words], cwd=ROOT, capture_output=True, text=True, check=False)
+
+    commit = git("describe", "--always").stdout.strip()
+    changed = commit and git("diff", "--quiet", "HEAD", "--", ".", *RECORDS).returncode == 1
+    return f"{commit}-dirty" if changed else commit
 
 
 @cache
