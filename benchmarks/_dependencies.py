@@ -7,6 +7,7 @@ changed, whatever else has.
 
 from __future__ import annotations
 
+import ast
 import hashlib
 import json
 import os
@@ -37,16 +38,16 @@ _hears = False
 
 
 @cache
-def contents() -> Mapping[str, str]:
-    """Return the digest of each file of the checkout on which a run may depend, by path.
+def contents() -> Mapping[str, bytes]:
+    """Return the bytes of each file of the checkout on which a run may depend, by path.
 
     They are read once: what is edited while a campaign goes on is not what its workers have loaded.
     """
-    found: dict[str, str] = {}
+    found: dict[str, bytes] = {}
     tops = [*rooms(), "benchmarks", "examples", "tests"]
     files = [*ROOT.glob("*.py"), *(file for top in tops for file in _files(ROOT / top))]
     for file in files:
-        found[file.relative_to(ROOT).as_posix()] = _content(file)
+        found[file.relative_to(ROOT).as_posix()] = file.read_bytes()
     return found
 
 
@@ -64,12 +65,43 @@ def digest(files: Iterable[str]) -> str:
 
 def content(file: str) -> str:
     """Return the digest of a file by its path, as it was when this process first asked; empty when there is
-    none."""
-    return contents().get(file) or _content(ROOT / file)
+    none.
+
+    Comments and docstrings of Python code do not count.
+    """
+    if file in contents():
+        return _kept(file)
+    path = ROOT / file
+    return _digest(file, path.read_bytes()) if path.is_file() else ""
 
 
-def _content(file: Path) -> str:
-    return hashlib.sha256(file.read_bytes()).hexdigest()[:12] if file.is_file() else ""
+@cache
+def _kept(file: str) -> str:
+    return _digest(file, contents()[file])
+
+
+def _digest(file: str, data: bytes) -> str:
+    return hashlib.sha256(_code(data) if file.endswith(".py") else data).hexdigest()[:12]
+
+
+def _code(source: bytes) -> bytes:
+    """Return what is run of Python source, in the form of its syntax tree; the source if it has none."""
+    try:
+        tree = ast.parse(source)
+    except (SyntaxError, ValueError):
+        return source
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef):
+            node.body = [each for each in node.body if not _is_docstring(each)]
+    return ast.dump(tree).encode()
+
+
+def _is_docstring(node: ast.stmt) -> bool:
+    return (
+        isinstance(node, ast.Expr)
+        and isinstance(node.value, ast.Constant)
+        and isinstance(node.value.value, str)
+    )
 
 
 @contextmanager

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -152,13 +153,36 @@ def in_order(table: Sequence[Campaign], records: Mapping[str, Record]) -> list[C
 def to_page(table: Sequence[Campaign], records: Mapping[str, Record]) -> str:
     """Return docs/figures.md in Markdown."""
     measured = [one for one in table if one.name in records]
-    lines = [INTRODUCTION]
+    lines = [INTRODUCTION, _targets(measured, records)]
     for one in measured:
         lines.append(_section(one, records[one.name]))
     if missing := [one for one in table if one.name not in records]:
         lines.append("## Not measured yet\n")
         lines.append("\n".join(f"- {one.title}: `{one.line}`" for one in missing) + "\n")
     return "\n".join(lines)
+
+
+def _targets(measured: Sequence[Campaign], records: Mapping[str, Record]) -> str:
+    """Return the table of all targets, with what was measured of each."""
+    lines = ["## Targets\n", "| campaign | figure | measured | 95 % interval | target | |", "|" + "---|" * 6]
+    for one in measured:
+        record = records[one.name]
+        old = ", old" * bool(record.changed)
+        for name, target in one.targets.items():
+            rate = record.rates.get(name)
+            cells = ["not printed", "", target, "**missed**" + old]
+            if rate is not None:
+                low, high = rate.interval
+                measured_of = f"{rate.hits:,} of {rate.n:,}, {100 * rate.share:.1f} %"
+                result = ("met" if met(target, rate) else "**missed**") + old
+                cells = [measured_of, f"{100 * low:.1f} … {100 * high:.1f} %", target, result]
+            lines.append(f"| [{one.title}](#{_anchor(one.title)}) | {name} | {' | '.join(cells)} |")
+    return "\n".join([*lines, ""])
+
+
+def _anchor(title: str) -> str:
+    """Return the anchor of a heading, as Markdown renderers make it."""
+    return re.sub(r"[^\w -]", "", title.lower()).replace(" ", "-")
 
 
 def _section(one: Campaign, record: Record) -> str:

@@ -122,7 +122,7 @@ class Squares:
 
     def change(self) -> None:
         """Make the program another one."""
-        self._program.write_text(self._program.read_text() + "# another\n")
+        self._program.write_text(self._program.read_text() + "ANOTHER = 1\n")
 
 
 @pytest.fixture

@@ -74,6 +74,8 @@ def test_a_digest_holds_until_one_of_its_files_changes(dependencies: ModuleType,
     kept = dependencies.Dependencies(tmp_path)
     assert kept.hold(code)
     assert kept.files == [str(own)]
+    own.write_text('"""A module."""\na = 1  # one\n')
+    assert kept.hold(code)
     own.write_text("a = 2\n")
     assert not kept.hold(code)
     assert kept.changed

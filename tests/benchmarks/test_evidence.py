@@ -112,7 +112,14 @@ def test_the_page_marks_what_is_old_and_what_is_missed(program: Program, tmp_pat
     }
     evidence.write(records, tmp_path / "kept.json")
     assert evidence.read(tmp_path / "kept.json") == records
-    pushes, kits, missing = evidence.to_page(table, records).split("\n## ")[1:]
+    targets, pushes, kits, missing = evidence.to_page(table, records).split("\n## ")[1:]
+    name = "with pushes, items sorted"
+    row = f"| [Pushes](#pushes) | {name} | 299 of 300, 99.7 % | 98.1 … 99.9 % | at least 99 % | met |"
+    assert row in targets
+    assert (
+        "| [Kits](#kits) | items sorted | 9 of 10, 90.0 % | 59.6 … 98.2 % | at least 99 % | **missed**, old |"
+        in targets
+    )
     assert (
         "| with pushes, items sorted | 299 of 300 | 99.7 % | 98.1 … 99.9 % | at least 99 %: met |" in pushes
     )
