@@ -1,11 +1,15 @@
 """What holds for all tests."""
 
+from __future__ import annotations
+
 import gc
 import os
 import signal
 import sys
+from collections import Counter
 from collections.abc import Generator, Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pytest
 from hypothesis import HealthCheck, settings
@@ -16,6 +20,10 @@ from picktree.files.disk_cache import VARIABLE
 from .needs import left_out
 from .other_process import OtherProcess
 from .recorded_runs import chromium, log_path, picked, sample, troubled_log
+
+if TYPE_CHECKING:
+    from xdist.remote import Producer
+    from xdist.scheduler import LoadFileScheduling
 
 __all__ = ["chromium", "log_path", "picked", "sample", "troubled_log"]
 
@@ -71,13 +79,25 @@ def pytest_collection() -> Generator[None, object, object]:
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Begin with the files that have slow tests, so that no worker waits for another at the end.
-
-    Files stay whole: what the tests of a module share is made once.
-    """
-    slow = {item.path for item in items if item.get_closest_marker("slow")}
-    items.sort(key=lambda item: item.path not in slow)
+    """Begin with the files that have most slow tests, so that no worker waits for another at the end."""
+    slow = Counter(item.path for item in items if item.get_closest_marker("slow"))
+    items.sort(key=lambda item: -slow[item.path])
     _keep_hypothesis_from_reading_our_sources()
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Producer) -> LoadFileScheduling | None:
+    """Hand one file after the other to whichever worker is free, in the order of the tests.
+
+    Files stay whole: what the tests of a module share is made once. The usual way begins with a sixteenth of
+    all tests for each of four workers: all slow files for the first.
+    """
+    if config.getoption("dist") != "load":
+        return None
+    from xdist.scheduler import LoadFileScheduling
+
+    config.option.loadscopereorder = False
+    return LoadFileScheduling(config, log)
 
 
 def _keep_hypothesis_from_reading_our_sources() -> None:

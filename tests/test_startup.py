@@ -89,6 +89,13 @@ def test_a_check_loads_the_nodes_of_its_mission_and_no_others() -> None:
     assert not {name for name in found if name.startswith(tuple(f"picktree.{each}" for each in unused))}
 
 
+def test_who_only_hands_jobs_to_workers_loads_no_large_library() -> None:
+    modules = "picktree.batch.workers.local_executor, picktree.batch.cluster.messages"
+    program = f"import sys, {modules}; print(*sys.modules)"
+    ran = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
+    assert set(ran.stdout.split()) & LARGE == set(), ran.stderr
+
+
 @pytest.mark.parametrize("package", [recovery, skills])
 def test_a_package_of_nodes_names_each_with_its_module(package: ModuleType) -> None:
     nodes = package.NODES

@@ -34,6 +34,7 @@ _OWN_CLUSTER_ENVIRONMENT: Final = {
     "RAY_USAGE_STATS_ENABLED": "0",
     "RAY_enable_worker_prestart": "0",  # a foreman for each slot is all that is needed
     "RAY_prestart_worker_first_driver": "0",
+    "RAY_worker_niceness": "0",  # jobs have the batch's priority, as those of local workers
 }
 """Environment of a cluster on this machine alone, read when Ray is loaded."""
 _LOG_PREFIX: Final = re.compile(r"^\[[^]]*\] (\S+:\d+: )?")

@@ -12,7 +12,6 @@ from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
 
 from ...errors import PicktreeError
 from ...logs.schema.json_records import Arithmetic
@@ -184,6 +183,8 @@ def _apart(a: _Numbers, b: _Numbers, axis: int = -1) -> Any:
 
 
 def _p_value(data: tuple[_Numbers, ...], statistic: Callable[..., Any], kind: str) -> float:
+    from scipy import stats
+
     found = stats.permutation_test(
         data,
         statistic,
@@ -196,6 +197,8 @@ def _p_value(data: tuple[_Numbers, ...], statistic: Callable[..., Any], kind: st
 
 
 def _interval(data: tuple[_Numbers, ...], statistic: Callable[..., Any]) -> Interval:
+    from scipy import stats
+
     if min(map(len, data)) < 2:
         return Interval(-math.inf, math.inf)
     if all(np.all(values == values[0]) for values in data):

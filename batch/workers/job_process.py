@@ -27,15 +27,10 @@ from pathlib import Path
 from pickle import UnpicklingError
 from typing import NoReturn
 
-import numpy as np
-
 from ...errors import PicktreeError
 from ...files.shipped_files import ROOT
-from ...session.resume.recipe_archive import RecipeFile
-from ...session.session import Recording, Session
 from . import job_output
 from .executor import Event, JobFailed, JobFinished, JobOrder, JobStopped
-from .job_output import collect_run_rows
 
 _PR_SET_PDEATHSIG = 1
 _PR_SET_CHILD_SUBREAPER = 36
@@ -128,6 +123,10 @@ def run_attempt(order: JobOrder) -> Event:
 
 def _mission_result(order: JobOrder) -> bytes | None:
     """Run the recipe as a mission and return the rows of the result; None when it was interrupted."""
+    from ...session.resume.recipe_archive import RecipeFile
+    from ...session.session import Recording, Session
+    from .run_rows import collect_run_rows
+
     with RecipeFile(order.recipe) as kept:
         session = Session(kept.recipe(order.seed), record=Recording(order.folder))
         result = session.run()
@@ -270,6 +269,8 @@ def _live(order: JobOrder, tell: Connection, parent: int) -> NoReturn:
 
 
 def _settle_in(order: JobOrder, parent: int) -> None:
+    import numpy
+
     os.setsid()
     die_with_parent(signal.SIGKILL)
     if os.getppid() != parent:
@@ -286,7 +287,7 @@ def _settle_in(order: JobOrder, parent: int) -> None:
     resource.setrlimit(resource.RLIMIT_FSIZE, (largest, largest))
     with suppress(OSError):
         Path("/proc/self/oom_score_adj").write_text("1000")  # it goes before the batch does
-    np.random.seed()  # as in a fresh process; no skill of ours draws from it
+    numpy.random.seed()  # as in a fresh process; no skill of ours draws from it
 
 
 def _written_bytes(folder: Path) -> int:

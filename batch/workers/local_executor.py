@@ -33,6 +33,8 @@ _MODULES = (
     "picktree.simulation.kinematic.backend",
     "picktree.simulation.physics.backend",
     "picktree.batch.workers.job_process",
+    "picktree.batch.workers.run_rows",
+    "picktree.session.resume.recipe_archive",
 )
 
 

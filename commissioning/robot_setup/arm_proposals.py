@@ -208,9 +208,12 @@ def _turned(model: RobotModel, free: Callable[[Array], bool], home: Array) -> Ar
     return None
 
 
-def hidden_share(model: RobotModel, q: Array) -> float:
-    """Return the share of the items' part of the table, 0 … 1, that the arm hides from a camera above it."""
-    poses, tree = model.link_poses(q, 0.0), read_skeleton(Path(model.description.urdf))
+def hidden_share(model: RobotModel, tree: UrdfTree, q: Array) -> float:
+    """Return the share of the items' part of the table, 0 … 1, that the arm hides from a camera above it.
+
+    `tree`: that of the model's URDF.
+    """
+    poses = model.link_poses(q, 0.0)
     ends = [[poses[j.parent].position, poses[j.child].position] for j in tree.joints.values()]
     shares = np.linspace(0.0, 1.0, 9)[:, None, None]
     low: Array = np.array(WORK_AREA[0])
@@ -231,6 +234,7 @@ def hidden_share(model: RobotModel, q: Array) -> float:
 class _Search:
     def __init__(self, model: RobotModel, free: Callable[[Array], bool], seed: int) -> None:
         self._model = model
+        self._tree = read_skeleton(Path(model.description.urdf))
         self._free = free
         self._ik = InverseKinematics(model)
         self._generator = np.random.default_rng([seed, 2])
@@ -288,7 +292,9 @@ class _Search:
         return ease + 2.0 * min(to_limit, 0.2) - straight - 0.5 * abs(float(q[0])) / np.pi
 
     def _cost(self, q: Array, most: float, *, folded: bool) -> float:
-        return 2.0 * self._extent(q, most) if folded else HIDING_COST * hidden_share(self._model, q)
+        if folded:
+            return 2.0 * self._extent(q, most)
+        return HIDING_COST * hidden_share(self._model, self._tree, q)
 
     def _extent(self, q: Array, most: float) -> float:
         base = self._model.description.base_in_world.inverse()

@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import cv2
 import numpy as np
@@ -167,6 +168,23 @@ def _ease(heap: HeightMap, hand: HandShape) -> Heights:
     return np.where(walls, 0.0, value).astype(np.float32)
 
 
+_Cells: TypeAlias = tuple[NDArray[np.intp], NDArray[np.intp]]
+"""Rows and columns (k,) of cells of an image."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Offer:
+    """Strokes of one length from k cells."""
+
+    cells: _Cells
+    worth: NDArray[np.floating]
+    """Values (k,), m³."""
+    level: Heights | np.float32
+    """Heights of the tips (k,), or one for all, m."""
+    length: float
+    """Length, m."""
+
+
 class _Turned:
     """Surfaces of a heap in an image whose columns lie along a stroke."""
 
@@ -195,6 +213,7 @@ class _Turned:
         self._walls = turned(walls, outside)
         self._things = turned(surfaces.things, heap.floor)
         self._ease = turned(surfaces.ease, 0.0 if heap.walls().any() else 1.0)
+        self._volumes_by_side: dict[tuple[bool, bool, float], tuple[Heights, Heights]] = {}
 
     def strokes(self, hand: HandShape, posture: Posture) -> Iterator[HeapStroke]:
         """Yield the best pushes and drags of each block of cells."""
@@ -209,26 +228,24 @@ class _Turned:
 
     def _pushes(
         self, hand: HandShape, posture: Posture, fingers: Heights, ways: Mapping[float, Heights]
-    ) -> Iterator[tuple[Heights, Heights, float]]:
-        """Yield value (n, n), m³, height of the tips (n, n), m, and length, m, of strokes from free
-        places."""
-        below = np.full(fingers.shape, -np.inf)
+    ) -> Iterator[_Offer]:
+        """Yield strokes from free places."""
+        below = -np.inf
         for level in (self._heap.floor + above for above in LEVELS):
             begins = (fingers <= level) & (fingers > below)
-            below = np.full(fingers.shape, level)
-            if not begins.any():
-                continue
-            moved, eased = self._volumes(hand, posture, level)
+            below = level
             for length, lowest in ways.items():
-                worth = (_ahead(moved, length / self._heap.cell) - moved) * (STIR_VALUE + self._ends(length))
-                worth -= _ahead(eased, length / self._heap.cell) - eased
-                free = begins & (lowest <= level)
-                yield np.where(free, worth, 0.0), np.full(fingers.shape, level, np.float32), length
+                cells = _cells(begins & (lowest <= level))
+                if not len(cells[0]):
+                    continue
+                moved, eased = self._volumes(hand, posture, level)
+                reach = length / self._heap.cell
+                worth = (_seen(moved, cells, reach) - moved[cells]) * (STIR_VALUE + self._ends(cells, length))
+                worth -= _seen(eased, cells, reach) - eased[cells]
+                yield _Offer(cells, worth, np.float32(level), length)
 
-    def _drags(
-        self, hand: HandShape, fingers: Heights, ways: Mapping[float, Heights]
-    ) -> Iterator[tuple[Heights, Heights, float]]:
-        """Yield the same for strokes that begin on top of things."""
+    def _drags(self, hand: HandShape, fingers: Heights, ways: Mapping[float, Heights]) -> Iterator[_Offer]:
+        """Yield strokes that begin on top of things."""
         cell, pad = self._heap.cell, self._box(hand.fingers[0].half_x, hand.fingers[0].outer)
         top = np.asarray(cv2.dilate(self._things, pad), np.float32)
         filled = cv2.boxFilter((self._things > top - TOP_DEPTH).astype(np.float32), -1, pad.shape[::-1])
@@ -242,24 +259,25 @@ class _Turned:
         rise = (_ahead(top, HOOK_REACH / cell) - top) / HOOK_RISE
         hold = np.clip(rise, 0.0, 1.0)
         for length, lowest in ways.items():
-            gain = STIR_VALUE + self._ends(length) - self._ease
-            worth = np.where(begins & (lowest <= top), hold * there * gain, 0.0)
-            yield worth, fingers + np.float32(START_CLEARANCE), length
+            cells = _cells(begins & (lowest <= top))
+            gain = STIR_VALUE + self._ends(cells, length) - self._ease[cells]
+            worth = hold[cells] * there[cells] * gain
+            yield _Offer(cells, worth, fingers[cells] + np.float32(START_CLEARANCE), length)
 
-    def _ends(self, length: float) -> Heights:
-        """Return the ease where the things come to lie that a stroke from each cell pushes."""
-        return _ahead(self._ease, (length + AHEAD) / self._heap.cell)
+    def _ends(self, cells: _Cells, length: float) -> Heights:
+        """Return the ease where the things come to lie that a stroke from each of the cells pushes."""
+        return _seen(self._ease, cells, (length + AHEAD) / self._heap.cell)
 
-    def _best(
-        self, offered: Iterator[tuple[Heights, Heights, float]], posture: Posture, *, drags: bool
-    ) -> Iterator[HeapStroke]:
+    def _best(self, offered: Iterator[_Offer], posture: Posture, *, drags: bool) -> Iterator[HeapStroke]:
         """Yield the best of the offered strokes of each block of cells."""
         best = np.zeros(self._things.shape, np.float32)
         chosen = np.zeros((*best.shape, 2), np.float32)
-        for worth, level, length in offered:
-            better = worth > best
-            best[better] = worth[better]
-            chosen[better, 0], chosen[better, 1] = level[better], length
+        for offer in offered:
+            better = offer.worth > best[offer.cells]
+            rows, columns = (one[better] for one in offer.cells)
+            best[rows, columns] = offer.worth[better]
+            chosen[rows, columns, 0] = np.broadcast_to(offer.level, better.shape)[better]
+            chosen[rows, columns, 1] = offer.length
         for at in _best_of_blocks(best):
             level, length = (round(float(one), 4) for one in chosen[at[0], at[1]])
             yield self._stroke(at, level, length, posture, drags, float(best[at[0], at[1]]))
@@ -296,7 +314,13 @@ class _Turned:
 
     def _volumes(self, hand: HandShape, posture: Posture, level: float) -> tuple[Heights, Heights]:
         """Return the volume above the finger tips from the image's left edge to each cell, m³; and the same
-        weighted by `_Surfaces.ease`."""
+        weighted by `_Surfaces.ease`. Neither depends on where a hand leans, but on which side pushes."""
+        key = posture.side == 0, posture.open, level
+        if key not in self._volumes_by_side:
+            self._volumes_by_side[key] = self._measured(hand, posture, level)
+        return self._volumes_by_side[key]
+
+    def _measured(self, hand: HandShape, posture: Posture, level: float) -> tuple[Heights, Heights]:
         cell, finger = self._heap.cell, hand.fingers[0]
         depth = np.clip(self._things - np.float32(level + START_CLEARANCE), 0.0, None)
         spans = _spans(finger, hand, posture)
@@ -349,6 +373,18 @@ def _ahead(image: Heights, distance: float) -> Heights:
     if columns == 0:
         return image
     return np.concatenate([image[:, columns:], np.repeat(image[:, -1:], columns, axis=1)], axis=1)
+
+
+def _cells(mask: NDArray[np.bool_]) -> _Cells:
+    """Return the cells that are set; in one dimension numpy finds them faster."""
+    rows, columns = np.divmod(np.flatnonzero(mask), mask.shape[1])
+    return rows, columns
+
+
+def _seen(image: Heights, cells: _Cells, distance: float) -> Heights:
+    """Return the same (k,) for k cells alone."""
+    rows, columns = cells
+    return image[rows, np.clip(columns + round(distance), 0, image.shape[1] - 1)]
 
 
 def _best_of_blocks(worth: Heights) -> NDArray[np.intp]:

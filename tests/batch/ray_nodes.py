@@ -17,7 +17,13 @@ from ..commands import until
 from .processes import below, name
 
 SECRET = {"RAY_AUTH_MODE": "token", "RAY_AUTH_TOKEN": secrets.token_hex(32)}
-NODES = {"RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER": "1", **SECRET}
+NODES = {
+    "RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER": "1",
+    "RAY_enable_worker_prestart": "0",  # a process for each CPU that no test would use
+    "RAY_prestart_worker_first_driver": "0",
+    "RAY_worker_niceness": "0",  # else they wait until all other tests leave a CPU to them
+    **SECRET,
+}
 """Environment of every process of a cluster whose nodes have the address of this machine."""
 
 
@@ -44,6 +50,7 @@ def node(address: str, cpus: int) -> Generator[int]:
 def _node(options: list[str], cpus: int) -> Generator[int]:
     ray = Path(sys.executable).with_name("ray")
     common = ["--block", f"--num-cpus={cpus}", "--object-store-memory=100000000", "--disable-usage-stats"]
+    common += ["--no-monitor", "--include-log-monitor=false"]  # of autoscaling and of output for a driver
     with tempfile.TemporaryFile() as output:
         process = subprocess.Popen(
             [ray, "start", *common, *options],

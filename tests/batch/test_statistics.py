@@ -1,10 +1,12 @@
 import math
 
 import pytest
+from scipy import stats
 
 from picktree.batch.plan_loading import parse_seeds
 from picktree.batch.statistics.differences import paired_difference, unpaired_difference
 from picktree.batch.statistics.rates import (
+    CONFIDENCE,
     difference_of_paired_rates,
     difference_of_rates,
     equal_rates_p,
@@ -22,6 +24,13 @@ def test_wilsons_interval_is_that_of_the_textbook() -> None:
     assert found.interval.low == pytest.approx(0.53129, abs=1e-5)
     assert found.interval.high == pytest.approx(0.88814, abs=1e-5)
     assert rate(0, 0).share is None
+
+
+@pytest.mark.parametrize(("successes", "total"), [(0, 1), (1, 1), (0, 7), (1, 7), (7, 7), (977, 1000)])
+def test_wilsons_interval_is_that_of_scipy(successes: int, total: int) -> None:
+    theirs = stats.binomtest(successes, total).proportion_ci(CONFIDENCE, method="wilson")
+    ours = rate(successes, total).interval
+    assert (ours.low, ours.high) == pytest.approx((theirs.low, theirs.high), abs=1e-12)
 
 
 def test_mcnemar_counts_only_the_seeds_that_changed_sides() -> None:

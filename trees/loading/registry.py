@@ -15,10 +15,9 @@ from ...world.causes import OUR_PREFIXES, Cause, all_causes
 from ..declaration import NodeDeclaration
 from ..mission import Plugin
 from ..node import Node
+from ..plugins import GROUP
 from ..plugins.plugin import load_installed, load_plugin
 from ..plugins.plugin_import import PluginError
-
-GROUP = "picktree.nodes"
 
 
 @dataclass(frozen=True, slots=True)

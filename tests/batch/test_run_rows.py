@@ -10,7 +10,7 @@ from picktree.analysis.explain.investigation.explanation import (
     KeyMoment,
     RootCause,
 )
-from picktree.batch.workers.job_output import look_at, root_of
+from picktree.batch.workers.run_rows import look_at, root_of
 from picktree.logs.run_account import Episodes
 
 SLIPPED = RootCause("item.slippery", "can_1 is slippery", (), ended_run=False, reasons=(), time=3.0)
