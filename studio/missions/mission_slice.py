@@ -29,7 +29,7 @@ from ...trees.mission import MAIN
 from ..calls import JsonValue, call
 from ..slice import Studio
 from . import checks
-from .answers import Places, change_values, common_entries, palette_values, tree_values
+from .answers import Places, TreeAnswers, change_values, common_entries, palette_values
 from .context import (
     MissionContext,
     MissionContexts,
@@ -58,6 +58,7 @@ class MissionSlice:
     def __init__(self, studio: Studio) -> None:
         self._workspace = studio.workspace
         self._contexts = MissionContexts()
+        self._trees = TreeAnswers()
         self._registry = NodeRegistry()
         # One thread: answers come in the order of the edits, and registries are used by one at a time.
         self._thread = ThreadPoolExecutor(1, "missions")
@@ -74,14 +75,23 @@ class MissionSlice:
         return await asyncio.get_running_loop().run_in_executor(self._thread, function, *args)
 
     @call("mission.tree")
-    async def tree(self, path: str, text: str) -> JsonValue:
-        """Return the trees of a text as a picture shows them, as far as the text can be read."""
-        return await self._quickly(self._tree, self._place(path, text), text)
+    async def tree(self, path: str, text: str, known: tuple[str, ...] = ()) -> JsonValue:
+        """Return the trees of a text as a picture shows them, as far as the text can be read.
+
+        `known`: contents of trees that the page has. Of these trees the place is returned only.
+        """
+        return await self._quickly(self._tree, self._place(path, text), text, known)
 
     @call("mission.edit")
-    async def edit(self, path: str, text: str, edit: Annotated[Edit, Field(discriminator="do")]) -> JsonValue:
-        """Return the replacements of an edit by the picture, and the tree after it."""
-        return await self._quickly(self._edit, self._place(path, text), text, edit)
+    async def edit(
+        self,
+        path: str,
+        text: str,
+        edit: Annotated[Edit, Field(discriminator="do")],
+        known: tuple[str, ...] = (),
+    ) -> JsonValue:
+        """Return the replacements of an edit by the picture, and the trees after it as `tree` does."""
+        return await self._quickly(self._edit, self._place(path, text), text, edit, known)
 
     @call("mission.palette")
     async def palette(self, path: str, text: str) -> JsonValue:
@@ -126,7 +136,7 @@ class MissionSlice:
 
     # In the thread.
 
-    def _tree(self, path: Path, text: str) -> dict[str, Any]:
+    def _tree(self, path: Path, text: str, known: tuple[str, ...] = ()) -> dict[str, Any]:
         reading = read_text(text, str(path))
         if reading is None:
             return {"readable": False, "whole": False, "name": "", "scene": "", "left_out": "", "trees": []}
@@ -138,10 +148,10 @@ class MissionSlice:
             "name": found.name,
             "scene": found.scene,
             "left_out": context.left_out,
-            "trees": tree_values(found, context, Places(text)),
+            "trees": self._trees.of(text, found.trees, context, frozenset(known)),
         }
 
-    def _edit(self, path: Path, text: str, edit: Edit) -> dict[str, Any]:
+    def _edit(self, path: Path, text: str, edit: Edit, known: tuple[str, ...]) -> dict[str, Any]:
         context, _ = self._read(path, text)
         include = edit.include if isinstance(edit, AddNode) else ""
         own = {tree.id: tree for tree in self._own(path, text)} if needs_trees(edit, context, text) else {}
@@ -158,7 +168,7 @@ class MissionSlice:
         return {
             "changes": change_values(found, Places(text)),
             "selected": result.selected,
-            "tree": self._tree(path, new),
+            "tree": self._tree(path, new, known),
         }
 
     def _palette(self, path: Path, text: str) -> dict[str, Any]:

@@ -54,9 +54,9 @@ export function WritePage({ path }: { path: string }) {
     if (!view) return;
     const scroll = picked.current === selected;
     const tree = mission?.trees.find((each) => head(each.name) === selected);
-    markNode(view, node ? { from: node.start, to: node.end } : tree && scroll ? { from: tree.start, to: tree.start + tree.name.length } : null, scroll);
+    markNode(view, node ? index!.span(node.id) : tree && scroll ? { from: tree.start, to: tree.start + tree.name.length } : null, scroll);
     picked.current = "";
-  }, [view, selected, node, mission]);
+  }, [view, selected, node, mission, index]);
 
   const change = useCallback(async (edit: Edit) => {
     const concerned = await writing.edit(edit);
@@ -73,8 +73,8 @@ export function WritePage({ path }: { path: string }) {
     return drawn.current;
   }, [mission, only]);
   const marks = useMemo<TreeMarks>(() => {
+    if (!index || (!faults?.length && !rehearsal)) return NO_MARKS;
     const found: TreeMarks = {};
-    if (!index) return found;
     for (const fault of faults ?? []) {
       const id = index.at(fault.from);
       found[id] = { ...found[id], faults: (found[id]?.faults ?? 0) + 1 };
@@ -201,6 +201,8 @@ export function WritePage({ path }: { path: string }) {
     </div>
   );
 }
+
+const NO_MARKS: TreeMarks = {};
 
 // A function that stays the same object, and does what the one of the last drawing does.
 function useSteady<A extends unknown[]>(action: (...args: A) => void): (...args: A) => void {
