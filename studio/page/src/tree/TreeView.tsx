@@ -146,7 +146,7 @@ function Tree({ root, marks, selected, onSelect, onMenu, onMove, className }: Tr
 
   const keys = (event: KeyboardEvent) => {
     const here = shown.get(selected ?? root.id) ?? shown.get(root.id)!;
-    const siblings = here.parent ? shown.get(here.parent)!.node.children : [here.node];
+    const siblings = here.parent !== undefined ? shown.get(here.parent)!.node.children : [here.node];
     const place = siblings.findIndex((each) => each.id === here.node.id);
     const to: Record<string, string | undefined> = {
       ArrowLeft: here.parent,
@@ -158,7 +158,7 @@ function Tree({ root, marks, selected, onSelect, onMenu, onMove, className }: Tr
     if (event.key in to) {
       event.preventDefault();
       const id = to[event.key];
-      if (id) choose(id);
+      if (id !== undefined) choose(id);
     } else if (event.key === "+" || event.key === "-") {
       event.preventDefault();
       if (here.folded === (event.key === "+")) fold(here.node.id);
