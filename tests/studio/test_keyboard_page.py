@@ -76,6 +76,7 @@ def test_a_session_with_keys_alone(served: Served, page: tuple[Keys, Told]) -> N
     keys.to("tree", re.compile("^Tree of"))
     keys.press("Home", "ArrowRight", "ArrowDown", "ArrowRight")
     browser.get_by_role("treeitem", name=re.compile("^Recover"), selected=True).wait_for()
+    browser.locator(".node-form header code", has_text="do").first.wait_for()
     attempts = keys.to("combobox", "attempts")  # the keys of the blackboard are offered with it
     keys.press("Control+a")
     browser.keyboard.type("7")

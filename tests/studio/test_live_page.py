@@ -86,7 +86,7 @@ def test_a_run_is_started_paused_stepped_changed_answered_and_found(
         phone.get_by_text("Stopped at").wait_for()
         assert fits(phone)
         phone.get_by_role("button", name="Go on").click()
-        phone.get_by_text("Help is wanted").wait_for()
+        phone.get_by_role("heading", name="Help is wanted").wait_for()
         assert fits(phone)
         assert serious(phone) == []
         phone.get_by_role("button", name="yes").click()

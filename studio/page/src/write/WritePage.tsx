@@ -8,6 +8,7 @@ import { TreeView } from "../tree/TreeView";
 import type { TreeMarks, TreeNode } from "../tree/TreeView";
 import { Button } from "../ui/Button";
 import { Empty } from "../ui/Empty";
+import { Prose } from "../ui/Prose";
 import { counted } from "../ui/words";
 import { applyChanges, markNode, redo, undo } from "./editor";
 import { head, picture, treeOfHead } from "./model";
@@ -252,7 +253,7 @@ function TreeHead({ name, doc, ports, rename }: { name: string; doc: string; por
   return (
     <div className="node-form">
       <h2>Tree {name}</h2>
-      {doc && <p>{doc}</p>}
+      {doc && <p><Prose text={doc} /></p>}
       {ports.length > 0 && <ul>{ports.map((port) => <li key={port.key}><code>{port.key}</code> <span className="muted">{port.text}</span></li>)}</ul>}
       {name !== "Main" && (
         <form onSubmit={(event) => { event.preventDefault(); if (typed !== name) rename(typed); }} className="buttons">
