@@ -94,10 +94,11 @@ class RunRow:
     def to_json(self) -> dict[str, object]:
         return {**asdict(self), "cause": self.cause}
 
-    def names(self, now: float) -> dict[str, object]:
-        """Return the values for a filter; `now`: s since 1970."""
-        values: dict[str, object] = {name: getattr(self, name) for name in COLUMNS if name != "age"}
-        return {**values, "age": (now - self.written) / _DAY}
+    def names(self, now: float, wanted: Iterable[str] = COLUMNS) -> dict[str, object]:
+        """Return the values of columns for a filter; `now`: s since 1970."""
+        return {
+            name: (now - self.written) / _DAY if name == "age" else getattr(self, name) for name in wanted
+        }
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,8 +119,9 @@ class RunFilter:
 
     def __call__(self, row: RunRow, now: float | None = None) -> bool:
         """Whether the row meets the condition. A comparison with a value that the row lacks is not met."""
+        now = time.time() if now is None else now
         try:
-            return bool(self.expression.evaluate(row.names(time.time() if now is None else now)))
+            return bool(self.expression.evaluate(row.names(now, self.expression.names)))
         except ExpressionError:  # types are checked: the value is null
             return False
 

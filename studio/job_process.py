@@ -1,19 +1,58 @@
 """Process of a job: `python -P -m picktree.studio.job_process FILE COMMAND …` runs `picktree COMMAND …`.
 
-It writes the exit code of the command into the file, where a server that did not start it finds it.
+It writes the exit code of the command into the file, where a server that did not start it finds it. It keeps
+the file on stdout below `MAX_OUTPUT`.
 """
 
 from __future__ import annotations
 
+import os
 import runpy
 import sys
+import threading
+import time
+from contextlib import suppress
 from pathlib import Path
+from typing import Final
+
+MAX_OUTPUT: Final = 10_000_000
+"""Size of the output above which its beginning is left out, bytes."""
+KEPT_OUTPUT: Final = 1_000_000
+"""Size of the end that is then kept, bytes."""
+_PERIOD: Final = 0.1
+"""Time between two looks at the size of the output, wall s."""
+
+
+def shorten(output: int, file: Path) -> None:
+    """Leave out the beginning of an output that is too large; `output`: descriptor that appends to it."""
+    if os.fstat(output).st_size <= MAX_OUTPUT:
+        return
+    with file.open("rb") as opened:
+        opened.seek(-KEPT_OUTPUT, os.SEEK_END)
+        part, _, lines = opened.read(KEPT_OUTPUT).partition(b"\n")
+    os.ftruncate(output, 0)
+    notice = f"[the output was larger than {MAX_OUTPUT // 1_000_000} MB: its beginning is left out]\n"
+    os.write(output, notice.encode() + (lines or part))
+
+
+def _limit_output() -> None:
+    output = os.dup(1)
+    file = Path(f"/proc/self/fd/{output}").resolve()
+
+    def look() -> None:
+        while True:
+            time.sleep(_PERIOD)
+            with suppress(OSError):  # a full disk; no file at all
+                shorten(output, file)
+
+    threading.Thread(target=look, daemon=True).start()
 
 
 def main() -> None:
     """Run the command of `sys.argv`, write its exit code, and end with it."""
     place, words = Path(sys.argv[1]), sys.argv[2:]
     sys.argv = ["picktree", *words]
+    _limit_output()
     code = 3
     try:
         runpy.run_module("picktree", run_name="__main__", alter_sys=True)

@@ -147,7 +147,7 @@ class Jobs:
             finish=finish,
             keeps_on=keeps_on,
         )
-        with job.output.open("wb") as opened:
+        with job.output.open("ab") as opened:
             process = subprocess.Popen(
                 # -P: nothing is imported from the folder, whatever it holds.
                 [sys.executable, "-P", "-m", _JOB_MODULE, str(self._records.code_file(number)), *command],

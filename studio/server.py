@@ -157,6 +157,7 @@ def make_server(workspace: Workspace, listening: socket.socket) -> uvicorn.Serve
         proxy_headers=False,
         ws="websockets-sansio",
         ws_max_size=MAX_MESSAGE,
+        ws_per_message_deflate=False,  # on the loopback address it costs more than it saves
         timeout_graceful_shutdown=3,
     )
     return uvicorn.Server(config)

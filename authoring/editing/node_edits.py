@@ -67,7 +67,8 @@ class NodeEditor:
         if found is None:
             raise NotEditable(f"the mission has no node {identifier!r}")
         if found.aliased:
-            line = self._source.line_of(found.start) + 1
+            tree = next(tree for tree in self.outline.trees if tree.name == found.loc[1])
+            line = self._source.line_of(tree.start + found.start) + 1
             raise NotEditable(f"the text of {found.name} on line {line} is an alias: edit it at its anchor")
         return found
 
@@ -122,7 +123,7 @@ class NodeEditor:
         if taken:
             raise NotEditable(f"the name {new!r} is taken")
         text = rename_key(self.text, ("trees", name), new)
-        for node in sorted(self._nodes.values(), key=lambda each: each.start, reverse=True):
+        for node in reversed([*self._nodes.values()]):  # children before their parents
             if node.identity == name and not node.aliased:
                 loc = tuple(new if at == 1 and step == name else step for at, step in enumerate(node.loc))
                 text = (

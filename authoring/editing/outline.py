@@ -1,11 +1,16 @@
-"""Outline of a mission's text: its trees as a picture shows them, also while the text has faults."""
+"""Outline of a mission's text: its trees as a picture shows them, also while the text has faults.
+
+A tree is read once while its text stays the same. Places of its nodes are therefore places in the tree's
+text, which begins with its name.
+"""
 
 from __future__ import annotations
 
+from collections import OrderedDict
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
-from typing import Literal, TypeAlias
+from typing import Final, Literal, TypeAlias
 
 from ...files.marks import Location
 from ...trees.controls import Sequence
@@ -32,7 +37,7 @@ class OutlinePort:
 
 @dataclass(slots=True)
 class OutlineNode:
-    """One node of the text; places count in code points from 0."""
+    """One node of a tree; places count in code points from the beginning of the tree's text."""
 
     id: str
     """Path in its tree, as logs, faults and rehearsals have it."""
@@ -69,17 +74,28 @@ class OutlineNode:
             todo.extend(reversed(node.children))
 
 
-@dataclass(frozen=True, slots=True)
-class OutlineTree:
-    """One tree of the text; `root` is None where no node is written."""
+@dataclass(frozen=True, slots=True, eq=False, weakref_slot=True)
+class TreeBody:
+    """Content of a tree: one object for all outlines in which the tree's text is the same."""
 
-    name: str
-    loc: Location
     doc: str
     ports: tuple[OutlinePort, ...]
+    root: OutlineNode | None
+    """None where no node is written."""
+
+
+@dataclass(frozen=True, slots=True)
+class OutlineTree:
+    """One tree of the text; its places count in code points from the beginning of the text."""
+
+    name: str
     start: int
     end: int
-    root: OutlineNode | None
+    body: TreeBody
+
+    @property
+    def root(self) -> OutlineNode | None:
+        return self.body.root
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,6 +111,10 @@ class Outline:
         return {node.id: node for tree in self.trees if tree.root for node in tree.root.iterate()}
 
 
+_KEPT: Final = 1024
+_bodies: OrderedDict[tuple[Declarations, frozenset[str], str], TreeBody] = OrderedDict()
+
+
 @lru_cache(maxsize=8)
 def outline(source: Source, known: Declarations) -> Outline:
     """Return the outline of a text, made once. `known` need not know the trees of the text itself."""
@@ -102,12 +122,28 @@ def outline(source: Source, known: Declarations) -> Outline:
     trees = root.child("trees")
     body = trees.value if trees is not None else None
     names = frozenset(body.keys) if body is not None else frozenset[str]()
-    reader = _OutlineReader(source, known, names)
     found = [
-        reader.tree(key, value)
+        _tree(source, known, names, key, value)
         for key, value in (body.entries if body is not None and body.kind == "mapping" else [])
     ]
     return Outline(_word(root, "name"), _word(root, "scene"), tuple(found))
+
+
+def _tree(
+    source: Source, known: Declarations, names: frozenset[str], key: Syntax, value: Syntax
+) -> OutlineTree:
+    start, end = key.start, max(value.end, key.end)
+    reader = _OutlineReader(source, known, names, start)
+    if source.has_aliases:  # a tree may then depend on what stands elsewhere
+        return OutlineTree(key.text, start, end, reader.tree(key, value))
+    kept = known, names, source.text[start:end]
+    body = _bodies.get(kept)
+    if body is None:
+        body = _bodies[kept] = reader.tree(key, value)
+        if len(_bodies) > _KEPT:
+            _bodies.popitem(last=False)
+    _bodies.move_to_end(kept)
+    return OutlineTree(key.text, start, end, body)
 
 
 def _word(node: Syntax, key: str) -> str:
@@ -118,10 +154,12 @@ def _word(node: Syntax, key: str) -> str:
 class _OutlineReader:
     """Reader of nodes by the rules of the grammar; whatever these refuse is kept as far as it goes."""
 
-    def __init__(self, source: Source, known: Declarations, trees: frozenset[str]) -> None:
+    def __init__(self, source: Source, known: Declarations, trees: frozenset[str], start: int) -> None:
         self._source, self._known, self._trees = source, known, trees
+        self._start = start
+        """Beginning of the tree in the text."""
 
-    def tree(self, key: Syntax, body: Syntax) -> OutlineTree:
+    def tree(self, key: Syntax, body: Syntax) -> TreeBody:
         loc: Location = ("trees", key.text)
         ports: tuple[OutlinePort, ...] = ()
         doc, root = "", None
@@ -139,8 +177,10 @@ class _OutlineReader:
                 root.direct = True
         elif not given.empty:
             root = self._node(body, loc, key.text, ChildNames())
-        end = max(body.end, key.end)
-        return OutlineTree(key.text, loc, " ".join(doc.split()), ports, key.start, end, root)
+        return TreeBody(" ".join(doc.split()), ports, root)
+
+    def _at(self, place: int) -> int:
+        return place - self._start
 
     def _node(
         self, node: Syntax, loc: Location, above: str, names: ChildNames, *, aliased: bool = False
@@ -160,8 +200,8 @@ class _OutlineReader:
             name = names.take(identity[:60])
             kind: OutlineKind = declaration.kind if declaration is not None else "unknown"
             kind = "subtree" if identity in self._trees else kind
-            found = OutlineNode(f"{above}/{name}", loc, identity, name, kind, node.start, node.end)
-        found.start, found.end = node.start, max(node.end, node.start)
+            found = OutlineNode(f"{above}/{name}", loc, identity, name, kind, 0, 0)
+        found.start, found.end = self._at(node.start), self._at(max(node.end, node.start))
         found.aliased = aliased
         return found
 
@@ -175,8 +215,8 @@ class _OutlineReader:
         own = given.value.word if given is not None else None
         name = names.take(own if own is not None and NAME_PATTERN.fullmatch(own) else identity[:60])
         path, at = f"{above}/{name}", (*loc, identity)
-        end = max(node.end, key.end)
-        found = OutlineNode(path, loc, identity, name, "unknown", key.start, end, at, aliased=aliased)
+        start, end = self._at(key.start), self._at(max(node.end, key.end))
+        found = OutlineNode(path, loc, identity, name, "unknown", start, end, at, aliased=aliased)
         declaration = self._declaration(identity)
         if identity in self._trees or (declaration is not None and declaration.kind == "subtree"):
             found.kind = "subtree"
@@ -199,7 +239,7 @@ class _OutlineReader:
     def _port(self, key: Syntax, value: Syntax) -> OutlinePort:
         held = value.value
         text = held.text if held.kind == "scalar" else " ".join(self._source.slice(held).split())
-        return OutlinePort(key.text, text, key.start, max(value.end, key.end))
+        return OutlinePort(key.text, text, self._at(key.start), self._at(max(value.end, key.end)))
 
     def _known_body(
         self, found: OutlineNode, declaration: NodeDeclaration, body: Syntax, at: Location, aliased: bool
@@ -278,9 +318,8 @@ class _OutlineReader:
         name = names.take(label or identity)
         inner = ChildNames()
         path, aliased = f"{above}/{name}", aliased or value is not node
-        found = OutlineNode(
-            path, at, identity, name, "control", node.start, node.end, listed=True, aliased=aliased
-        )
+        start, end = self._at(node.start), self._at(node.end)
+        found = OutlineNode(path, at, identity, name, "control", start, end, listed=True, aliased=aliased)
         found.children = [
             self._node(item, (*at, n), path, inner, aliased=aliased) for n, item in enumerate(value.items)
         ]

@@ -98,7 +98,7 @@ class Source:
     def __init__(self, text: str) -> None:
         self.text = text
         self._starts = [0, *(found.end() for found in _LINE_END.finditer(text))]
-        self.root = _parsed(text)
+        self.root, self.has_aliases = _parsed(text)
 
     def at(self, loc: Location) -> Syntax:
         """Return the value at a location. Raises NotEditable where there is none."""
@@ -223,28 +223,22 @@ class _Open:
     anchor: str | None
     key: Syntax | None = None
 
+    def add(self, node: Syntax) -> None:
+        if self.node.kind == "list":
+            self.node.items.append(node)
+        elif self.key is None:
+            self.key = node
+        else:
+            self.node.entries.append((self.key, node))
+            self.key = None
 
-def _parsed(text: str) -> Syntax:
+
+def _parsed(text: str) -> tuple[Syntax, bool]:
+    """Return the syntax of a text, and whether it has an alias."""
     open_: list[_Open] = []
     anchors: dict[str, Syntax] = {}
     root: Syntax | None = None
-
-    def add(node: Syntax, anchor: str | None = None) -> None:
-        nonlocal root
-        if anchor is not None:
-            anchors[anchor] = node
-        if not open_:
-            root = node if root is None else root
-            return
-        top = open_[-1]
-        if top.node.kind == "list":
-            top.node.items.append(node)
-        elif top.key is None:
-            top.key = node
-        else:
-            top.node.entries.append((top.key, node))
-            top.key = None
-
+    has_aliases = False
     for event in yaml.parse(text, yaml.CSafeLoader):
         if event.start_mark is None or event.end_mark is None:
             continue
@@ -254,23 +248,31 @@ def _parsed(text: str) -> Syntax:
                 block = event.style in ("|", ">")
                 end = start + len(text[start:end].rstrip()) if block else end
                 plain = event.style in (None, "")
-                add(Syntax("scalar", start, end, not block, str(event.value), plain=plain), event.anchor)
+                node = Syntax("scalar", start, end, not block, str(event.value), [], [], plain)
+                anchor = event.anchor
             case yaml.AliasEvent():
-                name = str(event.anchor)
-                add(Syntax("alias", start, end, True, name, target=anchors.get(name)))
+                name, has_aliases = str(event.anchor), True
+                node, anchor = Syntax("alias", start, end, True, name, [], [], False, anchors.get(name)), None
             case yaml.MappingStartEvent() | yaml.SequenceStartEvent():
                 kind: SyntaxKind = "mapping" if isinstance(event, yaml.MappingStartEvent) else "list"
-                open_.append(_Open(Syntax(kind, start, end, bool(event.flow_style)), event.anchor))
+                begun = Syntax(kind, start, end, bool(event.flow_style), "", [], [])
+                open_.append(_Open(begun, event.anchor))
+                continue
             case yaml.MappingEndEvent() | yaml.SequenceEndEvent():
                 closed = open_.pop()
-                node = closed.node
+                node, anchor = closed.node, closed.anchor
                 bracketed = node.flow and text[end - 1 : end] in ("]", "}") and end > start
                 last = node.items[-1] if node.items else node.entries[-1][1] if node.entries else None
                 if node.flow and (bracketed and (last is None or end > last.end)):
                     node.end = end
                 elif last is not None:
                     node.end = last.end
-                add(node, closed.anchor)
             case _:
-                pass
-    return root if root is not None else Syntax("scalar", 0, 0, True)
+                continue
+        if anchor is not None:
+            anchors[anchor] = node
+        if open_:
+            open_[-1].add(node)
+        else:
+            root = node if root is None else root
+    return root if root is not None else Syntax("scalar", 0, 0, True), has_aliases

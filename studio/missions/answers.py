@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import re
 from bisect import bisect_left
-from collections.abc import Iterable
+from collections.abc import Callable, Container, Iterable
 from dataclasses import asdict
+from secrets import token_hex
 from typing import Any
+from weakref import WeakKeyDictionary
 
 from ...authoring.drawing.chart import symbol_of
-from ...authoring.editing.outline import Outline, OutlineNode, OutlinePort, OutlineTree
+from ...authoring.editing.outline import OutlineNode, OutlinePort, OutlineTree, TreeBody
 from ...authoring.editing.text_changes import TextChange
 from ...authoring.reference.node_reference import NodeEntry, node_entry
 from ...authoring.reference.port_wording import COMMON_DOCS
@@ -35,26 +37,46 @@ class Places:
         return place - bisect_left(self._units, place) if self._units else place
 
 
-def tree_values(found: Outline, context: MissionContext, places: Places) -> list[dict[str, Any]]:
-    return [_tree(tree, context, places) for tree in found.trees]
+class TreeAnswers:
+    """Answers on trees, each made once while the tree's text stays the same."""
+
+    def __init__(self) -> None:
+        self._kept: WeakKeyDictionary[TreeBody, dict[str, Any]] = WeakKeyDictionary()
+
+    def of(
+        self, text: str, trees: Iterable[OutlineTree], context: MissionContext, known: Container[str]
+    ) -> list[dict[str, Any]]:
+        """Return the trees of a text; of those whose `content` is among `known`, the place only."""
+        places, found = Places(text), list[dict[str, Any]]()
+        for tree in trees:
+            body = self._kept.get(tree.body)
+            if body is None:
+                body = self._kept[tree.body] = _body(tree, context, places)
+            start, end = places.units(tree.start), places.units(tree.end)
+            content = body["content"]
+            more = {"content": content} if content in known else body
+            found.append({"name": tree.name, "start": start, "end": end, **more})
+        return found
 
 
-def _tree(tree: OutlineTree, context: MissionContext, places: Places) -> dict[str, Any]:
+def _body(tree: OutlineTree, context: MissionContext, places: Places) -> dict[str, Any]:
+    """Return the content of a tree, with a name that no other content has."""
+    body, start = tree.body, places.units(tree.start)
+
+    def units(place: int) -> int:
+        return places.units(tree.start + place) - start
+
     return {
-        "name": tree.name,
-        "doc": tree.doc,
-        "ports": [_port(port, places) for port in tree.ports],
-        "start": places.units(tree.start),
-        "end": places.units(tree.end),
-        "root": _node(tree.root, context, places) if tree.root is not None else None,
+        "content": token_hex(8),
+        "doc": body.doc,
+        "ports": [_port(port, units) for port in body.ports],
+        "root": _node(body.root, context, units) if body.root is not None else None,
     }
 
 
-def _node(node: OutlineNode, context: MissionContext, places: Places) -> dict[str, Any]:
+def _node(node: OutlineNode, context: MissionContext, units: Callable[[int], int]) -> dict[str, Any]:
     declaration = context.known(node.identity)
-    symbol = (
-        node.kind if node.kind in ("subtree", "unknown") or declaration is None else symbol_of(declaration)
-    )
+    symbol = node.kind if node.kind in ("subtree", "unknown") else context.symbol(node.identity)
     return {
         "id": node.id,
         "identity": node.identity,
@@ -65,20 +87,20 @@ def _node(node: OutlineNode, context: MissionContext, places: Places) -> dict[st
         "shown": node.shown,
         "listed": node.listed,
         "aliased": node.aliased,
-        "start": places.units(node.start),
-        "end": places.units(node.end),
-        "ports": [_port(port, places) for port in node.ports],
+        "start": units(node.start),
+        "end": units(node.end),
+        "ports": [_port(port, units) for port in node.ports],
         "slots": [slot.key for slot in declaration.slots] if declaration is not None else [],
-        "children": [_node(child, context, places) for child in node.children],
+        "children": [_node(child, context, units) for child in node.children],
     }
 
 
-def _port(port: OutlinePort, places: Places) -> dict[str, Any]:
+def _port(port: OutlinePort, units: Callable[[int], int]) -> dict[str, Any]:
     return {
         "key": port.key,
         "text": port.text,
-        "start": places.units(port.start),
-        "end": places.units(port.end),
+        "start": units(port.start),
+        "end": units(port.end),
     }
 
 

@@ -14,8 +14,10 @@ import yaml
 from ...authoring.drawing.chart import symbol_of
 from ...authoring.editing.outline import Outline, outline
 from ...authoring.editing.syntax import Source, Syntax, source_of
-from ...authoring.editor.open_file import library_trees
+from ...authoring.editor.open_file import OpenFile, library_trees
 from ...authoring.editor.text_repair import read_repaired
+from ...authoring.file_kinds import file_schema
+from ...authoring.schema.schema_parts import Schema
 from ...errors import PicktreeError
 from ...files.marks import FileError
 from ...files.yaml.document import Document, read_document
@@ -173,3 +175,41 @@ def _changed(file: Path) -> int:
         return file.stat().st_mtime_ns
     except OSError:
         return 0
+
+
+class MissionTexts:
+    """Readers of texts, with the contexts and nodes that the texts share."""
+
+    def __init__(self) -> None:
+        self._contexts = MissionContexts()
+        self._registry = NodeRegistry()
+
+    def context(self, path: Path, reading: ReadText) -> MissionContext:
+        return self._contexts.of(path, reading.source)
+
+    def read(self, path: Path, text: str) -> tuple[MissionContext, ReadText]:
+        """Read a text. Raises PicktreeError when nothing of it can be read."""
+        reading = read_text(text, str(path))
+        if reading is None:
+            raise PicktreeError("the text cannot be read: mend its faults of form first")
+        return self.context(path, reading), reading
+
+    def file(self, path: Path, text: str) -> OpenFile:
+        return OpenFile(path, text, self._registry, _schema_of)
+
+
+def own_trees(path: Path, text: str) -> list[NodeDeclaration]:
+    """Return the trees of a text itself as nodes that can be called."""
+    try:
+        document = read_document(path, "mission", text)
+    except PicktreeError:
+        return []
+    return [tree for tree in tree_declarations(document) if tree.id != MAIN]
+
+
+def _schema_of(kind: str) -> Schema:
+    match kind:
+        case "scene" | "robot" | "faults" | "cases":
+            return file_schema(kind)
+        case _:
+            return {}

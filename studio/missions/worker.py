@@ -19,6 +19,8 @@ from ...trees.plugins.plugin import PLUGINS_VARIABLE
 P = ParamSpec("P")
 T = TypeVar("T")
 
+NICENESS: Final = 5
+"""Priority of the process below the server's and the browser's: they answer while it computes."""
 LIMIT: Final = 60.0
 """Longest time of one request, wall s; then the process is ended, and the next request starts another."""
 
@@ -31,9 +33,7 @@ class Worker:
 
     async def run(self, function: Callable[P, T], *args: P.args, **kwargs: P.kwargs) -> T:
         """Run a function there. Raises what it raises, and PicktreeError when it takes too long."""
-        pool = self._pool = self._pool or ProcessPoolExecutor(
-            1, multiprocessing.get_context("spawn"), _end_with_the_server
-        )
+        pool = self._pool = self._pool or ProcessPoolExecutor(1, multiprocessing.get_context("spawn"), _begin)
         policy = os.environ.get(PLUGINS_VARIABLE, "")
         work = asyncio.get_running_loop().run_in_executor(pool, _run, policy, function, args, kwargs)
         try:
@@ -76,8 +76,9 @@ class _Refusal:
         return FileError(self.faults) if self.faults else PicktreeError(self.message)
 
 
-def _end_with_the_server() -> None:
-    """Let this process end when the server's has, also when that was killed."""
+def _begin() -> None:
+    """Let this process come after the server's, and end when that has, also when it was killed."""
+    os.nice(NICENESS)
     server = multiprocessing.parent_process()
     assert server is not None
 

@@ -14,7 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from picktree.authoring.editing.node_edits import EditedText, NodeEditor, Target, piece_from
-from picktree.authoring.editing.outline import Outline, OutlineNode
+from picktree.authoring.editing.outline import Outline, OutlineNode, outline
 from picktree.authoring.editing.pieces import scalar
 from picktree.authoring.editing.syntax import Source
 from picktree.authoring.editing.text_changes import changes
@@ -90,7 +90,8 @@ def own_lines(text: str, node: OutlineNode) -> range:
     source = Source(text)
     loc = (*node.loc, node.identity) if node.direct else node.loc
     around = next(value for place, value in source.trail(loc) if value.flow or place == loc)
-    start, end = (around.start, around.end) if around.flow else (node.start, node.end)
+    key, _ = next(entry for entry in source.at(("trees",)).entries if entry[0].text == node.loc[1])
+    start, end = (around.start, around.end) if around.flow else (key.start + node.start, key.start + node.end)
     first, last = source.line_of(start), source.line_of(max(start, end - 1))
     if first and not source.line(first)[: source.column(start)].strip():  # its key is on a line above
         first -= 1
@@ -134,6 +135,19 @@ def test_nodes_have_the_paths_that_a_run_gives_them(path: Path) -> None:
                 expected.add((trail, spec.id))
                 todo += [(f"{trail}/{child.name}", child) for child in spec.children]
     assert {(node.id, node.identity) for node in found.nodes().values()} == expected
+
+
+def test_an_outline_after_edits_is_that_of_the_whole_text_read_anew() -> None:
+    chance = random.Random(7)
+    for editor in CORPUS.values():
+        for _ in range(4):
+            node = some_node(editor, chance)
+            if node.listed:
+                continue
+            text = "\n" * chance.randrange(3) + editor.set_port(node.id, "_skipIf", "{= 1 > 2}").text
+            after = NodeEditor(text, known)
+            assert repr(after.outline) == repr(outline(Source(text), lambda identity: known(identity)))
+            editor = after
 
 
 def some_node(editor: NodeEditor, chance: random.Random) -> OutlineNode:

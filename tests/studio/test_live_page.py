@@ -60,9 +60,9 @@ def test_a_run_is_started_paused_stepped_changed_answered_and_found(
     value.fill("two")
     value.press("Enter")
     browser.get_by_text("'two' is not a whole number").wait_for()
-    value.fill("2")
+    value.fill("30")
     value.press("Enter")
-    browser.get_by_text("Main/rounds is set to 2 by the operator; it was 40").first.wait_for()
+    browser.get_by_text("Main/rounds is set to 30 by the operator; it was 40").first.wait_for()
 
     browser.locator(".tree-card", has_text="Repeat").click()
     browser.get_by_role("button", name="Break before").click()
@@ -78,9 +78,16 @@ def test_a_run_is_started_paused_stepped_changed_answered_and_found(
         phone.get_by_role("link", name="Run", exact=True).click()
         phone.get_by_role("link", name=identity).click()
         phone.get_by_text(re.compile("before Main/Sequence/Repeat$")).wait_for()
-        assert phone.evaluate("document.documentElement.scrollWidth") <= 390
+        for tab in phone.locator(".live-tabs button").all():
+            tab.click()
+            assert fits(phone), tab.inner_text()
         phone.get_by_role("button", name="Go on").click()
-        phone.get_by_text("Help is wanted").wait_for()
+        phone.get_by_role("button", name="Pause").click()
+        phone.get_by_text("Stopped at").wait_for()
+        assert fits(phone)
+        phone.get_by_role("button", name="Go on").click()
+        phone.get_by_role("heading", name="Help is wanted").wait_for()
+        assert fits(phone)
         assert serious(phone) == []
         phone.get_by_role("button", name="yes").click()
     browser.get_by_text("The run has ended: success.").wait_for()
@@ -92,6 +99,11 @@ def test_a_run_is_started_paused_stepped_changed_answered_and_found(
         kinds = [at.record.kind for at in run.events]
     assert ("blackboard_set" in kinds, "operator_answer" in kinds) == (True, True)
     assert told.problems == []
+
+
+def fits(phone: Any) -> bool:
+    """Whether the page needs no horizontal scrolling."""
+    return bool(phone.evaluate("document.documentElement.scrollWidth <= innerWidth"))
 
 
 def test_faults_of_a_mission_are_shown_before_its_start(page: tuple[Any, Told]) -> None:

@@ -49,9 +49,25 @@ def test_the_picture_has_the_places_of_the_text_also_behind_wide_letters(served:
     with served.client() as client:
         found = nodes(client.call("mission.tree", path=NAME, text=wide))
     units = wide.encode("utf-16-le")
-    span = units[2 * found[GRASP]["start"] : 2 * found[GRASP]["end"]].decode("utf-16-le")
+    start = len(wide[: wide.index("\n  SortOne:\n") + 3].encode("utf-16-le")) // 2
+    span = units[2 * (start + found[GRASP]["start"]) : 2 * (start + found[GRASP]["end"])].decode("utf-16-le")
     assert span == 'Grasp: {object: "{item}"}'
     assert [Places(wide).points(Places(wide).units(at)) for at in (0, 90, 900)] == [0, 90, 900]
+
+
+def test_trees_that_the_page_has_are_not_sent_again(served: Served) -> None:
+    with served.client() as client:
+        main, sort = client.call("mission.tree", path=NAME, text=TEXT)["trees"]
+        known = [main["content"], sort["content"]]
+        text = TEXT.replace("attempts: 4", "attempts: 5")
+        again, changed = client.call("mission.tree", path=NAME, text=text, known=known)["trees"]
+        assert again == {key: main[key] for key in ("name", "start", "end", "content")}
+        assert changed["content"] not in known
+        assert nodes({"trees": [changed]})["SortOne/Recover"]["ports"][0]["text"] == "5"
+        # The same lines mean something else once they name a tree of the text.
+        renamed = TEXT.replace("SortOne", "Observe")
+        main, _ = client.call("mission.tree", path=NAME, text=renamed, known=known)["trees"]
+        assert nodes({"trees": [main]})["Main/Repeat/Sequence/Observe"]["symbol"] == "subtree"
 
 
 def test_a_text_with_a_fault_of_form_keeps_its_picture(served: Served) -> None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import shutil
 import subprocess
 from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -16,6 +15,7 @@ import pytest
 from ..browser import Chromium, Told, wait_until
 from ..needs import CHROMIUM, needs, packages
 from .conftest import PATIENCE, Served
+from .hostile_files import IMAGE, LINK, MARKUP, hostile_batch, hostile_log
 
 pytestmark = needs(CHROMIUM)
 HERE = Path(__file__).parent / "node"
@@ -23,7 +23,6 @@ AXE = HERE / "node_modules" / "axe-core" / "axe.min.js"
 FINDINGS = """axe.run({exclude: [["iframe"]]}, {iframes: false}).then((all) => all.violations
     .filter((each) => ["serious", "critical"].includes(each.impact))
     .map((each) => `${each.id}: ${each.nodes.map((node) => node.target)}`))"""
-MARKUP = '<img src=x onerror="globalThis.ran=1"><b>bold</b>'
 
 
 @pytest.fixture
@@ -105,16 +104,20 @@ def test_from_an_empty_folder_to_a_what_if(
     assert told.problems == []
 
 
+# Number of images, scripts and links that run something.
+MADE_OF_TEXT = """[...document.querySelectorAll("main img, main script, dialog img, [onerror], a")]
+    .filter((each) => each.localName !== "a" || each.protocol === "javascript:").length"""
+
+
 def test_markup_in_names_and_messages_is_text(
-    served: Served, page: tuple[Any, Told], sample: ModuleType, monkeypatch: pytest.MonkeyPatch
+    served: Served, page: tuple[Any, Told], sample: ModuleType
 ) -> None:
     browser, told = page
-    hostile = replace(sample.RUN, mission=MARKUP, scene=MARKUP)
-    monkeypatch.setattr(sample, "RUN", hostile)
     folder = served.folder / "runs" / '"><img src=x onerror=ran=1>'
     folder.mkdir(parents=True)
-    sample.record(folder / "log.mcap")
+    hostile_log(sample, folder / "log.mcap")
     image = "<img src=x onerror=ran=1>"
+    hostile_batch(served.folder / "runs" / f"batch {image}")
     (served.folder / "<b>mission.yaml").write_text(
         f"picktree: 1\nkind: mission\nname: '{MARKUP}'\nscene: '{image}'\n"
         f"trees:\n  Main: {{'{image}': {{pose: '{image}'}}}}\n"
@@ -123,32 +126,48 @@ def test_markup_in_names_and_messages_is_text(
     (served.folder / f"{image}.yaml").write_text(
         f"picktree: 1\nkind: plan\nname: '{image}'\nmission: '{image}'\nset: {{'{image}': '{image}'}}\n"
     )
-    hostile_files = (
+    addresses = (
         f"#/write/{quote('<b>mission.yaml')}",
         "#/write",
         "#/batches",
         f"#/plan/{quote(image)}.yaml",
+        f"#/run/runs/{quote(folder.name)}",
+        f"#/live/runs/{quote(folder.name)}",
+        f"#/{MARKUP}",
+        f"#/batch/runs/{quote(f'batch {image}')}",
     )
-    for address in (*hostile_files, "#/runs", "#/", f"#/run/runs/{folder.name}", f"#/{MARKUP}"):
+    for address in addresses:
         go(browser, address)
         browser.wait_for_timeout(700)
+        assert browser.evaluate(f"[globalThis.ran ?? 0, {MADE_OF_TEXT}]") == [0, 0], address
+    # The batch: its causes, forms and jobs.
+    browser.get_by_role("heading", name=MARKUP).wait_for()
+    browser.get_by_text(LINK).first.wait_for()
+    browser.get_by_role("button", name=MARKUP).first.click()
+    browser.wait_for_timeout(300)
+    assert browser.evaluate(f"[globalThis.ran ?? 0, {MADE_OF_TEXT}]") == [0, 0]
+
     go(browser, "#/runs")
     link = browser.get_by_role("link", name=MARKUP)
     link.wait_for()
     link.click()
     browser.locator(".run-title h1").wait_for()
     assert MARKUP in browser.locator(".run-title h1").inner_text()
+    failure = browser.locator(".failures button.failure").first
+    failure.wait_for()
     frame = browser.frame_locator("iframe")
     frame.locator("html[data-ready=yes]").wait_for(state="attached")
-    assert browser.evaluate(
-        "[globalThis.ran ?? 0, document.querySelectorAll('main img, main b.bold').length]"
-    ) == [0, 0]
+    failure.click()
+    assert f"grasp.{IMAGE}" in browser.get_by_role("region", name="Failures").inner_text()
+    assert browser.evaluate(f"[globalThis.ran ?? 0, {MADE_OF_TEXT}]") == [0, 0]
     # The report has an origin of its own: nothing of the studio is within its reach.
     address = f"/runs/runs/{quote(folder.name)}/report"
     _, headers, _ = served.get(address)
     assert headers["content-security-policy"].startswith("sandbox allow-scripts;")
     inside = browser.frames[1]
+    browser.wait_for_timeout(500)
     assert inside.evaluate("[globalThis.ran ?? 0, globalThis.origin]") == [0, "null"]
+    assert inside.evaluate(MADE_OF_TEXT.replace("main img", "img[src=x]")) == 0
     with pytest.raises(Exception, match=r"SecurityError|cross-origin"):
         inside.evaluate("parent.document.title")
     assert [each for each in told.problems if "SecurityError" not in each] == []

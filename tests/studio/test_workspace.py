@@ -15,6 +15,7 @@ from picktree.errors import PicktreeError
 from picktree.logs.run_log import RunLog
 from picktree.logs.run_result import RunResult
 from picktree.studio.folder_slice import EXAMPLES, example_files
+from picktree.studio.job_process import MAX_OUTPUT
 from picktree.studio.job_records import Job
 from picktree.studio.jobs import Jobs, job_text
 from picktree.studio.workspace import Workspace
@@ -111,6 +112,30 @@ def test_plugins_run_only_after_somebody_has_said_so(workspace: Workspace) -> No
     checked = on_a_loop(check)
     assert (checked.outcome, (workspace.root / "ran").exists()) == ("done", True), job_text(checked)
     assert not (workspace.root / "stolen").exists()
+
+
+def test_a_job_that_prints_for_ever_fills_no_disk(workspace: Workspace) -> None:
+    loud = (
+        "import sys, time\n"
+        "for number in range(40):\n"
+        "    print(f'line {number}\\n' * 100_000, flush=True)\n"
+        "    time.sleep(0.02)\n"
+        "time.sleep(1)\nprint('the end', flush=True)\n"
+    )
+    (workspace.root / "wave.py").write_text(loud + PLUGIN)
+    (workspace.root / "wave.yaml").write_text(MISSION)
+    workspace.state.trust(True)
+
+    async def check() -> Job:
+        jobs = Jobs(workspace)
+        workspace.apply_trust()
+        return await jobs.ended(jobs.start("Check", ["check", str(workspace.root / "wave.yaml")]))
+
+    job = on_a_loop(check)
+    assert 1000 < job.output.stat().st_size <= MAX_OUTPUT
+    with job.output.open("rb") as opened:
+        assert opened.readline().startswith(b"[the output was larger than 10 MB")
+    assert "the end" in job_text(job)
 
 
 def test_a_job_is_stopped_with_what_it_has_started(workspace: Workspace) -> None:

@@ -59,7 +59,9 @@ def test_a_mission_is_broken_mended_changed_and_saved(served: Served, page: tupl
         browser.keyboard.press(key)
     card(browser, grasp).wait_for(state="detached")
     browser.wait_for_timeout(800)  # the text comes to what was chosen
-    line.get_by_text("Grasp", exact=True).click()  # the line itself is wider than the view, which would be scrolled
+    line.get_by_text(
+        "Grasp", exact=True
+    ).click()  # the line itself is wider than the view, which would be scrolled
     card(browser, grasp).and_(browser.locator(".selected")).wait_for()
 
     # A node from the palette, behind the selected one, by keyboard; undone by the history of the text.

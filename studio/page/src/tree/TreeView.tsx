@@ -41,6 +41,7 @@ export interface TreeViewProps {
 }
 
 const HEIGHT = 30;
+const WIDTH_STEP = 20; // px: while one types a value, cards seldom change their size
 const MARGIN = 16;
 const READABLE = 0.6; // zoom below which the text is hard to read
 const LARGE_ZOOM = 0.9;
@@ -81,9 +82,8 @@ function Tree({ root, marks, selected, onSelect, onMenu, onMove, className }: Tr
 
   const shown = useMemo(() => collect(root, isFolded), [root, isFolded]);
   // Most edits change no size: then all stays where it is.
-  const sizes = [...shown.values()].map(({ node, parent }) => `${node.id} ${parent} ${widthOf(node)} ${heightOf(node)}`).join("\n");
-  // eslint-disable-next-line react-hooks/exhaustive-deps
-  const laid = useMemo(() => layOut(boxOf(root, isFolded)), [sizes]);
+  const boxes = useSame(useMemo(() => boxOf(root, isFolded), [root, isFolded]), sameBox);
+  const laid = useMemo(() => layOut(boxes), [boxes]);
 
   // What is folded stays where it is on the screen, while the rest moves.
   const anchor = useRef<{ id: string; x: number; y: number } | null>(null);
@@ -125,9 +125,9 @@ function Tree({ root, marks, selected, onSelect, onMenu, onMove, className }: Tr
   }, [laid, shown, movable, root.id, drops]);
   // From afar no words can be read, and a thousand cards of a document are slow: rectangles stand for them.
   const far = useStore((store) => store.transform[2] < FAR);
-  const drawn = useMemo(() => [...shown.values()].map(({ node, parent }): Outline => ({
+  const drawn = useSame(useMemo(() => [...shown.values()].map(({ node, parent }): Outline => ({
     id: node.id, parent, family: FAMILIES[node.kind] ?? "control", width: widthOf(node), height: heightOf(node), ...laid.places.get(node.id)!,
-  })), [shown, laid]);
+  })), [shown, laid]), sameOutlines);
 
   const whole = useCallback(() => {
     const box = host.current!.getBoundingClientRect();
@@ -146,7 +146,7 @@ function Tree({ root, marks, selected, onSelect, onMenu, onMove, className }: Tr
 
   const keys = (event: KeyboardEvent) => {
     const here = shown.get(selected ?? root.id) ?? shown.get(root.id)!;
-    const siblings = here.parent ? shown.get(here.parent)!.node.children : [here.node];
+    const siblings = here.parent !== undefined ? shown.get(here.parent)!.node.children : [here.node];
     const place = siblings.findIndex((each) => each.id === here.node.id);
     const to: Record<string, string | undefined> = {
       ArrowLeft: here.parent,
@@ -158,7 +158,7 @@ function Tree({ root, marks, selected, onSelect, onMenu, onMove, className }: Tr
     if (event.key in to) {
       event.preventDefault();
       const id = to[event.key];
-      if (id) choose(id);
+      if (id !== undefined) choose(id);
     } else if (event.key === "+" || event.key === "-") {
       event.preventDefault();
       if (here.folded === (event.key === "+")) fold(here.node.id);
@@ -208,7 +208,7 @@ function Tree({ root, marks, selected, onSelect, onMenu, onMove, className }: Tr
     return () => watch.disconnect();
   }, []);
   const tree = useRef<HTMLDivElement>(null);
-  const owned = useMemo(() => [...shown.keys()].map(elementId).join(" "), [shown]);
+  const owned = useMemo(() => [...shown.values()].map(({ node }) => elementIdOf(node)).join(" "), [shown]);
   const shared = useMemo<Shared>(() => ({ marks, selected, fold }), [marks, selected, fold]);
   const active = selected && shown.has(selected) ? elementId(selected) : undefined;
   // A card out of view is not drawn, and none that is not there may be named as the active one.
@@ -276,7 +276,7 @@ const CardView = memo(function CardView({ data }: NodeProps<Card>) {
     mark?.coverage !== undefined ? `covered ${Math.round(mark.coverage * 100)} %` : ""].filter(Boolean);
   return (
     <div className={`tree-card ${family} ${status ?? ""} ${selected === node.id ? "selected" : ""} ${mark?.coverage === 0 ? "uncovered" : ""}`}
-      id={elementId(node.id)} data-tree-node={node.id} role="treeitem" aria-label={words.join(", ")} aria-selected={selected === node.id}
+      id={elementIdOf(node)} data-tree-node={node.id} role="treeitem" aria-label={words.join(", ")} aria-selected={selected === node.id}
       aria-expanded={node.children.length ? !folded : undefined}>
       {mark?.breakpoint && <span className="tree-breakpoint" title="Breakpoint" />}
       <NodeSymbol symbol={node.kind} />
@@ -292,6 +292,12 @@ const CardView = memo(function CardView({ data }: NodeProps<Card>) {
   );
 });
 // Names of nodes may have blanks, ids of elements none.
+const elementIds = new WeakMap<TreeNode, string>();
+function elementIdOf(node: TreeNode): string {
+  let known = elementIds.get(node);
+  if (known === undefined) elementIds.set(node, (known = elementId(node.id)));
+  return known;
+}
 const elementId = (id: string) => `tree-${encodeURIComponent(id)}`;
 const NODE_TYPES = { card: CardView };
 const NONE: Card[] = [];
@@ -314,6 +320,21 @@ function collect(root: TreeNode, isFolded: (node: TreeNode) => boolean): Map<str
   add(root);
   return found;
 }
+
+// The last value that was not the same as the one before it.
+function useSame<T>(value: T, same: (a: T, b: T) => boolean): T {
+  const last = useRef(value);
+  if (last.current !== value && !same(last.current, value)) last.current = value;
+  return last.current;
+}
+
+const sameBox = (a: Box, b: Box): boolean => a.id === b.id && a.width === b.width && a.height === b.height && a.children.length === b.children.length &&
+  a.children.every((child, number) => sameBox(child, b.children[number]!));
+const sameOutlines = (a: Outline[], b: Outline[]): boolean => a.length === b.length && a.every((each, number) => {
+  const other = b[number]!;
+  return each.id === other.id && each.parent === other.parent && each.family === other.family && each.width === other.width && each.height === other.height &&
+    each.x === other.x && each.y === other.y;
+});
 
 function boxOf(node: TreeNode, isFolded: (node: TreeNode) => boolean): Box {
   const children = isFolded(node) ? [] : node.children.map((child) => boxOf(child, isFolded));
@@ -354,7 +375,7 @@ function widthOf(node: TreeNode): number {
   let known = widths.get(node);
   if (known === undefined) {
     const letters = Math.max(node.name.length * 7.4, (node.detail?.length ?? 0) * 6);
-    known = Math.round(Math.min(Math.max(letters + 104, 130), 300));
+    known = Math.min(Math.max(Math.ceil((letters + 104) / WIDTH_STEP) * WIDTH_STEP, 130), 300);
     widths.set(node, known);
   }
   return known;

@@ -3,6 +3,8 @@
 import { useId } from "react";
 import type { ReactNode } from "react";
 
+import { Prose } from "./Prose";
+
 export interface FieldProps {
   label: string;
   hint?: ReactNode;
@@ -18,7 +20,7 @@ export function Field({ label, hint, fault, hideLabel, children }: FieldProps) {
     <div className="field">
       <label htmlFor={id} className={hideLabel ? "hidden-text" : undefined}>{label}</label>
       {children({ id, "aria-describedby": hint || fault ? below : undefined, "aria-invalid": fault ? true : undefined })}
-      {(hint || fault) && <div id={below} className={fault ? "fault" : "hint"}>{fault || hint}</div>}
+      {(hint || fault) && <div id={below} className={fault ? "fault" : "hint"}>{fault || (typeof hint === "string" ? <Prose text={hint} /> : hint)}</div>}
     </div>
   );
 }

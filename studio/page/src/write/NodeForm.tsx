@@ -5,6 +5,7 @@ import { useEffect, useState } from "react";
 import { useCall } from "../connection";
 import { Button } from "../ui/Button";
 import { Field } from "../ui/Field";
+import { Prose } from "../ui/Prose";
 import type { CommonEntry, Edit, MissionNode, NodeEntry, Palette, PortEntry } from "./model";
 
 const CALM_AFTER = 600; // ms
@@ -38,7 +39,7 @@ export function NodeForm({ path, text, node, palette, change }: NodeFormProps) {
       <header>
         <h2>{node.identity}</h2>
         <p className="muted mono">{node.id}</p>
-        {entry && <p>{entry.summary}</p>}
+        {entry && <p><Prose text={entry.summary} /></p>}
         {node.symbol === "unknown" && <p className="problem">There is no node of this name. Its text and its ports stay as they are.</p>}
         {node.listed && <p>It is written as a list: its nodes are run in turn. A list has no ports.</p>}
         {node.aliased && <p className="problem">Its text stands at an anchor: edit it there.</p>}
@@ -77,8 +78,8 @@ function EntryDoc({ entry }: { entry: NodeEntry }) {
   return (
     <details>
       <summary>What {entry.id} does</summary>
-      {entry.doc.split("\n\n").map((part, number) => <p key={number}>{part}</p>)}
-      {entry.slots.length > 0 && <ul>{entry.slots.map((slot) => <li key={slot.key}><code>{slot.key}</code>: {slot.form}. {slot.doc}</li>)}</ul>}
+      {entry.doc.split("\n\n").map((part, number) => <p key={number}><Prose text={part} /></p>)}
+      {entry.slots.length > 0 && <ul>{entry.slots.map((slot) => <li key={slot.key}><code>{slot.key}</code>: {slot.form}. <Prose text={slot.doc} /></li>)}</ul>}
     </details>
   );
 }

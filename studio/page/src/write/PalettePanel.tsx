@@ -4,6 +4,7 @@ import { useMemo, useState } from "react";
 import type { DragEvent, KeyboardEvent } from "react";
 
 import { NodeSymbol } from "../ui/Icon";
+import { Prose, plain } from "../ui/Prose";
 import type { NodeEntry, Palette } from "./model";
 
 export const DRAGGED = "application/x-picktree-node";
@@ -30,11 +31,11 @@ export function PalettePanel({ palette, target, add }: { palette: Palette; targe
     }
   };
   const row = (each: NodeEntry) => (
-    <li key={each.id} role="option" id={`palette-${each.id}`} aria-selected={each === here} draggable title={each.summary}
+    <li key={each.id} role="option" id={`palette-${each.id}`} aria-selected={each === here} draggable title={plain(each.summary)}
       ref={(element) => { if (each === here) element?.scrollIntoView({ block: "nearest" }); }}
       onDragStart={(event: DragEvent) => { event.dataTransfer.setData(DRAGGED, each.id); event.dataTransfer.effectAllowed = "copy"; }}
       onClick={() => add(each)}>
-      <NodeSymbol symbol={each.symbol} /><b>{each.id}</b><small>{each.include || each.summary}</small>
+      <NodeSymbol symbol={each.symbol} /><b>{each.id}</b><small>{each.include || <Prose text={each.summary} />}</small>
     </li>
   );
   return (

@@ -5,6 +5,7 @@ import { useState } from "react";
 import { call, useCall } from "../connection";
 import type { CallError } from "../connection";
 import { Button } from "../ui/Button";
+import { Prose } from "../ui/Prose";
 import { counted } from "../ui/words";
 
 export interface Rehearsal {
@@ -81,7 +82,7 @@ function Verdict({ result, onNode }: { result: Rehearsal; onNode(id: string): vo
           <li key={each.name}>
             <details open={!each.passed}>
               <summary><span className={`status ${each.passed ? "success" : "failure"}`}>{each.passed ? "✓" : "✗"}</span> {each.name} <small className="muted">{each.status}{each.cause ? `, ${each.cause}` : ""}, {each.ticks} ticks</small></summary>
-              {each.doc && <p className="muted">{each.doc}</p>}
+              {each.doc && <p className="muted"><Prose text={each.doc} /></p>}
               {each.differences.map((difference, number) => <p key={number} className="problem">{difference.where}: {difference.message}</p>)}
               <ol className="leaves">{each.leaves.map((leaf, number) => <li key={number}><span className="mono">{leaf.node.split("/").at(-1)}</span> <small className="muted">tick {leaf.tick}: {leaf.cause ?? leaf.outcome}</small></li>)}</ol>
             </details>

@@ -8,6 +8,7 @@ import { TreeView } from "../tree/TreeView";
 import type { TreeMarks, TreeNode } from "../tree/TreeView";
 import { Button } from "../ui/Button";
 import { Empty } from "../ui/Empty";
+import { Prose } from "../ui/Prose";
 import { counted } from "../ui/words";
 import { applyChanges, markNode, redo, undo } from "./editor";
 import { head, picture, treeOfHead } from "./model";
@@ -54,9 +55,9 @@ export function WritePage({ path }: { path: string }) {
     if (!view) return;
     const scroll = picked.current === selected;
     const tree = mission?.trees.find((each) => head(each.name) === selected);
-    markNode(view, node ? { from: node.start, to: node.end } : tree && scroll ? { from: tree.start, to: tree.start + tree.name.length } : null, scroll);
+    markNode(view, node ? index!.span(node.id) : tree && scroll ? { from: tree.start, to: tree.start + tree.name.length } : null, scroll);
     picked.current = "";
-  }, [view, selected, node, mission]);
+  }, [view, selected, node, mission, index]);
 
   const change = useCallback(async (edit: Edit) => {
     const concerned = await writing.edit(edit);
@@ -73,8 +74,8 @@ export function WritePage({ path }: { path: string }) {
     return drawn.current;
   }, [mission, only]);
   const marks = useMemo<TreeMarks>(() => {
+    if (!index || (!faults?.length && !rehearsal)) return NO_MARKS;
     const found: TreeMarks = {};
-    if (!index) return found;
     for (const fault of faults ?? []) {
       const id = index.at(fault.from);
       found[id] = { ...found[id], faults: (found[id]?.faults ?? 0) + 1 };
@@ -202,6 +203,8 @@ export function WritePage({ path }: { path: string }) {
   );
 }
 
+const NO_MARKS: TreeMarks = {};
+
 // A function that stays the same object, and does what the one of the last drawing does.
 function useSteady<A extends unknown[]>(action: (...args: A) => void): (...args: A) => void {
   const last = useRef(action);
@@ -250,7 +253,7 @@ function TreeHead({ name, doc, ports, rename }: { name: string; doc: string; por
   return (
     <div className="node-form">
       <h2>Tree {name}</h2>
-      {doc && <p>{doc}</p>}
+      {doc && <p><Prose text={doc} /></p>}
       {ports.length > 0 && <ul>{ports.map((port) => <li key={port.key}><code>{port.key}</code> <span className="muted">{port.text}</span></li>)}</ul>}
       {name !== "Main" && (
         <form onSubmit={(event) => { event.preventDefault(); if (typed !== name) rename(typed); }} className="buttons">

@@ -64,6 +64,9 @@ export function applyChanges(view: EditorView, changes: Change[], byPicture: boo
 
 // Marks the text of a node, and brings its first line into view.
 export function markNode(view: EditorView, span: { from: number; to: number } | null, scroll: boolean): void {
+  const shown = view.state.field(shownNode).iter();
+  const same = span && span.to > span.from ? shown.from === span.from && shown.to === span.to : !shown.value;
+  if (same && !scroll) return;
   const effects: StateEffect<unknown>[] = [showNode.of(span)];
   if (span && scroll) {
     const from = Math.min(span.from, view.state.doc.length);

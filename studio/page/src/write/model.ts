@@ -1,4 +1,5 @@
-// What the server says of a mission's text, and the picture made of it. Places count in UTF-16 units of the text.
+// What the server says of a mission's text, and the picture made of it. Places count in UTF-16 units: those of trees
+// from the beginning of the text, those of nodes and ports from the beginning of their tree.
 
 import type { TreeNode } from "../tree/TreeView";
 
@@ -28,13 +29,18 @@ export interface MissionNode {
   children: MissionNode[];
 }
 
-export interface MissionTree {
-  name: string;
+interface TreeContent {
+  // A name of the content: it is the same for the same content, and sent alone for one that the page has.
+  content: string;
   doc: string;
   ports: Port[];
+  root: MissionNode | null;
+}
+
+export interface MissionTree extends TreeContent {
+  name: string;
   start: number;
   end: number;
-  root: MissionNode | null;
 }
 
 export interface Mission {
@@ -123,17 +129,29 @@ export interface Edited {
   tree: Mission;
 }
 
+// An answer with the contents that the page had when it asked.
+export function completed(answer: Mission, had: Mission | null): Mission {
+  const contents = new Map(had?.trees.map(({ content, doc, ports, root }) => [content, { doc, ports, root }]));
+  return { ...answer, trees: answer.trees.map((tree) => ({ ...tree, ...contents.get(tree.content) })) };
+}
+
 // Nodes by id, with their parents.
 export class Index {
-  private readonly found = new Map<string, { node: MissionNode; parent: MissionNode | null }>();
+  private readonly found = new Map<string, { node: MissionNode; parent: MissionNode | null; tree: MissionTree }>();
 
   constructor(readonly mission: Mission) {
-    for (const tree of mission.trees) if (tree.root) this.add(tree.root, null);
+    for (const tree of mission.trees) if (tree.root) this.add(tree.root, null, tree);
   }
 
-  private add(node: MissionNode, parent: MissionNode | null): void {
-    this.found.set(node.id, { node, parent });
-    for (const child of node.children) this.add(child, node);
+  private add(node: MissionNode, parent: MissionNode | null, tree: MissionTree): void {
+    this.found.set(node.id, { node, parent, tree });
+    for (const child of node.children) this.add(child, node, tree);
+  }
+
+  // Where the node stands in the text.
+  span(id: string): { from: number; to: number } | null {
+    const found = this.found.get(id);
+    return found ? { from: found.tree.start + found.node.start, to: found.tree.start + found.node.end } : null;
   }
 
   node(id: string): MissionNode | null {
@@ -150,9 +168,10 @@ export class Index {
       if (place < tree.start || place > tree.end) continue;
       let id = head(tree.name);
       let node = tree.root;
-      while (node && place >= node.start && place <= node.end) {
+      const inside = place - tree.start;
+      while (node && inside >= node.start && inside <= node.end) {
         id = node.id;
-        node = node.children.find((child) => place >= child.start && place <= child.end) ?? null;
+        node = node.children.find((child) => inside >= child.start && inside <= child.end) ?? null;
       }
       return id;
     }
@@ -165,31 +184,37 @@ export const head = (tree: string) => `/${tree}`;
 export const treeOfHead = (id: string) => (id.startsWith("/") ? id.slice(1) : "");
 
 const DETAIL = 46;
+// Of nodes whose tree's text has not changed.
+const cards = new WeakMap<MissionNode, TreeNode>();
 
 // The picture of all trees, or of one. Cards that are as they were in `before` are the same objects.
 export function picture(mission: Mission, only: string, before: TreeNode | null): TreeNode {
-  const known = new Map<string, TreeNode>();
-  const note = (node: TreeNode) => {
-    known.set(node.id, node);
-    node.children.forEach(note);
-  };
-  if (before) note(before);
-  const share = (made: TreeNode): TreeNode => {
-    const old = known.get(made.id);
+  const share = (made: TreeNode, old: TreeNode | undefined): TreeNode => {
     const same = old && old.name === made.name && old.kind === made.kind && old.detail === made.detail && old.children.length === made.children.length &&
       old.children.every((child, number) => child === made.children[number]);
     return same ? old : made;
   };
-  const card = (node: MissionNode): TreeNode => share({ id: node.id, name: nameOf(node), kind: node.symbol === "unknown" ? "action" : node.symbol, detail: detailOf(node), children: node.children.map(card) });
-  const trees = mission.trees.filter((tree) => !only || tree.name === only).map((tree): TreeNode => share({
-    id: head(tree.name),
-    name: tree.name,
-    kind: "subtree",
-    detail: tree.ports.map((port) => port.key).join(", ") || undefined,
-    children: tree.root ? [card(tree.root)] : [],
-  }));
+  const card = (node: MissionNode, old: TreeNode | undefined): TreeNode => {
+    const drawn = cards.get(node);
+    if (drawn) return drawn;
+    const children = node.children.map((child, place) => card(child, old && (old.children[place]?.id === child.id ? old.children[place] : old.children.find((each) => each.id === child.id))));
+    const made = share({ id: node.id, name: nameOf(node), kind: node.symbol === "unknown" ? "action" : node.symbol, detail: detailOf(node), children }, old);
+    cards.set(node, made);
+    return made;
+  };
+  const old = new Map((before?.id === "" ? before.children : before ? [before] : []).map((tree) => [tree.id, tree]));
+  const trees = mission.trees.filter((tree) => !only || tree.name === only).map((tree): TreeNode => {
+    const drawn = old.get(head(tree.name));
+    return share({
+      id: head(tree.name),
+      name: tree.name,
+      kind: "subtree",
+      detail: tree.ports.map((port) => port.key).join(", ") || undefined,
+      children: tree.root ? [card(tree.root, drawn?.children[0])] : [],
+    }, drawn);
+  });
   if (trees.length === 1) return trees[0]!;
-  return share({ id: "", name: mission.name || "mission", kind: "sequence", children: trees });
+  return share({ id: "", name: mission.name || "mission", kind: "sequence", children: trees }, before ?? undefined);
 }
 
 function nameOf(node: MissionNode): string {

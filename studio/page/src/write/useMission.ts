@@ -6,7 +6,7 @@ import { useCallback, useEffect, useMemo, useRef, useState } from "react";
 import { CallError, call } from "../connection";
 import { toast, toastError } from "../ui/Toast";
 import { applyChanges, canRedo, canUndo, makeEditor, showFaults } from "./editor";
-import { Index } from "./model";
+import { Index, completed } from "./model";
 import type { Edit, Edited, Mission, Palette, TextFault } from "./model";
 
 const FAULTS_AFTER = 200; // ms
@@ -45,21 +45,28 @@ export function useMission(path: string, onCursor: (place: number) => void): Wri
   const [faults, setFaults] = useState<TextFault[] | null>(null);
   const [palette, setPalette] = useState<Palette | null>(null);
   const [problem, setProblem] = useState("");
-  const state = useRef({ version: "", ends: "\n", text: "" });
+  const state = useRef({ version: "", ends: "\n", text: "", mission: null as Mission | null });
   const cursor = useRef(onCursor);
   cursor.current = onCursor;
 
-  const showTree = useCallback((found: Mission) => {
-    // A text of which nothing can be read leaves the last picture.
-    if (!found.readable) return setMission((before) => before && { ...before, whole: false });
-    setMission(found);
-  }, []);
+  // Asks for the trees of the text, or for an edit of them; contents that are here are not sent again.
+  const askTrees = useCallback(<T,>(name: string, args: object): { answer: Promise<T>; show(found: Mission): void } => {
+    const had = state.current.mission;
+    const answer = call<T>(name, { path, ...args, known: had?.trees.map((tree) => tree.content) ?? [] }, name === "mission.tree");
+    const show = (found: Mission) => {
+      // A text of which nothing can be read leaves the last picture.
+      state.current.mission = found.readable ? completed(found, had) : had && { ...had, whole: false };
+      setMission(state.current.mission);
+    };
+    return { answer, show };
+  }, [path]);
 
   const readTree = useMemo(() => oneAtATime(async () => {
     const asked = state.current.text;
-    const found = await call<Mission>("mission.tree", { path, text: asked }, true);
-    if (asked === state.current.text) showTree(found);
-  }), [path, showTree]);
+    const { answer, show } = askTrees<Mission>("mission.tree", { text: asked });
+    const found = await answer;
+    if (asked === state.current.text) show(found);
+  }), [askTrees]);
 
   const save = useCallback(() => {
     const now = state.current;
@@ -152,19 +159,20 @@ export function useMission(path: string, onCursor: (place: number) => void): Wri
     if (!view) return null;
     const asked = state.current.text;
     try {
-      const done = await call<Edited>("mission.edit", { path, text: asked, edit: wanted });
+      const { answer, show } = askTrees<Edited>("mission.edit", { text: asked, edit: wanted });
+      const done = await answer;
       if (asked !== state.current.text) {
         toast("The text has changed meanwhile; try again.", "info");
         return null;
       }
       applyChanges(view, done.changes, true);
-      showTree(done.tree);
+      show(done.tree);
       return done.selected;
     } catch (error) {
       toastError(error);
       return null;
     }
-  }, [path, view, showTree]);
+  }, [view, askTrees]);
 
   const index = useMemo(() => (mission ? new Index(mission) : null), [mission]);
   return { host, view, text, mission, index, faults, palette, problem, unsaved, undoable: Boolean(view && canUndo(view)), redoable: Boolean(view && canRedo(view)), edit, save };

@@ -1,0 +1,104 @@
+"""A log and a batch of another machine with markup in every text that they hold."""
+
+from __future__ import annotations
+
+import sqlite3
+from contextlib import closing
+from dataclasses import replace
+from pathlib import Path
+from types import ModuleType
+
+from picktree.batch.plan import BatchPlan
+from picktree.batch.results.store import RESULTS_FILE, Store
+from picktree.batch.results.tables import JobRows
+from picktree.batch.workers.batch import Batch
+from picktree.files.shipped_files import ROOT
+from picktree.logs.recording.recorder import Recorder
+from picktree.logs.schema.records import NodeStatusRecord, Tick, TransitionRecord, Tree, TreeNode, WriteRecord
+from picktree.world.belief.planning_scene import PlanningScene
+from picktree.world.journal import CandidateEntry, CandidateSearchEntry, ImageEntry, OtherEvent, PlanEntry
+from picktree.world.shapes import Box
+from picktree.world.values import ObjectId, Pose
+
+from ..batch.test_store import ITEMS, MISSED, SLIP
+
+IMAGE = '<img src=x onerror="globalThis.ran=1">'
+MARKUP = f'{IMAGE}<script>globalThis.ran=1</script><a href="javascript:globalThis.ran=1">go</a>'
+LINK = "javascript:globalThis.ran=1"
+
+
+def hostile_log(sample: ModuleType, path: Path) -> None:
+    """Record three seconds with a failure. Names, causes, values and lines are markup."""
+    fixture = replace(sample.TABLE, id=ObjectId(f"table {MARKUP}"), colour=MARKUP)
+    mouth = replace(sample.BIN, id=ObjectId(f"bin {MARKUP}"), colour=LINK)
+    both = {MARKUP: MARKUP, LINK: LINK}
+    run = replace(
+        sample.RUN,
+        mission=MARKUP, scene=LINK, robot=MARKUP, parameters=both, physics=both, versions=both, revision=LINK,
+    )  # fmt: skip
+    scene = PlanningScene([fixture], [mouth])
+    item = replace(sample.item(f"item {MARKUP}", Box((0.04, 0.04, 0.04)), MARKUP, 0.4), kind=MARKUP)
+    main, leaf = "/Main", f"/Main/{IMAGE}"
+    with Recorder(path, run) as recorder:
+        recorder.attach("mission.yaml", f"picktree: 1\nkind: mission\nname: '{IMAGE}'\n", "application/yaml")
+        recorder.attach(f"{IMAGE}.yaml", MARKUP, "text/html")
+        recorder.tree(
+            Tree(
+                (
+                    TreeNode(main, "Sequence", "Main", "", (leaf,)),
+                    TreeNode(leaf, IMAGE, IMAGE, main, (), {IMAGE: MARKUP, LINK: LINK}),
+                )
+            )
+        )
+        recorder.robot_model(sample.MESHES)
+        recorder.fixed([fixture], [mouth])
+        for k in range(60):
+            now, failed = k * sample.TICK, k == 30
+            status, cause = ("FAILURE", f"grasp.{IMAGE}") if failed else ("RUNNING", "")
+            if k == 0:
+                scene.put(item, MARKUP)
+                shot = replace(sample.image(now), camera=f"overhead {IMAGE}")
+                recorder.entry(now, ImageEntry(shot, (MARKUP, LINK)))
+            if k == 5:
+                recorder.log(now, "INFO", MARKUP, IMAGE)
+                recorder.log(now, "ERROR", LINK, LINK)
+                recorder.entry(now, OtherEvent(MARKUP, leaf, name=IMAGE, extra={MARKUP: LINK}))
+                recorder.entry(now, PlanEntry(MARKUP, IMAGE, 1, 0.1, IMAGE, MARKUP, 0.0))
+                candidate = CandidateEntry(IMAGE, Pose(), 0.7, MARKUP, LINK)
+                recorder.entry(now, CandidateSearchEntry(IMAGE, item.id, {MARKUP: 1}, (candidate,)))
+            ends = tuple(
+                TransitionRecord(node, "FAILURE", cause=cause, origin=leaf, message=MARKUP, evidence=both)
+                for node in (leaf, main)
+            )
+            begins = (
+                TransitionRecord(main, "RUNNING"),
+                TransitionRecord(leaf, "RUNNING", {IMAGE: LINK}, str(item.id)),
+            )
+            nodes = (
+                NodeStatusRecord(main, "Sequence", status, True, "", cause),
+                NodeStatusRecord(leaf, IMAGE, status, True, MARKUP, cause, both if failed else {}),
+            )
+            writes = (WriteRecord(f"/{IMAGE}", [MARKUP, LINK], main),) if k == 0 else ()
+            moved = begins if k in (0, 31) else ends if failed else ()
+            recorder.transforms(now, sample.LINKS, scene.objects)
+            recorder.belief(now, scene.objects, scene.take_changes())
+            recorder.truth(now, scene.objects)
+            recorder.tick(now, Tick("RUNNING", leaf, nodes, writes, moved))
+        recorder.finish({"status": "FAILURE", "message": MARKUP})
+
+
+def hostile_batch(folder: Path) -> None:
+    """Make a batch of two jobs that are done. Names, causes, colours and messages are markup."""
+    plan = BatchPlan(MARKUP, (ROOT / "examples" / "one_pick.yaml",), (0, 1), backend="kinematic")
+    with Batch.create(folder, plan):
+        pass
+    with Store(folder / RESULTS_FILE) as store:
+        for job in store.jobs():
+            row = replace(
+                MISSED, status="failure", message=MARKUP, root_cause=MARKUP, look_at=MARKUP, folder=LINK
+            )
+            failure = replace(SLIP, node=MARKUP, cause=MARKUP, message=MARKUP, item=MARKUP, handled_by=MARKUP)
+            items = tuple(replace(each, kind=MARKUP, form=LINK, colour=MARKUP) for each in ITEMS)
+            assert store.record(job.id, JobRows(row, items=items, failures=(failure,)))
+    with closing(sqlite3.connect(folder / RESULTS_FILE)) as results, results:
+        results.execute("UPDATE jobs SET variant = ?, mission = ?, scene = ?", (MARKUP, LINK, MARKUP))
