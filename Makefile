@@ -74,8 +74,9 @@ demo: $(RUN)
 test: $(DEV)
 	@"$(BIN)/python" -m pytest -n $(JOBS) --durations=25
 
+# pyright makes more garbage than node expects; with more room for it, it takes a seventh less CPU time.
 check: $(DEV)
-	@failed=; run() { echo "== $$*"; "$(BIN)/$$@" || failed="$$failed $$1"; }; \
+	@export NODE_OPTIONS="--max-semi-space-size=64 $$NODE_OPTIONS"; failed=; run() { echo "== $$*"; "$(BIN)/$$@" || failed="$$failed $$1"; }; \
 	run ruff check; \
 	run ruff format --check; \
 	run pyright --pythonpath "$(BIN)/python"; \

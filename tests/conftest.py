@@ -79,9 +79,13 @@ def pytest_collection() -> Generator[None, object, object]:
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Begin with the files that have most slow tests, so that no worker waits for another at the end."""
+    """Begin with the files that have most slow tests, then those with a browser, which take long, too.
+
+    So no worker waits for another at the end.
+    """
     slow = Counter(item.path for item in items if item.get_closest_marker("slow"))
-    items.sort(key=lambda item: -slow[item.path])
+    browsing = {item.path for item in items if "chromium" in getattr(item, "fixturenames", ())}
+    items.sort(key=lambda item: (-slow[item.path], item.path not in browsing))
     _keep_hypothesis_from_reading_our_sources()
 
 

@@ -1,7 +1,6 @@
 import math
 
 import pytest
-from scipy import stats
 
 from picktree.batch.plan_loading import parse_seeds
 from picktree.batch.statistics.differences import paired_difference, unpaired_difference
@@ -28,6 +27,8 @@ def test_wilsons_interval_is_that_of_the_textbook() -> None:
 
 @pytest.mark.parametrize(("successes", "total"), [(0, 1), (1, 1), (0, 7), (1, 7), (7, 7), (977, 1000)])
 def test_wilsons_interval_is_that_of_scipy(successes: int, total: int) -> None:
+    from scipy import stats  # loading takes half a second, which is no matter of the other tests
+
     theirs = stats.binomtest(successes, total).proportion_ci(CONFIDENCE, method="wilson")
     ours = rate(successes, total).interval
     assert (ours.low, ours.high) == pytest.approx((theirs.low, theirs.high), abs=1e-12)
