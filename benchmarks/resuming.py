@@ -85,7 +85,7 @@ def _killed(start: list[str], options: list[str], out: Path, seconds: float, cha
                 folder = folder.with_name(f"{folder.name}-again")
                 continue
             return {**_short(result), "kills": kills, "said": said[-400:]}
-        log = next(folder.iterdir(), None)
+        log = next(folder.iterdir(), None) if folder.is_dir() else None
         if log is None or not (log / "log.mcap").exists():
             return {
                 "status": "nothing to go on with",
