@@ -19,6 +19,8 @@ MAX_OUTPUT: Final = 10_000_000
 """Size of the output above which its beginning is left out, bytes."""
 KEPT_OUTPUT: Final = 1_000_000
 """Size of the end that is then kept, bytes."""
+SHORTENED: Final = f"[the output was larger than {MAX_OUTPUT // 1_000_000} MB"
+"""Beginning of an output whose beginning is left out."""
 _PERIOD: Final = 0.1
 """Time between two looks at the size of the output, wall s."""
 
@@ -31,8 +33,7 @@ def shorten(output: int, file: Path) -> None:
         opened.seek(-KEPT_OUTPUT, os.SEEK_END)
         part, _, lines = opened.read(KEPT_OUTPUT).partition(b"\n")
     os.ftruncate(output, 0)
-    notice = f"[the output was larger than {MAX_OUTPUT // 1_000_000} MB: its beginning is left out]\n"
-    os.write(output, notice.encode() + (lines or part))
+    os.write(output, f"{SHORTENED}: its beginning is left out]\n".encode() + (lines or part))
 
 
 def _limit_output() -> None:
