@@ -19,31 +19,32 @@ MAX_OUTPUT: Final = 10_000_000
 """Size of the output above which its beginning is left out, bytes."""
 KEPT_OUTPUT: Final = 1_000_000
 """Size of the end that is then kept, bytes."""
+SHORTENED: Final = f"[the output was larger than {MAX_OUTPUT // 1_000_000} MB"
+"""Beginning of an output whose beginning is left out."""
 _PERIOD: Final = 0.1
 """Time between two looks at the size of the output, wall s."""
 
 
-def shorten(output: int, file: Path) -> None:
-    """Leave out the beginning of an output that is too large; `output`: descriptor that appends to it."""
-    if os.fstat(output).st_size <= MAX_OUTPUT:
+def shorten(file: Path) -> None:
+    """Leave out the beginning of an output that is too large. What is written meanwhile may be lost."""
+    if file.stat().st_size <= MAX_OUTPUT:
         return
-    with file.open("rb") as opened:
+    with file.open("r+b") as opened:
         opened.seek(-KEPT_OUTPUT, os.SEEK_END)
         part, _, lines = opened.read(KEPT_OUTPUT).partition(b"\n")
-    os.ftruncate(output, 0)
-    notice = f"[the output was larger than {MAX_OUTPUT // 1_000_000} MB: its beginning is left out]\n"
-    os.write(output, notice.encode() + (lines or part))
+        opened.seek(0)  # others append: nothing may come before the notice
+        opened.write(f"{SHORTENED}: its beginning is left out]\n".encode() + (lines or part))
+        opened.truncate()
 
 
 def _limit_output() -> None:
-    output = os.dup(1)
-    file = Path(f"/proc/self/fd/{output}").resolve()
+    file = Path("/proc/self/fd/1").resolve()
 
     def look() -> None:
         while True:
             time.sleep(_PERIOD)
             with suppress(OSError):  # a full disk; no file at all
-                shorten(output, file)
+                shorten(file)
 
     threading.Thread(target=look, daemon=True).start()
 

@@ -21,6 +21,7 @@ from typing import Final
 
 from ..errors import PicktreeError
 from .calls import JsonValue, call, watch
+from .job_process import SHORTENED
 from .job_records import Job, JobRecords, mark_of
 from .workspace import Workspace
 
@@ -59,6 +60,18 @@ def job_text(job: Job) -> str:
     with suppress(OSError):
         return _plain(_tail(job.output, _OUTPUT_SHOWN))
     return ""
+
+
+def shown_output(job: Job) -> str:
+    """Return the end of what a job wrote, below a line that says so when there was more."""
+    text = job_text(job)
+    with suppress(OSError), job.output.open("rb") as opened:
+        size = os.fstat(opened.fileno()).st_size
+        if size > _OUTPUT_SHOWN:
+            first = opened.readline(200).decode("utf-8", "replace")
+            shorter = first if first.startswith(SHORTENED) else ""
+            return f"{shorter}[the end of {size / 1000:.0f} kB]\n{text}"
+    return text
 
 
 def last_line(file: Path) -> str:
@@ -235,7 +248,7 @@ class Jobs:
     @call("jobs.output")
     async def output(self, number: int) -> str:
         """Return the end of what a job wrote."""
-        return await asyncio.to_thread(job_text, self._job(number))
+        return await asyncio.to_thread(shown_output, self._job(number))
 
     @watch("jobs.watch")
     async def jobs(self) -> AsyncIterator[JsonValue]:

@@ -78,9 +78,7 @@ class FollowedRun:
         except (EOFError, OSError, ValueError):
             raise PicktreeError(f"{self.folder}: the run is not going on") from None
         began = max((at for _, at, _ in first[-1][1]), default=0)
-        self._picture = await asyncio.to_thread(self._first_picture, began / 1e9)
-        for message, log in first:
-            self._take(message, log)
+        await asyncio.to_thread(self._start_picture, began / 1e9, first)
         self._tasks = [asyncio.create_task(self._read(reader)), asyncio.create_task(self._publish())]
 
     # Viewers.
@@ -153,6 +151,15 @@ class FollowedRun:
         return pack([Section("stage", data)])
 
     # The connection.
+
+    def _start_picture(self, until: float, first: Sequence[_Received]) -> None:
+        """Make the picture before `until`, simulated s, and take what the run sent first.
+
+        The symbols of the tree's nodes need all modules of nodes, which take 0.1 s and more to import.
+        """
+        self._picture = self._first_picture(until)
+        for message, log in first:
+            self._take(message, log)
 
     def _first_picture(self, until: float) -> RunPicture:
         """Return a picture with the last minutes of the log up to a time, simulated s.

@@ -22,7 +22,7 @@ from ...errors import PicktreeError
 from ...files.marks import FileError
 from ...files.yaml.document import Document, read_document
 from ...trees.declaration import NodeDeclaration
-from ...trees.loading.registry import NodeRegistry
+from ...trees.loading.registry import NodeRegistry, installed_entries
 from ...trees.loading.tree_ports import TreePorts
 from ...trees.loading.tree_set import IncludeReader
 from ...trees.mission import LIBRARY, MAIN, FilesOnDisk, path_of
@@ -66,11 +66,14 @@ class MissionContext:
         self.left_out = left_out
         """Why nodes of plug-ins are missing; empty: none are."""
         self._symbols: dict[str, str] = {}
+        self._known: dict[str, NodeDeclaration | None] = {}
 
     def known(self, identity: str) -> NodeDeclaration | None:
         """Return the declaration of a node, or of a sub-tree of another file."""
-        node = self.registry.find(identity)
-        return node.declaration if node is not None else self.included.get(identity)
+        if identity not in self._known:  # the registry looks at the disk for each
+            node = self.registry.find(identity)
+            self._known[identity] = node.declaration if node is not None else self.included.get(identity)
+        return self._known[identity]
 
     def symbol(self, identity: str) -> str:
         """Return the symbol of a node in pictures."""
@@ -97,7 +100,8 @@ class MissionContexts:
         folder = path.parent
         files = [path_of(name, folder) for name in included] + [folder / name for name in plugins]
         trusted = os.environ.get(PLUGINS_VARIABLE) != "refuse"
-        key = (folder, included, plugins, trusted, *(_changed(file) for file in files))
+        changes = (*installed_entries(), *(_changed(file) for file in files))
+        key = (folder, included, plugins, trusted, changes)
         found = self._kept.get(key)
         if found is None:
             found = self._kept[key] = self._made(path, included, plugins)

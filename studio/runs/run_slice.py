@@ -175,17 +175,22 @@ class RunSlice:
         id: str,
         at: Moment,
         mission: str | None = None,
+        mission_file: str = "",
         faults: str | None = None,
         no_faults: bool = False,
     ) -> int:
         """Go on from the checkpoint before a moment with other texts; return the job's number.
 
-        The texts are written as files beside the mission, so that what they name is found.
+        `mission_file`: mission of the folder in place of the run's; `mission` is then an edit of it. The
+        texts are written as files beside the mission, so that what they name is found.
         """
         command = ["whatif", str(self.log_of(id)), "--at", f"{at:.4f}s", "--out", str(self._runs())]
         opened = await asyncio.to_thread(self._opened, id)
         assert isinstance(opened, dict)
-        beside = PurePath(str(opened.get("mission_file") or f"{_stem(opened.get('mission'))}.yaml"))
+        own = mission_file or opened.get("mission_file") or f"{_stem(opened.get('mission'))}.yaml"
+        beside = PurePath(str(own))
+        if mission_file and mission is None:
+            command += ["--mission", str(self._workspace.resolve(mission_file))]
         for option, text in (("mission", mission), ("faults", faults)):
             if text is not None:
                 path = beside.with_name(

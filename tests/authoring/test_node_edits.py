@@ -7,6 +7,7 @@ import random
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -146,7 +147,7 @@ def test_an_outline_after_edits_is_that_of_the_whole_text_read_anew() -> None:
                 continue
             text = "\n" * chance.randrange(3) + editor.set_port(node.id, "_skipIf", "{= 1 > 2}").text
             after = NodeEditor(text, known)
-            assert repr(after.outline) == repr(outline(Source(text), lambda identity: known(identity)))
+            assert repr(after.outline) == repr(outline(Source(text), partial(known)))
             editor = after
 
 

@@ -10,8 +10,6 @@ from typing import Any
 
 import pytest
 
-from picktree.files.shipped_files import ROOT
-
 from ..browser import Chromium, Told, wait_until
 from ..needs import CHROMIUM, needs
 from .conftest import PATIENCE, Served
@@ -141,10 +139,8 @@ def find_the_failure(browser: Any, identity: str) -> None:
 
 def what_if_and_compare(browser: Any, identity: str) -> None:
     browser.get_by_role("button", name="What if …").click()
-    editor = browser.get_by_role("textbox", name="Mission", exact=True)
-    editor.click()
-    browser.keyboard.press("Control+a")
-    browser.keyboard.insert_text((ROOT / "examples" / "sort_by_colour.yaml").read_text(encoding="utf-8"))
+    browser.get_by_label("Mission from").select_option("sort_by_colour.yaml")
+    browser.get_by_text("sort_by_colour.yaml is as it is.").wait_for()
     browser.get_by_role("button", name="Go on from there").click()
     dialog = browser.locator("dialog")
     dialog.locator(".job[data-outcome=done]").wait_for()

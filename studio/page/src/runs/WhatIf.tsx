@@ -2,7 +2,7 @@
 
 import { useEffect, useRef, useState } from "react";
 
-import { call } from "../connection";
+import { call, useCall } from "../connection";
 import { JobView, useJob } from "../jobs";
 import { Button } from "../ui/Button";
 import { Dialog } from "../ui/Dialog";
@@ -18,7 +18,10 @@ const LATER = 400; // ms after the last key until what was typed is kept
 export function WhatIf({ run, time, onClose }: { run: OpenedRun; time: number; onClose(): void }) {
   const recorded = run.mission_text ?? "";
   const [at, setAt] = useState(time.toFixed(2));
-  const [mission, setMission] = useDraft(`${run.id}/what-if/mission`, recorded);
+  // The mission of the run, or one of the folder's.
+  const [source, setSource] = useState({ file: "", text: recorded });
+  const [mission, setMission] = useDraft(`${run.id}/what-if/${source.file || "mission"}`, source.text);
+  const missions = useCall<{ path: string }[]>("files.list", { kind: "mission" });
   const [faults, setFaults] = useDraft(`${run.id}/what-if/faults`, run.faults_text ?? NEW_FAULTS);
   const [kind, setKind] = useState<Faults>("recorded");
   const [number, setNumber] = useState<number | null>(null);
@@ -26,12 +29,18 @@ export function WhatIf({ run, time, onClose }: { run: OpenedRun; time: number; o
   const job = useJob(number);
   const seconds = Number(at.replace(",", "."));
   const bad = !Number.isFinite(seconds) || seconds < 0 ? "a time in simulated seconds, as 12.5" : "";
-  const changed = mission !== recorded;
+  const changed = mission !== source.text;
+  const choose = (file: string) => {
+    if (!file) setSource({ file, text: recorded });
+    else call<{ text: string }>("files.read", { path: file }).then(({ text }) => setSource({ file, text: text.replaceAll("\r\n", "\n") }), toastError);
+    setPart("mission");
+  };
   const start = () => {
     call<number>("runs.whatif", {
       id: run.id,
       at: seconds,
       mission: changed ? mission : null,
+      mission_file: source.file,
       faults: kind === "edited" ? faults : null,
       no_faults: kind === "none",
     }).then(setNumber, toastError);
@@ -42,6 +51,14 @@ export function WhatIf({ run, time, onClose }: { run: OpenedRun; time: number; o
         <div className="whatif-head">
           <Field label="From" fault={bad} hint={run.checkpoints ? `the last of ${run.checkpoints} checkpoints before it` : "the log has no checkpoint: from its beginning"}>
             {(attributes) => <input {...attributes} inputMode="decimal" value={at} onChange={(event) => setAt(event.target.value)} />}
+          </Field>
+          <Field label="Mission from">
+            {(attributes) => (
+              <select {...attributes} value={source.file} onChange={(event) => choose(event.target.value)}>
+                <option value="">the run, as recorded</option>
+                {missions.value?.map(({ path }) => <option key={path}>{path}</option>)}
+              </select>
+            )}
           </Field>
           <fieldset>
             <legend>Faults from there on</legend>
@@ -61,8 +78,8 @@ export function WhatIf({ run, time, onClose }: { run: OpenedRun; time: number; o
           : <YamlEditor key="faults" label="Faults" text={faults} onChange={setFaults} />}
         <div className="buttons">
           <Button primary onClick={start} disabled={Boolean(bad) || job?.ended === null}>Go on from there</Button>
-          {changed && <Button onClick={() => setMission(recorded)}>The mission as recorded</Button>}
-          <span className="muted note">{changed ? "The mission is changed; it is written as a file beside it." : "The mission is as recorded."}</span>
+          {changed && <Button onClick={() => setMission(source.text)}>{source.file ? "The mission as it is" : "The mission as recorded"}</Button>}
+          <span className="muted note">{changed ? "The mission is changed; it is written as a file beside it." : source.file ? `${source.file} is as it is.` : "The mission is as recorded."}</span>
         </div>
         {job && <JobView key={job.number} job={job} output />}
       </div>
@@ -76,9 +93,15 @@ function useDraft(path: string, first: string): [string, (text: string) => void]
   const timer = useRef<ReturnType<typeof setTimeout>>(undefined);
   const touched = useRef(false);
   useEffect(() => {
+    let wanted = true;
+    touched.current = false;
+    setText(first);
     call<string | null>("files.drafted", { path }).then((kept) => {
-      if (kept !== null && !touched.current) setText(kept);
+      if (wanted && kept !== null && !touched.current) setText(kept);
     }, () => undefined);
+    return () => { wanted = false; };
+    // `first` changes with the path.
+    // eslint-disable-next-line react-hooks/exhaustive-deps
   }, [path]);
   const set = (now: string) => {
     touched.current = true;
