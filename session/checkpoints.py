@@ -12,6 +12,7 @@ import numpy as np
 from pydantic import TypeAdapter, ValidationError
 
 from ..control.execution.control_loop import ControlLoopState
+from ..control.execution.gripper_motion import GripperCommand
 from ..control.execution.trajectory_motion import FollowedPath
 from ..errors import PicktreeError
 from ..logs.recording.recorder import RecordingState
@@ -65,6 +66,7 @@ class RunState:
     """Heights in the cells of each bin, m; None where nothing was seen."""
     way: FollowedPath | None = None
     """Path that the arm followed last, for the retreat; None: unknown."""
+    grip: GripperCommand | None = None
     tally: RunCountersState | None = None
     disagreements: int = 0
     """Number of trajectories that the verifier has rejected so far."""
@@ -133,6 +135,7 @@ def take_checkpoint(
             for name, view in world.vision.bins.items()
         },
         way=world.move.state(),
+        grip=world.gripper.save(),
         tally=tally.state(),
         disagreements=disagreements,
         recording=recording,
@@ -155,6 +158,8 @@ def restore_checkpoint(world: World, state: RunState) -> None:
     world.control.restore(control)
     world.plan.forget()
     world.move.restore(state.way)
+    if state.grip is not None:
+        world.gripper.restore(state.grip)
     world.scene.restore(state.belief.scene, state.belief.numbers)
     world.attempts.restore(state.attempts)
     world.attempts.refusals = dict(state.refusals)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Generator
+from dataclasses import dataclass
 from typing import TypeAlias, TypeVar
 
 from ...robots.description import GripperDescription
@@ -49,6 +50,22 @@ MOVE_SPARE_TIME = 1.0
 """Longest wait beyond the travel time at the fingers' speed, s."""
 
 
+@dataclass(frozen=True, slots=True)
+class GripperCommand:
+    """Last command to the gripper: it stays in force when its skill ends."""
+
+    target: float
+    """Opening, m."""
+    begun: float
+    """Opening when it was given, m."""
+    time: float
+    """When it was given, simulated s."""
+    force: float
+    """Force of each finger, N."""
+    bound: float
+    """Greatest force of `GripperControl.press`, N."""
+
+
 class GripperControl:
     """Control of the gripper: open, close, release. A command stays in force when its skill is halted."""
 
@@ -66,6 +83,15 @@ class GripperControl:
         self._opening = min(opening, description.max_force)
         self.bound = description.max_force
         """Greatest force of `press`, N: the limit of the held object. It is reset when the fingers open."""
+
+    def save(self) -> GripperCommand:
+        """Return what is in force: fingers that still open do so after a restart, too."""
+        return GripperCommand(self._target, self._from, self._told, self._force, self.bound)
+
+    def restore(self, command: GripperCommand) -> None:
+        """Take over a command that the gripper has already got."""
+        self._target, self._from, self._told = command.target, command.begun, command.time
+        self._force, self.bound = command.force, command.bound
 
     @property
     def width(self) -> float:

@@ -47,6 +47,8 @@ def recipe_from_truth(recorded: RecordedRun) -> tuple[Recipe, str, float]:
     Raises PicktreeError for a log that lacks the state of the simulation.
     """
     run = recorded.run
+    if not len(run.ticks.times):
+        return _from_start(recorded, "has no tick")
     last = _last_state(run)
     time = last.time
     found = recorded.last_checkpoint(time)
@@ -248,16 +250,7 @@ class Resumption:
         run, recorded = self.run, self.recorded
         found = recorded.last_checkpoint(run.end)
         if found is None:
-            run.log.require_beginning()
-            recipe = recorded.recipe()
-            before = recipe.start
-            if before is None:
-                told = f"{run.path} has no checkpoint: the run begins anew"
-            else:
-                told = (
-                    f"{run.path} has no checkpoint of its own: it goes on where that run did, at "
-                    f"{before.state.time:.2f} s, {_done(before.state.items_done)}"
-                )
+            recipe, told, _ = _from_start(recorded, "has no checkpoint")
         else:
             name, state = found
             recipe = recorded.from_checkpoint(name, state)
@@ -269,6 +262,21 @@ class Resumption:
         if departed:
             told = f"{told}\n{departed}"
         return recipe, told, recipe.start.state.time if recipe.start else -1.0
+
+
+def _from_start(recorded: RecordedRun, why: str) -> tuple[Recipe, str, float]:
+    """Return the recipe with which a run began, as `recipe_from_truth` does. `why`: reason, in words."""
+    run = recorded.run
+    run.log.require_beginning()
+    recipe = recorded.recipe()
+    before = recipe.start
+    if before is None:
+        return recipe, f"{run.path} {why}: the run begins anew", _NEVER_WRITTEN
+    told = (
+        f"{run.path} {why} of its own: it goes on where that run did, at {before.state.time:.2f} s, "
+        f"{_done(before.state.items_done)}"
+    )
+    return recipe, told, before.state.time
 
 
 def _done(items: int) -> str:

@@ -90,6 +90,7 @@ def test_what_goes_on_is_in_the_state_of_the_checkpoint(recorded: RecordedRun, t
     for name in recorded.checkpoints():
         state = recorded.state(name)
         assert state.recording is not None and state.bins_seen and state.streams
+        assert state.grip is not None and state.grip.time > 0.0  # fingers may still open
         session = Session(recorded.from_checkpoint(name, state), record=Recording(tmp_path))
         taken = session.execution.checkpoint(state.recording)
         assert taken == state

@@ -25,6 +25,8 @@ from picktree.session.session import Recording, RunRequest, Session
 from picktree.simulation.kinematic.backend import KinematicHardware
 from picktree.trees.running.runner import TickReport
 
+CHUNK = 0x06
+"""Opcode of a chunk in MCAP."""
 SCENE = "picktree: 1\nkind: scene\nbase: sort_small\ncheckpoint_every: 1\n"
 MISSION = """\
 picktree: 1
@@ -154,6 +156,39 @@ def test_it_goes_on_as_things_stood_and_looks_first(killed: Path, alone: RunResu
         ).run()
         with Run(again.folder) as repeated:
             assert told(repeated, "took_stock") == [first, felt]
+
+
+def killed_at_once(folder: Path, out: Path) -> Path:
+    """Copy a log up to the end of its first chunk, as a process leaves it that is killed at its start."""
+    data, at, chunks = (folder / "log.mcap").read_bytes(), 8, 0
+    while not chunks:
+        chunks += data[at] == CHUNK
+        at += 9 + int.from_bytes(data[at + 1 : at + 9], "little")
+    out.mkdir()
+    (out / "log.mcap").write_bytes(data[:at])
+    return out
+
+
+def test_a_run_that_was_killed_before_its_first_tick_goes_on_where_it_began(
+    killed: Path, alone: RunResult, tmp_path: Path
+) -> None:
+    assert alone.folder is not None
+    cut = killed_at_once(alone.folder, tmp_path / "cut")
+    for stands in (False, True):
+        with Resumption(ResumeRequest(cut, as_it_stands=stands)) as resumption:
+            assert resumption.told.endswith(": the run begins anew")
+            assert resumption.recipe.start is None
+    with Resumption(ResumeRequest(killed, out=tmp_path, as_it_stands=True)) as resumption:
+        stood = resumption.recipe.start
+        assert stood is not None
+        limited = replace(resumption.recipe, limit=stood.state.time + 0.5)
+        again = Session(limited, record=Recording(tmp_path)).run()
+    assert again.folder is not None
+    cut = killed_at_once(again.folder, tmp_path / "cut again")
+    with Resumption(ResumeRequest(cut, as_it_stands=True)) as resumption:
+        at = f"at {stood.state.time:.2f} s, 1 item done"
+        assert resumption.told.endswith(f" has no tick of its own: it goes on where that run did, {at}")
+        assert resumption.recipe.start == stood
 
 
 def test_a_finished_run_is_refused(alone: RunResult) -> None:
