@@ -59,7 +59,7 @@ class GripperCommand:
     begun: float
     """Opening when it was given, m."""
     time: float
-    """When it was given, simulated s."""
+    """Time of the command, simulated s."""
     force: float
     """Force of each finger, N."""
     bound: float
