@@ -75,7 +75,7 @@ def machine() -> Mapping[str, str]:
 
 
 RECORDS = (":!docs", ":!benchmarks/evidence.json")
-"""What campaigns write between their runs, and no run depends on."""
+"""Files that campaigns write between their runs, and no run depends on."""
 
 
 @cache
