@@ -19,8 +19,9 @@ from ...trees.plugins.plugin import PLUGINS_VARIABLE
 P = ParamSpec("P")
 T = TypeVar("T")
 
-NICENESS: Final = 5
-"""Priority of the process below the server's and the browser's: they answer while it computes."""
+NICENESS: Final = 1
+"""Priority of the process below the server's and the browser's: they answer while it computes.
+Much below it would get nothing on a machine that simulates."""
 LIMIT: Final = 60.0
 """Longest time of one request, wall s; then the process is ended, and the next request starts another."""
 

@@ -102,10 +102,11 @@ def test_a_mission_with_its_panels_and_its_menu(served: Served, browser: Any) ->
     # A fault, and the offers of the completion.
     browser.locator(".cm-line", has_text="- Grasp:").get_by_text("Grasp", exact=True).dblclick()
     browser.keyboard.type("Gras")
+    browser.locator(".tree-faults").wait_for()
+    browser.keyboard.press("Control+Space")
     browser.locator(".cm-tooltip-autocomplete").wait_for()
     check(browser, "completion")
     browser.keyboard.press("Escape")
-    browser.locator(".tree-faults").wait_for()
     check(browser, "fault")
 
 
