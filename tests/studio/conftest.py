@@ -20,7 +20,7 @@ from picktree.studio.server import link, listen, make_server
 from picktree.studio.workspace import Workspace
 from picktree.trees.plugins.plugin import PLUGINS_VARIABLE
 
-PATIENCE = 60.0
+PATIENCE = 300.0
 """Wall seconds within which an answer comes, however busy the machine is."""
 
 
