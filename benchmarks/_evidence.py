@@ -170,7 +170,7 @@ def _targets(measured: Sequence[Campaign], records: Mapping[str, Record]) -> str
         old = ", old" * bool(record.changed)
         for name, target in one.targets.items():
             rate = record.rates.get(name)
-            cells = ["not printed", "", target, "**missed**" + old]
+            cells = ["", "", target, "not measured" + old]
             if rate is not None:
                 low, high = rate.interval
                 measured_of = f"{rate.hits:,} of {rate.n:,}, {100 * rate.share:.1f} %"
@@ -206,7 +206,7 @@ def _section(one: Campaign, record: Record) -> str:
             f"| {100 * low:.1f} … {100 * high:.1f} % | {target} |"
         )
     lines += [
-        f"| {name} | not printed | | | {target} |"
+        f"| {name} | not measured | | | {target} |"
         for name, target in one.targets.items()
         if name not in record.rates
     ]

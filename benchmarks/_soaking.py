@@ -1,4 +1,4 @@
-"""What a soak writes down while it runs, and what that amounts to."""
+"""Diary of a soak, written while it runs, and what it amounts to."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ PAGE = resource.getpagesize() / 1e6
 
 @dataclass(frozen=True, slots=True)
 class Minute:
-    """How things stand at the end of a simulated minute."""
+    """State of things at the end of a simulated minute."""
 
     time: float
     """Simulated s."""
@@ -43,7 +43,7 @@ class Minute:
     memory: float
     """Resident, MB."""
     heap: float
-    """Of this, what is in use of C's heap, MB: the rest is code, and room that was given back to the heap."""
+    """Part of it that is in use of C's heap, MB: the rest is code, and room that was given back."""
     items: int
     """Done so far."""
     came: int
@@ -144,7 +144,7 @@ class Diary(Interrupter):
 
 
 def quarter(now: float, ticks: Iterable[float], part: int) -> Quarter:
-    """Of CPU seconds a tick."""
+    """Return the figures of a quarter of an hour from the CPU seconds of its ticks."""
     ms = 1000 * np.array(ticks)
     return Quarter(
         now,
@@ -158,12 +158,12 @@ def quarter(now: float, ticks: Iterable[float], part: int) -> Quarter:
 
 
 def resident() -> float:
-    """MB of this process."""
+    """Return the memory of this process, MB."""
     return int(Path("/proc/self/statm").read_text().split()[1]) * PAGE
 
 
 class _Mallinfo(ctypes.Structure):
-    """Of glibc's mallinfo2."""
+    """Answer of glibc's mallinfo2."""
 
     _fields_ = [
         (name, ctypes.c_size_t)
@@ -175,7 +175,7 @@ class _Mallinfo(ctypes.Structure):
 
 
 def in_use() -> float:
-    """MB of C's heap; 0 where no glibc tells it."""
+    """Return what is in use of C's heap, MB; 0 where no glibc tells it."""
     try:
         asked = ctypes.CDLL(None).mallinfo2
     except AttributeError:
@@ -187,14 +187,14 @@ def in_use() -> float:
 
 @dataclass(frozen=True, slots=True)
 class Soak:
-    """What a diary holds."""
+    """Content of a diary."""
 
     minutes: tuple[Minute, ...]
     quarters: tuple[Quarter, ...]
     folders: tuple[str, ...]
-    """Of the runs, one for each process that went on with it."""
+    """Folders of the runs, one for each process that went on with it."""
     result: RunResult | None
-    """Of the last process; None when it was cut off."""
+    """Result of the last process; None when it was cut off."""
     crash: str
 
     @classmethod
@@ -215,7 +215,7 @@ class Soak:
 
 @dataclass(frozen=True, slots=True)
 class Growth:
-    """Of the memory after the first half hour of a process."""
+    """Growth of the memory after the first half hour of a process."""
 
     first: float
     """MB at half an hour."""
@@ -232,13 +232,15 @@ class Growth:
 
     @property
     def share(self) -> float:
-        """Of the last minute against the half hour."""
+        """Share by which the last minute is above the half hour."""
         return self.last / self.first - 1.0
 
 
 def growth(minutes: Iterable[Minute], settled: float = SETTLED) -> Growth | None:
-    """Of the process that went on longest: None when it was over before there was something to compare. A
-    process that took a soak up begins its half hour when it begins."""
+    """Return the growth of the process that went on longest; None when it was over too early to compare.
+
+    A process that took a soak up begins its half hour when it begins.
+    """
     own = _longest(minutes)
     later = [minute for minute in own if minute.time - own[0].time >= settled - 1.5 * MINUTE]
     if len(later) < 3:

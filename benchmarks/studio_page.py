@@ -18,7 +18,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Generator
+from collections.abc import Callable, Generator
 from contextlib import contextmanager, suppress
 from itertools import pairwise
 from pathlib import Path
@@ -154,7 +154,9 @@ def show_frames(what: str, page: Any, script: str) -> None:
     print(f"{what:<34}{rate:7.0f} frames/s, {drawn}")
 
 
-def measure_mission(page: Any, link: str, rounds: int) -> None:
+def measure_picture(page: Any, link: str, rounds: int) -> None:
+    """Measure how a large mission is opened, moved and folded."""
+
     def opened() -> float:
         page.goto(link.partition("?")[0] + "#/")
         page.wait_for_selector("main h1, main h2")
@@ -202,50 +204,46 @@ def measure_mission(page: Any, link: str, rounds: int) -> None:
     page.locator(".tree-keys").focus()
     fold_often("fold a tree, most cards in view")
 
-    def typed(number: int) -> float:
-        """Type a letter of a value in the text."""
-        page.evaluate(WATCH, ["7", '[data-tree-node="Sort0/Recover"]', f"attempts: 4{'7' * (number + 1)}"])
-        page.keyboard.press("7")
+
+def measure_edits(page: Any, rounds: int) -> None:
+    """Measure edits of one value of the mission that is open: in the text, then in the form."""
+    card = '[data-tree-node="Sort0/Recover"]'
+
+    def took(shown_in: str, text: str, key: str) -> float:
+        page.evaluate(WATCH, [key, shown_in, text])
+        page.keyboard.press(key)
         wait_until(page, "globalThis.took !== null")
         return page.evaluate("globalThis.took")
+
+    def typed(sevens: int) -> float:
+        return took(card, f"attempts: 4{'7' * sevens}", "7")
+
+    def paused(one: Callable[[int], float]) -> list[float]:
+        times: list[float] = []
+        for number in range(rounds):
+            times.append(one(number))
+            page.wait_for_timeout(700)
+        return times
 
     page.reload()
     page.wait_for_selector(".tree-card")
     page.get_by_text("Checking…").wait_for(state="detached")
     page.locator(".cm-line", has_text="attempts: 4").first.click()
     page.keyboard.press("End")
-    page.locator('[data-tree-node="Sort0/Recover"]').wait_for()
+    page.locator(card).wait_for()
     page.wait_for_timeout(1500)
-    times: list[float] = []
-    for number in range(rounds):
-        times.append(typed(number))
-        page.wait_for_timeout(700)
-    show("edit, text to picture", times)
-    times.clear()
-    for number in range(rounds):
-        times.append(typed(rounds + number))
-    show("edit, without a pause", times)
+    show("edit, text to picture", paused(lambda number: typed(number + 1)))
+    show("edit, without a pause", [typed(rounds + number + 1) for number in range(rounds)])
     page.wait_for_timeout(1500)
-    page.locator('[data-tree-node="Sort0/Recover"]').click()
+    page.locator(card).click()
     field = page.get_by_label("attempts", exact=True)
-    times.clear()
-    for number in range(rounds):
-        field.fill(f"{number + 11}")
-        page.evaluate(WATCH, ["Enter", ".cm-line", f"attempts: {number + 11}"])
-        page.keyboard.press("Enter")
-        wait_until(page, "globalThis.took !== null")
-        times.append(page.evaluate("globalThis.took"))
-        page.wait_for_timeout(700)
-    show("edit, form to text", times)
-    times.clear()
-    for number in range(rounds):
-        field.fill(f"{number + 41}")
-        page.evaluate(WATCH, ["Enter", '[data-tree-node="Sort0/Recover"]', f"attempts: {number + 41}"])
-        page.keyboard.press("Enter")
-        wait_until(page, "globalThis.took !== null")
-        times.append(page.evaluate("globalThis.took"))
-        page.wait_for_timeout(700)
-    show("edit, form to picture", times)
+
+    def filled(number: int, shown_in: str) -> float:
+        field.fill(f"{number}")
+        return took(shown_in, f"attempts: {number}", "Enter")
+
+    show("edit, form to text", paused(lambda number: filled(number + 11, ".cm-line")))
+    show("edit, form to picture", paused(lambda number: filled(number + 41, card)))
 
 
 # From the load of the page, or from a key, to the moment at which the table has what is asked.
@@ -317,7 +315,8 @@ def main() -> None:
         (folder / NAME).write_text(large_mission(COPIES), encoding="utf-8")
         with studio(folder) as link, chromium.blank(link) as (page, _):
             page.set_default_timeout(60_000)
-            measure_mission(page, link, chosen.rounds)
+            measure_picture(page, link, chosen.rounds)
+            measure_edits(page, chosen.rounds)
         if chosen.log:
             for number in range(chosen.runs):
                 run = folder / "runs" / f"run-{number}-20261123-090000"

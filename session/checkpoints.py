@@ -67,6 +67,7 @@ class RunState:
     way: FollowedPath | None = None
     """Path that the arm followed last, for the retreat; None: unknown."""
     grip: GripperCommand | None = None
+    """Last command to the gripper; None: unknown, and the fingers do not move."""
     tally: RunCountersState | None = None
     disagreements: int = 0
     """Number of trajectories that the verifier has rejected so far."""

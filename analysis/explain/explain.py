@@ -125,7 +125,7 @@ def _state(case: Investigation, item: str) -> ItemState:
 
 
 def _truth(case: Investigation, true: str) -> str:
-    """Where it really is in the end, in the scorer's words."""
+    """Return where it really is in the end, in the scorer's words."""
     score: ItemScore | None = case.scores.get(true)
     if case.gone(true) is not None:
         return "truly nowhere any more"

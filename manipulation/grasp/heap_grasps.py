@@ -40,8 +40,8 @@ that are kept for each yaw."""
 MIXED_COST = 3.0
 """Cost of the share of colours between the pads other than the most frequent one: two things come at once."""
 SAMPLED_ROWS, SAMPLED_SHARES, SAMPLED_HEIGHT = (-4, -2, 0, 2, 4), np.linspace(-0.45, 0.45, 9), 0.005
-"""Where the colours between the pads are sampled: rows, shares of the thing's width, and height above the
-finger tips, m."""
+"""Places at which colours between the pads are sampled: rows, shares of the thing's width, and height above
+the finger tips, m."""
 MIN_SAMPLED = 0.008
 """Least width in which colours are sampled, m."""
 CENTRINGS = 2

@@ -77,6 +77,7 @@ def recipe_from_truth(recorded: RecordedRun) -> tuple[Recipe, str, float]:
         control=_control(known.control, stood.position, last.bias),
         thinking_owed=0.0,
         way=None,
+        grip=None,
         tally=_tally(run, known, knows, time),
         recording=_recording(run, known, knows, time),
     )

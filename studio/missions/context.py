@@ -64,7 +64,7 @@ class MissionContext:
         self.registry = registry
         self.included = included
         self.left_out = left_out
-        """Why nodes of plug-ins are missing; empty: none are."""
+        """Reason why nodes of plug-ins are missing; empty: none are."""
         self._symbols: dict[str, str] = {}
         self._known: dict[str, NodeDeclaration | None] = {}
 

@@ -170,7 +170,7 @@ class Ways:
     ) -> None:
         self.cell, self.looks = cell, 0
         self.contacts: list[tuple[ContactPair, ...]] = [()]
-        """At each question; the last is used again."""
+        """Contacts at each question; the last ones are used again."""
         self.said = list[str]()
         outs, world = list(out), cell.world
         look = world.vision.look

@@ -43,11 +43,13 @@ def browser(served: Served, chromium: Chromium) -> Iterator[Any]:
     end_runs(folder)
 
 
-def check(page: Any, what: str) -> None:
-    """Raise AssertionError with the serious findings on what is shown, in light and dark."""
+def findings(page: Any) -> list[str]:
+    """Return the serious findings on what is shown, in light and dark."""
+    found: list[str] = []
     for theme in ("light", "dark"):
         page.evaluate("(theme) => { document.documentElement.dataset.theme = theme; }", theme)
-        assert serious(page) == [], f"{what}, {theme}"
+        found += [f"{theme}: {each}" for each in serious(page)]
+    return found
 
 
 def close_dialog(page: Any) -> None:
@@ -56,98 +58,98 @@ def close_dialog(page: Any) -> None:
 
 
 def test_the_start_the_index_and_plans(served: Served, browser: Any) -> None:
-    check(browser, "start")
+    assert findings(browser) == [], "start"
     browser.get_by_role("button", name="Trust this folder …").click()
-    check(browser, "dialog of trust")
+    assert findings(browser) == [], "dialog of trust"
     close_dialog(browser)
     go(browser, "#/runs")
     browser.get_by_text("No run in this folder yet").wait_for()
-    check(browser, "index without a run")
+    assert findings(browser) == [], "index without a run"
     go(browser, "#/plan/night.yaml")
     browser.get_by_text("Matrix: 1 × 4 seeds").wait_for()
-    check(browser, "plan")
+    assert findings(browser) == [], "plan"
     go(browser, "#/nowhere")
     browser.get_by_text("There is no such page here").wait_for()
-    check(browser, "no such page")
+    assert findings(browser) == [], "no such page"
 
 
 def test_a_mission_with_its_panels_and_its_menu(served: Served, browser: Any) -> None:
     go(browser, "#/write")
     browser.get_by_role("link", name=NAME).wait_for()
-    check(browser, "missions")
+    assert findings(browser) == [], "missions"
     go(browser, f"#/write/{NAME}")
     browser.get_by_text("✓ No faults").wait_for()
     browser.locator(".cm-line", has_text="- Grasp:").click()
     browser.get_by_label("force, N").wait_for()
-    check(browser, "form of a node")
+    assert findings(browser) == [], "form of a node"
     browser.locator(".tree-card.selected").click(button="right")
     browser.get_by_role("menu").wait_for()
-    check(browser, "menu of a node")
+    assert findings(browser) == [], "menu of a node"
     browser.keyboard.press("Escape")
     browser.get_by_role("tab", name="Add").click()
     browser.get_by_role("combobox", name="Search a node").wait_for()
-    check(browser, "palette")
+    assert findings(browser) == [], "palette"
     browser.get_by_role("combobox", name="Search a node").fill("grip")
-    check(browser, "palette with a search")
+    assert findings(browser) == [], "palette with a search"
     browser.get_by_role("tab", name="Scene").click()
     browser.get_by_role("button", name="Save cell.yaml").wait_for()
     browser.get_by_label("Fixture or bin").select_option("red_bin")
     browser.get_by_role("button", name=re.compile("What .* sees")).first.click()
     browser.locator(".views img").first.wait_for()
-    check(browser, "scene")
+    assert findings(browser) == [], "scene"
     browser.get_by_role("tab", name="Rehearse").click()
     browser.get_by_role("button", name="Rehearse", exact=True).click()
     browser.get_by_text("All cases pass").wait_for()
-    check(browser, "rehearsal")
+    assert findings(browser) == [], "rehearsal"
     # A fault, and the offers of the completion.
     browser.locator(".cm-line", has_text="- Grasp:").get_by_text("Grasp", exact=True).dblclick()
     browser.keyboard.type("Gras")
     browser.locator(".tree-faults").wait_for()
     browser.keyboard.press("Control+Space")
     browser.locator(".cm-tooltip-autocomplete").wait_for()
-    check(browser, "completion")
+    assert findings(browser) == [], "completion"
     browser.keyboard.press("Escape")
-    check(browser, "fault")
+    assert findings(browser) == [], "fault"
 
 
 def test_a_run_that_goes_on_with_its_question_and_its_dialogs(served: Served, browser: Any) -> None:
     go(browser, "#/live?mission=asking.yaml")
     browser.get_by_label("rounds").wait_for()
-    check(browser, "form of a run")
+    assert findings(browser) == [], "form of a run"
     order = {"mission": "asking.yaml", "backend": "kinematic", "parameters": {"rounds": "2"}, "pace": 0.0}
     with served.client() as client:
         identity = client.call("live.start", order=order)
         go(browser, f"#/live/{identity}")
         browser.get_by_role("heading", name="Help is wanted").wait_for()
-        check(browser, "question")
+        assert findings(browser) == [], "question"
         browser.locator(".tree-card", has_text="Wait").click()
         browser.get_by_role("button", name="Ports and values").click()
-        check(browser, "node of a run")
+        assert findings(browser) == [], "node of a run"
         browser.get_by_role("button", name="Change Main/rounds").click()
-        check(browser, "change of an entry")
+        assert findings(browser) == [], "change of an entry"
         for side in ("Speed and force", "Camera"):
             browser.get_by_role("button", name=side).click()
-            check(browser, side)
+            assert findings(browser) == [], side
         for button in ("Take over a mission …", "Halt …"):
             browser.get_by_role("button", name=button).click()
-            check(browser, button)
+            assert findings(browser) == [], button
             close_dialog(browser)
         client.call("live.command", id=identity, line="answer yes")
     browser.get_by_text("The run has ended: success.").wait_for()
-    check(browser, "run that has ended")
+    assert findings(browser) == [], "run that has ended"
 
     go(browser, f"#/run/{identity}")
     browser.locator(".explanation").wait_for()
-    check(browser, "run")
+    assert findings(browser) == [], "run"
     for button in ("What if …", "Compare …"):
         browser.get_by_role("button", name=button).click()
         browser.locator("dialog").wait_for()
-        check(browser, button)
+        assert findings(browser) == [], button
         close_dialog(browser)
     browser.get_by_role("button", name=re.compile("Jobs")).click()
     browser.get_by_role("button", name="Output").first.click()
-    check(browser, "jobs")
+    assert findings(browser) == [], "jobs"
     close_dialog(browser)
     go(browser, "#/runs")
     browser.get_by_role("link", name="asking").wait_for()
-    check(browser, "index")
+    assert findings(browser) == [], "index"

@@ -56,14 +56,35 @@ def left_in_tote(case: Investigation, failure: FailureStory) -> Finding | None:
     """
     if failure.cause != grasp.NO_CANDIDATE.name:
         return None
+    return case.once(_left_in_totes).get(_delivery(case, failure))
+
+
+def why_left(case: Investigation, true: str) -> Finding | None:
+    """Return why a thing that nobody picked is left in a tote: from the last search for grasps there."""
+    found = reversed(case.once(_left_in_totes).values())
+    return next((one for one in found if any(f"({true})" in reason for reason in one.reasons)), None)
+
+
+def _delivery(case: Investigation, failure: FailureStory) -> tuple[str, int]:
+    """Return the tote of a search for grasps, and how often it had been exchanged by then."""
     tote = str(failure.evidence.get("object"))
-    if tote not in case.bins or not case.bins[tote].is_tote:
-        return None
-    exchanges = [at.time for at in case.events(BinExchangedEvent) if at.record.bin == tote]
-    gone = min((time for time in exchanges if time > failure.time), default=math.inf)
-    about = f"{tote} {sum(time <= failure.time for time in exchanges)}"
-    searches = [f for f in case.failures if f.cause == failure.cause and f.evidence.get("object") == tote]
-    time = max(f.time for f in searches if f.time < gone)
+    exchanges = (at.time for at in case.events(BinExchangedEvent) if at.record.bin == tote)
+    return tote, sum(time <= failure.time for time in exchanges)
+
+
+def _left_in_totes(case: Investigation) -> dict[tuple[str, int], Finding]:
+    """Return what was left of each delivery, by its tote and number, in the order of the last searches."""
+    last: dict[tuple[str, int], float] = {}
+    for failure in case.failures:
+        tote = case.bins.get(str(failure.evidence.get("object")))
+        if failure.cause == grasp.NO_CANDIDATE.name and tote is not None and tote.is_tote:
+            delivery = _delivery(case, failure)
+            last.pop(delivery, None)
+            last[delivery] = failure.time
+    return {delivery: _left(case, *delivery, time) for delivery, time in last.items()}
+
+
+def _left(case: Investigation, tote: str, number: int, time: float) -> Finding:
     left = remains(case, tote, time)
     if not left:
         reasons = (f"truly nothing was left in it at {seconds(time)}",)
@@ -73,13 +94,8 @@ def left_in_tote(case: Investigation, failure: FailureStory) -> Finding | None:
         f"{counted(len(left), 'thing')} in {tote} got no grasp: "
         f"{listed([f'{n} {state}' for state, n in states.most_common()], 5)}"
     )
-    return Finding("heap.out_of_reach", about, title, tuple(str(one) for one in left), "", time)
-
-
-def why_left(case: Investigation, true: str) -> Finding | None:
-    """Return why a thing that nobody picked is left in a tote: from the last search for grasps there."""
-    found = (left_in_tote(case, failure) for failure in reversed(case.failures))
-    return next((one for one in found if one and any(f"({true})" in reason for reason in one.reasons)), None)
+    about, reasons = f"{tote} {number}", tuple(str(one) for one in left)
+    return Finding("heap.out_of_reach", about, title, reasons, "", time)
 
 
 def remains(case: Investigation, tote: str, time: float) -> list[Remainder]:

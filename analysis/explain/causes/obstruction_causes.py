@@ -145,7 +145,7 @@ def obstruction_cause(case: Investigation, failure: FailureStory) -> Finding | N
 
 
 def _under_arm(case: Investigation, failure: FailureStory) -> Finding | None:
-    """Return that the arm stayed over a bin, or over a line, that was to be exchanged."""
+    """Return that the arm stayed over a bin that was to be exchanged; None for what is no bin."""
     bin_ = case.bins.get(word(failure, "bin"))
     links = case.links(failure.time)
     if bin_ is None or not len(links):
