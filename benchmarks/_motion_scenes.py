@@ -97,7 +97,7 @@ def _requests(world: World, item: BeliefObject, at: Array) -> Generator[tuple[st
 def _reference(world: World, plan: MotionPlan, request: Request) -> float | None:
     """Return the reference's CPU milliseconds from the plan's start to its end; None: no motion was found."""
     solver, reference = world.plan.solver, OmplReference(world.robot)
-    scene, width = solver.scene(request), solver.width(request)
+    scene, (width,) = solver.scene(request), solver.widths(request)
     begun = time.process_time()
     found = reference.plan(scene, width, plan.trajectory.start, plan.trajectory.end, 1)
     return None if found is None or found.trajectory is None else (time.process_time() - begun) * 1e3
@@ -124,7 +124,7 @@ def _pick(
             tally.found += 1
             tally.direct += plan.planner == "direct"
             tally.ms.append(spent)
-            width = solver.width(request)
+            (width,) = solver.widths(request)
             begun = time.process_time()
             tally.clashes += bool(judge.judge(plan.trajectory, solver.scene(request), width))
             tally.judging.append((time.process_time() - begun) * 1e3)

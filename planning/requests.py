@@ -27,6 +27,8 @@ DIRECTIONS: tuple[Direction, ...] = get_args(Direction)
 
 DEFAULT_CHECK_BUDGET = 20000
 """Collision checks that a request may spend by default."""
+WIDTH_TOLERANCE = 0.002
+"""Change of the fingers' opening that makes no difference, m."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -148,6 +150,8 @@ class Request:
     """Collision checks that the request may spend."""
     planner: str = ""
     """Name of the planner, see `world/planner_names.py`; empty: that of `PlanWith`, scene or robot."""
+    narrowest: float | None = None
+    """Narrowest opening where the fingers move on the way, m; `width` is the widest. None: they stand."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from typing import TypeAlias, TypeVar
 
 from ...robots.description import GripperDescription
-from ...robots.finger_linkage import fingers_of
 from ...world.causes import Failure, control
 from ...world.protocols import Clock, Gripper
 from ...world.values import GripperState
@@ -41,11 +40,6 @@ FINGER_START_TIME = 0.3
 """Time in which free fingers have begun to move, s."""
 BACK_OFF_OPENING = 3e-3
 """Change of the opening that relieves fingers which press against a neighbour, m."""
-EXTENSION_STEP = 5e-3
-"""Step to which the tips' extension during a motion is rounded up, m. Motions with the same one share a
-geometry model."""
-MIN_EXTENSION = 1e-3
-"""Extension of the tips that a motion's margins cover, m."""
 MOVE_SPARE_TIME = 1.0
 """Longest wait beyond the travel time at the fingers' speed, s."""
 
@@ -76,7 +70,6 @@ class GripperControl:
         self._gripper = gripper
         self._clock = clock
         self._description = description
-        self._fingers = fingers_of(description)
         self._force = 0.0
         self._target = self._from = description.max_width
         self._told = 0.0
@@ -108,15 +101,12 @@ class GripperControl:
         opens = way > 0.0 and since < way / (2 * self._description.speed) + FINGER_START_TIME
         return max(opening, width, self._target if opens else 0.0)
 
-    def extension(self, opening: float) -> float:
-        """Return how much further the tips reach on the way to `opening`, m, than at `widest(opening)`.
+    def span(self, opening: float) -> tuple[float, float]:
+        """Return the widest and the narrowest opening on the way from now to `opening`, m.
 
-        Fingers on a linkage swing: they reach further as they close. A motion that is checked at the widest
-        opening needs this much more clearance.
+        Fingers that close come between bodies that they straddled, and those on a linkage reach further.
         """
-        reach = self._fingers.reach
-        further = max(reach(opening), reach(self.width)) - reach(self.widest(opening))
-        return EXTENSION_STEP * math.ceil(further / EXTENSION_STEP) if further > MIN_EXTENSION else 0.0
+        return self.widest(opening), min(self.width, opening)
 
     @property
     def state(self) -> GripperState:

@@ -36,10 +36,10 @@ def approach(
     The fingers move to the grasp's opening on the way there. For a flat object the descent ends early; the
     rest is a guarded move.
     """
-    width, extension = world.gripper.widest(grasp.opening), world.gripper.extension(grasp.opening)
+    widest, narrowest = world.gripper.span(grasp.opening)
     scaling = world.handling.scaling(speed)
     return (
-        Request(JointGoal(over), width=width, clearance=extension, scaling=scaling),
+        Request(JointGoal(over), width=widest, narrowest=narrowest, scaling=scaling),
         descend_requests(world, object_id, grasp, speed),
     )
 

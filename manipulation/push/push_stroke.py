@@ -309,13 +309,9 @@ def move_to_start(
     handling = world.handling
     pairs = tuple(("gripper", name) for name in beside)
     world.gripper.start(opening)
+    widest, narrowest = world.gripper.span(opening)
     legs = (
-        Request(
-            JointGoal(over),
-            width=world.gripper.widest(opening),
-            clearance=world.gripper.extension(opening),
-            scaling=handling.scaling(1.0),
-        ),
+        Request(JointGoal(over), width=widest, narrowest=narrowest, scaling=handling.scaling(1.0)),
         Request(LineGoal(start), width=opening, allowed=pairs, scaling=handling.slowly),
     )
     yield from follow_with_replanning(

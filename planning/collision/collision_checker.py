@@ -6,6 +6,7 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from functools import lru_cache, partial
+from operator import attrgetter
 from pathlib import Path
 from typing import Final
 
@@ -110,7 +111,8 @@ class CollisionChecker:
         self._robot = _robot(model, margins or CollisionMargins())
         self._tcp_offset: Array = self._robot.tcp_in_joint.translation.copy()
         self._tcp_reach = float(np.linalg.norm(self._tcp_offset))
-        self._full_q = model.full_q(np.zeros(model.n), 0.0)
+        self._full_q = (model.full_q(np.zeros(model.n), 0.0),)
+        """Configurations of arm and fingers, one of each opening."""
         self._arm_v = [_v_index(model.full, joint) for joint in model.description.joints]
         self._arm_q = _run([_q_index(model.full, joint) for joint in model.description.joints])
         self._seen: _Seen | None = None
@@ -122,12 +124,13 @@ class CollisionChecker:
 
     # ---- following the scene
 
-    def update(self, scene: PlanningScene, width: float, *, clearance: float = 0.0) -> None:
+    def update(self, scene: PlanningScene, *widths: float, clearance: float = 0.0) -> None:
         """Take over the present belief of the scene, and the opening of the fingers, m.
 
+        With several openings, the ends between which the fingers move, each answer is for all of them.
         `clearance` m are added to all margins that are positive; tolerated depths stay as they are.
         """
-        self._full_q = self.model.full_q(self._full_q[self._arm_q], width)
+        self._full_q = tuple(self.model.full_q(np.zeros(self.model.n), width) for width in widths)
         snapshot = scene.snapshot()
         seen = _Seen(scene.fixtures, scene.bins, snapshot.objects, snapshot.allowed, clearance)
         if self._seen is None or not seen.same_room(self._seen):
@@ -191,7 +194,7 @@ class CollisionChecker:
         free."""
         self.checks += 1
         checker = self._now.halved
-        return checker.free(self._at(q)) and self._inside(checker)
+        return all(map(checker.free, self._at(q))) and self._inside(checker)
 
     def excusing(self, contacts: tuple[ContactPair, ...], slack: float) -> MarginChecker:
         """Return a checker in which the pairs of `contacts` may come as close as they are, and `slack` m
@@ -207,11 +210,11 @@ class CollisionChecker:
         """Whether q is free by another checker of this robot, counted. `within`: the workspace counts,
         too."""
         self.checks += 1
-        return checker.free(self._at(q)) and not (within and not self._inside(checker))
+        return all(map(checker.free, self._at(q))) and not (within and not self._inside(checker))
 
     def within(self, q: Array) -> bool:
         """Whether the tool is within the workspace at q."""
-        pin.forwardKinematics(self.model.full, self._now.full.data, self._at(q))
+        pin.forwardKinematics(self.model.full, self._now.full.data, self._at(q)[0])
         return self._inside(self._now.full)
 
     def believed(self, name: str) -> BeliefObject | None:
@@ -225,19 +228,20 @@ class CollisionChecker:
         self.checks += 1
         geometry, least, pieces = self._now.geometry, self._now.least, self._now.pieces
         data, geometry_data = self._now.distances
-        pin.updateGeometryPlacements(self.model.full, data, geometry, geometry_data, self._at(q))
-        found: list[ContactPair] = []
-        for index, pair in enumerate(geometry.collisionPairs):
-            distance = pin.computeDistance(geometry, geometry_data, index)
-            margin = float(least[pair.first, pair.second])
-            if distance.min_distance < margin:
-                a, b = pieces[pair.first], pieces[pair.second]
-                # The last bits of results depend on memory addresses.
-                x, y, z = (round(float(c), DISTANCE_DECIMALS) for c in distance.getNearestPoint2())
-                point: Vector3 = (x, y, z)
-                depth = round(float(distance.min_distance), DISTANCE_DECIMALS)
-                found.append(ContactPair(a.name, b.name, depth, point, margin))
-        return tuple(sorted(found, key=lambda contact: contact.distance))
+        found: dict[int, ContactPair] = {}
+        for full_q in self._at(q):
+            pin.updateGeometryPlacements(self.model.full, data, geometry, geometry_data, full_q)
+            for index, pair in enumerate(geometry.collisionPairs):
+                distance = pin.computeDistance(geometry, geometry_data, index)
+                margin = float(least[pair.first, pair.second])
+                if distance.min_distance < margin:
+                    a, b = pieces[pair.first], pieces[pair.second]
+                    # The last bits of results depend on memory addresses.
+                    x, y, z = distance.getNearestPoint2().round(DISTANCE_DECIMALS).tolist()
+                    depth = round(float(distance.min_distance), DISTANCE_DECIMALS)
+                    contact = ContactPair(a.name, b.name, depth, (x, y, z), margin)
+                    found[index] = min(contact, found.get(index, contact), key=attrgetter("distance"))
+        return tuple(sorted(found.values(), key=attrgetter("distance")))
 
     def nearest(self, q: Array, within: float = np.inf, *, itself: bool = False) -> ContactPair | None:
         """Return the nearest of all pairs that may not touch at q, None when none is nearer than `within` m.
@@ -245,7 +249,8 @@ class CollisionChecker:
         Pairs are of the robot and its surroundings, or with `itself` of the robot's own links. Not counted:
         nothing is planned with it.
         """
-        return self._now.gaps.nearest(self._at(q), within, itself=itself)
+        found = (self._now.gaps.nearest(full_q, within, itself=itself) for full_q in self._at(q))
+        return min((c for c in found if c is not None), key=attrgetter("distance"), default=None)
 
     def separations(self, q: Array, within: float) -> tuple[Separation, ...]:
         """Return every pair that may not touch and whose distance is below its margin plus `within` m.
@@ -253,7 +258,8 @@ class CollisionChecker:
         self.checks += 1
         least, pieces = self._now.least, self._now.pieces
         found: list[Separation] = []
-        for near in self._now.gaps.near(self._at(q), within + float(least.max(initial=0.0))):
+        reach = within + float(least.max(initial=0.0))
+        for near in (near for full_q in self._at(q) for near in self._now.gaps.near(full_q, reach)):
             margin = float(least[near.first, near.second])
             if near.distance < margin + within:
                 a, b = pieces[near.first], pieces[near.second]
@@ -282,8 +288,9 @@ class CollisionChecker:
             self._room, checker.tool_joint.act(self._tcp_offset), 0.0
         )
 
-    def _at(self, q: Array) -> Array:
-        self._full_q[self._arm_q] = q
+    def _at(self, q: Array) -> tuple[Array, ...]:
+        for full_q in self._full_q:
+            full_q[self._arm_q] = q
         return self._full_q
 
 

@@ -206,20 +206,21 @@ class MarginChecker:
         self._placed = -1
 
     def free(self, full_q: Array) -> bool:
-        return self.count_until((full_q,), full_q, slice(None), hit=True) == 1
+        return self.count_until((full_q,), (full_q,), slice(None), hit=True) == 1
 
     def count_until(
         self,
         configurations: Collection[Array],
-        full_q: Array,
+        postures: Sequence[Array],
         arm: slice | list[int],
         *,
         hit: bool,
         inside: Callable[[], bool] | None = None,
     ) -> int:
-        """Return the number of configurations of `arm` within `full_q` before the first that is not free, or
-        without `hit` before the first that is.
+        """Return the number of configurations of `arm` before the first that is not free, or without `hit`
+        before the first that is.
 
+        `postures`: configurations of the whole robot that the arm's is put into. It must be free in all.
         `inside` says whether the tool is where it may be; None: it may be everywhere.
         """
         model, data, geometry, geometry_data = (
@@ -232,14 +233,18 @@ class MarginChecker:
         around, answer = self._around, self._answer
         if self._placed != self._geometry.placed:
             self._placed = self._geometry.placed
-            place(model, data, geometry, geometry_data, full_q)
+            place(model, data, geometry, geometry_data, postures[0])
             around.update()
         # The parts of pinocchio's computeCollisions: to find that among its overloads takes a microsecond.
         for count, q in enumerate(configurations):
-            full_q[arm] = q
-            place(model, data, geometry, geometry_data, full_q)
-            update()
-            touches = collide(around, answer) or collide(answer)
+            touches = False
+            for full_q in postures:
+                full_q[arm] = q
+                place(model, data, geometry, geometry_data, full_q)
+                update()
+                touches = collide(around, answer) or collide(answer)
+                if touches:
+                    break
             if (touches or (inside is not None and not inside())) is hit:
                 return count
         return len(configurations)

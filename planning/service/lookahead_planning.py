@@ -15,13 +15,10 @@ from ...world.belief.planning_scene import PlanningScene
 from ...world.causes import Failure
 from ...world.trajectory import Trajectory
 from ..collision.trajectory_check import StartTolerance, is_trajectory_free
-from ..requests import JointGoal, MotionPlan, Request
+from ..requests import WIDTH_TOLERANCE, JointGoal, MotionPlan, Request
 from .motion_chain import split_into_legs
 from .planning_worker import ChainAnswer, ChainOrder, PlanningWorker
 from .solver import RequestSolver
-
-WIDTH_TOLERANCE = 0.002
-"""Change of the fingers' opening that makes no difference, m."""
 
 
 @dataclass(frozen=True, slots=True)

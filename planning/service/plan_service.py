@@ -376,7 +376,9 @@ class PlanService:
             return
         with self._stopwatch.measure("verifying"):
             solver = self.solver
-            contacts = self._judge.judge(trajectory, solver.scene(request), solver.width(request))
+            scene = solver.scene(request)
+            judged = (self._judge.judge(trajectory, scene, width) for width in solver.widths(request))
+            contacts = next(filter(None, judged), ())
         if contacts:
             name = planning_failures.describe_goal(request.target)
             self._disagreements.append(VerifierDisagreement(name, contacts))

@@ -29,6 +29,7 @@ from ..kinematics.configuration_cost import configuration_cost
 from ..kinematics.inverse_kinematics import InverseKinematics
 from ..path_constraints import PathConstraints
 from ..requests import (
+    WIDTH_TOLERANCE,
     ContactPair,
     Goal,
     LineGoal,
@@ -119,16 +120,17 @@ class RequestSolver:
             return self._scene.supposing(held.object, held.object_in_tcp, allowed=request.allowed)
         return self._scene.supposing(allowed=request.allowed) if request.allowed else self._scene
 
-    def width(self, request: Request) -> float:
-        """Return the opening of the fingers on the motion, m."""
-        return self._width() if request.width is None else request.width
+    def widths(self, request: Request) -> tuple[float, ...]:
+        """Return the opening of the fingers on the motion, m, or the widest and narrowest where they move."""
+        width, narrowest = self._width() if request.width is None else request.width, request.narrowest
+        return (width,) if narrowest is None or width - narrowest < WIDTH_TOLERANCE else (width, narrowest)
 
     def look(self, request: Request | None = None) -> None:
         """Update the collision checker with the belief, and with a request's suppositions."""
         if request is None:
             self.collision.update(self._scene, self._width())
         else:
-            self.collision.update(self.scene(request), self.width(request), clearance=request.clearance)
+            self.collision.update(self.scene(request), *self.widths(request), clearance=request.clearance)
 
     def _begun(self, request: Request) -> _Begun:
         start = self.start(request)

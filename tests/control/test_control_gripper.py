@@ -102,6 +102,7 @@ def test_a_motion_meets_the_opening_that_the_fingers_are_on_the_way_to() -> None
     grip = GripperControl(fingers, fingers, ROBOT.gripper)
     assert grip.widest() == 0.04
     assert grip.widest(0.06) == 0.06
+    assert (grip.span(0.06), grip.span(0.01)) == ((0.06, 0.04), (0.04, 0.01))
     grip.start(0.07)
     for _ in range(4):
         assert grip.widest() == grip.widest(0.05) == 0.07

@@ -13,12 +13,12 @@ from picktree.files.shipped_files import ROOT
 from picktree.world.scene.loading.scene_loading import SHIPPED
 
 from ..browser import Chromium
-from ..needs import CHROMIUM, needs
+from ..needs import CHROMIUM, needs, packages
 from .conftest import PATIENCE, Served
 from .test_live import MISSION, end_runs
 from .test_page import go, serious
 
-pytestmark = needs(CHROMIUM)
+pytestmark = [needs(CHROMIUM), needs(packages("studio"))]
 NAME = "sort_by_colour.yaml"
 PLAN = "picktree: 1\nkind: plan\nmissions: [sort_by_colour.yaml]\nseeds: 0:4\nbackend: kinematic\n"
 

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from ..browser import Chromium, Told
-from ..needs import CHROMIUM, needs
+from ..needs import CHROMIUM, needs, packages
 from .conftest import PATIENCE, Served
 from .test_page import go, serious
 
@@ -41,6 +41,7 @@ def page(served: Served, chromium: Chromium) -> Iterator[tuple[Any, Told]]:
         yield opened, told
 
 
+@needs(packages("studio"))
 def test_a_batch_of_eight_is_planned_started_stopped_and_resumed(
     served: Served, page: tuple[Any, Told]
 ) -> None:

@@ -13,7 +13,7 @@ import pytest
 from picktree.analysis.run import Run
 
 from ..browser import Chromium, Told, wait_until
-from ..needs import CHROMIUM, needs
+from ..needs import CHROMIUM, needs, packages
 from .conftest import PATIENCE, Served
 from .test_live import MISSION, end_runs
 from .test_page import serious
@@ -36,6 +36,7 @@ def page(served: Served, chromium: Chromium) -> Iterator[tuple[Any, Told]]:
     end_runs(served.folder)
 
 
+@needs(packages("studio"))
 def test_a_run_is_started_paused_stepped_changed_answered_and_found(
     served: Served, page: tuple[Any, Told], chromium: Chromium
 ) -> None:

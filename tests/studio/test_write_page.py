@@ -8,7 +8,7 @@ from typing import Any
 from picktree.files.shipped_files import ROOT
 
 from ..browser import Chromium, Told, wait_until
-from ..needs import CHROMIUM, needs
+from ..needs import CHROMIUM, needs, packages
 from .conftest import Served
 from .test_page import go, page, serious
 
@@ -26,6 +26,7 @@ def written(browser: Any) -> str:
     return "\n".join(browser.locator(".cm-line").all_inner_texts())
 
 
+@needs(packages("studio"))
 def test_a_mission_is_broken_mended_changed_and_saved(served: Served, page: tuple[Any, Told]) -> None:
     browser, told = page
     shutil.copyfile(ROOT / "examples" / NAME, served.folder / NAME)
