@@ -105,7 +105,8 @@ class Perception:
         self.regions = heap_regions(description)
         self._floors = SupportSurfaces(description.fixtures, description.bins, self.regions)
         self.mouths = HoleMouths(description.fixtures, description.catalogue)
-        self._noise = {c.name: max(c.depth_noise, 2e-4) for c in description.cameras}
+        self.noise = {c.name: max(c.depth_noise, 2e-4) for c in description.cameras}
+        """Standard deviation of the depth of each camera at 0.7 m, m."""
         self.moving = frozenset(c.name for c in description.cameras if c.on == "hand")
         """Names of the cameras on the hand."""
         self._backdrops: dict[tuple[object, Pose], BackgroundModel] = {}
@@ -208,7 +209,7 @@ class Perception:
         picture = SegmentationInput(
             sight, depth, height, label, robot | walls, np.zeros(depth.shape, dtype=np.int32), []
         )
-        return MaskedPicture(picture, backdrop, robot, self._noise.get(image.camera, 0.002), moving)
+        return MaskedPicture(picture, backdrop, robot, self.noise.get(image.camera, 0.002), moving)
 
     def _beside_hand(self, sight: PosedCamera, image: RgbdImage, joints: Array, width: float) -> PosedCamera:
         """Correct the levelled pose of a hand camera by the fingers that the whole picture shows."""

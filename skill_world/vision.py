@@ -12,7 +12,7 @@ import numpy as np
 from ..perception.data_association import ObservationSummary, update_belief
 from ..perception.fitting.known_object_fitting import TrackedSighting
 from ..perception.fitting.view import BinView
-from ..perception.geometry.camera_geometry import depth_noise
+from ..perception.geometry.camera_geometry import depth_noise, noise_factor
 from ..perception.heap_mapping import update_heap
 from ..perception.held_thing import HeldView
 from ..perception.pipeline import Perception
@@ -146,7 +146,7 @@ class Vision:
         `take_in`; the caller defers that until the charged time has passed.
 
         Raises Failure: perception.not_found when there is no such camera, perception.no_image when this frame
-        does not come, is old, or is the one before again.
+        does not come, is old, is the one before again, or scatters far more than this camera's do.
         """
         if camera not in self._cameras:
             raise Failure(
@@ -166,6 +166,12 @@ class Vision:
             frozen = now - self._last[camera].stamp
             message = f"{camera} stands still: it has given the same image for {frozen:.2f} s"
             raise Failure(perception.NO_IMAGE, message, camera=camera, frozen=round(frozen, 3))
+        if factor := noise_factor(image.depth, self._perceive.noise[camera]):
+            self._journal.note(ImageEntry(image, ()))
+            message = (
+                f"the depth of {camera} is {factor:.0f} times as noisy as it should be: no image can be used"
+            )
+            raise Failure(perception.NO_IMAGE, message, camera=camera, noise=round(factor, 1))
         return CapturedImage(image, self._joints(), self._width(), now, self._scene.held)
 
     def _is_repeated(self, image: RgbdImage) -> bool:

@@ -75,8 +75,8 @@ class Grasp(Skill):
             return
         task = PickTask(self.object, self.path, self.force, self.speed, self.onward, self.servo)
         lost = yield from self._pick(world, task)
-        if lost is not None and (yield from relocate_object(world, task, lost)):
-            lost = yield from self._pick(world, task, firmer=lost.gripped)
+        if lost is not None and (again := (yield from relocate_object(world, task, lost))) is not None:
+            lost = yield from self._pick(world, again, firmer=lost.gripped)
         if lost is not None:
             raise lost.failure
 

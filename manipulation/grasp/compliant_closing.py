@@ -50,8 +50,9 @@ SINGLE_FINGER_FACTOR = 2.0
 IMPACT_FORCE_PER_SPEED = 55.0
 """Force of a finger's impact beyond its drive's, N for each m/s; measured up to 47."""
 UNEVEN_FORCE_FACTOR = 1.15
-"""Greatest force of a finger over its drive's: one finger exceeds the other, and the force overshoots when it
-is increased."""
+"""Greatest force of a finger over its drive's while they close: one finger exceeds the other."""
+TIGHTENING_FACTOR = 1.25
+"""Greatest force of a finger over its drive's when that is increased at once; measured up to 1.22."""
 FRAGILE_CLOSING_SHARE = 0.3
 """Closing force on a fragile item, as a share of its limit."""
 MAX_DRAG_SHARE = 0.4
@@ -115,7 +116,7 @@ def grip_force(entry: CatalogueEntry | None, bound: float, gripper: GripperDescr
     if limit is not None:
         # On a sideways transfer the item leans on one finger, and so do the fingers.
         shaken = FINGER_INERTIA_FORCE + entry.mass * MAX_TRANSFER_ACCELERATION / 2
-        most = min(bound, max(limit - shaken, limit / 2) / UNEVEN_FORCE_FACTOR)
+        most = min(bound, max(limit - shaken, limit / 2) / TIGHTENING_FACTOR)
         wanted = max(required_force(entry.mass, friction), min(least, MIN_FRAGILE_SHARE * limit))
         closing = FRAGILE_CLOSING_SHARE * limit
         fastest = (limit / UNEVEN_FORCE_FACTOR - SINGLE_FINGER_FACTOR * closing) / IMPACT_FORCE_PER_SPEED

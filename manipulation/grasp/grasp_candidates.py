@@ -9,7 +9,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -34,8 +34,10 @@ SECOND_GRASP_RISE = 0.010
 """Height of the second grasp above the best one, m."""
 MIN_UPRIGHT_COSINE = 0.98
 """Cosine of the angle between a cylinder's axis and the vertical from which it stands upright."""
-GRASP_YAWS = 8
-"""Closing directions for an object without a preferred one, over half a turn."""
+LEANS, LEAN_SCORE = tuple(map(math.radians, (15.0, 30.0, 45.0))), 2.0
+"""Leans of the hand where it does not fit upright, rad, and their score for each radian."""
+GRASP_YAWS, LEANING_YAWS = 8, 16
+"""Closing directions for an object without a preferred one, over half a turn: upright, leaning."""
 
 WALL_CLEARANCE, OPEN_SHARE = 0.02, 0.75
 """Clearance of the finger tips above walls at the pre-grasp, m, along the hand's way. Share of the way above
@@ -91,9 +93,13 @@ class _Span:
     length: float
 
 
-def grasp_candidates(belief: BeliefObject, gripper: GripperDescription) -> list[GraspCandidate]:
-    """Return the grasp candidates of the object, best first; empty when it is wider than the gripper
-    opens."""
+def grasp_candidates(
+    belief: BeliefObject, gripper: GripperDescription, yaws: int = GRASP_YAWS
+) -> list[GraspCandidate]:
+    """Return the grasp candidates of the object, best first; empty when it is wider than the gripper opens.
+
+    `yaws`: closing directions of an object without a preferred one.
+    """
     rotation = belief.pose.rotation()
     low, high = extents(belief.shape, rotation)
     x, y, z = belief.pose.position
@@ -107,7 +113,7 @@ def grasp_candidates(belief: BeliefObject, gripper: GripperDescription) -> list[
     finger = gripper.pads[0][0].size[0]
 
     found: list[GraspCandidate] = []
-    for span in _spans(belief, rotation):
+    for span in _spans(belief, rotation, yaws):
         slack = max(0.0, span.length - finger)
         for tier, opening in _openings(span.width, gripper.max_width):
             for slide in SLIDE_SHARES if slack > 0.02 else SLIDE_SHARES[:1]:
@@ -128,6 +134,32 @@ def grasp_candidates(belief: BeliefObject, gripper: GripperDescription) -> list[
                             score=score + 0.3 * k,
                         )
                     )
+    return sorted(found, key=lambda c: (c.score, c.name))
+
+
+def leaning_grasps(belief: BeliefObject, gripper: GripperDescription) -> list[GraspCandidate]:
+    """Return the grasps with the hand leaning about its closing direction, to either side, best first.
+
+    The pads stay flat on the object, and the palm comes away from a wall beside it. A flat object has none.
+    """
+    rotation, centre = belief.pose.rotation(), np.array(belief.pose.position)
+    low, high = extents(belief.shape, rotation)
+    bottom, top = centre[2] + low[2], centre[2] + high[2]
+    edge = gripper.pads[0][0].size[0] / 2
+    found: list[GraspCandidate] = []
+    for grasp, most, side in itertools.product(
+        grasp_candidates(belief, gripper, LEANING_YAWS), LEANS, (1, -1)
+    ):
+        lean, reach = side * most, gripper.tip * math.cos(most) + edge * math.sin(most)
+        tcp = grasp.tcp_in_world @ Pose.from_rpy((0.0, 0.0, 0.0), (0.0, lean, 0.0))
+        turned = tcp.rotation()
+        before_palm = float(extents(belief.shape, turned.T @ rotation)[0][2])
+        before_palm += float(turned[:, 2] @ (centre - tcp.position)) + gripper.palm - PALM_CLEARANCE
+        rise = max(bottom + reach + TIP_CLEARANCE - tcp.position[2], -before_palm / math.cos(most), 0.0)
+        if not grasp.flat and tcp.position[2] + rise < top:
+            name, tcp = f"{grasp.name} lean {math.degrees(lean):+.0f}", tcp.shifted((0.0, 0.0, float(rise)))
+            score = grasp.score + LEAN_SCORE * most
+            found.append(replace(grasp, name=name, tcp_in_world=tcp, score=score, tilted=True))
     return sorted(found, key=lambda c: (c.score, c.name))
 
 
@@ -162,30 +194,27 @@ def _from_above(position: tuple[float, float, float], yaw: float) -> Pose:
     return Pose.from_rotation(position, rotation)
 
 
-def _spans(belief: BeliefObject, rotation: Array) -> list[_Span]:
+def _spans(belief: BeliefObject, rotation: Array, yaws: int) -> list[_Span]:
     match belief.shape:
         case Box(size):
             return _box_spans(size, rotation)
         case Cylinder(radius, height):
             axis = rotation[:, 2]
             if abs(float(axis[2])) > MIN_UPRIGHT_COSINE:
-                return _round_spans(2 * radius, belief.pose)
+                return _round_spans(2 * radius, belief.pose, yaws)
             # Lying or leaning: across the axis.
             yaw = math.atan2(float(axis[1]), float(axis[0])) + math.pi / 2
             return [_Span(yaw, 2 * radius, height * math.hypot(float(axis[0]), float(axis[1])))]
         case Sphere(radius):
-            return _round_spans(2 * radius, belief.pose)
+            return _round_spans(2 * radius, belief.pose, yaws)
         case ConvexMesh():
             return _hull_spans(belief.shape, rotation)
 
 
-def _round_spans(width: float, pose: Pose) -> list[_Span]:
+def _round_spans(width: float, pose: Pose, yaws: int) -> list[_Span]:
     """Return equal closing directions; the one across the line from the robot's base comes first."""
     first = math.atan2(pose.position[1], pose.position[0]) + math.pi / 2
-    return [
-        _Span(first + k * math.pi / GRASP_YAWS, width + 1e-4 * min(k, GRASP_YAWS - k), 0.0)
-        for k in range(GRASP_YAWS)
-    ]
+    return [_Span(first + k * math.pi / yaws, width + 1e-4 * min(k, yaws - k), 0.0) for k in range(yaws)]
 
 
 def _box_spans(size: tuple[float, float, float], rotation: Array) -> list[_Span]:

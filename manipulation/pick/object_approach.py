@@ -10,7 +10,7 @@ from ...world.belief.facts import GRASP
 from ...world.causes import Failure, grasp
 from ...world.causes import world as world_causes
 from ...world.values import ObjectId
-from ..grasp.grasp_candidates import grasp_candidates
+from ..grasp.grasp_candidates import grasp_candidates, leaning_grasps
 from ..grasp.straight_lines import descend_until_contact
 from ..replanning import ReplanBudget, TargetMoved, TargetWatch, plan_after_stop
 from .pick_candidates import PLACE_STAGE, PickPlaceCandidate, count_rejections, describe_rejections
@@ -38,6 +38,8 @@ class PickTask:
     """Whether the object is carried on to its place in the same motion."""
     servo: bool
     """Whether a camera on the hand corrects the grasp."""
+    gently: bool = False
+    """Whether the hand comes down slowly: the object may lie elsewhere than believed."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -73,7 +75,8 @@ def _approach_or_stop(world: World, task: PickTask, replans: ReplanBudget) -> Do
     help."""
     belief = world.scene.get(task.object)
     moved = TargetWatch(world, belief)
-    ranked = grasp_candidates(belief, world.robot.description.gripper)
+    gripper = world.robot.description.gripper
+    ranked, leaning = grasp_candidates(belief, gripper), False
     refused = world.attempts.refusal(GRASP, belief, world.scene)
     if refused is not None:
         raise Failure(
@@ -86,7 +89,15 @@ def _approach_or_stop(world: World, task: PickTask, replans: ReplanBudget) -> Do
     offered = world.attempts.remaining(task.node, task.object, ranked)
     search = CandidateSearch(world, belief, offered, task.node)
     while True:
-        found = yield from plan_after_stop(world, lambda: search.find(speed=task.speed), task.node)
+        found = yield from plan_after_stop(
+            world, lambda: search.find(speed=task.speed, gently=task.gently), task.node
+        )
+        if found is None and search.cramped and not leaning:
+            leaning, more = True, leaning_grasps(belief, gripper)
+            ranked += more
+            offered += (fresh := world.attempts.remaining(task.node, task.object, more))
+            search.add(fresh)
+            continue
         if found is None:
             tried_before = len(ranked) - len(offered)
             failure = _no_candidate(search, task.object, len(ranked), tried_before)

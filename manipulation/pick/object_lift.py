@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from ...skill_world.world import Handover
@@ -189,11 +189,11 @@ def _note_pick(world: World, task: PickTask, grip: ClosedGrip, hold: GripCheck) 
     )
 
 
-def relocate_object(world: World, task: PickTask, lost: LostGrasp) -> Doing[bool]:
-    """Look for the object from the present pose, and return whether it can be grasped again at once.
+def relocate_object(world: World, task: PickTask, lost: LostGrasp) -> Doing[PickTask | None]:
+    """Look for the object from the present pose, and return how it can be grasped again at once, if it can.
 
     This costs no motion; cameras on the hand come first. They may see an object that the hand hides from the
-    others. An object that slipped counts as found where it was gripped, unless it is seen not to be there.
+    others. An object that slipped is looked for by touch where it was gripped, unless it is seen elsewhere.
     """
     yield from world.control.settle()
     cameras = sorted(world.description.cameras, key=lambda camera: camera.on != "hand")
@@ -201,12 +201,12 @@ def relocate_object(world: World, task: PickTask, lost: LostGrasp) -> Doing[bool
         summary = yield from world.vision.look(camera.name)
         if task.object in summary.seen:
             _note_regrasp(world, task, lost, f"seen by {camera.name}")
-            return True
+            return task
     believed = world.scene.find(task.object)
     if lost.failure.cause is not grasp.SLIPPED or believed is None:
-        return False
+        return None
     _note_regrasp(world, task, lost, "it was lost where it was gripped")
-    return True
+    return replace(task, gently=True)
 
 
 def _note_regrasp(world: World, task: PickTask, lost: LostGrasp, where: str) -> None:

@@ -168,12 +168,9 @@ class CandidateTrail:
     A grasp counts at each stage that it, or one of its places, has passed.
     """
 
-    def __init__(
-        self, purpose: str, object_id: ObjectId, into: str, grasps: Sequence[GraspCandidate]
-    ) -> None:
+    def __init__(self, purpose: str, object_id: ObjectId, into: str) -> None:
         self._purpose, self._object, self._into = purpose, object_id, into
         self._passed: dict[str, set[str]] = {stage: set() for stage in STAGES}
-        self._passed[RANKED_STAGE].update(grasp.name for grasp in grasps)
         self._tried: dict[tuple[str, str, str], CandidateEntry] = {}
 
     def passed(self, grasp: GraspCandidate, stage: str) -> None:

@@ -11,7 +11,7 @@ from __future__ import annotations
 import heapq
 import itertools
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
@@ -140,7 +140,7 @@ class CandidateSearch:
             self._target = bin_target(world, belief, into)
         elif into is not None:
             self._hole = fitting_hole(world.scene, belief.id)
-        self.trail = CandidateTrail(f"grasp by {node}", belief.id, into or "", grasps)
+        self.trail = CandidateTrail(f"grasp by {node}", belief.id, into or "")
         self.refused: Failure | None = None
         """Failure of the planner for the last candidate that passed all other tests. None: there was none."""
         self._heap: list[tuple[float, int, _Branch]] = []
@@ -150,8 +150,14 @@ class CandidateSearch:
         self._turned: set[str] = set()
         """Names of the grasps whose approach is tried from other configurations, too."""
         self._start = world.control.held_position
+        self.add(grasps)
+
+    def add(self, grasps: Iterable[GraspCandidate]) -> None:
+        """Add grasps to choose from."""
+        world, belief = self._world, self._belief
         tcp = world.robot.tcp(self._start)
         for grasp in grasps:
+            self.trail.passed(grasp, pick_candidates.RANKED_STAGE)
             guess = estimated_travel_time(world.robot, tcp, grasp.tcp_in_world)
             cost = GRASP_SCORE_WEIGHT * grasp.score
             if self._hole is not None and fingertips_too_low(
@@ -162,13 +168,18 @@ class CandidateSearch:
 
     # ---- search
 
-    def find(self, *, speed: float = 1.0) -> Doing[PickPlaceCandidate | None]:
+    @property
+    def cramped(self) -> bool:
+        """Whether the hand fits around the object at no grasp, and may lean: over a hole it may not."""
+        return self._hole is None and not self.trail.count(pick_candidates.HAND_STAGE)
+
+    def find(self, *, speed: float = 1.0, gently: bool = False) -> Doing[PickPlaceCandidate | None]:
         """Return the next candidate that passes all tests, with its approach planned. None: there is none
         left.
 
         Thinking is charged, and each result is written to the journal with the trail so far. `speed`: share
-        of the joints' speed limits. Fails with planning.start_in_collision: no candidate can be reached from
-        there.
+        of the joints' speed limits; `gently`: the way down is slow. Fails with planning.start_in_collision:
+        no candidate can be reached from there.
         """
         while self._heap:
             branch = heapq.heappop(self._heap)[2]
@@ -176,7 +187,7 @@ class CandidateSearch:
                 for other in branch.test(branch):
                     self._push(other)
                 continue
-            found = yield from self._approach(branch, speed)
+            found = yield from self._approach(branch, speed, gently=gently)
             if found is not None:
                 self.trail.accept(found.grasp, found.cost, branch.place, pick_candidates.APPROACH_STAGE)
                 self._note()
@@ -349,10 +360,10 @@ class CandidateSearch:
 
     # ---- planning
 
-    def _approach(self, branch: _Branch, speed: float) -> Doing[PickPlaceCandidate | None]:
+    def _approach(self, branch: _Branch, speed: float, *, gently: bool) -> Doing[PickPlaceCandidate | None]:
         assert branch.over is not None and branch.at is not None
         world, grasp = self._world, branch.grasp
-        legs = approach(world, self._belief.id, grasp, branch.over, speed)
+        legs = approach(world, self._belief.id, grasp, branch.over, speed, gently=gently)
         try:
             rounded = grasp.rounded(world.handling.approach, world.handling.rounded)
             plan = yield from world.plan.through(legs, node=self._node, rounded=rounded)

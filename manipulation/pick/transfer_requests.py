@@ -25,31 +25,41 @@ MAX_START_ERROR = 0.005
 
 DESCENT_SPEED = 0.5
 """Speed onto a grasp, as a share of that of travel: at full speed a misplaced object is hit too hard."""
+GENTLE_SPEED = 0.05
+"""Speed onto the grasp of an object that slipped and was not seen since, as a share of that of travel."""
 
 
 def approach(
-    world: World, object_id: ObjectId, grasp: GraspCandidate, over: Array, speed: float
+    world: World,
+    object_id: ObjectId,
+    grasp: GraspCandidate,
+    over: Array,
+    speed: float,
+    *,
+    gently: bool = False,
 ) -> tuple[Request, ...]:
     """Return the requests from the arm's configuration to the pre-grasp `over` (n,) and straight down onto
     the grasp.
 
     The fingers move to the grasp's opening on the way there. For a flat object the descent ends early; the
-    rest is a guarded move.
+    rest is a guarded move. `gently`: the way down is so slow that the object may lie in it.
     """
     widest, narrowest = world.gripper.span(grasp.opening)
     scaling = world.handling.scaling(speed)
     return (
         Request(JointGoal(over), width=widest, narrowest=narrowest, scaling=scaling),
-        descend_requests(world, object_id, grasp, speed),
+        descend_requests(world, object_id, grasp, speed, gently=gently),
     )
 
 
-def descend_requests(world: World, object_id: ObjectId, grasp: GraspCandidate, speed: float) -> Request:
+def descend_requests(
+    world: World, object_id: ObjectId, grasp: GraspCandidate, speed: float, *, gently: bool = False
+) -> Request:
     """Return the request from the pre-grasp straight down. For a flat object it ends early; the rest is a
     guarded move."""
     felt = world.handling.felt_way / 2 if grasp.flat else 0.0
     down = LineGoal(grasp.tcp_in_world.shifted((0.0, 0.0, felt)))
-    scaling = world.handling.scaling(DESCENT_SPEED * speed)
+    scaling = world.handling.scaling((GENTLE_SPEED if gently else DESCENT_SPEED) * speed)
     pairs = tuple(("gripper", name) for name in touchable(world, object_id))
     return Request(down, width=grasp.opening, allowed=pairs, scaling=scaling)
 

@@ -33,6 +33,20 @@ def depth_noise(depth: NDArray[np.float32]) -> tuple[float, float]:
     return 1.4826 * float(np.median(np.abs(bent))) / math.sqrt(1.25), float(np.median(inner[known]))
 
 
+NOISY, NOISY_DEPTH = 2.5, 1e-3
+"""Depth that scatters this many times as much as the camera's own noise, and so many m more, is too noisy."""
+
+
+def noise_factor(depth: NDArray[np.float32], own: float) -> float:
+    """Return how many times as much as the camera's `own` noise, m at 0.7 m, a too noisy image scatters.
+
+    0: it is not too noisy.
+    """
+    scatter, distance = depth_noise(depth)
+    usual = max(own * (distance / 0.7) ** 2, 5e-4)
+    return scatter / usual if scatter > NOISY * usual + NOISY_DEPTH else 0.0
+
+
 @lru_cache(maxsize=16)
 def rays_of(intrinsics: Intrinsics) -> Array:
     """Return directions (h, w, 3) in the camera's frame with z = 1: depth times direction is the point."""

@@ -149,11 +149,12 @@ def test_an_item_that_vanished_from_its_bin_without_any_failure(tmp_path: Path) 
     ("scene", "items", "cause", "title", "reason"),
     [
         (
-            "fixtures:\n  post: {box: [0.02, 0.3, 0.3], at: [0.41, -0.09, 0.15]}\n",
+            "fixtures:\n  post: {box: [0.02, 0.3, 0.3], at: [0.41, -0.09, 0.15]}\n"
+            "  rail: {box: [0.02, 0.3, 0.3], at: [0.49, -0.09, 0.15]}\n",
             BALL.replace("}}", "}, gap: 5 mm}"),
             "scene.blocked",
             "post stands in the way of the hand at red_ball_1",
-            "in 64 of 64 grasps the hand would touch post",
+            "in 440 of 832 grasps the hand would touch post",
         ),
         (
             "",

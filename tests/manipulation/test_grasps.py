@@ -12,6 +12,7 @@ from picktree.manipulation.grasp.grasp_candidates import (
     TIGHT_EXCESS,
     TIP_CLEARANCE,
     grasp_candidates,
+    leaning_grasps,
 )
 from picktree.robots.description import GripperDescription, PadContact
 from picktree.world.belief.planning_scene import BeliefObject
@@ -53,6 +54,29 @@ def test_a_box_is_closed_on_across_its_faces(yaw: float, a: float, b: float) -> 
         across = (a, b, 0.04)[int(np.argmax(np.abs(closing)))]
         assert candidate.expected_width == pytest.approx(across)
         assert TIGHT_EXCESS * 0.6 <= candidate.opening - across <= ROOMY_EXCESS + 1e-9
+
+
+@given(st.floats(-math.pi, math.pi), st.sampled_from([Box((0.04, 0.05, 0.06)), Cylinder(0.02, 0.08)]))
+def test_a_hand_that_leans_keeps_its_pads_flat_and_comes_between_neither_support_nor_palm(
+    yaw: float, shape: Shape
+) -> None:
+    item = standing(shape, yaw)
+    leaning = leaning_grasps(item, GRIPPER)
+    assert {round(math.degrees(math.asin(c.tcp_in_world.rotation()[2, 0]))) for c in leaning} == {
+        *(-45, -30, -15, 15, 30, 45)
+    }
+    points = corners(shape) @ item.pose.rotation().T + item.pose.position
+    for grasp in leaning:
+        tcp, turned = np.array(grasp.tcp_in_world.position), grasp.tcp_in_world.rotation()
+        assert abs(turned[2, 1]) < 1e-9
+        tips = [tcp + turned @ (x, 0.0, GRIPPER.tip) for x in (-0.009, 0.009)]
+        assert min(tip[2] for tip in tips) >= bottom(shape, item.pose) + TIP_CLEARANCE - 1e-9
+        assert ((points - tcp) @ turned[:, 2]).min() > -GRIPPER.palm
+        assert tcp[2] < top(shape, item.pose)
+
+
+def test_a_flat_object_is_not_grasped_by_a_leaning_hand() -> None:
+    assert leaning_grasps(standing(Box((0.06, 0.06, 0.006))), GRIPPER) == []
 
 
 @pytest.mark.parametrize(

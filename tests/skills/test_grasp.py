@@ -19,13 +19,14 @@ from picktree.planning.requests import Request
 from picktree.simulation.backends import Backend
 from picktree.simulation.kinematic.backend import KinematicHardware
 from picktree.trees.skill import Doing
+from picktree.trees.status import NodeStatus
 from picktree.world.belief.facts import GRASP, AttemptMemory, Refusal
 from picktree.world.causes import Cause, Failure, FailureReport, control, planning
 from picktree.world.events.skill_events import PickEvent
 from picktree.world.scene.description import SceneDescription
 from picktree.world.values import Array, ObjectId
 
-from .cell import Cell, items, mission
+from .cell import Cell, items, mission, sorting
 
 Change = Callable[[PickPlaceCandidate], PickPlaceCandidate]
 Find = Callable[..., Doing[PickPlaceCandidate | None]]
@@ -219,9 +220,8 @@ def test_a_miss_is_told_with_what_was_felt_and_remembered(kind: str, monkeypatch
     assert cell.world.gripper.width > 0.07
 
 
-def _nothing(*_: Any) -> Doing[bool]:
+def _nothing(*_: Any) -> Doing[None]:
     yield
-    return False
 
 
 @pytest.mark.parametrize("cause", [control.TRACKING, planning.NO_PATH])
@@ -336,6 +336,16 @@ def test_what_cannot_be_grasped_is_tried_again_when_something_has_changed(
     cell.world.scene.put(replace(far, pose=far.pose.shifted((0.02, 0.0, 0.0))), "moved")
     failed(cell, f"Grasp: {{object: {block}}}")
     assert len(asked) > searched
+
+
+def test_the_hand_leans_away_from_a_wall_beside_the_object() -> None:
+    scene = items(ball=1)
+    at_the_red_bin = replace(scene.spawn[0], area=((0.42, 0.337), (0.48, 0.38)), gap=0.0)
+    cell = Cell(sorting(), replace(scene, spawn=(at_the_red_bin,)), "physics")
+    assert cell.finish() is NodeStatus.SUCCESS
+    (pick,) = (event for event in cell.events if isinstance(event, PickEvent))
+    assert "lean" in pick.candidate and pick.held
+    assert cell.score().sorted == 1
 
 
 def test_a_search_among_the_untried_grasps_alone_refuses_nothing() -> None:

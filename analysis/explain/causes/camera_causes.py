@@ -11,7 +11,7 @@ import numpy as np
 
 from ....files.value_wording import listed
 from ....logs.run_log import CameraImage, Stamped
-from ....perception.geometry.camera_geometry import PosedCamera, depth_noise
+from ....perception.geometry.camera_geometry import PosedCamera, depth_noise, noise_factor
 from ....world.shapes import extents
 from ..investigation.case import NEAR_ARM, Investigation
 from ..investigation.explanation import DeviceFinding, Finding, number
@@ -26,7 +26,7 @@ REACHED = (
 
 
 def camera_silent(case: Investigation) -> Iterator[DeviceFinding]:
-    """A camera gives no image, or the same one again, when it is asked for one."""
+    """A camera gives no image when it is asked for one, the same one again, or one that is too noisy."""
     for failure in case.failures:
         if failure.cause != "perception.no_image":
             continue
@@ -36,6 +36,8 @@ def camera_silent(case: Investigation) -> Iterator[DeviceFinding]:
         if (still := number(failure, "frozen")) is not None:
             start = max(failure.time - still, 0.0)
             cause, title = "camera.frozen", _stands_still(name, start)
+        elif (factor := number(failure, "noise")) is not None:
+            cause, title = "camera.noisy", _is_noisy(name, factor)
         yield DeviceFinding(
             Finding(cause, name, title, (failure.message,), "", start),
             ((start, failure.time),), ("perception.*", "tree.timeout"), 0.5,
@@ -44,6 +46,10 @@ def camera_silent(case: Investigation) -> Iterator[DeviceFinding]:
 
 def _stands_still(camera: str, start: float) -> str:
     return f"the picture of the camera {camera} stood still, from {seconds(start)} on"
+
+
+def _is_noisy(name: str, factor: float) -> str:
+    return f"the camera {name} is {factor:.0f} times as noisy as it should be"
 
 
 LOOKS = 24
@@ -134,10 +140,6 @@ def _shifted(case: Investigation, start: float, end: float) -> bool:
     return any(a and (not b or math.dist(a.pose.position, b.pose.position) > SHIFTED) for a, b in moved)
 
 
-NOISY = 2.5
-"""Depth that scatters this many times as much as the camera's own noise is too noisy."""
-
-
 def camera_noisy(case: Investigation) -> Iterator[DeviceFinding]:
     """Depth images scatter far more than the camera's own noise."""
     cameras = {c.name: c for c in case.scene.cameras} if case.scene else {}
@@ -145,13 +147,11 @@ def camera_noisy(case: Investigation) -> Iterator[DeviceFinding]:
     worst: dict[str, float] = {}
     for shot in case.once(looks):
         camera = cameras[shot.record.camera]
-        scatter, depth = depth_noise(shot.record.depth)
-        usual = max(camera.depth_noise * (depth / 0.7) ** 2, 5e-4)
-        if scatter > NOISY * usual + 1e-3:
+        if factor := noise_factor(shot.record.depth, camera.depth_noise):
             spans[camera.name].append((shot.time, shot.time))
-            worst[camera.name] = max(worst.get(camera.name, 0.0), scatter / usual)
+            worst[camera.name] = max(worst.get(camera.name, 0.0), factor)
     for name, times in spans.items():
-        title = f"the camera {name} is {worst[name]:.0f} times as noisy as it should be"
+        title = _is_noisy(name, worst[name])
         reasons = (f"its depth scattered so in {counted(len(times), 'image')}, {listed_spans(times)}",)
         yield DeviceFinding(
             Finding("camera.noisy", name, title, reasons, "", times[0][0]), tuple(times),
