@@ -95,7 +95,8 @@ function Tree({ root, marks, selected, onSelect, onMenu, onMove, className }: Tr
     const { x, y, zoom } = flow.getViewport();
     void flow.setViewport({ x: x + (before.x - after.x) * zoom, y: y + (before.y - after.y) * zoom, zoom });
   }, [laid, flow]);
-  const fold = useCallback((id: string) => {
+  const foldIt = useRef<(id: string) => void>(undefined);
+  foldIt.current = (id) => {
     const place = laid.places.get(id);
     anchor.current = place ? { id, ...place } : null;
     const node = find(root, id);
@@ -104,7 +105,8 @@ function Tree({ root, marks, selected, onSelect, onMenu, onMove, className }: Tr
     setChanged((before) => new Map(before).set(id, !folded));
     // The choice is never hidden: it goes to what is folded, and comes back when it is chosen again.
     if (!folded && selected !== undefined && above(node, selected).length) onSelect(id);
-  }, [root, laid, isFolded, selected, onSelect]);
+  };
+  const fold = useCallback((id: string) => foldIt.current!(id), []); // the same one always: cards need not be drawn again
 
   // Cards that stay the same keep their objects, so that only the others cost something. Those of folded branches are kept as hidden:
   // for each that is taken away, React Flow throws and catches several errors before its element goes.
