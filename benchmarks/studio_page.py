@@ -4,7 +4,7 @@
 
 The mission has the tree that sorts one item of `examples/sort_by_colour.yaml` many times over. Times end when
 the page has drawn: open, from the address to the cards; pan and zoom, from frame to frame while the mouse
-moves the picture, as opened and with all nodes in view; fold, from the key to the second frame after it;
+moves the picture, as opened and with all nodes in view; fold, the longest of twelve frames around the key;
 edit, from the key to the change in the other view. The runs are folders with hard links to LOG; `cold`:
 nothing of them is in the cache. A busy machine stretches wall times: where it says CPU, that is the CPU time
 of the studio and of all processes of Chromium.
@@ -68,6 +68,18 @@ WHEEL = f"""new Promise((done) => {{
   }};
   requestAnimationFrame(step);
 }})"""
+# Spans of the frames from the one before a key on.
+FOLD = """void (globalThis.frames = new Promise((done) => {
+  const times = [];
+  let pressed = Infinity;
+  addEventListener("keydown", () => { pressed = times.length; }, { capture: true, once: true });
+  const step = (now) => {
+    times.push(now);
+    if (times.length < pressed + 12) { requestAnimationFrame(step); return; }
+    done(times.slice(pressed).map((each, number) => each - times[pressed + number - 1]));
+  };
+  requestAnimationFrame(step);
+}))"""
 # Zooms in to where cards are drawn as such, which is where most of them are.
 NEARER = """new Promise((done) => {
   const pane = document.querySelector(".react-flow__pane"), box = pane.getBoundingClientRect();
@@ -154,54 +166,73 @@ def show_frames(what: str, page: Any, script: str) -> None:
     print(f"{what:<34}{rate:7.0f} frames/s, {drawn}")
 
 
-def measure_picture(page: Any, link: str, rounds: int) -> None:
-    """Measure how a large mission is opened, moved and folded."""
+def open_mission(page: Any, link: str) -> float:
+    """Open the large mission from the start page; return the time until its cards are drawn, ms."""
+    page.goto(link.partition("?")[0] + "#/")
+    page.wait_for_selector("main h1, main h2")
+    page.wait_for_timeout(300)
+    page.evaluate(f"""globalThis.began = performance.now(); location.hash = "#/write/{NAME}" """)
+    page.wait_for_selector(".tree-card")
+    return page.evaluate(f"{FRAME}.then((now) => now - globalThis.began)")
 
-    def opened() -> float:
-        page.goto(link.partition("?")[0] + "#/")
-        page.wait_for_selector("main h1, main h2")
-        page.wait_for_timeout(300)
-        page.evaluate(f"""globalThis.began = performance.now(); location.hash = "#/write/{NAME}" """)
-        page.wait_for_selector(".tree-card")
-        return page.evaluate(f"{FRAME}.then((now) => now - globalThis.began)")
 
-    page.goto(link)
-    show("open", [opened() for _ in range(rounds)])
+def wait_checked(page: Any) -> None:
     page.locator(".write-faults", has_text="fault").or_(page.locator(".write-faults b")).first.wait_for()
     page.get_by_text("Checking…").wait_for(state="detached")
-    show_frames("pan, as opened", page, DRAG)
 
-    def folded(key: str) -> float:
-        page.evaluate(
-            f"""void (globalThis.frame = new Promise((done) => addEventListener("keydown", () => {{
-            const began = performance.now(); {FRAME}.then((now) => done(now - began));
-            }}, {{ capture: true, once: true }})))"""
-        )
-        page.keyboard.press(key)
-        return page.evaluate("globalThis.frame")
 
-    def fold_often(what: str) -> None:
-        before = cpu_time()
-        times = [folded("-+"[number % 2]) for number in range(2 * rounds)]
-        show(what, times, cpu_time() - before)
-
-    page.locator(".tree-keys").focus()
-    for key in ("Home", "ArrowRight", "ArrowDown", "ArrowRight"):
-        page.keyboard.press(key)
-    page.locator(".tree-card.selected").wait_for()
-    fold_often("fold a tree, as opened")
+def show_whole(page: Any) -> None:
     page.locator(".react-flow__controls-fitview").click()
     page.wait_for_timeout(500)
+
+
+def measure_picture(page: Any, link: str, rounds: int) -> None:
+    """Measure how a large mission is opened and moved."""
+    show("open", [open_mission(page, link) for _ in range(rounds)])
+    wait_checked(page)
+    show_frames("pan, as opened", page, DRAG)
+    show_whole(page)
     show_frames("pan, all in view", page, DRAG)
     show_frames("zoom, all in view", page, WHEEL)
-    fold_often("fold a tree, all in view")
-    page.locator(".react-flow__controls-fitview").click()
+    show_whole(page)
     page.evaluate(NEARER)
     page.wait_for_timeout(500)
     show_frames("pan, most cards in view", page, DRAG)
+
+
+def measure_folds(page: Any, link: str, rounds: int) -> None:
+    """Measure how a large mission, and a tree of it, are folded and unfolded."""
+
+    def longest_frame(key: str) -> float:
+        page.evaluate(FOLD)
+        page.wait_for_timeout(100)
+        page.keyboard.press(key)
+        return max(page.evaluate("globalThis.frames"))
+
+    def fold_often(what: str) -> None:
+        page.locator(".tree-keys").focus()
+        page.wait_for_timeout(300)
+        before = cpu_time()
+        times = [longest_frame("-+"[number % 2]) for number in range(2 * rounds)]
+        show(what, times, cpu_time() - before)
+
+    open_mission(page, link)
+    wait_checked(page)
+    page.locator(".tree-keys").focus()
+    page.keyboard.press("Home")
+    fold_often("fold all, as opened")
+    for key in ("ArrowRight", "ArrowDown", "ArrowRight"):
+        page.keyboard.press(key)
+    fold_often("fold a tree, as opened")
+    show_whole(page)
+    fold_often("fold a tree, all in view")
+    page.keyboard.press("Home")
+    fold_often("fold all, all in view")
+    show_whole(page)
+    page.evaluate(NEARER)
+    page.wait_for_timeout(500)
     page.evaluate(CHOOSE)
     page.locator(".tree-card.selected").wait_for()
-    page.locator(".tree-keys").focus()
     fold_often("fold a tree, most cards in view")
 
 
@@ -305,6 +336,8 @@ def main() -> None:
     parser.add_argument("log", type=Path, nargs="?", help="without it: the mission alone")
     parser.add_argument("--runs", type=int, default=10_000)
     parser.add_argument("--rounds", type=int, default=9)
+    parser.add_argument("--folds", action="store_true", help="measure of the mission only how it is folded")
+    parser.add_argument("--slower", type=float, default=1, help="times that the page's thread is slowed")
     chosen = parser.parse_args()
     print(f"load {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores")
     chromium = Chromium()
@@ -315,8 +348,14 @@ def main() -> None:
         (folder / NAME).write_text(large_mission(COPIES), encoding="utf-8")
         with studio(folder) as link, chromium.blank(link) as (page, _):
             page.set_default_timeout(60_000)
-            measure_picture(page, link, chosen.rounds)
-            measure_edits(page, chosen.rounds)
+            cdp = page.context.new_cdp_session(page)
+            cdp.send("Emulation.setCPUThrottlingRate", {"rate": chosen.slower})
+            page.goto(link)
+            if not chosen.folds:
+                measure_picture(page, link, chosen.rounds)
+            measure_folds(page, link, chosen.rounds)
+            if not chosen.folds:
+                measure_edits(page, chosen.rounds)
         if chosen.log:
             for number in range(chosen.runs):
                 run = folder / "runs" / f"run-{number}-20261123-090000"

@@ -95,7 +95,8 @@ function Tree({ root, marks, selected, onSelect, onMenu, onMove, className }: Tr
     const { x, y, zoom } = flow.getViewport();
     void flow.setViewport({ x: x + (before.x - after.x) * zoom, y: y + (before.y - after.y) * zoom, zoom });
   }, [laid, flow]);
-  const fold = useCallback((id: string) => {
+  const foldIt = useRef<(id: string) => void>(undefined);
+  foldIt.current = (id) => {
     const place = laid.places.get(id);
     anchor.current = place ? { id, ...place } : null;
     const node = find(root, id);
@@ -104,25 +105,30 @@ function Tree({ root, marks, selected, onSelect, onMenu, onMove, className }: Tr
     setChanged((before) => new Map(before).set(id, !folded));
     // The choice is never hidden: it goes to what is folded, and comes back when it is chosen again.
     if (!folded && selected !== undefined && above(node, selected).length) onSelect(id);
-  }, [root, laid, isFolded, selected, onSelect]);
+  };
+  const fold = useCallback((id: string) => foldIt.current!(id), []); // the same one always: cards need not be drawn again
 
-  // Cards that stay the same keep their objects, so that only the others cost something.
+  // Cards that stay the same keep their objects, so that only the others cost something. Those of folded branches are kept as hidden:
+  // for each that is taken away, React Flow throws and catches several errors before its element goes.
   const made = useRef(new Map<string, Card>());
   const movable = Boolean(onMove);
+  const every = useMemo(() => everyNode(root), [root]);
   const nodes = useMemo<Card[]>(() => {
     const before = made.current;
-    const cards = [...shown.values()].map(({ node, folded }): Card => {
-      const position = laid.places.get(node.id) ?? { x: 0, y: 0 };
-      const draggable = movable && node.id !== root.id;
+    const cards = every.map((node): Card => {
       const old = before.get(node.id);
+      const place = laid.places.get(node.id);
+      const position = place ?? old?.position ?? ORIGIN;
+      const [hidden, folded] = [!place, isFolded(node)];
+      const draggable = movable && node.id !== root.id;
       const same = old && old.data.node === node && old.data.folded === folded;
-      if (same && old.position.x === position.x && old.position.y === position.y && old.draggable === draggable) return old;
-      return { id: node.id, type: "card", position, data: same ? old.data : { node, folded }, width: widthOf(node), height: heightOf(node), handles: HANDLES, draggable, focusable: false };
+      if (same && old.position.x === position.x && old.position.y === position.y && old.draggable === draggable && old.hidden === hidden) return old;
+      return { id: node.id, type: "card", position, data: same ? old.data : { node, folded }, width: widthOf(node), height: heightOf(node), handles: HANDLES, hidden, draggable, focusable: false };
     });
     made.current = new Map(cards.map((card) => [card.id, card]));
     return cards;
     // A card that was dropped where it cannot go returns: `drops` makes it anew.
-  }, [laid, shown, movable, root.id, drops]);
+  }, [laid, every, isFolded, movable, root.id, drops]);
   // From afar no words can be read, and a thousand cards of a document are slow: rectangles stand for them.
   const far = useStore((store) => store.transform[2] < FAR);
   const drawn = useSame(useMemo(() => [...shown.values()].map(({ node, parent }): Outline => ({
@@ -303,6 +309,10 @@ const NODE_TYPES = { card: CardView };
 const NONE: Card[] = [];
 // Cards without them are all drawn once to be measured, in view or not.
 const HANDLES: NodeHandle[] = [{ type: "source", position: Position.Right, x: 0, y: 0 }];
+
+const ORIGIN = { x: 0, y: 0 };
+
+const everyNode = (node: TreeNode): TreeNode[] => [node, ...node.children.flatMap(everyNode)];
 
 interface Shown {
   node: TreeNode;
