@@ -947,10 +947,10 @@ class Grasp(Node):
 
     Candidates are grasps with the places that they lead to, ranked. A candidate counts only if the hand fits
     between the neighbours and the arm reaches it. From there the arm must also be able to put the object
-    where it belongs. The fingers close until contact, and the hand gives way to the one that touches first.
-    Finger opening and load on the wrist show whether the object is held; an object that slips is gripped more
-    firmly. An object that was missed or lost is grasped once more, if it is seen from there or was lost where
-    it was gripped.
+    where it belongs. Where the hand does not fit upright, as beside a wall, it leans. The fingers close until
+    contact, and the hand gives way to the one that touches first. Finger opening and load on the wrist show
+    whether the object is held; an object that slips is gripped more firmly. An object that was missed or lost
+    is grasped once more, if it is seen from there or was lost where it was gripped.
 
     Ports:
         object: the object to grasp.
