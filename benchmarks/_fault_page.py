@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from _fault_table import COLUMNS, Line, to_markdown, total
+from _fault_table import ALL, COLUMNS, Line, to_markdown, total
 from picktree.batch.statistics.rates import rate
 
 
@@ -23,7 +23,7 @@ class Target:
 
 def targets(lines: Sequence[Line]) -> tuple[Target, ...]:
     """Return the targets of the runs with recovery and a fault, or of those without where none had one."""
-    own = [each for each in lines if each.recovery and each.fault != "all faults"]
+    own = [each for each in lines if each.recovery and each.fault != ALL]
     faulty = total(own, recovery=True)
     if not faulty.runs:
         return ()
@@ -48,7 +48,7 @@ def to_page(lines: Sequence[Line], command: str, seeds: Sequence[int]) -> str:
     causes = [
         f"| {each.fault.replace('_', ' ')} | {_counted(each.first_causes)} | {_counted(each.first_roots)} |"
         for each in lines
-        if each.recovery and (each.first_causes or each.first_roots) and each.fault != "all faults"
+        if each.recovery and (each.first_causes or each.first_roots) and each.fault != ALL
     ]
     parts = [
         "# The fault campaign",

@@ -152,9 +152,13 @@ def line(
     )
 
 
+ALL = "all faults"
+"""Name of the line that `total` makes."""
+
+
 def total(lines: Sequence[Line], recovery: bool) -> Line:
-    """All faults of one side together; runs without any fault are not in it."""
-    side = [each for each in lines if each.recovery == recovery and each.fault != "none"]
+    """All faults of one side together; runs without any fault are not in it, nor totals."""
+    side = [each for each in lines if each.recovery == recovery and each.fault not in ("none", ALL)]
     causes: Counter[str] = Counter()
     roots: Counter[str] = Counter()
     for each in side:
@@ -180,7 +184,7 @@ def total(lines: Sequence[Line], recovery: bool) -> Line:
         )
     }
     return Line(
-        fault="all faults",
+        fault=ALL,
         recovery=recovery,
         **sums,
         worst_force=max((each.worst_force for each in side), default=0.0),

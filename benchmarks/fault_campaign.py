@@ -21,7 +21,7 @@ import signal
 import subprocess
 import sys
 from collections.abc import Iterable, Sequence
-from contextlib import closing
+from contextlib import closing, redirect_stdout
 from dataclasses import dataclass, replace
 from fnmatch import fnmatch
 from pathlib import Path
@@ -109,7 +109,8 @@ def _options() -> argparse.ArgumentParser:
 def campaign(given: argparse.Namespace) -> int:
     folder: Path = given.out
     if not given.report:
-        run(given, folder)
+        with redirect_stdout(sys.stderr):  # the progress is no part of the report
+            run(given, folder)
     if not (folder / RESULTS_FILE).exists():
         raise PicktreeError(f"{folder}: there is no campaign in it")
     rows = [row for row in read(folder) if row.status != "waiting"]
@@ -392,7 +393,12 @@ def _force_limit() -> float:
 
 
 def _command() -> str:
-    return " ".join(["python", "benchmarks/fault_campaign.py", *sys.argv[1:]])
+    """Return the command that repeats the campaign, wherever its runs are kept and however long it took."""
+    words = list(sys.argv[1:])
+    for passing in {"--out", "--minutes", "--workers"} & set(words):
+        at = words.index(passing)
+        del words[at : at + 2]
+    return " ".join(["python", "benchmarks/fault_campaign.py", *words])
 
 
 if __name__ == "__main__":

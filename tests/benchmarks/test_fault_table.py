@@ -136,6 +136,7 @@ def test_the_table_of_a_made_up_batch(made_up: Path, program: Program) -> None:
     assert (kill.killed, kill.crashed, kill.took_effect, kill.sorted, kill.sortable) == (1, 0, 1, 0, 4)
     assert (calm.fault, calm.recovery, calm.took_effect, calm.sorted) == ("none", False, 0, 4)
     assert (everything.fault, everything.runs) == ("all faults", 7)
+    assert program("_fault_table").total(lines, True) == everything  # a total counts no totals
     assert (everything.sorted, everything.sortable) == (16, 27)
     assert " ".join(text([vanish]).splitlines()[1].split()) == (
         "vanish with 1/1 1/1 (21…100 %) 0/1 (0…79 %) 1/1 (21…100 %) 0 1/1 (21…100 %) 3/3 (44…100 %) "
