@@ -119,6 +119,7 @@ def test_a_session_with_keys_alone(served: Served, page: tuple[Keys, Told]) -> N
     keys.press("Enter")
     failure = browser.get_by_role("region", name="Failures").get_by_role("button").first
     failure.wait_for()
+    browser.get_by_role("button", name=re.compile("slipped")).first.wait_for()
     keys.enter("button", re.compile("slipped"))
     wait_until(browser, "new URLSearchParams(location.hash.split('?')[1]).get('t') > 0")
     assert told.problems == []
