@@ -48,7 +48,7 @@ COLUMNS = (
 
 @dataclass
 class _Tally:
-    """Of one kind of request in one scene."""
+    """Counts of one kind of request in one scene."""
 
     asked: int = 0
     found: int = 0
