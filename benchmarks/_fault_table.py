@@ -112,7 +112,7 @@ def line(
     items: int,
     limit: float,
 ) -> Line:
-    """Sum up the runs of one fault. `items`: what a run without a result would have had; `limit`: of force, N."""
+    """Sum up the runs of one fault. `items`: those of a run without result; `limit`: of force, N."""
     runs = [_counted(measure, items) for measure in measures]
     struck = [run for run in runs if run.took_effect]
     told = [run for run in struck if run.after]

@@ -24,47 +24,47 @@ import "./write.css";
 
 type Tab = "node" | "add" | "rehearse" | "scene";
 type Show = "both" | "text" | "picture";
+/** The chosen node; one that was chosen in the picture scrolls the text to itself, once. */
+type Selection = { id: string; scrolls: boolean };
 const TABS: [Tab, string][] = [["node", "Node"], ["add", "Add"], ["rehearse", "Rehearse"], ["scene", "Scene"]];
 
 export function WritePage({ path }: { path: string }) {
-  const [selected, setSelected] = useState("");
+  const [selection, setSelection] = useState<Selection>({ id: "", scrolls: false });
   const [tab, setTab] = useState<Tab>("node");
   const [show, setShow] = useState<Show>("both");
   const [only, setOnly] = useState("");
   const [menu, setMenu] = useState<{ id: string; x: number; y: number } | null>(null);
   const [rehearsal, setRehearsal] = useState<Rehearsal | null>(null);
-  const picked = useRef("");
+  const marked = useRef<Selection | null>(null);
   const moved = useRef<(place: number) => void>(() => undefined);
   const writing = useMission(path, (place) => moved.current(place));
   const { view, text, mission, index, faults, palette } = writing;
-  moved.current = (place) => { if (index) setSelected(index.at(place)); };
+  const selected = selection.id;
+  const follow = useCallback((id: string) => setSelection((before) => (before.id === id ? before : { id, scrolls: false })), []);
+  moved.current = (place) => { if (index) follow(index.at(place)); };
 
   // A node that was renamed in the text is the one at the cursor.
   useEffect(() => {
-    if (index && view && selected && !index.node(selected) && !treeOfHead(selected)) setSelected(index.at(view.state.selection.main.head));
-  }, [index, view, selected]);
+    if (index && view && selected && !index.node(selected) && !treeOfHead(selected)) follow(index.at(view.state.selection.main.head));
+  }, [index, view, selected, follow]);
 
   // A choice in the picture shows its text; a move of the cursor chooses in the picture.
   const choose = useCallback((id: string) => {
-    picked.current = id;
-    setSelected(id);
+    setSelection({ id, scrolls: true });
     setTab((before) => (before === "add" || before === "scene" ? before : "node"));
   }, []);
   const node = index?.node(selected) ?? null;
   useEffect(() => {
     if (!view) return;
-    const scroll = picked.current === selected;
+    const scroll = selection.scrolls && marked.current !== selection;
     const tree = mission?.trees.find((each) => head(each.name) === selected);
     markNode(view, node ? index!.span(node.id) : tree && scroll ? { from: tree.start, to: tree.start + tree.name.length } : null, scroll);
-    picked.current = "";
-  }, [view, selected, node, mission, index]);
+    marked.current = selection;
+  }, [view, selection, node, mission, index]);
 
   const change = useCallback(async (edit: Edit) => {
     const concerned = await writing.edit(edit);
-    if (concerned !== null) {
-      picked.current = concerned;
-      setSelected(concerned);
-    }
+    if (concerned !== null) setSelection({ id: concerned, scrolls: true });
   }, [writing]);
 
   const drawn = useRef<TreeNode | null>(null);
@@ -190,7 +190,7 @@ export function WritePage({ path }: { path: string }) {
                 <NodeForm path={path} text={text} node={node} palette={palette} change={(edit) => void change(edit)} />
               </>
             ) : tree ? (
-              <TreeHead key={tree.name} name={tree.name} doc={tree.doc} ports={tree.ports} rename={(name) => void change({ do: "rename_tree", tree: tree.name, name }).then(() => setSelected(head(name)))} />
+              <TreeHead key={tree.name} name={tree.name} doc={tree.doc} ports={tree.ports} rename={(name) => void change({ do: "rename_tree", tree: tree.name, name }).then(() => setSelection({ id: head(name), scrolls: true }))} />
             ) : <p className="muted">Choose a node in the picture, or put the cursor on one in the text.</p>)}
             {tab === "add" && (palette ? <PalettePanel palette={palette} target={target?.words ?? "nothing: choose a node first"} add={(entry) => add(entry, target)} /> : <p className="loading">…</p>)}
             {tab === "rehearse" && <RehearsePanel path={path} text={text} result={rehearsal} onResult={setRehearsal} onNode={choose} />}
