@@ -493,7 +493,7 @@ def figures(text: str) -> dict[str, Figure]:
         while above and above[-1][0] >= depth:
             above.pop()
         match = _RATE.match(words)
-        own = match["name"] if match else words.partition(":")[0]
+        own = match["name"] if match else re.split(":|  ", words)[0]
         name = ", ".join([*(heading for _, heading in above), own])
         above.append((depth, own))
         if match:

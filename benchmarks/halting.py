@@ -23,7 +23,7 @@ from _campaign import ROOT, Row, campaign, finished, options, rate
 
 HALTS = 10
 """Number of halts in each seed's run; fewer when the run ends before."""
-LAST_TICK = 420
+LAST_TICK = 250
 """A run of four items has about that many ticks."""
 EACH = 120
 """Ticks of one seed in which the leaves run, about."""
