@@ -199,15 +199,15 @@ class Execution:
         continues = ResumedFrom("", "", now, done, NOTHING_RECORDED.digest)
         self.recipe = replace(self.recipe, limit=self.limit, start=StartCheckpoint(state, continues))
 
-    def true_state(self) -> dict[str, Any]:
+    def true_state(self, departed: int = 0) -> dict[str, Any]:
         """Return the present state of the simulation with its faults and the wrist sensor's learnt bias, as
-        plain values.
+        plain values, without the first `departed` items that left with bins.
 
         The call does not change the simulation.
         """
         bias = list(self.world.control.wrist.learnt)
         faults = json_values(self.injector.state())
-        return {**self.hardware.snapshot().to_plain(), "faults": faults, "wrist_bias": bias}
+        return {**self.hardware.snapshot().to_plain(departed), "faults": faults, "wrist_bias": bias}
 
     @property
     def disagreements(self) -> int:

@@ -168,7 +168,7 @@ class SessionRecorder:
         if moved or recorder.truth_due(now):
             self._truth(now)
         if recorder.state_due(now):
-            recorder.true_state(now, self._run.true_state())
+            recorder.true_state(now, self._run.true_state)
 
     def _follow(self, reports: tuple[NodeReport, ...]) -> None:
         """Make the records of a tick with changed reports; an unchanged report keeps its record."""
@@ -220,7 +220,7 @@ class SessionRecorder:
         """Write the ground truth at the end."""
         now = self._world.clock.now
         self._truth(now)
-        self._recorder.true_state(now, self._run.true_state())
+        self._recorder.true_state(now, self._run.true_state)
 
     def _truth(self, now: float) -> None:
         """Write the ground truth.

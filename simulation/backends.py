@@ -17,7 +17,7 @@ from .faults.injector import InjectableRobot
 class BackendCheckpoint(Protocol):
     """A backend's checkpoint."""
 
-    def to_plain(self) -> dict[str, Any]: ...
+    def to_plain(self, departed: int = 0) -> dict[str, Any]: ...
 
 
 class Simulation(Hardware, InjectableRobot, Protocol):

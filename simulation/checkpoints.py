@@ -147,9 +147,10 @@ class Checkpoint:
                 f"the checkpoint's cameras are {sorted(self.captures)}, but the scene has {sorted(cameras)}"
             )
 
-    def to_plain(self) -> dict[str, Any]:
-        """Return the checkpoint as JSON types. Floats survive exactly."""
-        return json_values(self)
+    def to_plain(self, departed: int = 0) -> dict[str, Any]:
+        """Return the checkpoint as JSON types, without the first `departed` items that left. Floats survive
+        exactly."""
+        return json_values(replace(self, inventory=self.inventory and self.inventory.since(departed)))
 
     @classmethod
     def from_plain(cls, plain: object) -> Checkpoint:
@@ -204,9 +205,10 @@ class KinematicState:
     obstacles: tuple[Fixture, ...] | None = None
     """Obstacles that the robot does not know; None: those of the scene, as in older logs."""
 
-    def to_plain(self) -> dict[str, Any]:
-        """Return the state as JSON types. Floats survive exactly."""
-        return json_values(self)
+    def to_plain(self, departed: int = 0) -> dict[str, Any]:
+        """Return the state as JSON types, without the first `departed` items that left. Floats survive
+        exactly."""
+        return json_values(replace(self, inventory=self.inventory and self.inventory.since(departed)))
 
     @classmethod
     def from_plain(cls, plain: object) -> KinematicState:

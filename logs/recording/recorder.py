@@ -334,8 +334,11 @@ class Recorder:
         """Whether the simulation's own state is due."""
         return self._states.due(now)
 
-    def true_state(self, now: float, state: Mapping[str, Any]) -> None:
-        """Write the simulation's own state as plain values, from which it can be rebuilt."""
+    def true_state(self, now: float, state: Callable[[int], Mapping[str, Any]]) -> None:
+        """Write the simulation's own state as plain values, from which it can be rebuilt.
+
+        `state` returns it without the first so many items that left.
+        """
         anew, self._part = self._part != self._file.part, self._file.part
         self._write(topics.STATE, now, self._states.encode(now, state, anew=anew))
 

@@ -55,6 +55,10 @@ class InventoryState:
     departed: tuple[DepartedItem, ...]
     """Items that left, in the order in which they left."""
 
+    def since(self, departed: int) -> InventoryState:
+        """Return the state without the first so many items that left."""
+        return InventoryState(self.brought, self.departed[departed:]) if departed else self
+
 
 class Inventory:
     """Inventory of a run.
@@ -68,6 +72,8 @@ class Inventory:
         self._spawned = {item.id: item for item in spawned}
         self.here: dict[ObjectId, SpawnedItem] = dict(self._spawned)
         self._departed: dict[ObjectId, TrueBody] = {}
+        self._records: list[DepartedItem] = []
+        """Records of the departed; made once each, for states are asked for several times a second."""
         self._known = list(self.here)
 
     @property
@@ -95,6 +101,19 @@ class Inventory:
         """Move an item to the departed ones, with its last truth `body`."""
         del self.here[body.id]
         self._departed[body.id] = body
+        if body.taken_with is not None:
+            self._records.append(
+                DepartedItem(
+                    body.id,
+                    body.kind,
+                    body.colour,
+                    body.brought_by,
+                    body.pose,
+                    body.taken_with,
+                    self._file(body.shape),
+                    body.tag,
+                )
+            )
 
     def has_left(self, item: str) -> bool:
         return item in self._departed
@@ -114,14 +133,7 @@ class Inventory:
             for item in self.here.values()
             if item.brought_by is not None
         )
-        departed = tuple(
-            DepartedItem(
-                b.id, b.kind, b.colour, b.brought_by, b.pose, b.taken_with, self._file(b.shape), b.tag
-            )
-            for b in self._departed.values()
-            if b.taken_with is not None
-        )
-        return InventoryState(brought, departed) if brought or departed else None
+        return InventoryState(brought, tuple(self._records)) if brought or self._records else None
 
     def restore(self, state: InventoryState | None) -> None:
         state = state or InventoryState((), ())
@@ -135,6 +147,7 @@ class Inventory:
                 tag=each.tag, rolls=mesh is not None,
             )  # fmt: skip
         self._departed = {item.id: self._body(item) for item in state.departed}
+        self._records = list(state.departed)
         self._known = [item_id(n) for n in range(len(self.here) + len(left))]
 
     def _body(self, item: DepartedItem) -> TrueBody:
