@@ -16,7 +16,7 @@ from ...world.shapes import Shape
 from ...world.values import Array, ObjectId, Pose
 from ..engine import Client, pb
 from ..faults.device_faults import DeviceFaults
-from ..physics.bodies import add_item, add_obstacle
+from ..physics.bodies import ItemShapes, add_item, add_obstacle
 from ..physics.rgbd_camera import CameraRenderer, RenderedImage, StaticScene, in_front
 from ..physics.robot.robot_body import RobotBody
 from ..sensor_noise import mislabelled, noisy_colour, noisy_depth
@@ -45,6 +45,7 @@ class RenderStage:
         self._client = -1
         self._numbers: dict[ObjectId, int] = {}
         self._shapes: dict[ObjectId, Shape] = {}
+        self._known: ItemShapes = {}
         self._obstacles: dict[Fixture, int] = {}
         self._scenery: StaticScene | None = None
 
@@ -88,7 +89,7 @@ class RenderStage:
             if name not in self._numbers:
                 self._shapes[name] = body.entry.shape
                 item = SpawnedItem(name, body.entry, body.colour, body.pose, dropped=False)
-                self._numbers[name] = add_item(item, body.pose, self._client)
+                self._numbers[name] = add_item(item, body.pose, self._client, self._known)
             position, orientation = body.pose.position, body.pose.orientation
             pb.resetBasePositionAndOrientation(self._numbers[name], position, orientation, self._client)
 

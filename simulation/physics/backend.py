@@ -48,13 +48,13 @@ from ..spawning.spawn import (
     walls,
 )
 from .belts import PhysicsBelts, PhysicsCell
-from .bodies import StaticBodies
 from .contacts import ContactPoints, CrushDetector, Penetrations, TrueContact
 from .items import PhysicsItems
 from .rgbd_camera import PhysicsCamera, StaticScene
 from .robot.devices import IdealSensors, PhysicsArm, PhysicsGripper, PhysicsWrench
 from .robot.robot_body import RobotBody
 from .sleeping_items import REST, SLEEP_CHECK_INTERVAL
+from .static_bodies import StaticBodies
 
 
 class PhysicsHardware:

@@ -11,6 +11,7 @@ import math
 from collections.abc import Iterable, Sequence
 from functools import cache
 from pathlib import Path
+from typing import TypeAlias
 
 import numpy as np
 
@@ -23,7 +24,6 @@ from ...world.scene.hole_geometry import convex_pieces, surface
 from ...world.shapes import Box, ConvexMesh, Cylinder, Shape, Sphere
 from ...world.values import Array, ObjectId, Pose, Vector3
 from ..engine import pb
-from ..faults.planted_obstacles import HiddenObstacles
 from ..footprints import floor_height, support_height
 from ..spawning.heap_spawning import PartsMesh
 from ..spawning.spawn import SpawnedItem
@@ -145,19 +145,32 @@ def _fixed(collision: int, visual: int, pose: Pose, client: int) -> int:
     )
 
 
-def add_item(item: SpawnedItem, pose: Pose, client: int) -> int:
-    """Add an item at `pose`; return pybullet's body number. Raises PicktreeError for an invalid body or
-    mass."""
+ItemShapes: TypeAlias = dict[tuple[Shape, str], tuple[int, int]]
+"""pybullet's numbers of collision and visual shapes, by shape and colour."""
+
+
+def add_item(item: SpawnedItem, pose: Pose, client: int, known: ItemShapes) -> int:
+    """Add an item at `pose`; return pybullet's body number.
+
+    known: shapes of the simulation so far; the item's are added. pybullet never frees a shape, and a feed
+    brings thousands of items. A hull has shapes of its own, for its margin is set after its body is made.
+    Raises PicktreeError for an invalid body or mass.
+    """
     check_body(item.id, item.entry.shape, pose)
     if not (math.isfinite(item.entry.mass) and item.entry.mass > 0):
         raise PicktreeError(f"{item.id}: mass {item.entry.mass} kg; it must be positive")
-    mesh = item.mesh
+    mesh, shape = item.mesh, item.entry.shape
+    if mesh is not None:
+        shapes = _parts_collision(mesh, client), _parts_visual(mesh, item.colour, client)
+    elif (shape, item.colour) in known:
+        shapes = known[shape, item.colour]
+    else:
+        shapes = _collision(shape, client), _visual(shape, item.colour, client)
+        if not isinstance(shape, ConvexMesh):
+            known[shape, item.colour] = shapes
     body = pb.createMultiBody(
         item.entry.mass,
-        _collision(item.entry.shape, client) if mesh is None else _parts_collision(mesh, client),
-        _visual(item.entry.shape, item.colour, client)
-        if mesh is None
-        else _parts_visual(mesh, item.colour, client),
+        *shapes,
         pose.position,
         pose.orientation,
         useMaximalCoordinates=1,
@@ -173,9 +186,9 @@ def add_item(item: SpawnedItem, pose: Pose, client: int) -> int:
         restitution=0.0,
         physicsClientId=client,
     )
-    if isinstance(item.entry.shape, ConvexMesh):
+    if isinstance(shape, ConvexMesh):
         pb.changeDynamics(body, -1, collisionMargin=0.0, physicsClientId=client)
-        set_mass(body, item.entry.shape, item.entry.mass, client)
+        set_mass(body, shape, item.entry.mass, client)
     if mesh is not None:
         moments = [item.entry.mass * moment for moment in mesh.inertia]
         pb.changeDynamics(body, -1, localInertiaDiagonal=moments, physicsClientId=client)
@@ -364,41 +377,3 @@ def _rgba(colour: str) -> tuple[float, float, float, float]:
         return (*COLOURS[colour], 1.0)
     except KeyError:
         raise PicktreeError(f"unknown colour {colour!r}; known: {', '.join(COLOURS)}") from None
-
-
-class StaticBodies:
-    """Bodies of one client that never move, with their names."""
-
-    def __init__(self, scene: SceneDescription, base_in_world: Pose, client: int) -> None:
-        """`scene`: with the fixtures at their true poses."""
-        self._scene = scene
-        self._base_in_world = base_in_world
-        self._client = client
-        self._numbers: dict[ObjectId, int] = {}
-        self.names: dict[int, str] = {}
-        """Names of floor, fixtures, bins, belts and obstacles by pybullet's body number."""
-        self.obstacles = HiddenObstacles(self._add, self._remove)
-        """Obstacles that the robot does not know of."""
-
-    def load(self) -> None:
-        """Add floor, fixtures and bins to an empty simulation."""
-        self.names = add_fixed(self._scene, self._base_in_world, self._client)
-
-    def number(self, obstacle: ObjectId) -> int:
-        """Return pybullet's body number of an obstacle."""
-        return self._numbers[obstacle]
-
-    @property
-    def holed(self) -> list[int]:
-        """pybullet's body numbers of the fixtures with holes."""
-        boards = {fixture.id for fixture in self._scene.fixtures if fixture.holes}
-        return [number for number, name in self.names.items() if name in boards]
-
-    def _add(self, body: Fixture) -> None:
-        number = self._numbers[body.id] = add_obstacle(body, self._client)
-        self.names[number] = body.id
-
-    def _remove(self, name: ObjectId) -> None:
-        number = self._numbers.pop(name)
-        del self.names[number]
-        pb.removeBody(number, self._client)

@@ -13,9 +13,9 @@ from ...world.values import ObjectId
 from ..checkpoints import PressedItem, RobotReading
 from ..engine import pb
 from ..scoring.truth import TrueBody
-from .bodies import StaticBodies
 from .items import PhysicsItems
 from .robot.robot_body import RobotBody
+from .static_bodies import StaticBodies
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,7 +17,7 @@ from ..scoring.truth import TrueBody
 from ..spawning.heap_spawning import Sticker, check_contained, pile_walls
 from ..spawning.inventory import Inventory, InventoryState, departed
 from ..spawning.spawn import SpawnedItem
-from .bodies import add_item, add_obstacle, forget_contacts, set_friction, set_mass
+from .bodies import ItemShapes, add_item, add_obstacle, forget_contacts, set_friction, set_mass
 from .robot.robot_body import finite
 from .sleeping_items import SleepingItems
 
@@ -48,6 +48,7 @@ class PhysicsItems:
         self.sleepers = SleepingItems(client, running)
         self._ledger: list[DynamicsChange] = []
         self._gone: dict[ObjectId, BodyState] = {}
+        self._shapes: ItemShapes = {}
         self._numbers: dict[ObjectId, int] = {}
         self._bumps: dict[ObjectId, tuple[Vector3, Vector3]] = {}
         self._slippery: dict[ObjectId, float] = {}
@@ -100,8 +101,9 @@ class PhysicsItems:
         self.sleepers.sleep([s.id for s in states if s.present and s.asleep])
 
     def _build(self, poses: Mapping[ObjectId, Pose], fixed: Collection[int]) -> None:
+        self._shapes = {}
         self._numbers = {
-            name: add_item(item, poses[name], self._client)
+            name: add_item(item, poses[name], self._client, self._shapes)
             for name, item in self.inventory.here.items()
             if name in poses
         }
@@ -208,7 +210,7 @@ class PhysicsItems:
 
     def put(self, item: SpawnedItem) -> None:
         """Add an item at its pose to the running simulation."""
-        self._numbers[item.id] = add_item(item, item.pose, self._client)
+        self._numbers[item.id] = add_item(item, item.pose, self._client, self._shapes)
         self.inventory.add(item)
         self.sleepers.add(item.id)
 
@@ -270,7 +272,7 @@ class PhysicsItems:
         name = self._known(item)
         before = self._state(name)
         pb.removeBody(self._numbers[name], self._client)
-        self._numbers[name] = add_item(self.inventory.enlarge(name, factor), pose, self._client)
+        self._numbers[name] = add_item(self.inventory.enlarge(name, factor), pose, self._client, self._shapes)
         self._ledger.append(DynamicsChange(name, scale=factor))
         for change in self._ledger:
             if change.item == name:

@@ -64,7 +64,7 @@ class Bench:
         entry = DESCRIPTION.entry(kind)
         self.shape = entry.shape
         item = SpawnedItem(ITEM, entry, "red", self.pose, dropped=False)
-        self.number = add_item(item, self.pose, client)
+        self.number = add_item(item, self.pose, client, {})
         self.deep = Penetrations(client)
         self.deep.every = 1
         self.deep.watch({ITEM: self.number}, [n for n, name in fixed.items() if name == "board"])
