@@ -44,6 +44,8 @@ RESULTS = ROOT / "benchmarks" / "results"
 """Folder of all campaigns."""
 REFERENCE_COST = 0.26
 """CPU seconds of the reference on the machine to which the costs in the programs refer."""
+CUT_OFF = "Cut off: "
+"""Begin of the line that is printed before a result of fewer runs than were asked for."""
 _WALL_LIMIT, _MEMORY_LIMIT = 4 * 3600.0, 8 * 10**9
 """Limits of one run: s, bytes."""
 Row = dict[str, Any]
@@ -126,6 +128,8 @@ def campaign(
     rows = [row for job in jobs if (row := kept.row(job)) is not None]
     if not rows:
         raise SystemExit("there is no result yet")
+    if len(rows) < len(jobs):
+        print(f"{CUT_OFF}{len(rows)} of {len(jobs)} runs have a result.\n")
     return rows
 
 

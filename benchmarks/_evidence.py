@@ -9,7 +9,7 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
-from _campaign import ROOT, Figure, figures
+from _campaign import CUT_OFF, ROOT, Figure, figures
 from _dependencies import content
 
 import yaml
@@ -68,6 +68,21 @@ class Record:
     def changed(self) -> list[str]:
         """Files that have changed since."""
         return [file for file, _, known in map(_parted, self.files.split()) if content(file) != known]
+
+    @property
+    def cut_off(self) -> str:
+        """Sentence that says after how many runs it was cut off; empty for a whole campaign."""
+        first = self.text.partition("\n")[0]
+        return first if first.startswith(CUT_OFF) else ""
+
+    @property
+    def n(self) -> int:
+        """Sum of what its rates count."""
+        return sum(rate.n for rate in self.rates.values())
+
+    def replaces(self, kept: Record | None) -> bool:
+        """Return whether the page takes it: a kept result that still holds may count more."""
+        return kept is None or bool(kept.changed) or self.n >= kept.n
 
     @property
     def rates(self) -> Mapping[str, Figure]:
@@ -189,11 +204,9 @@ def _section(one: Campaign, record: Record) -> str:
     changed = record.changed
     more = f" and {len(changed) - NAMED} more" if len(changed) > NAMED else ""
     names = ", ".join(f"`{file}`" for file in changed[:NAMED])
-    old = f" **Old: {names}{more} changed since.**" if changed else ""
-    lines = [
-        f"## {one.title}\n",
-        f"{one.words} `{one.line}`, commit {record.commit}, {record.date} UTC.{old}\n",
-    ]
+    old = f"**Old: {names}{more} changed since.**" if changed else ""
+    said = [f"{one.words} `{one.line}`, commit {record.commit}, {record.date} UTC.", record.cut_off, old]
+    lines = [f"## {one.title}\n", " ".join(filter(None, said)) + "\n"]
     if record.rates or one.targets:
         lines += ["| figure | measured | share | 95 % interval | target |", "|---|---|---|---|---|"]
     for name, rate in record.rates.items():

@@ -8,7 +8,7 @@
 Campaigns without a figure come first, then those of which a file that their runs depended on has changed
 since, oldest first, then those with the widest interval. Each gets an equal share of the time that is left
 and goes on where it stopped. What it printed is kept in evidence.json with commit and date; the page has
-nothing else.
+nothing else. A result that still holds is not replaced by one of fewer runs.
 """
 
 from __future__ import annotations
@@ -92,7 +92,8 @@ def main() -> int:
         return 0
     if not given.page:
         for one, minutes in _shares(waiting, given.hours):
-            if (record := run(one, minutes)) is not None:
+            record = run(one, minutes)
+            if record is not None and record.replaces(records.get(one.name)):
                 records[one.name] = record
                 write(records)
                 PAGE.write_text(to_page(table, records), encoding="utf-8")

@@ -211,6 +211,13 @@ def test_the_forecast_is_that_of_recorded_runs_at_the_speed_of_this_machine(
     assert "3 of 4 runs to do, about 6.0 CPU minutes, 6.0 minutes on 1 workers" in err
 
 
+def test_a_campaign_that_was_cut_off_says_so_before_its_result(squares: Squares) -> None:
+    squares.run("--runs", "2")
+    assert (
+        squares.run("--runs", "3", "--minutes", "0")[0] == "Cut off: 2 of 3 runs have a result.\n\n[0, 1]\n"
+    )
+
+
 def test_two_campaigns_do_not_share_a_folder(squares: Squares) -> None:
     squares.out.mkdir()
     with (squares.out / "lock").open("w") as lock:

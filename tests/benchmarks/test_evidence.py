@@ -26,6 +26,9 @@ runs above the limit                0 of 0         –     95 % interval 0.0 …
 """
 
 
+CUT_OFF = "Cut off: 3 of 40 runs have a result.\n\n"
+
+
 def test_a_rate_is_named_by_the_lines_above_it(program: Program) -> None:
     found = program("_campaign").figures(PRINTED)
     assert {name: (each.hits, each.n) for name, each in found.items()} == {
@@ -108,7 +111,7 @@ def test_the_page_marks_what_is_old_and_what_is_missed(program: Program, tmp_pat
     changed = files + " benchmarks/pushing.py:1 gone/a.py:2 gone/b.py:3 gone/c.py:4"
     records = {
         "a": evidence.Record("c0ffee", "2026-01-01 10:00", PRINTED, files),
-        "b": evidence.Record("c0ffee", "2026-01-01 10:00", rate("items sorted", 9, 10), changed),
+        "b": evidence.Record("c0ffee", "2026-01-01 10:00", CUT_OFF + rate("items sorted", 9, 10), changed),
     }
     evidence.write(records, tmp_path / "kept.json")
     assert evidence.read(tmp_path / "kept.json") == records
@@ -125,9 +128,25 @@ def test_the_page_marks_what_is_old_and_what_is_missed(program: Program, tmp_pat
     )
     assert "`python benchmarks/singulating.py --runs 50`, commit c0ffee" in pushes
     assert "Old" not in pushes
+    assert "Cut off" not in pushes
+    assert "UTC. Cut off: 3 of 40 runs have a result. **Old" in kits
     assert "at least 99 %: **missed**" in kits
     assert "**Old: `benchmarks/pushing.py`, `gone/a.py`, `gone/b.py` and 1 more changed since.**" in kits
     assert "- Not yet: `python benchmarks/sorting.py --runs 40`" in missing
+
+
+@pytest.mark.parametrize(
+    ("n", "file", "replaced"), [(99, "", False), (100, "", True), (99, ":another", True)]
+)
+def test_a_result_that_holds_is_not_replaced_by_one_of_fewer_runs(
+    program: Program, n: int, file: str, replaced: bool
+) -> None:
+    evidence, rate = program("_evidence"), program("_campaign").rate
+    files = evidence.with_contents(["benchmarks/sorting.py"])
+    kept = evidence.Record("a", "2026-01-01 10:00", rate("items sorted", 90, 100), files + file)
+    assert (
+        evidence.Record("b", "2026-01-02 10:00", rate("items sorted", n, n), files).replaces(kept) is replaced
+    )
 
 
 def test_the_page_in_docs_is_made_of_what_is_kept(program: Program) -> None:
