@@ -86,6 +86,9 @@ SPIRAL_STIFFNESS = 1500.0
 """Stiffness that holds the foot on the spiral, in addition to the spring's, N/m."""
 BLOCKED_TIME, BLOCKED_TRAVEL = 0.15, 0.0006
 """Time, s, and travel, m: a tool that moves less than this in that time is blocked."""
+BESIDE_TOLERANCE = 0.003
+"""Distance of the peg from the hole's axis within its clearance, m. What is found further beside the believed
+axis than its uncertainty and this is another hole, or the edge of the fixture."""
 STALL_TIME, STALL_DEPTH = 0.5, 0.0003
 """Time, s, and depth, m: a peg that sinks less than this in that time stands."""
 BOTTOM_TIME = 0.12
@@ -143,7 +146,7 @@ class InsertionMotion(PegMotion):
             if number and not way.startswith("tilt"):
                 felt = yield from self._again(felt)
             felt = yield from self._by(way, felt)
-            if self.depth < self._touch.drop:
+            if self.depth < self._touch.drop or self._beside(self._foot(felt)) > BESIDE_TOLERANCE:
                 self.outcome = "not found"
                 continue
             felt = yield from self._press(felt)
@@ -248,6 +251,8 @@ class InsertionMotion(PegMotion):
                     break
                 # The peg has slid past the middle of a wall: the hole is there.
                 aim = wall - self._towards * (self._mouth.across / 2)
+                if self._beside(aim) > BESIDE_TOLERANCE:
+                    break
             else:
                 continue
             if not blocked:
@@ -280,7 +285,8 @@ class InsertionMotion(PegMotion):
     def _against_wall(
         self, felt: ContactState
     ) -> Generator[None, ContactState, tuple[ContactState, bool, Array | None]]:
-        """Push the leaning peg sideways until something blocks it, as the wall of the hole does.
+        """Push the leaning peg sideways until something blocks it, as the wall of the hole does, or until it
+        is beyond all walls that the hole may have.
 
         Returns the last state, whether it is blocked, and the place (3,) of the lowest point at the greatest
         resistance. None: there was no resistance.
@@ -306,7 +312,8 @@ class InsertionMotion(PegMotion):
                 greatest, wall = against, felt.position + felt.rotation @ self._tip
             if stand.since(felt.elapsed, way) and lead > 0.8 * most:
                 return felt, True, wall
-            if way > 2 * self._reach + self._mouth.slack:
+            low = felt.position + felt.rotation @ self._tip - self._mouth.middle
+            if float(towards @ low) > self._reach + self._mouth.slack + BESIDE_TOLERANCE:
                 return felt, False, wall if greatest > MIN_WALL_RESISTANCE else None
 
     def _upright(self, felt: ContactState) -> Part:
@@ -375,6 +382,12 @@ class InsertionMotion(PegMotion):
             self._act(felt, self._touch.push * self._mouth.up)
             felt = yield
         return felt
+
+    def _beside(self, point: Array) -> float:
+        """Return how much further a point (3,) is from the believed axis than the real one can be, m."""
+        away = point - self._mouth.middle
+        away = away - self._mouth.up * float(self._mouth.up @ away)
+        return float(np.linalg.norm(away)) - self._mouth.slack
 
     @property
     def _tip(self) -> Array:

@@ -39,9 +39,12 @@ class Board:
     floor: float = 0.03
     """Depth at which the foot stands, m."""
     surface: float = 0.0
+    furthest: float = 0.0
+    """Greatest distance of the foot from the believed middle so far, m."""
 
     def height(self, foot: np.ndarray, before: float) -> float:
         """Of what is below the foot, which was at the height `before`."""
+        self.furthest = max(self.furthest, math.hypot(foot[0], foot[1]))
         into = math.hypot(foot[0] - self.beside[0], foot[1] - self.beside[1]) <= self.near
         return self.surface - (self.floor if into or before < self.surface - 1e-6 else 0.0)
 
@@ -99,6 +102,20 @@ def test_a_hole_further_away_is_not_found_and_the_peg_ends_above() -> None:
     assert course.outcome == "not found"
     assert course.searched == pytest.approx(0.003, abs=2e-4)
     assert (tcp + course.rotation @ FOOT)[2] > 0.9 * CLEAR_FOOT_HEIGHT
+
+
+def test_a_drop_further_away_than_the_hole_can_be_is_another_hole_or_the_edge() -> None:
+    mouth = BelievedHole(np.array([0.012, 0.0, 0.0]), UP, 0.031, 0.03, 0.008)
+    course = InsertionMotion(PEG, mouth, InsertionParameters(attempts=1), "none", LINEAR)
+    played(course, Board((0.0, 0.0)))
+    assert course.outcome == "not found"
+
+
+def test_a_leaning_peg_slides_no_further_than_the_furthest_wall_can_be() -> None:
+    board = Board((1.0, 1.0))
+    course = searching("tilt", board, attempts=1)
+    assert course.outcome == "not found"
+    assert board.furthest < 0.02  # m; its lowest point is 15 mm ahead of the foot
 
 
 def test_without_a_search_only_a_hole_right_below_is_found() -> None:
