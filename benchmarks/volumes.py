@@ -18,7 +18,6 @@ from statistics import median
 
 from picktree.perception.data_association import update_belief
 from picktree.perception.pipeline import Perception
-from picktree.perception.voxels.obstacle_volumes import merge_cells
 from picktree.perception.voxels.space_carving import (
     CELL_SIZE,
     cell_centres,
@@ -97,11 +96,6 @@ def as_blocks(o: BeliefObject) -> BeliefObject:
     return replace(o, shape=Box((1.0, 1.0, 1.0)))
 
 
-def as_few_blocks(o: BeliefObject) -> BeliefObject:
-    _, pose, blocks = obstacle_from_cells(merge_cells(cells_of(o), 8))
-    return replace(o, shape=Box((1.0, 1.0, 1.0)), pose=pose, blocks=blocks)
-
-
 def as_columns(o: BeliefObject) -> BeliefObject:
     """A box for each column of cells."""
     cells = cell_indices(cells_of(o))
@@ -126,8 +120,7 @@ def _corners(o: BeliefObject) -> tuple[Array, Array]:
 KINDS: dict[str, Callable[[BeliefObject], BeliefObject]] = {
     "hull where tight": as_it_is,
     "one box": as_one_box,
-    "blocks, at most 24": as_blocks,
-    "blocks, at most 8": as_few_blocks,
+    "blocks": as_blocks,
     "columns": as_columns,
 }
 

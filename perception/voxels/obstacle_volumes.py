@@ -4,7 +4,7 @@ hidden cells stay.
 A cell is occupied when something unexplained was seen in it or above it, and no ray has passed it since.
 Cells stay where the picture shows nothing of them: behind the robot, behind nearer bodies, out of the view.
 What is seen for the first time may go on there: cells beside it behind the robot, or out of the view, are
-occupied until rays pass them.
+occupied until rays pass them, or until nothing that was seen is left beside them.
 """
 
 from __future__ import annotations
@@ -29,27 +29,28 @@ from .space_carving import (
     cell_centres,
     cell_indices,
     cells_of,
+    in_picture,
     obstacle_from_cells,
     occupied_cells,
     retained_cells,
+    supposed_cells_of,
     surface_of,
     unseen_cells,
 )
-
-MAX_BOXES = 24
-"""Greatest number of boxes of one obstacle. Beyond it the pairs that waste least are joined."""
 
 Grid = NDArray[np.bool_]
 Span = tuple[Indices, Indices]
 """First cell of a box and the one after its last, (3,) each."""
 
 
-def merge_cells(packed: Keys, most: int = MAX_BOXES) -> list[Span]:
-    """Cover the cells with boxes. They contain nothing else unless there would be more than `most`.
+def merge_cells(packed: Keys) -> list[Span]:
+    """Cover the cells with boxes that contain nothing else.
 
     Greedy: from the first cell that is not covered yet the larger of two boxes is taken. One grows upwards
     and then along x and y, the other along y and x. Boxes may overlap, which reduces their number.
     """
+    if not len(packed):
+        return []
     cells = cell_indices(packed)
     origin = cells.min(axis=0)
     filled: Grid = np.zeros(tuple(cells.max(axis=0) - origin + 1), dtype=np.bool_)
@@ -61,8 +62,6 @@ def merge_cells(packed: Keys, most: int = MAX_BOXES) -> list[Span]:
         low, high = max((_grow_box(filled, seed, order) for order in ((2, 0, 1), (2, 1, 0))), key=_volume)
         left[tuple(slice(a, b) for a, b in zip(low.tolist(), high.tolist(), strict=True))] = False
         spans.append((low, high))
-    while len(spans) > most:
-        _join(spans)
     return [(low + origin, high + origin) for low, high in spans]
 
 
@@ -86,21 +85,8 @@ def _volume(span: Span) -> int:
     return int(np.prod(span[1] - span[0]))
 
 
-def _join(spans: list[Span]) -> None:
-    """Replace two boxes by the box about both, where that adds least."""
-    low = np.array([span[0] for span in spans])
-    high = np.array([span[1] for span in spans])
-    about = np.maximum(high[:, None], high[None]) - np.minimum(low[:, None], low[None])
-    own = np.prod(high - low, axis=1)
-    wasted = np.prod(about, axis=2) - own[:, None] - own[None]
-    wasted[np.tril_indices(len(spans))] = np.iinfo(wasted.dtype).max
-    i, j = (int(k) for k in np.unravel_index(int(wasted.argmin()), wasted.shape))
-    joined = np.minimum(low[i], low[j]), np.maximum(high[i], high[j])
-    spans[:] = [span for k, span in enumerate(spans) if k not in (i, j)] + [joined]
-
-
 MIN_OBSTACLE_CELLS = 6
-"""Least number of connected cells; fewer are noise."""
+"""Least number of connected cells in which something was seen; fewer are noise."""
 SAME_OBSTACLE_DISTANCE = 0.05
 """Distance to a former obstacle that left its place, within which an unexplained body is the same obstacle,
 m."""
@@ -145,7 +131,13 @@ def update_volumes(
         for name, cells in former.items()
     }
     hidden = _hidden_parts(scene, view, new, former.values())
-    seen = _components(np.unique(np.concatenate([new, hidden, *kept.values()])), view, patches)
+    still = np.concatenate([NO_CELLS, *kept.values()])
+    before = _supposed(scene, former)
+    # A pixel at the border reaches beyond the picture. No ray would ever pass what it takes up there.
+    shown = np.union1d(new[in_picture(view, new)], np.setdiff1d(still, before))
+    cells = np.unique(np.concatenate([new, hidden, still]))
+    supposed = np.setdiff1d(np.union1d(cells, before), shown)
+    seen = _components(cells, supposed, view, patches)
     names = _match_former(seen, former)
     for name, each in zip(names, seen, strict=True):
         _store_obstacle(
@@ -153,12 +145,18 @@ def update_volumes(
             name or scene.new_id("obstacle"),
             each,
             former.get(name, NO_CELLS) if name else NO_CELLS,
+            supposed,
             now,
         )
     gone = [name for name in former if name not in names]
     for name in gone:
         scene.remove(name, REASON_GONE)
     return gone
+
+
+def _supposed(scene: PlanningScene, names: Iterable[ObjectId]) -> Keys:
+    """Return the cells of these obstacles in which nothing was seen yet."""
+    return np.unique(np.concatenate([NO_CELLS, *(supposed_cells_of(scene.get(name)) for name in names)]))
 
 
 def _hidden_parts(scene: PlanningScene, view: PerceivedView, new: Keys, former: Iterable[Keys]) -> Keys:
@@ -187,8 +185,13 @@ def _unless_item(cells: Keys, items: Sequence[BeliefObject]) -> Keys:
     return cells
 
 
-def _components(cells: Keys, view: PerceivedView, patches: Sequence[UnexplainedPatch]) -> list[_Seen]:
-    """Group cells that are connected as seen from above, the largest group first."""
+def _components(
+    cells: Keys, supposed: Keys, view: PerceivedView, patches: Sequence[UnexplainedPatch]
+) -> list[_Seen]:
+    """Group cells that are connected as seen from above, the largest group first.
+
+    What was only supposed goes with the last of what was seen beside it.
+    """
     if not len(cells):
         return []
     columns = cell_indices(cells)[:, :2]
@@ -199,7 +202,8 @@ def _components(cells: Keys, view: PerceivedView, patches: Sequence[UnexplainedP
     _, marks = cv2.connectedComponents(cv2.dilate(plan, np.ones((3, 3), np.uint8)), connectivity=8)
     mark = np.asarray(marks, dtype=np.intp)[at]
     groups = [cells[mark == k] for k in range(1, int(mark.max()) + 1)]
-    groups = sorted((g for g in groups if len(g) >= MIN_OBSTACLE_CELLS), key=lambda g: (-len(g), int(g[0])))
+    groups = [g for g in groups if np.isin(g, supposed, invert=True).sum() >= MIN_OBSTACLE_CELLS]
+    groups.sort(key=lambda g: (-len(g), int(g[0])))
     surfaces = [(patch, surface_of(view, patch)) for patch in patches]
     return [
         _Seen(g, tuple(patch for patch, surface in surfaces if len(np.intersect1d(g, surface)) > 0))
@@ -236,18 +240,22 @@ def _match_former(seen: Sequence[_Seen], former: dict[ObjectId, Keys]) -> list[O
     return names
 
 
-def _store_obstacle(scene: PlanningScene, name: ObjectId, seen: _Seen, before: Keys, now: float) -> None:
+def _store_obstacle(
+    scene: PlanningScene, name: ObjectId, seen: _Seen, before: Keys, supposed: Keys, now: float
+) -> None:
     known = scene.find(name)
     cells = seen.cells
     if known is not None:
         gone = np.setdiff1d(before, cells, assume_unique=True)
         # Edges come and go with the noise: cells next to occupied ones stay occupied.
         cells = np.union1d(cells, gone[adjacent_cells(gone, cells)])
-        if _is_unchanged(cells, before):
+        found = np.setdiff1d(np.intersect1d(supposed_cells_of(known), cells), supposed)
+        if _is_unchanged(cells, before) and len(found) <= MAX_NOISE_SHARE * len(cells):
             if seen.patches:
                 scene.put(replace(known, last_seen=now), REASON_SEEN_AGAIN)
             return
-    shape, pose, blocks = obstacle_from_cells(merge_cells(cells))
+    assumed = np.isin(cells, supposed)
+    shape, pose, blocks = obstacle_from_cells(merge_cells(cells[~assumed]), merge_cells(cells[assumed]))
     colour = _colour(seen.patches) or (known.colour if known is not None else "grey")
     last_seen = now if seen.patches or known is None else known.last_seen
     belief = BeliefObject(
@@ -269,7 +277,7 @@ def _reason(cells: Keys, before: Keys) -> str:
         return REASON_FIRST_SEEN
     more = len(np.setdiff1d(cells, before, assume_unique=True)) > 0
     less = len(np.setdiff1d(before, cells, assume_unique=True)) > 0
-    return REASON_CHANGED if more and less else REASON_GREW if more else REASON_CLEARED
+    return REASON_CHANGED if more and less else REASON_CLEARED if less else REASON_GREW
 
 
 def _colour(patches: Sequence[UnexplainedPatch]) -> str | None:

@@ -76,7 +76,18 @@ def cells_of(o: BeliefObject) -> Keys:
     """Return the cells of an obstacle of the belief."""
     if not o.blocks:
         return cells_in_body(o.shape, o.pose)
-    return cell_keys(np.concatenate([_cells(block, np.array(o.pose.position)) for block in o.blocks]))
+    return _cells_of_blocks(o, o.blocks)
+
+
+def supposed_cells_of(o: BeliefObject) -> Keys:
+    """Return the cells of an obstacle of the belief in which nothing was seen."""
+    return _cells_of_blocks(o, [block for block in o.blocks if block.supposed])
+
+
+def _cells_of_blocks(o: BeliefObject, blocks: Sequence[ObstacleBlock]) -> Keys:
+    if not blocks:
+        return NO_CELLS
+    return cell_keys(np.concatenate([_cells(block, np.array(o.pose.position)) for block in blocks]))
 
 
 def _cells(block: ObstacleBlock, origin: Array) -> Indices:
@@ -88,21 +99,23 @@ def _cells(block: ObstacleBlock, origin: Array) -> Indices:
 
 
 def obstacle_from_cells(
-    boxes: Sequence[tuple[Indices, Indices]],
+    seen: Sequence[tuple[Indices, Indices]], supposed: Sequence[tuple[Indices, Indices]] = ()
 ) -> tuple[Shape, Pose, tuple[ObstacleBlock, ...]]:
-    """Build an obstacle from boxes: the enclosing shape, its pose in the world, and each box as a block in
-    it.
+    """Build an obstacle: the enclosing shape, its pose in the world, and each box as a block in it.
 
-    A box is its first cell and the one after its last, (3,) each. The enclosing shape is the convex hull
-    where that wastes little: a collision check then meets one body instead of many boxes. Otherwise it is the
-    bounding box.
+    In the `supposed` boxes nothing was seen. A box is its first cell and the one after its last, (3,) each.
+    The enclosing shape is the convex hull where that wastes little: a collision check then meets one body
+    instead of many boxes. Otherwise it is the bounding box.
     """
+    boxes = [*seen, *supposed]
     first = np.min([low for low, _ in boxes], axis=0)
     last = np.max([high for _, high in boxes], axis=0)
     middle = (first + last) * CELL_SIZE / 2
     blocks = tuple(
-        ObstacleBlock(_vector((high - low) * CELL_SIZE), _vector((low + high) * CELL_SIZE / 2 - middle))
-        for low, high in boxes
+        ObstacleBlock(
+            _vector((high - low) * CELL_SIZE), _vector((low + high) * CELL_SIZE / 2 - middle), n >= len(seen)
+        )
+        for n, (low, high) in enumerate(boxes)
     )
     return _enclosing_shape(blocks), Pose(_vector(middle)), blocks
 
@@ -254,6 +267,8 @@ UNSEEN_REACH = 0.05
 """Distance over which an obstacle may go on where the picture shows nothing, m."""
 ROBOT_MARGIN = 0.03
 """Distance from the robot within which nothing else is supposed, m."""
+MIN_CELL_DEPTH = 0.05
+"""Least depth of a cell that a picture shows, m."""
 _SIDES = np.array([(1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0)])
 
 
@@ -280,15 +295,28 @@ def unseen_cells(view: PerceivedView, cells: Keys) -> Keys:
 def _shown_nowhere(view: PerceivedView, cells: Keys) -> NDArray[np.bool_]:
     """Select the cells (n,) behind the robot or beyond the picture's edge, above their supports."""
     points = cell_centres(cells)
-    depth = (points - view.sight.origin) @ view.sight.rotation[:, 2]
-    u, v = np.round(view.sight.pixels(points)).astype(np.int64).T
-    h, w = view.reach.shape
-    unseen = (depth < 0.05) | (u < 0) | (v < 0) | (u >= w) | (v >= h)
-    within = np.flatnonzero(~unseen)
-    rows, columns = v[within], u[within]
+    depth, pixels, inside = _projected(view, cells)
+    unseen = ~inside
+    within = np.flatnonzero(inside)
+    columns, rows = pixels[within].T
     # Before the robot a ray passes, too.
     unseen[within] = (view.reach[rows, columns] == 0) & (depth[within] > view.depth[rows, columns])
     return unseen & (points[:, 2] > view.supports(points))
+
+
+def _projected(view: PerceivedView, cells: Keys) -> tuple[Array, Indices, NDArray[np.bool_]]:
+    """Return depths (n,) of the cells' middles, m, their pixels (n, 2), and whether the picture has them."""
+    points = cell_centres(cells)
+    depth = (points - view.sight.origin) @ view.sight.rotation[:, 2]
+    pixels = np.round(view.sight.pixels(points)).astype(np.int64)
+    h, w = view.reach.shape
+    inside = (depth > MIN_CELL_DEPTH) & (pixels >= 0).all(axis=1) & (pixels < (w, h)).all(axis=1)
+    return depth, pixels, inside
+
+
+def in_picture(view: PerceivedView, cells: Keys) -> NDArray[np.bool_]:
+    """Select the cells (n,) whose middles are within the picture, hidden or not."""
+    return _projected(view, cells)[2]
 
 
 def surface_of(view: PerceivedView, patch: UnexplainedPatch) -> Keys:
@@ -348,11 +376,8 @@ def _cells_passed_by_rays(
 
     With `window` all rays of a cell must pass, else those through its middle.
     """
-    points = cell_centres(cells)
-    depth = (points - view.sight.origin) @ view.sight.rotation[:, 2]
-    pixels = np.round(view.sight.pixels(points)).astype(np.int64)
+    depth, pixels, inside = _projected(view, cells)
     h, w = view.reach.shape
-    inside = (depth > 0.05) & (pixels >= 0).all(axis=1) & (pixels < (w, h)).all(axis=1)
     radius = np.ones(len(cells), dtype=np.int64)
     if window:
         radius = np.ceil(view.sight.intrinsics.fx * HALF_DIAGONAL / np.maximum(depth, 0.05)).astype(np.int64)

@@ -8,9 +8,10 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
+from picktree.analysis.explain.causes.camera_causes import cameras_off
 from picktree.analysis.explain.causes.held_items import HeldPeriod, too_heavy, why_it_left
 from picktree.analysis.explain.investigation.case import Investigation
-from picktree.analysis.explain.investigation.explanation import FailureStory
+from picktree.analysis.explain.investigation.explanation import DeviceFinding, FailureStory, Finding
 from picktree.logs.series import JointSeries, WrenchSeries
 from picktree.world.scene.description import CatalogueEntry
 from picktree.world.shapes import Box
@@ -46,7 +47,7 @@ def case(pressed: float, pulled: float, entry: CatalogueEntry = ENTRY) -> Invest
         "entry_of": lambda _: entry,
         "devices": (),
         "once": lambda _: (HELD,),
-        "identities": SimpleNamespace(phantoms={}),
+        "identities": SimpleNamespace(phantoms={}, by_item={}),
         "gone": lambda _: None,
         "truth": SimpleNamespace(tracks={"item_00": SimpleNamespace(before=lambda _: lay)}),
         "believed_at": lambda _: [SimpleNamespace(id=ITEM, attached=True)],
@@ -86,6 +87,30 @@ def test_what_slipped_was_slippery_heavy_or_gripped_too_gently(
     assert found is not None
     assert (found.cause, found.title) == (cause, title)
     assert (found.confidence == "likely") is (cause == "grasp.weak")
+
+
+@pytest.mark.parametrize(
+    ("seen", "cause"),
+    [
+        ([(0.1, 0.03)], "camera.off"),
+        ([(0.1, 0.03), (0.7, 0.0)], "camera.off"),  # it was in the hand already
+        ([(0.1, 0.03), (0.4, 0.0)], "item.slipped"),
+        ([(0.1, 0.0)], "item.slipped"),
+        ([(0.4, 0.03)], "item.slipped"),  # others were seen where they were
+    ],
+)
+def test_what_was_gripped_where_a_displaced_camera_had_seen_it_slipped_for_that(
+    seen: list[tuple[float, float]], cause: str
+) -> None:
+    finding = Finding("camera.off", "the camera overhead", "it hangs elsewhere", (), "", 0.1)
+    off = DeviceFinding(finding, ((0.1, 0.4),), ())
+    held = case(20.0, 12.5)
+    slid = cast("Any", held)
+    slid.identities.by_item = {ITEM: [SimpleNamespace(time=time, off=(way, 0.0)) for time, way in seen]}
+    slid.once = lambda question: (off,) if question is cameras_off else ()
+    found = why_it_left(held, HELD)
+    assert found is not None
+    assert found.cause == cause
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,14 @@ import pytest
 
 from picktree.perception.fitting.view import PerceivedView, UnexplainedPatch
 from picktree.perception.voxels.obstacle_volumes import merge_cells, update_volumes
-from picktree.perception.voxels.space_carving import cell_indices, cell_keys, cells_of, obstacle_from_cells
+from picktree.perception.voxels.space_carving import (
+    cell_indices,
+    cell_keys,
+    cells_of,
+    in_picture,
+    obstacle_from_cells,
+    supposed_cells_of,
+)
 from picktree.world.belief.planning_scene import BeliefObject, PlanningScene
 from picktree.world.shapes import Box
 from picktree.world.values import Array, ObjectId, Pose
@@ -27,8 +34,11 @@ def run(start: int, count: int, y: int = 0, layers: int = 1) -> Array:
     return row(*range(start, start + count), y=y, layers=layers)
 
 
-def obstacle(cells: Array, name: str = "obstacle_1", colour: str = "red") -> BeliefObject:
-    shape, pose, blocks = obstacle_from_cells(merge_cells(cell_keys(cells), 10_000))
+def obstacle(
+    cells: Array, name: str = "obstacle_1", colour: str = "red", supposed: Array | None = None
+) -> BeliefObject:
+    further = () if supposed is None else merge_cells(cell_keys(supposed))
+    shape, pose, blocks = obstacle_from_cells(merge_cells(cell_keys(cells)), further)
     return BeliefObject(
         ObjectId(name), "obstacle", "unknown", "unknown", shape, colour, pose,
         0.005, 0.1, 0.5, 1.0, blocks=blocks,
@@ -305,6 +315,47 @@ def test_where_rays_pass_it_is_cleared_and_its_edge_next_to_what_stays_is_not() 
     assert look(scene, clear(run(len(after) - 1, 1))) == []
 
 
+def test_what_is_supposed_goes_with_what_was_seen_beside_it() -> None:
+    """The supposed cells are beyond the picture's edge, where no ray passes them."""
+    seen, supposed = run(8, 20), run(28, 8)
+    scene = scene_with(obstacle(seen, supposed=supposed))
+    assert look(scene) == []
+    assert look(scene, clear(seen[:8])) == ["obstacle_1: rays pass through parts of it"]
+    known = scene.get("obstacle_1")
+    assert np.isin(cell_keys(seen[10:]), cells_of(known)).all()
+    assert np.array_equal(supposed_cells_of(known), cell_keys(supposed))
+    assert look(scene, clear(seen)) == ["obstacle_1: its place was seen without it"]
+
+
+def test_what_a_pixel_takes_up_beyond_the_picture_is_supposed() -> None:
+    pixels = [(row, column) for row in range(15, 25) for column in range(WIDE - 5, WIDE)]
+    scene = scene_with()
+    depth = np.full((HIGH, WIDE), HEIGHT)
+    depth[15:25, WIDE - 5 :] = 0.9
+    view = synthetic_view(depth)
+    look(scene, view, (patch_of(*pixels),))
+    known = scene.get("obstacle_1")
+    cells = cells_of(known)
+    outside = cells[~in_picture(view, cells)]
+    assert len(outside) and np.isin(outside, supposed_cells_of(known)).all()
+    nothing = synthetic_view(reach=np.full((HIGH, WIDE), 2.0))
+    assert look(scene, nothing) == ["obstacle_1: its place was seen without it"]
+
+
+def test_what_was_supposed_and_then_is_seen_stays_as_what_was_seen() -> None:
+    pixels = [(row, column) for row in range(15, 25) for column in range(20, 40)]
+    depth = np.full((HIGH, WIDE), HEIGHT)
+    depth[15:25, 20:40] = 0.97
+    view = synthetic_view(depth)
+    scene = scene_with()
+    look(scene, view, (patch_of(*pixels),))
+    whole = cells_of(scene.get("obstacle_1"))
+    scene = scene_with(obstacle(cell_indices(whole[:20]), supposed=cell_indices(whole[20:])))
+    assert look(scene, view, (patch_of(*pixels),)) == ["obstacle_1: more of it was seen"]
+    assert not len(supposed_cells_of(scene.get("obstacle_1")))
+    assert look(scene, view, (patch_of(*pixels),)) == []
+
+
 @pytest.mark.parametrize(("wide", "columns"), [(0.043, 4), (0.045, 6)])
 def test_an_item_that_is_recognised_has_its_own_cells_and_those_within_3_mm(
     wide: float, columns: int
@@ -376,8 +427,8 @@ def covered(spans: list[tuple[Array, Array]]) -> set[tuple[int, int, int]]:
     }
 
 
-def spans_of(cells: Array, *most: int) -> list[tuple[tuple[int, ...], tuple[int, ...]]]:
-    spans = merge_cells(cell_keys(cells), *most)
+def spans_of(cells: Array) -> list[tuple[tuple[int, ...], tuple[int, ...]]]:
+    spans = merge_cells(cell_keys(cells))
     return sorted((tuple(low.tolist()), tuple(high.tolist())) for low, high in spans)
 
 
@@ -405,18 +456,6 @@ def test_boxes_grow_in_the_better_order_and_may_overlap() -> None:
     assert spans_of(tower) == [((0, 0, 0), (1, 1, 5)), ((0, 0, 0), (3, 1, 1))]
 
 
-def test_beyond_the_most_those_are_joined_that_waste_least() -> None:
-    near = np.array([(0, 0, 0), (2, 0, 0), (10, 0, 0), (14, 0, 0)])
-    assert spans_of(near, 3) == [((0, 0, 0), (3, 1, 1)), ((10, 0, 0), (11, 1, 1)), ((14, 0, 0), (15, 1, 1))]
-    assert spans_of(near, 2) == [((0, 0, 0), (3, 1, 1)), ((10, 0, 0), (15, 1, 1))]
-    assert spans_of(near, 1) == [((0, 0, 0), (15, 1, 1))]
-    # What is a little apart in two directions wastes more than what is further apart in one.
-    askew = np.array([(0, 0, 0), (2, 2, 0), (5, 0, 0)])
-    assert spans_of(askew, 2) == [((0, 0, 0), (6, 1, 1)), ((2, 2, 0), (3, 3, 1))]
-
-
-def test_an_obstacle_has_up_to_two_dozen_boxes() -> None:
+def test_boxes_contain_nothing_else_however_many_they_are() -> None:
     stairs = np.array([(2 * k, 2 * k, 0) for k in range(30)])
-    assert len(spans_of(stairs)) == 24
-    assert len(spans_of(stairs[:24])) == 24
-    assert covered(merge_cells(cell_keys(stairs))) >= set(map(tuple, stairs.tolist()))
+    assert covered(merge_cells(cell_keys(stairs))) == set(map(tuple, stairs.tolist()))

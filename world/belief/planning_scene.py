@@ -25,6 +25,8 @@ class ObstacleBlock:
     """Edge lengths, m."""
     at: Vector3
     """Its centre, m."""
+    supposed: bool = False
+    """Whether nothing was seen in it: the obstacle may go on there, where the picture showed nothing."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -201,6 +201,23 @@ def camera_off(case: Investigation) -> Iterator[DeviceFinding]:
     )
 
 
+def cameras_off(case: Investigation) -> tuple[DeviceFinding, ...]:
+    """Return what tells of cameras that hang elsewhere than believed."""
+    return tuple(camera_off(case))
+
+
+def seen_displaced(case: Investigation, item: str, time: float) -> Finding | None:
+    """Return the finding about a camera that hung elsewhere when it last showed the item before that time."""
+    seen = [each for each in case.identities.by_item.get(item, ()) if each.time <= time + 1e-6]
+    if not seen or math.hypot(*seen[-1].off) < OFF:
+        return None
+    last = seen[-1].time
+    return next(
+        (off.finding for off in case.once(cameras_off) if any(abs(a - last) < 1e-6 for a, _ in off.spans)),
+        None,
+    )
+
+
 def _runs(times: Iterable[float], looks: list[float]) -> tuple[tuple[float, float], ...]:
     """Spans from each look to the next one of any kind, until which the belief stays as it was seen."""
     found: list[tuple[float, float]] = []

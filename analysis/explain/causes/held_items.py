@@ -13,6 +13,7 @@ from ....world.values import GRAVITY, Array
 from ..investigation.case import Investigation
 from ..investigation.explanation import Confidence, FailureStory, Finding, number, numbers
 from ..investigation.number_wording import between, distance, force, listed_times, place, seconds
+from .camera_causes import seen_displaced
 
 SQUEEZING = 0.5
 """Share of the greatest finger force above which the fingers are taken to press on something."""
@@ -286,6 +287,8 @@ def why_it_left(case: Investigation, period: HeldPeriod) -> Finding | None:
         title = f"{item} was knocked out of the hand {between(start, end)}"
         reasons = (told, "it left faster than it can fall", *well, *until)
         return Finding("item.struck", true, title, reasons, item, start)
+    if (camera := seen_displaced(case, item, period.start)) is not None:
+        return camera  # it was gripped beside its middle
     sure: Confidence = "likely" if case.devices else "possible"
     title = f"{item} slid out of the fingers {between(start, end)}"
     title += ", though it weighs and rubs like its kind" if case.devices else ""

@@ -14,7 +14,8 @@ from ..investigation.body_tracks import horizontal_distance
 from ..investigation.case import Investigation
 from ..investigation.explanation import FailureStory, Finding, number
 from ..investigation.number_wording import between, counted, distance, force, place, seconds
-from .held_items import EMPTY, grip_within
+from .camera_causes import seen_displaced
+from .held_items import EMPTY, grip_within, held_periods
 
 MOVED = 0.015
 """A true item that is this far from where it was when last seen has moved, m."""
@@ -186,10 +187,12 @@ def misjudged(case: Investigation, failure: FailureStory) -> Finding | None:
         or horizontal_distance(body, believed) < MISPLACED
     ):
         return None
+    if (camera := seen_displaced(case, failure.item, reached)) is not None:
+        return camera
     settled = _settled(case, failure.item, reached)
     reasons = (f"believed at {place(believed.pose.position)}, truly at {place(body.pose.position)}",)
     off = distance(horizontal_distance(body, believed))
-    if settled > believed.last_seen + case.sampled:
+    if any(p.item == failure.item and believed.last_seen < p.end <= reached for p in case.once(held_periods)):
         title = f"{failure.item} lay {off} from where it was believed to have come to rest"
         reasons = (*reasons, f"it had been let go at {seconds(settled)} and not been seen since")
         return Finding("item.fell_elsewhere", true, title, reasons, failure.item, settled)
