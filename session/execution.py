@@ -200,10 +200,10 @@ class Execution:
         self.recipe = replace(self.recipe, limit=self.limit, start=StartCheckpoint(state, continues))
 
     def true_state(self, departed: int = 0) -> dict[str, Any]:
-        """Return the present state of the simulation with its faults and the wrist sensor's learnt bias, as
-        plain values, without the first `departed` items that left with bins.
+        """Return the present state of the simulation as plain values, without changing it.
 
-        The call does not change the simulation.
+        It has the faults and the wrist sensor's learnt bias, and leaves out the first `departed` items that
+        left with bins.
         """
         bias = list(self.world.control.wrist.learnt)
         faults = json_values(self.injector.state())

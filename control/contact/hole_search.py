@@ -285,8 +285,9 @@ class InsertionMotion(PegMotion):
     def _against_wall(
         self, felt: ContactState
     ) -> Generator[None, ContactState, tuple[ContactState, bool, Array | None]]:
-        """Push the leaning peg sideways until something blocks it, as the wall of the hole does, or until it
-        is beyond all walls that the hole may have.
+        """Push the leaning peg sideways until something blocks it, as the wall of the hole does.
+
+        It ends beyond all walls that the hole may have, too.
 
         Returns the last state, whether it is blocked, and the place (3,) of the lowest point at the greatest
         resistance. None: there was no resistance.
