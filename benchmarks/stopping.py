@@ -15,8 +15,8 @@ import math
 from collections.abc import Generator
 from typing import TypeVar
 
-from picktree.control.cartesian.impedance import ContactReflex
 from picktree.control.cartesian.twist import Twist
+from picktree.control.execution.contact_reflex import ContactReflex
 from picktree.control.execution.jog_motion import MAX_TWIST_SPEED
 from picktree.control.joints.joint_controllers import BrakeController
 from picktree.planning.requests import JointGoal

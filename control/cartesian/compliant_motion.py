@@ -82,7 +82,6 @@ class CartesianStiffness:
 
 
 FIRM_STIFFNESS = CartesianStiffness()
-SOFT_STIFFNESS = CartesianStiffness(linear=400.0, angular=20.0, damping=1.0)
 
 
 STANDING_TIME = 0.05

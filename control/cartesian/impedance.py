@@ -15,11 +15,9 @@ from ..joints.joint_controllers import BrakeController
 from ..wrist.wrist_wrench import TcpWrench
 from .compliant_motion import (
     FIRM_STIFFNESS,
-    SOFT_STIFFNESS,
     CartesianStiffness,
     CompliantMotion,
     ContactState,
-    HoldPose,
 )
 from .soft_limits import SoftJointLimits
 
@@ -35,10 +33,6 @@ MAX_LINE_OFFSET, MAX_LINE_ROTATION = 0.004, 0.03
 """Offset from the line, m, and rotation, rad, of the tool at which a joint at its limit ends the motion."""
 POSTURE_STIFFNESS = 25.0
 """Stiffness of the null-space posture over inertia, 1/s²; critically damped."""
-
-
-COMPLY_TIME = 0.3
-"""Length of the reflex to a contact, s."""
 
 
 class CartesianImpedance:
@@ -58,7 +52,6 @@ class CartesianImpedance:
         course: CompliantMotion,
         stiffness: CartesianStiffness = FIRM_STIFFNESS,
         preload: Array | None = None,
-        torque_rate: float = TORQUE_RATE,
         feeling: TcpWrench | None = None,
     ) -> None:
         """`feeling`: source of the contact wrench for the motion. None: it is zero."""
@@ -72,7 +65,7 @@ class CartesianImpedance:
         self._data = model.arm.createData()
         self._error = np.zeros(6)
         self._aim = np.zeros(6)
-        self._step: float = torque_rate * period
+        self._step: float = TORQUE_RATE * period
         self._age = 0.0
         self._bounds = SoftJointLimits(model)
         self.blocked_by = ""
@@ -158,27 +151,3 @@ class CartesianImpedance:
         self._spring: Array = self._stiffness.matrix(rotation)
         self._damping: Array = self._stiffness.damping_matrix(inertia, rotation)
         self._null: Array = mass - jacobian.T @ inertia @ jacobian
-
-
-class ContactReflex(CartesianImpedance):
-    """Reflex to a contact: soft and damped about the pose of the contact, for `COMPLY_TIME`.
-
-    The stiff servo would keep pressing while it brakes: 165 N at 0.5 mm.
-    """
-
-    name: ClassVar[str] = "Comply"
-
-    def __init__(self, model: RobotModel, period: float, preload: Array) -> None:
-        super().__init__(model, period, HoldPose(), SOFT_STIFFNESS, preload, torque_rate=math.inf)
-        self._until = math.inf
-
-    def start(self, now: float, state: JointState, setpoint: JointCommand) -> None:
-        super().start(now, state, setpoint)
-        self._until = now + COMPLY_TIME
-
-    def update(self, now: float, state: JointState) -> TorqueCommand:
-        self.done = now >= self._until
-        return super().update(now, state)
-
-    def brake(self) -> Controller:
-        return self

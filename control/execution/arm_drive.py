@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
 from ...robots.model import RobotModel
 from ...world.protocols import Hardware
-from ...world.values import Array, JointState, Pose, Vector3
-from ..cartesian.impedance import ContactReflex
+from ...world.values import Array, JointState, Pose
 from ..commands import Controller, JointCommand
 from ..joints.joint_controllers import BrakeController, HoldController
 from ..wrist.wrist_wrench import WristWrench
+from .contact_reflex import ContactReflex
 
 REST_SPEED = 0.02
 """Speed over all joints below which the arm counts as standing, rad/s."""
@@ -65,8 +63,6 @@ class ArmSampler:
         self._velocity = self.state.velocity
 
 
-TOUCH_FORCE = 20.0
-"""Force above which the wrist counts as touched, not only loaded, N."""
 MAX_HOLD_ERROR = 0.01
 """Joint error at the end of a motion above which the arm holds its actual configuration, rad. The obstruction
 may give way at any time."""
@@ -127,14 +123,12 @@ class ArmDrive:
         if braking is not self.controller:
             self.begin(braking, state)
 
-    def stop_at_once(self, state: JointState, force: Vector3) -> None:
-        """Comply after a contact; otherwise brake as fast as the joints allow, from the present state.
-
-        `force`: wrist force, N.
-        """
+    def stop_at_once(self, state: JointState, *, pushed: bool) -> None:
+        """Stop from the present state: comply when something has `pushed` the arm, else brake each joint as
+        fast as it can."""
         self.braking = True
         self.servo = False
-        if math.hypot(*force) > TOUCH_FORCE:
+        if pushed:
             self.begin(ContactReflex(self._model, self._hardware.period, self.carried), state)
         else:
             self.begin(self._brake_controller(), state)

@@ -25,8 +25,8 @@ from ..joints.joint_controllers import HoldController
 from ..safety.bias_estimation import WRIST_WINDOW, BiasEstimator
 from ..safety.motion_lease import ContactGuard, ForceGuard, Lease
 from ..safety.safety_monitor import MonitorState, SafetyMonitor
-from .arm_drive import TOUCH_FORCE, ArmDrive, ArmSampler
-from .supervision import REST_TIME, Supervision, Watchdog
+from .arm_drive import ArmDrive, ArmSampler
+from .supervision import REST_TIME, TOUCH_FORCE, Supervision, Watchdog
 
 CONTACT_RATE = 500
 """Rate of physics and control in contact, Hz."""
@@ -233,7 +233,7 @@ class ControlLoop:
         stopped = self._supervision.check(state, reference, force, period)
         if touched or (stopped and self._supervision.off_its_way()):
             guard.guard = None
-            drive.stop_at_once(state, self.wrist.force)
+            drive.stop_at_once(state, pushed=self._supervision.pushed(self.wrist.force))
         elif stopped:
             self._brake_motion()
         drive.command(state)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from ...robots.model import RobotModel
@@ -16,6 +18,8 @@ from .arm_drive import ArmSampler
 
 TOOL_CHECK_PERIODS = 4
 """Control periods between two checks of the TCP against the workspace."""
+TOUCH_FORCE = 20.0
+"""Force above which the wrist counts as touched, not only loaded, N."""
 REST_TIME = 0.1
 """Time at rest before a tare or a load is read, s."""
 EFFORT_CHECK_TIME = 0.05
@@ -79,6 +83,11 @@ class Supervision:
         prolong it."""
         stop = self._monitor.stopped
         return stop is not None and stop.cause in (control.TRACKING, safety.FORCE_LIMIT, safety.TORQUE_LIMIT)
+
+    def pushed(self, force: Vector3) -> bool:
+        """Return whether something pushes the arm: `force`, N, at the wrist, or efforts that nothing
+        explains."""
+        return math.hypot(*force) > TOUCH_FORCE or self._monitor.pushed
 
     def restore(self, periods: int) -> None:
         """Continue from a checkpoint that was taken after `periods` control periods."""

@@ -114,14 +114,17 @@ class ExternalTorqueObserver:
     "Collision detection and safe reaction with the DLR-III lightweight manipulator arm", IROS 2006.
     """
 
-    def __init__(self, model: RobotModel, period: float, gain: float = OBSERVER_GAIN) -> None:
+    def __init__(
+        self, model: RobotModel, period: float, torque: Array | None = None, gain: float = OBSERVER_GAIN
+    ) -> None:
+        """`torque` (n,): external torques at the start, Nm. None: zero."""
         self._model = model
         self._arm = model.arm
         self._data = model.arm.createData()
         self._period = period
         self._gain = gain
         self._sum: Array | None = None
-        self.torque: Array = np.zeros(model.n)
+        self.torque: Array = np.zeros(model.n) if torque is None else torque
         """External torques (n,), Nm; zero when only the arm's own weight and drives act."""
 
     def watch(self, state: JointState, driven: Array) -> Array:
@@ -132,7 +135,7 @@ class ExternalTorqueObserver:
         coriolis = pin.computeCoriolisMatrix(arm, data, q, v)
         known = driven + coriolis.T @ v - pin.computeGeneralizedGravity(arm, data, q)
         if self._sum is None:
-            self._sum = momentum - known * self._period
+            self._sum = momentum - self.torque / self._gain - (known + self.torque) * self._period
         self._sum = self._sum + (known + self.torque) * self._period
         self.torque = self._gain * (momentum - self._sum)
         return self.torque

@@ -38,8 +38,10 @@ YIELD_DISTANCE = 0.003
 contact, a tenth of a millimetre of encoder noise is 20 N."""
 YIELD_TIME = 0.35
 """Time for which the arm gives way, s."""
-CONTACT_FREE_TIME = 0.15
-"""Time after the start in which readings count as free of contact, s."""
+ZERO_WINDOW = 0.05
+"""Time at rest over which the wrist force before a motion is averaged, s."""
+FOLLOWING_TIME = 0.15
+"""Time for which the anchor of gravity compensation follows the arm before it leaves a contact, s."""
 PRESSING_FORCE = 1.5
 """Force at the wrist beyond the load above which something presses on it, N."""
 CALM_TORQUE, CALM_SPEED = 1.0, 0.02
@@ -80,7 +82,6 @@ class JointImpedanceController(TrajectoryController):
         self._wrist = wrist
         self._carried = np.concatenate([carried, np.zeros(3)])
         self._most_torque, self._most_force = torque, force
-        self._observer = ExternalTorqueObserver(model, period)
         self._elapsed = 0.0
         self._until = math.inf
         self.touched = False
@@ -94,21 +95,25 @@ class JointImpedanceController(TrajectoryController):
 
     def start(self, now: float, state: JointState, setpoint: JointCommand) -> None:
         super().start(now, state, JointCommand(state.position.copy(), np.zeros_like(state.position)))
+        q, model = state.position, self._model
+        pressing = static_external_torque(model, state)
         self._driven: Array = state.effort.copy()
-        self._usual: Array | None = None
-        self._force: Array = np.array(self._wrist.force)
+        self._observer = ExternalTorqueObserver(model, self._period, pressing)
+        self._usual: Array = pressing - model.jacobian(q).T @ self._carried
+        self._force: Array = self._wrist.over(ZERO_WINDOW, q)[:3]
 
     def update(self, now: float, state: JointState) -> TorqueCommand:  # pyright: ignore[reportIncompatibleMethodOverride]
         q, v, model = state.position, state.velocity, self._model
         self._elapsed += self._period
-        external = self._observer.watch(state, self._driven)
+        hanging = model.jacobian(q).T @ self._carried
+        external = self._observer.watch(state, self._driven) - hanging
         before = self.progress
         command = super().update(now, state)
         aim, speed = command.position, command.velocity
         mass = model.mass_matrix(q)
         spring = JointSpring(model, mass)
         if not self.touched and self._feels(external):
-            self._anchor: Array = self._behind() + spring.yield_motion(external - self._usual_torque())
+            self._anchor: Array = self._behind() + spring.yield_motion(external - self._usual)
             self._until = self._elapsed + YIELD_TIME
         if self.touched:
             spring = JointSpring(model, mass, CONTACT_STIFFNESS_SHARE)
@@ -118,7 +123,7 @@ class JointImpedanceController(TrajectoryController):
             feed = np.zeros_like(v)
         else:
             feed = self._acceleration()
-        torque = model.inverse_dynamics(q, v, feed) - model.jacobian(q).T @ self._carried
+        torque = model.inverse_dynamics(q, v, feed) - hanging
         torque += spring.torque(aim - q, speed - v)
         self._driven = np.clip(torque, -model.torque_limit, model.torque_limit)
         return TorqueCommand(self._driven)
@@ -146,9 +151,6 @@ class JointImpedanceController(TrajectoryController):
     def _sample_at(self, s: float) -> Array:
         return self.trajectory.sample(s)[0]
 
-    def _usual_torque(self) -> Array:
-        return np.zeros(self._model.n) if self._usual is None else self._usual
-
     def _acceleration(self) -> Array:
         """Return the acceleration (n,) of the trajectory now, rad/s²; zero while it brakes."""
         if self._rate != 1.0 or self.done:
@@ -157,16 +159,14 @@ class JointImpedanceController(TrajectoryController):
         return 2.0 * c[2] + t * (6.0 * c[3] + t * (12.0 * c[4] + t * 20.0 * c[5]))
 
     def _feels(self, external: Array) -> bool:
-        """Update the usual readings, and return whether something touches the arm."""
+        """Update the usual readings, and return whether something touches the arm. `external` (n,): external
+        torque without the load's, Nm."""
         force = np.array(self._wrist.force)
-        if self._elapsed < CONTACT_FREE_TIME or self._usual is None:
-            self._usual = external.copy()
-            share = self._period / (CONTACT_FREE_TIME / 3 + self._period)
-            self._force = self._force + share * (force - self._force)
-            return False
         # Pressure from the start that decreases is released: that is no contact.
         if self._eased(force):
             self._force = force
+        if float(np.linalg.norm(external)) < float(np.linalg.norm(self._usual)):
+            self._usual = external
         torque = float(np.linalg.norm(external - self._usual))
         size = float(np.linalg.norm(force - self._force))
         self.torque, self.force = max(self.torque, torque), max(self.force, size)
@@ -214,8 +214,9 @@ class GravityCompensationController:
         self._begun: Array = q.copy()
         self._anchor: Array = q.copy()
         self._driven: Array = state.effort.copy()
-        self._off = JointSpring(model, model.mass_matrix(q)).yield_motion(
-            static_external_torque(model, state) - model.jacobian(q).T @ self._carried
+        self._take_off(
+            static_external_torque(model, state) - model.jacobian(q).T @ self._carried,
+            JointSpring(model, model.mass_matrix(q)),
         )
 
     def update(self, now: float, state: JointState) -> TorqueCommand:
@@ -224,13 +225,16 @@ class GravityCompensationController:
         external = self._observer.watch(state, self._driven) - hanging
         self._since += self._period
         spring = JointSpring(model, model.mass_matrix(q))
+        if self._since <= FOLLOWING_TIME and float(np.linalg.norm(external)) > self._hardest:
+            self._take_off(external, spring)
         anchor = self._led(q)
-        if self._since > 2 * CONTACT_FREE_TIME:
+        if self._since > 2 * FOLLOWING_TIME:
             self.pressed = float(np.linalg.norm(external))
             quiet = self.pressed < CALM_TORQUE and float(np.abs(v).max()) < CALM_SPEED
             self._calm = self._calm + self._period if quiet else 0.0
-            if self._since > 4 * CONTACT_FREE_TIME and self.pressed >= CALM_TORQUE:
-                self._off, self._since = spring.yield_motion(external), 0.0
+            if self._since > 4 * FOLLOWING_TIME and self.pressed >= CALM_TORQUE:
+                self._take_off(external, spring)
+                self._since = 0.0
         torque = model.inverse_dynamics(q, v, np.zeros_like(v)) - hanging
         torque += spring.torque(anchor - q, -v)
         self._driven = np.clip(torque, -model.torque_limit, model.torque_limit)
@@ -239,13 +243,18 @@ class GravityCompensationController:
     def brake(self) -> Controller:
         return BrakeController(self._model, self._period)
 
+    def _take_off(self, external: Array, spring: JointSpring) -> None:
+        """Let the anchor move along these external torques (n,), Nm, once it has followed the arm."""
+        self._hardest = float(np.linalg.norm(external))
+        self._off: Array = spring.yield_motion(external)
+
     def _led(self, q: Array) -> Array:
         """Return the anchor (n,) of the spring, rad: first the arm's configuration, then away from the
         contact."""
-        if self._since <= CONTACT_FREE_TIME:
+        if self._since <= FOLLOWING_TIME:
             self._anchor = np.clip(q, self._begun - MAX_DRIFT, self._begun + MAX_DRIFT)
             return self._anchor
-        return self._anchor + min(1.0, (self._since - CONTACT_FREE_TIME) / CONTACT_FREE_TIME) * self._off
+        return self._anchor + min(1.0, (self._since - FOLLOWING_TIME) / FOLLOWING_TIME) * self._off
 
 
 class JointSpring:

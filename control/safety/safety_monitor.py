@@ -48,6 +48,7 @@ TORQUE_SLACK, MASS_SLACK = 0.1, 0.1
 """The same for efforts, as a share of the joint's limit, and for the payload, kg."""
 
 TORQUE_LIMIT_NAME = safety.TORQUE_LIMIT.name
+UNEXPLAINED_NAME = f"{TORQUE_LIMIT_NAME}/unexplained"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -122,6 +123,11 @@ class SafetyMonitor:
     def pressed(self) -> bool:
         """Whether the wrist force is above its limit now, acknowledged or not."""
         return self._forceful
+
+    @property
+    def pushed(self) -> bool:
+        """Whether a joint exerts now what nothing explains, acknowledged or not."""
+        return self._latch.stands(UNEXPLAINED_NAME)
 
     def acknowledge(self, by: str = "") -> bool:
         """Allow motion again, and return False when that is impossible.
@@ -257,7 +263,7 @@ class SafetyMonitor:
         """Report the unexplained effort to the latch, and return whether a stop was latched."""
         if explained and not self._latch.busy:
             return False
-        name = f"{TORQUE_LIMIT_NAME}/unexplained"
+        name = UNEXPLAINED_NAME
         k = int(np.abs(self._unexplained).argmax())
         level = abs(float(self._unexplained[k]))
         if not explained:

@@ -6,10 +6,11 @@ import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from ...planning.requests import PoseGoal, Scaling
+from ...planning.requests import OffsetGoal, PoseGoal, Request, Scaling
 from ...world.belief.planning_scene import BeliefObject
 from ...world.causes import Failure, place
 from ...world.events.skill_events import PutDownEvent
+from ...world.shapes import top
 from ..grasp.straight_lines import DOWNWARDS
 from ..place.dropped_objects import support_height_at
 from ..place.release_poses import blocked, put_down_poses
@@ -20,7 +21,7 @@ from .hold_check import release_held_object
 if TYPE_CHECKING:
     from ...control.execution.trajectory_motion import Doing
     from ...skill_world.world import World
-    from ...world.values import Pose, Vector3
+    from ...world.values import Array, Pose, Vector3
 
 SPOT_RING_RADII = (0.0, 0.05, 0.10, 0.16, 0.24)
 """Distances from the object at which spots are tried, m."""
@@ -30,6 +31,8 @@ MAX_SPOT_ATTEMPTS = 4
 """Maximum number of free spots to which a path is planned."""
 LEVEL_RADIUS = 0.05
 """Distance from the middle of a spot within which the fixture must be level, m."""
+LEVEL_TOLERANCE = 0.001
+"""Height by which a fixture may exceed the support and still count as level with it, m."""
 HAND_SPOT_CLEARANCE = 0.01
 """Clearance of the hand at a spot, m."""
 LOWERING_SPARE = 0.02
@@ -55,11 +58,14 @@ def put_down(world: World, leaving: RetreatMotion, scaling: Scaling, node: str) 
         over = tuple(
             pose.shifted((0.0, 0.0, world.handling.approach))
             for pose in put_down_poses(spot, held.shape, held.object_in_tcp)
-            if _hand_has_room(world, held, pose)
+            if _hand_has_room(world, held, pose, spot[2])
         )
         try:
             plan = yield from world.plan.to(PoseGoal(over), scaling=scaling, node=node)
-            way = world.move.slowed(plan.trajectory, REDUCED_SPEED if seen else WARY_SPEED)
+            lowering = _lowering(world, held, spot[2], plan.trajectory.end)
+            yield from world.plan.solve(lowering, node=node)
+            wary = leaving.touched or not seen
+            way = world.move.slowed(plan.trajectory, WARY_SPEED if wary else REDUCED_SPEED)
             result = yield from leaving.follow(way, FREE_PATH_THRESHOLDS)
         except Failure as failure:
             if not failure.cause.name.startswith("planning."):
@@ -79,6 +85,18 @@ def put_down(world: World, leaving: RetreatMotion, scaling: Scaling, node: str) 
         object=held.id,
         spots=tries,
     )
+
+
+def _lowering(world: World, held: BeliefObject, height: float, start: Array) -> Request:
+    """Return the request straight down from `start` (n,), rad, to a support at `height` m.
+
+    The wrist does not feel contacts of the arm itself. So the whole arm must have room on the line before a
+    guarded move follows it. Its end, where the object touches, is left out.
+    """
+    handling = world.handling
+    down = OffsetGoal((0.0, 0.0, handling.felt_way - handling.approach))
+    pairs = tuple((part, board) for board in _boards(world, height) for part in ("gripper", str(held.id)))
+    return Request(down, start, allowed=pairs, scaling=handling.slowly)
 
 
 def _lower(world: World, held: BeliefObject, node: str) -> Doing[None]:
@@ -110,18 +128,23 @@ def _free_spots(world: World, held: BeliefObject) -> Iterator[Vector3]:
             spot = (*at, height)
             poses = put_down_poses(spot, held.shape, held.object_in_tcp)
             if blocked(world.queries, held, poses[0]) is None and any(
-                _hand_has_room(world, held, p) for p in poses
+                _hand_has_room(world, held, p, height) for p in poses
             ):
                 yield spot
 
 
-def _hand_has_room(world: World, held: BeliefObject, tcp_in_world: Pose) -> bool:
-    """Return whether the hand has room there with the fingers opened for the release."""
+def _hand_has_room(world: World, held: BeliefObject, tcp_in_world: Pose, height: float) -> bool:
+    """Return whether the hand has room there with the fingers opened for the release; `height` of the
+    support, m."""
     opened = min(world.gripper.width + world.handling.release, world.robot.description.gripper.max_width)
-    boards = tuple(world.scene.fixtures)
-    return not world.queries.hand_contacts(
-        tcp_in_world, opened, (str(held.id), *boards), margin=HAND_SPOT_CLEARANCE
-    )
+    ignored = (str(held.id), *_boards(world, height))
+    return not world.queries.hand_contacts(tcp_in_world, opened, ignored, margin=HAND_SPOT_CLEARANCE)
+
+
+def _boards(world: World, height: float) -> tuple[str, ...]:
+    """Return the names of the fixtures that are not higher than the support at `height` m."""
+    fixtures = world.scene.fixtures.items()
+    return tuple(str(name) for name, f in fixtures if top(f.shape, f.pose) <= height + LEVEL_TOLERANCE)
 
 
 def _level_height(world: World, at: tuple[float, float]) -> float | None:

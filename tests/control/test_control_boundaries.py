@@ -7,9 +7,9 @@ from typing import cast
 import numpy as np
 import pytest
 
-from picktree.control.cartesian.impedance import ContactReflex
 from picktree.control.cartesian.soft_limits import SoftJointLimits, distance_to_workspace_edge
 from picktree.control.commands import JointCommand
+from picktree.control.execution.contact_reflex import ContactReflex
 from picktree.control.joints.joint_controllers import BrakeController
 from picktree.control.safety.safety_monitor import SafetyMonitor
 from picktree.simulation.physics.backend import PhysicsHardware

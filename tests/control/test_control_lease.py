@@ -6,10 +6,14 @@ import numpy as np
 import pytest
 
 from picktree.control.cartesian.compliant_motion import HoldPose
-from picktree.control.cartesian.impedance import CartesianImpedance, ContactReflex
+from picktree.control.cartesian.impedance import CartesianImpedance
 from picktree.control.cartesian.velocity_controller import JogController
+from picktree.control.execution.contact_reflex import ContactReflex
 from picktree.control.joints.joint_controllers import BrakeController, HoldController, TrajectoryController
-from picktree.control.joints.soft_controller import GravityCompensationController, JointImpedanceController
+from picktree.control.joints.soft_controller import (
+    GravityCompensationController,
+    JointImpedanceController,
+)
 from picktree.control.safety.motion_lease import Lease
 from picktree.errors import PicktreeError
 from picktree.world.causes import Failure

@@ -9,9 +9,9 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from picktree.control.cartesian.impedance import ContactReflex
 from picktree.control.commands import JointCommand
 from picktree.control.execution.arm_drive import ArmDrive, ArmSampler
+from picktree.control.execution.contact_reflex import ContactReflex
 from picktree.control.execution.supervision import Supervision, Watchdog
 from picktree.control.joints.joint_controllers import BrakeController, HoldController, TrajectoryController
 from picktree.control.safety.bias_estimation import BiasEstimator
@@ -145,14 +145,23 @@ def test_a_drive_off_its_set_point_brakes_where_the_arm_stands() -> None:
         assert (drive.reference is None) is (controller is BrakeController)
 
 
-@pytest.mark.parametrize(("force", "controller"), [(19.0, BrakeController), (21.0, ContactReflex)])
-def test_a_drive_complies_after_a_contact_only(force: float, controller: type) -> None:
+@pytest.mark.parametrize(("pushed", "controller"), [(False, BrakeController), (True, ContactReflex)])
+def test_a_drive_complies_after_a_contact_only(pushed: bool, controller: type) -> None:
     bench = Bench()
     drive = ArmDrive(cast("Hardware", bench), MODEL, bench.state())
-    drive.stop_at_once(bench.state(), (0.0, force, 0.0))
+    drive.stop_at_once(bench.state(), pushed=pushed)
     assert type(drive.controller) is controller
     assert drive.reference is None
     assert isinstance(drive.setpoint, JointCommand)
+
+
+def test_the_arm_is_pushed_by_a_force_at_the_wrist_or_by_efforts_that_nothing_explains() -> None:
+    bench = Bench()
+    loop = parts(bench)
+    assert [loop.supervision.pushed((0.0, force, 0.0)) for force in (19.0, 21.0)] == [False, True]
+    loop.monitor.explained(MODEL.torque_limit, 1.0)
+    loop.monitor.check_efforts(explained=False)
+    assert loop.supervision.pushed((0.0, 0.0, 0.0))
 
 
 @pytest.mark.parametrize("feels_effort", [True, False])

@@ -16,12 +16,22 @@ from picktree.control.joints.external_torque import ExternalTorqueObserver
 from picktree.control.joints.soft_controller import GravityCompensationController, JointImpedanceController
 from picktree.robots.loading import load_robot
 from picktree.robots.model import RobotModel
+from picktree.simulation.physics.backend import PhysicsHardware
+from picktree.world.causes import Failure
 from picktree.world.values import Array, JointState
 
 from ..planning.motion_cell import down
 from .control_cell import HOME, MODEL, Cell, reach, swing
 
 PERIOD = 1 / 240
+
+
+def no_wrench(window: float, q: Array) -> Array:
+    """The wrist feels nothing."""
+    return np.zeros(6)
+
+
+NO_WRENCH = cast("Any", SimpleNamespace(force=(0.0, 0.0, 0.0), over=no_wrench))
 
 
 def test_the_observer_finds_what_pushes_while_the_arm_moves() -> None:
@@ -60,6 +70,56 @@ def test_a_slower_trajectory_goes_the_same_way_and_nothing_is_faster_than_it_may
     ]
     assert 0.02 < max(speeds) <= 0.051
     assert slowed_trajectory(MODEL, slow, 0.25).duration == slow.duration
+
+
+def soft_motion(push_from: int, effort: float = 0.0) -> JointImpedanceController:
+    """Run the first 0.15 s of a soft motion, with 6 Nm against joint 2 from period `push_from` on.
+
+    `effort`: of that joint at rest, beyond its weight, Nm.
+    """
+    soft = JointImpedanceController(
+        swing(HOME, HOME + 0.1, 2.0),
+        MODEL,
+        PERIOD,
+        wrist=NO_WRENCH,
+        carried=np.zeros(3),
+        torque=1.2,
+        force=3.0,
+    )
+    q, v, joint = HOME.copy(), np.zeros(MODEL.n), np.eye(MODEL.n)[1]
+    torque = MODEL.gravity(q)
+    soft.start(0.0, JointState(q, v, torque + effort * joint), cast("Any", SimpleNamespace(position=q)))
+    for period in range(36):
+        torque = soft.update(period * PERIOD, JointState(q, v, torque)).torque
+        v = v + MODEL.forward_dynamics(q, v, torque - (period >= push_from) * 6.0 * joint) * PERIOD
+        q = q + v * PERIOD
+    return soft
+
+
+def test_a_contact_at_the_beginning_of_a_soft_motion_is_one() -> None:
+    assert soft_motion(push_from=8).touched
+    assert not soft_motion(push_from=99).touched
+
+
+def test_pressure_that_is_released_at_the_beginning_of_a_soft_motion_is_no_contact() -> None:
+    assert not soft_motion(push_from=99, effort=15.0).touched
+
+
+def test_the_reflex_leaves_what_the_arm_has_hit_before_the_stiff_servo_takes_over() -> None:
+    cell = Cell(backend=PhysicsHardware)
+    hardware = cell.hardware
+    assert isinstance(hardware, PhysicsHardware)
+    cell.go(0.45, 0.1, 0.25)
+    start = cell.loop.held_position
+    into = reach(down(0.45, 0.1, -0.05), start)
+    with pytest.raises(Failure, match="N at the wrist"):
+        cell.run(cell.move.along(swing(start, into, 1.2), guard=25.0))
+    forces: list[float] = []
+    for _ in range(300):
+        cell.loop.step()
+        forces.append(sum(c.force for c in hardware.true_contacts() if "table" in (c.one, c.other)))
+    assert cell.loop.controller == "Hold"
+    assert np.mean(forces[100:]) < 0.5
 
 
 def of_box(mass: float, centre: Array, sides: Array) -> pin.Inertia:
@@ -101,12 +161,11 @@ def test_soft_motions_are_stable_on_any_arm(seed: int) -> None:
     rng, model = np.random.default_rng(100 + seed), random_arm(seed)
     start = rng.uniform(model.lower, model.upper) * 0.8
     goal = np.clip(start + rng.uniform(-0.6, 0.6, model.n), model.lower, model.upper)
-    wrist = cast("Any", SimpleNamespace(force=(0.0, 0.0, 0.0)))
     soft = JointImpedanceController(
         swing(start, goal, 2.0),
         model,
         PERIOD,
-        wrist=wrist,
+        wrist=NO_WRENCH,
         carried=np.zeros(3),
         torque=math.inf,
         force=math.inf,

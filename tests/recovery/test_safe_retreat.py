@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
 
+from picktree.manipulation.carry.put_down import _free_spots  # pyright: ignore[reportPrivateUsage]
 from picktree.manipulation.retreat.clearing import RetreatMotion
-from picktree.planning.requests import ContactPair
+from picktree.planning.requests import ContactPair, MotionPlan, OffsetGoal, Request
+from picktree.planning.service.plan_service import PlanService
 from picktree.simulation.kinematic.backend import KinematicHardware
 from picktree.world.belief.planning_scene import BeliefObject
-from picktree.world.causes import Cause, Failure, FailureReport, control, place
+from picktree.world.causes import Cause, Failure, FailureReport, control, place, planning
+from picktree.world.scene.description import Fixture
 from picktree.world.shapes import Box
-from picktree.world.values import ObjectId, Pose, Vector3
+from picktree.world.values import Array, ObjectId, Pose, Vector3
 
 from ..skills.cell import Cell, items, mission
 
@@ -116,6 +120,49 @@ def test_what_is_put_down_stands_on_a_free_spot_when_the_nearest_is_taken() -> N
     (body,) = made.hardware.truth()
     assert 0.04 < np.hypot(body.pose.position[0] - x, body.pose.position[1] - y) < 0.3
     assert body.pose.position[2] == pytest.approx(0.02, abs=0.004)
+
+
+def test_nothing_is_put_down_where_the_arm_has_no_room_on_the_way_down(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    made = cell()
+    item = block(made)
+    assert do(made, f"Grasp: {{object: {item}, onward: false}}") == ("SUCCESS", "")
+    x, y, _ = made.world.control.tcp.position
+    solve, lines = PlanService.solve, list[Array]()
+
+    def no_first_line(plans: PlanService, request: Request, *, node: str = "") -> Doing[MotionPlan]:
+        if isinstance(request.target, OffsetGoal) and request.start is not None:
+            lines.append(request.start)
+            if len(lines) == 1:
+                raise Failure(planning.NO_PATH, "the forearm is in the way")
+        return (yield from solve(plans, request, node=node))
+
+    monkeypatch.setattr(PlanService, "solve", no_first_line)
+    assert do(made, "SafeRetreat: {hand: put_down}") == ("SUCCESS", "")
+    assert len(lines) == 2
+    (body,) = made.hardware.truth()
+    assert np.hypot(body.pose.position[0] - x, body.pose.position[1] - y) > 0.04
+    assert made.world.robot.tcp(lines[1]).position[:2] == pytest.approx(body.pose.position[:2], abs=0.02)
+
+
+def test_nothing_is_put_down_where_the_hand_has_no_room_next_to_a_fixture() -> None:
+    x, y, nearest = 0.5, 0.28, list[float]()
+    for high in (0.3, 0.0):
+        posts = [
+            Fixture(ObjectId(f"post_{k}"), Box((0.02, 0.02, high)), Pose((x + dx, y + dy, high / 2)))
+            for k, (dx, dy) in enumerate(((0.05, 0.0), (-0.05, 0.0), (0.0, 0.05), (0.0, -0.05)))
+        ]
+        scene = items(block=1)
+        made = Cell(mission(LOOK), replace(scene, fixtures=(*scene.fixtures, *(posts if high else ()))))
+        made.finish()
+        item = block(made)
+        assert do(made, f"Grasp: {{object: {item}, onward: false}}") == ("SUCCESS", "")
+        held = made.world.scene.get(ObjectId(item))
+        there = replace(held, pose=Pose((x, y, held.pose.position[2]), held.pose.orientation))
+        nearest.append(min(np.hypot(spot[0] - x, spot[1] - y) for spot in _free_spots(made.world, there)))
+    assert nearest[0] > 0.09
+    assert nearest[1] == pytest.approx(0.0, abs=1e-9)
 
 
 def test_what_was_to_be_kept_and_is_gone_is_said() -> None:
