@@ -64,14 +64,19 @@ class GraspCandidate:
     """Whether the hand comes along its own axis instead of straight down."""
     enclosed: float = 0.0
     """Last part of the straight way to the grasp that lies between walls around the object, m."""
+    narrow: bool = False
+    """Whether a finger may come down on the object when that stands some mm beside its believed place."""
 
     def pre_grasp(self, height: float) -> Pose:
         """Return the TCP pose in the world from which the hand comes straight, at least `height` m before the
         grasp, and above the walls."""
-        height = max(height, self.enclosed + WALL_CLEARANCE if self.enclosed else 0.0)
+        return self.before(max(height, self.enclosed + WALL_CLEARANCE if self.enclosed else 0.0))
+
+    def before(self, distance: float) -> Pose:
+        """Return the TCP pose in the world on the straight way, `distance` m before the grasp."""
         if self.tilted:
-            return self.tcp_in_world @ Pose((0.0, 0.0, -height))
-        return self.tcp_in_world.shifted((0.0, 0.0, height))
+            return self.tcp_in_world @ Pose((0.0, 0.0, -distance))
+        return self.tcp_in_world.shifted((0.0, 0.0, distance))
 
     def rounded(self, height: float, most: float) -> float:
         """Return the length of the way, at most `most` m, within which a path may cut the corner at the

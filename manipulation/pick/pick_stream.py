@@ -24,6 +24,7 @@ from ...world.belief.planning_scene import BeliefObject
 from ...world.causes import Failure, planning
 from ...world.values import Array, Pose
 from ..grasp.grasp_candidates import GraspCandidate
+from ..grasp.grasp_opening import widened
 from ..insert.insertion import fingertips_too_low, hover_poses
 from ..place.release_poses import (
     MAX_PLACE_PENETRATION,
@@ -46,7 +47,7 @@ from .pick_candidates import (
     touching,
     unreached,
 )
-from .transfer_requests import approach, touchable
+from .transfer_requests import SLOW_DESCENT_COST, approach, touchable
 
 if TYPE_CHECKING:
     from ...control.execution.trajectory_motion import Doing
@@ -63,8 +64,7 @@ MAX_TAKEN_TURNS, MAX_TAKEN_PLACES = 3, 36
 """Failures of the room test at which a grasp skips a cell, and at which it gives up."""
 MAX_TESTED_PLACES, FEW_TESTED_PLACES, MAX_BARREN_GRASPS = 16, 3, 3
 """Tested places at which a grasp gives up; the lower number once `MAX_BARREN_GRASPS` grasps have given up;
-`MAX_BARREN_GRASPS`
-itself."""
+`MAX_BARREN_GRASPS` itself."""
 LOW_TIPS_COST = 5.0
 """Cost of a grasp whose finger tips do not stay above the hole, s."""
 PRESSING_RELEASE_COST = 4.0
@@ -216,9 +216,8 @@ class CandidateSearch:
 
     def _hand_fits(self, branch: _Branch) -> Iterator[_Branch]:
         grasp, world = branch.grasp, self._world
-        contacts = world.queries.hand_contacts(
-            grasp.tcp_in_world, grasp.opening, ignore=touchable(world, self._belief.id), margin=grasp.margin
-        )
+        around = touchable(world, self._belief.id)
+        contacts = world.queries.hand_contacts(grasp.tcp_in_world, grasp.opening, around, grasp.margin)
         if contacts:
             self._refuse(branch, touching(pick_candidates.HAND_STAGE, "the hand", contacts[0]))
             return
@@ -227,17 +226,18 @@ class CandidateSearch:
             full = self._target.bin.id
             self._refuse(branch, StageRefusal(pick_candidates.ROOM_STAGE, f"{full} is full", full))
             return
-        yield replace(branch, passed=1, test=self._grasp_reached)
+        grasp = widened(world.queries, self._belief, grasp, world.robot.description.gripper)
+        known = branch.known + (SLOW_DESCENT_COST if grasp.narrow else 0.0)
+        yield replace(branch, grasp=grasp, known=known, passed=1, test=self._grasp_reached)
 
     def _grasp_reached(self, branch: _Branch) -> Iterator[_Branch]:
         grasp = branch.grasp
-        tcp = grasp.tcp_in_world
         over = self._reach(grasp.pre_grasp(self._world.handling.approach), self._start, grasp)
         if over.q is None:
             self._refuse(branch, unreached(pick_candidates.PRE_GRASP_STAGE, "the pre-grasp", over))
             return
         self.trail.passed(grasp, pick_candidates.PRE_GRASP_STAGE)
-        at = self._reach(tcp, over.q, grasp)
+        at = self._reach(grasp.tcp_in_world, over.q, grasp)
         if at.q is None:
             self._refuse(branch, unreached(pick_candidates.GRASP_STAGE, "the grasp", at))
             return

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import math
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ...planning.requests import HeldObject, JointGoal, LineGoal, MotionPlan, OffsetGoal, PoseGoal, Request
 from ...world.causes import Failure
+from ...world.shapes import top
 from ...world.values import Array, ObjectId, Pose
 from ..grasp.grasp_candidates import GraspCandidate
 from ..grasp.straight_lines import NEIGHBOUR_DISTANCE
@@ -16,6 +19,7 @@ from .pick_candidates import PickPlaceCandidate
 if TYPE_CHECKING:
     from ...control.execution.trajectory_motion import Doing
     from ...planning.service.lookahead_planning import LookaheadResult
+    from ...robots.model import RobotModel
     from ...skill_world.world import World
 
 MIN_LIFT_SHARE = 0.3
@@ -25,8 +29,12 @@ MAX_START_ERROR = 0.005
 
 DESCENT_SPEED = 0.5
 """Speed onto a grasp, as a share of that of travel: at full speed a misplaced object is hit too hard."""
-GENTLE_SPEED = 0.05
-"""Speed onto the grasp of an object that slipped and was not seen since, as a share of that of travel."""
+SLOW_DESCENT_COST = 0.5
+"""Time that the slow descent of a narrow grasp takes longer, s."""
+MAX_SLOW_SHARE = 0.9
+"""Share of the way down from which on all of it is slow."""
+MAX_TOP_ERROR = 0.010
+"""Height above the believed top of an object at which a finger may meet it, m."""
 
 
 def approach(
@@ -42,26 +50,58 @@ def approach(
     the grasp.
 
     The fingers move to the grasp's opening on the way there. For a flat object the descent ends early; the
-    rest is a guarded move. `gently`: the way down is so slow that the object may lie in it.
+    rest is a guarded move. Where a finger may come down on an object, the last part is so slow that the guard
+    of the motion stops the arm in time; `gently`: all of the way down.
     """
     widest, narrowest = world.gripper.span(grasp.opening)
     scaling = world.handling.scaling(speed)
-    return (
-        Request(JointGoal(over), width=widest, narrowest=narrowest, scaling=scaling),
-        descend_requests(world, object_id, grasp, speed, gently=gently),
-    )
+    travel = Request(JointGoal(over), width=widest, narrowest=narrowest, scaling=scaling)
+    down = descend_request(world, object_id, grasp, speed)
+    distance = math.inf if gently else contact_distance(world, object_id, grasp)
+    if distance == 0.0:
+        return (travel, down)
+    share = line_speed_share(world.robot, over, grasp.tcp_in_world, world.handling.touch_speed)
+    slow = replace(down, scaling=replace(down.scaling, velocity=min(share, down.scaling.velocity)))
+    if distance >= MAX_SLOW_SHARE * world.handling.approach:
+        return (travel, slow)
+    return (travel, replace(down, target=LineGoal(grasp.before(distance))), slow)
 
 
-def descend_requests(
-    world: World, object_id: ObjectId, grasp: GraspCandidate, speed: float, *, gently: bool = False
-) -> Request:
+def descend_request(world: World, object_id: ObjectId, grasp: GraspCandidate, speed: float) -> Request:
     """Return the request from the pre-grasp straight down. For a flat object it ends early; the rest is a
     guarded move."""
     felt = world.handling.felt_way / 2 if grasp.flat else 0.0
     down = LineGoal(grasp.tcp_in_world.shifted((0.0, 0.0, felt)))
-    scaling = world.handling.scaling((GENTLE_SPEED if gently else DESCENT_SPEED) * speed)
     pairs = tuple(("gripper", name) for name in touchable(world, object_id))
+    scaling = world.handling.scaling(DESCENT_SPEED * speed)
     return Request(down, width=grasp.opening, allowed=pairs, scaling=scaling)
+
+
+def contact_distance(world: World, object_id: ObjectId, grasp: GraspCandidate) -> float:
+    """Return the last part of the way to a grasp on which a finger may come down on an object, m.
+
+    It begins above the highest of the objects that the hand comes close to. 0: the fingers are open wide
+    enough.
+    """
+    if not grasp.narrow:
+        return 0.0
+    near = world.queries.hand_contacts(grasp.tcp_in_world, grasp.opening, margin=NEIGHBOUR_DISTANCE)
+    others = [world.scene.find(ObjectId(contact.b)) for contact in near]
+    objects = [world.scene.get(object_id), *(each for each in others if each is not None)]
+    highest = max(top(each.shape, each.pose) for each in objects)
+    tips = grasp.tcp_in_world.position[2] - world.robot.description.gripper.tip
+    return max(highest + MAX_TOP_ERROR - tips, 0.0)
+
+
+def line_speed_share(model: RobotModel, start: Array, end: Pose, speed: float) -> float:
+    """Return the share (0, 1] of the joints' speed limits at which the TCP moves straight at `speed` m/s.
+
+    It moves from the configuration `start` (n,), rad, to the pose `end` in the world.
+    """
+    way = np.array(end.position) - np.array(model.tcp(start).position)
+    twist = np.concatenate([way / max(float(np.linalg.norm(way)), 1e-9), np.zeros(3)])
+    joints = np.linalg.pinv(model.jacobian(start)) @ twist
+    return min(1.0, speed * float((np.abs(joints) / model.velocity_limit).max()))
 
 
 def touchable(world: World, object_id: ObjectId) -> tuple[ObjectId, ...]:

@@ -25,7 +25,7 @@ from ...world.events.skill_events import ServoEvent
 from ...world.values import ObjectId, Pose
 from ..grasp.grasp_candidates import GraspCandidate
 from .pick_candidates import PickPlaceCandidate
-from .transfer_requests import descend_requests
+from .transfer_requests import descend_request
 
 if TYPE_CHECKING:
     from ...control.execution.trajectory_motion import Doing, Watch
@@ -172,7 +172,7 @@ def servo_to_grasp(
     over = yield from world.plan.solve(there, node=node)
     yield from world.move.along(over.trajectory, guard=world.handling.guard, watch=watch, node=node)
     grasp = yield from _corrected(world, pick, camera, node, first=first)
-    down = descend_requests(world, pick.object, grasp, speed)
+    down = descend_request(world, pick.object, grasp, speed)
     plan = yield from world.plan.through((down,), node=node)
     return replace(pick, grasp=grasp, at=plan.trajectory.end, approach=plan)
 

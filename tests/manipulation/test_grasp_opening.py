@@ -1,0 +1,97 @@
+"""Fingers open wide beside an object where there is room; elsewhere the hand comes down slowly."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from picktree.manipulation.grasp.grasp_candidates import grasp_candidates
+from picktree.manipulation.grasp.grasp_opening import OUTER_ROOM, WIDE_EXCESSES, widened
+from picktree.manipulation.pick.pick_stream import CandidateSearch
+from picktree.manipulation.pick.transfer_requests import MAX_TOP_ERROR
+from picktree.robots.loading import load_robot
+from picktree.session.assembly import assemble_world
+from picktree.simulation.backends import build_hardware
+from picktree.skill_world.world import World
+from picktree.world.belief.planning_scene import BeliefObject
+from picktree.world.scene.loading.scene_loading import load_scene
+from picktree.world.shapes import Box
+from picktree.world.trajectory import Trajectory
+from picktree.world.values import Array, ObjectId, Pose
+
+from .test_candidates import answer
+
+BLOCK, HEIGHT = ObjectId("red_block_1"), 0.04
+
+
+def block(name: str, y: float, width: float) -> BeliefObject:
+    return BeliefObject(
+        ObjectId(name), "item", "block", "box", Box((width, width, HEIGHT)), "red",
+        Pose((0.5, y, HEIGHT / 2)), 0.001, 0.01, 1.0, 0.0, place="table",
+    )  # fmt: skip
+
+
+def world_with(*beliefs: BeliefObject) -> World:
+    scene, robot = load_scene("sort_small"), load_robot("panda")
+    world = assemble_world(build_hardware("kinematic", scene, robot, 3), scene, robot, 3)
+    for belief in beliefs:
+        world.scene.put(belief, "test")
+    return world
+
+
+def tool_motion(world: World, trajectory: Trajectory) -> tuple[Array, Array]:
+    """Heights of the finger tips (m,), m, and speeds of the TCP (m,), m/s."""
+    tip = world.robot.description.gripper.tip
+    tips = [world.robot.tcp(q).position[2] - tip for q in trajectory.position]
+    pairs = zip(trajectory.position, trajectory.velocity, strict=True)
+    speeds = [float(np.linalg.norm((world.robot.jacobian(q) @ v)[:3])) for q, v in pairs]
+    return np.array(tips), np.array(speeds)
+
+
+@pytest.mark.parametrize(("gap", "excess"), [(0.060, 0.036), (0.052, 0.028), (0.042, 0.020)])
+def test_fingers_open_as_wide_as_their_neighbours_leave_room(gap: float, excess: float) -> None:
+    width = 0.04
+    world = world_with(block(BLOCK, 0.0, width), block("beside", width + gap, width))
+    gripper = world.robot.description.gripper
+    grasp = next(
+        candidate
+        for candidate in grasp_candidates(world.scene.get(BLOCK), gripper)
+        if abs(candidate.tcp_in_world.rotation()[1, 1]) > 0.99
+    )
+    opened = widened(world.queries, world.scene.get(BLOCK), grasp, gripper)
+    assert opened.opening - width == pytest.approx(excess)
+    assert opened.narrow is (excess < min(WIDE_EXCESSES))
+    near = world.queries.hand_contacts(opened.tcp_in_world, opened.opening, (BLOCK,), grasp.margin)
+    assert not near
+    if not opened.narrow:
+        outside = opened.opening + 2 * OUTER_ROOM
+        assert not world.queries.hand_contacts(opened.tcp_in_world, outside, (BLOCK,), grasp.margin)
+
+
+@pytest.mark.parametrize(("width", "narrow"), [(0.04, False), (0.058, True)])
+def test_the_hand_slows_down_above_an_object_that_its_fingers_might_meet(
+    width: float, *, narrow: bool
+) -> None:
+    world = world_with(block(BLOCK, 0.0, width))
+    belief = world.scene.get(BLOCK)
+    ranked = grasp_candidates(belief, world.robot.description.gripper)
+    pick = answer(CandidateSearch(world, belief, ranked, "Grasp").find())
+    assert pick is not None
+    assert pick.grasp.narrow is narrow
+    tips, speeds = tool_motion(world, pick.approach.trajectory)
+    near = speeds[tips < HEIGHT + MAX_TOP_ERROR - 1e-4]
+    if narrow:
+        assert near.max() < 1.05 * world.handling.touch_speed
+    else:
+        assert near.max() > 0.15
+    assert speeds[tips > HEIGHT + 0.03].max() > 0.15
+
+
+def test_after_a_slip_all_of_the_way_down_is_slow() -> None:
+    world = world_with(block(BLOCK, 0.0, 0.04))
+    belief = world.scene.get(BLOCK)
+    ranked = grasp_candidates(belief, world.robot.description.gripper)
+    pick = answer(CandidateSearch(world, belief, ranked, "Grasp").find(gently=True))
+    assert pick is not None
+    tips, speeds = tool_motion(world, pick.approach.trajectory)
+    assert speeds[tips < HEIGHT + 0.02].max() < 1.05 * world.handling.touch_speed
