@@ -28,7 +28,7 @@ from pathlib import Path
 from statistics import median
 from threading import Timer
 
-from _campaign import REFERENCE_COST, ROOT, blind, executor, explaining, options, rate, reference
+from _campaign import CUT_OFF, REFERENCE_COST, ROOT, blind, executor, explaining, options, rate, reference
 from _dependencies import Dependencies, of_program
 from _fault_measures import Cell, Measure, Measured, measured
 from _fault_page import targets, to_page
@@ -113,7 +113,8 @@ def campaign(given: argparse.Namespace) -> int:
             run(given, folder)
     if not (folder / RESULTS_FILE).exists():
         raise PicktreeError(f"{folder}: there is no campaign in it")
-    rows = [row for row in read(folder) if row.status != "waiting"]
+    jobs = read(folder)
+    rows = [row for row in jobs if row.status != "waiting"]
     if not rows:
         raise PicktreeError(f"{folder}: no run has been finished yet")
     measures = measure(rows, folder)
@@ -134,6 +135,8 @@ def campaign(given: argparse.Namespace) -> int:
         }
         print(json.dumps(told, ensure_ascii=False, indent=2))
     else:
+        if len(rows) < len(jobs):
+            print(f"{CUT_OFF}{len(rows)} of {len(jobs)} runs have a result.\n")
         print(to_text(lines) + "\n")
         for recovery in _sides(lines):
             print("\n".join(_rates(total(lines, recovery))))
@@ -175,10 +178,10 @@ def run(given: argparse.Namespace, folder: Path) -> None:
             whole = batch.run(workers, seen)
         if timer:
             timer.cancel()
-    if not whole:
+    if not whole and given.minutes is None:
         raise PicktreeError("it was stopped; the same command goes on")
     for row in read(folder):
-        if row.kills:
+        if row.kills and row.status != "waiting":
             kill(row, folder)
 
 

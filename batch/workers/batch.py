@@ -173,13 +173,15 @@ class Batch:
         self._stop = "now"
 
     def run(self, executor: Executor, onlooker: BatchWatcher) -> bool:
-        """Run all jobs that are to do. Return False when stopped before the end.
+        """Run all jobs that are to do, each seed with all variants. Return False when stopped before the end.
 
+        A stopped batch then has the same seeds of each variant, but for the last.
         Raises PicktreeError when results cannot be written, or the disk is full; --resume continues.
         """
         self._take_in()
         to_do, tried = self.store.to_do(), self.store.lost_tries()
-        waiting = deque((job, 1 + tried.get(job.id, 0)) for job in self.jobs if job.id in to_do)
+        jobs = sorted(self.jobs, key=lambda job: job.number % len(self.plan.seeds))
+        waiting = deque((job, 1 + tried.get(job.id, 0)) for job in jobs if job.id in to_do)
         onlooker.started(len(self.jobs), self.store.recorded(), executor.slots)
         under_way: dict[str, JobOrder] = {}
         told: Stop = "no"

@@ -61,6 +61,16 @@ def test_what_was_recorded_is_not_run_again_and_the_rest_is(
     assert (len(again.done), again.ends) == (4, [])
 
 
+def test_a_stopped_batch_has_the_same_seeds_of_each_variant(tmp_path: Path, worker: Executor) -> None:
+    batch = Batch.create(tmp_path / "batch", plan(tmp_path, scenes=("sort_small", "three_bins")))
+    seen = Remembering()
+    seen.at_end = lambda: batch.stop() if len(seen.ends) == 2 else None
+    with batch:
+        assert not batch.run(worker, seen)
+    found = [(ended.job.variant.scene, ended.job.seed) for ended in seen.ends]
+    assert found == [("sort_small", 0), ("three_bins", 0)]
+
+
 def test_a_batch_is_run_by_one_process_at_a_time(tmp_path: Path) -> None:
     with (
         Batch.create(tmp_path / "batch", plan(tmp_path)),
