@@ -40,7 +40,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("--campaign", type=Path, default=RESULTS / "fault_campaign")
+    parser.add_argument("--campaign", type=Path, default=RESULTS / "evidence" / "faults")
     parser.add_argument("--page", type=Path, default=ROOT / "docs" / "failure-atlas.md")
     parser.add_argument("--pictures", type=Path, help="folder; atlas/ beside the page unless given")
     parser.add_argument("--most", type=int, default=10, help="runs")
