@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from ...logs.recording.rotated_log import NEXT_METADATA
 from ...logs.run_log import Stamped
 from ...logs.schema.event_records import BeliefEvent
 from ...logs.visits import Visit
@@ -233,13 +234,24 @@ def _status(run: RunRecord) -> str:
     ended = run.log.result.get("ended", "")
     if ended and ended != "orderly":
         return "crashed"
+    if _next_file(run):
+        return "continued"
     return "running" if run.log.going_on else "killed"
+
+
+def _next_file(run: RunRecord) -> str:
+    """Return the name of the file that continues a later file of a rotated log, which is opened by its own
+    name; empty for all others."""
+    log = run.log
+    return log.metadata.get(NEXT_METADATA, {}).get("part", "") if log.part > 1 else ""
 
 
 def _cut_off(run: RunRecord, visits: Sequence[Visit], end: float) -> str:
     ended = run.log.result.get("ended", "")
     if ended and ended != "orderly":
         return f"the run was ended at {end:.2f} s by an error of the program ({ended}){_doing(visits)}"
+    if following := _next_file(run):
+        return f"this file of the log ends at {end:.2f} s, and {following} goes on{_doing(visits)}"
     if run.log.going_on:
         return f"the run is still going on: its log has come to {end:.2f} s{_doing(visits)}"
     return f"the log ends at {end:.2f} s without a result: the process was killed{_doing(visits)}"

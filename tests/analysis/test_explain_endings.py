@@ -11,6 +11,7 @@ import pytest
 from picktree.analysis import Run
 from picktree.analysis.explain.explanation_text import notes_on, to_text
 from picktree.analysis.explain.investigation import case
+from picktree.logs.recording.rotated_log import Rotation
 from picktree.logs.run_log import RunLog
 from picktree.session.mission_edits import MissionReload
 from picktree.session.session import RunRequest, Session
@@ -123,6 +124,25 @@ def test_a_run_that_goes_on_is_not_called_killed(tmp_path: Path) -> None:
     assert (status, cause) == ("running", "run.going_on")
     assert sentence.startswith("the run is still going on: its log has come to ")
     with Run(session.folder) as log:
+        assert log.explanation.outcome.status == "incomplete"
+
+
+def test_a_file_of_a_rotated_log_that_another_continues_is_not_called_killed(tmp_path: Path) -> None:
+    (tmp_path / "mission.yaml").write_text(
+        HEAD + "trees:\n  Main:\n    Delay: {delay_msec: 3 s, do: {GoTo: {pose: rest}}}\n", encoding="utf-8"
+    )
+    request = RunRequest(
+        mission=tmp_path / "mission.yaml", backend="kinematic", out=tmp_path, rotation=Rotation(seconds=1.0)
+    )
+    folder = Session(request).run().folder
+    with Run(folder / "log-0002.mcap") as log:
+        found = log.explanation
+    assert (found.outcome.status, found.root_causes) == ("continued", ())
+    assert found.outcome.sentence == (
+        "this file of the log ends at 1.95 s, and log-0003.mcap goes on while Delay was running"
+    )
+    last = max(folder.glob("log-*.mcap"))
+    with Run(last) as log:
         assert log.explanation.outcome.status == "incomplete"
 
 

@@ -74,7 +74,8 @@ def wrist_biased(case: Investigation) -> Iterator[DeviceFinding]:
     """The wrist's readings differ from the true forces by a step that lasts."""
     states = [s for s in case.devices if s.wrench]
     readings, gripper = case.run.wrenches, case.run.gripper
-    if len(states) < 5 or not len(readings.times) or case.run.info.continues is not None:
+    at_rest = case.run.info.continues is None and case.run.log.part == 1
+    if len(states) < 5 or not len(readings.times) or not at_rest:
         return
     times = np.array([s.time for s in states])
     here = np.clip(np.searchsorted(readings.times, times - 1e-6), 0, len(readings.times) - 1)

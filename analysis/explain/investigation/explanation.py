@@ -187,7 +187,8 @@ class KeyMoment:
 @dataclass(frozen=True, slots=True)
 class ExplainedOutcome:
     status: str
-    """As in the result; without one `killed`, `crashed`, or `running` while the log is being written."""
+    """As in the result; without one `killed`, `crashed`, `running` while the log is being written, or
+    `continued` for a file of a rotated log that another file continues."""
     sentence: str
     end: float
     """Simulated s."""
