@@ -79,7 +79,7 @@ def failed(tmp_path_factory: pytest.TempPathFactory) -> RunResult:
 
 def test_the_same_mission_goes_on_identically(failed: RunResult, tmp_path: Path) -> None:
     assert (failed.status, failed.items.sorted) == ("failure", 2)
-    found = what_if(failed.log, "4 s", out=tmp_path)
+    found = what_if(failed.log, "5 s", out=tmp_path)
     assert (found.checkpoint, found.items_done) == ("checkpoint-0001.json", 1)
     assert (found.identical, found.exact, found.nodes) == (True, True, None)
     assert found.ticks == found.recorded_ticks > 50
@@ -87,7 +87,7 @@ def test_the_same_mission_goes_on_identically(failed: RunResult, tmp_path: Path)
     lines = found.to_text().splitlines()
     assert lines[:4] == [
         f"what if     {failed.log}",
-        f"goes on     from checkpoint-0001, the last checkpoint before tick 80 (4.00 s): "
+        f"goes on     from checkpoint-0001, the last checkpoint before tick 100 (5.00 s): "
         f"tick {found.start_tick}, {found.start:.2f} s, 1 items done",
         "changed     nothing",
         f"identical continuation: {found.ticks} ticks, byte for byte",
@@ -131,7 +131,7 @@ def test_what_is_said_of_it(turned: Continuation) -> None:
     assert "nodes       6 go on as they were, 7 begin anew, 3 are gone\n" in text
     assert "\nstatus                   failure   success\n" in text
     assert "\nitems sorted             2 of 4    4 of 4\n" in text
-    assert "they part at 7.10 s (A: recorded, B: what if): SortOne ends otherwise" in text
+    assert "they part at 8.10 s (A: recorded, B: what if): SortOne ends otherwise" in text
     said = json.loads(found.to_json_text())
     assert said["start"]["checkpoint"] == "checkpoint-0002.json"
     assert (said["recorded"]["status"], said["now"]["status"]) == ("failure", "success")

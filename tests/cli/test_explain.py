@@ -56,19 +56,19 @@ def test_json(folder: Path, capfd: pytest.CaptureFixture[str]) -> None:
     ].items()
     (failure,) = found["failures"]
     assert {"time", "node", "cause", "message", "evidence", "handled_by", "cured"} <= set(failure)
-    assert (failure["time"], failure["cause"], failure["cured"]) == (6.7, "grasp.missed", False)
+    assert (failure["time"], failure["cause"], failure["cured"]) == (7.6, "grasp.missed", False)
     assert failure["evidence"]["object"] == "red_ball_1"
     assert [cause["cause"] for cause in found["root_causes"]] == ["item.gone"]
-    assert [look["time"] for look in found["look_at"]] == [3.8, 6.7]
+    assert [look["time"] for look in found["look_at"]] == [4.8, 7.6]
 
 
 def test_planted_faults_can_be_hidden(folder: Path, capfd: pytest.CaptureFixture[str]) -> None:
     assert answer(["explain", str(folder)]) == 0
-    assert "a fault was planted: at 4.00 s: item_02 is snatched away" in capfd.readouterr().out
+    assert "a fault was planted: at 4.85 s: item_02 is snatched away" in capfd.readouterr().out
     assert answer(["explain", str(folder), "--hide-faults"]) == 0
     hidden = capfd.readouterr().out
     assert "planted" not in hidden
-    assert "red_ball_1 was taken away between 3.8 and 4.0 s" in hidden
+    assert "red_ball_1 was taken away between 4.8 and 5.0 s" in hidden
 
 
 def test_a_folder_of_runs(folder: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
@@ -88,7 +88,7 @@ def test_a_folder_of_runs(folder: Path, tmp_path: Path, capfd: pytest.CaptureFix
     assert (found["runs"], found["statuses"], len(found["unreadable"])) == (2, {"failure": 2}, 1)
     assert (cause["cause"], cause["runs"], cause["first"], cause["items"]) == ("item.gone", 2, 2, 2)
     assert cause["confidence"] == {"likely": 2}
-    assert cause["title"].startswith("red_ball_1 was taken away between 3.8 and 4.0 s")
+    assert cause["title"].startswith("red_ball_1 was taken away between 4.8 and 5.0 s")
     assert Path(cause["typical"]).parent == tmp_path / "runs"
 
 
@@ -182,45 +182,45 @@ def test_help_comes_fast_and_names_the_command() -> None:
 WHOLE = """\
 failure: the mission ended in FAILURE: red_ball_1: the fingers met and hold nothing (opening
 0.0 mm, load -0.02 N); 1 of 4 items are where they belong, 3 left
-one pick, scene sort_small, seed 3, kinematic: 6.7 s simulated
+one pick, scene sort_small, seed 3, kinematic: 7.6 s simulated
 
 Root cause
-  1  red_ball_1 was taken away between 3.8 and 4.0 s: it is nowhere in the robot's world any
+  1  red_ball_1 was taken away between 4.8 and 5.0 s: it is nowhere in the robot's world any
      more.
-     [item.gone] Likely. This ended the run (red_ball_1): 1 failure at 6.70 s, 3 s lost.
-     - its true place is in the log until 3.80 s (x 0.51, y -0.15 m), and then no more
+     [item.gone] Likely. This ended the run (red_ball_1): 1 failure at 7.60 s, 3 s lost.
+     - its true place is in the log until 4.80 s (x 0.51, y -0.15 m), and then no more
      - the fingers met (0.0 mm) and hold nothing
-     - a fault was planted: at 4.00 s: item_02 is snatched away
+     - a fault was planted: at 4.85 s: item_02 is snatched away
 
 Failures (1: 1 ended the mission)
-     6.70 s  Grasp of red_ball_1: grasp.missed
+     7.60 s  Grasp of red_ball_1: grasp.missed
              red_ball_1: the fingers met and hold nothing (opening 0.0 mm, load -0.02 N)
              belief: red_ball_1 at x 0.51, y -0.15 m, last seen at 0.10 s
              truth: red_ball_1 is nowhere any more
-             planted: item_02 is snatched away (2.7 s before)
+             planted: item_02 is snatched away (2.8 s before)
              With it failed ForEach/Sequence, ForEach, Main/Sequence and Main. It reached the
-             root, and the mission ended with it at 6.70 s.
+             root, and the mission ended with it at 7.60 s.
 
 Recovery (1 episode: 1 not handled; 3.2 s lost)
   cause         seen  cured  tries   s lost  by
   grasp.missed     1      0             3.2  nobody
 Faults that were planted, and what failed first after them
-     4.00 s  item_02 is snatched away: grasp.missed 2.7 s later, not handled
+     4.85 s  item_02 is snatched away: grasp.missed 2.8 s later, not handled
 
 Items (4, as the robot believed)
-  red_ball_1    left  0.15 s seen for the first time, at x 0.51, y -0.15 m; 6.70 s Grasp failed:
+  red_ball_1    left  0.15 s seen for the first time, at x 0.51, y -0.15 m; 7.60 s Grasp failed:
                       grasp.missed (truly nowhere any more)
   red_block_1   left  0.15 s seen for the first time, at x 0.47, y 0.02 m (truly at x 0.47,
                       y 0.02 m; it belongs into red_bin)
   green_can_1   left  0.15 s seen for the first time, at x 0.47, y 0.15 m (truly at x 0.47,
                       y 0.15 m; it belongs into green_bin)
-  blue_plate_1  done  0.15 s seen; 2.70 s held; 3.45 s placed into blue_bin (truly in blue_bin,
+  blue_plate_1  done  0.15 s seen; 3.55 s held; 4.30 s placed into blue_bin (truly in blue_bin,
                       where it belongs)
 
 Look at
-     3.80 s  red_ball_1: the item vanishes from the truth, and the belief keeps it
-     6.70 s  Grasp of red_ball_1 fails: grasp.missed
-  step through it  picktree replay LOG --at 3.80
-  see it           picktree snapshot LOG --at 3.80 -o moment.png
+     4.80 s  red_ball_1: the item vanishes from the truth, and the belief keeps it
+     7.60 s  Grasp of red_ball_1 fails: grasp.missed
+  step through it  picktree replay LOG --at 4.80
+  see it           picktree snapshot LOG --at 4.80 -o moment.png
   the whole run    picktree report LOG -o report.html
 """
