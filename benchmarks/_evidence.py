@@ -167,13 +167,12 @@ def in_order(table: Sequence[Campaign], records: Mapping[str, Record]) -> list[C
 
 def to_page(table: Sequence[Campaign], records: Mapping[str, Record]) -> str:
     """Return docs/figures.md in Markdown."""
-    measured = [one for one in table if one.name in records]
-    lines = [INTRODUCTION, _targets(measured, records)]
-    for one in measured:
-        lines.append(_section(one, records[one.name]))
-    if missing := [one for one in table if one.name not in records]:
-        lines.append("## Not measured yet\n")
-        lines.append("\n".join(f"- {one.title}: `{one.line}`" for one in missing) + "\n")
+    lines = [INTRODUCTION, _targets([one for one in table if one.name in records], records)]
+    for one in table:
+        if one.name in records:
+            lines.append(_section(one, records[one.name]))
+        else:
+            lines.append(f"## {one.title}\n\n{one.words} `{one.line}`: not measured yet.\n")
     return "\n".join(lines)
 
 
