@@ -24,6 +24,8 @@ the project set itself. Figures of earlier versions, and of programs that are no
 """
 TABLE = ROOT / "benchmarks" / "evidence.yaml"
 KEPT = ROOT / "benchmarks" / "evidence.json"
+LEAST_SHARE = 0.25
+"""Count of a new result below which an old one stays on the page, as a share of the old one's."""
 NAMED = 3
 """Number of changed files that the page names; the others are counted."""
 
@@ -81,8 +83,9 @@ class Record:
         return sum(rate.n for rate in self.rates.values())
 
     def replaces(self, kept: Record | None) -> bool:
-        """Return whether the page takes it: a kept result that still holds may count more."""
-        return kept is None or bool(kept.changed) or self.n >= kept.n
+        """Return whether the page takes it: a kept result that still holds may count more, and an old one so
+        much more that it says more in spite of its age."""
+        return kept is None or self.n >= kept.n * (LEAST_SHARE if kept.changed else 1.0)
 
     @property
     def rates(self) -> Mapping[str, Figure]:

@@ -136,7 +136,8 @@ def test_the_page_marks_what_is_old_and_what_is_missed(program: Program, tmp_pat
 
 
 @pytest.mark.parametrize(
-    ("n", "file", "replaced"), [(99, "", False), (100, "", True), (99, ":another", True)]
+    ("n", "file", "replaced"),
+    [(99, "", False), (100, "", True), (25, ":another", True), (24, ":another", False)],
 )
 def test_a_result_that_holds_is_not_replaced_by_one_of_fewer_runs(
     program: Program, n: int, file: str, replaced: bool
