@@ -240,8 +240,10 @@ def _status(run: RunRecord) -> str:
 
 
 def _next_file(run: RunRecord) -> str:
-    """Return the name of the file that continues a later file of a rotated log, which is opened by its own
-    name; empty for all others."""
+    """Return the name of the file that continues this one of a rotated log.
+
+    It is empty for a whole log, and for the last file.
+    """
     log = run.log
     return log.metadata.get(NEXT_METADATA, {}).get("part", "") if log.part > 1 else ""
 

@@ -187,8 +187,10 @@ class KeyMoment:
 @dataclass(frozen=True, slots=True)
 class ExplainedOutcome:
     status: str
-    """As in the result; without one `killed`, `crashed`, `running` while the log is being written, or
-    `continued` for a file of a rotated log that another file continues."""
+    """As in the result; without one `killed`, `crashed`, `running` or `continued`.
+
+    It is `running` while the log is being written, and `continued` for a file that another one continues.
+    """
     sentence: str
     end: float
     """Simulated s."""
