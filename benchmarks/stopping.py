@@ -99,7 +99,7 @@ def tool_speed(world: World) -> float:
 
 
 def finished(world: World, doing: Generator[None, None, T]) -> T:
-    """What a generator comes to, tick by tick."""
+    """Run a generator tick by tick, and return its result."""
     while True:
         try:
             next(doing)

@@ -9,17 +9,13 @@ from picktree.manipulation.grasp.grasp_candidates import grasp_candidates
 from picktree.manipulation.grasp.grasp_opening import OUTER_ROOM, WIDE_EXCESSES, widened
 from picktree.manipulation.pick.pick_stream import CandidateSearch
 from picktree.manipulation.pick.transfer_requests import MAX_TOP_ERROR
-from picktree.robots.loading import load_robot
-from picktree.session.assembly import assemble_world
-from picktree.simulation.backends import build_hardware
 from picktree.skill_world.world import World
 from picktree.world.belief.planning_scene import BeliefObject
-from picktree.world.scene.loading.scene_loading import load_scene
 from picktree.world.shapes import Box
 from picktree.world.trajectory import Trajectory
 from picktree.world.values import Array, ObjectId, Pose
 
-from .test_candidates import answer
+from .test_candidates import answer, world_with
 
 BLOCK, HEIGHT = ObjectId("red_block_1"), 0.04
 
@@ -29,14 +25,6 @@ def block(name: str, y: float, width: float) -> BeliefObject:
         ObjectId(name), "item", "block", "box", Box((width, width, HEIGHT)), "red",
         Pose((0.5, y, HEIGHT / 2)), 0.001, 0.01, 1.0, 0.0, place="table",
     )  # fmt: skip
-
-
-def world_with(*beliefs: BeliefObject) -> World:
-    scene, robot = load_scene("sort_small"), load_robot("panda")
-    world = assemble_world(build_hardware("kinematic", scene, robot, 3), scene, robot, 3)
-    for belief in beliefs:
-        world.scene.put(belief, "test")
-    return world
 
 
 def tool_motion(world: World, trajectory: Trajectory) -> tuple[Array, Array]:
