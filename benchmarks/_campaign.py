@@ -27,7 +27,7 @@ from pathlib import Path
 from statistics import median
 from typing import TYPE_CHECKING, Any
 
-from _dependencies import Dependencies, digest, of_program, opened, used
+from _dependencies import Dependencies, bytes_digest, of_program, opened, used
 from picktree.arithmetic import restart
 from picktree.batch.workers.executor import Executor, JobFailed, JobFinished, JobOrder
 from picktree.batch.workers.local_executor import LocalExecutor
@@ -270,13 +270,13 @@ def executor(given: argparse.Namespace) -> Executor:
 
 def attempt(order: JobOrder) -> bytes:
     """Carry a job out in its worker; return its row with its CPU time. Called by the worker's process."""
-    place, code, folder, content = pickle.loads(order.recipe.read_bytes())
+    place, needed, code, folder, content = pickle.loads(order.recipe.read_bytes())
+    if bytes_digest(needed) != code:
+        raise PicktreeError("the checkout of this machine is another than the one that deals the runs out")
     sys.path.insert(0, str(ROOT / place))
     with suppress(OSError):
         os.chdir(folder)
     one, jobs = pickle.loads(content)
-    if _code(one) != code:
-        raise PicktreeError("the programs in benchmarks/ are others on this machine")
     job = jobs[order.seed]
     began = _cpu()
     with opened() as files:
@@ -360,7 +360,9 @@ def _written_jobs(folder: Path, jobs: Sequence[Any], one: Callable[[Any, Path], 
                 value.__module__ = file.stem
     place = file.parent.relative_to(ROOT) if file.is_relative_to(ROOT) else file.parent
     path = folder / f"jobs-{os.getpid()}.pickle"
-    path.write_bytes(pickle.dumps((str(place), _code(one), os.getcwd(), pickle.dumps((one, list(jobs))))))
+    needed = of_program(file)  # a worker elsewhere must have the same
+    content = pickle.dumps((one, list(jobs)))
+    path.write_bytes(pickle.dumps((str(place), needed, bytes_digest(needed), os.getcwd(), content)))
     return path
 
 
@@ -394,11 +396,6 @@ def _locked(folder: Path) -> Generator[Path]:
 
 def _program(one: Callable[[Any, Path], Row]) -> list[str]:
     return [os.path.relpath(inspect.getfile(one), ROOT)]
-
-
-def _code(one: Callable[[Any, Path], Row]) -> str:
-    """Return a digest of all that a worker elsewhere must have like this machine."""
-    return digest(of_program(Path(inspect.getfile(one))))
 
 
 def _plain(job: Any) -> Row:

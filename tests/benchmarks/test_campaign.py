@@ -135,6 +135,21 @@ def squares(
     return Squares(tmp_path, program("_campaign"), monkeypatch, capsys)
 
 
+def test_a_worker_with_another_checkout_refuses_to_run(
+    squares: Squares, program: Callable[[str], ModuleType], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    campaign = program("_campaign")
+
+    def elsewhere(order: JobOrder) -> bytes:
+        squares.change()
+        return campaign.attempt(order)
+
+    monkeypatch.setattr(campaign, "executor", lambda given: InThisProcess(elsewhere))
+    _, err = squares.run("--runs", "1")
+    assert "the checkout of this machine is another" in err
+    assert squares.runs() == 0
+
+
 def test_finished_runs_are_not_run_again_and_more_may_be_asked_for(squares: Squares) -> None:
     out, err = squares.run("--runs", "2")
     assert out == "[0, 1]\n"
