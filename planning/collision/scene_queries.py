@@ -8,7 +8,8 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Collection, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -23,14 +24,21 @@ from ...world.belief.planning_scene import BeliefObject, PlanningScene
 from ...world.shapes import OBSTACLE_VOLUME, Box, ConvexMesh, Cylinder, Shape, Sphere, corners
 from ...world.values import Array, Pose, Vector3
 from ..requests import ContactPair
-from .collision_bodies import CoalShapes, CollisionBody, CollisionMargins, fixed_bodies, movable_bodies
+from .collision_bodies import (
+    MAX_CACHED_SHAPES,
+    CoalShapes,
+    CollisionBody,
+    CollisionMargins,
+    fixed_bodies,
+    movable_bodies,
+)
 
 # No signed distance: where bodies touch, the search for the depth throws an exception that Python cannot
 # catch, and the process dies (flexible-collision-library/fcl, issue 529).
 _DISTANCE_REQUEST = fcl.DistanceRequest(enable_nearest_points=True)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class FclSolid:
     """Convex geometry in its own frame with the corners (m, 3) of a hull around it, for bounding boxes."""
 
@@ -38,27 +46,44 @@ class FclSolid:
     corners: Array
     shape: Shape
     """Shape that it was made from, for measuring the depth of an overlap."""
+    spare: list[fcl.CollisionObject] = field(default_factory=list[fcl.CollisionObject])
+    """Its objects that nobody has at a pose just now."""
 
 
-@dataclass(frozen=True, slots=True)
 class FclMovedSolid:
-    """Solid at the pose that its python-fcl object has now."""
+    """Solid at the pose that its python-fcl object has now.
 
-    solid: FclSolid
-    object: fcl.CollisionObject
+    The object is used again: python-fcl keeps 32 bytes of each that it frees (0.7.0.8), and a pick takes
+    hundreds.
+    """
+
+    def __init__(self, solid: FclSolid) -> None:
+        self.solid = solid
+        try:
+            self.object = solid.spare.pop()
+        except IndexError:
+            self.object = fcl.CollisionObject(solid.geometry)
+
+    def __del__(self) -> None:
+        self.solid.spare.append(self.object)
+
+    def move(self, rotation: Array, position: Array) -> None:
+        """Move to a pose in the world, (3, 3) and (3,)."""
+        self.object.setTransform(fcl.Transform(rotation, position))
 
 
-class FclPlacedSolid:
+class FclPlacedSolid(FclMovedSolid):
     """Solid at a pose in the world, with its axis-aligned bounds."""
 
     def __init__(self, solid: FclSolid, rotation: Array, position: Array) -> None:
+        super().__init__(solid)
+        self.move(rotation, position)
         points = solid.corners @ rotation.T + position
         self.low: Array = points.min(axis=0)
         self.high: Array = points.max(axis=0)
-        self.solid = solid
-        self.object = fcl.CollisionObject(solid.geometry, fcl.Transform(rotation, position))
 
 
+@lru_cache(maxsize=MAX_CACHED_SHAPES)
 def solid(shape: Shape) -> FclSolid:
     match shape:
         case Box((x, y, z)):
@@ -107,7 +132,7 @@ class FclDistance:
     point: Vector3
 
 
-def distance_between(a: FclPlacedSolid | FclMovedSolid, b: FclPlacedSolid | FclMovedSolid) -> FclDistance:
+def distance_between(a: FclMovedSolid, b: FclMovedSolid) -> FclDistance:
     """Measure the distance by python-fcl where the bodies are apart; the depth of an overlap by coal."""
     result = fcl.DistanceResult()
     fcl.distance(a.object, b.object, _DISTANCE_REQUEST, result)
@@ -117,7 +142,7 @@ def distance_between(a: FclPlacedSolid | FclMovedSolid, b: FclPlacedSolid | FclM
     return _overlap(a, b)
 
 
-def _overlap(a: FclPlacedSolid | FclMovedSolid, b: FclPlacedSolid | FclMovedSolid) -> FclDistance:
+def _overlap(a: FclMovedSolid, b: FclMovedSolid) -> FclDistance:
     request, result = coal.DistanceRequest(), coal.DistanceResult()
     request.enable_signed_distance = True
     depth = coal.distance(*_coal_arguments(a), *_coal_arguments(b), request, result)
@@ -126,7 +151,7 @@ def _overlap(a: FclPlacedSolid | FclMovedSolid, b: FclPlacedSolid | FclMovedSoli
     return FclDistance(min(float(depth), 0.0), (x, y, z))
 
 
-def _coal_arguments(body: FclPlacedSolid | FclMovedSolid) -> tuple[coal.CollisionGeometry, coal.Transform3s]:
+def _coal_arguments(body: FclMovedSolid) -> tuple[coal.CollisionGeometry, coal.Transform3s]:
     there = coal.Transform3s(body.object.getRotation(), body.object.getTranslation())
     return _COAL_SHAPES.of(body.solid.shape), there
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import fcl
 import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
@@ -106,7 +105,7 @@ class RobotSweep:
         self._around_low: Array = np.array([b.low for b in around]).reshape(-1, 3)
         self._around_high: Array = np.array([b.high for b in around]).reshape(-1, 3)
         self._travel = self._travelled(centre, half)
-        self._moved = [FclMovedSolid(c.solid, fcl.CollisionObject(c.solid.geometry)) for c in carried]
+        self._moved = [FclMovedSolid(c.solid) for c in carried]
 
     def _travelled(self, centre: Array, half: Array) -> Array:
         """Return (moments, carried): the travel of the fastest point of each solid up to each moment, m.
@@ -162,17 +161,18 @@ class RobotSweep:
             found += [distance_between(one, other).distance, distance_between(other, one).distance]
         return tuple(found)
 
-    def _body(self, moment: int, i: int) -> FclPlacedSolid | FclMovedSolid:
+    def _body(self, moment: int, i: int) -> FclMovedSolid:
         if i >= len(self._moved):
             return self._around[i - len(self._moved)]
         body = self._moved[i]
-        body.object.setTransform(fcl.Transform(self._rotation[moment, i], self._position[moment, i]))
+        body.move(self._rotation[moment, i], self._position[moment, i])
         return body
 
 
-def _turned_copy(body: FclPlacedSolid | FclMovedSolid, turn: Array) -> FclMovedSolid:
-    place = fcl.Transform(turn @ body.object.getRotation(), turn @ body.object.getTranslation())
-    return FclMovedSolid(body.solid, fcl.CollisionObject(body.solid.geometry, place))
+def _turned_copy(body: FclMovedSolid, turn: Array) -> FclMovedSolid:
+    turned = FclMovedSolid(body.solid)
+    turned.move(turn @ body.object.getRotation(), turn @ body.object.getTranslation())
+    return turned
 
 
 def _rows_of(moving: Array, still: Array, numbers: NDArray[np.intp]) -> Array:

@@ -153,7 +153,7 @@ def add_item(item: SpawnedItem, pose: Pose, client: int, known: ItemShapes) -> i
     """Add an item at `pose`; return pybullet's body number.
 
     known: shapes of the simulation so far; the item's are added. pybullet never frees a shape, and a feed
-    brings thousands of items. A hull has shapes of its own, for its margin is set after its body is made.
+    brings thousands of items.
     Raises PicktreeError for an invalid body or mass.
     """
     check_body(item.id, item.entry.shape, pose)
@@ -166,8 +166,7 @@ def add_item(item: SpawnedItem, pose: Pose, client: int, known: ItemShapes) -> i
         shapes = known[shape, item.colour]
     else:
         shapes = _collision(shape, client), _visual(shape, item.colour, client)
-        if not isinstance(shape, ConvexMesh):
-            known[shape, item.colour] = shapes
+        known[shape, item.colour] = shapes
     body = pb.createMultiBody(
         item.entry.mass,
         *shapes,

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from picktree.planning.collision.scene_queries import SceneQueries
+from picktree.planning.collision.scene_queries import SceneQueries, place, solid
 from picktree.world.shapes import Box, ConvexMesh, Cylinder, Sphere
 from picktree.world.values import Pose
 
@@ -30,6 +30,17 @@ def test_the_distance_between_spheres_is_centre_distance_less_radii() -> None:
         if expected > 0:
             to_body = float(np.linalg.norm(np.array(near.point) - asking))
             assert to_body == pytest.approx(expected + 0.03, abs=1e-4)
+
+
+def test_an_object_of_python_fcl_that_is_free_again_is_moved_for_the_next() -> None:
+    shape = solid(Box((0.041, 0.042, 0.043)))
+    one, other = place(shape, Pose((0.0, 0.0, 0.1))), place(shape, Pose((0.0, 0.0, 0.2)))
+    assert one.object is not other.object
+    moved = one.object
+    del one
+    again = place(solid(Box((0.041, 0.042, 0.043))), Pose((0.0, 0.3, 0.0)))
+    assert again.object is moved and again.object.getTranslation().tolist() == [0.0, 0.3, 0.0]
+    assert other.object.getTranslation().tolist() == [0.0, 0.0, 0.2]
 
 
 def test_a_spot_is_free_until_something_stands_there() -> None:

@@ -13,13 +13,16 @@ import pytest
 
 from picktree.errors import PicktreeError
 from picktree.robots.model import RobotModel
+from picktree.simulation.engine import Client, pb
 from picktree.simulation.physics.backend import PhysicsHardware
+from picktree.simulation.physics.bodies import ItemShapes, add_item
+from picktree.simulation.spawning.spawn import SpawnedItem
 from picktree.world.scene.description import CatalogueEntry, SceneDescription, SensorNoise, Spawn
 from picktree.world.shapes import Box
-from picktree.world.values import ObjectId
+from picktree.world.values import ObjectId, Pose
 
 from ..other_process import OtherProcess
-from .simulated_cell import cell, panda
+from .simulated_cell import CATALOGUE, cell, panda
 
 SILENT = SensorNoise(encoder=0.0, width=0.0, force=0.0, torque=0.0, force_bias=0.0, torque_bias=0.0)
 HOME = np.array(panda().named["home"])
@@ -288,6 +291,16 @@ def test_clients_are_given_back():
     assert pb.isConnected(client)
     hardware.close()
     assert not pb.isConnected(client)
+
+
+def test_items_of_one_hull_share_its_shapes_and_none_is_enlarged() -> None:
+    known: ItemShapes = {}
+    owner = Client()
+    item = SpawnedItem(ObjectId("item_00"), CATALOGUE[-1], "red", Pose(), False)
+    bodies = [add_item(item, Pose((x, 0.0, 0.0)), owner.id, known) for x in (0.0, 0.2)]
+    (nearest, *_) = pb.getClosestPoints(*bodies, 1.0, physicsClientId=owner.id)
+    assert len(known) == 1
+    assert nearest[8] == pytest.approx(0.2 - 0.04, abs=1e-4)  # pybullet enlarges a hull by 1 mm unless told
 
 
 def test_items_have_the_ids_of_their_spawning():
