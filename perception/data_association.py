@@ -16,7 +16,7 @@ from ..world.shapes import inside
 from ..world.values import ObjectId, Pose
 from .fitting.view import Detection, PerceivedView, UnexplainedPatch
 from .voxels.obstacle_volumes import update_volumes
-from .voxels.space_carving import Keys, cell_centres, cells_in_body, cells_of, retained_cells
+from .voxels.space_carving import Keys, cell_centres, cells_in_body, cells_of, points_of, retained_cells
 
 if TYPE_CHECKING:
     from scipy.optimize import linear_sum_assignment
@@ -47,6 +47,9 @@ VOLUME_MARGIN = 0.02
 beyond the true surface."""
 MAX_UNEXPLAINED_SHARE = 0.25
 """Share of an obstacle's cells, beside those of all detections in it, above which it is still there."""
+MIN_SHARE_IN_ITEMS = 0.9
+"""Share of a patch's points at unrecognised items from which the patch belongs to them. The others are noise
+at its outline."""
 
 Cost: TypeAlias = Callable[[BeliefObject, Detection], float]
 
@@ -102,7 +105,8 @@ def update_belief(
             belief = _belief_from(scene.new_id(f"{detection.colour}_{detection.kind}"), detection, now)
             scene.put(belief, "seen for the first time")
             new.append(belief.id)
-    obstacles = [u for u in view.unexplained if not _is_known(u, (*hidden, *([held] if held else [])))]
+    unrecognised = [*hidden, *([held] if held else [])]
+    obstacles = [patch for patch in view.unexplained if not _part_of_items(patch, view, unrecognised)]
     seen = (*(o.id for o in items if o.id in matched), *new)
     removed += update_volumes(scene, view, obstacles, [scene.get(name) for name in seen], now)
     return ObservationSummary(seen, tuple(new), tuple(removed), tuple(o.id for o in hidden), len(obstacles))
@@ -131,13 +135,18 @@ def _nearness(item: BeliefObject, detection: Detection) -> float:
     if item.colour != detection.colour:
         return math.inf
     same_bin = detection.place != "table" and item.place == detection.place
-    gate = (MATCH_DISTANCE_IN_BIN if same_bin else MATCH_DISTANCE) + 3.0 * min(item.sigma_position, 0.03)
+    gate = _gate(item, MATCH_DISTANCE_IN_BIN if same_bin else MATCH_DISTANCE)
     distance = item.pose.distance(detection.pose)
     return (
         distance + (KIND_MISMATCH_COST if item.kind != detection.kind else 0.0)
         if distance < gate
         else math.inf
     )
+
+
+def _gate(item: BeliefObject, distance: float = MATCH_DISTANCE) -> float:
+    """Return the distance, widened by the uncertainty of the item's position, m."""
+    return distance + 3.0 * min(item.sigma_position, 0.03)
 
 
 def _displacement(item: BeliefObject, detection: Detection) -> float:
@@ -199,12 +208,17 @@ def _part_of_known(detection: Detection, hidden: Sequence[BeliefObject]) -> bool
     return near or (in_bin and detection.confidence < CERTAIN_CONFIDENCE)
 
 
-def _is_known(unexplained: UnexplainedPatch, items: Sequence[BeliefObject]) -> bool:
-    """Whether the box surrounds a believed item that was not recognised."""
-    return any(
-        o.colour == unexplained.colour and o.pose.distance(unexplained.pose) < max(unexplained.shape.size)
-        for o in items
-    )
+def _part_of_items(patch: UnexplainedPatch, view: PerceivedView, items: Sequence[BeliefObject]) -> bool:
+    """Whether the patch may show nothing but believed items of its colour that were not recognised.
+
+    Its points then lie where a detection would be matched to these items.
+    """
+    points = points_of(view, patch.rows, patch.columns)
+    there = np.zeros(len(points), dtype=np.bool_)
+    for o in items:
+        if o.colour == patch.colour:
+            there |= inside(o.shape, o.pose, points, HELD_DISTANCE if o.attached else _gate(o))
+    return float(there.mean()) >= MIN_SHARE_IN_ITEMS
 
 
 def _belief_from(object_id: ObjectId, d: Detection, now: float) -> BeliefObject:
@@ -223,7 +237,7 @@ def _updated_belief(
     half counts. An item that was given up stays so where it lay. Found elsewhere, it may be handled again.
     """
     given_up = item.place == "aside" and detection.place == "table"
-    stayed = item.pose.distance(detection.pose) < MATCH_DISTANCE + 3.0 * min(item.sigma_position, 0.03)
+    stayed = item.pose.distance(detection.pose) < _gate(item)
     place = item.place if given_up and stayed else detection.place
     worse = detection.confidence < MIN_CONFIDENCE_SHARE * item.confidence
     if worse and view.look(item.shape, item.pose, item.colour).borne_out:

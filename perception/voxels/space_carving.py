@@ -227,7 +227,7 @@ def bounding_box_of(
     return UnexplainedPatch(Box(size), pose, segmentation.LABEL_NAMES[label] or "grey", rows, columns)
 
 
-def points_of(picture: SegmentationInput, rows: Pixels, columns: Pixels) -> Array:
+def points_of(picture: SegmentationInput | PerceivedView, rows: Pixels, columns: Pixels) -> Array:
     """Return the points (n, 3) of the world that the pixels show, m."""
     rays = picture.sight.directions(np.stack([columns, rows], axis=1).astype(np.float64))
     return picture.sight.origin + rays * picture.depth[rows, columns][:, None]
