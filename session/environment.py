@@ -74,7 +74,7 @@ def machine() -> Mapping[str, str]:
     }
 
 
-RECORDS = (":!docs", ":!benchmarks/evidence.json")
+RECORDS = (":!docs", ":!benchmarks/evidence.json", ":!benchmarks/results")
 """Files that campaigns write between their runs, and no run depends on."""
 
 
