@@ -12,7 +12,6 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
-import pinocchio as pin
 
 from ...errors import PicktreeError
 from ...robots.model import RobotModel
@@ -26,6 +25,7 @@ from ..commands import ContactThresholds, JointImpedanceResult
 from ..contact.guarded_move import GuardedMoveResult
 from ..joints.external_torque import static_external_torque
 from ..joints.joint_controllers import HoldController
+from ..joints.slowed_trajectory import slowed_trajectory
 from ..joints.soft_controller import YIELD_TIME, GravityCompensationController, JointImpedanceController
 from ..safety.motion_lease import ForceGuard
 from .contact_motion import CompliantMotionResult, CompliantMotionRunner
@@ -124,26 +124,6 @@ class JointImpedanceMotion:
             yield
             check(lease)
         return giving.pressed if math.isfinite(giving.pressed) else 0.0
-
-
-def slowed_trajectory(model: RobotModel, trajectory: Trajectory, speed: float) -> Trajectory:
-    """Return the trajectory on the same path, slowed down so that neither tool nor joints exceed `speed`
-    m/s."""
-    data = model.arm.createData()
-    at: list[Array] = []
-    for q in trajectory.position:
-        pin.forwardKinematics(model.arm, data, q)
-        tool = pin.updateFramePlacement(model.arm, data, model.tcp_frame)
-        at.append(np.array([*(place.translation for place in data.oMi), tool.translation]))
-    ways = np.linalg.norm(np.diff(np.array(at), axis=0), axis=2).max(axis=1)
-    fastest = float((ways / np.diff(trajectory.times)).max(initial=0.0))
-    share = max(1.0, fastest / speed)
-    return Trajectory(
-        trajectory.times * share,
-        trajectory.position,
-        trajectory.velocity / share,
-        trajectory.acceleration / share**2,
-    )
 
 
 JOG_GUARD = 25.0
@@ -329,6 +309,6 @@ class ArmMotion(TrajectoryMotion):
         return self._loop.settle()
 
     def slowed(self, trajectory: Trajectory, speed: float) -> Trajectory:
-        """Return the trajectory on the same path, slowed down so that no part of the arm exceeds `speed`
-        m/s."""
+        """Return the trajectory on the same path, slowed down where a part of the arm would exceed `speed`
+        m/s or hit an obstacle hard."""
         return slowed_trajectory(self._model, trajectory, speed)

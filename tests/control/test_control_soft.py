@@ -11,8 +11,8 @@ import pinocchio as pin
 import pytest
 
 from picktree.control.commands import ContactThresholds
-from picktree.control.execution.motions import slowed_trajectory
 from picktree.control.joints.external_torque import ExternalTorqueObserver
+from picktree.control.joints.slowed_trajectory import MAX_IMPULSE, slowed_trajectory
 from picktree.control.joints.soft_controller import GravityCompensationController, JointImpedanceController
 from picktree.robots.loading import load_robot
 from picktree.robots.model import RobotModel
@@ -61,15 +61,81 @@ def test_a_soft_motion_in_the_open_arrives() -> None:
     assert cell.loop.at_rest
 
 
+TURN = np.array([0.5, 0.2, 0.0, 0.3, 0.0, 0.2, 0.0])
+
+
 def test_a_slower_trajectory_goes_the_same_way_and_nothing_is_faster_than_it_may() -> None:
-    fast = swing(HOME, HOME + np.array([0.5, 0.2, 0.0, 0.3, 0.0, 0.2, 0.0]), 1.0)
+    fast = swing(HOME, HOME + TURN, 1.0)
     slow = slowed_trajectory(MODEL, fast, 0.05)
     assert np.array_equal(slow.position, fast.position)
     speeds = [
         np.linalg.norm((MODEL.jacobian(q) @ v)[:3]) for q, v in zip(slow.position, slow.velocity, strict=True)
     ]
-    assert 0.02 < max(speeds) <= 0.051
-    assert slowed_trajectory(MODEL, slow, 0.25).duration == slow.duration
+    assert 0.049 < max(speeds) <= 0.05 + 1e-9
+    assert slowed_trajectory(MODEL, slow, 0.25) is slow
+
+
+def test_a_slower_trajectory_is_as_fast_as_before_where_that_is_slow_enough() -> None:
+    fast = swing(HOME, HOME + TURN, 2.0)
+    slow = slowed_trajectory(MODEL, fast, 0.05)
+    assert np.array_equal(slow.times[:15], fast.times[:15])
+    # On nearly all of its path something moves as fast as it may.
+    fastest = [_fastest(q, v) for q, v in zip(slow.position, slow.velocity, strict=True)]
+    at_most = np.array(fastest) > 0.045
+    assert float(np.diff(slow.times)[at_most[1:] & at_most[:-1]].sum()) > 0.8 * slow.duration
+
+
+def test_a_slower_trajectory_moves_between_its_samples_as_its_samples_say() -> None:
+    slow = slowed_trajectory(MODEL, swing(HOME, HOME + TURN, 1.0), 0.25)
+    h = 1e-4
+    for t in np.linspace(h, slow.duration - h, 400):
+        (q0, v0), (q1, v1) = slow.sample(t - h), slow.sample(t + h)
+        assert np.abs((q1 - q0) / (2 * h) - slow.sample(t)[1]).max() < 1e-4
+        assert (np.abs(v1 - v0) / (2 * h) <= MODEL.acceleration_limit).all()
+    for t, a in zip(slow.times[1:-1], slow.acceleration[1:-1], strict=True):
+        assert np.abs((slow.sample(t + h)[1] - slow.sample(t - h)[1]) / (2 * h) - a).max() < 1e-2
+
+
+def test_no_part_of_a_slower_trajectory_hits_a_rigid_obstacle_with_more_than_its_impulse() -> None:
+    stretched = reach(down(0.6, 0.0, 0.5), HOME)
+    fast = swing(stretched, stretched + np.array([1.2, 0.3, 0.0, 0.2, 0.0, 0.0, 0.0]), 1.0)
+    slow = slowed_trajectory(MODEL, fast, 0.25)
+    impulses = [
+        _impulse(q, v, joint)
+        for q, v in zip(slow.position[1:-1], slow.velocity[1:-1], strict=True)
+        for joint in range(3, MODEL.n + 1)
+    ]
+    assert 0.9 * MAX_IMPULSE < max(impulses) <= MAX_IMPULSE * 1.001
+
+
+def _linear(q: Array, joint: int) -> Array:
+    """Return the Jacobian (3, n) of a joint's origin, by differences."""
+    data, h = MODEL.arm.createData(), 1e-6
+    columns: list[Array] = []
+    for step in h * np.eye(MODEL.n):
+        ends: list[Array] = []
+        for at in (q + step, q - step):
+            pin.forwardKinematics(MODEL.arm, data, at)
+            ends.append(data.oMi[joint].translation.copy())
+        columns.append((ends[0] - ends[1]) / (2 * h))
+    return np.array(columns).T
+
+
+def _fastest(q: Array, v: Array) -> float:
+    """Return the speed of the fastest of joints and tool, m/s."""
+    points = [_linear(q, joint) @ v for joint in range(1, MODEL.n + 1)]
+    return max(float(np.linalg.norm(point)) for point in [*points, (MODEL.jacobian(q) @ v)[:3]])
+
+
+def _impulse(q: Array, v: Array, joint: int) -> float:
+    """Return the impulse against the motion of a joint's origin that stops it, Ns."""
+    linear = _linear(q, joint)
+    motion = linear @ v
+    if float(np.linalg.norm(motion)) < 1e-6:
+        return 0.0
+    along = motion / np.linalg.norm(motion)
+    for_one: Array = linear @ np.linalg.solve(MODEL.mass_matrix(q), linear.T @ along)
+    return float(along @ motion / (along @ for_one))
 
 
 def soft_motion(push_from: int, effort: float = 0.0) -> JointImpedanceController:
