@@ -1,9 +1,10 @@
 """Campaign: many simulations of one program, on worker processes or a Ray cluster.
 
-A campaign goes on where it stopped, in one folder. `results.jsonl` has a line for each finished run: its
-job, the commit, a digest of the files that the run depended on, its CPU time, and its row;
-`dependencies.json` names these files. A result is not counted when one of its files has changed since: it is
-run again, unless --mixed is given. `logs` has a folder for each run. Each run has a process of its own.
+A campaign goes on where it stopped, in one folder. `results.jsonl` has a line for each finished run
+(`_campaign_results.py`): its job, the commit, a digest of the files that the run depended on, its CPU time,
+and its row; `dependencies.json` names these files. A result is not counted when one of its files has changed
+since: it is run again, unless --mixed is given. `logs` has a folder for each run. Each run has a process of
+its own.
 """
 
 from __future__ import annotations
@@ -19,15 +20,16 @@ import pickle
 import re
 import sys
 import time
-from collections import defaultdict, deque
+from collections import deque
 from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
-from statistics import median
 from typing import TYPE_CHECKING, Any
 
-from _dependencies import Dependencies, bytes_digest, of_program, opened, used
+from _campaign_results import REFERENCE_COST as REFERENCE_COST  # programs have it from here
+from _campaign_results import Forecast, Results, Row, key, plain
+from _dependencies import bytes_digest, of_program, opened, used
 from picktree.arithmetic import restart
 from picktree.batch.workers.executor import Executor, JobFailed, JobFinished, JobOrder
 from picktree.batch.workers.local_executor import LocalExecutor
@@ -42,13 +44,10 @@ restart()
 ROOT = Path(__file__).resolve().parent.parent
 RESULTS = ROOT / "benchmarks" / "results"
 """Folder of all campaigns."""
-REFERENCE_COST = 0.26
-"""CPU seconds of the reference on the machine to which the costs in the programs refer."""
 CUT_OFF = "Cut off: "
 """Begin of the line that is printed before a result of fewer runs than were asked for."""
 _WALL_LIMIT, _MEMORY_LIMIT = 4 * 3600.0, 8 * 10**9
 """Limits of one run: s, bytes."""
-Row = dict[str, Any]
 
 
 def options(
@@ -115,7 +114,7 @@ def campaign(
     """
     try:
         with _locked(given.out) as folder:
-            kept = Results(folder / "results.jsonl", mixed=given.mixed)
+            kept = Results(folder / "results.jsonl", reference(), mixed=given.mixed)
             missing = [job for job in jobs if kept.to_do(job)]
             forecast = Forecast(kept, cost)
             print(_plan(given, missing, jobs, kept, forecast), file=sys.stderr, flush=True)
@@ -140,97 +139,6 @@ def finished(rows: Iterable[Row]) -> list[Row]:
         if "crash" in row:
             print(f"seed {row['seed']} crashed: {row['crash']}")
     return [row for row in rows if "crash" not in row]
-
-
-@dataclass(frozen=True, slots=True)
-class Result:
-    """Finished run."""
-
-    job: Mapping[str, Any]
-    commit: str
-    code: str
-    """Digest of the files that the run depended on."""
-    cpu: float
-    """CPU time of the run, s."""
-    reference: float
-    """CPU time of the reference when the campaign began, s."""
-    row: Row
-
-
-class Results:
-    """File of the finished runs. A line that a kill has cut off is left out."""
-
-    def __init__(self, path: Path, *, mixed: bool) -> None:
-        self._path, self._dependencies = path, Dependencies(path.parent)
-        self.reference = reference()
-        self.others: dict[str, int] = {}
-        """Number of results whose files have changed since, by commit."""
-        self.costs: defaultdict[str, list[float]] = defaultdict(list)
-        """CPU times as multiples of the reference, by kind: the job without its seed."""
-        self._found: dict[str, Result] = {}
-        text = path.read_bytes().decode(errors="replace") if path.exists() else ""
-        self._cut = bool(text) and not text.endswith("\n")
-        for line in text.splitlines():
-            with suppress(ValueError, TypeError):
-                result = Result(**json.loads(line))
-                self._learn(result)
-                if mixed or self._dependencies.hold(result.code):
-                    self._found[_key(result.job)] = result
-                else:
-                    self.others[result.commit] = self.others.get(result.commit, 0) + 1
-
-    def row(self, job: Any) -> Row | None:
-        found = self._found.get(_key(_plain(job)))
-        return {**found.row, "job": found.job} if found else None
-
-    def to_do(self, job: Any) -> bool:
-        row = self.row(job)
-        return row is None or "crash" in row
-
-    def add(self, job: Any, row: Row, cpu: float, files: Iterable[str]) -> None:
-        """Write the result to the disk, whole, at once."""
-        code = self._dependencies.add(files)
-        result = Result(_plain(job), revision(), code, round(cpu, 2), round(self.reference, 3), row)
-        line = ("\n" if self._cut else "") + json.dumps(asdict(result), ensure_ascii=False) + "\n"
-        with self._path.open("ab", buffering=0) as file:
-            file.write(line.encode())
-            os.fsync(file.fileno())
-        self._cut = False
-        self._learn(result)
-        self._found[_key(result.job)] = result
-
-    def _learn(self, result: Result) -> None:
-        if result.cpu:
-            self.costs[_key(result.job, seed=False)].append(result.cpu / result.reference)
-
-
-def commits(folder: Path) -> list[str]:
-    """Return the commits of the results in a campaign's folder whose files have not changed, oldest first."""
-    path, dependencies = folder / "results.jsonl", Dependencies(folder)
-    found: dict[str, None] = {}
-    for line in path.read_bytes().decode(errors="replace").splitlines() if path.exists() else ():
-        with suppress(ValueError, TypeError):
-            result = Result(**json.loads(line))
-            if dependencies.hold(result.code):
-                found[result.commit] = None
-    return list(found)
-
-
-class Forecast:
-    """Forecast of CPU times: the median of recorded runs of the same kind, scaled to this machine's speed."""
-
-    def __init__(self, results: Results, cost: float | Callable[[Any], float]) -> None:
-        self._results, self._cost = results, cost
-
-    def of(self, job: Any) -> float:
-        """Return the CPU time that a job will take, s."""
-        known = self._results.costs.get(_key(_plain(job), seed=False))
-        cost = self._cost(job) if callable(self._cost) else self._cost
-        return self._results.reference * (median(known) if known else cost / REFERENCE_COST)
-
-    def total(self, jobs: Iterable[Any]) -> float:
-        """Return the CPU time of many jobs, s."""
-        return sum(self.of(job) for job in jobs)
 
 
 def reference() -> float:
@@ -309,7 +217,7 @@ def _run(
                     whole = False
                     break
                 waiting.popleft()
-                order = _order(recipe, number, given.out / "logs" / f"{job.seed}-{_digest(_plain(job))}")
+                order = _order(recipe, number, given.out / "logs" / f"{job.seed}-{_digest(plain(job))}")
                 under_way[order.job] = job
                 workers.submit(order)
             for event in workers.wait(1.0):
@@ -398,17 +306,8 @@ def _program(one: Callable[[Any, Path], Row]) -> list[str]:
     return [os.path.relpath(inspect.getfile(one), ROOT)]
 
 
-def _plain(job: Any) -> Row:
-    """Return the values of a job as JSON has them."""
-    return json.loads(json.dumps(asdict(job), default=str))
-
-
-def _key(job: Mapping[str, Any], *, seed: bool = True) -> str:
-    return json.dumps({k: v for k, v in job.items() if seed or k != "seed"}, sort_keys=True)
-
-
 def _digest(job: Mapping[str, Any]) -> str:
-    return hashlib.sha256(_key(job).encode()).hexdigest()[:6]
+    return hashlib.sha256(key(job).encode()).hexdigest()[:6]
 
 
 def _cpu() -> float:

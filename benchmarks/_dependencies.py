@@ -26,7 +26,8 @@ ROOT = Path(__file__).resolve().parent.parent
 KEPT = "dependencies.json"
 """File in a campaign's folder: the files of its runs, by their digest."""
 MACHINERY = frozenset(
-    f"benchmarks/{name}.py" for name in ("_campaign", "_dependencies", "_evidence", "evidence", "_soaking")
+    f"benchmarks/{name}.py"
+    for name in ("_campaign", "_campaign_results", "_dependencies", "_evidence", "evidence", "_soaking")
 )
 """Modules that deal runs out, and count or watch them: no run depends on them."""
 _COMMAND_FILES = ("cli/run", "session/resume")

@@ -7,9 +7,9 @@
 
 Campaigns without a figure come first, then those of which a file that their runs depended on has changed
 since, oldest first, then those with the widest interval. Each gets an equal share of the time that is left
-and goes on where it stopped. What it printed is kept in evidence.json with commit and date; the page has
-nothing else. A result that still holds is not replaced by one of fewer runs, and an old one not by one that
-counts less than a quarter of it.
+and goes on where it stopped: the rows of its runs are part of the checkout. What it printed is kept in
+evidence.json with commit and date; the page has nothing else. A result that still holds is not replaced by
+one of fewer runs, and an old one not by one that counts less than a quarter of it.
 """
 
 from __future__ import annotations
@@ -23,7 +23,8 @@ from collections.abc import Generator, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 
-from _campaign import ROOT, commits
+from _campaign import ROOT
+from _campaign_results import commits
 from _dependencies import Dependencies, of_program
 from _evidence import Campaign, Record, campaigns, in_order, read, to_page, with_contents, write
 from picktree.session.environment import revision

@@ -12,7 +12,8 @@ import pytest
 
 BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
 _ORDER = (
-    "_dependencies", "_campaign", "_fault_measures", "_fault_table", "_fault_page", "fault_campaign",
+    "_dependencies", "_campaign_results", "_campaign", "_fault_measures", "_fault_table", "_fault_page",
+    "fault_campaign",
     "_atlas_page",
     "_evidence", "_soaking", "machines", "speed", "_explanation_cases", "explanations",
     "mutant_site.sitecustomize", "_mutant_operators", "_mutant_recorder", "_mutant_coverage",

@@ -189,9 +189,9 @@ def test_results_whose_files_have_changed_are_run_again_or_counted_when_asked(
 ) -> None:
     squares.run("--runs", "1")
     commit = squares.lines()[0]["commit"]
-    assert program("_campaign").commits(squares.out) == [commit]
+    assert program("_campaign_results").commits(squares.out) == [commit]
     squares.change()
-    assert program("_campaign").commits(squares.out) == []
+    assert program("_campaign_results").commits(squares.out) == []
     _, err = squares.run("--runs", "1", "--mixed")
     assert "0 of 1 runs to do" in err
     assert squares.runs() == 1

@@ -1,0 +1,121 @@
+"""Results of a campaign's finished runs, in its folder, and the forecast that is made of them."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections import defaultdict
+from collections.abc import Callable, Iterable, Mapping
+from contextlib import suppress
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from statistics import median
+from typing import Any
+
+from _dependencies import Dependencies
+from picktree.session.environment import revision
+
+REFERENCE_COST = 0.26
+"""CPU seconds of the reference on the machine to which the costs in the programs refer."""
+Row = dict[str, Any]
+
+
+@dataclass(frozen=True, slots=True)
+class Result:
+    """Finished run."""
+
+    job: Mapping[str, Any]
+    commit: str
+    code: str
+    """Digest of the files that the run depended on."""
+    cpu: float
+    """CPU time of the run, s."""
+    reference: float
+    """CPU time of the reference when the campaign began, s."""
+    row: Row
+
+
+class Results:
+    """File of the finished runs. A line that a kill has cut off is left out."""
+
+    def __init__(self, path: Path, reference: float, *, mixed: bool) -> None:
+        """`reference`: its CPU time on this machine, s. `mixed`: count results whose files have changed."""
+        self._path, self._dependencies = path, Dependencies(path.parent)
+        self.reference = reference
+        self.others: dict[str, int] = {}
+        """Number of results whose files have changed since, by commit."""
+        self.costs: defaultdict[str, list[float]] = defaultdict(list)
+        """CPU times as multiples of the reference, by kind: the job without its seed."""
+        self._found: dict[str, Result] = {}
+        text = path.read_bytes().decode(errors="replace") if path.exists() else ""
+        self._cut = bool(text) and not text.endswith("\n")
+        for line in text.splitlines():
+            with suppress(ValueError, TypeError):
+                result = Result(**json.loads(line))
+                self._learn(result)
+                if mixed or self._dependencies.hold(result.code):
+                    self._found[key(result.job)] = result
+                else:
+                    self.others[result.commit] = self.others.get(result.commit, 0) + 1
+
+    def row(self, job: Any) -> Row | None:
+        found = self._found.get(key(plain(job)))
+        return {**found.row, "job": found.job} if found else None
+
+    def to_do(self, job: Any) -> bool:
+        row = self.row(job)
+        return row is None or "crash" in row
+
+    def add(self, job: Any, row: Row, cpu: float, files: Iterable[str]) -> None:
+        """Write the result to the disk, whole, at once."""
+        code = self._dependencies.add(files)
+        result = Result(plain(job), revision(), code, round(cpu, 2), round(self.reference, 3), row)
+        line = ("\n" if self._cut else "") + json.dumps(asdict(result), ensure_ascii=False) + "\n"
+        with self._path.open("ab", buffering=0) as file:
+            file.write(line.encode())
+            os.fsync(file.fileno())
+        self._cut = False
+        self._learn(result)
+        self._found[key(result.job)] = result
+
+    def _learn(self, result: Result) -> None:
+        if result.cpu:
+            self.costs[key(result.job, seed=False)].append(result.cpu / result.reference)
+
+
+def commits(folder: Path) -> list[str]:
+    """Return the commits of the results in a campaign's folder whose files have not changed, oldest first."""
+    path, dependencies = folder / "results.jsonl", Dependencies(folder)
+    found: dict[str, None] = {}
+    for line in path.read_bytes().decode(errors="replace").splitlines() if path.exists() else ():
+        with suppress(ValueError, TypeError):
+            result = Result(**json.loads(line))
+            if dependencies.hold(result.code):
+                found[result.commit] = None
+    return list(found)
+
+
+class Forecast:
+    """Forecast of CPU times: the median of recorded runs of the same kind, scaled to this machine's speed."""
+
+    def __init__(self, results: Results, cost: float | Callable[[Any], float]) -> None:
+        self._results, self._cost = results, cost
+
+    def of(self, job: Any) -> float:
+        """Return the CPU time that a job will take, s."""
+        known = self._results.costs.get(key(plain(job), seed=False))
+        cost = self._cost(job) if callable(self._cost) else self._cost
+        return self._results.reference * (median(known) if known else cost / REFERENCE_COST)
+
+    def total(self, jobs: Iterable[Any]) -> float:
+        """Return the CPU time of many jobs, s."""
+        return sum(self.of(job) for job in jobs)
+
+
+def plain(job: Any) -> Row:
+    """Return the values of a job as JSON has them."""
+    return json.loads(json.dumps(asdict(job), default=str))
+
+
+def key(job: Mapping[str, Any], *, seed: bool = True) -> str:
+    return json.dumps({k: v for k, v in job.items() if seed or k != "seed"}, sort_keys=True)
