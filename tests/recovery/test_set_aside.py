@@ -2,6 +2,13 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
+from picktree.simulation.fault_files.device_entries import AtTime, CameraDrop
+from picktree.simulation.kinematic.backend import KinematicHardware
+from picktree.trees.loading.loader import parse_mission
+from picktree.trees.loading.registry import NodeRegistry
+
 from ..skills.cell import Cell, items, mission
 
 
@@ -42,3 +49,19 @@ def test_before_its_time_it_is_counted_only() -> None:
     assert made.happened("set_aside") == []
     assert give_up(made, item, ", after: 3") == ""
     assert made.world.scene.get(item).place == "aside"
+
+
+def test_an_item_is_set_aside_in_the_end_although_waiting_may_help() -> None:
+    made, item = cell()
+    assert isinstance(made.hardware, KinematicHardware)
+    made.hardware.afflict(0, CameraDrop(AtTime(0.0)))
+    text = (
+        "picktree: 1\nkind: mission\ninclude: [library/sorting]\ntrees:\n  Main:\n"
+        f"    SortTirelessly: {{item: {item}, attempts: 1, rounds: 1, patience: 3}}\n"
+    )
+    places: list[str] = []
+    for _ in range(3):
+        made.start(parse_mission(text, Path("mission.yaml"), NodeRegistry()))
+        made.finish()
+        places.append(made.world.scene.get(item).place)
+    assert places == ["table", "table", "aside"]
