@@ -26,10 +26,13 @@ ROOT = Path(__file__).resolve().parent.parent
 KEPT = "dependencies.json"
 """File in a campaign's folder: the files of its runs, by their digest."""
 MACHINERY = frozenset(
-    f"benchmarks/{name}.py"
-    for name in ("_campaign", "_campaign_results", "_dependencies", "_evidence", "evidence", "_soaking")
+    f"benchmarks/{name}"
+    for name in (
+        *("_campaign.py", "_campaign_results.py", "_dependencies.py", "_evidence.py", "_soaking.py"),
+        *("evidence.json", "evidence.py"),
+    )
 )
-"""Modules that deal runs out, and count or watch them: no run depends on them."""
+"""Files that deal runs out, and count or watch them: no run depends on them."""
 _COMMAND_FILES = ("cli/run", "session/resume")
 """Folders that commands of picktree need beside `sources`."""
 _IMPORT = re.compile(r"^\s*(?:from|import) ((?:picktree[.\w]*)|(?:_\w+))", re.MULTILINE)

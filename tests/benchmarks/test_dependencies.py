@@ -28,6 +28,7 @@ def test_files_that_are_read_count_and_written_or_foreign_ones_do_not(
     (tmp_path / "foreign").touch()
     with dependencies.opened() as files:
         (ROOT / "examples" / "one_pick.yaml").read_text()
+        (ROOT / "benchmarks" / "evidence.json").read_text()
         (tmp_path / "foreign").read_text()
         with (tmp_path / "written").open("w"):
             pass
