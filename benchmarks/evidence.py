@@ -7,9 +7,10 @@
 
 Campaigns without a figure come first, then those of which a file that their runs depended on has changed
 since, oldest first, then those with the widest interval. Each gets an equal share of the time that is left
-and goes on where it stopped: the rows of its runs are part of the checkout. What it printed is kept in
-evidence.json with commit and date; the page has nothing else. A result that still holds is not replaced by
-one of fewer runs, and an old one not by one that counts less than a quarter of it.
+and goes on where it stopped. The rows of its runs are part of the checkout, but for the fault campaign and
+the soak, which need their logs. What it printed is kept in evidence.json with commit and date; the page has
+nothing else. A result that still holds is not replaced by one of fewer runs, and an old one not by one that
+counts less than a quarter of it.
 """
 
 from __future__ import annotations

@@ -154,7 +154,10 @@ def test_a_run_with_another_tote_goes_on_from_a_checkpoint(fed: RunResult, tmp_p
     with Run(fed.log) as run, RecordedRun(run) as found:
         emptied = [at.time for at in run.events if isinstance(at.record, BinEmptiedEvent)]
         later = [name for name in found.checkpoints() if found.state(name).time > emptied[0]]
-        goes_on_from(found, later[0], tmp_path)  # things of the second tote come from the checkpoint
+        goes_on_from(found, later[0], tmp_path)
+    with Run(next(tmp_path.glob("*/log.mcap"))) as other:
+        assert other.info.continues is not None
+        assert other.info.continues.time > emptied[0], "things of the second tote come from the checkpoint"
 
 
 def test_it_goes_on_with_the_heap_that_was_seen(recorded: RecordedRun, tmp_path: Path) -> None:
