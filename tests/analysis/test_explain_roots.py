@@ -96,7 +96,7 @@ def test_an_item_that_was_taken_away(tmp_path: Path) -> None:
     assert cause.reasons == (
         "its true place is in the log until 0.60 s (x 0.44, y -0.09 m), and then no more",
         "the fingers met (0.0 mm) and hold nothing",
-        "at 6.30 s its place was seen empty, and the robot gave it up",
+        "at 8.65 s its place was seen empty, and the robot gave it up",
     )
     assert cause.planted == ()
     with Run(folder) as log:
