@@ -151,8 +151,10 @@ def test_a_fixture_is_dragged_in_the_scene_and_only_its_line_changes(
     # The hand takes the bin where the ray meets it first, which may be its rim.
     assert found == pytest.approx([x - 0.1, y + 0.05, z], abs=0.03)
 
-    # By keys: a number, taken over with Enter.
+    # By keys: a number, taken over with Enter, once the field shows where the bin is now.
     value = browser.get_by_label("x, m")
+    shown = "document.querySelector(`.scene input[step='0.01']`).value"
+    wait_until(browser, f"Math.abs({shown} - {found[0]}) < 1e-3")
     value.fill("0.4")
     value.press("Enter")
     wait_until(browser, f"!{disabled('Save cell.yaml')}")
