@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 
 from ..files.library_parts import library_part
+from ..world.belief.facts import ASIDE
 from ..world.belief.planning_scene import BeliefObject, PlanningScene
 from ..world.shapes import inside
 from ..world.values import ObjectId, Pose
@@ -236,7 +237,7 @@ def _updated_belief(
     A better earlier estimate is kept while the view bears it out: of a half hidden object only the visible
     half counts. An item that was given up stays so where it lay. Found elsewhere, it may be handled again.
     """
-    given_up = item.place == "aside" and detection.place == "table"
+    given_up = item.place == ASIDE and detection.place == "table"
     stayed = item.pose.distance(detection.pose) < _gate(item)
     place = item.place if given_up and stayed else detection.place
     worse = detection.confidence < MIN_CONFIDENCE_SHARE * item.confidence

@@ -33,6 +33,7 @@ from .fitting.item_fitting import (
     GOOD_MISFIT,
     MAX_HOVER_HEIGHT,
     POOR_MISFIT,
+    POOR_MISFIT_IN_BIN,
     Hypothesis,
     ItemFitter,
     detection_from,
@@ -81,8 +82,6 @@ MAX_CUT_MISFIT, MIN_CUT_SHOWN = 2.5, 0.75
 cut blobs are ignored: another picture shows them better."""
 MAX_POSITION_SIGMA = 0.012
 """Standard deviation of a position from which on a fit is no detection, m."""
-POOR_MISFIT_IN_BIN = 2.6
-"""Greatest misfit of a detection in a bin, where leaning items are not forced into a shape."""
 
 
 class Perception:

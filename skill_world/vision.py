@@ -16,6 +16,7 @@ from ..perception.geometry.camera_geometry import depth_noise, noise_factor
 from ..perception.heap_mapping import update_heap
 from ..perception.held_thing import HeldView
 from ..perception.pipeline import Perception
+from ..world.belief.facts import ASIDE
 from ..world.belief.height_map import Heap
 from ..world.belief.planning_scene import BeliefObject, PlanningScene
 from ..world.causes import Failure, perception
@@ -132,14 +133,15 @@ class Vision:
         return seen
 
     def look(self, camera: str) -> Generator[None, None, ObservationSummary]:
-        """Observe with `camera`; the belief changes after the charged time.
+        """Observe with `camera`; the belief changes after the charged time. All that is not set aside is
+        recognised anew.
 
         Raises Failure: perception.not_found when there is no such camera, perception.no_image when none comes
         within a few frames, or only old ones or the same one.
         """
         shot = yield from self._patiently(lambda: self.glance(camera))
         yield from self._charge()
-        return self.take_in(shot)
+        return self.take_in(shot, [o for o in self._scene.objects if o.place == ASIDE])
 
     def glance(self, camera: str) -> CapturedImage:
         """Capture an image with `camera`. Nothing is charged, and the belief does not change before

@@ -33,6 +33,9 @@ MIN_STACKED_MISFIT = 2.2
 """Misfit below which a part that stands on the table is not lifted onto others."""
 MAX_PART_MISFIT = 5.5
 """Misfit of a part above which its cut is given up."""
+MAX_REFINEMENT = 2.0
+"""Greatest factor by which moving the borders of a cut is taken to lower its misfit: in 204 splits of touching
+items it was 1.7 at most."""
 MIN_PART_PIXELS = 8
 """Least number of pixels of a part."""
 MIN_PART_DISTANCE = 0.010
@@ -61,25 +64,24 @@ def split_blob(
     """Split the blob into items. None when no split explains it clearly better than `misfit`."""
     patch = blob.patch
     convex = notches(picture, blob) < MAX_NOTCHES
-    best: tuple[float, list[BlobPart]] | None = None
+    limit = MAX_SPLIT_MISFIT_SHARE * misfit
+    if convex:
+        limit = min(limit, MAX_FLUSH_MISFIT)
+    best: list[BlobPart] | None = None
     for count in range(2, min(MAX_PARTS, fitter.at_most(blob)) + 1):
         for cut in _cuts(picture, blob, count):
-            parts = _refine_cut(picture, fitter, blob, support, cut)
-            if parts is None:
+            parts = _refine_cut(picture, fitter, blob, support, cut, limit)
+            if parts is None or _misfit(parts) > limit or (convex and not _are_flush(parts)):
                 continue
-            score = _misfit(parts)
-            if convex and (score > MAX_FLUSH_MISFIT or not _are_flush(parts)):
-                continue
-            if best is None or score < 0.9 * best[0]:
-                best = (score, parts)
-        if best is not None and best[0] < GOOD_SPLIT_MISFIT:
+            best, limit = parts, 0.9 * _misfit(parts)
+        if best is not None and _misfit(best) < GOOD_SPLIT_MISFIT:
             break
-    if best is None or best[0] > MAX_SPLIT_MISFIT_SHARE * misfit:
+    if best is None:
         picture.owner[patch.rows, patch.columns] = patch.number
         return None
-    for part in best[1]:
+    for part in best:
         picture.owner[part.blob.patch.rows, part.blob.patch.columns] = part.blob.patch.number
-    return best[1]
+    return best
 
 
 def _cuts(picture: SegmentationInput, blob: Blob, count: int) -> list[NDArray[np.intp]]:
@@ -119,9 +121,15 @@ def _clusters(values: Array, order: Array, count: int) -> NDArray[np.intp]:
 
 
 def _refine_cut(
-    picture: SegmentationInput, fitter: ItemFitter, blob: Blob, support: float, cut: NDArray[np.intp]
+    picture: SegmentationInput,
+    fitter: ItemFitter,
+    blob: Blob,
+    support: float,
+    cut: NDArray[np.intp],
+    limit: float,
 ) -> list[BlobPart] | None:
-    parts = _fit_parts(picture, fitter, blob, support, cut)
+    """Fit the parts of a cut and move its borders. None when that cannot come to a misfit of `limit`."""
+    parts = _fit_parts(picture, fitter, blob, support, cut, MAX_REFINEMENT * limit)
     for _ in range(2):
         if parts is None:
             return None
@@ -129,27 +137,37 @@ def _refine_cut(
         if (shared == cut).all():
             break
         cut = shared
-        again = _fit_parts(picture, fitter, blob, support, cut)
-        if again is None or _misfit(again) > _misfit(parts):
+        again = _fit_parts(picture, fitter, blob, support, cut, _misfit(parts))
+        if again is None:
             break
         parts = again
     return parts if parts is not None and _are_distinct(parts) else None
 
 
 def _fit_parts(
-    picture: SegmentationInput, fitter: ItemFitter, blob: Blob, support: float, cut: NDArray[np.intp]
+    picture: SegmentationInput,
+    fitter: ItemFitter,
+    blob: Blob,
+    support: float,
+    cut: NDArray[np.intp],
+    limit: float,
 ) -> list[BlobPart] | None:
-    """Return each part's hypotheses; None when a part is too small or fits nothing."""
+    """Return each part's hypotheses; None when a part is too small or fits nothing, or the parts together
+    have a misfit above `limit`, for which the first of them may be enough."""
     rows, columns = blob.patch.rows, blob.patch.columns
     members = [cut == k for k in range(int(cut.max()) + 1)]
     if any(int(m.sum()) < MIN_PART_PIXELS for m in members):
         return None
     patches = [picture.claim(rows[m], columns[m], blob.patch.label) for m in members]
+    pieces = [outline_patch(picture, patch) for patch in patches]
+    left = limit * sum(len(piece.outline.points) + piece.measured for piece in pieces)
     parts: list[BlobPart] = []
-    for patch in patches:
-        piece = outline_patch(picture, patch)
+    for piece in pieces:
         hypotheses = fitter.explain(piece, support, MIN_STACKED_MISFIT) if piece.measured else []
         if not hypotheses or hypotheses[0].misfit > MAX_PART_MISFIT:
+            return None
+        left -= hypotheses[0].misfit * hypotheses[0].weight
+        if left < 0.0:
             return None
         parts.append(BlobPart(piece, hypotheses))
     return parts

@@ -46,6 +46,8 @@ GOOD_MISFIT = 1.5
 """Misfit below which no other explanation is needed; a perfect one is about 0.8."""
 POOR_MISFIT = 4.0
 """Misfit above which a hypothesis explains nothing."""
+POOR_MISFIT_IN_BIN = 2.6
+"""The same in a bin, where leaning items are not forced into a shape."""
 LEANING_MISFIT = 2.5
 """Misfit of all poses on a face above which leaning ones are tried."""
 MAX_LEANING_DROP = 0.03

@@ -14,13 +14,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ...world.belief.facts import ASIDE
 from ...world.belief.planning_scene import BeliefObject
 from ...world.values import Array, ObjectId, Pose
 from ..expectation.backdrop import SupportSurface
 from ..geometry.resting_poses import StablePose
 from ..geometry.silhouette_fitting import StandingPose, polygon_area, silhouette
 from ..segmentation import Blob, Pixels, SegmentationInput, connected_patches, label_of, outline_patch
-from .item_fitting import GOOD_MISFIT, Hypothesis, ItemFitter
+from .item_fitting import GOOD_MISFIT, POOR_MISFIT, POOR_MISFIT_IN_BIN, Hypothesis, ItemFitter, is_clear
 
 DEPTH_STEP = 0.008
 """Difference in depth of neighbouring pixels from which they belong to two bodies, m."""
@@ -142,7 +143,7 @@ converges."""
 SUPPORTED_TOLERANCE = 5e-4
 """Distance from its support below which an object is believed to stand on it, m."""
 MIN_KNOWN_CONFIDENCE = 0.6
-"""Least believed confidence of a known object; a less certain one is recognised again."""
+"""Least believed confidence of a known object of which a good fit is asked."""
 
 
 def known_object(
@@ -156,12 +157,16 @@ def known_object(
     fit.
 
     None where no other explanation could be excluded: most of the object is hidden, the fit is not good, the
-    object moved, turned or is uncertain. `floor` is the support under the blob.
+    object moved or turned. An uncertain object stays so, and of one that was set aside nobody asks what it
+    is: for these, a fit that explains the blob at all is enough. `floor` is the support under the blob.
     """
     for one in known:
-        if label_of(one.colour) != blob.patch.label or one.attached or one.place != floor.place:
-            continue
-        if one.confidence < MIN_KNOWN_CONFIDENCE:
+        aside = one.place == ASIDE and not floor.in_bin
+        if (
+            label_of(one.colour) != blob.patch.label
+            or one.attached
+            or not (aside or one.place == floor.place)
+        ):
             continue
         x, y = picture.sight.at_height(blob.middle, one.pose.position[2])
         if math.hypot(float(x) - one.pose.position[0], float(y) - one.pose.position[1]) > 2 * KNOWN_DISTANCE:
@@ -174,6 +179,9 @@ def known_object(
         moved = math.dist(found.stand.centre, one.pose.position)
         turned = abs(found.stand.yaw - stand.yaw) if stand.rest.turn else 0.0
         clear = found.misfit < GOOD_MISFIT and found.shown > MIN_TRACKING_SHOWN
+        if not clear and (aside or one.confidence < MIN_KNOWN_CONFIDENCE):
+            poor = POOR_MISFIT_IN_BIN if floor.in_bin else POOR_MISFIT
+            clear = is_clear(found, poor) and not _shows_two_objects(picture, blob, found)
         if clear and moved < KNOWN_DISTANCE and turned < MAX_HEADING_CHANGE:
             return one, found
     return None
