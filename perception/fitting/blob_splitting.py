@@ -34,8 +34,8 @@ MIN_STACKED_MISFIT = 2.2
 MAX_PART_MISFIT = 5.5
 """Misfit of a part above which its cut is given up."""
 MAX_REFINEMENT = 2.0
-"""Greatest factor by which moving the borders of a cut is taken to lower its misfit: in 204 splits of touching
-items it was 1.7 at most."""
+"""Greatest factor by which moving the borders of a cut is taken to lower its misfit: in 204 splits of
+touching items it was 1.7 at most."""
 MIN_PART_PIXELS = 8
 """Least number of pixels of a part."""
 MIN_PART_DISTANCE = 0.010

@@ -1,0 +1,32 @@
+"""A look recognises everything anew but what was set aside."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from picktree.perception.fitting.item_fitting import ItemFitter
+from picktree.perception.segmentation import LABEL_NAMES, Blob
+
+from .test_eyes_missing import cell, driven
+
+
+def test_a_look_does_not_recognise_what_was_set_aside(monkeypatch: pytest.MonkeyPatch) -> None:
+    world, recognised, explain = cell("x"), list[str](), ItemFitter.explain
+
+    def noting(self: ItemFitter, blob: Blob, *arguments: object) -> object:
+        recognised.append(LABEL_NAMES[blob.patch.label])
+        return explain(self, blob, *arguments)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(ItemFitter, "explain", noting)
+    first = driven(world, world.vision.look("overhead"))
+    given_up, *others = (world.scene.get(name) for name in first.seen)
+    assert sorted(recognised) == sorted(one.colour for one in (given_up, *others))
+    world.scene.put(replace(given_up, place="aside"), "set aside")
+    recognised.clear()
+    world.control.step_tick(1.0)
+    second = driven(world, world.vision.look("overhead"))
+    assert sorted(second.seen) == sorted(first.seen)
+    assert world.scene.get(given_up.id).place == "aside"
+    assert sorted(recognised) == sorted(one.colour for one in others)
