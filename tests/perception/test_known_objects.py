@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import pytest
 
+from picktree.perception.fitting import blob_splitting
 from picktree.perception.fitting.item_fitting import ItemFitter
 from picktree.perception.fitting.view import Detection
 from picktree.perception.segmentation import Blob, label_of
@@ -147,3 +149,14 @@ def test_what_comes_to_touch_an_item_that_was_set_aside_is_seen() -> None:
     plate, ball = standing(PLATE, 0.45, 0.0, 0.8, "blue"), standing(BALL, 0.45, 0.045, 0.0, "blue")
     known = believed([plate], place="aside")
     assert sorted(d.kind for d in view_of([plate, ball], known=known).detections) == ["ball", "plate"]
+
+
+def test_a_cut_is_given_up_when_its_parts_cannot_fit_well_enough(
+    recognised: list[int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    thing = standing(Box((0.06, 0.06, 0.055)), 0.45, 0.0, 0.3, "blue")
+    seen = view_of([thing])
+    few, recognised[0] = recognised[0], 0
+    monkeypatch.setattr(blob_splitting, "MAX_REFINEMENT", math.inf)
+    assert view_of([thing]).detections == seen.detections
+    assert few < recognised[0]
